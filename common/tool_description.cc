@@ -1,0 +1,133 @@
+#include "common/tool_description.h"
+
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+
+namespace hlm {
+namespace {
+
+/// Allowed deviation of a unit vector's or quaternion's length from 1: what survives rounding to
+/// single precision, far below what a wrong unit would give.
+constexpr double kUnitTolerance = 1e-6;
+/// Allowed asymmetry and negative eigenvalue of an inertia, relative to its largest entry.
+constexpr double kInertiaTolerance = 1e-9;
+
+bool is_finite(const Pose& X) { return X.p.allFinite() && X.R.coeffs().allFinite(); }
+
+bool is_unit(double length) { return std::abs(length - 1) <= kUnitTolerance; }
+
+bool needs_axis(JointType joint) {
+  return joint == JointType::kRevolute || joint == JointType::kPrismatic;
+}
+
+std::optional<std::string> find_inertia_error(const Link& link) {
+  if (!std::isfinite(link.mass) || link.mass < 0) return "mass must be finite and >= 0 kg";
+  if (!link.p_LCom.allFinite()) return "centre of mass must be finite";
+  if (!link.I_LCom.allFinite()) return "inertia must be finite";
+  const double tolerance = kInertiaTolerance * link.I_LCom.cwiseAbs().maxCoeff();
+  if ((link.I_LCom - link.I_LCom.transpose()).cwiseAbs().maxCoeff() > tolerance) {
+    return "inertia must be symmetric";
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3> principal(link.I_LCom, Eigen::EigenvaluesOnly);
+  if (principal.eigenvalues().minCoeff() < -tolerance) return "inertia must not be negative";
+  return std::nullopt;
+}
+
+std::optional<std::string> find_joint_error(const Link& link, int index) {
+  if (static_cast<unsigned>(link.joint) > static_cast<unsigned>(JointType::kFree)) {
+    return "joint type " + std::to_string(static_cast<unsigned>(link.joint)) + " must be 0 to 4";
+  }
+  if (index == 0 && link.parent != -1) return "the root's parent must be the world (-1)";
+  if (index > 0 && (link.parent < 0 || link.parent >= index)) {
+    return "parent " + std::to_string(link.parent) + " must be 0 to " + std::to_string(index - 1);
+  }
+  if (index > 0 && link.joint == JointType::kFree) return "only the root may have a free joint";
+  if (!is_finite(link.X_PJ)) return "joint frame must be finite";
+  if (!is_unit(link.X_PJ.R.norm())) return "joint frame's quaternion must have length 1";
+  if (!link.axis.allFinite()) return "axis must be finite";
+  if (needs_axis(link.joint) && !is_unit(link.axis.norm())) return "axis must have length 1";
+  return std::nullopt;
+}
+
+/// Whether D(q) can be inverted: every velocity coordinate must move some mass or inertia.
+std::optional<std::string> find_massless_error(const ToolDescription& tool) {
+  const int count = static_cast<int>(tool.links.size());
+  for (int i = 0; i < count; ++i) {
+    if (tool.links[static_cast<std::size_t>(i)].joint == JointType::kFixed) continue;
+    double mass = 0;
+    double inertia = 0;
+    for (int j = i; j < count; ++j) {
+      int ancestor = j;
+      while (ancestor > i) ancestor = tool.links[static_cast<std::size_t>(ancestor)].parent;
+      if (ancestor != i) continue;
+      const Link& moved = tool.links[static_cast<std::size_t>(j)];
+      mass += moved.mass;
+      inertia += moved.I_LCom.trace() + moved.mass * moved.p_LCom.squaredNorm();
+    }
+    if (!(mass > 0))
+      return "link " + std::to_string(i) + ": its joint moves no mass; must be > 0 kg";
+    if (tool.links[static_cast<std::size_t>(i)].joint != JointType::kPrismatic && !(inertia > 0)) {
+      return "link " + std::to_string(i) + ": its joint turns no inertia; must be > 0 kg·m²";
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+int joint_dof(JointType joint) noexcept {
+  switch (joint) {
+    case JointType::kFixed:
+      return 0;
+    case JointType::kRevolute:
+    case JointType::kPrismatic:
+      return 1;
+    case JointType::kPlanar:
+      return 3;
+    case JointType::kFree:
+      return 6;
+  }
+  return 0;
+}
+
+int joint_configuration_size(JointType joint) noexcept {
+  return joint == JointType::kFree ? 7 : joint_dof(joint);
+}
+
+int ToolDescription::dof() const noexcept {
+  int sum = 0;
+  for (const Link& link : links) sum += joint_dof(link.joint);
+  return sum;
+}
+
+int ToolDescription::configuration_size() const noexcept {
+  int sum = 0;
+  for (const Link& link : links) sum += joint_configuration_size(link.joint);
+  return sum;
+}
+
+std::optional<std::string> find_error(const ToolDescription& tool) {
+  if (tool.links.empty()) return "a tool must have at least one link";
+  for (std::size_t i = 0; i < tool.links.size(); ++i) {
+    const Link& link = tool.links[i];
+    std::optional<std::string> error = find_joint_error(link, static_cast<int>(i));
+    if (!error) error = find_inertia_error(link);
+    if (error) return "link " + std::to_string(i) + ": " + *error;
+  }
+  const int dof = tool.dof();
+  if (dof < 1 || dof > kMaxDof) {
+    return "degrees of freedom " + std::to_string(dof) + " must be 1 to " + std::to_string(kMaxDof);
+  }
+  if (tool.hand_link < 0 || tool.hand_link >= static_cast<int>(tool.links.size())) {
+    return "hand link " + std::to_string(tool.hand_link) + " must be 0 to " +
+           std::to_string(tool.links.size() - 1);
+  }
+  if (!is_finite(tool.X_LH)) return "hand frame must be finite";
+  if (!is_unit(tool.X_LH.R.norm())) return "hand frame's quaternion must have length 1";
+  if (!tool.gravity_W.allFinite()) return "gravity must be finite";
+  if (!std::isfinite(tool.length) || tool.length <= 0) return "length must be finite and > 0 m";
+  return find_massless_error(tool);
+}
+
+}  // namespace hlm

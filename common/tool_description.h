@@ -1,0 +1,63 @@
+// What a virtual tool is made of: a tree of links joined to each other and to the world.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "common/spatial.h"
+#include "common/static_vector.h"
+
+namespace hlm {
+
+/// Largest number of degrees of freedom d of a virtual tool.
+inline constexpr int kMaxDof = 16;
+/// Largest length of a configuration q: a free joint has six velocities but seven coordinates.
+inline constexpr int kMaxConfiguration = kMaxDof + 1;
+inline constexpr std::size_t kMaxLinks = 16;
+
+/// How a link moves against its parent. J is the joint's frame, fixed in the parent.
+enum class JointType : std::uint8_t {
+  kFixed = 0,      ///< Not at all.
+  kRevolute = 1,   ///< Rotation about `axis`; q: angle, rad.
+  kPrismatic = 2,  ///< Translation along `axis`; q: distance, m.
+  kPlanar = 3,     ///< x, y, then rotation about z of J; q: x (m), y (m), θ (rad).
+  kFree = 4,       ///< Root link only. q: p_JL (m), R_JL (w, x, y, z); velocity: of the link's
+                   ///< origin (m/s), then angular (rad/s), both in J's axes.
+};
+
+/// Degrees of freedom of a joint.
+int joint_dof(JointType joint) noexcept;
+/// Number of coordinates of a joint.
+int joint_configuration_size(JointType joint) noexcept;
+
+struct Link {
+  int parent = -1;  ///< Index of the parent, smaller than the link's own; -1 is the world.
+  JointType joint = JointType::kFree;
+  Pose X_PJ;                             ///< Joint frame in the parent's link frame.
+  Vector3 axis = Vector3::UnitZ();       ///< Unit axis in J (revolute, prismatic).
+  double mass = 1;                       ///< kg, >= 0.
+  Vector3 p_LCom = Vector3::Zero();      ///< Centre of mass in the link frame, m.
+  Matrix3 I_LCom = Matrix3::Identity();  ///< Inertia about the centre of mass, link axes, kg·m².
+};
+
+/// A virtual tool: rigid object or linkage.
+struct ToolDescription {
+  StaticVector<Link, kMaxLinks> links;  ///< Parents before children; link 0 is the only root.
+  int hand_link = 0;                    ///< The link that the user holds.
+  Pose X_LH;                            ///< Hand frame in that link's frame.
+  Vector3 gravity_W = Vector3::Zero();  ///< Acceleration of gravity, world, m/s².
+  double length = 0.1;  ///< Characteristic length, m: weighs rotation against translation where
+                        ///< fewer than six degrees of freedom make the hand's wrench ambiguous.
+
+  int dof() const noexcept;
+  int configuration_size() const noexcept;
+};
+
+/// Why a description cannot be used, naming the link, the value and what is allowed; empty if
+/// valid. Checks the tree's order, joint types and their place, finite values, unit axes and
+/// quaternions, non-negative masses, symmetric non-negative inertias, d within [1, kMaxDof].
+std::optional<std::string> find_error(const ToolDescription& tool);
+
+}  // namespace hlm

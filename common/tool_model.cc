@@ -1,0 +1,174 @@
+#include "common/tool_model.h"
+
+namespace hlm {
+namespace {
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+}  // namespace
+
+ToolModel::ToolModel(const ToolDescription& tool) noexcept
+    : tool_(tool), dof_(tool.dof()), configuration_size_(tool.configuration_size()) {
+  axes_.resize(6, dof_);
+  int first = 0;
+  for (int i = 0; i < links(); ++i) {
+    const Link& link = tool_.links[at(i)];
+    const int count = joint_dof(link.joint);
+    const std::uint32_t own = ((1u << count) - 1u) << first;
+    moving_dofs_[at(i)] = own | (link.parent < 0 ? 0u : moving_dofs_[at(link.parent)]);
+    first += count;
+  }
+  set_configuration(neutral());
+}
+
+Configuration ToolModel::neutral() const noexcept {
+  Configuration q = Configuration::Zero(configuration_size_);
+  constexpr int kQuaternionW = 3;
+  if (tool_.links[0].joint == JointType::kFree) q[kQuaternionW] = 1;
+  return q;
+}
+
+/// X_JL for the coordinates that begin at q_[first].
+Pose ToolModel::joint_transform(const Link& link, int first) const noexcept {
+  switch (link.joint) {
+    case JointType::kFixed:
+      return {};
+    case JointType::kRevolute:
+      return {Vector3::Zero(), Quaternion(Eigen::AngleAxisd(q_[first], link.axis))};
+    case JointType::kPrismatic:
+      return {q_[first] * link.axis, Quaternion::Identity()};
+    case JointType::kPlanar:
+      return {Vector3(q_[first], q_[first + 1], 0),
+              Quaternion(Eigen::AngleAxisd(q_[first + 2], Vector3::UnitZ()))};
+    case JointType::kFree:
+      return {q_.segment<3>(first),
+              Quaternion(q_[first + 3], q_[first + 4], q_[first + 5], q_[first + 6])};
+  }
+  return {};
+}
+
+/// Writes the joint's columns of axes_: the twist that each of its velocity coordinates gives to a
+/// body point now at the root link's origin.
+void ToolModel::write_motion_axes(const Link& link, const Pose& X_WJ, const Pose& X_WL,
+                                  int first) noexcept {
+  const Vector3 root = X_WL_[0].p;
+  const auto translation = [&](int column, const Vector3& axis) {
+    axes_.col(column) << axis, Vector3::Zero();
+  };
+  const auto rotation = [&](int column, const Vector3& axis) {
+    axes_.col(column) << axis.cross(root - X_WL.p), axis;
+  };
+  switch (link.joint) {
+    case JointType::kFixed:
+      return;
+    case JointType::kRevolute:
+      rotation(first, X_WJ.R * link.axis);
+      return;
+    case JointType::kPrismatic:
+      translation(first, X_WJ.R * link.axis);
+      return;
+    case JointType::kPlanar:
+      translation(first, X_WJ.R * Vector3::UnitX());
+      translation(first + 1, X_WJ.R * Vector3::UnitY());
+      rotation(first + 2, X_WJ.R * Vector3::UnitZ());
+      return;
+    case JointType::kFree:
+      for (int i = 0; i < 3; ++i) {
+        translation(first + i, X_WJ.R * Vector3::Unit(i));
+        rotation(first + 3 + i, X_WJ.R * Vector3::Unit(i));
+      }
+      return;
+  }
+}
+
+void ToolModel::set_configuration(const Configuration& q) noexcept {
+  q_ = q;
+  int coordinate = 0;
+  int velocity = 0;
+  for (int i = 0; i < links(); ++i) {
+    const Link& link = tool_.links[at(i)];
+    const Pose X_WJ = link.parent < 0 ? link.X_PJ : X_WL_[at(link.parent)] * link.X_PJ;
+    X_WL_[at(i)] = X_WJ * joint_transform(link, coordinate);
+    write_motion_axes(link, X_WJ, X_WL_[at(i)], velocity);
+    coordinate += joint_configuration_size(link.joint);
+    velocity += joint_dof(link.joint);
+  }
+}
+
+Configuration ToolModel::integrate(const Configuration& q, const Velocity& v,
+                                   double dt) const noexcept {
+  Configuration moved = q;
+  if (tool_.links[0].joint != JointType::kFree) {
+    moved += dt * v;
+    return moved;
+  }
+  moved.head<3>() += dt * v.head<3>();
+  const Quaternion R(q[3], q[4], q[5], q[6]);
+  const Quaternion R_moved = (rotation_from_vector(dt * v.segment<3>(3)) * R).normalized();
+  moved.segment<4>(3) << R_moved.w(), R_moved.vec();
+  constexpr int kFreeCoordinates = 7;
+  const int rest = configuration_size_ - kFreeCoordinates;
+  moved.tail(rest) += dt * v.tail(rest);
+  return moved;
+}
+
+Jacobian ToolModel::jacobian(int link, const Vector3& p_W) const noexcept {
+  Jacobian J(6, dof_);
+  const Vector3 arm = p_W - X_WL_[0].p;
+  for (int j = 0; j < dof_; ++j) {
+    if (moves(j, link)) {
+      const Vector3 angular = axes_.col(j).tail<3>();
+      J.col(j) << axes_.col(j).head<3>() + angular.cross(arm), angular;
+    } else {
+      J.col(j).setZero();
+    }
+  }
+  return J;
+}
+
+PointJacobian ToolModel::point_jacobian(int link, const Vector3& p_W) const noexcept {
+  return jacobian(link, p_W).topRows<3>();
+}
+
+/// Composite rigid bodies, all about the root link's origin in world axes, so that inertias add
+/// without transformation.
+MassMatrix ToolModel::mass_matrix() const noexcept {
+  std::array<Matrix6, kMaxLinks> composite;
+  for (int i = 0; i < links(); ++i) {
+    const Link& link = tool_.links[at(i)];
+    const Matrix3 R = X_WL(i).R.toRotationMatrix();
+    const Matrix3 arm = skew(X_WL(i) * link.p_LCom - X_WL_[0].p);
+    composite[at(i)] << link.mass * Matrix3::Identity(), -link.mass * arm, link.mass * arm,
+        R * link.I_LCom * R.transpose() - link.mass * arm * arm;
+  }
+  for (int i = links() - 1; i > 0; --i) {
+    composite[at(tool_.links[at(i)].parent)] += composite[at(i)];
+  }
+
+  MassMatrix D = MassMatrix::Zero(dof_, dof_);
+  int first = dof_;
+  for (int i = links() - 1; i >= 0; --i) {
+    first -= joint_dof(tool_.links[at(i)].joint);
+    const int last = first + joint_dof(tool_.links[at(i)].joint);
+    for (int j = first; j < last; ++j) {
+      const Vector6 momentum = composite[at(i)] * axes_.col(j);
+      for (int k = 0; k <= j; ++k) {
+        if (moves(k, i)) D(j, k) = D(k, j) = axes_.col(k).dot(momentum);
+      }
+    }
+  }
+  return D;
+}
+
+GeneralisedForce ToolModel::gravity() const noexcept {
+  GeneralisedForce G = GeneralisedForce::Zero(dof_);
+  if (tool_.gravity_W.isZero(0)) return G;
+  for (int i = 0; i < links(); ++i) {
+    const Link& link = tool_.links[at(i)];
+    const Vector3 com = X_WL(i) * link.p_LCom;
+    G -= point_jacobian(i, com).transpose() * (link.mass * tool_.gravity_W);
+  }
+  return G;
+}
+
+}  // namespace hlm

@@ -1,0 +1,79 @@
+// Kinematics and dynamics of a virtual tool: D(q), G(q) and Jacobians (METHOD 1, Eq. 7 of the
+// paper).
+#pragma once
+
+#include <array>
+
+#include "common/spatial.h"
+#include "common/tool_description.h"
+
+namespace hlm {
+
+/// Configuration q; length ToolDescription::configuration_size().
+using Configuration = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxConfiguration, 1>;
+/// Generalised velocity q̇, length d.
+using Velocity = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDof, 1>;
+/// Generalised force τ, length d.
+using GeneralisedForce = Velocity;
+/// d×d.
+using MassMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDof, kMaxDof>;
+/// 6×d: twist (world axes) of a frame's origin from q̇.
+using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxDof>;
+/// 3×d: velocity (world axes) of a point from q̇.
+using PointJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDof>;
+
+/// All quantities of a tool that depend on its configuration alone. No function allocates.
+class ToolModel {
+ public:
+  /// `tool` must be valid (find_error). Starts at neutral().
+  explicit ToolModel(const ToolDescription& tool) noexcept;
+
+  const ToolDescription& description() const noexcept { return tool_; }
+  int dof() const noexcept { return dof_; }
+  int configuration_size() const noexcept { return configuration_size_; }
+  int links() const noexcept { return static_cast<int>(tool_.links.size()); }
+
+  /// All coordinates zero, quaternions identity.
+  Configuration neutral() const noexcept;
+  /// Moves the tool to q and evaluates its kinematics.
+  void set_configuration(const Configuration& q) noexcept;
+  const Configuration& configuration() const noexcept { return q_; }
+  /// q moved by q̇ for dt seconds (exact for constant q̇); quaternions stay unit.
+  Configuration integrate(const Configuration& q, const Velocity& v, double dt) const noexcept;
+
+  /// Pose of a link in the world.
+  const Pose& X_WL(int link) const noexcept { return X_WL_[static_cast<std::size_t>(link)]; }
+  /// Pose of the hand's frame in the world.
+  Pose X_WH() const noexcept { return X_WL(tool_.hand_link) * tool_.X_LH; }
+
+  /// Jacobian of the point of `link` that is now at p_W (m, world), 6×d.
+  Jacobian jacobian(int link, const Vector3& p_W) const noexcept;
+  /// J_i, 3×d: velocity of the point of `link` that is now at p_W.
+  PointJacobian point_jacobian(int link, const Vector3& p_W) const noexcept;
+  /// J_h, 6×d: twist of the hand's frame, world axes.
+  Jacobian hand_jacobian() const noexcept { return jacobian(tool_.hand_link, X_WH().p); }
+
+  /// D(q), d×d, symmetric positive definite.
+  MassMatrix mass_matrix() const noexcept;
+  /// G(q), N or N·m: the generalised force of weight stands on the left of Eq. 7, D q̈ + G = ….
+  GeneralisedForce gravity() const noexcept;
+
+ private:
+  Pose joint_transform(const Link& link, int first) const noexcept;
+  void write_motion_axes(const Link& link, const Pose& X_WJ, const Pose& X_WL, int first) noexcept;
+  bool moves(int dof, int link) const noexcept {
+    return (moving_dofs_[static_cast<std::size_t>(link)] >> dof) & 1u;
+  }
+
+  ToolDescription tool_;
+  int dof_ = 0;
+  int configuration_size_ = 0;
+  Configuration q_;
+  std::array<Pose, kMaxLinks> X_WL_{};
+  /// Twist at the root link's origin per unit of each velocity coordinate, world axes.
+  Jacobian axes_;
+  /// Bit j: velocity coordinate j moves the link.
+  std::array<std::uint32_t, kMaxLinks> moving_dofs_{};
+};
+
+}  // namespace hlm

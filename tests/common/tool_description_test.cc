@@ -1,0 +1,60 @@
+#include "common/tool_description.h"
+
+#include <limits>
+
+#include "tests/support/catch.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+
+/// The message for a valid two-link tool after `change`.
+template <class Change>
+std::string error_after(Change change) {
+  test::Random random;
+  ToolDescription tool = test::random_tool(random, 2, JointType::kFree);
+  REQUIRE(find_error(tool) == std::nullopt);
+  change(tool);
+  return find_error(tool).value_or("valid");
+}
+
+TEST_CASE("A bad tool is refused with the link and what is allowed") {
+  using T = ToolDescription;
+  CHECK_THAT(error_after([](T& t) { t.links.clear(); }), ContainsSubstring("at least one link"));
+  CHECK_THAT(error_after([](T& t) { t.links[1].parent = 1; }),
+             ContainsSubstring("link 1: parent 1 must be 0 to 0"));
+  CHECK_THAT(error_after([](T& t) { t.links[0].parent = 0; }), ContainsSubstring("root's parent"));
+  CHECK_THAT(error_after([](T& t) { t.links[1].joint = JointType::kFree; }),
+             ContainsSubstring("only the root"));
+  CHECK_THAT(error_after([](T& t) { t.links[1].joint = static_cast<JointType>(9); }),
+             ContainsSubstring("joint type 9 must be 0 to 4"));
+  CHECK_THAT(error_after([](T& t) { t.links[1].axis *= 2; }), ContainsSubstring("axis"));
+  CHECK_THAT(error_after([](T& t) { t.links[0].mass = -1; }), ContainsSubstring("mass"));
+  CHECK_THAT(error_after([](T& t) { t.links[0].I_LCom *= -1; }), ContainsSubstring("negative"));
+  CHECK_THAT(error_after([](T& t) { t.links[0].I_LCom(0, 1) += 1; }),
+             ContainsSubstring("symmetric"));
+  CHECK_THAT(error_after([](T& t) { t.links[0].X_PJ.R.w() += 1; }), ContainsSubstring("length 1"));
+  CHECK_THAT(error_after([](T& t) { t.hand_link = 2; }), ContainsSubstring("hand link 2"));
+  CHECK_THAT(error_after([](T& t) { t.length = 0; }), ContainsSubstring("length"));
+  CHECK_THAT(error_after([](T& t) { t.gravity_W.x() = std::numeric_limits<double>::infinity(); }),
+             ContainsSubstring("gravity"));
+  CHECK_THAT(error_after([](T& t) {
+               t.links[1].mass = 0;
+               t.links[1].I_LCom.setZero();
+             }),
+             ContainsSubstring("moves no mass"));
+}
+
+TEST_CASE("Degrees of freedom are limited") {
+  test::Random random;
+  CHECK(find_error(test::random_tool(random, 11, JointType::kFree)) == std::nullopt);
+  CHECK_THAT(find_error(test::random_tool(random, 12, JointType::kFree)).value(),
+             ContainsSubstring("degrees of freedom 17 must be 1 to 16"));
+  CHECK_THAT(find_error(test::random_tool(random, 1, JointType::kFixed)).value(),
+             ContainsSubstring("degrees of freedom 0"));
+}
+
+}  // namespace
+}  // namespace hlm

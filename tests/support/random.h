@@ -1,0 +1,40 @@
+// Random values for tests, repeatable from one printed seed.
+#pragma once
+
+#include <random>
+
+#include "common/spatial.h"
+
+namespace hlm::test {
+
+/// The seed of this run: 1, or what --rng-seed says.
+unsigned random_seed();
+
+class Random {
+ public:
+  Random() : engine_(random_seed()) {}
+
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+  int integer(int low, int high) { return std::uniform_int_distribution<int>(low, high)(engine_); }
+  Vector3 vector(double size) {
+    return {uniform(-size, size), uniform(-size, size), uniform(-size, size)};
+  }
+  Vector3 direction() {
+    std::normal_distribution<double> normal;
+    return Vector3(normal(engine_), normal(engine_), normal(engine_)).normalized();
+  }
+  Quaternion rotation() {
+    std::normal_distribution<double> normal;
+    return Quaternion(normal(engine_), normal(engine_), normal(engine_), normal(engine_))
+        .normalized();
+  }
+  Pose pose(double size) { return {vector(size), rotation()}; }
+  std::mt19937_64& engine() { return engine_; }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+}  // namespace hlm::test
