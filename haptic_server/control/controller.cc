@@ -1,0 +1,137 @@
+#include "haptic_server/control/controller.h"
+
+#include <cmath>
+
+#include <spdlog/fmt/fmt.h>
+
+namespace hlm::server {
+namespace {
+
+Vector6 diagonal(double linear, double angular) noexcept {
+  Vector6 values;
+  values << Vector3::Constant(linear), Vector3::Constant(angular);
+  return values;
+}
+
+/// Coordinates of the tool's one moving joint for X_JL, the pose of its link in its frame.
+Configuration joint_coordinates(const Link& link, const Pose& X_JL) noexcept {
+  const Vector3 r = rotation_vector(X_JL.R);
+  switch (link.joint) {
+    case JointType::kFixed:
+      return Configuration(0);
+    case JointType::kRevolute:
+      return Configuration::Constant(1, link.axis.dot(r));
+    case JointType::kPrismatic:
+      return Configuration::Constant(1, link.axis.dot(X_JL.p));
+    case JointType::kPlanar:
+      return Configuration(Vector3(X_JL.p.x(), X_JL.p.y(), r.z()));
+    case JointType::kFree: {
+      Configuration q(7);
+      q << X_JL.p, X_JL.R.w(), X_JL.R.vec();
+      return q;
+    }
+  }
+  return Configuration(0);
+}
+
+}  // namespace
+
+Controller::Controller(ControllerKind kind, const ControllerGains& gains) noexcept
+    : kind_(kind),
+      stiffness_(diagonal(gains.stiffness, gains.angular_stiffness)),
+      damping_(diagonal(gains.damping, gains.angular_damping)) {}
+
+Wrench Controller::coordination(const DeviceState& device, const Pose& X_WP,
+                                const Twist& V_WP) const noexcept {
+  return stiffness_.cwiseProduct(displacement(X_WP, device.X_WD)) +
+         damping_.cwiseProduct(device.V_WD - V_WP);
+}
+
+HandInput Controller::to_proxy(const DeviceState& device, const Pose& X_WP,
+                               const Twist& V_WP) const noexcept {
+  if (kind_ == ControllerKind::kDirect) return {};
+  HandInput input{coordination(device, X_WP, V_WP), stiffness_, damping_};
+  if (kind_ == ControllerKind::kFourChannel && device.F_hand) input.F += *device.F_hand;
+  return input;
+}
+
+Wrench Controller::to_device(const DeviceState& device, const Pose& X_WP, const Twist& V_WP,
+                             const Wrench& F_env) const noexcept {
+  switch (kind_) {
+    case ControllerKind::kFourChannel:
+    case ControllerKind::kThreeChannel:
+      return F_env - coordination(device, X_WP, V_WP);
+    case ControllerKind::kVirtualCoupler:
+      return -coordination(device, X_WP, V_WP);
+    case ControllerKind::kDirect:
+      return F_env;
+  }
+  return Wrench::Zero();
+}
+
+std::optional<ToolAtHand> tool_at_hand(const ToolModel& tool, const Pose& X_WH,
+                                       const Twist& V_WH) noexcept {
+  const ToolDescription& description = tool.description();
+  const Link& root = description.links[0];
+  if (description.links.size() != 1) return std::nullopt;
+  const Pose X_WL = X_WH * description.X_LH.inverse();
+  ToolAtHand at{joint_coordinates(root, root.X_PJ.inverse() * X_WL), Velocity(tool.dof())};
+  const Jacobian J_h = tool.hand_jacobian();
+  const MassMatrix normal = J_h.transpose() * J_h;
+  at.v = normal.llt().solve(J_h.transpose() * V_WH);
+  return at;
+}
+
+std::optional<std::string> find_error(const ControllerGains& gains) {
+  const auto check = [](const char* name, double value,
+                        const char* unit) -> std::optional<std::string> {
+    if (value >= 0 && std::isfinite(value)) return std::nullopt;
+    return fmt::format("{} {} must be finite and >= 0 {}", name, value, unit);
+  };
+  if (auto error = check("coupling stiffness", gains.stiffness, "N/m")) return error;
+  if (auto error = check("coupling damping", gains.damping, "N·s/m")) return error;
+  if (auto error = check("angular coupling stiffness", gains.angular_stiffness, "N·m/rad")) {
+    return error;
+  }
+  return check("angular coupling damping", gains.angular_damping, "N·m·s/rad");
+}
+
+std::vector<std::string> check_against_device(ControllerKind kind, const ControllerGains& gains,
+                                              const LocalModelParameters& contacts,
+                                              const DeviceRatings& device,
+                                              bool measures_hand_wrench, double period) {
+  std::vector<std::string> doubts;
+  const bool coordinates = kind != ControllerKind::kDirect;
+  if (kind == ControllerKind::kFourChannel && !measures_hand_wrench) {
+    doubts.push_back(
+        "four_channel without a measured hand wrench works as three_channel on this device");
+  }
+  if (coordinates && gains.stiffness > device.max_stiffness) {
+    doubts.push_back(fmt::format("coupling stiffness {} N/m is above the device's rated {} N/m",
+                                 gains.stiffness, device.max_stiffness));
+  }
+  if (coordinates && gains.angular_stiffness > device.max_angular_stiffness) {
+    doubts.push_back(
+        fmt::format("angular coupling stiffness {} N·m/rad is above the device's rated {} N·m/rad",
+                    gains.angular_stiffness, device.max_angular_stiffness));
+  }
+  if (coordinates && device.mass > 0 && gains.damping * period > device.mass) {
+    doubts.push_back(fmt::format(
+        "coupling damping {} N·s/m stops the device's {} kg within one period of {} s: lower it",
+        gains.damping, device.mass, period));
+  }
+  // Felt through the coupler the wall can be no stiffer than the coupler.
+  const double felt =
+      kind == ControllerKind::kVirtualCoupler ? gains.stiffness : contacts.stiffness;
+  const double rendered_damping = coordinates ? gains.damping : contacts.damping;
+  const double needed = felt * period / 2 + (coordinates ? 0 : std::abs(rendered_damping));
+  if (needed > device.damping + (coordinates ? gains.damping : 0)) {
+    doubts.push_back(fmt::format(
+        "a wall of {} N/m at {} Hz needs {:.3g} N·s/m of damping to be passive (Colgate), device "
+        "and coupling have {:.3g}: it may buzz, more so with several contacts",
+        felt, 1 / period, needed, device.damping + (coordinates ? gains.damping : 0)));
+  }
+  return doubts;
+}
+
+}  // namespace hlm::server

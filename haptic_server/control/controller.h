@@ -1,0 +1,71 @@
+// The controller between device and proxy (METHOD 6, paper Sec. II).
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "haptic_server/device/device.h"
+#include "haptic_server/local_model/local_model.h"
+
+namespace hlm::server {
+
+enum class ControllerKind {
+  kFourChannel,     ///< Positions and wrenches both ways; needs the hand's wrench.
+  kThreeChannel,    ///< As four channels, without the hand's wrench on the proxy.
+  kVirtualCoupler,  ///< Positions only.
+  kDirect,          ///< No coordination: the device takes the proxy's place.
+};
+
+/// Gains of the position channels.
+struct ControllerGains {
+  double stiffness = 1500;        ///< K_c, translation, N/m.
+  double damping = 30;            ///< B_c, translation, N·s/m.
+  double angular_stiffness = 1;   ///< K_c, rotation, N·m/rad.
+  double angular_damping = 0.03;  ///< B_c, rotation, N·m·s/rad.
+};
+
+class Controller {
+ public:
+  Controller(ControllerKind kind, const ControllerGains& gains) noexcept;
+
+  ControllerKind kind() const noexcept { return kind_; }
+
+  /// What acts on the proxy at the hand, with e = x_D - x_P: F_h + K_c e + B_c ė, less the terms
+  /// that the kind leaves out. X_WP, V_WP: hand frame of the proxy and its twist.
+  HandInput to_proxy(const DeviceState& device, const Pose& X_WP, const Twist& V_WP) const noexcept;
+
+  /// The wrench u for the device: F_env - K_c e - B_c ė, less the terms that the kind leaves out.
+  Wrench to_device(const DeviceState& device, const Pose& X_WP, const Twist& V_WP,
+                   const Wrench& F_env) const noexcept;
+
+ private:
+  Wrench coordination(const DeviceState& device, const Pose& X_WP,
+                      const Twist& V_WP) const noexcept;
+
+  ControllerKind kind_;
+  Vector6 stiffness_;
+  Vector6 damping_;
+};
+
+/// Configuration and velocity of a tool whose hand is at the device, for direct coupling. Empty if
+/// the tool has more than one moving joint: the pose would not tell how it is bent.
+struct ToolAtHand {
+  Configuration q;
+  Velocity v;
+};
+std::optional<ToolAtHand> tool_at_hand(const ToolModel& tool, const Pose& X_WH,
+                                       const Twist& V_WH) noexcept;
+
+/// Why gains cannot be used, naming the gain, its value and its range; empty if valid.
+std::optional<std::string> find_error(const ControllerGains& gains);
+
+/// What is doubtful about controller, gains and contacts on this device at this servo period (s):
+/// sentences for a person. Colgate: a wall of stiffness k and damping b is passive on a device of
+/// damping b_device while b_device > kΔt/2 + |b|.
+std::vector<std::string> check_against_device(ControllerKind kind, const ControllerGains& gains,
+                                              const LocalModelParameters& contacts,
+                                              const DeviceRatings& device,
+                                              bool measures_hand_wrench, double period);
+
+}  // namespace hlm::server

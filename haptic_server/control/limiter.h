@@ -1,0 +1,46 @@
+// The last gate before the device: a wrench is finite, limited in size and in rate, and fades.
+#pragma once
+
+#include "common/spatial.h"
+#include "haptic_server/device/device.h"
+
+namespace hlm::server {
+
+struct LimiterOptions {
+  double max_force = 12;    ///< N; the device's rating counts too.
+  double max_torque = 0.6;  ///< N·m; the device's rating counts too.
+  double fade_time = 0.1;   ///< From full force to none and back, s.
+};
+
+class Limiter {
+ public:
+  /// dt: servo period, s.
+  Limiter(const LimiterOptions& options, const DeviceRatings& device, double dt) noexcept;
+
+  /// Where the force is heading: full where it is wanted, fading to none where it is not.
+  void allow(bool wanted) noexcept { wanted_ = wanted; }
+  /// No force from this very step on.
+  void cut() noexcept;
+  /// Whether the force has faded to nothing.
+  bool silent() const noexcept { return portion_ == 0 && !wanted_; }
+
+  /// The wrench to command for the wanted one: scaled by the fade, then limited in magnitude and in
+  /// change per step; direction of force and of torque kept. A wrench that is not finite gives
+  /// zero.
+  Wrench limit(const Wrench& F) noexcept;
+  /// Whether the latest limit() met a wrench that was not finite.
+  bool met_non_finite() const noexcept { return met_non_finite_; }
+
+ private:
+  double max_force_;
+  double max_torque_;
+  double max_force_step_;   ///< N per step.
+  double max_torque_step_;  ///< N·m per step.
+  double fade_step_;        ///< Of portion_ per step.
+  double portion_ = 0;      ///< Of the wanted wrench that is rendered, 0 to 1.
+  bool wanted_ = false;
+  bool met_non_finite_ = false;
+  Wrench previous_ = Wrench::Zero();
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,36 @@
+// How an update from the virtual environment becomes local contacts (METHOD 2, Eqs. 1-6).
+#pragma once
+
+#include <optional>
+
+#include "common/contact.h"
+#include "common/tool_model.h"
+#include "haptic_server/local_model/local_contact.h"
+#include "haptic_server/local_model/parameters.h"
+
+namespace hlm::server {
+
+/// s⁺, the local separation that a contact is given at an update, m.
+/// sigma: true separation at the present proxy pose; s_p: separation of the existing local contact
+/// with the same identity, empty for a new one.
+double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept;
+
+/// The local contacts after an update, sorted by key.
+/// existing: the contacts before, sorted by key, their constraints advanced to now.
+/// reported: contacts of the environment for the tool at `ve_tool`, `age` seconds old.
+/// proxy: the tool at the proxy's present configuration.
+LocalContacts adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
+                           const ToolModel& ve_tool, const ToolModel& proxy, double age,
+                           UpdateRule rule) noexcept;
+
+/// Moves constraints with their v_constr and releases retained load for a step of dt seconds;
+/// release_rate: m/s. Contacts that are released and no longer reported go.
+void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt,
+                      double release_rate) noexcept;
+
+/// Eq. 3: separation of the contact at the proxy's configuration, m.
+inline double separation(const LocalContact& contact, const ToolModel& proxy) noexcept {
+  return contact.n_W.dot(proxy.X_WL(contact.key.link) * contact.p_L - contact.c_W);
+}
+
+}  // namespace hlm::server

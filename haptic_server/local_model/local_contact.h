@@ -1,0 +1,54 @@
+// One contact of the local model: an infinite plane, the proxy's point that it stops, and its
+// state.
+#pragma once
+
+#include <cstdint>
+
+#include "common/contact.h"
+#include "common/spatial.h"
+#include "common/static_vector.h"
+
+namespace hlm::server {
+
+/// State of a local contact (METHOD 3, paper Sec. IV-A).
+enum class ContactState : std::uint8_t {
+  kImpending,    ///< s > 0.
+  kColliding,    ///< s <= 0, v_n <= 0, and impending at the step before.
+  kPenetrating,  ///< s <= 0, v_n <= 0, and not impending at the step before.
+  kSeparating,   ///< s <= 0, v_n > 0.
+};
+
+struct LocalContact {
+  ContactKey key;
+
+  // The local constraint: the plane through c with normal n, moving along n.
+  Vector3 c_W = Vector3::Zero();  ///< Point on the environment, world, m.
+  Vector3 n_W = Vector3::UnitZ();
+  Vector3 v_WC = Vector3::Zero();  ///< Velocity of the environment's point, world, m/s.
+  double v_constr = 0;             ///< Eq. 2: nᵀ v_c, m/s.
+
+  /// The local contact point: the tool's own point where the proxy is not deformed. Link frame, m.
+  Vector3 p_L = Vector3::Zero();
+
+  /// Separation still to be given back to a contact whose load is being released (rule `retain`),
+  /// m; 0 for others.
+  double release = 0;
+  /// The environment no longer reports the contact; it goes once released.
+  bool orphaned = false;
+
+  ContactState state = ContactState::kImpending;
+  double s = 0;    ///< Eq. 3, at the latest evaluation, m.
+  double v_n = 0;  ///< Normal velocity of the proxy's point against the constraint, m/s.
+
+  // Dry friction.
+  Vector3 z_W = Vector3::Zero();  ///< Elastic deflection of the tangential anchor, world, m.
+  bool slipping = false;
+  bool loaded = false;            ///< Whether the normal force was > 0 in the latest step.
+  Vector3 f_W = Vector3::Zero();  ///< Contact force on the tool in the latest step, world, N.
+};
+
+/// Contacts of one update and the released rest of the update before.
+inline constexpr std::size_t kMaxLocalContacts = 2 * kMaxContacts;
+using LocalContacts = StaticVector<LocalContact, kMaxLocalContacts>;
+
+}  // namespace hlm::server

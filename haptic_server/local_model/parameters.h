@@ -1,0 +1,55 @@
+// What the user sets of the local model.
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <string>
+
+namespace hlm::server {
+
+/// How a contact's separation carries over an update (METHOD 2).
+enum class UpdateRule {
+  kRetain,  ///< `paper`, but load that `paper` would drop at once is released at a bounded rate.
+  kPaper,   ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
+  kIntermediateRepresentation,  ///< Berkelman et al. 1999: s⁺ = σ, active contacts only.
+};
+
+/// How simultaneous collisions are resolved (METHOD 5).
+enum class CollisionRule {
+  kNonnegative,  ///< Impulses never pull: the LCP with Newton's restitution.
+  kNewton,       ///< Eq. 11 as printed.
+};
+
+/// How contact forces enter the integration (METHOD 4).
+enum class ContactStep {
+  kImplicit,  ///< Forces at the end of the step: stable for any stiffness.
+  kExplicit,  ///< Forces at its start: stable while (2bΔt + kΔt²) λ_max(J D⁻¹ Jᵀ) < 4.
+};
+
+struct LocalModelParameters {
+  UpdateRule update_rule = UpdateRule::kRetain;
+  CollisionRule collision_rule = CollisionRule::kNonnegative;
+  ContactStep contact_step = ContactStep::kImplicit;
+
+  double stiffness = 4000;        ///< k_lc, N/m, of each contact, normal and tangential.
+  double damping = 30;            ///< b_lc, N·s/m, of each contact, normal and tangential.
+  double restitution = 0;         ///< e, in [0, 1].
+  double static_friction = 0.3;   ///< μ_s, >= μ_k.
+  double kinetic_friction = 0.3;  ///< μ_k, >= 0.
+
+  /// Largest step of a contact's spring force while retained load is released, N. Larger releases
+  /// faster (at 1 kHz, 0.5 N a step is 500 N/s) and is felt as a jump from about 1 N on.
+  double release_step = 0.5;
+
+  /// Largest stiffness that all contacts together may show at the hand, N/m and N·m/rad, and
+  /// largest natural frequency of the proxy on its contacts, rad/s. The stiffness of all contacts
+  /// is scaled by one factor to stay below. Infinite: stiffness adds up unlimited.
+  double max_hand_stiffness = std::numeric_limits<double>::infinity();
+  double max_hand_angular_stiffness = std::numeric_limits<double>::infinity();
+  double max_contact_frequency = std::numeric_limits<double>::infinity();
+};
+
+/// Why parameters cannot be used, naming the parameter, its value and its range; empty if valid.
+std::optional<std::string> find_error(const LocalModelParameters& parameters);
+
+}  // namespace hlm::server

@@ -1,0 +1,67 @@
+// Impulses within the device's limits (METHOD 5).
+#include "haptic_server/control/impulse_spreader.h"
+
+#include "tests/support/catch.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kStep = 1.0 / 512;  // s
+
+DeviceRatings twelve_newtons() {
+  DeviceRatings device;
+  device.max_force = 12;
+  device.max_torque = 0.6;
+  return device;
+}
+
+TEST_CASE("An impulse beyond the device's force is spread and keeps its momentum") {
+  // 0.3 kg at 0.2 m/s: 31 N for one step at 512 Hz.
+  Wrench impulse = Wrench::Zero();
+  impulse[1] = 0.06;  // N·s
+  ImpulseSpreader spreader(twelve_newtons(), kStep);
+  double momentum = 0;
+  int steps = 0;
+  for (Wrench F = spreader.render(impulse, Wrench::Zero()); F.norm() > 0;
+       F = spreader.render(Wrench::Zero(), Wrench::Zero())) {
+    CHECK(F.norm() <= 12 + 1e-9);  // N
+    momentum += F[1] * kStep;
+    REQUIRE(++steps < 10);
+  }
+  CHECK(steps == 3);
+  CHECK(momentum == Approx(0.06).epsilon(1e-12));
+}
+
+TEST_CASE("An impulse within the device's force is rendered in one step") {
+  Wrench impulse = Wrench::Zero();
+  impulse[0] = 0.01;
+  ImpulseSpreader spreader(twelve_newtons(), kStep);
+  CHECK(spreader.render(impulse, Wrench::Zero())[0] == Approx(0.01 / kStep));
+  CHECK(spreader.pending().norm() == 0);
+}
+
+TEST_CASE("Impulses leave room for the wrench beside them") {
+  Wrench impulse = Wrench::Zero();
+  impulse[1] = 0.06;
+  Wrench F = Wrench::Zero();
+  F[0] = 6;
+  F[1] = 6;
+  ImpulseSpreader spreader(twelve_newtons(), kStep);
+  CHECK((F + spreader.render(impulse, F)).norm() == Approx(12));
+}
+
+TEST_CASE("Pending impulses never push on for more than 20 ms") {
+  Wrench impulse = Wrench::Zero();
+  impulse[0] = 100;  // N·s
+  ImpulseSpreader spreader(twelve_newtons(), 1e-3);
+  spreader.render(impulse, Wrench::Zero());
+  int steps = 1;
+  while (spreader.pending().norm() > 0) {
+    spreader.render(Wrench::Zero(), Wrench::Zero());
+    ++steps;
+  }
+  CHECK(steps <= 21);
+}
+
+}  // namespace
+}  // namespace hlm::server

@@ -1,0 +1,215 @@
+// Updates of the local contacts: the case table, and a random 3-D stress (METHOD 2 and 7).
+#include "haptic_server/local_model/contact_update.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "tests/support/catch.h"
+#include "tests/support/random.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm::server {
+namespace {
+
+using test::Random;
+
+constexpr double kStiffness = 10'000;  // N/m
+
+TEST_CASE("Rule P is the paper's case table, Eqs. 4 to 6") {
+  const auto s_plus = [](double sigma, std::optional<double> s_p) {
+    return updated_separation(UpdateRule::kPaper, sigma, s_p);
+  };
+  CHECK(s_plus(0.003, {}) == 0.003);        // new, predicted: Eq. 6
+  CHECK(s_plus(-0.003, {}) == 0);           // new, penetrating: Eq. 4
+  CHECK(s_plus(-0.003, -0.001) == -0.001);  // σ <= s_p <= 0: Eq. 5
+  CHECK(s_plus(-0.003, 0.002) == 0);        // σ < 0 < s_p: Eq. 4
+  CHECK(s_plus(-0.001, -0.003) == -0.001);  // s_p < σ < 0: Eq. 6
+  CHECK(s_plus(0.002, -0.003) == 0.002);    // 0 < σ: Eq. 6
+  CHECK(s_plus(0.002, 0.004) == 0.002);
+}
+
+TEST_CASE("The intermediate representation takes the reported separation") {
+  CHECK(updated_separation(UpdateRule::kIntermediateRepresentation, -0.003, -0.001) == -0.003);
+}
+
+/// A tool on its way through random contacts that come and go, seen late.
+class Stress {
+ public:
+  explicit Stress(Random& random)
+      : random_(random),
+        tool_(test::rigid_tool(1, Matrix3::Identity() * 1e-3)),
+        proxy_(tool_),
+        ve_tool_(tool_) {
+    Configuration q = test::random_configuration(random_, proxy_);
+    ve_tool_.set_configuration(q);
+    proxy_.set_configuration(moved(q));
+  }
+
+  const ToolModel& proxy() const { return proxy_; }
+  const ToolModel& ve_tool() const { return ve_tool_; }
+  double age() const { return age_; }
+
+  /// Up to eight contacts of few identities, so that most updates meet known ones.
+  ReportedContacts report() {
+    ReportedContacts contacts;
+    for (std::uint32_t body = 0; body < 8; ++body) {
+      if (random_.uniform(0, 1) < 0.3) continue;
+      ReportedContact contact;
+      contact.key.body = body;
+      contact.n_W = random_.direction();
+      contact.separation = random_.uniform(-0.02, 0.005);
+      contact.p_WC = ve_tool_.X_WL(0) * random_.vector(0.05) - contact.separation * contact.n_W;
+      contact.v_WC = random_.vector(0.2);
+      contacts.push_back(contact);
+    }
+    return contacts;
+  }
+
+  /// Both tools go on for one period of the environment; constraints move.
+  void go_on(LocalContacts& contacts, double release_rate) {
+    age_ = random_.uniform(0, 0.04);
+    ve_tool_.set_configuration(moved(ve_tool_.configuration()));
+    proxy_.set_configuration(moved(proxy_.configuration()));
+    advance_contacts(contacts, proxy_, 1e-3, release_rate);
+  }
+
+ private:
+  Configuration moved(const Configuration& q) {
+    Velocity step = test::random_velocity(random_, 6, 0.01);
+    step.tail<3>() *= 10;
+    return proxy_.integrate(q, step, 1);
+  }
+
+  Random& random_;
+  ToolDescription tool_;
+  ToolModel proxy_;
+  ToolModel ve_tool_;
+  double age_ = 0;
+};
+
+double spring_force(double s) { return kStiffness * std::max(0.0, -s); }
+double energy(double s) { return s < 0 ? 0.5 * kStiffness * s * s : 0; }
+
+/// Change of each contact's spring force at an update, over the union of both sets.
+struct Change {
+  double largest_rise = 0;  // N
+  double largest_fall = 0;  // N
+  double energy = 0;        // J
+};
+Change change(const LocalContacts& before, const LocalContacts& after, const ToolModel& proxy) {
+  Change result;
+  const auto s_of = [&](const LocalContacts& contacts, std::uint32_t body) {
+    for (const LocalContact& c : contacts) {
+      if (c.key.body == body) return separation(c, proxy);
+    }
+    return std::numeric_limits<double>::infinity();
+  };
+  for (std::uint32_t body = 0; body < 8; ++body) {
+    const double s = s_of(before, body);
+    const double s_plus = s_of(after, body);
+    const double rise = spring_force(s_plus) - spring_force(s);
+    result.largest_rise = std::max(result.largest_rise, rise);
+    result.largest_fall = std::max(result.largest_fall, -rise);
+    result.energy += energy(s_plus) - energy(s);
+  }
+  return result;
+}
+
+TEST_CASE("Under rule P no update raises a spring force or stores energy") {
+  Random random;
+  Stress stress(random);
+  LocalContacts contacts;
+  double largest_fall = 0;
+  for (int update = 0; update < 5000; ++update) {
+    const LocalContacts before = contacts;
+    contacts = adopt_update(before, stress.report(), stress.ve_tool(), stress.proxy(), stress.age(),
+                            UpdateRule::kPaper);
+    const Change at_update = change(before, contacts, stress.proxy());
+    REQUIRE(at_update.largest_rise <= 1e-6);  // N
+    REQUIRE(at_update.energy <= 1e-9);        // J
+    largest_fall = std::max(largest_fall, at_update.largest_fall);
+    stress.go_on(contacts, 0);
+  }
+  CHECK(largest_fall > 10);  // N: why `retain` is the default.
+}
+
+TEST_CASE("Under rule R no update changes a spring force in either direction") {
+  Random random;
+  Stress stress(random);
+  LocalContacts contacts;
+  for (int update = 0; update < 5000; ++update) {
+    const LocalContacts before = contacts;
+    contacts = adopt_update(before, stress.report(), stress.ve_tool(), stress.proxy(), stress.age(),
+                            UpdateRule::kRetain);
+    const Change at_update = change(before, contacts, stress.proxy());
+    REQUIRE(at_update.largest_rise <= 1e-6);  // N
+    REQUIRE(at_update.largest_fall <= 1e-6);  // N
+    stress.go_on(contacts, 0.05);
+  }
+}
+
+TEST_CASE("Rule R releases retained load by at most k ρ Δt a step, then forgets the contact") {
+  ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  LocalContacts contacts(1);
+  contacts[0].p_L = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0
+  contacts = adopt_update(contacts, {}, proxy, proxy, 0, UpdateRule::kRetain);
+  REQUIRE(contacts.size() == 1);
+
+  const double rate = 0.05;  // m/s: 0.5 N a step at k = 10 kN/m
+  const double dt = 1e-3;
+  double force = spring_force(separation(contacts[0], proxy));
+  int steps = 0;
+  while (!contacts.empty()) {
+    REQUIRE(++steps < 100);
+    advance_contacts(contacts, proxy, dt, rate);
+    const double now = contacts.empty() ? 0 : spring_force(separation(contacts[0], proxy));
+    CHECK(force - now <= kStiffness * rate * dt + 1e-6);  // N
+    force = now;
+  }
+  CHECK(steps >= 40);  // 20 N at 0.5 N a step, the last one perhaps a rounding error
+  CHECK(steps <= 41);
+}
+
+TEST_CASE("Predicted contacts keep their true separation, however late they arrive") {
+  Random random;
+  Stress stress(random);
+  for (int update = 0; update < 1000; ++update) {
+    const ReportedContacts reported = stress.report();
+    const LocalContacts contacts = adopt_update({}, reported, stress.ve_tool(), stress.proxy(),
+                                                stress.age(), UpdateRule::kRetain);
+    for (const LocalContact& contact : contacts) {
+      const auto& source = *std::find_if(reported.begin(), reported.end(),
+                                         [&](const auto& r) { return r.key == contact.key; });
+      const Vector3 tool_point =
+          stress.proxy().X_WL(0) *
+          (stress.ve_tool().X_WL(0).inverse() * (source.p_WC + source.separation * source.n_W));
+      const Vector3 constraint = source.p_WC + stress.age() * source.v_WC;
+      const double sigma = source.n_W.dot(tool_point - constraint);
+      if (sigma > 0) CHECK(std::abs(separation(contact, stress.proxy()) - sigma) < 1e-9);  // m
+    }
+    LocalContacts none;
+    stress.go_on(none, 0);
+  }
+}
+
+TEST_CASE("Without the echo of the tool's configuration predicted walls land elsewhere") {
+  // 1 mm from a wall 20 ms ago; since then the proxy has come 4 mm nearer.
+  ToolModel ve_tool(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  ToolModel proxy = ve_tool;
+  Configuration q = proxy.neutral();
+  q[2] = -0.004;
+  proxy.set_configuration(q);
+  ReportedContacts reported(1);
+  reported[0].separation = 0.005;
+  reported[0].p_WC = {0, 0, -0.005};
+
+  const LocalContacts with_echo =
+      adopt_update({}, reported, ve_tool, proxy, 0.02, UpdateRule::kRetain);
+  CHECK(std::abs(separation(with_echo[0], proxy) - 0.001) < 1e-12);  // m
+  const LocalContacts without_echo =
+      adopt_update({}, reported, proxy, proxy, 0.02, UpdateRule::kRetain);
+  CHECK(std::abs(separation(without_echo[0], proxy) - 0.005) < 1e-12);  // m: 4 mm wrong
+}
+
+}  // namespace
+}  // namespace hlm::server

@@ -1,0 +1,110 @@
+// The local model's states, collisions and determinism.
+#include "haptic_server/local_model/local_model.h"
+
+#include "tests/support/catch.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kStep = 1.0 / 512;  // s
+
+LocalModel falling_tool(const LocalModelParameters& parameters, double height) {
+  const ToolDescription tool = test::rigid_tool(0.3, Matrix3::Identity() * 1e-4);
+  LocalModel model(tool, ToolModel(tool).neutral(), parameters, kStep);
+  ReportedContact floor;
+  floor.p_WC = {0, 0, -height};
+  floor.separation = height;
+  model.adopt({floor}, model.proxy().configuration(), 0);
+  return model;
+}
+
+HandInput push_down(double force) {
+  HandInput hand;
+  hand.F[2] = -force;
+  return hand;
+}
+
+TEST_CASE("The proxy moves freely, collides once and rests") {
+  LocalModel model = falling_tool({}, 0.01);
+  int collisions = 0;
+  while (model.state() == ProxyContactState::kFreeMotion) model.step(push_down(1));
+  for (int i = 0; i < 500; ++i) {
+    collisions += model.state() == ProxyContactState::kColliding;
+    model.step(push_down(1));
+  }
+  CHECK(collisions == 1);
+  CHECK(model.state() == ProxyContactState::kResting);
+}
+
+TEST_CASE("The collision impulse is the momentum that the proxy loses") {
+  LocalModelParameters parameters;
+  parameters.restitution = GENERATE(0.0, 0.6, 1.0);
+  LocalModel model = falling_tool(parameters, 0.005);
+  Velocity before = model.velocity();
+  ContactWrench felt;
+  while (felt.impulse.isZero(0)) {
+    before = model.velocity();
+    felt = model.step(push_down(2));
+  }
+  // 0.3 kg at the approach speed, times 1 + e.
+  CHECK(felt.impulse[2] == Approx(-(1 + parameters.restitution) * 0.3 * before[2]).epsilon(1e-9));
+}
+
+TEST_CASE("A contact that arrives penetrating stops the proxy without a spring force") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
+  for (int i = 0; i < 50; ++i) model.step(push_down(1));
+  REQUIRE(model.velocity()[2] < -0.05);  // m/s
+  ReportedContact wall;
+  wall.separation = -0.004;  // 4 mm deep already
+  wall.p_WC = model.proxy().X_WH().p + Vector3(0, 0, 0.004);
+  model.adopt({wall}, model.proxy().configuration(), 0);
+
+  const ContactWrench felt = model.step(push_down(1));
+  CHECK(felt.impulse[2] > 0.05);                // N·s
+  CHECK(felt.F.head<3>().norm() < 1.1);         // N: what the hand pushes, not k·4 mm = 16 N
+  CHECK(std::abs(model.velocity()[2]) < 1e-2);  // m/s
+}
+
+TEST_CASE("The intermediate representation answers the same contact with its full depth") {
+  LocalModelParameters parameters;
+  parameters.update_rule = UpdateRule::kIntermediateRepresentation;
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), parameters, kStep);
+  ReportedContact wall;
+  wall.separation = -0.004;
+  wall.p_WC = Vector3(0, 0, 0.004);
+  model.adopt({wall}, model.proxy().configuration(), 0);
+  const ContactWrench felt = model.follow(model.proxy().configuration(), Velocity::Zero(6));
+  CHECK(felt.F[2] == Approx(parameters.stiffness * 0.004).epsilon(1e-9));
+}
+
+TEST_CASE("The same inputs give the same bits") {
+  const auto run = [] {
+    LocalModel model = falling_tool({}, 0.002);
+    for (int i = 0; i < 1000; ++i) model.step(push_down(1 + 0.5 * (i % 7)));
+    return model.proxy().configuration();
+  };
+  CHECK(run() == run());
+}
+
+TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamics say") {
+  // A bar hinged by nothing: two floor contacts at its ends, pushed above one of them.
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
+  ReportedContacts contacts(2);
+  for (std::uint16_t i = 0; i < 2; ++i) {
+    contacts[i].key.tool_feature.index = i;
+    contacts[i].p_WC = {i == 0 ? -0.1 : 0.1, 0, 0};
+  }
+  model.adopt(contacts, model.proxy().configuration(), 0);
+  HandInput hand = push_down(4);
+  hand.F[4] = 4 * 0.05;  // N·m about y: as if pushed at x = +0.05 m
+  for (int i = 0; i < 3000; ++i) model.step(hand);
+  CHECK(model.contacts()[0].f_W.z() == Approx(1).epsilon(1e-5));  // lever arms 0.05 : 0.15
+  CHECK(model.contacts()[1].f_W.z() == Approx(3).epsilon(1e-5));
+}
+
+}  // namespace
+}  // namespace hlm::server

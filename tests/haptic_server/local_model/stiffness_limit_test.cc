@@ -1,0 +1,43 @@
+// Limited stiffness (METHOD 4).
+#include "haptic_server/local_model/stiffness_limit.h"
+
+#include "haptic_server/local_model/local_model.h"
+#include "tests/support/catch.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm::server {
+namespace {
+
+/// Stiffness felt at the hand of a tool pressed down on `count` contacts under its centre, N/m.
+double felt_stiffness(const LocalModelParameters& parameters, std::uint16_t count) {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
+  ReportedContacts contacts(count);
+  for (std::uint16_t i = 0; i < count; ++i) contacts[i].key.tool_feature.index = i;
+  model.adopt(contacts, model.proxy().configuration(), 0);
+  HandInput hand;
+  hand.F[2] = -5;
+  for (int i = 0; i < 3000; ++i) model.step(hand);
+  return 5 / -model.proxy().X_WH().p.z();
+}
+
+TEST_CASE("Without a limit c contacts feel c times as stiff as one") {
+  CHECK(felt_stiffness({}, 8) == Approx(8 * 4000.0).epsilon(1e-3));
+}
+
+TEST_CASE("The stiffness felt at the hand stays at its limit however many contacts there are") {
+  LocalModelParameters parameters;
+  parameters.max_hand_stiffness = 6000;  // N/m
+  CHECK(felt_stiffness(parameters, 1) == Approx(4000).epsilon(1e-3));
+  CHECK(felt_stiffness(parameters, 8) == Approx(6000).epsilon(1e-3));
+  CHECK(felt_stiffness(parameters, 64) == Approx(6000).epsilon(1e-3));
+}
+
+TEST_CASE("The natural frequency on the contacts stays at its limit") {
+  LocalModelParameters parameters;
+  parameters.max_contact_frequency = 100;  // rad/s: 1e4 N/m on 1 kg
+  CHECK(felt_stiffness(parameters, 8) == Approx(1e4).epsilon(1e-3));
+}
+
+}  // namespace
+}  // namespace hlm::server
