@@ -34,12 +34,6 @@ struct ReceiveStatistics {
   std::uint64_t count(DropReason reason) const noexcept {
     return dropped[static_cast<std::size_t>(reason)];
   }
-  void count(DropReason reason, std::uint64_t datagrams_dropped = 1) noexcept {
-    dropped[static_cast<std::size_t>(reason)] += datagrams_dropped;
-  }
-  std::uint64_t operator[](DropReason reason) const noexcept {
-    return dropped[static_cast<std::size_t>(reason)];
-  }
   std::uint64_t total_dropped() const noexcept {
     std::uint64_t sum = 0;
     for (const std::uint64_t count : dropped) sum += count;

@@ -10,11 +10,11 @@ namespace hlm::server {
 
 /// What a device can do. A value that a device does not rate is infinite.
 struct DeviceRatings {
-  double max_force = std::numeric_limits<double>::infinity();       ///< N.
-  double max_torque = std::numeric_limits<double>::infinity();      ///< N·m.
-  double max_force_rate = std::numeric_limits<double>::infinity();  ///< N/s.
-  double max_torque_rate = std::numeric_limits<double>::infinity();  ///< N·m/s.
-  double max_stiffness = std::numeric_limits<double>::infinity();   ///< Renderable, N/m.
+  double max_force = std::numeric_limits<double>::infinity();              ///< N.
+  double max_torque = std::numeric_limits<double>::infinity();             ///< N·m.
+  double max_force_rate = std::numeric_limits<double>::infinity();         ///< N/s.
+  double max_torque_rate = std::numeric_limits<double>::infinity();        ///< N·m/s.
+  double max_stiffness = std::numeric_limits<double>::infinity();          ///< Renderable, N/m.
   double max_angular_stiffness = std::numeric_limits<double>::infinity();  ///< N·m/rad.
   double mass = 0;     ///< Apparent mass at the handle, kg; 0 if unknown.
   double inertia = 0;  ///< Apparent inertia at the handle, kg·m²; 0 if unknown.

@@ -1,0 +1,191 @@
+#include "haptic_server/device/simulated_device.h"
+
+#include <cassert>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "haptic_server/device/range.h"
+#include "haptic_server/device/saturate.h"
+
+namespace hlm::server {
+namespace {
+
+/// Longest substep, s. A stiff hand (20 kN/m) on a light device (50 g) still has ten substeps to
+/// its radian; longer ones would let it oscillate, shorter ones only cost time.
+constexpr double kLongestSubstep = 1e-4;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double rounded(double value, double step) noexcept {
+  return step > 0 ? step * std::round(value / step) : value;
+}
+
+/// Zero in the directions in which the handle cannot move.
+Wrench within(DeviceFreedom freedom, const Wrench& F) noexcept {
+  if (freedom == DeviceFreedom::kSpatial) return F;
+  Wrench planar = Wrench::Zero();
+  planar << F[0], F[1], 0, 0, 0, F[5];
+  return planar;
+}
+
+DeviceRatings rated(const SimulatedDeviceOptions& options) noexcept {
+  return {.max_force = options.max_force,
+          .max_torque = options.max_torque,
+          .max_force_rate = options.max_force_rate,
+          .max_torque_rate = options.max_torque_rate,
+          .max_stiffness = options.max_stiffness,
+          .max_angular_stiffness = options.max_angular_stiffness,
+          .mass = options.mass,
+          .inertia = options.inertia,
+          .damping = options.damping};
+}
+
+}  // namespace
+
+std::optional<std::string> find_error(const SimulatedDeviceOptions& o) {
+  const struct {
+    std::string_view name;
+    double value;
+    Range range;
+  } limits[] = {
+      {"device mass", o.mass, {0.05, 1000, "kg"}},
+      {"device inertia", o.inertia, {1e-4, 100, "kg·m²"}},
+      {"device damping", o.damping, {0, 1e4, "N·s/m"}},
+      {"device angular damping", o.angular_damping, {0, 100, "N·m·s/rad"}},
+      {"device dry friction", o.dry_friction, {0, 1000, "N"}},
+      {"device dry friction torque", o.dry_friction_torque, {0, 100, "N·m"}},
+      {"device largest force", o.max_force, {0.01, kInfinity, "N"}},
+      {"device largest torque", o.max_torque, {1e-4, kInfinity, "N·m"}},
+      {"device largest force rate", o.max_force_rate, {1, kInfinity, "N/s"}},
+      {"device largest torque rate", o.max_torque_rate, {0.01, kInfinity, "N·m/s"}},
+      {"device largest stiffness", o.max_stiffness, {1, kInfinity, "N/m"}},
+      {"device largest angular stiffness", o.max_angular_stiffness, {1e-3, kInfinity, "N·m/rad"}},
+      {"device position step", o.position_step, {0, 0.01, "m"}},
+      {"device angle step", o.angle_step, {0, 0.1, "rad"}},
+      {"device velocity cut-off", o.velocity_cutoff, {0.1, kInfinity, "Hz"}},
+      {"device delay", static_cast<double>(o.delay), {0, kMaxDelay, "ticks"}},
+  };
+  for (const auto& limit : limits) {
+    if (auto error = find_error(limit.name, limit.value, limit.range)) return error;
+  }
+  return std::nullopt;
+}
+
+SimulatedDevice::Kick SimulatedDevice::kick(double inertia, double damping, double friction,
+                                            double h) noexcept {
+  const double decay = std::exp(-damping * h / inertia);
+  return {decay, damping > 0 ? -std::expm1(-damping * h / inertia) / damping : h / inertia,
+          friction};
+}
+
+/// Dry friction takes speed away, down to none: it never reverses the motion.
+Vector3 SimulatedDevice::Kick::velocity(const Vector3& v, const Vector3& F) const noexcept {
+  const Vector3 frictionless = decay * v + gain * F;
+  const double speed = frictionless.norm();
+  const double loss = gain * friction;
+  return speed > loss ? Vector3(frictionless * (1 - loss / speed)) : Vector3::Zero();
+}
+
+SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandScript hand, double dt)
+    : options_(options),
+      ratings_(rated(options)),
+      hand_(std::move(hand)),
+      dt_(dt),
+      substeps_(static_cast<int>(std::ceil(dt / kLongestSubstep))),
+      h_(dt / substeps_),
+      linear_(kick(options.mass, options.damping, options.dry_friction, h_)),
+      angular_(kick(options.inertia, options.angular_damping, options.dry_friction_torque, h_)),
+      filter_gain_(-std::expm1(-2 * std::numbers::pi * options.velocity_cutoff * dt)) {
+  assert(!find_error(options) && dt > 0);
+  align(Pose{});
+  enable();
+  disable();
+}
+
+void SimulatedDevice::align(const Pose& X_WH) noexcept {
+  steps_ = 0;
+  X_WStart_ = X_WD_ = X_WD_sensed_ = X_WH;
+  V_WD_ = V_WD_sensed_ = Twist::Zero();
+  hand_.start(X_WH);
+}
+
+void SimulatedDevice::enable() noexcept {
+  enabled_ = true;
+  commands_.fill(Wrench::Zero());
+}
+
+std::optional<DeviceState> SimulatedDevice::read() noexcept {
+  DeviceState state{X_WD_sensed_, V_WD_sensed_, std::nullopt};
+  if (options_.measures_hand_wrench) {
+    state.F_hand = hand_wrench(static_cast<double>(steps_) * h_);
+  }
+  return state;
+}
+
+bool SimulatedDevice::write(const Wrench& F) noexcept {
+  if (!F.allFinite()) return false;
+  const Wrench F_motor = motor_wrench(F);
+  for (int i = 0; i < substeps_; ++i) substep(F_motor);
+  sense();
+  return true;
+}
+
+Wrench SimulatedDevice::motor_wrench(const Wrench& commanded) noexcept {
+  newest_ = (newest_ + 1) % commands_.size();
+  commands_[newest_] = commanded;
+  if (!enabled_) return Wrench::Zero();
+  const std::size_t behind = static_cast<std::size_t>(options_.delay);
+  const Wrench& due = commands_[(newest_ + commands_.size() - behind) % commands_.size()];
+  return saturated(due, options_.max_force, options_.max_torque);
+}
+
+Wrench SimulatedDevice::hand_wrench(double t) const noexcept {
+  return within(options_.freedom, hand_.wrench(t, X_WD_, V_WD_));
+}
+
+void SimulatedDevice::drift(double h) noexcept {
+  X_WD_.p += h * V_WD_.head<3>();
+  X_WD_.R = (rotation_from_vector(h * V_WD_.tail<3>()) * X_WD_.R).normalized();
+}
+
+/// Half a drift, the kick of all wrenches there, half a drift: second order, and exact for a
+/// constant wrench without damping.
+void SimulatedDevice::substep(const Wrench& F_motor) noexcept {
+  drift(h_ / 2);
+  const double t = (static_cast<double>(steps_) + 0.5) * h_;
+  const Wrench F = within(options_.freedom, F_motor) + hand_wrench(t);
+  V_WD_ << linear_.velocity(V_WD_.head<3>(), F.head<3>()),
+      angular_.velocity(V_WD_.tail<3>(), F.tail<3>());
+  drift(h_ / 2);
+  ++steps_;
+  hand_.advance(static_cast<double>(steps_) * h_, X_WD_);
+}
+
+bool SimulatedDevice::senses_exactly() const noexcept {
+  return options_.position_step == 0 && options_.angle_step == 0 &&
+         std::isinf(options_.velocity_cutoff);
+}
+
+Pose SimulatedDevice::quantised(const Pose& X_WD) const noexcept {
+  if (options_.position_step == 0 && options_.angle_step == 0) return X_WD;
+  Vector6 e = displacement(X_WStart_, X_WD);
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    e[i] = rounded(e[i], options_.position_step);
+    e[i + 3] = rounded(e[i + 3], options_.angle_step);
+  }
+  return {X_WStart_.p + e.head<3>(), rotation_from_vector(e.tail<3>()) * X_WStart_.R};
+}
+
+void SimulatedDevice::sense() noexcept {
+  const Pose X_before = X_WD_sensed_;
+  X_WD_sensed_ = quantised(X_WD_);
+  if (senses_exactly()) {
+    V_WD_sensed_ = V_WD_;
+    return;
+  }
+  const Twist difference = displacement(X_before, X_WD_sensed_) / dt_;
+  V_WD_sensed_ += filter_gain_ * (difference - V_WD_sensed_);
+}
+
+}  // namespace hlm::server

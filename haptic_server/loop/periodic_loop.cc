@@ -1,0 +1,75 @@
+#include "haptic_server/loop/periodic_loop.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <ctime>
+
+#include <spdlog/fmt/fmt.h>
+
+namespace hlm::server {
+namespace {
+
+constexpr double kMinRate = 100;   // Hz.
+constexpr double kMaxRate = 8000;  // Hz.
+constexpr double kMaxSpinShare = 0.5;
+constexpr std::int64_t kSecond = 1'000'000'000;  // ns.
+
+std::int64_t steady_now() noexcept {
+  timespec time{};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return time.tv_sec * kSecond + time.tv_nsec;
+}
+
+}  // namespace
+
+std::optional<std::string> find_error(const PeriodicLoopOptions& options) {
+  // Comparisons are written so that NaN fails them.
+  if (!(options.rate >= kMinRate && options.rate <= kMaxRate)) {
+    return fmt::format("servo rate {} must be {} to {} Hz", options.rate, kMinRate, kMaxRate);
+  }
+  const double longest = kMaxSpinShare / options.rate;
+  if (!(options.final_spin >= 0 && options.final_spin <= longest)) {
+    return fmt::format("final spin {} must be 0 to {} s, half a period", options.final_spin,
+                       longest);
+  }
+  return std::nullopt;
+}
+
+PeriodicLoop::PeriodicLoop(const PeriodicLoopOptions& options) noexcept : options_(options) {}
+
+double PeriodicLoop::elapsed() const noexcept {
+  return 1e-9 * static_cast<double>(steady_now() - origin_);
+}
+
+void PeriodicLoop::begin() noexcept {
+  origin_ = steady_now();
+  next_ = 0;
+  timing_ = Timing{};
+}
+
+void PeriodicLoop::wait() noexcept {
+  const double due = static_cast<double>(next_) / options_.rate;
+  sleep_until(due - options_.final_spin);
+  double now = elapsed();
+  while (now < due) now = elapsed();
+
+  const auto newest = static_cast<std::uint64_t>(now * options_.rate);
+  timing_.tick = std::max(next_, newest);
+  timing_.scheduled = static_cast<double>(timing_.tick) / options_.rate;
+  timing_.begin = std::max(now, timing_.scheduled);
+  timing_.missed = timing_.tick - next_;
+  timing_.overruns += timing_.missed;
+  timing_.lateness = now - due;
+  next_ = timing_.tick + 1;
+}
+
+void PeriodicLoop::sleep_until(double time) const noexcept {
+  if (time <= 0) return;
+  const std::int64_t wake = origin_ + std::llround(1e9 * time);
+  const timespec until{.tv_sec = wake / kSecond, .tv_nsec = wake % kSecond};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
+  }
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,73 @@
+// When the servo loop's ticks happen: at a fixed rate, by absolute wake-ups.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+namespace hlm::server {
+
+struct PeriodicLoopOptions {
+  double rate = 1000;  ///< Hz, 100 to 8000. 512 is the paper's.
+  /// The last part of each wait is spent spinning, s; 0 to half a period. 150e-6 brings lateness
+  /// from tens of microseconds to a few, for that share of one processor. Longer spins run into
+  /// Linux' limit on real-time threads, which stops them for 50 ms in every second.
+  double final_spin = 0;
+};
+
+/// Why options cannot be used, naming the option, its value and its range; empty if valid.
+std::optional<std::string> find_error(const PeriodicLoopOptions& options);
+
+/// When one tick was due and when it began.
+struct Timing {
+  std::uint64_t tick = 0;      ///< Periods since the loop began, missed ones included.
+  double scheduled = 0;        ///< When this tick was due, s since the loop began: tick / rate.
+  double begin = 0;            ///< When it began, s since the loop began; less than a period later.
+  std::uint64_t missed = 0;    ///< Periods missed just before this tick.
+  std::uint64_t overruns = 0;  ///< Periods missed since the loop began.
+  /// How late the loop woke, s: begin minus the time for which the wake-up was set, which is that
+  /// of the first missed period if there are any.
+  double lateness = 0;
+};
+
+/// An overrun skips whole periods: ticks stay on the grid of the first one and none is made up for.
+class PeriodicLoop {
+ public:
+  /// `options` must be valid.
+  explicit PeriodicLoop(const PeriodicLoopOptions& options) noexcept;
+
+  /// Calls tick(timing) once a period until stop(). The first tick is due at once.
+  template <class Tick>
+  void run(Tick&& tick) noexcept {
+    static_assert(std::is_nothrow_invocable_v<Tick&, const Timing&>);
+    begin();
+    while (!stop_.load(std::memory_order_relaxed)) {
+      wait();
+      tick(std::as_const(timing_));
+    }
+  }
+
+  /// Ends run() after the tick in progress or the next one. From any thread, a tick or a signal
+  /// handler.
+  void stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
+
+  /// Time since run() began, s, on the steady clock.
+  double elapsed() const noexcept;
+
+ private:
+  void begin() noexcept;
+  /// Waits for the next tick's time and fills in timing_.
+  void wait() noexcept;
+  void sleep_until(double time) const noexcept;
+
+  PeriodicLoopOptions options_;
+  std::int64_t origin_ = 0;  ///< When run() began, ns on the steady clock.
+  std::uint64_t next_ = 0;   ///< Number of the next tick, if none is missed.
+  Timing timing_;
+  std::atomic<bool> stop_ = false;
+};
+
+}  // namespace hlm::server

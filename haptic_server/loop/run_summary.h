@@ -1,0 +1,47 @@
+// What a run was like, in a few lines at its end.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "haptic_server/loop/histogram.h"
+#include "haptic_server/loop/tick_record.h"
+
+namespace hlm::server {
+
+/// Gathers all ticks of a run.
+class RunSummary {
+ public:
+  /// Every tick, in order.
+  void observe(const TickRecord& record) noexcept;
+  /// Several lines, each with its end. lost: ticks that were not recorded.
+  std::string text(std::uint64_t lost) const;
+
+ private:
+  /// Distance between two frames: m, and rad.
+  struct Drift {
+    double distance = 0;
+    double angle = 0;
+  };
+  static Drift drift(const Pose& X_WA, const Pose& X_WB) noexcept;
+
+  /// Drift between two frames over all ticks of sessions.
+  struct DriftRecord {
+    Drift largest;  ///< Largest distance, and largest angle.
+    Drift last;
+
+    void observe(const Pose& X_WA, const Pose& X_WB) noexcept;
+    std::string text() const;
+  };
+
+  Histogram lateness_;
+  Histogram execution_;
+  double first_time_ = 0;  ///< s.
+  TickRecord last_;
+  std::uint64_t updates_ = 0;
+  double peak_force_ = 0;  ///< N.
+  DriftRecord device_proxy_;
+  DriftRecord proxy_tool_;
+};
+
+}  // namespace hlm::server

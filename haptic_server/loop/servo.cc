@@ -1,0 +1,216 @@
+#include "haptic_server/loop/servo.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <spdlog/fmt/fmt.h>
+
+namespace hlm::server {
+namespace {
+
+/// Ages beyond this are taken for a clock gone wrong, s: constraints are not advanced further.
+constexpr double kLargestAge = 1.0;
+
+bool is_finite(const DeviceState& device) noexcept {
+  return device.X_WD.p.allFinite() && device.X_WD.R.coeffs().allFinite() &&
+         device.V_WD.allFinite() && (!device.F_hand || device.F_hand->allFinite());
+}
+
+}  // namespace
+
+std::optional<std::string> find_error(const ServoOptions& options) {
+  if (auto error = find_error(options.local_model)) return error;
+  if (auto error = find_error(options.gains)) return error;
+  const auto check = [](const char* name, double value,
+                        const char* unit) -> std::optional<std::string> {
+    if (value > 0 && std::isfinite(value)) return std::nullopt;
+    return fmt::format("{} {} must be finite and > 0 {}", name, value, unit);
+  };
+  if (auto error = check("force limit", options.limits.max_force, "N")) return error;
+  if (auto error = check("torque limit", options.limits.max_torque, "N·m")) return error;
+  if (auto error = check("fade time", options.limits.fade_time, "s")) return error;
+  if (auto error = check("silence time", options.silence_time, "s")) return error;
+  return check("largest gap", options.max_gap, "s");
+}
+
+Servo::Servo(const ServoOptions& options, std::uint64_t configuration,
+             protocol::ServerSession& session, Device& device) noexcept
+    : options_(options),
+      dt_(1 / options.rate),
+      configuration_(configuration),
+      session_(session),
+      device_(device),
+      controller_(options.controller, options.gains),
+      spreader_(device.ratings(), dt_),
+      limiter_(options.limits, device.ratings(), dt_),
+      machine_(options.silence_time, dt_) {}
+
+const TickRecord& Servo::tick(const Timing& timing) noexcept {
+  const protocol::ServerSession::Inbox inbox = session_.poll(timing.begin);
+  record_ = TickRecord{};
+  advance_session(inbox, timing);
+  if (inbox.update != nullptr && machine_.simulates()) adopt(*inbox.update);
+  if (inbox.hello != nullptr) begin_session(*inbox.hello, timing.begin);
+  if (machine_.simulates()) simulate();
+  describe(timing);
+  if (inbox.update != nullptr) {
+    record_.adopted = session_.acknowledge(timing.begin, proxy_state());
+  }
+  return record_;
+}
+
+void Servo::shut_down(double now) noexcept {
+  limiter_.cut();
+  device_.write(Wrench::Zero());
+  device_.disable();
+  session_.close(now, protocol::GoodbyeReason::kShutdown);
+  machine_ = ServerStateMachine(options_.silence_time, dt_);
+  local_model_.reset();
+}
+
+void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
+  if (options_.controller == ControllerKind::kDirect && hello.tool.links.size() != 1) {
+    session_.reject(now, protocol::RejectReason::kTool,
+                    "direct coupling needs a tool of one link; use another controller");
+    return;
+  }
+  local_model_.emplace(hello.tool, hello.q, options_.local_model, dt_);
+  device_.align(local_model_->proxy().X_WH());
+  device_.enable();
+  spreader_.clear();
+  limiter_.cut();
+  machine_.begin();
+  step_ = 0;
+  updates_ = 0;
+  session_.accept(now, options_.rate, configuration_);
+}
+
+void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
+                            const Timing& timing) noexcept {
+  const ServerState before = machine_.state();
+  if (inbox.update != nullptr) machine_.update();
+  if (inbox.goodbye) machine_.end();
+  machine_.tick(limiter_.silent());
+  if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
+    fail(Fault::kOverrun);
+  }
+  limiter_.allow(machine_.wants_force());
+  if (machine_.state() == ServerState::kIdle && before != ServerState::kIdle) {
+    device_.disable();
+    local_model_.reset();
+  }
+}
+
+/// The age of the contacts is counted in steps, not read from clocks, so that a replay finds the
+/// same: what the environment says it took, and half the round trip of its echo.
+void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
+  double travel = 0;
+  if (update.echo_step > 0 && update.echo_step <= step_) {
+    const double round_trip = static_cast<double>(step_ - update.echo_step) * dt_;
+    travel = std::max(0.0, round_trip - update.echo_hold) / 2;
+  }
+  record_.age = std::min(update.compute_time + travel, kLargestAge);
+  local_model_->adopt(update.contacts, update.q_VE, record_.age);
+  ++updates_;
+}
+
+void Servo::simulate() noexcept {
+  const std::optional<DeviceState> device = device_.read();
+  if (!device) return fail(Fault::kDevice);
+  if (!is_finite(*device)) return fail(Fault::kNonFinite);
+  record_.X_WD = device->X_WD;
+  record_.V_WD = device->V_WD;
+  record_.hand_measured = device->F_hand.has_value();
+  record_.F_hand = device->F_hand.value_or(Wrench::Zero());
+
+  ++step_;
+  const ContactWrench felt = move_proxy(*device);
+  if (!local_model_->velocity().allFinite()) return fail(Fault::kNonFinite);
+  render(*device, felt);
+}
+
+ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
+  const ToolModel& proxy = local_model_->proxy();
+  if (controller_.kind() == ControllerKind::kDirect) {
+    // begin_session() has made sure of one link.
+    const std::optional<ToolAtHand> tool = tool_at_hand(proxy, device.X_WD, device.V_WD);
+    return local_model_->follow(tool->q, tool->v);
+  }
+  return local_model_->step(controller_.to_proxy(device, proxy.X_WH(), local_model_->hand_twist()));
+}
+
+void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcept {
+  const Pose X_WP = local_model_->proxy().X_WH();
+  const Twist V_WP = local_model_->hand_twist();
+  Wrench u = controller_.to_device(device, X_WP, V_WP, felt.F);
+  Wrench impulse = Wrench::Zero();
+  if (controller_.kind() != ControllerKind::kVirtualCoupler) {
+    impulse = spreader_.render(felt.impulse, u);
+  }
+  u += impulse;
+  record_.F_env = felt.F + impulse;
+  record_.F_command = limiter_.limit(u);
+  if (limiter_.met_non_finite()) return fail(Fault::kNonFinite);
+  if (!device_.write(record_.F_command)) fail(Fault::kDevice);
+}
+
+void Servo::fail(Fault fault) noexcept {
+  machine_.fail(fault);
+  limiter_.cut();
+  record_.F_command.setZero();
+  device_.write(Wrench::Zero());
+  device_.disable();
+}
+
+void Servo::describe(const Timing& timing) noexcept {
+  record_.session = session_.id();
+  record_.step = machine_.simulates() ? step_ : 0;
+  record_.time = timing.begin;
+  record_.lateness = timing.lateness;
+  record_.overruns = timing.overruns;
+  record_.server = machine_.state();
+  record_.fault = machine_.fault();
+  record_.datagrams = session_.statistics().datagrams;
+  record_.dropped = session_.statistics().total_dropped();
+  if (local_model_) describe_proxy();
+}
+
+void Servo::describe_proxy() noexcept {
+  const ToolModel& ve_tool = local_model_->ve_tool();
+  record_.contact_state = local_model_->state();
+  record_.X_WP = local_model_->proxy().X_WH();
+  record_.V_WP = local_model_->hand_twist();
+  record_.X_WT = ve_tool.X_WH();
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const LocalContact& contact : local_model_->contacts()) {
+    ++(contact.s > 0 ? record_.predicted_contacts : record_.active_contacts);
+    smallest = std::min(smallest, contact.s);
+  }
+  record_.smallest_separation = local_model_->contacts().empty() ? 0 : smallest;
+}
+
+protocol::ProxyState Servo::proxy_state() const noexcept {
+  protocol::ProxyState state;
+  state.step = step_;
+  state.age = record_.age;
+  state.server = machine_.state();
+  state.fault = machine_.fault();
+  state.contact_state = record_.contact_state;
+  state.active_contacts = static_cast<std::uint16_t>(record_.active_contacts);
+  state.predicted_contacts = static_cast<std::uint16_t>(record_.predicted_contacts);
+  state.smallest_separation = record_.smallest_separation;
+  if (local_model_) {
+    state.q = local_model_->proxy().configuration();
+    state.v = local_model_->velocity();
+  }
+  state.X_WD = record_.X_WD;
+  state.V_WD = record_.V_WD;
+  state.F_env = record_.F_env;
+  state.F_command = record_.F_command;
+  state.F_hand = record_.F_hand;
+  state.overruns = record_.overruns;
+  state.updates = updates_;
+  return state;
+}
+
+}  // namespace hlm::server

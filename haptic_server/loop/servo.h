@@ -1,0 +1,83 @@
+// The servo: one tick of local model, controller and device.
+//
+// The same tick runs with a real clock over UDP, in virtual time over an in-memory link, and on a
+// recorded stream: clock, link and device are arguments. Nothing in it allocates, locks, logs,
+// throws or waits.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "haptic_server/control/controller.h"
+#include "haptic_server/control/impulse_spreader.h"
+#include "haptic_server/control/limiter.h"
+#include "haptic_server/device/device.h"
+#include "haptic_server/local_model/local_model.h"
+#include "haptic_server/loop/periodic_loop.h"
+#include "haptic_server/loop/server_state.h"
+#include "haptic_server/loop/tick_record.h"
+#include "protocol/server_session.h"
+
+namespace hlm::server {
+
+struct ServoOptions {
+  double rate = 1000;  ///< Hz.
+  LocalModelParameters local_model;
+  ControllerKind controller = ControllerKind::kFourChannel;
+  ControllerGains gains;
+  LimiterOptions limits;
+  /// Silence of the client after which force fades to zero, s. Shorter than a hiccup of the
+  /// simulator and force comes and goes; longer and it outlives a dead client.
+  double silence_time = 0.25;
+  /// Longest gap between two ticks before the loop is taken for broken, s.
+  double max_gap = 0.25;
+};
+
+/// Why options cannot be used, naming the option, its value and its range; empty if valid.
+std::optional<std::string> find_error(const ServoOptions& options);
+
+class Servo {
+ public:
+  /// `options` must be valid; session and device must outlive the servo. configuration: fingerprint
+  /// of all options that shape the physics, for the welcome.
+  Servo(const ServoOptions& options, std::uint64_t configuration, protocol::ServerSession& session,
+        Device& device) noexcept;
+
+  /// One tick. Its signals, but for `execution`, which is the caller's to measure.
+  const TickRecord& tick(const Timing& timing) noexcept;
+
+  /// Zero force, device off, goodbye to the client.
+  void shut_down(double now) noexcept;
+
+  /// Empty without a session.
+  const std::optional<LocalModel>& local_model() const noexcept { return local_model_; }
+
+ private:
+  void begin_session(const protocol::Hello& hello, double now) noexcept;
+  void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
+  void adopt(const protocol::ContactUpdate& update) noexcept;
+  void simulate() noexcept;
+  ContactWrench move_proxy(const DeviceState& device) noexcept;
+  void render(const DeviceState& device, const ContactWrench& felt) noexcept;
+  void fail(Fault fault) noexcept;
+  void describe(const Timing& timing) noexcept;
+  void describe_proxy() noexcept;
+  protocol::ProxyState proxy_state() const noexcept;
+
+  ServoOptions options_;
+  double dt_;
+  std::uint64_t configuration_;
+  protocol::ServerSession& session_;
+  Device& device_;
+  Controller controller_;
+  ImpulseSpreader spreader_;
+  Limiter limiter_;
+  ServerStateMachine machine_;
+
+  std::optional<LocalModel> local_model_;
+  std::uint64_t step_ = 0;     ///< Of the session.
+  std::uint64_t updates_ = 0;  ///< Adopted in the session.
+  TickRecord record_;
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,64 @@
+#include "haptic_server/loop/status_line.h"
+
+#include <ostream>
+
+#include <spdlog/fmt/fmt.h>
+
+#include "haptic_server/loop/state_names.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kTerminalPeriod = 0.25;  // s.
+constexpr double kPlainPeriod = 1;        // s.
+
+// Terminal control: no wrapping of long lines, so that the line can be overwritten as a whole.
+constexpr const char* kBeginLine = "\r\x1b[?7l";
+constexpr const char* kEndLine = "\x1b[K\x1b[?7h";
+
+std::string state(const TickRecord& record) {
+  if (record.fault == protocol::Fault::kNone) return std::string(state_name(record.server));
+  return fmt::format("{} ({})", state_name(record.server), state_name(record.fault));
+}
+
+}  // namespace
+
+std::string format_status(const TickRecord& r, double rate) {
+  constexpr double kMillimetres = 1e3;
+  return fmt::format(
+      "{:.1f} s {} | {:.1f} Hz, {} missed | {} datagrams, {} dropped | contacts {} active, {} "
+      "predicted | {:.2f} N | device-proxy {:.2f} mm, proxy-tool {:.2f} mm",
+      r.time, state(r), rate, r.overruns, r.datagrams, r.dropped, r.active_contacts,
+      r.predicted_contacts, r.F_command.head<3>().norm(),
+      kMillimetres * (r.X_WD.p - r.X_WP.p).norm(), kMillimetres * (r.X_WP.p - r.X_WT.p).norm());
+}
+
+void StatusLine::observe(const TickRecord& record) {
+  if (!last_) {
+    last_ = record.time;
+    return;
+  }
+  ++ticks_;
+  const double interval = record.time - *last_;
+  if (interval < (terminal_ ? kTerminalPeriod : kPlainPeriod)) return;
+  show(format_status(record, static_cast<double>(ticks_) / interval));
+  last_ = record.time;
+  ticks_ = 0;
+}
+
+void StatusLine::show(const std::string& line) {
+  if (terminal_) {
+    out_ << kBeginLine << line << kEndLine;
+  } else {
+    out_ << line << '\n';
+  }
+  out_.flush();
+  open_ = terminal_;
+}
+
+void StatusLine::close() {
+  if (open_) out_ << '\n' << std::flush;
+  open_ = false;
+}
+
+}  // namespace hlm::server

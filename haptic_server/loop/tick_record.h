@@ -1,0 +1,40 @@
+// Every signal of one servo tick, as written to the tick log.
+#pragma once
+
+#include <cstdint>
+
+#include "common/spatial.h"
+#include "common/tool_model.h"
+#include "protocol/messages.h"
+
+namespace hlm::server {
+
+struct TickRecord {
+  std::uint64_t session = 0;
+  std::uint64_t step = 0;  ///< Steps since the session began; 0 without a session.
+  double time = 0;         ///< Since the server started, s.
+  protocol::ServerState server = protocol::ServerState::kIdle;
+  protocol::Fault fault = protocol::Fault::kNone;
+  protocol::ProxyContactState contact_state = protocol::ProxyContactState::kFreeMotion;
+  Pose X_WD;  ///< Device handle.
+  Twist V_WD = Twist::Zero();
+  bool hand_measured = false;
+  Wrench F_hand = Wrench::Zero();
+  Pose X_WP;  ///< Hand frame of the proxy.
+  Twist V_WP = Twist::Zero();
+  Pose X_WT;                          ///< Hand frame of the VE's tool, from the latest update.
+  Wrench F_env = Wrench::Zero();      ///< Contact wrench at the hand, impulses included.
+  Wrench F_command = Wrench::Zero();  ///< To the device, after limits.
+  int active_contacts = 0;
+  int predicted_contacts = 0;
+  double smallest_separation = 0;  ///< m; 0 without contacts.
+  std::uint64_t adopted = 0;       ///< Sequence of the update adopted in this tick, or 0.
+  double age = 0;                  ///< Age attributed to it, s.
+  double lateness = 0;             ///< Wake-up after the scheduled time, s.
+  double execution = 0;            ///< From wake-up to the end of the tick, s.
+  std::uint64_t overruns = 0;      ///< Missed periods since the server started.
+  std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
+  std::uint64_t dropped = 0;       ///< Of these, dropped.
+};
+
+}  // namespace hlm::server

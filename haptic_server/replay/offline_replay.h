@@ -1,0 +1,30 @@
+// A recorded session on the server's own tick, in virtual time.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+
+#include "haptic_server/device/device.h"
+#include "haptic_server/loop/servo.h"
+#include "haptic_server/replay/recorded_session.h"
+
+namespace hlm::server {
+
+struct OfflineResult {
+  std::uint64_t steps = 0;   ///< Of the session.
+  std::size_t compared = 0;  ///< Acknowledged states.
+  std::size_t equal = 0;     ///< Of these, bit for bit as recorded.
+  /// Step of the first state that differs.
+  std::optional<std::uint64_t> first_difference;
+};
+
+/// Plays each update at the step that adopted it when it was recorded, and compares the proxy's
+/// state in each acknowledgement. `options`, `configuration` and `device` must be as in the
+/// recording. observe: called with every tick's record.
+OfflineResult replay_offline(const RecordedSession& session, const ServoOptions& options,
+                             std::uint64_t configuration, Device& device,
+                             const std::function<void(const TickRecord&)>& observe);
+
+}  // namespace hlm::server

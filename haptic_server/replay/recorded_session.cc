@@ -1,0 +1,126 @@
+#include "haptic_server/replay/recorded_session.h"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+#include "protocol/capture.h"
+
+namespace hlm::server {
+namespace {
+
+using protocol::CapturedDatagram;
+using protocol::DatagramBytes;
+using protocol::Endpoint;
+using protocol::Header;
+using protocol::MessageType;
+
+/// Parts of one message by their number; a repeated part counts once.
+using Parts = std::map<std::uint8_t, DatagramBytes>;
+
+std::vector<DatagramBytes> in_order(const Parts& parts) {
+  std::vector<DatagramBytes> bytes;
+  for (const auto& [number, part] : parts) bytes.push_back(part);
+  return bytes;
+}
+
+class SessionReader {
+ public:
+  void take(const CapturedDatagram& datagram) {
+    Header header;
+    if (decode_header(protocol::view(datagram.bytes), header)) return;
+    switch (header.type) {
+      case MessageType::kHello:
+        return take_hello(datagram, header);
+      case MessageType::kWelcome:
+        return take_welcome(datagram, header);
+      case MessageType::kContactUpdate:
+        return take_update(datagram, header);
+      case MessageType::kProxyState:
+        return take_state(datagram, header);
+      case MessageType::kReject:
+      case MessageType::kGoodbye:
+        return;
+    }
+  }
+
+  std::vector<RecordedSession> sessions() {
+    for (RecordedSession& session : sessions_) finish_update(session);
+    return std::move(sessions_);
+  }
+
+ private:
+  struct PendingHello {
+    std::uint64_t sequence = 0;
+    Parts parts;
+  };
+
+  void take_hello(const CapturedDatagram& datagram, const Header& header) {
+    PendingHello& hello = hellos_[{datagram.from.address, datagram.from.port}];
+    if (hello.sequence != header.envelope.sequence) hello = {header.envelope.sequence, {}};
+    hello.parts.emplace(header.slice.part, datagram.bytes);
+  }
+
+  void take_welcome(const CapturedDatagram& datagram, const Header& header) {
+    if (find(header.envelope.session) != nullptr) return;
+    RecordedSession session;
+    session.id = header.envelope.session;
+    session.client = datagram.to;
+    session.hello_parts = in_order(hellos_[{datagram.to.address, datagram.to.port}].parts);
+    if (decode(session.hello_parts, session.hello)) return;
+    if (decode(protocol::view(datagram.bytes), session.welcome)) return;
+    sessions_.push_back(std::move(session));
+  }
+
+  void take_update(const CapturedDatagram& datagram, const Header& header) {
+    RecordedSession* session = find(header.envelope.session);
+    if (session == nullptr) return;
+    const std::uint64_t sequence = header.envelope.sequence;
+    if (session->updates.empty() || session->updates.back().sequence != sequence) {
+      finish_update(*session);
+      session->updates.push_back({datagram.time_ns, sequence, {}});
+    }
+    parts_[session->id].emplace(header.slice.part, datagram.bytes);
+  }
+
+  void take_state(const CapturedDatagram& datagram, const Header& header) {
+    RecordedSession* session = find(header.envelope.session);
+    protocol::ProxyState state;
+    if (session == nullptr || decode(protocol::view(datagram.bytes), state)) return;
+    auto& known = session->acknowledgements;
+    if (known.empty() || known.back().acknowledged < state.acknowledged) known.push_back(state);
+  }
+
+  /// The parts that came for the session's latest update are all that will come.
+  void finish_update(RecordedSession& session) {
+    Parts& parts = parts_[session.id];
+    if (!session.updates.empty()) session.updates.back().parts = in_order(parts);
+    parts.clear();
+  }
+
+  RecordedSession* find(std::uint64_t id) {
+    const auto at = std::find_if(sessions_.begin(), sessions_.end(),
+                                 [id](const RecordedSession& session) { return session.id == id; });
+    return at == sessions_.end() ? nullptr : &*at;
+  }
+
+  std::map<std::pair<std::uint32_t, std::uint16_t>, PendingHello> hellos_;  ///< By client.
+  std::map<std::uint64_t, Parts> parts_;  ///< Of each session's latest update.
+  std::vector<RecordedSession> sessions_;
+};
+
+}  // namespace
+
+std::vector<RecordedSession> read_sessions(const std::filesystem::path& path) {
+  protocol::CaptureReader capture(path);
+  SessionReader reader;
+  while (const auto datagram = capture.next()) reader.take(*datagram);
+  std::vector<RecordedSession> sessions = reader.sessions();
+  if (sessions.empty()) {
+    throw std::runtime_error(path.string() + ": holds no session: a hello and its welcome");
+  }
+  return sessions;
+}
+
+}  // namespace hlm::server

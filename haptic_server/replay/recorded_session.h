@@ -1,0 +1,34 @@
+// The sessions that a capture holds.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "protocol/codec.h"
+#include "protocol/messages.h"
+
+namespace hlm::server {
+
+struct RecordedUpdate {
+  std::int64_t time_ns = 0;  ///< When its first part passed, ns since the epoch.
+  std::uint64_t sequence = 0;
+  std::vector<protocol::DatagramBytes> parts;  ///< As on the wire, in order; perhaps incomplete.
+};
+
+struct RecordedSession {
+  std::uint64_t id = 0;
+  protocol::Endpoint client;
+  protocol::Hello hello;
+  std::vector<protocol::DatagramBytes> hello_parts;  ///< As on the wire.
+  protocol::Welcome welcome;
+  std::vector<RecordedUpdate> updates;  ///< In the order in which they passed.
+  std::vector<protocol::ProxyState> acknowledgements;
+};
+
+/// All sessions of a capture that were granted, in order. Datagrams that are not of the protocol
+/// are passed over. Throws std::runtime_error naming the file if it cannot be read, is not a
+/// capture or holds no session.
+std::vector<RecordedSession> read_sessions(const std::filesystem::path& path);
+
+}  // namespace hlm::server

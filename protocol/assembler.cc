@@ -1,0 +1,42 @@
+#include "protocol/assembler.h"
+
+#include <bit>
+
+namespace hlm::protocol {
+
+static_assert(kMaxParts <= 32, "one bit of arrived_ per part");
+
+std::optional<DropReason> Assembler::add(const Header& header, std::span<const std::byte> bytes,
+                                         ReceiveStatistics& statistics) noexcept {
+  const std::uint64_t sequence = header.envelope.sequence;
+  const std::uint32_t bit = 1u << header.slice.part;
+  if (sequence < newest_) return DropReason::kStale;
+  if (sequence > newest_) {
+    discard_incomplete(statistics);
+    newest_ = sequence;
+    parts_ = header.slice.parts;
+    arrived_ = 0;
+  }
+  if (header.slice.parts != parts_) return DropReason::kMalformed;
+  if (arrived_ & bit) return DropReason::kStale;
+  bytes_[header.slice.part].assign(bytes.begin(), bytes.end());
+  arrived_ |= bit;
+  return std::nullopt;
+}
+
+void Assembler::restart(ReceiveStatistics& statistics) noexcept {
+  discard_incomplete(statistics);
+  newest_ = 0;
+  parts_ = 0;
+  arrived_ = 0;
+}
+
+std::size_t Assembler::arrived_count() const noexcept {
+  return static_cast<std::size_t>(std::popcount(arrived_));
+}
+
+void Assembler::discard_incomplete(ReceiveStatistics& statistics) noexcept {
+  if (!complete()) statistics.drop(DropReason::kIncomplete, arrived_count());
+}
+
+}  // namespace hlm::protocol

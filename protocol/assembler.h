@@ -1,0 +1,44 @@
+// Puts the parts of a message together, in whatever order they come: whole or not at all, and only
+// the newest message.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "protocol/codec.h"
+#include "protocol/statistics.h"
+
+namespace hlm::protocol {
+
+/// For the messages of one sender in one session. Never allocates or throws.
+class Assembler {
+ public:
+  /// Adds a part whose header decode_header() accepted. Returns why it is dropped; empty if it was
+  /// added. A part of a newer message discards an incomplete older one, whose parts are counted as
+  /// incomplete.
+  std::optional<DropReason> add(const Header& header, std::span<const std::byte> bytes,
+                                ReceiveStatistics& statistics) noexcept;
+  /// Forgets everything: the next message may have any sequence.
+  void restart(ReceiveStatistics& statistics) noexcept;
+
+  /// Whether all parts of the newest message have come.
+  bool complete() const noexcept { return parts_ > 0 && arrived_count() == parts_; }
+  /// All parts in order, if complete().
+  std::span<const DatagramBytes> parts() const noexcept { return {bytes_.data(), parts_}; }
+  /// Sequence of the newest message of which a part has come; 0 if there is none.
+  std::uint64_t newest() const noexcept { return newest_; }
+
+ private:
+  std::size_t arrived_count() const noexcept;
+  void discard_incomplete(ReceiveStatistics& statistics) noexcept;
+
+  std::array<DatagramBytes, kMaxParts> bytes_;
+  std::uint64_t newest_ = 0;
+  std::size_t parts_ = 0;
+  std::uint32_t arrived_ = 0;  ///< Bit i: part i has come.
+};
+
+}  // namespace hlm::protocol

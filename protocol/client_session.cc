@@ -1,0 +1,133 @@
+#include "protocol/client_session.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "protocol/nanoseconds.h"
+#include "protocol/number_sequence.h"
+#include "protocol/tool_fit.h"
+
+namespace hlm::protocol {
+
+ClientSession::ClientSession(DatagramLink& link, ClientSessionOptions options)
+    : link_(link), options_(std::move(options)) {
+  if (options_.server.port == 0) throw std::invalid_argument("server's port 0 must be 1 to 65535");
+  if (const auto error = find_error(options_.hello)) throw std::invalid_argument(*error);
+}
+
+ClientSession::Inbox ClientSession::poll(double now) {
+  inbox_ = {};
+  for (int i = 0; i < kDatagramsPerPoll && link_.receive(datagram_); ++i) {
+    ++statistics_.datagrams;
+    if (const auto reason = take_datagram(now)) statistics_.drop(*reason);
+  }
+  if (active_ && unanswered_since_ && now - *unanswered_since_ > options_.timeout) end();
+  const bool hello_due = !last_hello_ || now - *last_hello_ >= options_.hello_period;
+  if (!active_ && hello_due) say_hello(now);
+  return inbox_;
+}
+
+std::optional<DropReason> ClientSession::take_datagram(double now) noexcept {
+  const bool from_server = datagram_.peer == options_.server;
+  Header header;
+  if (const auto reason = decode_header(view(datagram_.bytes), header)) {
+    const bool other_version = reason == DropReason::kVersion && from_server;
+    return other_version && !take_reject() ? std::nullopt : reason;
+  }
+  if (header.type == MessageType::kHello || header.type == MessageType::kContactUpdate) {
+    return DropReason::kUnexpected;
+  }
+  if (!from_server) return DropReason::kForeignSession;
+  if (header.type == MessageType::kWelcome) return take_welcome(now, header);
+  if (header.type == MessageType::kReject) return take_reject();
+  if (header.type == MessageType::kProxyState) return take_state(now, header);
+  return take_goodbye(header);
+}
+
+std::optional<DropReason> ClientSession::take_welcome(double now, const Header& header) noexcept {
+  Welcome welcome;
+  if (const auto reason = decode(view(datagram_.bytes), welcome)) return reason;
+  if (welcome.nonce != options_.hello.nonce) return DropReason::kForeignSession;
+  if (active_) return DropReason::kStale;
+  active_ = true;
+  id_ = header.envelope.session;
+  welcome_ = welcome;
+  sent_ = 0;
+  received_ = header.envelope.sequence;
+  unanswered_since_.reset();
+  state_ = {};
+  state_received_at_ = now;
+  inbox_.welcomed = true;
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::take_reject() noexcept {
+  Reject reject;
+  if (const auto reason = decode(view(datagram_.bytes), reject)) return reason;
+  if (reject.nonce != options_.hello.nonce) return DropReason::kForeignSession;
+  if (active_) return DropReason::kStale;
+  inbox_.reject = reject;
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::take_state(double now, const Header& header) noexcept {
+  if (const auto reason = check_session(header)) return reason;
+  ProxyState state;
+  if (const auto reason = decode(view(datagram_.bytes), state)) return reason;
+  if (!fits(options_.hello.tool, state)) return DropReason::kMalformed;
+  received_ = header.envelope.sequence;
+  unanswered_since_.reset();
+  state_ = state;
+  state_received_at_ = now;
+  round_trip_ = std::max(0.0, now - state.update_send_time - state.hold);
+  inbox_.state = &state_;
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::take_goodbye(const Header& header) noexcept {
+  if (const auto reason = check_session(header)) return reason;
+  Goodbye goodbye;
+  if (const auto reason = decode(view(datagram_.bytes), goodbye)) return reason;
+  end();
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::check_session(const Header& header) const noexcept {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  if (header.envelope.sequence <= received_) return DropReason::kStale;
+  return std::nullopt;
+}
+
+std::uint64_t ClientSession::send(double now, ContactUpdate update) {
+  if (!active_) return 0;
+  update.echo_step = state_.step;
+  update.echo_hold = std::max(0.0, now - state_received_at_);
+  protocol::send(link_, options_.server, next_envelope(now), update);
+  if (!unanswered_since_) unanswered_since_ = now;
+  return sent_;
+}
+
+void ClientSession::close(double now) {
+  if (!active_) return;
+  protocol::send(link_, options_.server, next_envelope(now), Goodbye{GoodbyeReason::kFinished});
+  end();
+}
+
+void ClientSession::say_hello(double now) noexcept {
+  protocol::send(link_, options_.server, {.sequence = ++hellos_, .send_time = to_nanoseconds(now)},
+                 options_.hello);
+  last_hello_ = now;
+}
+
+void ClientSession::end() noexcept {
+  active_ = false;
+  inbox_.lost = true;
+  options_.hello.nonce = next_number(options_.hello.nonce);
+}
+
+Envelope ClientSession::next_envelope(double now) noexcept {
+  return {.session = id_, .sequence = ++sent_, .send_time = to_nanoseconds(now)};
+}
+
+}  // namespace hlm::protocol

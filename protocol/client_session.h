@@ -1,0 +1,88 @@
+// The client's side of the session. Any simulator can link this (with ve_client/client above it).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "protocol/codec.h"
+#include "protocol/datagram_link.h"
+#include "protocol/messages.h"
+#include "protocol/statistics.h"
+
+namespace hlm::protocol {
+
+struct ClientSessionOptions {
+  Endpoint server;
+  Hello hello;                ///< `nonce` is the first; later sessions draw theirs from it.
+  double hello_period = 0.1;  ///< Between repeated hellos, s.
+  /// A server silent for this long, s, although updates were sent, is asked for a new session.
+  double timeout = 0.5;
+};
+
+/// Not thread-safe; never waits, and allocates nothing after its construction.
+class ClientSession {
+ public:
+  /// Datagrams taken in one poll: more than a server sends between two steps of any simulator.
+  static constexpr int kDatagramsPerPoll = 256;
+
+  /// Throws std::invalid_argument, naming the value and what is allowed, if the hello cannot be
+  /// used (find_error) or the server's port is 0.
+  ClientSession(DatagramLink& link, ClientSessionOptions options);
+
+  struct Inbox {
+    bool welcomed = false;         ///< A session began in this poll: the proxy starts at hello.q.
+    bool lost = false;             ///< The session ended in this poll (goodbye or silence).
+    std::optional<Reject> reject;  ///< The server refuses; it is asked again all the same.
+    const ProxyState* state = nullptr;  ///< Newest proxy state, valid until the next poll.
+  };
+
+  /// Drains the link, says hello where there is no session. `now`: s, any steady origin.
+  Inbox poll(double now);
+  /// Sends an update in as many parts as it needs; fills in `echo_step` and `echo_hold`. Returns
+  /// its sequence. Without a session nothing is sent and 0 is returned.
+  std::uint64_t send(double now, ContactUpdate update);
+  /// Ends the session, if there is one. The next poll would ask for another.
+  void close(double now);
+  /// From here on, hellos give this configuration as the tool's initial one.
+  void set_initial_configuration(const Configuration& q) { options_.hello.q = q; }
+
+  bool active() const noexcept { return active_; }
+  /// Of the present session, or of the latest.
+  const Welcome& welcome() const noexcept { return welcome_; }
+  /// Latest measured round trip without the server's hold, s; 0 before the first.
+  double round_trip() const noexcept { return round_trip_; }
+  const ReceiveStatistics& statistics() const noexcept { return statistics_; }
+
+ private:
+  std::optional<DropReason> take_datagram(double now) noexcept;
+  std::optional<DropReason> take_welcome(double now, const Header& header) noexcept;
+  std::optional<DropReason> take_reject() noexcept;
+  std::optional<DropReason> take_state(double now, const Header& header) noexcept;
+  std::optional<DropReason> take_goodbye(const Header& header) noexcept;
+  std::optional<DropReason> check_session(const Header& header) const noexcept;
+
+  void say_hello(double now) noexcept;
+  void end() noexcept;
+  Envelope next_envelope(double now) noexcept;
+
+  DatagramLink& link_;
+  ClientSessionOptions options_;  ///< `hello.nonce` is the one in use.
+  ReceiveStatistics statistics_;
+  Datagram datagram_;  ///< The one at hand.
+  Inbox inbox_;
+
+  std::optional<double> last_hello_;  ///< s.
+  std::uint64_t hellos_ = 0;          ///< Sequence of the latest hello.
+
+  bool active_ = false;
+  std::uint64_t id_ = 0;
+  Welcome welcome_;
+  std::uint64_t sent_ = 0;                  ///< Sequence of the latest message sent.
+  std::uint64_t received_ = 0;              ///< Sequence of the newest message received.
+  std::optional<double> unanswered_since_;  ///< First update after the server was last heard, s.
+  ProxyState state_;                        ///< Newest of the session.
+  double state_received_at_ = 0;            ///< s.
+  double round_trip_ = 0;
+};
+
+}  // namespace hlm::protocol

@@ -1,0 +1,52 @@
+// A link that records what passes over it, without making it wait.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+
+#include <boost/lockfree/spsc_queue.hpp>
+
+#include "protocol/capture.h"
+#include "protocol/datagram_link.h"
+
+namespace hlm::protocol {
+
+/// The system's wall clock: ns since the epoch.
+std::int64_t wall_clock_ns() noexcept;
+
+/// Copies each datagram that passes `link`, with the time, into a bounded ring. One thread receives
+/// and sends, as on any link; another may drain the ring at the same time.
+class RecordingLink final : public DatagramLink {
+ public:
+  /// Datagrams the ring holds by default, 5 MB: more than a second of the fullest traffic, 64
+  /// contacts at 60 Hz with their acknowledgements. A shorter ring must be drained more often.
+  static constexpr std::size_t kDefaultCapacity = 4096;
+
+  /// `local` is this side's endpoint in the capture. `clock` (ns since the epoch, >= 0) is called
+  /// in receive() and send(): it must not wait, allocate or throw. `capacity` is in datagrams, > 0.
+  RecordingLink(DatagramLink& link, Endpoint local,
+                std::function<std::int64_t()> clock = wall_clock_ns,
+                std::size_t capacity = kDefaultCapacity);
+
+  bool receive(Datagram& datagram) noexcept override;
+  void send(const Endpoint& to, std::span<const std::byte> bytes) noexcept override;
+
+  /// Moves what the ring held at the call to the capture, and flushes that if there was anything.
+  /// Returns the number of datagrams. Throws what CaptureWriter::flush throws.
+  std::size_t drain(CaptureWriter& capture);
+  /// Datagrams that passed but found the ring full.
+  std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
+
+ private:
+  void record(const Endpoint& from, const Endpoint& to, std::span<const std::byte> bytes) noexcept;
+
+  DatagramLink& link_;
+  Endpoint local_;
+  std::function<std::int64_t()> clock_;
+  boost::lockfree::spsc_queue<CapturedDatagram> ring_;
+  std::atomic<std::uint64_t> lost_{0};
+};
+
+}  // namespace hlm::protocol

@@ -1,0 +1,218 @@
+#include "protocol/server_session.h"
+
+#include <algorithm>
+#include <cassert>
+#include <string>
+
+#include "protocol/nanoseconds.h"
+#include "protocol/number_sequence.h"
+#include "protocol/tool_fit.h"
+
+namespace hlm::protocol {
+namespace {
+
+using RejectText = decltype(Reject::text);
+
+/// As much of the text as a reject holds, cut between characters, without control characters.
+RejectText reject_text(std::string_view text) noexcept {
+  const auto continues_character = [](char c) {
+    return (static_cast<unsigned char>(c) & 0xC0u) == 0x80u;
+  };
+  std::size_t length = std::min(text.size(), std::size_t{RejectText::static_capacity});
+  while (length > 0 && length < text.size() && continues_character(text[length])) --length;
+  RejectText kept;
+  for (const char c : text.substr(0, length)) {
+    const auto code = static_cast<unsigned char>(c);
+    kept.push_back(code < 0x20 || code == 0x7F ? ' ' : c);
+  }
+  return kept;
+}
+
+}  // namespace
+
+ServerSession::ServerSession(DatagramLink& link, ServerSessionOptions options) noexcept
+    : link_(link), options_(options) {
+  assert(options.first_session_id != 0);
+}
+
+ServerSession::Inbox ServerSession::poll(double now) noexcept {
+  inbox_ = {};
+  answered_ = false;
+  // A hello ends the poll: what came after it belongs to the session that it may begin.
+  for (int i = 0; i < kDatagramsPerPoll && !inbox_.hello && link_.receive(datagram_); ++i) {
+    ++statistics_.datagrams;
+    if (const auto reason = take_datagram(now)) statistics_.drop(*reason);
+  }
+  if (inbox_.hello || inbox_.goodbye) inbox_.update = nullptr;
+  return inbox_;
+}
+
+std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
+  Header header;
+  if (const auto reason = decode_header(view(datagram_.bytes), header)) {
+    if (reason == DropReason::kVersion) answer_other_version(now);
+    return reason;
+  }
+  switch (header.type) {
+    case MessageType::kHello:
+      return take_hello(now, header);
+    case MessageType::kContactUpdate:
+      return take_update(now, header);
+    case MessageType::kGoodbye:
+      return take_goodbye(now, header);
+    case MessageType::kWelcome:
+    case MessageType::kReject:
+    case MessageType::kProxyState:
+      break;
+  }
+  return DropReason::kUnexpected;
+}
+
+std::optional<DropReason> ServerSession::take_hello(double now, const Header& header) noexcept {
+  const std::optional<StablePart> stable = read_stable_part(view(datagram_.bytes));
+  if (!stable) return DropReason::kMalformed;
+  const Asker asker{datagram_.peer, stable->nonce};
+  if (active_ && asker == client_) {
+    last_heard_ = now;
+    if (!answered_) send_welcome(now);
+    return std::nullopt;
+  }
+  if (active_ && asker.peer != client_.peer && now - last_heard_ <= options_.timeout) {
+    turn_away(now, asker, RejectReason::kBusy, "another client holds the session");
+    return DropReason::kForeignSession;
+  }
+  // A late copy of the hello of a session that is over must not begin it again.
+  const bool ended_lately = ended_at_ && now - *ended_at_ <= options_.timeout;
+  if (ended_lately && asker == ended_) return DropReason::kStale;
+  return assemble_hello(now, header, asker);
+}
+
+std::optional<DropReason> ServerSession::assemble_hello(double now, const Header& header,
+                                                        const Asker& asker) noexcept {
+  if (asker != asker_) {
+    hello_parts_.restart(statistics_);
+    asker_ = asker;
+  }
+  if (const auto reason = hello_parts_.add(header, view(datagram_.bytes), statistics_))
+    return reason;
+  if (!hello_parts_.complete()) return std::nullopt;
+
+  const std::uint64_t other_parts = hello_parts_.parts().size() - 1;
+  if (const auto reason = decode(hello_parts_.parts(), hello_)) {
+    statistics_.drop(*reason, other_parts);
+    return reason;
+  }
+  if (const auto error = find_error(hello_)) {
+    turn_away(now, asker, RejectReason::kTool, *error);
+    statistics_.drop(DropReason::kMalformed, other_parts);
+    return DropReason::kMalformed;
+  }
+  inbox_.hello = &hello_;
+  return std::nullopt;
+}
+
+std::optional<DropReason> ServerSession::take_update(double now, const Header& header) noexcept {
+  if (!from_client(header)) return DropReason::kForeignSession;
+  if (const auto reason = update_parts_.add(header, view(datagram_.bytes), statistics_))
+    return reason;
+  last_heard_ = now;
+  if (!update_parts_.complete()) return std::nullopt;
+
+  ContactUpdate& update = updates_[1 - newest_update_];
+  std::optional<DropReason> reason = decode(update_parts_.parts(), update);
+  if (!reason && !fits(tool_, update)) reason = DropReason::kMalformed;
+  if (reason) {
+    statistics_.drop(*reason, update_parts_.parts().size() - 1);
+    return reason;
+  }
+  newest_update_ = 1 - newest_update_;
+  inbox_.update = &update;
+  acknowledged_ = header.envelope;
+  received_at_ = now;
+  return std::nullopt;
+}
+
+std::optional<DropReason> ServerSession::take_goodbye(double now, const Header& header) noexcept {
+  if (!from_client(header)) return DropReason::kForeignSession;
+  Goodbye goodbye;
+  if (const auto reason = decode(view(datagram_.bytes), goodbye)) return reason;
+  inbox_.goodbye = true;
+  end(now);
+  return std::nullopt;
+}
+
+bool ServerSession::from_client(const Header& header) const noexcept {
+  return active_ && header.envelope.session == id_ && datagram_.peer == client_.peer;
+}
+
+void ServerSession::end(double now) noexcept {
+  active_ = false;
+  ended_ = client_;
+  ended_at_ = now;
+  update_parts_.restart(statistics_);
+}
+
+void ServerSession::accept(double now, double servo_rate, std::uint64_t configuration) noexcept {
+  assert(inbox_.hello);
+  if (active_) end(now);
+  active_ = true;
+  client_ = asker_;
+  id_ = id_ == 0 ? options_.first_session_id : next_number(id_);
+  tool_ = hello_.tool;
+  welcome_ = {asker_.nonce, servo_rate, configuration};
+  sent_ = 0;
+  last_heard_ = now;
+  acknowledged_ = {.sequence = 0};
+  send_welcome(now);
+}
+
+void ServerSession::reject(double now, RejectReason reason, std::string_view text) noexcept {
+  assert(inbox_.hello);
+  answered_ = false;
+  turn_away(now, asker_, reason, text);
+}
+
+std::uint64_t ServerSession::acknowledge(double now, ProxyState state) noexcept {
+  if (!active_ || acknowledged_.sequence == 0) return 0;
+  state.acknowledged = acknowledged_.sequence;
+  state.update_send_time = to_seconds(acknowledged_.send_time);
+  state.hold = std::max(0.0, now - received_at_);
+  state.dropped = statistics_.total_dropped();
+  send(link_, client_.peer, next_envelope(now), state);
+  return state.acknowledged;
+}
+
+void ServerSession::close(double now, GoodbyeReason reason) noexcept {
+  if (!active_) return;
+  send(link_, client_.peer, next_envelope(now), Goodbye{reason});
+  end(now);
+}
+
+void ServerSession::answer_other_version(double now) noexcept {
+  const std::optional<StablePart> stable = read_stable_part(view(datagram_.bytes));
+  if (!stable || stable->type != MessageType::kHello) return;
+  turn_away(now, {datagram_.peer, stable->nonce}, RejectReason::kVersion,
+            "the server speaks another version of the protocol");
+}
+
+void ServerSession::turn_away(double now, const Asker& asker, RejectReason reason,
+                              std::string_view text) noexcept {
+  if (answered_) return;
+  answered_ = true;
+  Reject reject;
+  reject.nonce = asker.nonce;
+  reject.reason = reason;
+  reject.text = reject_text(text);
+  send(link_, asker.peer, {.sequence = ++sent_outside_, .send_time = to_nanoseconds(now)}, reject);
+}
+
+void ServerSession::send_welcome(double now) noexcept {
+  answered_ = true;
+  send(link_, client_.peer, next_envelope(now), welcome_);
+}
+
+Envelope ServerSession::next_envelope(double now) noexcept {
+  return {.session = id_, .sequence = ++sent_, .send_time = to_nanoseconds(now)};
+}
+
+}  // namespace hlm::protocol

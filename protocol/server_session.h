@@ -1,0 +1,118 @@
+// The server's side of the session: who the client is, which datagrams count, the newest update.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "protocol/assembler.h"
+#include "protocol/codec.h"
+#include "protocol/datagram_link.h"
+#include "protocol/messages.h"
+#include "protocol/statistics.h"
+
+namespace hlm::protocol {
+
+struct ServerSessionOptions {
+  /// Id of the first session, not 0. Random in production; later ids follow from it.
+  std::uint64_t first_session_id = 1;
+  /// A client silent for this long, s, loses the session to the next hello.
+  double timeout = 1.0;
+};
+
+/// Not thread-safe; no function waits or throws. None allocates, but for the text that tells a
+/// client what is wrong with its hello; that never happens while another client is live.
+class ServerSession {
+ public:
+  /// Datagrams taken in one poll, so that a flood cannot stall the tick; the rest waits in the
+  /// link. More lets a flood take more of the tick (about 1 µs each); fewer lets it delay the
+  /// client's updates by more ticks. An update of 64 contacts takes 8.
+  static constexpr int kDatagramsPerPoll = 64;
+
+  ServerSession(DatagramLink& link, ServerSessionOptions options) noexcept;
+
+  /// What one drain of the link brought. Pointers are valid until the next poll. A poll that brings
+  /// a hello or a goodbye brings no update: its session is over.
+  struct Inbox {
+    const Hello* hello = nullptr;  ///< A client asks for a session: answer with accept or reject.
+    const ContactUpdate* update = nullptr;  ///< Newest complete update of the session.
+    bool goodbye = false;                   ///< The client ended the session.
+  };
+
+  /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, and keeps the
+  /// newest complete update. Turns away by itself: hellos of another version, of a second client,
+  /// or with an error (find_error). `now`: s, any steady origin.
+  Inbox poll(double now) noexcept;
+
+  /// Grants the session asked for by the latest Inbox::hello. Ends the one before, if any.
+  void accept(double now, double servo_rate, std::uint64_t configuration) noexcept;
+  /// Refuses it. `text` is cut to what a reject holds.
+  void reject(double now, RejectReason reason, std::string_view text) noexcept;
+
+  /// Acknowledges the latest Inbox::update. Fills in `acknowledged`, `update_send_time`, `hold` and
+  /// `dropped`. Returns the update's sequence; nothing is sent and 0 returned if the session has no
+  /// update yet.
+  std::uint64_t acknowledge(double now, ProxyState state) noexcept;
+  /// Tells the client that the session ends, if there is one.
+  void close(double now, GoodbyeReason reason) noexcept;
+
+  bool active() const noexcept { return active_; }
+  /// Of the present session; without one, of the latest or, before the first, 0.
+  std::uint64_t id() const noexcept { return id_; }
+  const ReceiveStatistics& statistics() const noexcept { return statistics_; }
+
+ private:
+  /// Who asked for a session.
+  struct Asker {
+    Endpoint peer;
+    std::uint64_t nonce = 0;
+
+    bool operator==(const Asker&) const = default;
+  };
+
+  std::optional<DropReason> take_datagram(double now) noexcept;
+  std::optional<DropReason> take_hello(double now, const Header& header) noexcept;
+  std::optional<DropReason> assemble_hello(double now, const Header& header,
+                                           const Asker& asker) noexcept;
+  std::optional<DropReason> take_update(double now, const Header& header) noexcept;
+  std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
+  bool from_client(const Header& header) const noexcept;
+  void end(double now) noexcept;
+
+  void answer_other_version(double now) noexcept;
+  void turn_away(double now, const Asker& asker, RejectReason reason,
+                 std::string_view text) noexcept;
+  void send_welcome(double now) noexcept;
+  Envelope next_envelope(double now) noexcept;
+
+  DatagramLink& link_;
+  ServerSessionOptions options_;
+  ReceiveStatistics statistics_;
+  Datagram datagram_;  ///< The one at hand.
+  Inbox inbox_;
+  bool answered_ = false;  ///< A hello was answered in this poll; one answer per poll is enough.
+
+  Assembler hello_parts_;
+  Asker asker_;  ///< Of `hello_parts_` and `hello_`.
+  Hello hello_;
+  std::uint64_t sent_outside_ = 0;  ///< Sequence of the latest message outside sessions.
+
+  bool active_ = false;
+  Asker client_;  ///< Of the present session or of the latest; so are the following.
+  std::uint64_t id_ = 0;
+  ToolDescription tool_;
+  Welcome welcome_;
+  std::uint64_t sent_ = 0;  ///< Sequence of the latest message sent.
+  double last_heard_ = 0;   ///< s.
+  Assembler update_parts_;
+  std::array<ContactUpdate, 2> updates_;  ///< The newest, and room to decode the next.
+  std::size_t newest_update_ = 0;
+  Envelope acknowledged_;   ///< Of the newest update; sequence 0 if there is none.
+  double received_at_ = 0;  ///< When it came, s.
+
+  Asker ended_;                     ///< Of the latest session that ended.
+  std::optional<double> ended_at_;  ///< s.
+};
+
+}  // namespace hlm::protocol

@@ -1,0 +1,119 @@
+// The one file that touches Boost.Asio. Boost 1.74 needs <utility> before it in C++20.
+#include "protocol/udp_socket.h"
+
+#include <array>
+#include <charconv>
+#include <stdexcept>
+#include <utility>
+
+#include <boost/asio/ip/udp.hpp>
+
+namespace hlm::protocol {
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::udp;
+using boost::system::error_code;
+
+/// Asked of the system for received datagrams, bytes: some 200 datagrams of any size. More lets
+/// more of a flood wait in front of the client's updates; less loses datagrams when the receiver
+/// is held up for tens of milliseconds.
+constexpr int kReceiveBuffer = 256 * 1024;
+
+/// Errors passed over in one receive: each is a late report about a datagram sent before, such as
+/// an unreachable port.
+constexpr int kErrorsPassedOver = 8;
+
+udp::endpoint to_asio(const Endpoint& endpoint) noexcept {
+  return {asio::ip::address_v4(endpoint.address), endpoint.port};
+}
+
+Endpoint from_asio(const udp::endpoint& endpoint) noexcept {
+  if (!endpoint.address().is_v4()) return {};
+  return {static_cast<std::uint32_t>(endpoint.address().to_v4().to_ulong()), endpoint.port()};
+}
+
+std::uint16_t parse_port(const std::string& host_port, const std::string& port,
+                         std::uint16_t lowest) {
+  std::uint32_t value = 0;
+  const char* const end = port.data() + port.size();
+  const auto [parsed_to, error] = std::from_chars(port.data(), end, value);
+  if (error != std::errc{} || parsed_to != end || value < lowest || value > 65535) {
+    throw std::runtime_error("port \"" + port + "\" of \"" + host_port + "\" must be a number of " +
+                             std::to_string(lowest) + " to 65535");
+  }
+  return static_cast<std::uint16_t>(value);
+}
+
+}  // namespace
+
+struct UdpSocket::Socket {
+  asio::io_context context;
+  udp::socket socket{context};
+  /// One byte longer than any of ours, to tell what is too long.
+  std::array<std::byte, kMaxDatagram + 1> buffer;
+  udp::endpoint sender;
+};
+
+UdpSocket::UdpSocket(const Endpoint& local) : socket_(std::make_unique<Socket>()) {
+  udp::socket& socket = socket_->socket;
+  error_code error;
+  socket.open(udp::v4(), error);
+  if (!error) socket.bind(to_asio(local), error);
+  if (!error) socket.non_blocking(true, error);
+  if (error) {
+    throw std::runtime_error("cannot open UDP socket at " + to_string(local) + ": " +
+                             error.message());
+  }
+  // Where the system allows less, less will do.
+  error_code ignored;
+  socket.set_option(asio::socket_base::receive_buffer_size(kReceiveBuffer), ignored);
+  local_ = from_asio(socket.local_endpoint());
+}
+
+UdpSocket::~UdpSocket() = default;
+
+bool UdpSocket::receive(Datagram& datagram) noexcept {
+  for (int errors = 0; errors < kErrorsPassedOver; ++errors) {
+    error_code error;
+    const std::size_t size =
+        socket_->socket.receive_from(asio::buffer(socket_->buffer), socket_->sender, 0, error);
+    if (error == asio::error::would_block) return false;
+    if (error) continue;
+    datagram.peer = from_asio(socket_->sender);
+    const std::size_t kept = size <= kMaxDatagram ? size : 0;
+    datagram.bytes.assign(socket_->buffer.begin(), socket_->buffer.begin() + kept);
+    return true;
+  }
+  return false;
+}
+
+void UdpSocket::send(const Endpoint& to, std::span<const std::byte> bytes) noexcept {
+  error_code ignored;
+  socket_->socket.send_to(asio::buffer(bytes.data(), bytes.size()), to_asio(to), 0, ignored);
+}
+
+Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port) {
+  const std::size_t colon = host_port.rfind(':');
+  if (colon == std::string::npos || colon == 0 || colon + 1 == host_port.size()) {
+    throw std::runtime_error("\"" + host_port + "\" must be HOST:PORT, for example " +
+                             "127.0.0.1:47800");
+  }
+  const std::string host = host_port.substr(0, colon);
+  const std::uint16_t port = parse_port(host_port, host_port.substr(colon + 1), lowest_port);
+  asio::io_context context;
+  udp::resolver resolver(context);
+  error_code error;
+  const auto found = resolver.resolve(udp::v4(), host, "", error);
+  if (error || found.empty()) {
+    throw std::runtime_error("host \"" + host + "\" has no known IPv4 address (" + error.message() +
+                             ")");
+  }
+  return {from_asio(found.begin()->endpoint()).address, port};
+}
+
+std::string to_string(const Endpoint& endpoint) {
+  return asio::ip::address_v4(endpoint.address).to_string() + ":" + std::to_string(endpoint.port);
+}
+
+}  // namespace hlm::protocol

@@ -1,0 +1,312 @@
+#!/usr/bin/python3
+"""Draws one picture of a session from the tick log that haptic_server writes."""
+
+import argparse
+import math
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Polygon
+
+from plot_input import InputError, phases_from_hand, phases_from_states, read_log, read_world
+
+# Line styles: the later ones are drawn on top, so that coinciding lines stay visible.
+STYLES = {
+    "tool": dict(color="#f4a261", linewidth=4.5, label="virtual tool (environment)"),
+    "proxy": dict(color="#2a9d8f", linewidth=2.2, label="proxy (local model)"),
+    "device": dict(color="#1d3557", linewidth=0.9, label="device (hand)"),
+}
+FORCE_STYLES = {
+    "hand": dict(color="#8d99ae", linewidth=3.2, label="hand on device"),
+    "env": dict(color="#e76f51", linewidth=1.8, label="virtual contacts on hand"),
+    "command": dict(color="#1d3557", linewidth=0.7, label="device on hand (command)"),
+}
+STATE_COLOURS = {
+    "contact": "#fde2d4",
+    "no session": "#e5e5e5",
+    "client silent": "#fff3b0",
+    "fault": "#f28482",
+}
+# Colour of the numbers that link phases and places.
+MARK = "#e63946"
+# Marks nearer than this, m, share one name.
+SAME_PLACE = 0.004
+# Length of the close-up, s.
+CLOSE_UP = 2.0
+# Bins over the session in which tick times are reduced to their maximum.
+TIMING_BINS = 800
+
+
+def heading(log, subject):
+    """Rotation angle, degrees: about z where the tool is planar, else about its axis."""
+    w, x, y, z = (log[f"{subject}_q{part}"] for part in "wxyz")
+    if is_planar(log):
+        return np.degrees(np.unwrap(2 * np.arctan2(z, w), period=2 * math.pi))
+    return np.degrees(2 * np.arctan2(np.sqrt(x * x + y * y + z * z), np.abs(w)))
+
+
+def is_planar(log):
+    tolerance = 1e-9  # m, and half a rotation angle in rad.
+    still = np.ptp(log["proxy_z_m"]) < tolerance
+    return bool(still and np.all(np.hypot(log["proxy_qx"], log["proxy_qy"]) < tolerance))
+
+
+def distance(log, a, b):
+    """Between the origins of two frames, mm."""
+    squares = sum((log[f"{a}_{axis}_m"] - log[f"{b}_{axis}_m"]) ** 2 for axis in "xyz")
+    return 1e3 * np.sqrt(squares)
+
+
+def in_session(log, values):
+    """Nothing outside sessions: there the frames mean nothing."""
+    return np.where(log["session"] > 0, values, np.nan)
+
+
+def draw_positions(axes, log, axis):
+    for subject in ("tool", "proxy", "device"):
+        values = in_session(log, 1e3 * log[f"{subject}_{axis}_m"])
+        axes.plot(log["time_s"], values, **STYLES[subject])
+    axes.set_ylabel(f"position {axis}\nmm")
+    if axis == "y" and is_planar(log):
+        axes.invert_yaxis()
+
+
+def draw_heading(axes, log):
+    for subject in ("tool", "proxy", "device"):
+        axes.plot(log["time_s"], in_session(log, heading(log, subject)), **STYLES[subject])
+    axes.set_ylabel("heading\n°" if is_planar(log) else "rotation\n°")
+
+
+def draw_drift(axes, log):
+    style = dict(STYLES["device"], label="device to proxy")
+    axes.plot(log["time_s"], in_session(log, distance(log, "device", "proxy")), **style)
+    style = dict(STYLES["tool"], linewidth=1.2, label="proxy to virtual tool\n(as last reported)")
+    axes.plot(log["time_s"], in_session(log, distance(log, "proxy", "tool")), **style)
+    axes.set_ylabel("drift\nmm")
+    axes.set_ylim(bottom=0)
+
+
+def draw_force(axes, log, axis):
+    for subject, style in FORCE_STYLES.items():
+        if subject == "hand" and not log["hand_measured"].any():
+            continue
+        axes.plot(log["time_s"], log[f"{subject}_force_{axis}_N"], **style)
+    axes.set_ylabel(f"force {axis}\nN")
+
+
+def draw_separation(axes, log):
+    present = log["active_contacts"] + log["predicted_contacts"] > 0
+    separation = np.where(present, 1e3 * log["smallest_separation_m"], np.nan)
+    axes.axhline(0, color="black", linewidth=0.6)
+    axes.plot(log["time_s"], separation, color="#6a4c93", linewidth=1, label="smallest separation")
+    axes.set_ylabel("separation\nmm")
+
+
+def draw_contacts(axes, log):
+    axes.stackplot(
+        log["time_s"],
+        log["active_contacts"],
+        log["predicted_contacts"],
+        step="post",
+        colors=("#e76f51", "#cdb4db"),
+        labels=("active (touching)", "predicted (near)"),
+    )
+    axes.set_ylabel("local\ncontacts")
+    axes.yaxis.get_major_locator().set_params(integer=True)
+
+
+def draw_timing(axes, log):
+    time = log["time_s"]
+    edges = np.linspace(time[0], time[-1], TIMING_BINS + 1)
+    starts = np.unique(np.searchsorted(time, edges[:-1]))
+    starts = starts[starts < len(time)]
+    for column, colour, label in (
+        ("lateness_s", "#457b9d", "lateness of the tick"),
+        ("execution_s", "#2a9d8f", "its execution"),
+    ):
+        largest = np.maximum(1e6 * np.maximum.reduceat(log[column], starts), 0.1)
+        axes.step(time[starts], largest, where="post", color=colour, linewidth=0.9, label=label)
+    axes.axhline(1e6 * period(log), color=MARK, linewidth=1, linestyle="--", label="period")
+    missed = time[1:][np.diff(log["overruns"]) > 0]
+    if len(missed):
+        axes.plot(missed, np.full(len(missed), 1e6 * period(log)), "rx", label="missed periods")
+    axes.set_yscale("log")
+    axes.set_ylabel("tick time\n(largest)\nµs")
+
+
+def period(log):
+    return float(np.median(np.diff(log["time_s"]))) if len(log["time_s"]) > 1 else math.nan
+
+
+def draw_plan(axes, log, world, phases):
+    """Paths seen from above; the tool's outline where each phase begins and at the end."""
+    walls, tool = world
+    for wall in walls:
+        axes.add_patch(Polygon(1e3 * wall.corners(), facecolor="#d9d9d9", edgecolor="#8c8c8c"))
+    for subject in ("tool", "proxy", "device"):
+        x, y = (in_session(log, 1e3 * log[f"{subject}_{axis}_m"]) for axis in "xy")
+        axes.plot(x, y, **STYLES[subject])
+    angles = np.radians(heading(log, "tool"))
+    for i, names in marked_ticks(log, phases):
+        x, y = log["tool_x_m"][i], log["tool_y_m"][i]
+        for box in tool:
+            outline = 1e3 * box.corners(x, y, angles[i])
+            axes.add_patch(Polygon(outline, fill=False, edgecolor="#f4a261", linewidth=1))
+        axes.plot(1e3 * x, 1e3 * y, "o", color=MARK, markersize=4, zorder=5)
+        offset = dict(xytext=(6, 6), textcoords="offset points", zorder=5)
+        axes.annotate(", ".join(names), (1e3 * x, 1e3 * y), color=MARK, fontsize=11, **offset)
+    axes.set(xlabel="x, mm", ylabel="y, mm (down the page)", aspect="equal")
+    axes.autoscale_view()
+    axes.invert_yaxis()
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
+    axes.set_title("Seen from above. Numbers: where each phase begins")
+
+
+def marked_ticks(log, phases):
+    """Ticks at which a phase begins or the session ends, those at one place under one name."""
+    session = np.flatnonzero(log["session"] > 0)
+    begins = [np.searchsorted(log["time_s"], phase.begin) for phase in phases]
+    named = [(i, str(n)) for n, i in enumerate(begins, start=1) if log["session"][i] > 0]
+    if len(session):
+        named.append((session[-1], "end"))
+    marks = []
+    for i, name in named:
+        for j, names in marks:
+            away = math.dist(*((log["tool_x_m"][k], log["tool_y_m"][k]) for k in (i, j)))
+            if away < SAME_PLACE:
+                names.append(name)
+                break
+        else:
+            marks.append((i, [name]))
+    return marks
+
+
+def draw_close_up(position, force, log):
+    """The end of the last session, along the axis of the largest force there."""
+    session = np.flatnonzero(log["session"] > 0)
+    if not len(session):
+        position.axis("off")
+        force.axis("off")
+        return
+    end = log["time_s"][session[-1]]
+    shown = (log["session"] > 0) & (log["time_s"] > end - CLOSE_UP)
+    part = {name: values[shown] for name, values in log.items()}
+    axis = max("xyz", key=lambda a: np.ptp(part[f"command_force_{a}_N"]))
+    draw_positions(position, part, axis)
+    draw_force(force, part, axis)
+    position.set_title(f"Close-up: the last {CLOSE_UP:g} s of the session")
+    force.set_xlabel("time since the server started, s")
+    for axes in (position, force):
+        axes.grid(alpha=0.3)
+        axes.ticklabel_format(useOffset=False)
+
+
+def draw_phases(panels, phases, log):
+    """Numbers the phases above the panels and shades what the server was doing."""
+    for phase in phases_from_states(log):
+        if phase.label in STATE_COLOURS:
+            for axes in panels:
+                axes.axvspan(phase.begin, phase.end, color=STATE_COLOURS[phase.label], zorder=0)
+    for i, phase in enumerate(phases, start=1):
+        for axes in panels:
+            axes.axvline(phase.begin, color=MARK, linewidth=0.5, zorder=1)
+        middle = (phase.begin + phase.end) / 2, 1.04
+        style = dict(xycoords=("data", "axes fraction"), color=MARK, ha="center", fontsize=11)
+        panels[0].annotate(str(i), middle, **style)
+
+
+def write_key(axes, phases, log):
+    """What the numbers and the shades mean."""
+    axes.axis("off")
+    lines = [f"{i:2}  {p.begin:5.1f} s  {p.label}" for i, p in enumerate(phases, start=1)]
+    axes.text(0, 1, "Phases\n" + "\n".join(lines), va="top", family="monospace", fontsize=10)
+    shades = {p.label for p in phases_from_states(log)} & STATE_COLOURS.keys()
+    handles = [plt.Rectangle((0, 0), 1, 1, color=STATE_COLOURS[s], label=s) for s in sorted(shades)]
+    if handles:
+        axes.legend(handles=handles, loc="upper right", title="Shaded times")
+
+
+def summary(log):
+    time = log["time_s"]
+    duration = time[-1] - time[0]
+    rate = (len(time) - 1) / duration if duration > 0 else math.nan
+    force = np.sqrt(sum(log[f"command_force_{axis}_N"] ** 2 for axis in "xyz"))
+    late = 1e6 * np.percentile(log["lateness_s"], (50, 99, 100))
+    line = [
+        f"{duration:.1f} s, {len(time)} ticks at {rate:.1f} Hz, {log['overruns'][-1]:.0f} missed",
+        f"lateness p50 {late[0]:.0f}, p99 {late[1]:.0f}, max {late[2]:.0f} µs",
+        f"{np.count_nonzero(log['adopted'])} contact updates adopted",
+        f"{log['datagrams'][-1]:.0f} datagrams, {log['dropped'][-1]:.0f} dropped",
+    ]
+    second = [f"peak force {force.max():.2f} N"]
+    running = log["server_state"] == "running"
+    for a, b, name in (("device", "proxy", "device-proxy"), ("proxy", "tool", "proxy-tool")):
+        if running.any():
+            drift = distance(log, a, b)[running]
+            second.append(f"{name} drift: largest {drift.max():.2f}, last {drift[-1]:.2f} mm")
+    return " | ".join(line) + "\n" + " | ".join(second)
+
+
+def explain_lines(axes, explained):
+    """A legend beside the panel, of the lines that no panel above has explained."""
+    handles, labels = axes.get_legend_handles_labels()
+    new = [(h, l) for h, l in zip(handles, labels) if l not in explained]
+    explained.update(labels)
+    if new:
+        axes.legend(*zip(*new), loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+
+def draw(log, world, phases):
+    planar = is_planar(log)
+    axes_shown = "xy" if planar else "xyz"
+    painters = (
+        [lambda axes, a=a: draw_positions(axes, log, a) for a in axes_shown]
+        + [lambda axes: draw_heading(axes, log), lambda axes: draw_drift(axes, log)]
+        + [lambda axes, a=a: draw_force(axes, log, a) for a in axes_shown]
+        + [lambda axes: draw_separation(axes, log), lambda axes: draw_contacts(axes, log)]
+        + [lambda axes: draw_timing(axes, log)]
+    )
+    figure = plt.figure(figsize=(20, 14), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=(1, 1.5))
+    plan, key, position, force = left.subplots(4, 1, height_ratios=(5, 1.8, 1.3, 1.3))
+    panels = right.subplots(len(painters), 1, sharex=True)
+    explained = set()
+    for axes, paint in zip(panels, painters):
+        paint(axes)
+        axes.grid(alpha=0.3)
+        explain_lines(axes, explained)
+    panels[-1].set_xlabel("time since the server started, s")
+    panels[-1].set_xlim(log["time_s"][0], log["time_s"][-1])
+    draw_phases(panels, phases, log)
+    draw_plan(plan, log, world, phases)
+    write_key(key, phases, log)
+    draw_close_up(position, force, log)
+    figure.suptitle("Haptic session\n" + summary(log), fontsize=12)
+    return figure
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("log", help="tick log (CSV) of haptic_server")
+    parser.add_argument("picture", help="picture to write (PNG)")
+    parser.add_argument("--world", help="SDF file whose walls and tool are drawn in the plan view")
+    parser.add_argument("--hand", help="hand script (TOML) whose segments name the phases")
+    options = parser.parse_args()
+    try:
+        log = read_log(options.log)
+        world = read_world(options.world) if options.world else ([], [])
+        phases = phases_from_hand(options.hand, log) if options.hand else []
+        figure = draw(log, world, phases or phases_from_states(log))
+        figure.savefig(options.picture, dpi=100)
+    except InputError as error:
+        sys.exit(f"plot.py: {error}")
+    except (OSError, ValueError) as error:
+        sys.exit(f"plot.py: {options.picture}: cannot be written: {error}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+// A network in memory: two ends joined by a link that delays, loses, reorders and duplicates
+// datagrams, repeatable from a seed, in virtual time.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "protocol/datagram_link.h"
+
+namespace hlm::test {
+
+/// What the network does to each datagram, in either direction.
+struct LinkConditions {
+  double delay = 0;       ///< Every datagram is under way at least this long, s.
+  double jitter = 0;      ///< Up to this much longer, uniformly drawn, s. Datagrams may overtake.
+  double loss = 0;        ///< Probability that a datagram never arrives.
+  double reordering = 0;  ///< Probability that a datagram is held back by `reorder_time`.
+  double reorder_time = 0.05;  ///< s.
+  double duplication = 0;      ///< Probability that a datagram arrives twice.
+};
+
+/// Joins a server's and a client's DatagramLink. What is sent at one end at time t arrives at the
+/// other from t + delay on, as soon as set_time() has reached that.
+class MemoryNetwork {
+ public:
+  static constexpr protocol::Endpoint kServer{.address = 0x0A000001, .port = 47800};
+  static constexpr protocol::Endpoint kClient{.address = 0x0A000002, .port = 50000};
+
+  explicit MemoryNetwork(LinkConditions conditions = {}, std::uint64_t seed = 1)
+      : conditions_(conditions), engine_(seed) {}
+  MemoryNetwork(const MemoryNetwork&) = delete;
+  MemoryNetwork& operator=(const MemoryNetwork&) = delete;
+
+  /// The virtual time, s. Never goes back.
+  void set_time(double now) noexcept { now_ = std::max(now_, now); }
+  double time() const noexcept { return now_; }
+  /// Holds for datagrams sent from now on.
+  void set_conditions(LinkConditions conditions) noexcept { conditions_ = conditions; }
+
+  protocol::DatagramLink& server() noexcept { return server_; }
+  protocol::DatagramLink& client() noexcept { return client_; }
+
+ private:
+  struct Flight {
+    double arrival = 0;
+    protocol::Datagram datagram;
+  };
+
+  class End : public protocol::DatagramLink {
+   public:
+    End(MemoryNetwork& network, protocol::Endpoint own) : network_(network), own_(own) {
+      // More than a test ever has under way, so that sending does not allocate.
+      constexpr std::size_t kUnderWay = 256;
+      incoming_.reserve(kUnderWay);
+    }
+
+    bool receive(protocol::Datagram& datagram) noexcept override {
+      if (incoming_.empty() || incoming_.front().arrival > network_.now_) return false;
+      datagram = incoming_.front().datagram;
+      incoming_.erase(incoming_.begin());
+      return true;
+    }
+    void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override {
+      network_.carry(own_, to, bytes);
+    }
+
+   private:
+    friend class MemoryNetwork;
+    MemoryNetwork& network_;
+    protocol::Endpoint own_;
+    std::vector<Flight> incoming_;  ///< In order of arrival.
+  };
+
+  void carry(const protocol::Endpoint& from, const protocol::Endpoint& to,
+             std::span<const std::byte> bytes) {
+    if (to != kServer && to != kClient) return;
+    if (drawn(conditions_.loss)) return;
+    const int copies = drawn(conditions_.duplication) ? 2 : 1;
+    std::vector<Flight>& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
+    for (int i = 0; i < copies; ++i) {
+      double arrival = now_ + conditions_.delay + uniform() * conditions_.jitter;
+      if (drawn(conditions_.reordering)) arrival += conditions_.reorder_time;
+      const auto later =
+          std::upper_bound(incoming.begin(), incoming.end(), arrival,
+                           [](double time, const Flight& flight) { return time < flight.arrival; });
+      incoming.insert(later, Flight{arrival, {from, {bytes.begin(), bytes.end()}}});
+    }
+  }
+
+  /// In [0, 1); the same on every platform.
+  double uniform() {
+    constexpr double kTwoToMinus53 = 0x1.0p-53;
+    return static_cast<double>(engine_() >> 11) * kTwoToMinus53;
+  }
+  bool drawn(double probability) { return uniform() < probability; }
+
+  LinkConditions conditions_;
+  std::mt19937_64 engine_;
+  double now_ = 0;
+  End server_{*this, kServer};
+  End client_{*this, kClient};
+};
+
+}  // namespace hlm::test

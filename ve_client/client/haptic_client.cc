@@ -1,0 +1,37 @@
+#include "ve_client/client/haptic_client.h"
+
+namespace hlm {
+namespace {
+
+protocol::ClientSessionOptions session_options(const HapticClientOptions& options) {
+  protocol::ClientSessionOptions session;
+  session.server = options.server;
+  session.hello.nonce = options.nonce;
+  session.hello.tool = options.tool;
+  session.hello.q = options.q;
+  session.hello.ve_rate = options.ve_rate;
+  session.hello.epsilon = options.epsilon;
+  return session;
+}
+
+}  // namespace
+
+HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options)
+    : session_(link, session_options(options)) {}
+
+void HapticClient::sample(double now, const Configuration& q, const Velocity& v, double period) {
+  sampled_at_ = now;
+  update_.ve_time += period;
+  update_.ve_period = period;
+  update_.q_VE = q;
+  update_.v_VE = v;
+  session_.set_initial_configuration(q);
+}
+
+std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts) {
+  update_.compute_time = now - sampled_at_;
+  update_.contacts = contacts;
+  return session_.send(now, update_);
+}
+
+}  // namespace hlm

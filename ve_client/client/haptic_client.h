@@ -1,0 +1,72 @@
+// The client library: a simulator gives its contacts and gets the proxy. It depends on no engine.
+//
+//   hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
+//   hlm::HapticClient haptic(socket, {.server = hlm::protocol::resolve("127.0.0.1:47800"),
+//                                     .tool = tool, .q = q, .ve_rate = 60, .epsilon = 0.005});
+//   while (running) {
+//     if (const auto* proxy = haptic.poll(now()).state) draw_tool_towards(proxy->q, proxy->v);
+//     simulator.step(1.0 / 60);
+//     haptic.sample(now(), simulator.q(), simulator.v(), 1.0 / 60);
+//     haptic.send(now(), contacts_within(0.005));
+//   }
+//   haptic.close(now());
+//
+// `now()` is any steady clock, s.
+#pragma once
+
+#include <cstdint>
+
+#include "common/contact.h"
+#include "common/tool_description.h"
+#include "common/tool_model.h"
+#include "protocol/client_session.h"
+
+namespace hlm {
+
+struct HapticClientOptions {
+  protocol::Endpoint server;
+  ToolDescription tool;     ///< Must be valid (find_error).
+  Configuration q;          ///< Where the tool is; the proxy of the first session starts there.
+  double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
+  double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
+  std::uint64_t nonce = 1;  ///< Distinguishes this run from others: draw it at random.
+};
+
+/// The simulator's side of one haptic session at a time; it asks for a new one where the server is
+/// silent or restarted. Never waits. Not thread-safe.
+class HapticClient {
+ public:
+  using Inbox = protocol::ClientSession::Inbox;
+
+  HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options);
+
+  /// Takes what arrived, and keeps asking where there is no session. Call once per step, before it.
+  /// Inbox::state is the newest proxy state, null if none came since the last call; draw the tool
+  /// toward its q (and q̇).
+  Inbox poll(double now) { return session_.poll(now); }
+
+  /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
+  /// the contacts of the next send() will be computed.
+  void sample(double now, const Configuration& q, const Velocity& v, double period);
+  /// Sends the contacts within ε of the latest sample. Returns the update's sequence number, 0
+  /// without a session.
+  std::uint64_t send(double now, const ReportedContacts& contacts);
+  /// Ends the session.
+  void close(double now) { session_.close(now); }
+
+  bool connected() const noexcept { return session_.active(); }
+  /// Latest measured round trip without the server's hold, s; 0 before the first.
+  double round_trip() const noexcept { return session_.round_trip(); }
+  /// Simulated time, s: the sum of all periods.
+  double ve_time() const noexcept { return update_.ve_time; }
+  /// Of the present session; valid while connected().
+  const protocol::Welcome& welcome() const noexcept { return session_.welcome(); }
+  const protocol::ReceiveStatistics& statistics() const noexcept { return session_.statistics(); }
+
+ private:
+  protocol::ClientSession session_;
+  protocol::ContactUpdate update_;  ///< Of the latest sample.
+  double sampled_at_ = 0;
+};
+
+}  // namespace hlm

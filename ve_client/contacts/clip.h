@@ -1,0 +1,29 @@
+// Where do two patches lie over each other, seen along the normal of a contact, and which features
+// meet there?
+#pragma once
+
+#include "ve_client/contacts/convex.h"
+
+namespace hlm::ve {
+
+/// A corner of the overlap of two patches: a point of each, on one line along the normal.
+struct Opposite {
+  Vector3 p_first = Vector3::Zero();   ///< On the first patch, m.
+  Vector3 p_second = Vector3::Zero();  ///< On the second patch, m.
+  Feature first;                       ///< The feature of the first patch that is met there.
+  Feature second;                      ///< That of the second.
+};
+inline constexpr std::size_t kMaxOpposites = 2 * kMaxFaceCorners;
+using Opposites = StaticVector<Opposite, kMaxOpposites>;
+
+/// Corners of the overlap of `incident` (face, edge or vertex; the first patch) with the face
+/// `reference` (the second), projected along the unit vector n, all in one frame. A corner is one
+/// of the incident patch (vertex, face), one of the reference (face, vertex), or a crossing (edge,
+/// edge): the same set if the two faces change places. No feature pair occurs twice.
+Opposites overlap(const Patch& incident, const Patch& reference, const Vector3& n);
+
+/// Ends of the overlap of two edges that are parallel: (vertex, edge) or (edge, vertex). None if
+/// either patch is not an edge or they are not parallel.
+Opposites overlap_of_edges(const Patch& first, const Patch& second);
+
+}  // namespace hlm::ve

@@ -1,0 +1,124 @@
+// A convex shape as contact detection sees it: a core swept by a sphere, its support function and
+// its features.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/contact.h"
+#include "common/spatial.h"
+#include "common/static_vector.h"
+#include "ve_client/contacts/shape.h"
+
+namespace hlm::ve {
+
+/// Most corners of one face. Two faces of this size clip to at most 24 points (manifold.h holds
+/// 32).
+inline constexpr std::size_t kMaxFaceCorners = 12;
+
+/// The part of a core that looks in one direction: a face (3 or more corners, counter-clockwise
+/// seen from outside), an edge (2) or a vertex (1). A half-space is a face without corners.
+struct Patch {
+  struct Corner {
+    Vector3 p;       ///< m, frame of the shape.
+    Feature vertex;  ///< This corner.
+    Feature side;    ///< The edge from this corner to the next.
+  };
+  StaticVector<Corner, kMaxFaceCorners> corners;
+  Feature feature;                    ///< The face, edge or vertex itself.
+  Vector3 normal = Vector3::UnitZ();  ///< Of a face: outward, unit, frame of the shape.
+
+  bool is_face() const noexcept { return corners.size() != 1 && corners.size() != 2; }
+};
+
+/// An immutable convex shape in its own frame. Lengths in m.
+///
+/// Numbering of features, the same for every shape of a kind:
+/// - sphere: vertex 0;
+/// - capsule: vertices 0 (-z), 1 (+z); edge 0;
+/// - box: vertex 4·[z>0] + 2·[y>0] + [x>0]; faces -x, +x, -y, +y, -z, +z; edges in the order in
+///   which the faces meet them;
+/// - cylinder: faces 0 (-z), 1 (+z); vertices at fixed angles on the rims, and one at either end of
+///   the line of contact of the lateral surface; edges: chords between those vertices, that line
+///   (whichever line it is: it rolls), the rims;
+/// - half-space: face 0.
+///
+/// Another polytope needs only its vertices and face loops.
+class Convex {
+ public:
+  /// Throws std::invalid_argument if a size is not finite and > 0.
+  explicit Convex(const Shape& shape);
+
+  /// Radius of the sphere that sweeps the core, >= 0.
+  double margin() const noexcept { return margin_; }
+  bool is_half_space() const noexcept { return kind_ == Kind::kHalfSpace; }
+  /// True if normals of faces and cross products of edge directions are all that can separate the
+  /// core from another such core; false if the core is curved.
+  bool is_polytope() const noexcept { return kind_ == Kind::kPolytope || kind_ == Kind::kBox; }
+  bool is_cylinder() const noexcept { return kind_ == Kind::kCylinder; }
+  /// True if the core is a point, the origin.
+  bool is_point() const noexcept { return vertices_.size() == 1; }
+
+  /// A point of the core farthest along `direction` (any length > 0). Not for half-spaces.
+  Vector3 support(const Vector3& direction) const noexcept;
+  /// Outward unit normals of the core's faces.
+  std::span<const Vector3> face_normals() const noexcept { return face_normals_; }
+  /// Unit directions of the core's straight edges, each once.
+  std::span<const Vector3> edge_directions() const noexcept { return edge_directions_; }
+
+  /// The face whose normal is nearest `direction` (unit); for a capsule its edge, for a sphere its
+  /// vertex, for the lateral surface of a cylinder its line.
+  Patch facing(const Vector3& direction) const;
+  /// Of the edges at the support point along `direction` (unit) the one most nearly perpendicular
+  /// to it; the vertex if there is no edge.
+  Patch edge_facing(const Vector3& direction) const;
+  /// The smallest feature that contains the point p of the core's surface, to within a micrometre.
+  Feature feature_at(const Vector3& p) const;
+
+  /// Half the extents along the axes of the shape's frame, margin included; infinite for a
+  /// half-space.
+  Vector3 half_extents() const;
+  /// Smallest axis-aligned box in W that contains the shape at X_WS. That of a half-space is the
+  /// whole of space, -infinity to +infinity along each axis.
+  Eigen::AlignedBox3d bounds(const Pose& X_WS) const;
+
+ private:
+  enum class Kind : std::uint8_t { kPolytope, kBox, kCylinder, kHalfSpace };
+  struct Edge {
+    std::uint16_t from;
+    std::uint16_t to;
+  };
+  struct Face {
+    std::vector<std::uint16_t> vertices;  ///< Counter-clockwise seen from outside.
+    std::vector<std::uint16_t> edges;     ///< edges[i] joins vertices[i] and the next one.
+  };
+
+  void build(const Sphere& sphere);
+  void build(const Capsule& capsule);
+  void build(const Cylinder& cylinder);
+  void build(const Box& box);
+  void build(const HalfSpace& half_space);
+  void add_face(std::vector<std::uint16_t> loop);
+  std::uint16_t edge_between(std::uint16_t from, std::uint16_t to);
+  void collect_edge_directions();
+
+  Patch face_patch(std::size_t face) const;
+  Patch edge_patch(std::size_t edge) const;
+  Patch vertex_patch(std::size_t vertex) const;
+  Patch lateral_patch(const Vector3& direction) const;
+  std::size_t support_vertex(const Vector3& direction) const noexcept;
+  Feature cylinder_feature_at(const Vector3& p) const;
+
+  Kind kind_ = Kind::kPolytope;
+  double margin_ = 0;
+  Vector3 box_half_ = Vector3::Zero();  ///< Half the edge lengths, if kind_ is kBox.
+  Cylinder cylinder_;                   ///< If kind_ is kCylinder.
+  std::vector<Vector3> vertices_;
+  std::vector<Edge> edges_;
+  std::vector<Face> faces_;
+  std::vector<Vector3> face_normals_;  ///< As faces_.
+  std::vector<Vector3> edge_directions_;
+};
+
+}  // namespace hlm::ve

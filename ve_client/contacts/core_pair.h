@@ -1,0 +1,36 @@
+// The cores of a tool shape and a body shape, both seen in the body's frame B.
+#pragma once
+
+#include "ve_client/contacts/convex.h"
+
+namespace hlm::ve {
+
+/// Frames: T the tool shape, B the body shape. Normals point from the body to the tool.
+struct CorePair {
+  const Convex& tool;
+  const Convex& body;
+  Matrix3 R_BT = Matrix3::Identity();
+  Vector3 p_BT = Vector3::Zero();  ///< m.
+
+  CorePair(const Convex& tool_shape, const Pose& X_WT, const Convex& body_shape, const Pose& X_WB)
+      : tool(tool_shape), body(body_shape) {
+    const Pose X_BT = X_WB.inverse() * X_WT;
+    R_BT = X_BT.R.toRotationMatrix();
+    p_BT = X_BT.p;
+  }
+
+  /// Point of the tool's core farthest along `direction`, in B, m.
+  Vector3 tool_support(const Vector3& direction) const noexcept {
+    return p_BT + R_BT * tool.support(R_BT.transpose() * direction);
+  }
+  /// Point of the body's core farthest along `direction`, in B, m.
+  Vector3 body_support(const Vector3& direction) const noexcept { return body.support(direction); }
+
+  /// Gap between the cores as seen along the unit normal n_B, m, negative if they overlap there.
+  /// For no normal is it larger than the cores' signed distance; for one it is equal to that.
+  double gap(const Vector3& n_B) const noexcept {
+    return n_B.dot(tool_support(-n_B) - body_support(n_B));
+  }
+};
+
+}  // namespace hlm::ve

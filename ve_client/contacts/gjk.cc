@@ -1,0 +1,157 @@
+#include "ve_client/contacts/gjk.h"
+
+#include <array>
+#include <limits>
+
+namespace hlm::ve {
+namespace {
+
+/// Upper and lower bound of the distance this close, m, end the search. Rounding of coordinates of
+/// a metre is 1e-16; a larger value costs accuracy of the normal on curved cores.
+constexpr double kConverged = 1e-13;
+/// Polytopes need about 10 iterations, cylinders about 40. What is not done by then is judged by
+/// its bounds.
+constexpr int kMaxIterations = 128;
+/// Gap in which nearest points are looked for in place of an overlap, m. Rounding turns their
+/// normal by 1e-12 rad; a larger gap improves a normal less.
+constexpr double kMovedApart = 1e-4;
+/// A triangle or tetrahedron flatter than this (sine, or sine times sine) is left to its parts.
+constexpr double kFlat = 1e-12;
+
+/// A point of the Minkowski difference tool - body, and the two points that it comes from.
+struct SimplexPoint {
+  Vector3 w;
+  Vector3 tool;
+  Vector3 body;
+};
+using Simplex = StaticVector<SimplexPoint, 4>;
+
+/// Some points of a simplex, by their indices, and a weight for each.
+struct Part {
+  std::array<std::size_t, 4> index{};
+  std::array<double, 4> weight{};
+  std::size_t size = 0;
+};
+
+/// Sets the weights of the foot of the origin on the affine hull of the part. False if the foot is
+/// not inside the part, or the part is degenerate.
+bool find_foot(const Simplex& simplex, Part& part) {
+  auto& weight = part.weight;
+  const Vector3& w0 = simplex[part.index[0]].w;
+  if (part.size == 1) {
+    weight[0] = 1;
+    return true;
+  }
+  const Vector3 e1 = simplex[part.index[1]].w - w0;
+  if (part.size == 2) {
+    weight[1] = -w0.dot(e1) / e1.squaredNorm();
+    weight[0] = 1 - weight[1];
+    return weight[0] > 0 && weight[1] > 0;
+  }
+  const Vector3 e2 = simplex[part.index[2]].w - w0;
+  const Vector3 area = e1.cross(e2);
+  if (part.size == 3) {
+    const double square = area.squaredNorm();
+    if (!(square > kFlat * kFlat * e1.squaredNorm() * e2.squaredNorm())) return false;
+    weight[1] = e2.cross(w0).dot(area) / square;
+    weight[2] = w0.cross(e1).dot(area) / square;
+    weight[0] = 1 - weight[1] - weight[2];
+    return weight[0] > 0 && weight[1] > 0 && weight[2] > 0;
+  }
+  const Vector3 e3 = simplex[part.index[3]].w - w0;
+  const double volume = area.dot(e3);
+  if (!(std::abs(volume) > kFlat * e1.norm() * e2.norm() * e3.norm())) return false;
+  weight[1] = -w0.dot(e2.cross(e3)) / volume;
+  weight[2] = -w0.dot(e3.cross(e1)) / volume;
+  weight[3] = -w0.dot(area) / volume;
+  weight[0] = 1 - weight[1] - weight[2] - weight[3];
+  return weight[0] > 0 && weight[1] > 0 && weight[2] > 0 && weight[3] > 0;
+}
+
+/// The part of a simplex that holds its point nearest the origin.
+struct Nearest {
+  Part part;
+  Vector3 v = Vector3::Zero();  ///< That point; the origin itself if the simplex contains it.
+  double distance = std::numeric_limits<double>::infinity();
+};
+
+/// Tries every part of the simplex that contains its newest (last) point: after a support step the
+/// nearest point lies on one of them.
+Nearest nearest_to_origin(const Simplex& simplex) {
+  Nearest best;
+  const std::size_t newest = simplex.size() - 1;
+  for (unsigned chosen = 0; chosen < (1U << newest); ++chosen) {
+    Part part;
+    part.index[part.size++] = newest;
+    for (std::size_t i = 0; i < newest; ++i) {
+      if (chosen & (1U << i)) part.index[part.size++] = i;
+    }
+    if (!find_foot(simplex, part)) continue;
+    Vector3 v = Vector3::Zero();
+    if (part.size < 4) {
+      for (std::size_t i = 0; i < part.size; ++i) v += part.weight[i] * simplex[part.index[i]].w;
+    }
+    const double distance = v.norm();
+    if (distance < best.distance) best = {part, v, distance};
+  }
+  return best;
+}
+
+/// Sets the answer's points from the part, and reduces the simplex to it.
+void accept(const Nearest& nearest, Simplex& simplex, ClosestPoints& answer) {
+  answer.upper = nearest.distance;
+  answer.p_tool.setZero();
+  answer.p_body.setZero();
+  Simplex reduced;
+  for (std::size_t i = 0; i < nearest.part.size; ++i) {
+    const SimplexPoint& point = simplex[nearest.part.index[i]];
+    answer.p_tool += nearest.part.weight[i] * point.tool;
+    answer.p_body += nearest.part.weight[i] * point.body;
+    reduced.push_back(point);
+  }
+  simplex = reduced;
+}
+
+}  // namespace
+
+ClosestPoints closest_points(const CorePair& pair, double beyond) noexcept {
+  using Relation = ClosestPoints::Relation;
+  ClosestPoints answer;
+  answer.upper = std::numeric_limits<double>::infinity();
+  Simplex simplex;
+  Vector3 v = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    answer.n_B = v.normalized();
+    const Vector3 p_tool = pair.tool_support(-v);
+    const Vector3 p_body = pair.body_support(v);
+    const Vector3 w = p_tool - p_body;
+    answer.lower = answer.n_B.dot(w);
+    if (answer.lower > beyond) return answer;
+    if (answer.upper - answer.lower <= kConverged) break;
+
+    simplex.push_back({w, p_tool, p_body});
+    const Nearest nearest = nearest_to_origin(simplex);
+    if (!(nearest.distance < answer.upper)) break;
+    accept(nearest, simplex, answer);
+    if (nearest.distance < kTouchingDistance) {
+      answer.relation = Relation::kTouching;
+      answer.n_B = nearest.distance > 0 ? nearest.v.normalized() : Vector3(Vector3::Zero());
+      return answer;
+    }
+    v = nearest.v;
+  }
+  answer.relation = Relation::kSeparate;
+  return answer;
+}
+
+ClosestPoints closest_points_moved_apart(const CorePair& pair, const Vector3& n_B,
+                                         double gap) noexcept {
+  const Vector3 move = (kMovedApart - gap) * n_B;
+  CorePair apart = pair;
+  apart.p_BT += move;
+  ClosestPoints answer = closest_points(apart, std::numeric_limits<double>::infinity());
+  answer.p_tool -= move;
+  return answer;
+}
+
+}  // namespace hlm::ve

@@ -1,0 +1,34 @@
+// All basic contacts of one pair of convex shapes within ε (METHOD 2, SUBSTRATE).
+#pragma once
+
+#include <cstdint>
+
+#include "common/contact.h"
+#include "ve_client/contacts/convex.h"
+
+namespace hlm::ve {
+
+/// One basic contact (vertex-face, face-vertex or edge-edge).
+struct ManifoldPoint {
+  Feature tool_feature;  ///< `shape` is left 0 for the caller.
+  Feature body_feature;
+  Vector3 p_WC = Vector3::Zero();  ///< On the environment's surface, world, m.
+  Vector3 n_W = Vector3::UnitZ();  ///< Unit, environment to tool.
+  double separation = 0;           ///< True separation σ, m.
+};
+inline constexpr std::size_t kMaxManifoldPoints = 32;
+using Manifold = StaticVector<ManifoldPoint, kMaxManifoldPoints>;
+
+/// Counts of answers that were refused, over the life of the caller's program.
+struct ProximityStatistics {
+  std::uint64_t queries = 0;
+  std::uint64_t failures =
+      0;  ///< Support check along the normal failed: no contact was made of it.
+};
+
+/// Contacts of `tool` at X_WT against `body` at X_WB with separation <= epsilon (m, >= 0); empty if
+/// the shapes are farther apart. Separations are exact to 1e-6 m from -20 mm to epsilon.
+Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
+                       double epsilon, ProximityStatistics& statistics);
+
+}  // namespace hlm::ve

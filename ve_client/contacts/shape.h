@@ -1,0 +1,34 @@
+// Convex collision shapes. Each is a core swept by a sphere of radius `margin()`: sphere = point,
+// capsule = segment, the others have margin 0.
+#pragma once
+
+#include <variant>
+#include <vector>
+
+#include "common/spatial.h"
+
+namespace hlm::ve {
+
+struct Sphere {
+  double radius = 0;  ///< m, > 0.
+};
+/// Along z of its frame, centred.
+struct Capsule {
+  double radius = 0;  ///< m, > 0.
+  double length = 0;  ///< Of the cylindrical part, m, > 0.
+};
+/// Along z of its frame, centred.
+struct Cylinder {
+  double radius = 0;  ///< m, > 0.
+  double length = 0;  ///< m, > 0.
+};
+/// Centred.
+struct Box {
+  Vector3 size = Vector3::Zero();  ///< Edge lengths, m, each > 0.
+};
+/// Half-space z <= 0 of its frame; its outward normal is +z. Environment only.
+struct HalfSpace {};
+
+using Shape = std::variant<Sphere, Capsule, Cylinder, Box, HalfSpace>;
+
+}  // namespace hlm::ve

@@ -1,0 +1,50 @@
+#include "ve_client/frame.h"
+
+#include "ve_client/contacts/select.h"
+
+namespace hlm::ve {
+
+VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
+                                       const std::string& tool_name, const FollowOptions& follow)
+    : assembly(assemble_tool(description, tool_name)),
+      world(description, assembly.bodies),
+      tool(world, assembly, follow),
+      proximity(world, assembly) {}
+
+FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clock& clock,
+                      double period, const FrameOptions& options) {
+  auto& [assembly, world, tool, proximity] = environment;
+  FrameResult result;
+
+  result.inbox = server.poll(clock.now());
+  if (const protocol::ProxyState* proxy = result.inbox.state) {
+    result.state_refused = !tool.can_follow(proxy->q, proxy->v);
+    if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
+  }
+
+  const double reach = tool.follow(period);
+  world.step(period, proximity.within_reach(tool, reach));
+  tool.read_back();
+
+  const double sampled_at = clock.now();
+  server.sample(sampled_at, tool.q(), tool.v(), period);
+  const ReportedContacts contacts =
+      select_contacts(proximity.query(tool, options.epsilon), assembly.planar_normal_W);
+
+  if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
+  server.send(clock.now(), contacts);
+
+  for (const ReportedContact& contact : contacts) {
+    ++(contact.separation <= 0 ? result.active : result.predicted);
+  }
+  return result;
+}
+
+double FramePeriods::next() {
+  // Not std::uniform_real_distribution: its sequence differs between standard libraries.
+  constexpr double kTwoToMinus53 = 0x1.0p-53;
+  const double share = static_cast<double>(engine_() >> 11) * kTwoToMinus53;
+  return 1 / (low_ + share * (high_ - low_));
+}
+
+}  // namespace hlm::ve

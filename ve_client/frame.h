@@ -1,0 +1,64 @@
+// The client's frame: what the virtual environment does 30 to 60 times a second.
+#pragma once
+
+#include <cstdint>
+#include <random>
+#include <string>
+
+#include "ve_client/client/haptic_client.h"
+#include "ve_client/clock.h"
+#include "ve_client/world/proximity.h"
+#include "ve_client/world/virtual_tool.h"
+#include "ve_client/world/world.h"
+
+namespace hlm::ve {
+
+/// A world, the virtual tool in it and the query for contacts between them.
+struct VirtualEnvironment {
+  /// Throws std::runtime_error as assemble_tool() does.
+  VirtualEnvironment(const WorldDescription& description, const std::string& tool_name,
+                     const FollowOptions& follow);
+
+  ToolAssembly assembly;
+  World world;
+  VirtualTool tool;
+  Proximity proximity;
+};
+
+struct FrameOptions {
+  double epsilon = 0.005;  ///< ε, m, >= 0.
+  /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
+  /// engine needed that long for its contacts. compute_time includes it, as it would there.
+  double delay = 0;
+};
+
+/// What a frame brought, for the caller to report.
+struct FrameResult {
+  HapticClient::Inbox inbox;   ///< `state` is valid until the next frame.
+  bool state_refused = false;  ///< The proxy state could not be followed (VirtualTool::can_follow).
+  std::size_t active = 0;      ///< Contacts sent with σ <= 0.
+  std::size_t predicted = 0;   ///< Contacts sent with σ > 0.
+};
+
+/// One frame of `period` simulated seconds. `server` and `clock` decide whether it runs on UDP and
+/// real time or in memory and virtual time.
+FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clock& clock,
+                      double period, const FrameOptions& options);
+
+/// Periods of frames: rates drawn uniformly, repeatable from a seed.
+class FramePeriods {
+ public:
+  /// Rates in [low, high], Hz, 0 < low <= high; low = high gives a fixed rate.
+  FramePeriods(double low, double high, std::uint64_t seed)
+      : low_(low), high_(high), engine_(seed) {}
+
+  /// s.
+  double next();
+
+ private:
+  double low_;
+  double high_;
+  std::mt19937_64 engine_;
+};
+
+}  // namespace hlm::ve

@@ -1,0 +1,39 @@
+// What the user sets of the client, from the command line or a configuration file.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "ve_client/frame.h"
+#include "ve_client/world/virtual_tool.h"
+
+namespace hlm::ve {
+
+struct Settings {
+  std::string server = "127.0.0.1:47800";  ///< HOST:PORT.
+  std::string world;                       ///< SDF file.
+  std::string tool = "peg";                ///< Model of the world.
+  FrameOptions frame;
+  FollowOptions follow;
+  double rate_low = 60;         ///< Hz. The rate of each frame is drawn between these.
+  double rate_high = 60;        ///< Hz.
+  std::uint64_t seed = 1;       ///< Of the drawn rates.
+  std::string record;           ///< Capture file; empty: none.
+  double duration = 0;          ///< s; 0: until stopped.
+  double connect_timeout = 10;  ///< s; 0: wait for ever.
+  std::string log_level = "info";
+};
+
+/// What the arguments ask for.
+struct ParsedArguments {
+  std::optional<Settings> settings;  ///< Empty if the program shall end, with `exit_code`.
+  int exit_code = 0;
+};
+
+/// Reads the arguments. Prints help, the effective configuration or, on stderr, one line naming the
+/// option, its value and what is allowed.
+ParsedArguments parse_arguments(int argc, const char* const* argv);
+
+}  // namespace hlm::ve

@@ -1,0 +1,62 @@
+#include "ve_client/status.h"
+
+#include <stdexcept>
+
+#include <spdlog/spdlog.h>
+
+namespace hlm::ve {
+
+void Connection::watch(double now, const HapticClient::Inbox& inbox, bool connected) {
+  if (inbox.reject) judge(*inbox.reject);
+  if (inbox.lost) spdlog::warn("session with {} lost; asking for a new one", server_);
+  if (inbox.welcomed) {
+    spdlog::info("session with {} began", server_);
+    ever_connected_ = true;
+    busy_ = false;
+  }
+  if (!connected && !ever_connected_ && timeout_ > 0 && now > timeout_) {
+    throw std::runtime_error(
+        "server " + server_ +
+        (busy_ ? " is still busy with another client after " : " has not answered within ") +
+        fmt::format("{} s (--connect-timeout)", timeout_));
+  }
+}
+
+void Connection::judge(const protocol::Reject& reject) {
+  const std::string text(reject.text.begin(), reject.text.end());
+  switch (reject.reason) {
+    case protocol::RejectReason::kVersion:
+      throw std::runtime_error(fmt::format(
+          "server {} speaks version {} of the protocol, this client version {}; both must be equal",
+          server_, reject.version, protocol::kProtocolVersion));
+    case protocol::RejectReason::kTool:
+      throw std::runtime_error("server " + server_ + " cannot use the tool: " + text);
+    case protocol::RejectReason::kBusy:
+      if (!busy_) spdlog::warn("server {} is busy with another client; waiting", server_);
+      busy_ = true;
+      return;
+  }
+}
+
+void Status::count(const FrameResult& frame) {
+  ++frames_;
+  active_ = frame.active;
+  predicted_ = frame.predicted;
+  if (frame.state_refused) ++refused_;
+}
+
+void Status::report(double now, const HapticClient& client, const ProximityStatistics& proximity) {
+  constexpr double kReportPeriod = 1;  // s.
+  if (now - last_report_ < kReportPeriod) return;
+  spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {}",
+               frames_ / (now - last_report_), active_, predicted_, 1e3 * client.round_trip(),
+               client.connected() ? "connected" : "no session");
+  if (refused_ > 0) spdlog::warn("{} proxy states could not be followed", refused_);
+  if (proximity.failures > 0) {
+    spdlog::warn("{} of {} proximity queries failed", proximity.failures, proximity.queries);
+  }
+  last_report_ = now;
+  frames_ = 0;
+}
+
+}  // namespace hlm::ve

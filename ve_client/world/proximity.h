@@ -1,0 +1,53 @@
+// Which contacts are there within ε between the virtual tool and the world?
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "common/contact.h"
+#include "ve_client/contacts/convex.h"
+#include "ve_client/contacts/manifold.h"
+#include "ve_client/world/virtual_tool.h"
+#include "ve_client/world/world.h"
+
+namespace hlm::ve {
+
+/// ε-active contact detection of one tool against all other bodies. Contacts between links of the
+/// tool are not looked for.
+class Proximity {
+ public:
+  /// `world` outlives this.
+  Proximity(World& world, const ToolAssembly& assembly);
+
+  /// All contacts with σ <= epsilon (m, >= 0) in the present poses, in an order that depends on the
+  /// world alone; the velocities are those of the bodies. Bodies and shapes are named by their
+  /// index in the world's description. Valid until the next call.
+  std::span<const ReportedContact> query(const VirtualTool& tool, double epsilon);
+  /// The contacts for the world's next step, in which no point of the tool moves farther than
+  /// `reach` (m, >= 0). Valid until the next call.
+  std::span<const ToolContact> within_reach(const VirtualTool& tool, double reach);
+
+  const ProximityStatistics& statistics() const noexcept { return statistics_; }
+
+ private:
+  struct ToolShape {
+    int link = 0;
+    int shape = 0;
+    Pose X_BG;
+    Convex convex;
+  };
+
+  void query_pair(const ToolShape& tool_shape, const Pose& X_WG, CollisionId other, double epsilon);
+  const CollisionDescription& collision(int body, int shape) const;
+
+  World& world_;
+  std::vector<int> tool_bodies_;
+  std::vector<ToolShape> tool_shapes_;
+  std::vector<std::vector<Convex>> body_shapes_;  ///< [body][shape].
+  std::vector<CollisionId> near_;
+  std::vector<ReportedContact> contacts_;
+  std::vector<ToolContact> within_reach_;
+  ProximityStatistics statistics_;
+};
+
+}  // namespace hlm::ve

@@ -1,0 +1,101 @@
+#include "ve_client/world/sdf_geometry.h"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include <sdf/Box.hh>
+#include <sdf/Capsule.hh>
+#include <sdf/Cylinder.hh>
+#include <sdf/Element.hh>
+#include <sdf/Geometry.hh>
+#include <sdf/Plane.hh>
+#include <sdf/Sphere.hh>
+
+namespace hlm::ve {
+namespace {
+
+double positive_size(double value, const std::string& what) {
+  if (std::isfinite(value) && value > 0) return value;
+  std::ostringstream message;
+  message << what << ' ' << value << " m must be finite and > 0 m";
+  throw std::runtime_error(message.str());
+}
+
+Shape to_shape(const sdf::Geometry& geometry, const std::string& where) {
+  switch (geometry.Type()) {
+    case sdf::GeometryType::SPHERE:
+      return Sphere{positive_size(geometry.SphereShape()->Radius(), where + " radius")};
+    case sdf::GeometryType::CAPSULE:
+      return Capsule{positive_size(geometry.CapsuleShape()->Radius(), where + " radius"),
+                     positive_size(geometry.CapsuleShape()->Length(), where + " length")};
+    case sdf::GeometryType::CYLINDER:
+      return Cylinder{positive_size(geometry.CylinderShape()->Radius(), where + " radius"),
+                      positive_size(geometry.CylinderShape()->Length(), where + " length")};
+    case sdf::GeometryType::BOX: {
+      const ignition::math::Vector3d size = geometry.BoxShape()->Size();
+      return Box{{positive_size(size.X(), where + " size x"),
+                  positive_size(size.Y(), where + " size y"),
+                  positive_size(size.Z(), where + " size z")}};
+    }
+    case sdf::GeometryType::PLANE:
+      return HalfSpace{};
+    default:
+      throw std::runtime_error(where +
+                               ": no geometry; allowed: box, sphere, cylinder, capsule, "
+                               "plane");
+  }
+}
+
+double friction_of(const sdf::Collision& collision, const std::string& where) {
+  constexpr double kSdfDefault = 1;
+  double mu = kSdfDefault;
+  sdf::ElementPtr element = collision.Element();
+  for (const char* child : {"surface", "friction", "ode", "mu"}) {
+    if (!element->HasElement(child)) return mu;
+    element = element->GetElement(child);
+  }
+  mu = element->Get<double>();
+  if (std::isfinite(mu) && mu >= 0) return mu;
+  throw std::runtime_error(where + ": friction mu " + std::to_string(mu) +
+                           " must be finite and >= 0");
+}
+
+}  // namespace
+
+Vector3 to_vector(const ignition::math::Vector3d& v) { return {v.X(), v.Y(), v.Z()}; }
+
+Matrix3 to_matrix(const ignition::math::Matrix3d& m) {
+  Matrix3 result;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      result(row, column) = m(static_cast<std::size_t>(row), static_cast<std::size_t>(column));
+    }
+  }
+  return result;
+}
+
+Pose to_pose(const ignition::math::Pose3d& pose) {
+  const ignition::math::Quaterniond& R = pose.Rot();
+  return {to_vector(pose.Pos()), Quaternion(R.W(), R.X(), R.Y(), R.Z()).normalized()};
+}
+
+CollisionDescription to_collision(const sdf::Collision& collision, const Vector3& p_BS,
+                                  const std::string& where) {
+  ignition::math::Pose3d X_SG;
+  if (const sdf::Errors errors = collision.SemanticPose().Resolve(X_SG); !errors.empty()) {
+    throw std::runtime_error(where + ": " + errors.front().Message());
+  }
+  CollisionDescription result;
+  result.name = collision.Name();
+  result.shape = to_shape(*collision.Geom(), where);
+  result.friction = friction_of(collision, where);
+  result.X_BG = Pose{p_BS, Quaternion::Identity()} * to_pose(X_SG);
+  if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
+    result.X_BG.R =
+        result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
+  }
+  return result;
+}
+
+}  // namespace hlm::ve

@@ -1,0 +1,34 @@
+// What SDFormat's parser has to say, as one line instead of many on stderr.
+#pragma once
+
+#include <sstream>
+#include <streambuf>
+#include <string>
+
+#include <sdf/Types.hh>
+
+namespace hlm::ve {
+
+/// While it lives, what anyone writes to std::cerr is kept instead of printed: the parser, and the
+/// URDF parser that it tries next, print their details there and leave them out of their errors.
+class CapturedMessages {
+ public:
+  CapturedMessages();
+  ~CapturedMessages();
+  CapturedMessages(const CapturedMessages&) = delete;
+  CapturedMessages& operator=(const CapturedMessages&) = delete;
+
+  /// The first error of the SDF parser so far, without its source position; empty if none.
+  std::string first_error() const;
+
+ private:
+  std::ostringstream text_;
+  std::streambuf* original_;
+};
+
+/// Throws std::runtime_error "where: …" with the first of the parser's errors, its line in the file
+/// and `detail` (may be empty) in one line; returns if there is no error.
+void require_none(const sdf::Errors& errors, const std::string& where,
+                  const std::string& detail = "");
+
+}  // namespace hlm::ve

@@ -1,0 +1,184 @@
+#include "ve_client/world/virtual_tool.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace hlm::ve {
+namespace {
+
+constexpr int kFreeQuaternion = 3;  ///< First coordinate of a free root's quaternion.
+
+/// `angle` plus the whole turns that bring it nearest to `reference`, rad.
+double unwrapped(double angle, double reference) {
+  return reference + std::remainder(angle - reference, 2 * std::numbers::pi);
+}
+
+/// Angle of the turn about a unit axis that R makes, rad.
+double turn_about(const Vector3& axis, const Quaternion& R) {
+  return 2 * std::atan2(R.vec().dot(axis), R.w());
+}
+
+/// `v` shortened to `limit`.
+Vector3 bounded(const Vector3& v, double limit) {
+  const double length = v.norm();
+  return length > limit ? Vector3(v * (limit / length)) : v;
+}
+
+}  // namespace
+
+VirtualTool::VirtualTool(World& world, const ToolAssembly& assembly, const FollowOptions& options)
+    : world_(world),
+      assembly_(assembly),
+      options_(options),
+      model_(assembly.description),
+      v_(Velocity::Zero(model_.dof())),
+      target_(assembly.description),
+      v_target_(v_) {
+  model_.set_configuration(assembly.q);
+  target_.set_configuration(assembly.q);
+  for (const int body : assembly_.bodies) {
+    if (options_.mode == FollowMode::kKinematic) {
+      world_.make_kinematic(body);
+    } else if (assembly_.planar_normal_W && body == assembly_.bodies.front()) {
+      world_.keep_planar(body);
+    }
+  }
+}
+
+bool VirtualTool::can_follow(const Configuration& q, const Velocity& v) const noexcept {
+  constexpr double kLargestCoordinate = 1e3;  // m or rad.
+  constexpr double kLargestVelocity = 1e3;    // m/s or rad/s.
+  constexpr double kUnitTolerance = 1e-3;
+  if (q.size() != model_.configuration_size() || v.size() != model_.dof()) return false;
+  if (assembly_.description.links[0].joint == JointType::kFree) {
+    const double length = q.segment<4>(kFreeQuaternion).norm();
+    if (!(std::abs(length - 1) <= kUnitTolerance)) return false;
+  }
+  return (q.array().abs() <= kLargestCoordinate).all() &&
+         (v.array().abs() <= kLargestVelocity).all();
+}
+
+void VirtualTool::set_target(const Configuration& q, const Velocity& v) {
+  Configuration unit = q;
+  if (assembly_.description.links[0].joint == JointType::kFree) {
+    unit.segment<4>(kFreeQuaternion).normalize();
+  }
+  target_.set_configuration(unit);
+  v_target_ = v;
+}
+
+double VirtualTool::follow(double dt) {
+  double reach = 0;
+  for (int link = 0; link < target_.links(); ++link) {
+    const int body = assembly_.bodies[at(link)];
+    const Pose X_WB_target = target_.X_WL(link) * assembly_.X_LB[at(link)];
+    Twist V_WB;
+    if (options_.mode == FollowMode::kKinematic) {
+      V_WB = displacement(world_.X_WB(body), X_WB_target) / dt;
+      world_.set_velocity(body, V_WB);
+    } else {
+      V_WB = pull(link, X_WB_target, dt);
+    }
+    // No point of the tool is farther from a link's centre of mass than twice its length.
+    const double speed =
+        V_WB.head<3>().norm() + 2 * assembly_.description.length * V_WB.tail<3>().norm();
+    reach = std::max(reach, speed * dt);
+  }
+  v_target_.setZero();
+  return reach;
+}
+
+Twist VirtualTool::pull(int link, const Pose& X_WB_target, double dt) {
+  const int index = assembly_.bodies[at(link)];
+  const BodyDescription& body = world_.description().bodies[at(index)];
+  const Pose X_WB = world_.X_WB(index);
+  const Twist V_WB = world_.V_WB(index);
+  const Twist V_WB_target = target_.jacobian(link, X_WB_target.p) * v_target_;
+  const double w = 2 * std::numbers::pi * options_.frequency;
+  const double b = 2 * options_.damping_ratio * w;
+  const Vector6 a =
+      (w * w * (displacement(X_WB, X_WB_target) - dt * V_WB) + b * (V_WB_target - V_WB)) /
+      (1 + b * dt + w * w * dt * dt);
+
+  const Matrix3 R = X_WB.R.toRotationMatrix();
+  const Matrix3 I_W = R * body.I_B * R.transpose();
+  const Vector3 force = bounded(body.mass * a.head<3>(), options_.max_force);
+  const Vector3 torque =
+      bounded(I_W * a.tail<3>(), options_.max_force * assembly_.description.length);
+  Vector6 change;
+  change << force / body.mass, I_W.inverse() * torque;
+  world_.add_wrench(index, (Wrench() << force, torque).finished());
+  return V_WB + dt * change;
+}
+
+void VirtualTool::read_back() {
+  Configuration q = model_.configuration();
+  int coordinate = 0;
+  int velocity = 0;
+  for (int link = 0; link < model_.links(); ++link) {
+    read_joint(link, coordinate, velocity, q);
+    const JointType joint = assembly_.description.links[at(link)].joint;
+    coordinate += joint_configuration_size(joint);
+    velocity += joint_dof(joint);
+  }
+  model_.set_configuration(q);
+  for (int link = 0; link < model_.links(); ++link) {
+    const Pose X_WB_link = X_WB(link);
+    const Twist V_WB = model_.jacobian(link, X_WB_link.p) * v_;
+    world_.set_pose(assembly_.bodies[at(link)], X_WB_link);
+    world_.set_velocity(assembly_.bodies[at(link)], V_WB);
+  }
+}
+
+/// Reads the joint above a link from the poses and twists of the two bodies that it joins into q
+/// (from `coordinate` on) and v_ (from `velocity` on).
+void VirtualTool::read_joint(int link, int coordinate, int velocity, Configuration& q) {
+  const Link& description = assembly_.description.links[at(link)];
+  const auto X_WL = [&](int l) {
+    return world_.X_WB(assembly_.bodies[at(l)]) * assembly_.X_LB[at(l)].inverse();
+  };
+  const bool rooted = description.parent < 0;
+  const Pose X_WJ = (rooted ? Pose{} : X_WL(description.parent)) * description.X_PJ;
+  const Pose X_WL_link = X_WL(link);
+  const Pose X_JL = X_WJ.inverse() * X_WL_link;
+
+  // Twist of the link at its origin against the parent's material there, axes of J.
+  const auto V_at_L = [&](int l) {
+    const int body = assembly_.bodies[at(l)];
+    Twist V;
+    V << world_.velocity_at(body, X_WL_link.p), world_.V_WB(body).tail<3>();
+    return V;
+  };
+  const Twist V_W = rooted ? V_at_L(link) : Twist(V_at_L(link) - V_at_L(description.parent));
+  const Vector3 v_J = X_WJ.R.conjugate() * V_W.head<3>();
+  const Vector3 w_J = X_WJ.R.conjugate() * V_W.tail<3>();
+
+  switch (description.joint) {
+    case JointType::kFixed:
+      return;
+    case JointType::kRevolute:
+      q[coordinate] = unwrapped(turn_about(description.axis, X_JL.R), q[coordinate]);
+      v_[velocity] = description.axis.dot(w_J);
+      return;
+    case JointType::kPrismatic:
+      q[coordinate] = description.axis.dot(X_JL.p);
+      v_[velocity] = description.axis.dot(v_J);
+      return;
+    case JointType::kPlanar:
+      q.segment<3>(coordinate) << X_JL.p.x(), X_JL.p.y(),
+          unwrapped(turn_about(Vector3::UnitZ(), X_JL.R), q[coordinate + 2]);
+      v_.segment<3>(velocity) << v_J.x(), v_J.y(), w_J.z();
+      return;
+    case JointType::kFree: {
+      Eigen::Vector4d R(X_JL.R.w(), X_JL.R.x(), X_JL.R.y(), X_JL.R.z());
+      R.normalize();
+      // q and -q are one rotation: keep to the side of the latest.
+      if (R.dot(q.segment<4>(coordinate + kFreeQuaternion)) < 0) R = -R;
+      q.segment<7>(coordinate) << X_JL.p, R;
+      v_.segment<6>(velocity) << v_J, w_J;
+      return;
+    }
+  }
+}
+
+}  // namespace hlm::ve

@@ -1,0 +1,72 @@
+// The virtual tool in the world: it follows the proxy, and says where it really is.
+#pragma once
+
+#include "common/tool_model.h"
+#include "ve_client/world/tool_assembly.h"
+#include "ve_client/world/world.h"
+
+namespace hlm::ve {
+
+/// How the tool follows the proxy.
+enum class FollowMode {
+  kImplicit,   ///< Drawn by springs and dampers: walls stop it, loose bodies are pushed aside.
+  kKinematic,  ///< Carried to the proxy's configuration in every step, through everything.
+};
+
+struct FollowOptions {
+  FollowMode mode = FollowMode::kImplicit;
+  /// Undamped natural frequency of the tool on its springs, Hz, > 0. At 60 Hz the tool is within a
+  /// few per cent of a still proxy after 3 frames; lower lags, higher presses harder on walls.
+  double frequency = 60;
+  double damping_ratio = 1;  ///< >= 0; below 1 the tool overshoots.
+  /// Largest force on one link, N, > 0; its torque is bounded by this times the tool's length.
+  double max_force = 50;
+};
+
+/// Owns the tool's part of a World. Not thread-safe.
+class VirtualTool {
+ public:
+  /// `world` was built with `assembly.bodies` as the tool and outlives this.
+  VirtualTool(World& world, const ToolAssembly& assembly, const FollowOptions& options);
+
+  const ToolAssembly& assembly() const noexcept { return assembly_; }
+
+  /// Whether a configuration and velocity from outside can be followed: right sizes, a usable
+  /// quaternion, and nothing farther than 1 km or faster than 1 km/s (values that would overflow in
+  /// the engine).
+  bool can_follow(const Configuration& q, const Velocity& v) const noexcept;
+  /// Sets what follow() follows: the proxy's configuration, and its velocity during the next step
+  /// (after it the target is at rest until told otherwise). Requires can_follow(q, v).
+  void set_target(const Configuration& q, const Velocity& v);
+
+  /// Applies to the bodies what draws them toward the target during the next step of dt seconds:
+  /// on each, M a with a = (ω²(x_T − x − dt v) + 2ζω(v_T − v)) / (1 + 2ζω dt + ω² dt²), which is a
+  /// spring and damper integrated by the backward Euler rule: stable for any ω dt. Returns how far
+  /// the tool's points will move in that step at most if nothing stops them, m.
+  double follow(double dt);
+  /// Reads q and q̇ from the bodies after a step, and removes what they drifted off their joints:
+  /// from here on they are exactly in that configuration.
+  void read_back();
+
+  /// Configuration q_VE in which the tool is, after the latest read_back(). Angles are continuous.
+  const Configuration& q() const noexcept { return model_.configuration(); }
+  const Velocity& v() const noexcept { return v_; }
+  /// Pose of the body of a link in the world.
+  Pose X_WB(int link) const { return model_.X_WL(link) * assembly_.X_LB[at(link)]; }
+
+ private:
+  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
+  /// Applies the pull on one link. Returns its velocity after the step if nothing stops it.
+  Twist pull(int link, const Pose& X_WB_target, double dt);
+  void read_joint(int link, int coordinate, int velocity, Configuration& q);
+
+  World& world_;
+  ToolAssembly assembly_;
+  FollowOptions options_;
+  ToolModel model_;  ///< At q_VE.
+  Velocity v_;
+  ToolModel target_;  ///< At the proxy's configuration.
+  Velocity v_target_;
+};
+
+}  // namespace hlm::ve

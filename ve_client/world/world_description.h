@@ -1,0 +1,73 @@
+// What a virtual environment is made of, as plain values: bodies, joints, models.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/spatial.h"
+#include "common/tool_description.h"
+#include "ve_client/contacts/shape.h"
+
+namespace hlm::ve {
+
+/// One collision shape of a body. B is the body's frame, G the shape's.
+struct CollisionDescription {
+  std::string name;
+  Shape shape;
+  Pose X_BG;
+  double friction = 1;  ///< μ, >= 0. Two shapes in contact have the smaller of theirs.
+};
+
+/// A rigid body: one SDF link. Its frame B has its origin at the centre of mass and the link's
+/// axes.
+struct BodyDescription {
+  std::string name;                   ///< Scoped, for example "robot::arm".
+  bool fixed = false;                 ///< Never moves (a link of a static model).
+  bool weightless = false;            ///< Gravity does not act on it.
+  double mass = 1;                    ///< kg, > 0.
+  Matrix3 I_B = Matrix3::Identity();  ///< Inertia about the centre of mass, axes of B, kg·m².
+  Pose X_WB;                          ///< Initial pose.
+  Vector3 p_BS = Vector3::Zero();     ///< Origin of the SDF link's frame S (same axes), m.
+  std::vector<CollisionDescription> collisions;
+};
+
+/// A joint; its coordinate is zero in the initial poses. J is its frame, fixed in the child.
+struct JointDescription {
+  std::string name;
+  JointType type = JointType::kFixed;                       ///< kFixed, kRevolute or kPrismatic.
+  int parent = -1;                                          ///< Body index; -1 is the world.
+  int child = 0;                                            ///< Body index.
+  Pose X_WJ;                                                ///< Initial pose of J.
+  Vector3 axis_J = Vector3::UnitZ();                        ///< Unit.
+  double lower = -std::numeric_limits<double>::infinity();  ///< rad or m, <= 0.
+  double upper = std::numeric_limits<double>::infinity();   ///< rad or m, >= 0.
+
+  bool limited() const { return std::isfinite(lower) || std::isfinite(upper); }
+};
+
+/// A top-level model: a range of bodies (with those of its nested models) and what it says of its
+/// use as virtual tool.
+struct ModelDescription {
+  std::string name;
+  bool fixed = false;
+  int first_body = 0;
+  int body_count = 0;
+  /// <haptic:tool_joint>: how the tool's root moves in the world; empty if not given.
+  std::optional<JointType> tool_joint;
+  /// <haptic:hand>: link held by the user (scoped, without the model's name) and the hand's frame
+  /// in that link's SDF frame; empty if not given.
+  std::optional<std::string> hand_link;
+  Pose X_SH;
+};
+
+struct WorldDescription {
+  Vector3 gravity_W = Vector3::Zero();  ///< m/s².
+  std::vector<BodyDescription> bodies;  ///< In the file's order: the index is a stable identity.
+  std::vector<JointDescription> joints;
+  std::vector<ModelDescription> models;
+};
+
+}  // namespace hlm::ve
