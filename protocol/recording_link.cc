@@ -29,8 +29,12 @@ void RecordingLink::send(const Endpoint& to, std::span<const std::byte> bytes) n
 
 void RecordingLink::record(const Endpoint& from, const Endpoint& to,
                            std::span<const std::byte> bytes) noexcept {
+  // From pointers the bytes are copied as a block; from the span's iterators one by one.
   const CapturedDatagram datagram{
-      .time_ns = clock_(), .from = from, .to = to, .bytes = {bytes.begin(), bytes.end()}};
+      .time_ns = clock_(),
+      .from = from,
+      .to = to,
+      .bytes = DatagramBytes(bytes.data(), bytes.data() + bytes.size())};
   if (!ring_.push(datagram)) lost_.fetch_add(1, std::memory_order_relaxed);
 }
 

@@ -15,12 +15,12 @@ using RejectText = decltype(Reject::text);
 
 /// As much of the text as a reject holds, cut between characters, without control characters.
 RejectText reject_text(std::string_view text) noexcept {
+  RejectText kept;
+  std::size_t length = std::min(text.size(), kept.capacity());
   const auto continues_character = [](char c) {
     return (static_cast<unsigned char>(c) & 0xC0u) == 0x80u;
   };
-  std::size_t length = std::min(text.size(), std::size_t{RejectText::static_capacity});
   while (length > 0 && length < text.size() && continues_character(text[length])) --length;
-  RejectText kept;
   for (const char c : text.substr(0, length)) {
     const auto code = static_cast<unsigned char>(c);
     kept.push_back(code < 0x20 || code == 0x7F ? ' ' : c);

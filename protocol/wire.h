@@ -154,8 +154,8 @@ class Reader : public CompoundFields<Reader> {
   template <class Text>
   void text_size(Text& text) noexcept {
     const auto count = take<std::uint8_t>();
-    require(count <= Text::static_capacity);
-    text.resize(std::min<std::size_t>(count, Text::static_capacity));
+    require(count <= text.capacity());
+    text.resize(std::min<std::size_t>(count, text.capacity()));
   }
   /// UTF-8 without control characters, of the length that `text` has.
   template <class Text>
@@ -193,7 +193,8 @@ class Reader : public CompoundFields<Reader> {
       return 0;
     }
     std::array<std::byte, sizeof(T)> raw;
-    for (std::byte& byte : raw) byte = bytes_[position_++];
+    std::ranges::copy(bytes_.subspan(position_, sizeof(T)), raw.begin());
+    position_ += sizeof(T);
     return boost::endian::little_to_native(std::bit_cast<T>(raw));
   }
 

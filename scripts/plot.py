@@ -37,6 +37,10 @@ MARK = "#e63946"
 SAME_PLACE = 0.004
 # Length of the close-up, s.
 CLOSE_UP = 2.0
+# Forces within this of the session's last one, N, count as constant.
+CONSTANT_FORCE = 0.1
+# Smallest drift shown, mm: 0 has no place on a logarithmic axis.
+LEAST_DRIFT = 1e-3
 # Bins over the session in which tick times are reduced to their maximum.
 TIMING_BINS = 800
 
@@ -82,12 +86,14 @@ def draw_heading(axes, log):
 
 
 def draw_drift(axes, log):
-    style = dict(STYLES["device"], label="device to proxy")
-    axes.plot(log["time_s"], in_session(log, distance(log, "device", "proxy")), **style)
-    style = dict(STYLES["tool"], linewidth=1.2, label="proxy to virtual tool\n(as last reported)")
-    axes.plot(log["time_s"], in_session(log, distance(log, "proxy", "tool")), **style)
+    for pair, style, label in (
+        (("proxy", "tool"), STYLES["tool"], "proxy to virtual tool\n(as last reported)"),
+        (("device", "proxy"), STYLES["device"], "device to proxy"),
+    ):
+        drift = in_session(log, np.maximum(distance(log, *pair), LEAST_DRIFT))
+        axes.plot(log["time_s"], drift, color=style["color"], linewidth=1, label=label)
     axes.set_ylabel("drift\nmm")
-    axes.set_ylim(bottom=0)
+    axes.set_yscale("log")
 
 
 def draw_force(axes, log, axis):
@@ -186,19 +192,23 @@ def marked_ticks(log, phases):
 
 
 def draw_close_up(position, force, log):
-    """The end of the last session, along the axis of the largest force there."""
+    """The end of the last session, without its tail of constant force, along the axis of the
+    largest force there."""
     session = np.flatnonzero(log["session"] > 0)
     if not len(session):
         position.axis("off")
         force.axis("off")
         return
-    end = log["time_s"][session[-1]]
-    shown = (log["session"] > 0) & (log["time_s"] > end - CLOSE_UP)
+    forces = np.array([log[f"command_force_{axis}_N"][session] for axis in "xyz"])
+    changing = np.linalg.norm(forces - forces[:, -1:], axis=0) > CONSTANT_FORCE
+    last = session[changing][-1] if changing.any() else session[-1]
+    end = log["time_s"][last]
+    shown = (log["session"] > 0) & (abs(log["time_s"] - end + CLOSE_UP / 2) < CLOSE_UP / 2)
     part = {name: values[shown] for name, values in log.items()}
     axis = max("xyz", key=lambda a: np.ptp(part[f"command_force_{a}_N"]))
     draw_positions(position, part, axis)
     draw_force(force, part, axis)
-    position.set_title(f"Close-up: the last {CLOSE_UP:g} s of the session")
+    position.set_title(f"Close-up: the last {CLOSE_UP:g} s of changing force")
     force.set_xlabel("time since the server started, s")
     for axes in (position, force):
         axes.grid(alpha=0.3)

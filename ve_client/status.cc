@@ -51,10 +51,12 @@ void Status::report(double now, const HapticClient& client, const ProximityStati
   spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {}",
                frames_ / (now - last_report_), active_, predicted_, 1e3 * client.round_trip(),
                client.connected() ? "connected" : "no session");
-  if (refused_ > 0) spdlog::warn("{} proxy states could not be followed", refused_);
-  if (proximity.failures > 0) {
+  if (refused_ > warned_refused_) spdlog::warn("{} proxy states could not be followed", refused_);
+  if (proximity.failures > warned_failures_) {
     spdlog::warn("{} of {} proximity queries failed", proximity.failures, proximity.queries);
   }
+  warned_refused_ = refused_;
+  warned_failures_ = proximity.failures;
   last_report_ = now;
   frames_ = 0;
 }

@@ -1,6 +1,7 @@
 // What the client tells its user while it runs: the state of the connection and a status line.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "ve_client/client/haptic_client.h"
@@ -41,6 +42,8 @@ class Status {
   std::size_t active_ = 0;     ///< Of the latest frame.
   std::size_t predicted_ = 0;  ///< Of the latest frame.
   int refused_ = 0;            ///< Proxy states that could not be followed, since the start.
+  int warned_refused_ = 0;     ///< As of the latest report.
+  std::uint64_t warned_failures_ = 0;  ///< Of proximity queries, as of the latest report.
 };
 
 }  // namespace hlm::ve

@@ -7,6 +7,13 @@ namespace {
 
 bool by_key(const LocalContact& a, const LocalContact& b) { return a.key < b.key; }
 
+/// Most updates come sorted, and contacts are large to move.
+void sort_by_key(LocalContacts& contacts) noexcept {
+  if (!std::is_sorted(contacts.begin(), contacts.end(), by_key)) {
+    std::sort(contacts.begin(), contacts.end(), by_key);
+  }
+}
+
 const LocalContact* find(const LocalContacts& contacts, const ContactKey& key) noexcept {
   const auto at =
       std::lower_bound(contacts.begin(), contacts.end(), key,
@@ -103,13 +110,13 @@ LocalContacts adopt_update(const LocalContacts& existing, const ReportedContacts
     updated.push_back(
         local_contact(contact, find(existing, contact.key), ve_tool, proxy, age, rule));
   }
-  std::sort(updated.begin(), updated.end(), by_key);
+  sort_by_key(updated);
   updated.erase(std::unique(updated.begin(), updated.end(),
                             [](const auto& a, const auto& b) { return a.key == b.key; }),
                 updated.end());
   if (rule == UpdateRule::kRetain) {
     retain_unreported(updated, existing, proxy);
-    std::sort(updated.begin(), updated.end(), by_key);
+    sort_by_key(updated);
   }
   return updated;
 }

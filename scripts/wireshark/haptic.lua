@@ -350,7 +350,8 @@ local function describe(head)
   return text
 end
 
-function haptic.dissector(tvb, pinfo, root)
+-- Returns the number of bytes dissected; 0 if the datagram is not of this protocol.
+local function dissect_datagram(tvb, pinfo, root)
   if tvb:len() < #MAGIC or tvb(0, #MAGIC):string() ~= MAGIC then return 0 end
   pinfo.cols.protocol = "HLM"
   local tree = root:add(haptic, tvb())
@@ -377,9 +378,10 @@ function haptic.dissector(tvb, pinfo, root)
   return tvb:len()
 end
 
+haptic.dissector = dissect_datagram
 DissectorTable.get("udp.port"):add(PORT, haptic)
 
 -- On any other port, by the magic.
 haptic:register_heuristic("udp", function(tvb, pinfo, root)
-  return haptic.dissector(tvb, pinfo, root) > 0
+  return dissect_datagram(tvb, pinfo, root) > 0
 end)

@@ -25,8 +25,9 @@ constexpr double kBall = 1e-5;
 constexpr double kEpaTolerance = 1e-13;
 /// libccd: iterations of its search for an overlap. 10 to 30 are usual.
 constexpr unsigned long kMaxOverlapIterations = 200;
-/// libccd itself does not bound the growth of its polytope. 50 support points are usual, few need
-/// 200.
+/// libccd itself does not bound the growth of its polytope. 100 support points of the two cores, in
+/// all attempts, are usual, few pairs need 500. A pair for which this is too small, because it has
+/// a circle of equally good normals, costs about 10 ms and is refused.
 constexpr int kMaxSupports = 1000;
 /// libccd: where to start, one attempt each. From some directions a symmetrical pair yields a flat
 /// polytope, which cannot grow.
@@ -102,7 +103,7 @@ struct CcdObject {
   bool is_tool;
   double ball;  ///< Sweeps this core, m.
   const Vector3& first_direction;
-  int& supports;  ///< Calls so far for both cores.
+  int& supports;  ///< Calls so far for both cores, in all attempts.
 };
 
 extern "C" void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* result) {
@@ -125,8 +126,7 @@ extern "C" void ccd_first_direction(const void* object, const void*, ccd_vec3_t*
 /// Overlap of the cores by libccd: `gap` of its normal, and as `upper` what the depth of its
 /// polytope, which lies inside the Minkowski difference, proves. None if it finds no overlap.
 std::optional<CoreSeparation> expanding_polytope(const CorePair& pair,
-                                                 const Vector3& first_direction) {
-  int supports = 0;
+                                                 const Vector3& first_direction, int& supports) {
   const CcdObject tool{pair, true, kBall, first_direction, supports};
   const CcdObject body{pair, false, 0, first_direction, supports};
   ccd_t ccd;
@@ -150,8 +150,9 @@ std::optional<CoreSeparation> expanding_polytope(const CorePair& pair,
 
 /// Gap of curved cores: libccd's answer is made more exact by nearest points.
 CoreSeparation curved_penetration(const CorePair& pair, BestNormal& best, double upper) {
+  int supports = 0;
   for (const Vector3& first_direction : kFirstDirections) {
-    const auto found = expanding_polytope(pair, first_direction);
+    const auto found = expanding_polytope(pair, first_direction, supports);
     if (!found) continue;
     best.consider(found->n_B);
     best.consider(closest_points_moved_apart(pair, best.best().n_B, best.best().gap).n_B);

@@ -1,6 +1,7 @@
 // The signed distance of two convex shapes, with its normal: exact, or refused.
 #pragma once
 
+#include <cmath>
 #include <optional>
 
 #include "ve_client/contacts/gjk.h"
@@ -18,7 +19,9 @@ struct CoreSeparation {
   Vector3 n_B = Vector3::Zero();  ///< Unit, body to tool.
 
   /// True if the supports along n_B confirm the distance. False for anything not finite.
-  bool is_confirmed() const noexcept { return upper - gap <= kAccuracy && n_B.allFinite(); }
+  bool is_confirmed() const noexcept {
+    return std::abs(upper - gap) <= kAccuracy && n_B.allFinite();
+  }
 };
 
 /// None if the cores are farther apart than `beyond` (m, >= 0). The caller checks is_confirmed().

@@ -1,0 +1,91 @@
+// What one tick computes: local model and controller, by number of contacts and degrees of freedom.
+#include <benchmark/benchmark.h>
+
+#include "haptic_server/control/controller.h"
+#include "haptic_server/control/impulse_spreader.h"
+#include "haptic_server/control/limiter.h"
+#include "haptic_server/local_model/local_model.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kStep = 1e-3;  // s
+
+/// d = 3: a planar tool; d = 6: a rigid tool; d = 12: a rigid tool with a chain of six links, held
+/// and touched at its end.
+ToolDescription tool_with(int dof) {
+  ToolDescription tool;
+  Link root;
+  root.joint = dof == 3 ? JointType::kPlanar : JointType::kFree;
+  root.I_LCom = 2e-3 * Matrix3::Identity();
+  tool.links.push_back(root);
+  for (int i = 6; i < dof; ++i) {
+    Link link;
+    link.parent = i - 6;
+    link.joint = JointType::kRevolute;
+    link.axis = Vector3::Unit(i % 3);
+    link.X_PJ.p = {0.05, 0, 0};
+    link.p_LCom = {0.025, 0, 0};
+    link.mass = 0.2;
+    link.I_LCom = 2e-4 * Matrix3::Identity();
+    tool.links.push_back(link);
+  }
+  tool.hand_link = static_cast<int>(tool.links.size()) - 1;
+  return tool;
+}
+
+/// Contacts spread over the walls of a square hole around the last link.
+ReportedContacts contacts_of(const ToolModel& tool, int count) {
+  ReportedContacts contacts;
+  const int link = tool.links() - 1;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 1.5707963267948966 * (i % 4);
+    ReportedContact contact;
+    contact.key.link = static_cast<std::uint16_t>(link);
+    contact.key.tool_feature.index = static_cast<std::uint16_t>(i);
+    contact.n_W = {std::cos(angle), std::sin(angle), 0};
+    contact.p_WC =
+        tool.X_WL(link).p - 0.02 * contact.n_W + Vector3(0, 0, 0.002 * (i / 4 - count / 8));
+    contacts.push_back(contact);
+  }
+  return contacts;
+}
+
+void tick(benchmark::State& state, bool adopts) {
+  const ToolDescription tool = tool_with(static_cast<int>(state.range(0)));
+  const ToolModel start(tool);
+  const ReportedContacts contacts = contacts_of(start, static_cast<int>(state.range(1)));
+  LocalModel model(tool, start.configuration(), {}, kStep);
+  const Controller controller(ControllerKind::kFourChannel, {});
+  const DeviceRatings ratings{.max_force = 12, .max_torque = 0.6};
+  ImpulseSpreader spreader(ratings, kStep);
+  Limiter limiter({}, ratings, kStep);
+  limiter.allow(true);
+
+  DeviceState device;
+  device.X_WD = model.proxy().X_WH();
+  device.F_hand = Wrench::Constant(0.05);
+  model.adopt(contacts, start.configuration(), 0.02);
+  for (auto _ : state) {
+    if (adopts) model.adopt(contacts, start.configuration(), 0.02);
+    const ContactWrench felt =
+        model.step(controller.to_proxy(device, model.proxy().X_WH(), model.hand_twist()));
+    Wrench u = controller.to_device(device, model.proxy().X_WH(), model.hand_twist(), felt.F);
+    u += spreader.render(felt.impulse, u);
+    benchmark::DoNotOptimize(limiter.limit(u));
+  }
+}
+
+void Tick(benchmark::State& state) { tick(state, false); }
+void TickWithUpdate(benchmark::State& state) { tick(state, true); }
+
+const std::vector<std::vector<std::int64_t>> kCases{{3, 6, 12}, {1, 4, 16, 64}};
+BENCHMARK(Tick)->ArgNames({"d", "contacts"})->ArgsProduct(kCases)->Unit(benchmark::kMicrosecond);
+BENCHMARK(TickWithUpdate)
+    ->ArgNames({"d", "contacts"})
+    ->ArgsProduct(kCases)
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace hlm::server
+

@@ -1,0 +1,243 @@
+// The client's side of the session, on a link whose other side is the test.
+#include "protocol/client_session.h"
+
+#include <string>
+#include <vector>
+
+#include "tests/protocol/queue_link.h"
+#include "tests/protocol/sample_messages.h"
+#include "tests/support/catch.h"
+
+namespace hlm::protocol {
+namespace {
+
+using test::planar_hello;
+using test::planar_state;
+using test::planar_update;
+
+constexpr Endpoint kServer{.address = 0x0A000001, .port = 47800};
+constexpr Endpoint kOther{.address = 0x0A000009, .port = 47800};
+constexpr std::uint64_t kSession = 7;
+
+struct Client {
+  /// Nonce of the latest hello.
+  std::uint64_t nonce() const {
+    Hello hello;
+    const std::vector<DatagramBytes> parts{link.sent().back().bytes};
+    if (decode(parts, hello)) throw std::logic_error("the latest datagram is not a hello");
+    return hello.nonce;
+  }
+  void begin(double now = 0) {
+    session.poll(now);
+    link.deliver(kServer, {.session = kSession}, Welcome{nonce(), 1000, 5});
+    REQUIRE(session.poll(now).welcomed);
+    link.forget_sent();
+  }
+  void deliver_state(std::uint64_t sequence, const ProxyState& state) {
+    link.deliver(kServer, {.session = kSession, .sequence = sequence}, state);
+  }
+  std::uint64_t dropped(DropReason reason) const { return session.statistics().count(reason); }
+
+  test::QueueLink link;
+  ClientSession session{
+      link, {.server = kServer, .hello = planar_hello(11), .hello_period = 0.1, .timeout = 0.5}};
+};
+
+TEST_CASE("a client says hello at once and then in every period, with one nonce") {
+  Client client;
+  for (int i = 0; i <= 100; ++i) client.session.poll(0.01 * i + 1e-9 * i);
+  CHECK(client.link.sent().size() == 11);
+  CHECK(client.nonce() == 11);
+  CHECK(client.link.sent().front().peer == kServer);
+  CHECK(client.link.sent_header(0).envelope == Envelope{.session = 0, .sequence = 1});
+  CHECK(client.link.sent_header(10).envelope.sequence == 11);
+}
+
+TEST_CASE("only a welcome from the server with the nonce begins the session, and hellos end") {
+  Client client;
+  client.session.poll(0);
+  client.link.deliver(kServer, {.session = 3}, Welcome{12, 1000, 5});
+  client.link.deliver(kOther, {.session = 4}, Welcome{11, 1000, 5});
+  CHECK_FALSE(client.session.poll(0.01).welcomed);
+  CHECK(client.dropped(DropReason::kForeignSession) == 2);
+  client.link.deliver(kServer, {.session = kSession}, Welcome{11, 500, 5});
+  CHECK(client.session.poll(0.02).welcomed);
+  CHECK(client.session.active());
+  CHECK(client.session.welcome().servo_rate == 500);
+  client.link.forget_sent();
+  client.session.poll(5);
+  CHECK(client.link.sent().empty());
+}
+
+TEST_CASE("without a session nothing is sent") {
+  Client client;
+  CHECK(client.session.send(0, planar_update(1)) == 0);
+  client.session.close(0);
+  CHECK(client.link.sent().empty());
+}
+
+TEST_CASE("updates are numbered from 1 and echo the newest proxy state and its hold") {
+  Client client;
+  client.begin(1);
+  const auto sent_update = [&] {
+    ContactUpdate update;
+    REQUIRE_FALSE(decode(std::vector{client.link.sent().back().bytes}, update));
+    return update;
+  };
+  CHECK(client.session.send(1.5, planar_update(0)) == 1);
+  CHECK(sent_update().echo_step == 0);
+  CHECK(client.link.sent_header(0).envelope ==
+        Envelope{.session = kSession, .sequence = 1, .send_time = 1500000000});
+
+  client.deliver_state(2, planar_state(400));
+  client.session.poll(1.6);
+  CHECK(client.session.send(1.625, planar_update(kMaxContacts)) == 2);
+  CHECK(client.link.sent().size() == 1 + 8);
+  CHECK(client.session.send(1.65, planar_update(0)) == 3);
+  CHECK(sent_update().echo_step == 400);
+  CHECK(sent_update().echo_hold == Approx(0.05).margin(1e-12));
+}
+
+TEST_CASE("of the proxy states of one poll the newest is shown, and never an older one again") {
+  Client client;
+  client.begin();
+  for (const std::uint64_t sequence : {3u, 5u, 4u}) {
+    client.deliver_state(sequence, planar_state(sequence));
+  }
+  const ClientSession::Inbox inbox = client.session.poll(0.1);
+  REQUIRE(inbox.state != nullptr);
+  CHECK(inbox.state->step == 5);
+  CHECK(client.dropped(DropReason::kStale) == 1);
+  client.deliver_state(5, planar_state(5));
+  CHECK(client.session.poll(0.2).state == nullptr);
+}
+
+TEST_CASE("states of another session, another peer or another tool are dropped") {
+  Client client;
+  client.begin();
+  client.link.deliver(kServer, {.session = kSession + 1, .sequence = 2}, planar_state());
+  client.link.deliver(kOther, {.session = kSession, .sequence = 2}, planar_state());
+  ProxyState other_tool = planar_state();
+  other_tool.q = Eigen::Vector2d(0, 0);
+  client.deliver_state(2, other_tool);
+  client.link.deliver(kServer, {.session = kSession, .sequence = 2}, planar_update(0));
+  CHECK(client.session.poll(0.1).state == nullptr);
+  CHECK(client.dropped(DropReason::kForeignSession) == 2);
+  CHECK(client.dropped(DropReason::kMalformed) == 1);
+  CHECK(client.dropped(DropReason::kUnexpected) == 1);
+}
+
+TEST_CASE("the round trip leaves out the server's hold") {
+  Client client;
+  client.begin();
+  client.session.send(10.0, planar_update(0));
+  ProxyState state = planar_state();
+  state.update_send_time = 10.0;
+  state.hold = 0.003;
+  client.deliver_state(2, state);
+  client.session.poll(10.025);
+  CHECK(client.session.round_trip() == Approx(0.022).margin(1e-9));
+}
+
+TEST_CASE("a server that is silent after an update is lost and asked again with a new nonce") {
+  Client client;
+  client.begin(0);
+  CHECK_FALSE(client.session.poll(100).lost);  // Nothing was sent, so nothing is missing.
+  client.session.send(100, planar_update(0));
+  client.deliver_state(2, planar_state());
+  CHECK_FALSE(client.session.poll(100.4).lost);
+  client.session.send(101, planar_update(0));
+  client.session.send(101.3, planar_update(0));
+  CHECK_FALSE(client.session.poll(101.5).lost);
+  CHECK(client.session.poll(101.51).lost);
+  CHECK_FALSE(client.session.active());
+  CHECK(client.nonce() != 11);
+}
+
+TEST_CASE("the server's goodbye ends the session") {
+  Client client;
+  client.begin();
+  client.link.deliver(kServer, {.session = kSession, .sequence = 2},
+                      Goodbye{GoodbyeReason::kShutdown});
+  CHECK(client.session.poll(0.2).lost);
+  CHECK_FALSE(client.session.active());
+  CHECK(client.nonce() != 11);
+}
+
+TEST_CASE("closing says goodbye once") {
+  Client client;
+  client.begin();
+  client.session.close(1);
+  CHECK(client.link.last_sent<Goodbye>().reason == GoodbyeReason::kFinished);
+  CHECK_FALSE(client.session.active());
+  client.session.close(1);
+  CHECK(client.link.sent().size() == 1);
+}
+
+TEST_CASE("a refusal is shown, of another version of the protocol too, and the client asks on") {
+  Client client;
+  client.session.poll(0);
+  Reject reject = test::reject_message("busy");
+  reject.nonce = 12;
+  client.link.deliver(kServer, {}, reject);
+  CHECK_FALSE(client.session.poll(0.01).reject);
+  reject.nonce = 11;
+  client.link.deliver(kServer, {}, reject);
+  const auto busy = client.session.poll(0.02).reject;
+  REQUIRE(busy);
+  CHECK(busy->reason == RejectReason::kBusy);
+
+  reject.reason = RejectReason::kVersion;
+  reject.version = 3;
+  DatagramBytes other = encode({}, reject);
+  other[4] = std::byte{3};
+  client.link.deliver(kOther, other);
+  CHECK_FALSE(client.session.poll(0.03).reject);
+  client.link.deliver(kServer, other);
+  const auto version = client.session.poll(0.04).reject;
+  REQUIRE(version);
+  CHECK(version->reason == RejectReason::kVersion);
+  CHECK(version->version == 3);
+  client.session.poll(0.15);
+  CHECK(client.nonce() == 11);
+}
+
+TEST_CASE("hellos carry the tool's present configuration") {
+  Client client;
+  client.session.set_initial_configuration(Vector3(1, 2, 3));
+  client.session.poll(0);
+  Hello hello;
+  REQUIRE_FALSE(decode(std::vector{client.link.sent().back().bytes}, hello));
+  CHECK(hello.q == Vector3(1, 2, 3));
+}
+
+TEST_CASE("a hello that no server could use is refused at once with what is wrong") {
+  test::QueueLink link;
+  const auto message = [&](const Hello& hello) -> std::string {
+    try {
+      const ClientSession session(link, {.server = kServer, .hello = hello});
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  using Catch::Matchers::ContainsSubstring;
+  CHECK(message(planar_hello()).empty());
+  Hello hello = planar_hello();
+  hello.tool.links[0].mass = -2;
+  CHECK_THAT(message(hello), ContainsSubstring("mass"));
+  hello = planar_hello();
+  hello.ve_rate = 0;
+  CHECK_THAT(message(hello), ContainsSubstring("VE rate 0"));
+  hello = planar_hello();
+  hello.epsilon = -1;
+  CHECK_THAT(message(hello), ContainsSubstring("epsilon -1"));
+  hello = planar_hello();
+  hello.q = Configuration::Zero(4);
+  CHECK_THAT(message(hello), ContainsSubstring("4 coordinates"));
+  CHECK_THROWS_WITH(ClientSession(link, {.server = {1, 0}, .hello = planar_hello()}),
+                    ContainsSubstring("port 0"));
+}
+
+}  // namespace
+}  // namespace hlm::protocol

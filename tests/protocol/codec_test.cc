@@ -1,0 +1,445 @@
+// Messages to bytes and back; what is refused.
+#include "protocol/codec.h"
+
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "protocol/layout.h"
+#include "protocol/tool_fit.h"
+#include "tests/protocol/sample_messages.h"
+#include "tests/support/catch.h"
+
+namespace hlm::protocol {
+namespace {
+
+using test::Random;
+
+/// Example bytes of PROTOCOL.md.
+std::string documented_hex(const std::string& message) {
+  std::ifstream file(HLM_PROTOCOL_DOCUMENT);
+  std::stringstream buffer;
+  buffer << file.rdbuf();
+  const std::string document = buffer.str();
+  const std::string opening = "```hex\n";
+  const std::size_t example = document.find("### Example: " + message + "\n");
+  REQUIRE(example != std::string::npos);
+  const std::size_t begin = document.find(opening, example) + opening.size();
+  std::string digits;
+  for (const char c : document.substr(begin, document.find("```", begin) - begin)) {
+    if (c != '\n') digits += c;
+  }
+  return digits;
+}
+
+std::string hex(const DatagramBytes& bytes) {
+  constexpr const char* kDigits = "0123456789abcdef";
+  std::string digits;
+  for (const std::byte byte : bytes) {
+    digits += kDigits[std::to_integer<int>(byte) >> 4];
+    digits += kDigits[std::to_integer<int>(byte) & 15];
+  }
+  return digits;
+}
+
+constexpr std::uint64_t kNonce = 0x0123456789ABCDEF;
+
+Hello documented_hello() {
+  Hello hello;
+  hello.nonce = kNonce;
+  hello.ve_rate = 60;
+  hello.epsilon = 0.005;
+  hello.tool.gravity_W = {0, -9.81, 0};
+  hello.tool.length = 0.04;
+  hello.tool.X_LH.p = {0, 0.01, 0};
+  hello.q = Vector3(0.01, -0.02, 0.5);
+  Link link;
+  link.joint = JointType::kPlanar;
+  link.p_LCom = {0, 0.002, 0};
+  link.I_LCom << 0.001, 0.0001, 0, 0.0001, 0.0015, -0.0002, 0, -0.0002, 0.002;
+  hello.tool.links.push_back(link);
+  return hello;
+}
+
+ContactUpdate documented_update() {
+  ContactUpdate update = test::planar_update(10);
+  update.echo_step = 1480;
+  update.echo_hold = 0.004;
+  ReportedContact& last = update.contacts.back();
+  last.key = {.link = 0,
+              .tool_feature = {FeatureKind::kVertex, 1, 0x0203},
+              .body = 0x04030201,
+              .body_feature = {FeatureKind::kFace, 5, 4}};
+  last.p_WC = {0.03, 0.1, 0};
+  last.n_W = Vector3::UnitY();
+  last.separation = -0.0005;
+  last.v_WC = {0.01, 0, 0};
+  return update;
+}
+
+ProxyState documented_state() {
+  ProxyState state = test::planar_state();
+  state.acknowledged = 12;
+  state.age = 0.0125;
+  state.update_send_time = 3.000000001;
+  state.hold = 0.001;
+  state.server = ServerState::kRunning;
+  state.contact_state = ProxyContactState::kResting;
+  state.active_contacts = 2;
+  state.predicted_contacts = 3;
+  state.smallest_separation = -0.00025;
+  state.X_WD.p = {0.01, 0.12, 0};
+  state.V_WD << 0, -0.1, 0, 0, 0, 0.2;
+  state.F_env << 0, 5, 0, 0, 0, 0.01;
+  state.F_command << 0, 4.5, 0, 0, 0, 0.02;
+  state.F_hand << 0, -5, 0, 0, 0, 0;
+  state.overruns = 1;
+  state.updates = 9;
+  state.dropped = 4;
+  return state;
+}
+
+TEST_CASE("each message has the bytes of its example in PROTOCOL.md") {
+  CHECK(hex(encode({0, 3, 2500000000}, documented_hello())) == documented_hex("hello"));
+  CHECK(hex(encode({7, 1, -5}, Welcome{kNonce, 1000, 0xFEDCBA9876543210})) ==
+        documented_hex("welcome"));
+  Reject reject = test::reject_message("busy");
+  reject.nonce = kNonce;
+  CHECK(hex(encode({0, 2, 0}, reject)) == documented_hex("reject"));
+  CHECK(hex(encode({7, 12, 3000000001}, documented_update(), 1)) ==
+        documented_hex("contact_update"));
+  CHECK(hex(encode({7, 13, 4000000000}, documented_state())) == documented_hex("proxy_state"));
+  CHECK(hex(encode({7, 14, 5000000000}, Goodbye{GoodbyeReason::kShutdown})) ==
+        documented_hex("goodbye"));
+}
+
+template <class Message>
+std::vector<DatagramBytes> all_parts(const Envelope& envelope, const Message& message) {
+  std::vector<DatagramBytes> parts;
+  for (std::uint8_t part = 0; part < part_count(message); ++part) {
+    parts.push_back(encode(envelope, message, part));
+  }
+  return parts;
+}
+
+std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts, Hello& hello) {
+  return decode(parts, hello);
+}
+std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts,
+                                     ContactUpdate& update) {
+  return decode(parts, update);
+}
+template <class Message>
+std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts, Message& message) {
+  return decode(view(parts.at(0)), message);
+}
+
+/// Envelope of a message of this type.
+template <class Message>
+Envelope envelope_for(std::uint64_t sequence = 1) {
+  const bool outside = std::is_same_v<Message, Hello> || std::is_same_v<Message, Reject>;
+  return {.session = outside ? 0u : 7u, .sequence = sequence, .send_time = 1};
+}
+
+template <class Message>
+void check_round_trip(const Message& message) {
+  const auto parts = all_parts(envelope_for<Message>(), message);
+  Message decoded;
+  REQUIRE(decode_any(parts, decoded) == std::nullopt);
+  CHECK(all_parts(envelope_for<Message>(), decoded) == parts);
+}
+
+TEST_CASE("a decoded message is the encoded one, bit for bit") {
+  Random random;
+  for (int i = 0; i < 200; ++i) {
+    const Hello hello = test::random_hello(random);
+    check_round_trip(hello);
+    check_round_trip(Welcome{random.engine()(), random.uniform(1, 8000), random.engine()()});
+    check_round_trip(test::reject_message(std::string(static_cast<std::size_t>(i), 'x')));
+    check_round_trip(test::random_update(random, hello.tool));
+    check_round_trip(test::random_state(random, hello.tool));
+    check_round_trip(Goodbye{GoodbyeReason::kShutdown});
+  }
+}
+
+TEST_CASE("the largest messages fit their datagrams as the compile-time check says") {
+  Random random;
+  Hello hello;
+  hello.tool = test::largest_tool(random);
+  hello.q = test::random_configuration(random, ToolModel(hello.tool));
+  REQUIRE(find_error(hello) == std::nullopt);
+  CHECK(part_count(hello) == 4);
+  CHECK(encode({}, hello, 0).size() == layout::kLargestHello);
+  check_round_trip(hello);
+
+  ContactUpdate update = test::random_update(random, hello.tool);
+  update.contacts.resize(kMaxContacts, ReportedContact{});
+  CHECK(part_count(update) == 8);
+  CHECK(encode({.session = 1}, update, 0).size() == layout::kLargestUpdate);
+  check_round_trip(update);
+
+  CHECK(encode({.session = 1}, test::random_state(random, hello.tool)).size() ==
+        layout::kLargestProxyState);
+}
+
+/// Calls `check` with one datagram of each type (of lists, one part of several).
+template <class Check>
+void for_each_type(Check check) {
+  check(encode({}, documented_hello()));
+  check(encode(envelope_for<Welcome>(), Welcome{}));
+  check(encode({}, test::reject_message("busy")));
+  check(encode(envelope_for<ContactUpdate>(), test::planar_update(10), 1));
+  check(encode(envelope_for<ProxyState>(), documented_state()));
+  check(encode(envelope_for<Goodbye>(), Goodbye{}));
+}
+
+/// Decodes bytes as whatever their header says; a list's part counts as its whole message.
+std::optional<DropReason> decode_whatever(const DatagramBytes& bytes) {
+  Header header;
+  if (const auto reason = decode_header(view(bytes), header)) return reason;
+  Hello hello;
+  Welcome welcome;
+  Reject reject;
+  ContactUpdate update;
+  ProxyState state;
+  Goodbye goodbye;
+  const std::vector<DatagramBytes> alone{bytes};
+  switch (header.type) {
+    case MessageType::kHello:
+      return decode(alone, hello);
+    case MessageType::kWelcome:
+      return decode(view(bytes), welcome);
+    case MessageType::kReject:
+      return decode(view(bytes), reject);
+    case MessageType::kContactUpdate:
+      return decode(alone, update);
+    case MessageType::kProxyState:
+      return decode(view(bytes), state);
+    case MessageType::kGoodbye:
+      return decode(view(bytes), goodbye);
+  }
+  return DropReason::kMalformed;
+}
+
+void set_length(DatagramBytes& bytes) {
+  bytes[36] = static_cast<std::byte>(bytes.size() & 0xFF);
+  bytes[37] = static_cast<std::byte>(bytes.size() >> 8);
+}
+
+TEST_CASE("every truncation of every message is refused") {
+  for_each_type([](DatagramBytes bytes) {
+    while (!bytes.empty()) {
+      bytes.pop_back();
+      CHECK(decode_whatever(bytes) == DropReason::kTruncated);
+      if (bytes.size() < layout::kHeaderSize) continue;
+      DatagramBytes consistent = bytes;
+      set_length(consistent);
+      CHECK(decode_whatever(consistent) == DropReason::kMalformed);
+    }
+  });
+}
+
+TEST_CASE("bytes after the end of any message are refused") {
+  for_each_type([](DatagramBytes bytes) {
+    bytes.push_back(std::byte{0});
+    CHECK(decode_whatever(bytes) == DropReason::kMalformed);
+    set_length(bytes);
+    CHECK(decode_whatever(bytes) == DropReason::kMalformed);
+  });
+}
+
+void check_in_range(const ProxyState& state) {
+  CHECK(state.server <= ServerState::kFault);
+  CHECK(state.fault <= Fault::kDevice);
+  CHECK(state.contact_state <= ProxyContactState::kResting);
+  CHECK(state.age >= 0);
+  CHECK(state.hold >= 0);
+  CHECK(std::abs(state.X_WD.R.norm() - 1) <= 1e-6);
+  CHECK((state.q.allFinite() && state.v.allFinite() && state.F_command.allFinite()));
+}
+
+void check_in_range(const ContactUpdate& update) {
+  CHECK(update.contacts.size() <= kMaxContacts);
+  CHECK(update.compute_time >= 0);
+  CHECK(update.q_VE.allFinite());
+  for (const ReportedContact& contact : update.contacts) {
+    CHECK(std::abs(contact.n_W.norm() - 1) <= 1e-6);
+    CHECK(std::isfinite(contact.separation));
+    CHECK(contact.key.tool_feature.kind <= FeatureKind::kFace);
+  }
+}
+
+template <class Message>
+void check_corruptions(const Message& message) {
+  const auto original = all_parts(envelope_for<Message>(), message);
+  for (std::size_t position = 0; position < original[0].size(); ++position) {
+    for (const int flip : {0x01, 0x10, 0x80, 0xFF}) {
+      auto parts = original;
+      parts[0][position] ^= static_cast<std::byte>(flip);
+      Message decoded;
+      if (!decode_any(parts, decoded)) check_in_range(decoded);
+    }
+  }
+}
+
+TEST_CASE("every single-byte corruption is refused or leaves every value in its range") {
+  check_corruptions(documented_state());
+  check_corruptions(test::planar_update(2));
+}
+
+TEST_CASE("random mutations never decode to a value out of its range") {
+  Random random;
+  const auto state = encode(envelope_for<ProxyState>(), documented_state());
+  const auto update = encode(envelope_for<ContactUpdate>(), test::planar_update(5));
+  for (int i = 0; i < 20000; ++i) {
+    DatagramBytes bytes = i % 2 ? state : update;
+    const int mutations = random.integer(1, 6);
+    for (int k = 0; k < mutations; ++k) {
+      const auto position =
+          static_cast<std::size_t>(random.integer(4, static_cast<int>(bytes.size()) - 1));
+      bytes[position] = static_cast<std::byte>(random.integer(0, 255));
+    }
+    if (random.integer(0, 3) == 0) bytes.resize(static_cast<std::size_t>(random.integer(0, 1200)));
+    if (bytes.size() >= layout::kHeaderSize && random.integer(0, 1)) set_length(bytes);
+    if (decode_whatever(bytes)) continue;
+    Header header;
+    REQUIRE_FALSE(decode_header(view(bytes), header));
+    ProxyState decoded_state;
+    ContactUpdate decoded_update;
+    if (!decode(view(bytes), decoded_state)) check_in_range(decoded_state);
+    if (!decode(std::vector{bytes}, decoded_update)) check_in_range(decoded_update);
+  }
+}
+
+DatagramBytes with(DatagramBytes bytes, std::size_t position, int value) {
+  bytes[position] = static_cast<std::byte>(value);
+  return bytes;
+}
+
+TEST_CASE("a header with any field out of its range is refused") {
+  const DatagramBytes good = encode({.session = 7, .sequence = 1}, Goodbye{});
+  REQUIRE(decode_whatever(good) == std::nullopt);
+  CHECK(decode_whatever(with(good, 0, 'h')) == DropReason::kNotOurs);
+  CHECK(decode_whatever(with(good, 4, 2)) == DropReason::kVersion);
+  CHECK(decode_whatever(with(good, 36, 42)) == DropReason::kTruncated);
+  CHECK(decode_whatever(with(good, 36, 40)) == DropReason::kMalformed);
+  CHECK(decode_whatever(with(good, 6, 0)) == DropReason::kMalformed);
+  CHECK(decode_whatever(with(good, 6, 7)) == DropReason::kMalformed);
+  for (const std::size_t zero : {7u, 32u, 34u, 35u, 38u, 39u}) {
+    CHECK(decode_whatever(with(good, zero, 1)) == DropReason::kMalformed);
+  }
+  CHECK(decode_whatever(with(good, 8, 0)) == DropReason::kMalformed);   // session
+  CHECK(decode_whatever(with(good, 16, 0)) == DropReason::kMalformed);  // sequence
+  CHECK(decode_whatever(with(good, 33, 2)) == DropReason::kMalformed);  // parts
+  CHECK(decode_whatever(with(encode({}, documented_hello()), 8, 1)) == DropReason::kMalformed);
+}
+
+TEST_CASE("a list's parts must be cut as the standard says") {
+  const DatagramBytes part = encode({.session = 7}, test::planar_update(10), 1);
+  Header header;
+  REQUIRE_FALSE(decode_header(view(part), header));
+  CHECK(header.slice == Slice{.part = 1, .parts = 2, .items = 1, .items_total = 10});
+  CHECK(decode_header(view(with(part, 32, 2)), header) == DropReason::kMalformed);
+  CHECK(decode_header(view(with(part, 33, 3)), header) == DropReason::kMalformed);
+  CHECK(decode_header(view(with(part, 34, 2)), header) == DropReason::kMalformed);
+  CHECK(decode_header(view(with(part, 35, 11)), header) == DropReason::kMalformed);
+  CHECK(decode_header(view(with(part, 35, 65)), header) == DropReason::kMalformed);
+}
+
+/// What decoding says of an update or state after `change`.
+template <class Message, class Change>
+std::optional<DropReason> refusal(Message message, Change change) {
+  change(message);
+  Message decoded;
+  return decode_any(all_parts(envelope_for<Message>(), message), decoded);
+}
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+TEST_CASE("numbers that are not finite are refused as such") {
+  const auto update = test::planar_update(1);
+  using U = ContactUpdate;
+  CHECK(refusal(update, [](U& u) { u.ve_time = kNan; }) == DropReason::kNonFinite);
+  CHECK(refusal(update, [](U& u) { u.q_VE[2] = kInfinity; }) == DropReason::kNonFinite);
+  CHECK(refusal(update, [](U& u) { u.v_VE[0] = -kInfinity; }) == DropReason::kNonFinite);
+  CHECK(refusal(update, [](U& u) { u.contacts[0].separation = kNan; }) == DropReason::kNonFinite);
+  CHECK(refusal(update, [](U& u) { u.contacts[0].n_W.x() = kNan; }) == DropReason::kNonFinite);
+  CHECK(refusal(documented_state(), [](ProxyState& s) { s.F_command[5] = kNan; }) ==
+        DropReason::kNonFinite);
+  CHECK(refusal(documented_hello(), [](Hello& h) { h.tool.links[0].mass = kInfinity; }) ==
+        DropReason::kNonFinite);
+}
+
+TEST_CASE("values out of their range are refused") {
+  const auto update = test::planar_update(1);
+  using U = ContactUpdate;
+  CHECK(refusal(update, [](U& u) { u.ve_period = -1e-9; }) == DropReason::kMalformed);
+  CHECK(refusal(update, [](U& u) { u.compute_time = -1e-9; }) == DropReason::kMalformed);
+  CHECK(refusal(update, [](U& u) { u.echo_hold = -1e-9; }) == DropReason::kMalformed);
+  CHECK(refusal(update, [](U& u) { u.contacts[0].n_W.z() = 1 + 2e-6; }) == DropReason::kMalformed);
+  CHECK(refusal(update, [](U& u) { u.contacts[0].n_W.z() = 1 + 5e-7; }) == std::nullopt);
+  CHECK(refusal(update, [](U& u) {
+          u.contacts[0].key.tool_feature.kind = static_cast<FeatureKind>(3);
+        }) == DropReason::kMalformed);
+  CHECK(refusal(documented_state(), [](ProxyState& s) { s.X_WD.R.w() = 0.999; }) ==
+        DropReason::kMalformed);
+  CHECK(refusal(documented_state(), [](ProxyState& s) {
+          s.server = static_cast<ServerState>(4);
+        }) == DropReason::kMalformed);
+  CHECK(refusal(documented_hello(), [](Hello& h) { h.ve_rate = 0; }) == DropReason::kMalformed);
+  CHECK(refusal(documented_hello(), [](Hello& h) { h.epsilon = -1e-9; }) == DropReason::kMalformed);
+  CHECK(refusal(test::reject_message("a\nb"), [](Reject&) {}) == DropReason::kMalformed);
+  CHECK(refusal(Welcome{}, [](Welcome& w) { w.servo_rate = 0; }) == DropReason::kMalformed);
+}
+
+TEST_CASE("parts of different messages do not make one") {
+  const auto whole = [](double first_time, double second_time, std::uint64_t second_sequence) {
+    const Envelope first{.session = 7, .sequence = 1};
+    const Envelope second{.session = 7, .sequence = second_sequence};
+    const std::vector parts{encode(first, test::planar_update(10, first_time), 0),
+                            encode(second, test::planar_update(10, second_time), 1)};
+    ContactUpdate update;
+    return decode(parts, update);
+  };
+  CHECK(whole(1, 1, 1) == std::nullopt);
+  CHECK(whole(1, 2, 1) == DropReason::kMalformed);
+  CHECK(whole(1, 1, 2) == DropReason::kMalformed);
+}
+
+TEST_CASE("a message that does not belong to the session's tool is told apart") {
+  const ToolDescription planar = test::planar_hello().tool;
+  const ToolDescription free = test::rigid_tool(1, Matrix3::Identity());
+  ContactUpdate update = test::planar_update(1);
+  CHECK(fits(planar, update));
+  CHECK_FALSE(fits(free, update));
+  update.contacts[0].key.link = 1;
+  CHECK_FALSE(fits(planar, update));
+
+  ProxyState state = test::planar_state();
+  CHECK(fits(planar, state));
+  state.v.resize(2);
+  CHECK_FALSE(fits(planar, state));
+
+  Configuration q = ToolModel(free).neutral();
+  CHECK(fits(free, q));
+  q[3] = 0.99;
+  CHECK_FALSE(fits(free, q));
+}
+
+TEST_CASE("a reject of another version is understood") {
+  Reject reject = test::reject_message("busy");
+  reject.version = 2;
+  DatagramBytes bytes = with(encode({}, reject), 4, 2);
+  // What another version may have put elsewhere in its header.
+  for (std::size_t i = 7; i < layout::kHeaderSize; ++i) bytes[i] = std::byte{0xEE};
+  Reject decoded;
+  REQUIRE(decode(view(bytes), decoded) == std::nullopt);
+  CHECK(decoded.version == 2);
+  CHECK(decoded.nonce == reject.nonce);
+}
+
+}  // namespace
+}  // namespace hlm::protocol

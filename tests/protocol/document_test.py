@@ -1,0 +1,102 @@
+"""Checks PROTOCOL.md against itself: encodes its examples by its tables alone and compares the bytes.
+
+The C++ tests compare the same bytes with the implementation. With --write the bytes are written
+into the document instead.
+"""
+
+import re
+import struct
+import sys
+
+FORMATS = {"u8": "B", "i8": "b", "u16": "H", "u32": "I", "u64": "Q", "i64": "q", "f64": "d"}
+MAX_DATAGRAM = 1200
+
+
+def read_tables(document):
+    """{table name: (message type or None, [(offset or None, type, count or None, field)])}"""
+    tables = {}
+    for section in re.split(r"^### Table: ", document, flags=re.M)[1:]:
+        name = section.split("\n", 1)[0].strip()
+        section = re.split(r"^##", section, flags=re.M)[0]
+        number = re.search(r"^Type (\d+),", section, flags=re.M)
+        rows = re.findall(r"^\| (\d+|—) \| (\w+)(?:\[(\w+)\])? \| (\w+) \|", section, flags=re.M)
+        if not rows:
+            sys.exit(f"table {name} has no rows")
+        fields = [(None if o == "—" else int(o), t, c or None, f) for o, t, c, f in rows]
+        tables[name] = (int(number.group(1)) if number else None, fields)
+    return tables
+
+
+def read_examples(document):
+    """[(message name, {field: text}, hex)]"""
+    pattern = r"^### Example: (\w+)\n.*?```values\n(.*?)```\n\n```hex\n(.*?)```"
+    examples = []
+    for name, values, data in re.findall(pattern, document, flags=re.M | re.S):
+        examples.append((name, dict(line.split(" = ", 1) for line in values.splitlines()), data))
+    return examples
+
+
+def encode_fields(tables, fields, values, prefix, data):
+    for offset, kind, count, field in fields:
+        if offset is not None and offset != len(data):
+            sys.exit(f"field {field} is at {len(data)}, its table says {offset}")
+        if kind in tables:
+            for i in range(int(values[count])):
+                encode_fields(tables, tables[kind][1], values, f"{prefix}{field}.{i}.", data)
+            continue
+        text = values.pop(prefix + field) if prefix else values[field]
+        if kind == "char":
+            data += text.encode()
+            continue
+        number = float if kind == "f64" else int
+        numbers = [number(part) for part in text.split()]
+        expected = 1 if count is None else int(values.get(count, count))
+        if len(numbers) != expected:
+            sys.exit(f"field {field} has {len(numbers)} values, its table says {expected}")
+        data += struct.pack(f"<{expected}{FORMATS[kind]}", *numbers)
+
+
+def encode(tables, message, values):
+    values = dict(values, magic="HLMI", version="1", flags="0", reserved="0", length="0")
+    values["type"] = str(tables[message][0])
+    data = bytearray()
+    encode_fields(tables, tables["header"][1], values, "", data)
+    encode_fields(tables, tables[message][1], values, "", data)
+    if len(data) > MAX_DATAGRAM:
+        sys.exit(f"{message} has {len(data)} bytes")
+    length_offset = next(o for o, _, _, field in tables["header"][1] if field == "length")
+    struct.pack_into("<H", data, length_offset, len(data))
+    return bytes(data)
+
+
+def hex_lines(data):
+    return "".join(data[i : i + 32].hex() + "\n" for i in range(0, len(data), 32))
+
+
+def main():
+    path = sys.argv[-1]
+    document = open(path, encoding="utf-8").read()
+    tables = read_tables(document)
+    examples = read_examples(document)
+    described = {name for name, (number, _) in tables.items() if number is not None}
+    if {name for name, _, _ in examples} != described or len(described) != 6:
+        sys.exit("each of the six messages must have an example")
+    for name, values, written in examples:
+        computed = hex_lines(encode(tables, name, values))
+        if sys.argv[1] == "--write":
+            document = re.sub(
+                rf"(### Example: {name}\n.*?```hex\n).*?```",
+                lambda match: match.group(1) + computed + "```",
+                document,
+                count=1,
+                flags=re.S,
+            )
+        elif computed != written:
+            sys.exit(f"{name}: the tables give\n{computed}but the example says\n{written}")
+    if sys.argv[1] == "--write":
+        open(path, "w", encoding="utf-8").write(document)
+    print(f"{len(examples)} examples agree with the tables")
+
+
+if __name__ == "__main__":
+    main()

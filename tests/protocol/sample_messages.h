@@ -1,0 +1,142 @@
+// Messages for the tests of the protocol: small ones, random ones, and those of PROTOCOL.md.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "protocol/messages.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm::test {
+
+/// A planar tool of one link.
+inline protocol::Hello planar_hello(std::uint64_t nonce = 1) {
+  protocol::Hello hello;
+  hello.nonce = nonce;
+  hello.tool = rigid_tool(1, Matrix3::Identity() * 2e-3, JointType::kPlanar);
+  hello.q = Vector3(0.01, -0.02, 0.5);
+  hello.epsilon = 0.005;
+  return hello;
+}
+
+/// An update of the planar tool; each contact is told from the others by its body and p_WC.
+inline protocol::ContactUpdate planar_update(std::size_t contacts, double ve_time = 1.5) {
+  protocol::ContactUpdate update;
+  update.ve_time = ve_time;
+  update.ve_period = 0.02;
+  update.compute_time = 0.003;
+  update.q_VE = Vector3(0.01, 0.12, 0);
+  update.v_VE = Vector3(0, -0.2, 0.1);
+  for (std::size_t i = 0; i < contacts; ++i) {
+    ReportedContact contact;
+    contact.key.body = static_cast<std::uint32_t>(i);
+    contact.p_WC = {0.001 * static_cast<double>(i), ve_time, 0};
+    update.contacts.push_back(contact);
+  }
+  return update;
+}
+
+inline protocol::ProxyState planar_state(std::uint64_t step = 1500) {
+  protocol::ProxyState state;
+  state.step = step;
+  state.q = Vector3(0.0101, 0.1199, 0.01);
+  state.v = Vector3(0.001, -0.002, 0.003);
+  return state;
+}
+
+inline Feature random_feature(Random& random) {
+  return {static_cast<FeatureKind>(random.integer(0, 2)),
+          static_cast<std::uint8_t>(random.integer(0, 255)),
+          static_cast<std::uint16_t>(random.integer(0, 65535))};
+}
+
+inline protocol::Hello random_hello(Random& random) {
+  protocol::Hello hello;
+  hello.nonce = random.engine()();
+  hello.tool = random_tool(random, random.integer(1, 11),
+                           random.integer(0, 1) ? JointType::kFree : JointType::kPlanar);
+  hello.q = random_configuration(random, ToolModel(hello.tool));
+  hello.ve_rate = random.uniform(1, 100);
+  hello.epsilon = random.uniform(0, 0.02);
+  return hello;
+}
+
+inline protocol::ContactUpdate random_update(Random& random, const ToolDescription& tool) {
+  const ToolModel model(tool);
+  protocol::ContactUpdate update;
+  update.ve_time = random.uniform(0, 1000);
+  update.ve_period = random.uniform(0.01, 0.05);
+  update.compute_time = random.uniform(0, 0.05);
+  update.echo_step = random.engine()();
+  update.echo_hold = random.uniform(0, 0.05);
+  update.q_VE = random_configuration(random, model);
+  update.v_VE = random_velocity(random, model.dof(), 1);
+  const int count = random.integer(0, static_cast<int>(kMaxContacts));
+  for (int i = 0; i < count; ++i) {
+    ReportedContact contact;
+    contact.key.link = static_cast<std::uint16_t>(random.integer(0, model.links() - 1));
+    contact.key.tool_feature = random_feature(random);
+    contact.key.body = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+    contact.key.body_feature = random_feature(random);
+    contact.p_WC = random.vector(1);
+    contact.n_W = random.direction();
+    contact.separation = random.uniform(-0.02, 0.02);
+    contact.v_WC = random.vector(1);
+    update.contacts.push_back(contact);
+  }
+  return update;
+}
+
+inline Vector6 random_vector6(Random& random, double size) {
+  Vector6 vector;
+  vector << random.vector(size), random.vector(size);
+  return vector;
+}
+
+inline protocol::ProxyState random_state(Random& random, const ToolDescription& tool) {
+  const ToolModel model(tool);
+  protocol::ProxyState state;
+  state.acknowledged = random.engine()();
+  state.step = random.engine()();
+  state.age = random.uniform(0, 0.1);
+  state.update_send_time = random.uniform(-1e5, 1e5);
+  state.hold = random.uniform(0, 0.1);
+  state.server = static_cast<protocol::ServerState>(random.integer(0, 3));
+  state.fault = static_cast<protocol::Fault>(random.integer(0, 3));
+  state.contact_state = static_cast<protocol::ProxyContactState>(random.integer(0, 2));
+  state.active_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
+  state.predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
+  state.smallest_separation = random.uniform(-0.02, 0.02);
+  state.q = random_configuration(random, model);
+  state.v = random_velocity(random, model.dof(), 1);
+  state.X_WD = random.pose(1);
+  state.V_WD = random_vector6(random, 1);
+  state.F_env = random_vector6(random, 10);
+  state.F_command = random_vector6(random, 10);
+  state.F_hand = random_vector6(random, 10);
+  state.overruns = random.engine()();
+  state.updates = random.engine()();
+  state.dropped = random.engine()();
+  return state;
+}
+
+inline protocol::Reject reject_message(std::string_view text) {
+  protocol::Reject reject;
+  reject.nonce = 1;
+  reject.text.assign(text.begin(), text.end());
+  return reject;
+}
+
+/// The tool with the longest q, q̇ and list of links: 16 links, d = 16, a free root.
+inline ToolDescription largest_tool(Random& random) {
+  ToolDescription tool = random_tool(random, 11, JointType::kFree);
+  while (tool.links.size() < kMaxLinks) {
+    Link link = tool.links.back();
+    link.parent = 0;
+    link.joint = JointType::kFixed;
+    tool.links.push_back(link);
+  }
+  return tool;
+}
+
+}  // namespace hlm::test

@@ -1,0 +1,379 @@
+// The server's side of the session, on a link whose other side is the test.
+#include "protocol/server_session.h"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "tests/protocol/queue_link.h"
+#include "tests/protocol/sample_messages.h"
+#include "tests/support/catch.h"
+#include "tests/support/no_malloc.h"
+
+namespace hlm::protocol {
+namespace {
+
+using test::planar_hello;
+using test::planar_update;
+
+constexpr Endpoint kClient{.address = 0x0A000002, .port = 50000};
+constexpr Endpoint kOther{.address = 0x0A000003, .port = 50000};
+constexpr std::uint64_t kFirstId = 77;
+constexpr double kTimeout = 1.0;
+
+struct Server {
+  /// Polls, and grants what is asked for.
+  ServerSession::Inbox poll(double now) {
+    const ServerSession::Inbox inbox = session.poll(now);
+    if (inbox.hello) session.accept(now, 1000, 5);
+    return inbox;
+  }
+  void say_hello(const Endpoint& peer, std::uint64_t nonce) {
+    link.deliver(peer, {.sequence = ++hellos}, planar_hello(nonce));
+  }
+  /// A session with kClient, nonce 1.
+  void begin(double now = 0) {
+    say_hello(kClient, 1);
+    REQUIRE(poll(now).hello != nullptr);
+    link.forget_sent();
+  }
+  void deliver_update(std::uint64_t sequence, std::size_t contacts = 0) {
+    link.deliver(kClient, {.session = session.id(), .sequence = sequence},
+                 planar_update(contacts, static_cast<double>(sequence)));
+  }
+  std::uint64_t dropped(DropReason reason) const { return session.statistics().count(reason); }
+
+  test::QueueLink link;
+  ServerSession session{link, {.first_session_id = kFirstId, .timeout = kTimeout}};
+  std::uint64_t hellos = 0;
+};
+
+TEST_CASE("a hello is shown to the caller, and accept answers it with a welcome") {
+  Server server;
+  server.say_hello(kClient, 42);
+  const ServerSession::Inbox inbox = server.session.poll(2.5);
+  REQUIRE(inbox.hello != nullptr);
+  CHECK(inbox.hello->nonce == 42);
+  CHECK(inbox.hello->q == planar_hello().q);
+  CHECK_FALSE(server.session.active());
+  CHECK(server.link.sent().empty());
+
+  server.session.accept(2.5, 1000, 5);
+  CHECK(server.session.active());
+  const auto welcome = server.link.last_sent<Welcome>();
+  CHECK(welcome.nonce == 42);
+  CHECK(welcome.servo_rate == 1000);
+  CHECK(welcome.configuration == 5);
+  CHECK(server.link.sent().back().peer == kClient);
+  const Envelope envelope = server.link.sent_header(0).envelope;
+  CHECK(envelope == Envelope{.session = kFirstId, .sequence = 1, .send_time = 2500000000});
+}
+
+TEST_CASE("session ids begin at the given one and follow from it") {
+  const auto ids = [] {
+    Server server;
+    std::vector<std::uint64_t> drawn;
+    for (std::uint64_t nonce = 1; nonce <= 20; ++nonce) {
+      server.say_hello(kClient, nonce);
+      server.poll(0);
+      drawn.push_back(server.session.id());
+    }
+    return drawn;
+  };
+  std::vector<std::uint64_t> drawn = ids();
+  CHECK(drawn.front() == kFirstId);
+  CHECK(ids() == drawn);
+  std::sort(drawn.begin(), drawn.end());
+  CHECK(std::adjacent_find(drawn.begin(), drawn.end()) == drawn.end());
+}
+
+TEST_CASE("a repeated hello repeats the welcome and begins no new session") {
+  Server server;
+  server.begin();
+  server.say_hello(kClient, 1);
+  CHECK(server.poll(0.1).hello == nullptr);
+  CHECK(server.session.id() == kFirstId);
+  CHECK(server.link.last_sent<Welcome>().nonce == 1);
+}
+
+TEST_CASE("a second client is told busy while the first is live, and served after its timeout") {
+  Server server;
+  server.begin(0);
+  server.deliver_update(1);
+  server.poll(0.9);
+  server.say_hello(kOther, 2);
+  CHECK(server.poll(1.8).hello == nullptr);
+  CHECK(server.link.last_sent<Reject>().reason == RejectReason::kBusy);
+  CHECK(server.link.last_sent<Reject>().nonce == 2);
+  CHECK(server.link.sent().back().peer == kOther);
+  CHECK(server.dropped(DropReason::kForeignSession) == 1);
+  CHECK(server.session.id() == kFirstId);
+
+  server.say_hello(kOther, 2);
+  CHECK(server.poll(1.95).hello != nullptr);
+  CHECK(server.session.id() != kFirstId);
+}
+
+TEST_CASE("after a goodbye another client is served at once") {
+  Server server;
+  server.begin();
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, Goodbye{});
+  CHECK(server.poll(0.1).goodbye);
+  CHECK_FALSE(server.session.active());
+  server.say_hello(kOther, 2);
+  CHECK(server.poll(0.1).hello != nullptr);
+}
+
+TEST_CASE("the same client with a new nonce gets a new session") {
+  Server server;
+  server.begin();
+  server.say_hello(kClient, 2);
+  CHECK(server.poll(0.1).hello != nullptr);
+  CHECK(server.session.id() != kFirstId);
+}
+
+TEST_CASE("a late copy of the hello of an ended session does not begin it again") {
+  Server server;
+  server.begin();
+  SECTION("ended by goodbye") {
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, Goodbye{});
+    server.poll(0.1);
+  }
+  SECTION("ended by the next session") {
+    server.say_hello(kClient, 2);
+    server.poll(0.1);
+  }
+  const std::uint64_t id = server.session.id();
+  server.say_hello(kClient, 1);
+  CHECK(server.poll(0.2).hello == nullptr);
+  CHECK(server.session.id() == id);
+  CHECK(server.dropped(DropReason::kStale) == 1);
+}
+
+TEST_CASE("of the updates of one poll the newest is taken, whatever their order") {
+  Server server;
+  server.begin();
+  for (const std::uint64_t sequence : {2u, 5u, 3u, 5u, 4u}) server.deliver_update(sequence);
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.update != nullptr);
+  CHECK(inbox.update->ve_time == 5);
+  CHECK(server.dropped(DropReason::kStale) == 3);
+  server.deliver_update(4);
+  CHECK(server.poll(0.2).update == nullptr);
+}
+
+TEST_CASE("updates of another session or another peer are foreign") {
+  Server server;
+  server.begin();
+  server.link.deliver(kClient, {.session = kFirstId + 1, .sequence = 1}, planar_update(0));
+  server.link.deliver(kOther, {.session = kFirstId, .sequence = 1}, planar_update(0));
+  CHECK(server.poll(0.1).update == nullptr);
+  CHECK(server.dropped(DropReason::kForeignSession) == 2);
+}
+
+TEST_CASE("an update that does not fit the tool is refused, and the one before it stays") {
+  Server server;
+  server.begin();
+  server.deliver_update(1);
+  ContactUpdate wrong = planar_update(12);
+  wrong.contacts.back().key.link = 1;
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 2}, wrong);
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.update != nullptr);
+  CHECK(inbox.update->ve_time == 1);
+  CHECK(server.dropped(DropReason::kMalformed) == 2);
+}
+
+TEST_CASE("a poll that brings a hello or a goodbye brings no update of the session it ends") {
+  Server server;
+  server.begin();
+  server.deliver_update(1);
+  SECTION("hello") {
+    server.say_hello(kClient, 2);
+    server.deliver_update(2);
+  }
+  SECTION("goodbye") {
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = 2}, Goodbye{});
+  }
+  const ServerSession::Inbox inbox = server.session.poll(0.1);
+  CHECK((inbox.hello != nullptr || inbox.goodbye));
+  CHECK(inbox.update == nullptr);
+}
+
+TEST_CASE("a flood neither stalls a poll nor keeps the update away for long") {
+  Server server;
+  server.begin();
+  for (int i = 0; i < 1000; ++i) server.link.deliver(kOther, DatagramBytes(30, std::byte{7}));
+  server.deliver_update(1);
+  int polls = 0;
+  std::size_t before = server.link.waiting();
+  const ContactUpdate* update = nullptr;
+  while (!update && polls < 100) {
+    update = server.poll(0.001 * ++polls).update;
+    CHECK(before - server.link.waiting() <= ServerSession::kDatagramsPerPoll);
+    before = server.link.waiting();
+  }
+  CHECK(polls == 1001 / ServerSession::kDatagramsPerPoll + 1);
+  CHECK(server.dropped(DropReason::kTruncated) == 1000);
+}
+
+TEST_CASE("a hello of another version is told which version is spoken; garbage is not answered") {
+  Server server;
+  DatagramBytes hello = encode({}, planar_hello(99));
+  hello[4] = std::byte{9};
+  // What another version may have put elsewhere.
+  for (std::size_t i = 7; i < 40; ++i) hello[i] = std::byte{0xEE};
+  server.link.deliver(kClient, hello);
+  server.poll(0);
+  const auto reject = server.link.last_sent<Reject>();
+  CHECK(reject.reason == RejectReason::kVersion);
+  CHECK(reject.version == kProtocolVersion);
+  CHECK(reject.nonce == 99);
+
+  server.link.forget_sent();
+  DatagramBytes update = encode({.session = 7}, planar_update(0));
+  update[4] = std::byte{9};
+  server.link.deliver(kClient, update);
+  server.link.deliver(kClient, DatagramBytes(1200, std::byte{0x48}));
+  server.link.deliver(kClient, DatagramBytes{});
+  server.poll(0.1);
+  CHECK(server.link.sent().empty());
+}
+
+TEST_CASE("a tool that cannot be used is refused with the reason in words") {
+  Server server;
+  Hello hello = planar_hello(3);
+  hello.tool.links[0].mass = -1;
+  server.link.deliver(kClient, {}, hello);
+  CHECK(server.poll(0).hello == nullptr);
+  const auto reject = server.link.last_sent<Reject>();
+  CHECK(reject.reason == RejectReason::kTool);
+  CHECK_THAT(std::string(reject.text.begin(), reject.text.end()),
+             Catch::Matchers::ContainsSubstring("mass"));
+}
+
+TEST_CASE("an initial configuration that does not fit the tool is refused with the reason") {
+  Server server;
+  Hello hello = planar_hello(3);
+  hello.q = Eigen::Vector2d(0, 0);
+  server.link.deliver(kClient, {}, hello);
+  CHECK(server.poll(0).hello == nullptr);
+  const auto reject = server.link.last_sent<Reject>();
+  CHECK_THAT(std::string(reject.text.begin(), reject.text.end()),
+             Catch::Matchers::ContainsSubstring("configuration"));
+}
+
+TEST_CASE("the caller's refusal reaches the client, cut to what fits between characters") {
+  Server server;
+  server.say_hello(kClient, 3);
+  REQUIRE(server.session.poll(0).hello != nullptr);
+  std::string text(199, 'x');
+  text += "·y";  // The dot takes bytes 199 and 200.
+  server.session.reject(0, RejectReason::kTool, text);
+  const auto reject = server.link.last_sent<Reject>();
+  CHECK(std::string(reject.text.begin(), reject.text.end()) == std::string(199, 'x'));
+  CHECK_FALSE(server.session.active());
+}
+
+TEST_CASE("an acknowledgement names the update, echoes its time and tells how long it was held") {
+  Server server;
+  server.begin();
+  server.session.acknowledge(0, test::planar_state());
+  CHECK(server.link.sent().empty());  // Nothing to acknowledge yet.
+
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 9, .send_time = 123456789000},
+                      planar_update(0));
+  server.link.deliver(kOther, DatagramBytes{});
+  server.poll(1.0);
+  server.session.acknowledge(1.25, test::planar_state(1500));
+  const auto state = server.link.last_sent<ProxyState>();
+  CHECK(state.acknowledged == 9);
+  CHECK(state.step == 1500);
+  CHECK(state.update_send_time == Approx(123.456789).margin(1e-9));
+  CHECK(state.hold == Approx(0.25).margin(1e-12));
+  CHECK(state.dropped == 1);
+  CHECK(server.link.sent_header(0).envelope.sequence == 2);
+}
+
+TEST_CASE("closing says goodbye to the client and ends the session") {
+  Server server;
+  server.begin();
+  server.session.close(1, GoodbyeReason::kShutdown);
+  CHECK(server.link.last_sent<Goodbye>().reason == GoodbyeReason::kShutdown);
+  CHECK_FALSE(server.session.active());
+  server.link.forget_sent();
+  server.session.close(1, GoodbyeReason::kShutdown);
+  CHECK(server.link.sent().empty());
+}
+
+TEST_CASE("each reason for a drop is counted as itself") {
+  Server server;
+  server.begin();
+  const Envelope own{.session = kFirstId, .sequence = 10};
+  const auto only = [&](DropReason reason, const Endpoint& peer, DatagramBytes bytes) {
+    const ReceiveStatistics before = server.session.statistics();
+    server.link.deliver(peer, bytes);
+    server.poll(0.1);
+    CAPTURE(name(reason));
+    CHECK(server.session.statistics().total_dropped() == before.total_dropped() + 1);
+    CHECK(server.dropped(reason) == before.count(reason) + 1);
+  };
+  DatagramBytes update = encode(own, planar_update(0));
+  DatagramBytes cut = update;
+  cut.pop_back();
+  only(DropReason::kTruncated, kClient, cut);
+  only(DropReason::kTruncated, kClient, {});
+  DatagramBytes other = update;
+  other[0] = std::byte{0};
+  only(DropReason::kNotOurs, kClient, other);
+  other = update;
+  other[4] = std::byte{2};
+  only(DropReason::kVersion, kClient, other);
+  only(DropReason::kUnexpected, kClient, encode(own, test::planar_state()));
+  only(DropReason::kForeignSession, kOther, update);
+  ContactUpdate bad = planar_update(0);
+  bad.ve_period = -1;
+  only(DropReason::kMalformed, kClient, encode({kFirstId, 1, 0}, bad));
+  bad = planar_update(0);
+  bad.ve_time = std::numeric_limits<double>::quiet_NaN();
+  only(DropReason::kNonFinite, kClient, encode({kFirstId, 2, 0}, bad));
+  server.link.deliver(kClient, update);
+  server.poll(0.1);
+  only(DropReason::kStale, kClient, update);
+  server.link.deliver(kClient, encode({kFirstId, 11, 0}, planar_update(10), 0));
+  only(DropReason::kIncomplete, kClient, encode({kFirstId, 12, 0}, planar_update(0)));
+}
+
+TEST_CASE("polling and acknowledging allocate nothing, whatever comes") {
+  Server server;
+  server.begin();
+  std::size_t allocations = 0;
+  std::uint64_t taken = 0;
+  for (std::uint64_t sequence = 1; sequence <= 20; ++sequence) {
+    server.deliver_update(sequence, kMaxContacts);
+    server.say_hello(kOther, 2);
+    server.say_hello(kClient, 1);
+    server.link.deliver(kOther, DatagramBytes(1200, std::byte{0x48}));
+    const test::NoMalloc guard;
+    const ServerSession::Inbox inbox = server.session.poll(0.01);
+    if (inbox.update) ++taken;
+    server.session.acknowledge(0.01, test::planar_state());
+    allocations += guard.allocations();
+  }
+  CHECK(taken == 20);
+  CHECK(allocations == 0);
+}
+
+TEST_CASE("beginning a session allocates nothing") {
+  Server server;
+  server.say_hello(kClient, 1);
+  const test::NoMalloc guard;
+  const bool asked = server.session.poll(0).hello != nullptr;
+  server.session.accept(0, 1000, 5);
+  const std::size_t allocations = guard.allocations();
+  CHECK(asked);
+  CHECK(allocations == 0);
+}
+
+}  // namespace
+}  // namespace hlm::protocol

@@ -1,0 +1,258 @@
+// The real programs, over UDP on loopback.
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <thread>
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "tests/support/catch.h"
+#include "tests/support/random.h"
+#include "tests/system/process.h"
+
+namespace hlm::test {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+
+using Arguments = std::vector<std::string>;
+
+Arguments operator+(Arguments a, const Arguments& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+std::string address(int port) { return "127.0.0.1:" + std::to_string(port); }
+
+Arguments server(int port) {
+  return {HLM_SERVER, "--listen", address(port), "--rate", "500",
+          "--status", "false",    "--max-gap",   "5"};
+}
+
+Arguments client(int port) {
+  return {HLM_CLIENT, "--server", address(port), "--world", HLM_WORLDS "/testbed.sdf"};
+}
+
+/// The last row of a tick log in a session, by column.
+std::map<std::string, std::string> last_session_tick(const std::string& path) {
+  std::ifstream file(path);
+  std::string header;
+  std::getline(file, header);
+  std::string line;
+  std::map<std::string, std::string> last;
+  while (std::getline(file, line)) {
+    std::istringstream names(header);
+    std::istringstream values(line);
+    std::map<std::string, std::string> row;
+    std::string name;
+    std::string value;
+    while (std::getline(names, name, ',') && std::getline(values, value, ',')) row[name] = value;
+    if (row["server_state"] == "running") last = row;
+  }
+  return last;
+}
+
+double number(const std::map<std::string, std::string>& row, const std::string& column) {
+  INFO("column " << column);
+  REQUIRE(row.count(column) == 1);
+  return std::stod(row.at(column));
+}
+
+TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 % of -f/k") {
+  const TemporaryDirectory directory;
+  std::ofstream(directory.file("push.toml")) << "after = \"hold\"\n[[segment]]\nduration = 1.0\n"
+                                                "wrench = { force = [0, 0.5, 0] }\n";
+  const int port = free_port();
+  Process haptic_server(server(port) + Arguments{"--hand", directory.file("push.toml"), "--log",
+                                                 directory.file("ticks.csv"), "--device-friction",
+                                                 "0"});
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  const Finished session = run(client(port) + Arguments{"--duration", "6"}, 30);
+  CHECK(session.exit_code == 0);
+  haptic_server.send_signal(SIGTERM);
+  CHECK(haptic_server.wait(10) == 0);
+
+  const auto row = last_session_tick(directory.file("ticks.csv"));
+  CHECK(number(row, "env_force_y_N") == Approx(-0.5).epsilon(0.02));
+  CHECK(number(row, "active_contacts") == 2);
+  CHECK(number(row, "smallest_separation_m") == Approx(-0.5 / 2 / 4000).epsilon(0.02));
+  CHECK(number(row, "dropped") == 0);
+}
+
+TEST_CASE("A recorded run replays offline bit for bit, and live into a running server") {
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  const Arguments physics{"--hand", HLM_WORLDS "/hands/session.toml"};
+  {
+    Process haptic_server(server(port) + physics +
+                          Arguments{"--record", directory.file("run.pcap")});
+    REQUIRE(haptic_server.wait_for_error("listening", 10));
+    CHECK(run(client(port) + Arguments{"--duration", "3"}, 30).exit_code == 0);
+    haptic_server.send_signal(SIGINT);
+    CHECK(haptic_server.wait(10) == 0);
+  }
+  const Finished offline = run(Arguments{HLM_REPLAY, directory.file("run.pcap"), "--offline",
+                                         "--rate", "500", "--max-gap", "5"} +
+                               physics);
+  INFO(offline.output << offline.error);
+  CHECK(offline.exit_code == 0);
+  CHECK_THAT(offline.output, ContainsSubstring("equal bit for bit"));
+  CHECK_THAT(offline.error, !ContainsSubstring("warning"));
+
+  const Finished different = run(Arguments{HLM_REPLAY, directory.file("run.pcap"), "--offline",
+                                           "--rate", "500", "--stiffness", "3000"});
+  CHECK(different.exit_code == 1);
+  CHECK_THAT(different.error, ContainsSubstring("recorded with other options"));
+
+  Process haptic_server(server(port) + physics);
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  const Finished live =
+      run({HLM_REPLAY, directory.file("run.pcap"), "--server", address(port), "--speed", "3"});
+  INFO(live.output << live.error);
+  CHECK(live.exit_code == 0);
+  CHECK_THAT(live.output, ContainsSubstring(" 0 not whole"));
+}
+
+TEST_CASE("Either side starts first, and either may be restarted") {
+  const int port = free_port();
+  Process haptic_client(client(port) + Arguments{"--duration", "60", "--connect-timeout", "30"});
+  {
+    Process first_server(server(port));
+    REQUIRE(first_server.wait_for_error("begins", 10));
+    first_server.send_signal(SIGTERM);
+    REQUIRE(first_server.wait(10) == 0);
+  }
+  Process second_server(server(port));
+  REQUIRE(second_server.wait_for_error("begins", 10));
+
+  haptic_client.send_signal(SIGKILL);  // It dies without a goodbye.
+  haptic_client.wait(5);
+  REQUIRE(second_server.wait_for_error("no news of the client", 10));
+  Process next_client(client(port) + Arguments{"--duration", "2"});
+  CHECK(next_client.wait(20) == 0);
+  CHECK(second_server.running());
+}
+
+TEST_CASE("A second client is turned away while the first is alive") {
+  const int port = free_port();
+  Process haptic_server(server(port));
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  Process first(client(port) + Arguments{"--duration", "30"});
+  REQUIRE(haptic_server.wait_for_error("begins", 10));
+  const Finished second = run(client(port) + Arguments{"--connect-timeout", "1"});
+  CHECK(second.exit_code != 0);
+  CHECK(first.running());
+}
+
+/// Sends what `next` gives to a port of loopback, `count` times.
+template <class Next>
+void send_datagrams(int port, int count, Next next) {
+  const int descriptor = socket(AF_INET, SOCK_DGRAM, 0);
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(static_cast<std::uint16_t>(port));
+  to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  for (int i = 0; i < count; ++i) {
+    const std::string bytes = next();
+    sendto(descriptor, bytes.data(), bytes.size(), 0, reinterpret_cast<sockaddr*>(&to), sizeof to);
+  }
+  close(descriptor);
+}
+
+TEST_CASE("Garbage and floods change counters, not the session") {
+  Random random;
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  Process haptic_server(server(port) + Arguments{"--log", directory.file("ticks.csv")});
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  Process haptic_client(client(port) + Arguments{"--duration", "3"});
+  REQUIRE(haptic_server.wait_for_error("begins", 10));
+  send_datagrams(port, 20'000, [&] {
+    std::string bytes(static_cast<std::size_t>(random.integer(0, 1400)), '\0');
+    for (char& byte : bytes) byte = static_cast<char>(random.integer(-128, 127));
+    if (bytes.size() > 4 && random.integer(0, 1) == 1) bytes.replace(0, 4, "HLMI");
+    return bytes;
+  });
+  CHECK(haptic_client.wait(20) == 0);
+  haptic_server.send_signal(SIGTERM);
+  CHECK(haptic_server.wait(10) == 0);
+  const auto row = last_session_tick(directory.file("ticks.csv"));
+  CHECK(number(row, "dropped") > 100);
+  CHECK(number(row, "step") > 500);
+}
+
+/// A program that must refuse: non-zero exit and one line on stderr with all these texts.
+void refuses(const Arguments& arguments, const std::vector<std::string>& texts) {
+  const Finished finished = run(arguments);
+  INFO(finished.error);
+  CHECK(finished.exit_code != 0);
+  CHECK(finished.exit_code != -1);
+  CHECK(std::count(finished.error.begin(), finished.error.end(), '\n') == 1);
+  for (const std::string& text : texts) CHECK_THAT(finished.error, ContainsSubstring(text));
+}
+
+TEST_CASE("Bad options of the server: one line that names the thing and what is allowed") {
+  refuses({HLM_SERVER, "--bogus"}, {"--bogus"});
+  refuses({HLM_SERVER, "--rate", "50"}, {"rate 50", "100", "8000"});
+  refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "> 0 N/m"});
+  refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"});
+  refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"});
+  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"});
+  refuses({HLM_SERVER, "--device", "replay"}, {"--device-log"});
+  refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"});
+  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"});
+
+  const TemporaryDirectory directory;
+  std::ofstream(directory.file("bad.toml")) << "stiffnes=4000\n";
+  refuses({HLM_SERVER, "--config", directory.file("bad.toml")}, {"stiffnes"});
+}
+
+TEST_CASE("A port in use is named") {
+  const int port = free_port();
+  Process first(server(port));
+  REQUIRE(first.wait_for_error("listening", 10));
+  refuses(server(port), {address(port)});
+}
+
+TEST_CASE("Bad options of the client: one line that names the thing and what is allowed") {
+  refuses({HLM_CLIENT, "--world", "/nowhere.sdf"}, {"/nowhere.sdf"});
+  refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--tool", "hammer"},
+          {"hammer", "peg"});
+  refuses({HLM_CLIENT, "--bogus"}, {"--bogus"});
+  refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--epsilon", "2"}, {"epsilon"});
+  const int nobody = free_port();
+  refuses(client(nobody) + Arguments{"--quiet", "--connect-timeout", "0.5"}, {address(nobody)});
+
+  const TemporaryDirectory directory;
+  std::ofstream(directory.file("bad.toml")) << "epsilom=0.005\n";
+  refuses({HLM_CLIENT, "--config", directory.file("bad.toml")}, {"epsilom"});
+}
+
+TEST_CASE("A capture of something else is refused") {
+  const TemporaryDirectory directory;
+  std::ofstream(directory.file("notes.txt")) << "not a capture\n";
+  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"});
+  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"});
+}
+
+TEST_CASE("The printed configuration is one that the program reads") {
+  const TemporaryDirectory directory;
+  for (const char* program : {HLM_SERVER, HLM_CLIENT}) {
+    const Finished printed = run({program, "--print-config"});
+    CHECK(printed.exit_code == 0);
+    std::ofstream(directory.file("printed.toml")) << printed.output;
+    const Finished again =
+        run({program, "--config", directory.file("printed.toml"), "--print-config"});
+    INFO(again.error);
+    CHECK(again.exit_code == 0);
+    CHECK(again.output == printed.output);
+  }
+}
+
+}  // namespace
+}  // namespace hlm::test

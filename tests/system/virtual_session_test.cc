@@ -1,0 +1,208 @@
+// Server tick and client frame together, in virtual time.
+#include "tests/support/virtual_session.h"
+
+#include <bit>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+
+#include "haptic_server/device/hand_script.h"
+#include "haptic_server/replay/offline_replay.h"
+#include "haptic_server/replay/recorded_session.h"
+#include "tests/support/catch.h"
+#include "tests/support/no_malloc.h"
+
+namespace hlm::test {
+namespace {
+
+using protocol::Fault;
+using protocol::ServerState;
+using server::TickRecord;
+
+/// FNV-1a over the bits of what the tick computes.
+class Hash {
+ public:
+  void add(const TickRecord& record) {
+    for (const double x : record.X_WD.p) add(x);
+    for (const double x : record.X_WP.p) add(x);
+    for (const double x : record.X_WP.R.coeffs()) add(x);
+    for (const double x : record.F_env) add(x);
+    for (const double x : record.F_command) add(x);
+    add(record.smallest_separation);
+  }
+  std::uint64_t value() const { return value_; }
+
+ private:
+  void add(double x) {
+    auto bits = std::bit_cast<std::uint64_t>(x);
+    for (int i = 0; i < 8; ++i, bits >>= 8) value_ = (value_ ^ (bits & 0xff)) * 0x100000001b3u;
+  }
+
+  std::uint64_t value_ = 0xcbf29ce484222325u;
+};
+
+VirtualSessionOptions demo() {
+  VirtualSessionOptions options;
+  options.hand = server::read_hand_script(std::string(HLM_WORLDS) + "/hands/session.toml");
+  return options;
+}
+
+TEST_CASE("Pressed on the wall the peg rests: force as pushed, separation -f/k, drift < 0.1 mm") {
+  VirtualSessionOptions options;
+  options.device.dry_friction = 0;  // or it would carry part of the push
+  options.hand = constant_push(force(0, 0.5));
+  VirtualSession session(options);
+  session.run(6);
+
+  const TickRecord& at_rest = session.last();
+  CHECK(at_rest.F_env[1] == Approx(-0.5).epsilon(0.02));      // N
+  CHECK(at_rest.F_command[1] == Approx(-0.5).epsilon(0.02));  // N
+  REQUIRE(at_rest.active_contacts == 2);
+  // Two contacts share the push.
+  CHECK(at_rest.smallest_separation == Approx(-0.5 / 2 / 4000).epsilon(0.02));  // m
+  CHECK((at_rest.X_WD.p - at_rest.X_WP.p).norm() < 1e-4);                       // m
+  CHECK(at_rest.X_WT.p.y() == Approx(0.124).margin(1e-4));                      // m
+}
+
+TEST_CASE("The demonstration ends with the peg in the hole, less than 1 mm of drift") {
+  double largest_drift = 0;
+  VirtualSession session(demo(), [&](const TickRecord& record) {
+    const bool in_hole = record.X_WP.p.y() > 0.18;
+    if (in_hole) {
+      largest_drift = std::max(largest_drift, (record.X_WP.p - record.X_WT.p).norm());
+    }
+  });
+  session.run(32);
+  CHECK(session.last().X_WT.p.y() == Approx(0.184).margin(1e-3));  // m: on the hole's bottom
+  CHECK(session.last().X_WT.p.x() == Approx(0.1).margin(1e-3));
+  CHECK(largest_drift < 1e-3);  // m
+  CHECK(session.session().statistics().total_dropped() == 0);
+  CHECK(session.last().fault == Fault::kNone);
+}
+
+TEST_CASE("Two runs are equal bit for bit, and so are builds of any optimisation") {
+  const auto hash = [] {
+    VirtualSessionOptions options = demo();
+    options.link = {.delay = 0.01, .jitter = 0.005, .loss = 0.05, .duplication = 0.05};
+    Hash sum;
+    VirtualSession session(options, [&](const TickRecord& record) { sum.add(record); });
+    session.run(8);
+    return sum.value();
+  };
+  const std::uint64_t first = hash();
+  CHECK(first == hash());
+  // One value for all builds: x86-64, libraries of Debian 12. A change of the method changes it.
+  WARN("hash " << std::hex << first);
+}
+
+TEST_CASE("A lossy, late, disordered network costs drift, not stability") {
+  VirtualSessionOptions options = demo();
+  options.link = {
+      .delay = 0.02, .jitter = 0.01, .loss = 0.2, .reordering = 0.1, .duplication = 0.1};
+  double largest = 0;
+  VirtualSession session(options, [&](const TickRecord& record) {
+    largest = std::max(largest, record.F_env.head<3>().norm());
+  });
+  session.run(12);
+  CHECK(largest <= 12 + 1e-9);                // N
+  CHECK(session.last().X_WP.p.norm() < 0.3);  // m: within the enclosure
+  CHECK(session.session().statistics().total_dropped() > 0);
+}
+
+TEST_CASE("When the client dies force fades to zero and comes back with it") {
+  VirtualSessionOptions options;
+  options.hand = constant_push(force(0, 0.5));
+  VirtualSession session(options);
+  session.run(4);
+  REQUIRE(session.last().F_command.norm() > 0.2);  // N
+
+  session.run_server_alone(options.servo.silence_time + options.servo.limits.fade_time + 0.1);
+  CHECK(session.last().server == ServerState::kSilent);
+  CHECK(session.last().F_command.norm() == 0);
+  session.run_server_alone(1);
+  CHECK(session.last().F_command.norm() == 0);
+
+  session.run(1);
+  CHECK(session.last().server == ServerState::kRunning);
+  CHECK(session.last().F_command.norm() > 0.2);
+}
+
+TEST_CASE("Goodbye ends the session: force fades, then the device is off") {
+  VirtualSessionOptions options;
+  options.hand = constant_push(force(0, 0.5));
+  VirtualSession session(options);
+  session.run(4);
+  session.client().close(session.now());
+  session.run_server_alone(options.servo.limits.fade_time + 0.1);
+  CHECK(session.last().server == ServerState::kIdle);
+  CHECK_FALSE(session.servo().local_model());
+}
+
+TEST_CASE("A gap in the loop beyond --max-gap is a fault: no force until a new session") {
+  VirtualSessionOptions options;
+  options.hand = constant_push(force(0, 0.5));
+  VirtualSession session(options);
+  session.run(4);
+  server::Timing timing;
+  timing.begin = timing.scheduled = session.now() + 0.4;
+  timing.missed = 400;
+  const TickRecord record = session.servo().tick(timing);
+  CHECK(record.fault == Fault::kOverrun);
+  CHECK(record.F_command.norm() == 0);
+  session.run(0.5);
+  CHECK(session.last().fault == Fault::kOverrun);
+  CHECK(session.last().F_command.norm() == 0);
+}
+
+TEST_CASE("A tick allocates nothing: in free motion, in contact, adopting and answering") {
+  VirtualSessionOptions options;
+  options.hand = constant_push(force(0.2, 0.6));
+  options.servo.local_model.max_hand_stiffness = 6000;
+  VirtualSession session(options);
+  session.run(0.5);
+  server::Timing timing;
+  std::size_t allocations = 0;
+  for (int i = 0; i < 3000; ++i) {
+    if (i % 20 == 0) session.run(0.02);
+    timing.begin = timing.scheduled = session.now();
+    const NoMalloc guard;
+    session.servo().tick(timing);
+    allocations += guard.allocations();
+  }
+  CHECK(session.last().active_contacts > 0);
+  CHECK(allocations == 0);
+}
+
+TEST_CASE("A recorded session comes back bit for bit on the local model") {
+  VirtualSessionOptions options = demo();
+  options.link = {.delay = 0.01, .jitter = 0.01, .loss = 0.1};
+  const std::filesystem::path capture =
+      std::filesystem::temp_directory_path() / ("replay_test_" + std::to_string(::getpid()));
+  {
+    VirtualSession session(options);
+    protocol::CaptureWriter writer(capture);
+    for (int i = 0; i < 9; ++i) {
+      session.run(1);
+      session.server_link().drain(writer);
+    }
+    REQUIRE(session.server_link().lost() == 0);
+  }
+  const std::vector<server::RecordedSession> recorded = server::read_sessions(capture);
+  std::filesystem::remove(capture);
+  REQUIRE(recorded.size() == 1);
+
+  const auto replay = [&](const server::ServoOptions& servo) {
+    server::SimulatedDevice device(options.device, options.hand, 1 / servo.rate);
+    return server::replay_offline(recorded[0], servo, 0, device, [](const TickRecord&) {});
+  };
+  const server::OfflineResult same = replay(options.servo);
+  CHECK(same.compared > 300);
+  CHECK(same.equal == same.compared);
+
+  server::ServoOptions softer = options.servo;
+  softer.local_model.stiffness = 3999;
+  CHECK(replay(softer).first_difference);
+}
+
+}  // namespace
+}  // namespace hlm::test

@@ -1,0 +1,112 @@
+// Which contacts are reported?
+#include "ve_client/contacts/select.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "tests/support/catch.h"
+#include "tests/support/random.h"
+
+namespace hlm::ve::test {
+namespace {
+
+using hlm::test::Random;
+
+const Vector3 kPlane = Vector3::UnitZ();
+
+ReportedContact contact(std::uint16_t vertex, const Vector3& p_W, const Vector3& n_W,
+                        double separation) {
+  ReportedContact result;
+  result.key.tool_feature = {FeatureKind::kVertex, 0, vertex};
+  result.key.body_feature = {FeatureKind::kFace, 0, 0};
+  result.p_WC = p_W;
+  result.n_W = n_W;
+  result.separation = separation;
+  return result;
+}
+
+std::vector<ReportedContact> random_contacts(int count, Random& random) {
+  std::vector<ReportedContact> contacts;
+  for (int i = 0; i < count; ++i) {
+    contacts.push_back(contact(static_cast<std::uint16_t>(i), random.vector(1), random.direction(),
+                               random.uniform(-0.02, 0.005)));
+  }
+  std::shuffle(contacts.begin(), contacts.end(), random.engine());
+  return contacts;
+}
+
+bool is_sorted_by_key(const ReportedContacts& contacts) {
+  return std::is_sorted(contacts.begin(), contacts.end(),
+                        [](const auto& a, const auto& b) { return a.key < b.key; });
+}
+
+}  // namespace
+
+TEST_CASE("A spatial tool's contacts are all reported, sorted by key") {
+  Random random;
+  const auto candidates = random_contacts(40, random);
+  const ReportedContacts reported = select_contacts(candidates, std::nullopt);
+  CHECK(reported.size() == 40);
+  CHECK(is_sorted_by_key(reported));
+}
+
+TEST_CASE("Of too many contacts those of the smallest separations are reported, in any order") {
+  Random random;
+  auto candidates = random_contacts(200, random);
+  const ReportedContacts reported = select_contacts(candidates, std::nullopt);
+  REQUIRE(reported.size() == kMaxContacts);
+  CHECK(is_sorted_by_key(reported));
+  double largest = -1;
+  for (const auto& c : reported) largest = std::max(largest, c.separation);
+  CHECK(std::count_if(candidates.begin(), candidates.end(),
+                      [&](const auto& c) { return c.separation <= largest; }) == kMaxContacts);
+
+  std::shuffle(candidates.begin(), candidates.end(), random.engine());
+  const ReportedContacts again = select_contacts(candidates, std::nullopt);
+  REQUIRE(again.size() == reported.size());
+  for (std::size_t i = 0; i < again.size(); ++i) CHECK(again[i].key == reported[i].key);
+}
+
+TEST_CASE("Contacts of a planar tool one above the other are one constraint, of the smallest key") {
+  const std::vector<ReportedContact> candidates = {
+      contact(5, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001),
+      contact(1, {0.1, 0.2, -0.02}, Vector3::UnitX(), -0.001),
+      contact(2, {0.1, 0.3, -0.02}, Vector3::UnitX(), -0.001)};
+  const ReportedContacts reported = select_contacts(candidates, kPlane);
+  REQUIRE(reported.size() == 2);
+  CHECK(reported[0].key.tool_feature.index == 1);
+  CHECK(reported[1].key.tool_feature.index == 2);
+  CHECK(select_contacts(candidates, std::nullopt).size() == 3);
+}
+
+TEST_CASE("Contacts of a planar tool that differ in the plane, or by link or body, all stay") {
+  const ReportedContact first = contact(1, {0.1, 0.2, 0}, Vector3::UnitX(), -0.001);
+  ReportedContact other_normal = contact(2, {0.1, 0.2, 0.02}, Vector3::UnitY(), -0.001);
+  ReportedContact other_separation = contact(3, {0.1, 0.2, 0.02}, Vector3::UnitX(), 0.001);
+  ReportedContact other_body = contact(4, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
+  other_body.key.body = 7;
+  ReportedContact other_link = contact(5, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
+  other_link.key.link = 1;
+  const std::vector<ReportedContact> candidates = {first, other_normal, other_separation,
+                                                   other_body, other_link};
+  CHECK(select_contacts(candidates, kPlane).size() == 5);
+}
+
+TEST_CASE(
+    "A contact whose normal leaves a planar tool's plane constrains nothing and is left out") {
+  const Vector3 steep = Vector3(0.1, 0, 1).normalized();
+  const std::vector<ReportedContact> candidates = {contact(1, {0, 0, 0}, kPlane, -0.001),
+                                                   contact(2, {0, 0, 0}, -kPlane, -0.001),
+                                                   contact(3, {0, 0, 0}, steep, -0.001)};
+  const ReportedContacts reported = select_contacts(candidates, kPlane);
+  REQUIRE(reported.size() == 1);
+  CHECK(reported[0].key.tool_feature.index == 3);
+  CHECK(select_contacts(candidates, std::nullopt).size() == 3);
+}
+
+TEST_CASE("No candidates make no contacts") {
+  CHECK(select_contacts({}, std::nullopt).empty());
+  CHECK(select_contacts({}, kPlane).empty());
+}
+
+}  // namespace hlm::ve::test

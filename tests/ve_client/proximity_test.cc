@@ -1,0 +1,199 @@
+// The ε-query between the tool and the world: on the paper's testbed, with moving bodies, and with
+// tools of several links and shapes.
+#include "ve_client/world/proximity.h"
+
+#include <algorithm>
+#include <numbers>
+
+#include "tests/support/catch.h"
+#include "tests/ve_client/worlds.h"
+#include "ve_client/contacts/select.h"
+
+namespace hlm::ve {
+namespace {
+
+using test::box;
+using test::fixed_model;
+using test::model;
+using test::world_of;
+
+/// A tool that can be put anywhere.
+struct Scene {
+  Scene(const WorldDescription& description, const std::string& name)
+      : assembly(assemble_tool(description, name)),
+        world(description, assembly.bodies),
+        tool(world, assembly, {.mode = FollowMode::kKinematic}),
+        proximity(world, assembly) {}
+
+  ReportedContacts contacts_at(const Configuration& q, double epsilon) {
+    constexpr double kStep = 1.0 / 60;
+    tool.set_target(q, Velocity::Zero(tool.v().size()));
+    const double reach = tool.follow(kStep);
+    world.step(kStep, proximity.within_reach(tool, reach));
+    tool.read_back();
+    return select_contacts(proximity.query(tool, epsilon), assembly.planar_normal_W);
+  }
+
+  ToolAssembly assembly;
+  World world;
+  VirtualTool tool;
+  Proximity proximity;
+};
+
+struct Testbed : Scene {
+  Testbed() : Scene(test::repository_world("testbed.sdf"), "peg") {}
+};
+
+constexpr std::uint8_t kBottomLeft = 3;
+constexpr std::uint8_t kBottomRight = 4;
+constexpr std::uint8_t kHoleFloor = 5;
+constexpr double kRightAngle = std::numbers::pi / 2;
+
+/// Contacts with one shape of the enclosure.
+ReportedContacts with_shape(const ReportedContacts& contacts, std::uint8_t shape) {
+  ReportedContacts found;
+  for (const ReportedContact& contact : contacts) {
+    if (contact.key.body_feature.shape == shape) found.push_back(contact);
+  }
+  return found;
+}
+
+/// Two contacts, `length` apart, with this normal, at separation 0.
+void check_side(const ReportedContacts& contacts, const Vector3& normal, double length) {
+  REQUIRE(contacts.size() == 2);
+  for (const ReportedContact& contact : contacts) {
+    CHECK((contact.n_W - normal).norm() < 1e-9);
+    CHECK(contact.separation == Approx(0).margin(1e-6));
+  }
+  const Vector3 span = contacts[0].p_WC - contacts[1].p_WC;
+  CHECK(std::hypot(span.x(), span.y()) == Approx(length).margin(1e-6));
+  CHECK(contacts[0].key != contacts[1].key);
+}
+
+TEST_CASE("the lying peg at y = 124 mm touches the bottom wall at its two lower corners") {
+  Testbed testbed;
+  const ReportedContacts contacts = testbed.contacts_at(Vector3(0, 0.124, 0), 0.005);
+  CHECK(contacts.size() == 2);
+  check_side(with_shape(contacts, kBottomLeft), -Vector3::UnitY(), 0.08);
+}
+
+TEST_CASE("the standing peg fills the hole: two contacts on each of its three walls") {
+  Testbed testbed;
+  const ReportedContacts contacts = testbed.contacts_at(Vector3(0.1, 0.184, kRightAngle), 0.005);
+  CHECK(contacts.size() == 6);
+  check_side(with_shape(contacts, kBottomLeft), Vector3::UnitX(), 0.08);
+  check_side(with_shape(contacts, kBottomRight), -Vector3::UnitX(), 0.08);
+  check_side(with_shape(contacts, kHoleFloor), -Vector3::UnitY(), 0.04);
+}
+
+TEST_CASE("a contact appears where its separation falls to ε, and then has the true separation") {
+  Testbed testbed;
+  CHECK(testbed.contacts_at(Vector3(0, 0.124 - 0.00501, 0), 0.005).empty());
+  const ReportedContacts near = testbed.contacts_at(Vector3(0, 0.124 - 0.00499, 0), 0.005);
+  REQUIRE(near.size() == 2);
+  CHECK(near[0].separation == Approx(0.00499).margin(1e-6));
+}
+
+TEST_CASE("with ε = 0 there are contacts only where shapes touch") {
+  Testbed testbed;
+  CHECK(testbed.contacts_at(Vector3(0, 0.124 - 1e-5, 0), 0).empty());
+  CHECK(testbed.contacts_at(Vector3(0, 0.124 + 1e-5, 0), 0).size() == 2);
+}
+
+TEST_CASE("a separation is exact for every depth up to 20 mm") {
+  Testbed testbed;
+  for (double depth = -0.005; depth <= 0.02; depth += 0.0025) {
+    const ReportedContacts contacts = testbed.contacts_at(Vector3(0, 0.124 + depth, 0), 0.0051);
+    REQUIRE(contacts.size() == 2);
+    CHECK(contacts[0].separation == Approx(-depth).margin(1e-6));
+    CHECK(contacts[1].separation == Approx(-depth).margin(1e-6));
+  }
+}
+
+TEST_CASE("contacts keep their identities while the peg slides, sinks and tilts a little") {
+  Testbed testbed;
+  const auto keys = [&](double x, double y, double heading) {
+    std::vector<ContactKey> result;
+    for (const auto& contact : testbed.contacts_at(Vector3(x, y, heading), 0.005)) {
+      result.push_back(contact.key);
+    }
+    std::ranges::sort(result);
+    return result;
+  };
+  const std::vector<ContactKey> first = keys(0, 0.123, 0);
+  REQUIRE(first.size() == 2);
+  CHECK(keys(-0.05, 0.123, 0) == first);
+  CHECK(keys(0, 0.126, 0) == first);
+  CHECK(keys(0, 0.123, 0.02) == first);
+  CHECK(keys(0, 0.123, -0.02) == first);
+}
+
+TEST_CASE("the velocity of a contact is that of the environment's material there") {
+  const WorldDescription description =
+      world_of(model("tool", "0 0 0 0 0 0", box("0.1 0.1 0.1")) +
+               model("disc", "0 0 -0.1 0 0 0", box("0.4 0.4 0.1")));
+  Scene scene(description, "tool");
+  Twist V;
+  V << 0.01, 0.02, 0.03, 0, 0, 2;
+  scene.world.set_velocity(1, V);
+  const auto contacts = scene.proximity.query(scene.tool, 0.005);
+  REQUIRE(contacts.size() == 4);
+  for (const ReportedContact& contact : contacts) {
+    const Vector3 arm = contact.p_WC - Vector3(0, 0, -0.1);
+    const Vector3 expected = V.head<3>() + Vector3(0, 0, 2).cross(arm);
+    CHECK((contact.v_WC - expected).norm() < 1e-12);
+  }
+}
+
+TEST_CASE("a contact names link, shapes and body; fixed bodies stand still") {
+  const WorldDescription description = test::repository_world("linkage.sdf");
+  Scene scene(description, "arm");
+  // The forearm, a capsule of radius 10 mm, folded back to lie 2 mm from the post's mantle.
+  const double bend = std::atan2(-0.1, -0.1) + std::asin(0.042 / std::hypot(0.1, 0.1));
+  const ReportedContacts contacts = scene.contacts_at(Eigen::Vector2d(0, bend), 0.005);
+  const auto forearm = std::ranges::find_if(
+      contacts, [](const ReportedContact& contact) { return contact.key.link == 1; });
+  REQUIRE(forearm != contacts.end());
+  CHECK(description.bodies[forearm->key.body].name == "post::body");
+  CHECK(forearm->v_WC.isZero(0));
+  CHECK(forearm->separation == Approx(0.002).margin(1e-6));
+}
+
+TEST_CASE("shapes of one link are told apart") {
+  const std::string second =
+      "<collision name='second'><pose>0.3 0 0 0 0 0</pose><geometry><box><size>0.1 0.1 0.1</size>"
+      "</box></geometry></collision>";
+  Scene scene(world_of(model("tool", "0 0 0 0 0 0", box("0.1 0.1 0.1") + second) +
+                       fixed_model("floor", "0 0 -0.051 0 0 0",
+                                   "<collision name='c'><geometry><plane><normal>0 0 1</normal>"
+                                   "</plane></geometry></collision>")),
+              "tool");
+  const auto contacts = scene.proximity.query(scene.tool, 0.005);
+  REQUIRE(contacts.size() == 8);
+  CHECK(std::ranges::count_if(contacts, [](const ReportedContact& contact) {
+          return contact.key.tool_feature.shape == 1;
+        }) == 4);
+}
+
+TEST_CASE("the world's step gets all basic contacts within reach, with the smaller friction") {
+  const std::string slippery =
+      "<collision name='c'><geometry><box><size>0.1 0.1 0.1</size></box></geometry><surface>"
+      "<friction><ode><mu>0.2</mu></ode></friction></surface></collision>";
+  const std::string rough = box("0.3 0.3 0.1");  // μ = 1.
+  const bool tool_is_slippery = GENERATE(true, false);
+  Scene scene(world_of(model("tool", "0 0 0.101 0 0 0", tool_is_slippery ? slippery : rough) +
+                       fixed_model("floor", "0 0 0 0 0 0", tool_is_slippery ? rough : slippery)),
+              "tool");
+  CHECK(scene.proximity.within_reach(scene.tool, 0.0009).empty());
+  const auto contacts = scene.proximity.within_reach(scene.tool, 0.0011);
+  REQUIRE(contacts.size() == 4);
+  for (const ToolContact& contact : contacts) {
+    CHECK(contact.separation == Approx(0.001).margin(1e-6));
+    CHECK(contact.friction == 0.2);
+    CHECK(contact.tool_body == 0);
+    CHECK(contact.body == 1);
+  }
+}
+
+}  // namespace
+}  // namespace hlm::ve

@@ -1,0 +1,182 @@
+// Loading worlds: what an SDF file says, and the message for each thing that it must not say.
+#include <fstream>
+#include <numbers>
+
+#include "tests/support/catch.h"
+#include "tests/ve_client/worlds.h"
+
+namespace hlm::ve {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using test::box;
+using test::fixed_model;
+using test::kInertial;
+using test::model;
+using test::world_of;
+
+/// The message with which loading these models fails; empty if it succeeds.
+std::string error_of(const std::string& models) {
+  try {
+    world_of(models);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string with_geometry(const std::string& geometry) {
+  return fixed_model("wall", "0 0 0 0 0 0",
+                     "<collision name='c'><geometry>" + geometry + "</geometry></collision>");
+}
+
+TEST_CASE("the testbed is an enclosure of six boxes and a planar peg of 80 x 40 mm, 1 kg") {
+  const WorldDescription world = test::repository_world("testbed.sdf");
+  REQUIRE(world.bodies.size() == 2);
+  CHECK(world.gravity_W.isZero(0));
+  CHECK(world.bodies[0].fixed);
+  CHECK(world.bodies[0].collisions.size() == 6);
+  const BodyDescription& peg = world.bodies[1];
+  CHECK_FALSE(peg.fixed);
+  CHECK(peg.mass == 1);
+  CHECK(std::get<Box>(peg.collisions.at(0).shape).size == Vector3(0.08, 0.04, 0.04));
+  CHECK(peg.collisions[0].friction == 0.3);
+  CHECK(world.models.at(1).tool_joint == JointType::kPlanar);
+}
+
+TEST_CASE("the other worlds of the repository load") {
+  CHECK(test::repository_world("playground.sdf").bodies.size() == 8);
+  const WorldDescription linkage = test::repository_world("linkage.sdf");
+  CHECK(linkage.joints.size() == 3);
+  CHECK(linkage.models.at(0).hand_link == "forearm");
+  CHECK(linkage.models[0].X_SH.p == Vector3(0.2, 0, 0));
+}
+
+TEST_CASE("poses of nested models, links, centres of mass and collisions compose") {
+  const WorldDescription world = world_of(
+      "<model name='outer'><pose>1 0 0 0 0 1.5707963267948966</pose>"
+      "<link name='base'>" +
+      kInertial +
+      "</link>"
+      "<model name='inner'><pose>0 2 0 0 0 0</pose><link name='arm'><pose>0 0 3 0 0 0</pose>"
+      "<inertial><pose>0.5 0 0 0 0 0</pose><mass>2</mass></inertial>"
+      "<collision name='c'><pose>0.5 0 1 0 0 "
+      "0</pose><geometry><sphere><radius>0.1</radius></sphere>"
+      "</geometry></collision></link></model></model>");
+  REQUIRE(world.bodies.size() == 2);
+  const BodyDescription& arm = world.bodies[1];
+  CHECK(arm.name == "outer::inner::arm");
+  // Link at (1,0,0) + Rz(90°)(0,2,3); its centre of mass 0.5 m along the turned x axis.
+  CHECK(arm.X_WB.p.isApprox(Vector3(-1, 0.5, 3), 1e-12));
+  CHECK((arm.X_WB * arm.p_BS).isApprox(Vector3(-1, 0, 3), 1e-12));
+  CHECK(arm.collisions.at(0).X_BG.p.isApprox(Vector3(0, 0, 1), 1e-12));
+}
+
+TEST_CASE("poses relative to a frame are resolved") {
+  const WorldDescription world = world_of(
+      "<frame name='shelf'><pose>0 0 1 0 0 0</pose></frame>"
+      "<model name='m'><pose relative_to='shelf'>1 0 0 0 0 0</pose><link name='l'>" +
+      kInertial + "</link></model>");
+  CHECK(world.bodies.at(0).X_WB.p.isApprox(Vector3(1, 0, 1), 1e-12));
+}
+
+TEST_CASE("a rotated inertial frame turns the inertia, not the body's axes") {
+  const WorldDescription world = world_of(
+      "<model name='m'><link name='l'><inertial><pose>0 0 0 0 0 1.5707963267948966</pose>"
+      "<mass>1</mass><inertia><ixx>1</ixx><iyy>2</iyy><izz>2.5</izz></inertia></inertial>"
+      "</link></model>");
+  CHECK(world.bodies.at(0).X_WB.R.isApprox(Quaternion::Identity(), 1e-12));
+  CHECK(world.bodies[0].I_B.isApprox(Matrix3(Vector3(2, 1, 2.5).asDiagonal()), 1e-12));
+}
+
+TEST_CASE("a plane's normal is its shape's z axis") {
+  const WorldDescription world = world_of(with_geometry("<plane><normal>1 0 0</normal></plane>"));
+  const CollisionDescription& plane = world.bodies.at(0).collisions.at(0);
+  CHECK(std::holds_alternative<HalfSpace>(plane.shape));
+  CHECK((plane.X_BG.R * Vector3::UnitZ()).isApprox(Vector3::UnitX(), 1e-12));
+}
+
+TEST_CASE("a joint has its frame, axis and limits") {
+  const WorldDescription world =
+      world_of("<model name='m'><pose>0 0 1 0 0 0</pose><link name='a'>" + kInertial +
+               "</link>"
+               "<link name='b'><pose>1 0 0 0 0 1.5707963267948966</pose>" +
+               kInertial +
+               "</link>"
+               "<joint name='j' type='revolute'><pose>0.25 0 0 0 0 0</pose><parent>a</parent>"
+               "<child>b</child><axis><xyz expressed_in='__model__'>1 0 0</xyz>"
+               "<limit><lower>-0.5</lower><upper>1.5</upper></limit></axis></joint></model>");
+  const JointDescription& joint = world.joints.at(0);
+  CHECK(joint.type == JointType::kRevolute);
+  CHECK(joint.parent == 0);
+  CHECK(joint.child == 1);
+  CHECK(joint.X_WJ.p.isApprox(Vector3(1, 0.25, 1), 1e-12));
+  CHECK((joint.X_WJ.R * joint.axis_J).isApprox(Vector3::UnitX(), 1e-12));
+  CHECK(joint.lower == -0.5);
+  CHECK(joint.upper == 1.5);
+}
+
+TEST_CASE("what this program does not support is an error that names the element") {
+  CHECK_THAT(error_of(with_geometry("<mesh><uri>peg.dae</uri></mesh>")),
+             ContainsSubstring("test.sdf") && ContainsSubstring("<mesh>") &&
+                 ContainsSubstring("model 'wall' link 'body' collision 'c'") &&
+                 ContainsSubstring("<capsule>"));
+  CHECK_THAT(error_of(with_geometry("<ellipsoid><radii>1 1 1</radii></ellipsoid>")),
+             ContainsSubstring("<ellipsoid>"));
+  CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
+                      "<joint name='hip' type='ball'><parent>a</parent><child>b</child></joint>"
+                      "</model>"),
+             ContainsSubstring("joint 'm::hip'") && ContainsSubstring("ball"));
+  CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
+                      "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
+                      "<axis><xyz>0 0 1</xyz><dynamics><damping>1</damping></dynamics></axis>"
+                      "</joint></model>"),
+             ContainsSubstring("<dynamics>") && ContainsSubstring("joint 'j'"));
+  CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", "<haptic:tool_join>planar</haptic:tool_join>")),
+             ContainsSubstring("<haptic:tool_join>"));
+}
+
+TEST_CASE("a value out of range is an error that names it and what is allowed") {
+  CHECK_THAT(error_of(with_geometry("<sphere><radius>-0.1</radius></sphere>")),
+             ContainsSubstring("collision 'c' radius -0.1 m") && ContainsSubstring("> 0"));
+  CHECK_THAT(error_of(with_geometry("<box><size>1 0 1</size></box>")),
+             ContainsSubstring("size y 0 m"));
+  CHECK_THAT(error_of(fixed_model("wall", "0 0 0 0 0 0",
+                                  "<collision name='c'><geometry><sphere><radius>1</radius>"
+                                  "</sphere></geometry><surface><friction><ode><mu>-1</mu></ode>"
+                                  "</friction></surface></collision>")),
+             ContainsSubstring("<mu>") && ContainsSubstring("-1") &&
+                 ContainsSubstring("minimum allowed value of [0]"));
+  CHECK_THAT(error_of(model("m", "0 0 0 0 0 0",
+                            "<collision name='c'><geometry><plane><normal>0 0 1</normal></plane>"
+                            "</geometry></collision>")),
+             ContainsSubstring("plane") && ContainsSubstring("static"));
+  CHECK_THAT(error_of("<model name='m'><link name='a'><inertial><mass>-1</mass></inertial></link>"
+                      "</model>"),
+             ContainsSubstring("link"));
+  CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
+                      "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
+                      "<axis><xyz>0 0 1</xyz><limit><lower>0.5</lower><upper>1</upper></limit>"
+                      "</axis></joint></model>"),
+             ContainsSubstring("joint 'm::j'") && ContainsSubstring("include 0"));
+  CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", "<haptic:tool_joint>ball</haptic:tool_joint>")),
+             ContainsSubstring("model 'm'") && ContainsSubstring("'ball' must be free or planar"));
+  CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",
+                            "<haptic:hand><link>body</link><pose>1 2 x</pose></haptic:hand>")),
+             ContainsSubstring("<haptic:hand>") && ContainsSubstring("six numbers"));
+}
+
+TEST_CASE("a missing or broken file is one line that names it") {
+  CHECK_THROWS_WITH(load_world("/nonexistent/w.sdf"), ContainsSubstring("/nonexistent/w.sdf"));
+  CHECK_THROWS_WITH(parse_world("<sdf version='1.9'><world", "broken.sdf"),
+                    ContainsSubstring("broken.sdf") && !ContainsSubstring("\n"));
+  CHECK_THROWS_WITH(parse_world("<sdf version='1.9'></sdf>", "empty.sdf"),
+                    ContainsSubstring("empty.sdf") && ContainsSubstring("exactly one"));
+  CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
+                      "<joint name='j' type='fixed'><parent>a</parent><child>nobody</child>"
+                      "</joint></model>"),
+             ContainsSubstring("nobody"));
+}
+
+}  // namespace
+}  // namespace hlm::ve

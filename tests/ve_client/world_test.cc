@@ -1,0 +1,199 @@
+// The simulated world: gravity, contacts among loose bodies, joints and their limits,
+// repeatability.
+#include "ve_client/world/world.h"
+
+#include "tests/support/catch.h"
+#include "tests/ve_client/worlds.h"
+
+namespace hlm::ve {
+namespace {
+
+using test::fixed_model;
+using test::kInertial;
+using test::model;
+using test::world_of;
+
+constexpr double kStep = 1.0 / 60;  // s.
+const std::string kEarth = "0 0 -9.81";
+
+void run(World& world, double duration) {
+  for (int i = 0; i < static_cast<int>(std::lround(duration / kStep)); ++i) world.step(kStep, {});
+}
+
+TEST_CASE("a body falls with the world's gravity unless it is weightless or the tool") {
+  const WorldDescription description =
+      world_of(model("stone", "0 0 0 0 0 0", "") +
+                   model("balloon", "1 0 0 0 0 0", "<gravity>false</gravity>") +
+                   model("tool", "2 0 0 0 0 0", ""),
+               kEarth);
+  World world(description, std::vector<int>{2});
+  run(world, 1);
+  CHECK(world.V_WB(0)[2] == Approx(-9.81).margin(1e-9));
+  CHECK(world.V_WB(1).isZero(0));
+  CHECK(world.V_WB(2).isZero(0));
+}
+
+std::string shape_collision(const std::string& shape) {
+  const std::string geometry =
+      shape == "box"        ? "<box><size>0.1 0.1 0.1</size></box>"
+      : shape == "sphere"   ? "<sphere><radius>0.05</radius></sphere>"
+      : shape == "cylinder" ? "<cylinder><radius>0.05</radius><length>0.1</length></cylinder>"
+      : shape == "capsule"  ? "<capsule><radius>0.05</radius><length>0.1</length></capsule>"
+                            : "<plane><normal>0 0 1</normal></plane>";
+  return "<collision name='c'><geometry>" + geometry + "</geometry></collision>";
+}
+
+TEST_CASE("a body of each shape comes to rest upon a fixed body of each shape") {
+  const std::string lower =
+      GENERATE(as<std::string>{}, "plane", "box", "sphere", "cylinder", "capsule");
+  const std::string upper = GENERATE(as<std::string>{}, "box", "sphere", "cylinder", "capsule");
+  CAPTURE(lower, upper);
+  const auto half_height = [](const std::string& shape) {
+    return shape == "plane" ? 0.0 : shape == "capsule" ? 0.1 : 0.05;
+  };
+  const double touching = half_height(lower) + half_height(upper);
+  // Exactly on top of each other: balanced, also on a sphere.
+  World world(world_of(fixed_model("lower", "0 0 0 0 0 0", shape_collision(lower)) +
+                           model("upper", "0 0 " + std::to_string(touching + 0.01) + " 0 0 0",
+                                 shape_collision(upper)),
+                       kEarth),
+              {});
+  run(world, 0.5);
+  CHECK(world.X_WB(1).p.z() == Approx(touching).margin(2e-3));
+}
+
+TEST_CASE("a box on a slope slides if its friction is below the slope's, and stays if above") {
+  const auto drift = [](double mu) {
+    const std::string collision =
+        "<collision name='c'><geometry><box><size>0.1 0.1 0.1</size></box></geometry><surface>"
+        "<friction><ode><mu>" +
+        std::to_string(mu) + "</mu></ode></friction></surface></collision>";
+    // Gravity 20 degrees off the plane's normal: tan = 0.364.
+    World world(world_of(fixed_model("floor", "0 0 0 0 0 0", shape_collision("plane")) +
+                             model("block", "0 0 0.05 0 0 0", collision),
+                         "3.355 0 -9.218"),
+                {});
+    run(world, 1);
+    return world.X_WB(1).p.x();
+  };
+  CHECK(std::abs(drift(0.5)) < 0.01);
+  // a = g (sin - mu cos) = 1.51 m/s²: 0.76 m in 1 s.
+  CHECK(drift(0.2) == Approx(0.76).margin(0.05));
+}
+
+std::string jointed(const std::string& type, const std::string& axis) {
+  return "<model name='m'><link name='l'><pose>0.1 0 0 0 0 0</pose>" + kInertial +
+         "</link><joint name='j' type='" + type +
+         "'><pose>-0.1 0 0 0 0 0</pose><parent>world</parent><child>l</child><axis><xyz>" + axis +
+         "</xyz><limit><lower>-0.2</lower><upper>0.7</upper></limit></axis></joint></model>";
+}
+
+TEST_CASE("a revolute joint turns about its axis between its limits") {
+  World world(world_of(jointed("revolute", "0 0 1")), {});
+  const double direction = GENERATE(1.0, -1.0);
+  for (int i = 0; i < 120; ++i) {
+    world.add_wrench(0, Wrench(0, 0, 0, 0, 0, 0.05 * direction));
+    world.step(kStep, {});
+  }
+  const Pose X_WB = world.X_WB(0);
+  const double angle = rotation_vector(X_WB.R).z();
+  CHECK(angle == Approx(direction > 0 ? 0.7 : -0.2).margin(0.02));
+  CHECK((X_WB * Vector3(-0.1, 0, 0)).norm() < 1e-3);
+}
+
+TEST_CASE("a prismatic joint slides along its axis between its limits") {
+  World world(world_of(jointed("prismatic", "0 1 0")), {});
+  const double direction = GENERATE(1.0, -1.0);
+  for (int i = 0; i < 120; ++i) {
+    world.add_wrench(0, Wrench(0.1, direction, 0.1, 0, 0, 0.05));
+    world.step(kStep, {});
+  }
+  const Vector3 moved = world.X_WB(0).p - Vector3(0.1, 0, 0);
+  CHECK(moved.y() == Approx(direction > 0 ? 0.7 : -0.2).margin(0.02));
+  CHECK(std::hypot(moved.x(), moved.z()) < 1e-3);
+}
+
+TEST_CASE("a fixed joint holds a body at another") {
+  World world(world_of("<model name='m'><link name='a'>" + kInertial +
+                       "</link><link name='b'><pose>0.1 0 0 0 0 0</pose>" + kInertial +
+                       "</link><joint name='j' type='fixed'><parent>a</parent><child>b</child>"
+                       "</joint></model>"),
+              {});
+  for (int i = 0; i < 60; ++i) {
+    world.add_wrench(0, Wrench(1, 0, 0, 0, 0, 0.01));
+    world.step(kStep, {});
+  }
+  const Pose X_AB = world.X_WB(0).inverse() * world.X_WB(1);
+  CHECK((X_AB.p - Vector3(0.1, 0, 0)).norm() < 1e-3);
+}
+
+TEST_CASE("a planar body neither leaves its plane nor tilts") {
+  World world(world_of(model("m", "0 0 0.3 0 0 0", "")), {});
+  world.keep_planar(0);
+  for (int i = 0; i < 60; ++i) {
+    world.add_wrench(0, Wrench(1, 0, 5, 0.1, -0.1, 0.001));
+    world.step(kStep, {});
+  }
+  const Pose X_WB = world.X_WB(0);
+  CHECK(X_WB.p.z() == Approx(0.3).margin(1e-4));
+  CHECK((X_WB.R * Vector3::UnitZ() - Vector3::UnitZ()).norm() < 1e-3);
+  CHECK(X_WB.p.x() > 0.4);
+  CHECK(rotation_vector(X_WB.R).z() > 0.4);
+}
+
+TEST_CASE("the velocity of a body's point includes its rotation") {
+  World world(world_of(model("m", "1 0 0 0 0 0", "")), {});
+  Twist V;
+  V << 0.1, 0.2, 0.3, 0, 0, 2;
+  world.set_velocity(0, V);
+  CHECK(world.velocity_at(0, {1.5, 0, 0}).isApprox(Vector3(0.1, 1.2, 0.3), 1e-12));
+}
+
+TEST_CASE("shapes near a box are found in order; the tool's own are not") {
+  World world(world_of(model("tool", "0 0 0 0 0 0", shape_collision("box")) +
+                       fixed_model("floor", "0 0 -1 0 0 0", shape_collision("plane")) +
+                       model("far", "5 0 0 0 0 0", shape_collision("sphere")) +
+                       model("close", "0.2 0 0 0 0 0", shape_collision("sphere")) +
+                       fixed_model("beside", "0 0.2 0 0 0 0", shape_collision("box"))),
+              std::vector<int>{0});
+  std::vector<CollisionId> found;
+  world.find_near({Vector3(-0.16, -0.16, -0.16), Vector3(0.16, 0.16, 0.16)}, found);
+  CHECK(found == std::vector<CollisionId>{{3, 0}, {4, 0}});
+  world.find_near({Vector3(-0.14, -0.14, -1.1), Vector3(0.14, 0.14, 0.14)}, found);
+  CHECK(found == std::vector<CollisionId>{{1, 0}});
+  // A body is found where it has moved to.
+  world.set_pose(2, {Vector3(0, 0, 0), Quaternion::Identity()});
+  world.find_near({Vector3(-0.1, -0.1, -0.1), Vector3(0.1, 0.1, 0.1)}, found);
+  CHECK(found == std::vector<CollisionId>{{2, 0}});
+}
+
+TEST_CASE("two equal worlds stay equal bit for bit, whatever is stepped between them") {
+  const WorldDescription description = test::repository_world("playground.sdf");
+  World first(description, std::vector<int>{1});
+  World second(description, std::vector<int>{1});
+  World disturbance(description, {});
+  run(first, 1);
+  for (int i = 0; i < 60; ++i) {
+    second.step(kStep, {});
+    disturbance.step(kStep, {});
+  }
+  for (int body = 0; body < static_cast<int>(description.bodies.size()); ++body) {
+    CAPTURE(description.bodies[static_cast<std::size_t>(body)].name);
+    CHECK(first.X_WB(body) == second.X_WB(body));
+    CHECK(first.V_WB(body) == second.V_WB(body));
+  }
+}
+
+TEST_CASE("the playground's objects stay where its file puts them") {
+  const WorldDescription description = test::repository_world("playground.sdf");
+  World world(description, std::vector<int>{1});
+  run(world, 2);
+  for (int body = 0; body < static_cast<int>(description.bodies.size()); ++body) {
+    const BodyDescription& initial = description.bodies[static_cast<std::size_t>(body)];
+    CAPTURE(initial.name);
+    CHECK((world.X_WB(body).p - initial.X_WB.p).norm() < 5e-3);
+  }
+}
+
+}  // namespace
+}  // namespace hlm::ve

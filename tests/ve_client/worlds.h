@@ -1,0 +1,46 @@
+// Worlds for tests: those in the repository, and small ones made of text.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "ve_client/world/sdf_loader.h"
+
+namespace hlm::test {
+
+inline ve::WorldDescription repository_world(const std::string& name) {
+  return ve::load_world(std::filesystem::path(HLM_WORLDS) / name);
+}
+
+/// A world with these models (SDF text).
+inline ve::WorldDescription world_of(const std::string& models,
+                                     const std::string& gravity = "0 0 0") {
+  return ve::parse_world("<sdf version='1.9'><world name='w'><gravity>" + gravity + "</gravity>" +
+                             models + "</world></sdf>",
+                         "test.sdf");
+}
+
+/// A collision element with a box (sizes x y z, m).
+inline std::string box(const std::string& size) {
+  return "<collision name='box'><geometry><box><size>" + size +
+         "</size></box></geometry></collision>";
+}
+
+/// Inertial element of a 1 kg cube-like body, 1e-3 kg·m² about each axis.
+inline const std::string kInertial =
+    "<inertial><mass>1</mass><inertia><ixx>1e-3</ixx><iyy>1e-3</iyy><izz>1e-3</izz></inertia>"
+    "</inertial>";
+
+/// A model with one link that holds `contents`.
+inline std::string model(const std::string& name, const std::string& pose,
+                         const std::string& contents, const std::string& elements = "") {
+  return "<model name='" + name + "'><pose>" + pose + "</pose>" + elements + "<link name='body'>" +
+         kInertial + contents + "</link></model>";
+}
+
+inline std::string fixed_model(const std::string& name, const std::string& pose,
+                               const std::string& contents) {
+  return model(name, pose, contents, "<static>true</static>");
+}
+
+}  // namespace hlm::test
