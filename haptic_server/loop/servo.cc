@@ -16,6 +16,20 @@ bool is_finite(const DeviceState& device) noexcept {
          device.V_WD.allFinite() && (!device.F_hand || device.F_hand->allFinite());
 }
 
+/// A client refuses numbers that are not finite, and would never learn of the fault.
+void replace_non_finite(protocol::ProxyState& state) noexcept {
+  const auto zero_unless_finite = [](auto& values) {
+    if (!values.allFinite()) values.setZero();
+  };
+  zero_unless_finite(state.v);
+  zero_unless_finite(state.X_WD.p);
+  zero_unless_finite(state.V_WD);
+  zero_unless_finite(state.F_env);
+  zero_unless_finite(state.F_hand);
+  if (!state.X_WD.R.coeffs().allFinite()) state.X_WD.R.setIdentity();
+  if (!std::isfinite(state.smallest_separation)) state.smallest_separation = 0;
+}
+
 }  // namespace
 
 std::optional<std::string> find_error(const ServoOptions& options) {
@@ -200,7 +214,9 @@ protocol::ProxyState Servo::proxy_state() const noexcept {
   state.predicted_contacts = static_cast<std::uint16_t>(record_.predicted_contacts);
   state.smallest_separation = record_.smallest_separation;
   if (local_model_) {
-    state.q = local_model_->proxy().configuration();
+    // Where the proxy is nowhere, the environment's tool stands for it.
+    const Configuration& q = local_model_->proxy().configuration();
+    state.q = q.allFinite() ? q : local_model_->ve_tool().configuration();
     state.v = local_model_->velocity();
   }
   state.X_WD = record_.X_WD;
@@ -210,6 +226,7 @@ protocol::ProxyState Servo::proxy_state() const noexcept {
   state.F_hand = record_.F_hand;
   state.overruns = record_.overruns;
   state.updates = updates_;
+  if (machine_.fault() == Fault::kNonFinite) replace_non_finite(state);
   return state;
 }
 

@@ -88,4 +88,3 @@ BENCHMARK(TickWithUpdate)
 
 }  // namespace
 }  // namespace hlm::server
-

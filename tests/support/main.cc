@@ -18,6 +18,6 @@ int main(int argc, char** argv) {
   Catch::Session session;
   if (const int error = session.applyCommandLine(argc, argv); error != 0) return error;
   if (session.configData().rngSeed != 0) hlm::test::seed = session.configData().rngSeed;
-  std::cout << "seed of random tests: " << hlm::test::seed << " (set with --rng-seed)\n";
+  std::cerr << "seed of random tests: " << hlm::test::seed << " (set with --rng-seed)\n";
   return session.run();
 }

@@ -1,5 +1,6 @@
 #include "ve_client/contacts/convex.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -121,6 +122,7 @@ void Convex::build(const HalfSpace&) {
 }
 
 void Convex::add_face(std::vector<std::uint16_t> loop) {
+  assert(loop.size() <= kMaxFaceCorners);
   Face& added = faces_.emplace_back();
   for (std::size_t i = 0; i < loop.size(); ++i) {
     added.edges.push_back(edge_between(loop[i], loop[(i + 1) % loop.size()]));

@@ -1,6 +1,7 @@
 #include "ve_client/contacts/manifold.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "ve_client/contacts/clip.h"
@@ -10,9 +11,9 @@ namespace hlm::ve {
 namespace {
 
 /// A face whose normal is within this angle, rad, of the contact's normal takes part with all its
-/// points. Faces that are to meet are rarely tilted by more than 0.02 rad; a larger value gives
-/// borders of a face normals that are off by so much, a smaller one drops to a single contact where
-/// a face slips off a border.
+/// points. A peg in its hole is tilted by up to 0.02 rad. A larger value makes contacts whose
+/// normal is off that of the face by so much, where one face slips off the border of another; a
+/// smaller one leaves a single contact there.
 constexpr double kFaceAngle = 0.1;
 /// A contact this near to the smallest separation, m, stands for it. A tenth of the accuracy.
 constexpr double kRepresents = 1e-7;
@@ -96,6 +97,7 @@ FeaturePairs near_features(const CorePair& pair, const CoreSeparation& separatio
 
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics) {
+  assert(!tool.is_half_space());
   ++statistics.queries;
   const CorePair pair(tool, X_WT, body, X_WB);
   const double margins = tool.margin() + body.margin();

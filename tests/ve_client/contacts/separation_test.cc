@@ -216,7 +216,8 @@ TEST_CASE("A capsule's end in a cylinder is pushed out along the cylinder's radi
   }
 }
 
-TEST_CASE("A capsule deep on the very axis of a cylinder, where libccd cannot choose, is refused") {
+TEST_CASE(
+    "On the very axis of a cylinder, where libccd finds no end, an answer is exact or refused") {
   const Placed tool{Capsule{0.01, 0.1}, Pose{}};
   const Placed body{Cylinder{0.05, 0.3}, Pose{}};
   ProximityStatistics statistics;
