@@ -20,6 +20,7 @@ class CommandLine {
   CommandLine() {
     app_.option_defaults()->always_capture_default();
     app_.set_config("--config", "", "File with any of these options, as printed by --print-config");
+    app_.allow_config_extras(CLI::config_extras_mode::error);
     app_.add_flag("--print-config", print_config_, "Print the effective configuration and end")
         ->configurable(false);
     add_connection();
@@ -75,6 +76,8 @@ class CommandLine {
             "LOW HIGH: instead of --rate, draw the rate of each frame uniformly between these, "
             "Hz")
         ->expected(2)
+        ->default_str("")
+        ->run_callback_for_default(false)
         ->check(CLI::Range(1.0, 1000.0));
     app_.add_option("--seed", settings_.seed, "Seed of the drawn rates");
     app_.add_option("--delay", settings_.frame.delay,

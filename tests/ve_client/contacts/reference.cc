@@ -107,10 +107,10 @@ double largest_gap(const Placed& tool, const Placed& body, const Vector3& n_W, R
     best_n = n;
     return true;
   };
-  for (int i = 0; i < 500; ++i) consider(random.direction());
+  for (int i = 0; i < 200; ++i) consider(random.direction());
   double radius = 0.1;  // rad.
-  for (int i = 0; i < 300; ++i) {
-    if (!consider((best_n + radius * random.direction()).normalized())) radius *= 0.95;
+  for (int i = 0; i < 200; ++i) {
+    if (!consider((best_n + radius * random.direction()).normalized())) radius *= 0.93;
   }
   return best;
 }
