@@ -51,7 +51,7 @@ class EventLog {
     if (record.server == ServerState::kRunning && record.session != session_) {
       spdlog::info("session {:016x} begins", record.session);
     } else if (record.server == ServerState::kSilent) {
-      spdlog::warn("no news of the client: force fades to zero");
+      spdlog::warn("no news of the client, or its goodbye: force fades to zero");
     } else if (record.server == ServerState::kRunning) {
       spdlog::info("the client is back");
     } else if (record.server == ServerState::kFault) {

@@ -37,11 +37,10 @@ void inherit(LocalContact& contact, const LocalContact& existing) noexcept {
   contact.state = existing.state;
 }
 
-LocalContact local_contact(const ReportedContact& reported, const LocalContact* existing,
-                           const ToolModel& ve_tool, const ToolModel& proxy, double age,
-                           UpdateRule rule) noexcept {
+void set_local_contact(LocalContact& contact, const ReportedContact& reported,
+                       const LocalContact* existing, const ToolModel& ve_tool,
+                       const ToolModel& proxy, double age, UpdateRule rule) noexcept {
   const Pose& X_WL = proxy.X_WL(reported.key.link);
-  LocalContact contact;
   contact.key = reported.key;
   contact.n_W = reported.n_W;
   contact.v_WC = reported.v_WC;
@@ -69,18 +68,19 @@ LocalContact local_contact(const ReportedContact& reported, const LocalContact* 
     // update.
     contact.state = ContactState::kPenetrating;
   }
-  return contact;
 }
 
-/// Contacts that carry load but are no longer reported are released, not dropped.
+/// Contacts that carry load but are no longer reported are released, not dropped. Both are sorted.
 void retain_unreported(LocalContacts& updated, const LocalContacts& existing,
                        const ToolModel& proxy) noexcept {
   const std::size_t reported = updated.size();
+  std::size_t at = 0;
   for (const LocalContact& contact : existing) {
     if (updated.size() == updated.capacity()) return;
+    while (at < reported && updated[at].key < contact.key) ++at;
+    if (at < reported && updated[at].key == contact.key) continue;
     const double s = separation(contact, proxy);
-    const auto last = updated.begin() + static_cast<std::ptrdiff_t>(reported);
-    if (s >= 0 || std::binary_search(updated.begin(), last, contact, by_key)) continue;
+    if (s >= 0) continue;
     LocalContact& retained = updated.emplace_back(contact);
     retained.orphaned = true;
     retained.release = -s;
@@ -107,8 +107,8 @@ LocalContacts adopt_update(const LocalContacts& existing, const ReportedContacts
   LocalContacts updated;
   for (const ReportedContact& contact : reported) {
     if (only_active && contact.separation > 0) continue;
-    updated.push_back(
-        local_contact(contact, find(existing, contact.key), ve_tool, proxy, age, rule));
+    set_local_contact(updated.emplace_back(), contact, find(existing, contact.key), ve_tool, proxy,
+                      age, rule);
   }
   sort_by_key(updated);
   updated.erase(std::unique(updated.begin(), updated.end(),

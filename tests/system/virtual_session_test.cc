@@ -91,8 +91,9 @@ TEST_CASE("Two runs are equal bit for bit, and so are builds of any optimisation
   };
   const std::uint64_t first = hash();
   CHECK(first == hash());
-  // One value for all builds: x86-64, libraries of Debian 12. A change of the method changes it.
-  WARN("hash " << std::hex << first);
+  // One value for all builds on x86-64 with the libraries of Debian 12, optimised, instrumented or
+  // not. A change of the method, the world or the hand changes it, and then it is set anew.
+  CHECK(first == 0x90e24eee1284f4c);
 }
 
 TEST_CASE("A lossy, late, disordered network costs drift, not stability") {
