@@ -46,7 +46,8 @@ void add_contact_options(CLI::App& app, LocalModelParameters& p) {
   add_choice<UpdateRule>(app, "--update-rule", p.update_rule,
                          {{"retain", UpdateRule::kRetain},
                           {"paper", UpdateRule::kPaper},
-                          {"intermediate_representation", UpdateRule::kIntermediateRepresentation}},
+                          {"intermediate_representation", UpdateRule::kIntermediateRepresentation},
+                          {"plane_recovery", UpdateRule::kPlaneRecovery}},
                          "How contacts carry over an update");
   add_choice<CollisionRule>(
       app, "--collision-rule", p.collision_rule,
@@ -63,6 +64,9 @@ void add_contact_options(CLI::App& app, LocalModelParameters& p) {
   add_number(app, "--kinetic-friction", p.kinetic_friction, "Coefficient of kinetic friction");
   add_number(app, "--release-step", p.release_step,
              "Largest step of a contact's force while retained load is released, N");
+  app.add_option("--recovery-steps", p.recovery_steps,
+                 "Steps over which rule plane_recovery ramps a contact to its reported place")
+      ->capture_default_str();
   add_number(app, "--max-hand-stiffness", p.max_hand_stiffness,
              "Largest stiffness of all contacts together at the hand, N/m");
   add_number(app, "--max-hand-angular-stiffness", p.max_hand_angular_stiffness,

@@ -5,20 +5,24 @@
 namespace hlm::server {
 namespace {
 
-bool by_key(const LocalContact& a, const LocalContact& b) { return a.key < b.key; }
+using ReportsByKey = StaticVector<const ReportedContact*, kMaxContacts>;
 
-/// Most updates come sorted, and contacts are large to move.
-void sort_by_key(LocalContacts& contacts) noexcept {
-  if (!std::is_sorted(contacts.begin(), contacts.end(), by_key)) {
-    std::sort(contacts.begin(), contacts.end(), by_key);
+/// The reports that a rule uses, sorted by key, of equal keys the first.
+ReportsByKey sorted_reports(const ReportedContacts& reported, UpdateRule rule) noexcept {
+  const bool only_active = rule == UpdateRule::kIntermediateRepresentation;
+  ReportsByKey sorted;
+  for (const ReportedContact& contact : reported) {
+    if (!only_active || contact.separation <= 0) sorted.push_back(&contact);
   }
-}
-
-const LocalContact* find(const LocalContacts& contacts, const ContactKey& key) noexcept {
-  const auto at =
-      std::lower_bound(contacts.begin(), contacts.end(), key,
-                       [](const LocalContact& c, const ContactKey& k) { return c.key < k; });
-  return at != contacts.end() && at->key == key ? &*at : nullptr;
+  const auto by_key = [](const auto* a, const auto* b) {
+    return a->key != b->key ? a->key < b->key : a < b;
+  };
+  if (!std::is_sorted(sorted.begin(), sorted.end(), by_key)) {
+    std::sort(sorted.begin(), sorted.end(), by_key);
+  }
+  const auto same_key = [](const auto* a, const auto* b) { return a->key == b->key; };
+  sorted.erase(std::unique(sorted.begin(), sorted.end(), same_key), sorted.end());
+  return sorted;
 }
 
 /// Deforms the proxy: places the local contact point so that Eq. 3 gives s_plus now, over the foot
@@ -26,7 +30,7 @@ const LocalContact* find(const LocalContacts& contacts, const ContactKey& key) n
 void place_contact_point(LocalContact& contact, const Pose& X_WL, const Vector3& x_W,
                          double s_plus) noexcept {
   const Vector3 foot = x_W - contact.n_W.dot(x_W - contact.c_W) * contact.n_W;
-  contact.p_L = X_WL.inverse() * (foot + s_plus * contact.n_W);
+  contact.p_L = X_WL.R.conjugate() * (foot + s_plus * contact.n_W - X_WL.p);
 }
 
 /// The friction anchor and the history of an existing contact survive its update.
@@ -37,9 +41,24 @@ void inherit(LocalContact& contact, const LocalContact& existing) noexcept {
   contact.state = existing.state;
 }
 
+/// What of the change from s_p to s_plus the rule puts off: s_plus stays behind by as much.
+void put_off(LocalContact& contact, std::optional<double> s_p, double& s_plus,
+             const UpdatePolicy& policy) noexcept {
+  const double held = std::min(s_p.value_or(0.0), 0.0);
+  if (policy.rule == UpdateRule::kRetain && held < std::min(s_plus, 0.0)) {
+    contact.put_off_step = policy.release_step;
+  } else if (policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0)) {
+    contact.put_off_step = std::abs(s_plus - held) / policy.recovery_steps;
+  } else {
+    return;
+  }
+  contact.put_off = s_plus - held;
+  s_plus = held;
+}
+
 void set_local_contact(LocalContact& contact, const ReportedContact& reported,
                        const LocalContact* existing, const ToolModel& ve_tool,
-                       const ToolModel& proxy, double age, UpdateRule rule) noexcept {
+                       const ToolModel& proxy, double age, const UpdatePolicy& policy) noexcept {
   const Pose& X_WL = proxy.X_WL(reported.key.link);
   contact.key = reported.key;
   contact.n_W = reported.n_W;
@@ -47,44 +66,36 @@ void set_local_contact(LocalContact& contact, const ReportedContact& reported,
   contact.v_constr = reported.n_W.dot(reported.v_WC);
   contact.c_W = reported.p_WC + contact.v_constr * age * contact.n_W;
 
-  const Vector3 p_true = ve_tool.X_WL(reported.key.link).inverse() *
-                         (reported.p_WC + reported.separation * reported.n_W);
+  const Pose& X_WL_VE = ve_tool.X_WL(reported.key.link);
+  const Vector3 p_true =
+      X_WL_VE.R.conjugate() * (reported.p_WC + reported.separation * reported.n_W - X_WL_VE.p);
   const Vector3 x_W = X_WL * p_true;
   const double sigma = contact.n_W.dot(x_W - contact.c_W);
 
   std::optional<double> s_p;
   if (existing != nullptr) s_p = separation(*existing, proxy);
-  double s_plus = updated_separation(rule, sigma, s_p);
-  if (rule == UpdateRule::kRetain && s_p && *s_p < 0 && *s_p < s_plus) {
-    contact.release = s_plus - *s_p;
-    s_plus = *s_p;
-  }
+  double s_plus = updated_separation(policy.rule, sigma, s_p);
+  put_off(contact, s_p, s_plus, policy);
   place_contact_point(contact, X_WL, x_W, s_plus);
 
   if (existing != nullptr) {
     inherit(contact, *existing);
-  } else if (rule == UpdateRule::kIntermediateRepresentation && sigma <= 0) {
+  } else if (policy.rule == UpdateRule::kIntermediateRepresentation && sigma <= 0) {
     // Without history a contact that arrives penetrating is no collision: it would be one at every
     // update.
     contact.state = ContactState::kPenetrating;
   }
 }
 
-/// Contacts that carry load but are no longer reported are released, not dropped. Both are sorted.
-void retain_unreported(LocalContacts& updated, const LocalContacts& existing,
-                       const ToolModel& proxy) noexcept {
-  const std::size_t reported = updated.size();
-  std::size_t at = 0;
-  for (const LocalContact& contact : existing) {
-    if (updated.size() == updated.capacity()) return;
-    while (at < reported && updated[at].key < contact.key) ++at;
-    if (at < reported && updated[at].key == contact.key) continue;
-    const double s = separation(contact, proxy);
-    if (s >= 0) continue;
-    LocalContact& retained = updated.emplace_back(contact);
-    retained.orphaned = true;
-    retained.release = -s;
-  }
+/// Rule `retain`: a contact that carries load but is no longer reported is released, not dropped.
+void retain_unreported(const LocalContact& contact, const ToolModel& proxy,
+                       const UpdatePolicy& policy, LocalContacts& updated) noexcept {
+  const double s = separation(contact, proxy);
+  if (s >= 0) return;
+  LocalContact& retained = updated.emplace_back(contact);
+  retained.orphaned = true;
+  retained.put_off = -s;
+  retained.put_off_step = policy.release_step;
 }
 
 }  // namespace
@@ -95,45 +106,48 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
     case UpdateRule::kPaper:
       return std::max(sigma, s_p ? std::min(*s_p, 0.0) : 0.0);
     case UpdateRule::kIntermediateRepresentation:
+    case UpdateRule::kPlaneRecovery:
       return sigma;
   }
   return sigma;
 }
 
-LocalContacts adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
-                           const ToolModel& ve_tool, const ToolModel& proxy, double age,
-                           UpdateRule rule) noexcept {
-  const bool only_active = rule == UpdateRule::kIntermediateRepresentation;
-  LocalContacts updated;
-  for (const ReportedContact& contact : reported) {
-    if (only_active && contact.separation > 0) continue;
-    set_local_contact(updated.emplace_back(), contact, find(existing, contact.key), ve_tool, proxy,
-                      age, rule);
+void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
+                  const ToolModel& ve_tool, const ToolModel& proxy, double age,
+                  const UpdatePolicy& policy, LocalContacts& updated) noexcept {
+  const ReportsByKey reports = sorted_reports(reported, policy.rule);
+  updated.clear();
+  std::size_t room = policy.rule == UpdateRule::kRetain ? updated.capacity() - reports.size() : 0;
+  const auto pass_unreported = [&](const LocalContact& contact) {
+    if (room == 0) return;
+    --room;
+    retain_unreported(contact, proxy, policy, updated);
+  };
+
+  auto old = existing.begin();
+  for (const ReportedContact* report : reports) {
+    while (old != existing.end() && old->key < report->key) pass_unreported(*old++);
+    const bool known = old != existing.end() && old->key == report->key;
+    set_local_contact(updated.emplace_back(), *report, known ? &*old++ : nullptr, ve_tool, proxy,
+                      age, policy);
   }
-  sort_by_key(updated);
-  updated.erase(std::unique(updated.begin(), updated.end(),
-                            [](const auto& a, const auto& b) { return a.key == b.key; }),
-                updated.end());
-  if (rule == UpdateRule::kRetain) {
-    retain_unreported(updated, existing, proxy);
-    sort_by_key(updated);
-  }
-  return updated;
+  while (old != existing.end()) pass_unreported(*old++);
 }
 
-void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt,
-                      double release_rate) noexcept {
+void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt) noexcept {
   for (LocalContact& contact : contacts) {
     contact.c_W += contact.v_constr * dt * contact.n_W;
-    if (contact.release <= 0) continue;
+    if (contact.put_off == 0) continue;
     // Once the contact is open, giving back the rest changes no force.
-    const bool open = separation(contact, proxy) >= 0;
-    const double given = open ? contact.release : std::min(contact.release, release_rate * dt);
+    const bool open = contact.put_off > 0 && separation(contact, proxy) >= 0;
+    const double given =
+        open ? contact.put_off
+             : std::clamp(contact.put_off, -contact.put_off_step, contact.put_off_step);
     contact.p_L += proxy.X_WL(contact.key.link).R.conjugate() * (given * contact.n_W);
-    contact.release -= given;
+    contact.put_off -= given;
   }
   erase_if(contacts, [&](const LocalContact& contact) {
-    return contact.orphaned && (contact.release <= 0 || separation(contact, proxy) >= 0);
+    return contact.orphaned && (contact.put_off <= 0 || separation(contact, proxy) >= 0);
   });
 }
 

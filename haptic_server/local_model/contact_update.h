@@ -15,18 +15,25 @@ namespace hlm::server {
 /// with the same identity, empty for a new one.
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept;
 
-/// The local contacts after an update, sorted by key.
+/// How adopt_update() changes separations.
+struct UpdatePolicy {
+  UpdateRule rule = UpdateRule::kRetain;
+  double release_step = 0;  ///< `retain`: largest change of s in a step, m: Δf / k.
+  int recovery_steps = 10;  ///< `plane_recovery`: N.
+};
+
+/// The local contacts after an update, sorted by key, into `updated` (another object than
+/// `existing`: contacts are large, so callers keep two sets and swap roles).
 /// existing: the contacts before, sorted by key, their constraints advanced to now.
 /// reported: contacts of the environment for the tool at `ve_tool`, `age` seconds old.
 /// proxy: the tool at the proxy's present configuration.
-LocalContacts adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
-                           const ToolModel& ve_tool, const ToolModel& proxy, double age,
-                           UpdateRule rule) noexcept;
+void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
+                  const ToolModel& ve_tool, const ToolModel& proxy, double age,
+                  const UpdatePolicy& policy, LocalContacts& updated) noexcept;
 
-/// Moves constraints with their v_constr and releases retained load for a step of dt seconds;
-/// release_rate: m/s. Contacts that are released and no longer reported go.
-void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt,
-                      double release_rate) noexcept;
+/// Moves constraints with their v_constr, and separations by what updates have put off, for a step
+/// of dt seconds. Contacts that are released and no longer reported go.
+void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt) noexcept;
 
 /// Eq. 3: separation of the contact at the proxy's configuration, m.
 inline double separation(const LocalContact& contact, const ToolModel& proxy) noexcept {

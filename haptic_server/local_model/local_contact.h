@@ -30,9 +30,10 @@ struct LocalContact {
   /// The local contact point: the tool's own point where the proxy is not deformed. Link frame, m.
   Vector3 p_L = Vector3::Zero();
 
-  /// Separation still to be given back to a contact whose load is being released (rule `retain`),
-  /// m; 0 for others.
-  double release = 0;
+  /// Change of the separation that an update has put off, m, and the most of it that one step
+  /// applies, m >= 0. Rule `retain` releases load (> 0), `plane_recovery` goes either way.
+  double put_off = 0;
+  double put_off_step = 0;
   /// The environment no longer reports the contact; it goes once released.
   bool orphaned = false;
 

@@ -36,12 +36,16 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
 void LocalModel::adopt(const ReportedContacts& reported, const Configuration& q_VE,
                        double age) noexcept {
   ve_tool_.set_configuration(q_VE);
-  contacts_ = adopt_update(contacts_, reported, ve_tool_, proxy_, age, parameters_.update_rule);
+  const UpdatePolicy policy{.rule = parameters_.update_rule,
+                            .release_step = parameters_.release_step / parameters_.stiffness,
+                            .recovery_steps = parameters_.recovery_steps};
+  const LocalContacts& existing = present();
+  current_ = 1 - current_;
+  adopt_update(existing, reported, ve_tool_, proxy_, age, policy, present());
 }
 
 ContactWrench LocalModel::step(const HandInput& hand) noexcept {
-  const double release_rate = parameters_.release_step / (parameters_.stiffness * dt_);
-  advance_contacts(contacts_, proxy_, dt_, release_rate);
+  advance_contacts(present(), proxy_, dt_);
 
   const LinkMotion links(proxy_);
   const MassMatrix mass = proxy_.mass_matrix();
@@ -71,8 +75,8 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   }
   GeneralisedForce tau = GeneralisedForce::Zero(proxy_.dof());
   if (state_ != ProxyContactState::kFreeMotion) {
-    const Velocity v = implicit ? solve_contact_step(contacts_, links, E, r, law) : v_;
-    tau = apply_contact_forces(contacts_, links, link_twists(links, v), law);
+    const Velocity v = implicit ? solve_contact_step(present(), links, E, r, law) : v_;
+    tau = apply_contact_forces(present(), links, link_twists(links, v), law);
   }
   v_ = E.llt().solve(r + dt_ * tau);
   proxy_.set_configuration(proxy_.integrate(proxy_.configuration(), v_, dt_));
@@ -83,8 +87,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
 ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noexcept {
   proxy_.set_configuration(q);
   v_ = v;
-  const double release_rate = parameters_.release_step / (parameters_.stiffness * dt_);
-  advance_contacts(contacts_, proxy_, dt_, release_rate);
+  advance_contacts(present(), proxy_, dt_);
 
   const LinkMotion links(proxy_);
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
@@ -93,8 +96,7 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   evaluate(links);
 
   ContactWrench felt;
-  if (state_ == ProxyContactState::kColliding) felt.impulse = H.lazyProduct(collide(D, links));
-  const GeneralisedForce tau = apply_contact_forces(contacts_, links, link_twists(links, v_),
+  const GeneralisedForce tau = apply_contact_forces(present(), links, link_twists(links, v_),
                                                     contact_law(ContactStep::kExplicit)) -
                                proxy_.gravity();
   felt.F = H.lazyProduct(tau);
@@ -105,9 +107,9 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
 /// chosen by their relative velocity, but v_constr adds no momentum.
 GeneralisedForce LocalModel::collide(const Eigen::LLT<MassMatrix>& D,
                                      const LinkMotion& links) const noexcept {
-  ContactNormals normals(proxy_.dof(), static_cast<Eigen::Index>(contacts_.size()));
+  ContactNormals normals(proxy_.dof(), static_cast<Eigen::Index>(contacts().size()));
   Eigen::Index count = 0;
-  for (const LocalContact& contact : contacts_) {
+  for (const LocalContact& contact : contacts()) {
     if (contact.state != ContactState::kColliding && contact.state != ContactState::kPenetrating) {
       continue;
     }
@@ -123,14 +125,14 @@ void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const LinkMoti
                                  const HandMap& H) noexcept {
   if (!limits_stiffness(parameters_)) return;
   const double target =
-      server::stiffness_scale(unit_stiffness(contacts_, links), D, H, parameters_);
+      server::stiffness_scale(unit_stiffness(contacts(), links), D, H, parameters_);
   const double change = kStiffnessScaleRate * dt_;
   stiffness_scale_ = std::clamp(target, stiffness_scale_ - change, stiffness_scale_ + change);
 }
 
 void LocalModel::evaluate(const LinkMotion& links) noexcept {
-  evaluate_contacts(contacts_, links, link_twists(links, v_));
-  state_ = proxy_state(contacts_);
+  evaluate_contacts(present(), links, link_twists(links, v_));
+  state_ = proxy_state(contacts());
 }
 
 ContactLaw LocalModel::contact_law(ContactStep step) const noexcept {

@@ -5,6 +5,8 @@
 // waits.
 #pragma once
 
+#include <array>
+
 #include "common/tool_model.h"
 #include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/contact_forces.h"
@@ -46,14 +48,15 @@ class LocalModel {
   ContactWrench step(const HandInput& hand) noexcept;
 
   /// Without proxy dynamics: puts the proxy at q with velocity v and evaluates its contacts there.
-  /// Weight is felt too.
+  /// Weight is felt too. There is no impulse: what collides is the device, whose own mass the
+  /// contacts' penalty stops.
   ContactWrench follow(const Configuration& q, const Velocity& v) noexcept;
 
   const ToolModel& proxy() const noexcept { return proxy_; }
   const Velocity& velocity() const noexcept { return v_; }
   /// Twist of the hand's frame, world axes.
   Twist hand_twist() const noexcept { return proxy_.hand_jacobian().lazyProduct(v_); }
-  const LocalContacts& contacts() const noexcept { return contacts_; }
+  const LocalContacts& contacts() const noexcept { return contacts_[current_]; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
   double stiffness_scale() const noexcept { return stiffness_scale_; }
@@ -61,6 +64,7 @@ class LocalModel {
   const ToolModel& ve_tool() const noexcept { return ve_tool_; }
 
  private:
+  LocalContacts& present() noexcept { return contacts_[current_]; }
   GeneralisedForce collide(const Eigen::LLT<MassMatrix>& D, const LinkMotion& links) const noexcept;
   void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const LinkMotion& links,
                        const HandMap& H) noexcept;
@@ -72,7 +76,8 @@ class LocalModel {
   ToolModel proxy_;
   ToolModel ve_tool_;
   Velocity v_;
-  LocalContacts contacts_;
+  std::array<LocalContacts, 2> contacts_;  ///< The present ones, and room for the next update.
+  std::size_t current_ = 0;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   double stiffness_scale_ = 1;
 };

@@ -34,6 +34,9 @@ std::optional<std::string> find_error(const LocalModelParameters& p) {
   if (!(p.release_step > 0 && std::isfinite(p.release_step))) {
     return out_of_range("release step", p.release_step, "finite and > 0 N");
   }
+  if (p.recovery_steps < 1) {
+    return out_of_range("recovery steps", p.recovery_steps, ">= 1");
+  }
   if (!(p.max_hand_stiffness > 0)) {
     return out_of_range("largest stiffness at the hand", p.max_hand_stiffness, "> 0 N/m");
   }

@@ -12,6 +12,7 @@ enum class UpdateRule {
   kRetain,  ///< `paper`, but load that `paper` would drop at once is released at a bounded rate.
   kPaper,   ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
   kIntermediateRepresentation,  ///< Berkelman et al. 1999: s⁺ = σ, active contacts only.
+  kPlaneRecovery,  ///< Mark et al. 1996 (VRPN): the depth is kept, then ramped to σ over N steps.
 };
 
 /// How simultaneous collisions are resolved (METHOD 5).
@@ -40,6 +41,8 @@ struct LocalModelParameters {
   /// Largest step of a contact's spring force while retained load is released, N. Larger releases
   /// faster (at 1 kHz, 0.5 N a step is 500 N/s) and is felt as a jump from about 1 N on.
   double release_step = 0.5;
+
+  int recovery_steps = 10;  ///< N of rule `plane_recovery`, steps of the loop, >= 1.
 
   /// Largest stiffness that all contacts together may show at the hand, N/m and N·m/rad, and
   /// largest natural frequency of the proxy on its contacts, rad/s. The stiffness of all contacts

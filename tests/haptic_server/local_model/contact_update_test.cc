@@ -32,6 +32,17 @@ TEST_CASE("The intermediate representation takes the reported separation") {
   CHECK(updated_separation(UpdateRule::kIntermediateRepresentation, -0.003, -0.001) == -0.003);
 }
 
+constexpr double kReleaseStep = 0.5 / kStiffness;  // m: 0.5 N a step
+
+LocalContacts adopted(const LocalContacts& existing, const ReportedContacts& reported,
+                      const ToolModel& ve_tool, const ToolModel& proxy, double age,
+                      UpdateRule rule) {
+  LocalContacts updated;
+  adopt_update(existing, reported, ve_tool, proxy, age,
+               {.rule = rule, .release_step = kReleaseStep, .recovery_steps = 10}, updated);
+  return updated;
+}
+
 /// A tool on its way through random contacts that come and go, seen late.
 class Stress {
  public:
@@ -66,11 +77,11 @@ class Stress {
   }
 
   /// Both tools go on for one period of the environment; constraints move.
-  void go_on(LocalContacts& contacts, double release_rate) {
+  void go_on(LocalContacts& contacts) {
     age_ = random_.uniform(0, 0.04);
     ve_tool_.set_configuration(moved(ve_tool_.configuration()));
     proxy_.set_configuration(moved(proxy_.configuration()));
-    advance_contacts(contacts, proxy_, 1e-3, release_rate);
+    advance_contacts(contacts, proxy_, 1e-3);
   }
 
  private:
@@ -122,13 +133,13 @@ TEST_CASE("Under rule P no update raises a spring force or stores energy") {
   double largest_fall = 0;
   for (int update = 0; update < 5000; ++update) {
     const LocalContacts before = contacts;
-    contacts = adopt_update(before, stress.report(), stress.ve_tool(), stress.proxy(), stress.age(),
-                            UpdateRule::kPaper);
+    contacts = adopted(before, stress.report(), stress.ve_tool(), stress.proxy(), stress.age(),
+                       UpdateRule::kPaper);
     const Change at_update = change(before, contacts, stress.proxy());
     REQUIRE(at_update.largest_rise <= 1e-6);  // N
     REQUIRE(at_update.energy <= 1e-9);        // J
     largest_fall = std::max(largest_fall, at_update.largest_fall);
-    stress.go_on(contacts, 0);
+    stress.go_on(contacts);
   }
   CHECK(largest_fall > 10);  // N: why `retain` is the default.
 }
@@ -139,35 +150,83 @@ TEST_CASE("Under rule R no update changes a spring force in either direction") {
   LocalContacts contacts;
   for (int update = 0; update < 5000; ++update) {
     const LocalContacts before = contacts;
-    contacts = adopt_update(before, stress.report(), stress.ve_tool(), stress.proxy(), stress.age(),
-                            UpdateRule::kRetain);
+    contacts = adopted(before, stress.report(), stress.ve_tool(), stress.proxy(), stress.age(),
+                       UpdateRule::kRetain);
     const Change at_update = change(before, contacts, stress.proxy());
     REQUIRE(at_update.largest_rise <= 1e-6);  // N
     REQUIRE(at_update.largest_fall <= 1e-6);  // N
-    stress.go_on(contacts, 0.05);
+    stress.go_on(contacts);
   }
 }
 
-TEST_CASE("Rule R releases retained load by at most k ρ Δt a step, then forgets the contact") {
+TEST_CASE("Rule R releases retained load by at most 0.5 N a step, then forgets the contact") {
   ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
   LocalContacts contacts(1);
   contacts[0].p_L = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0
-  contacts = adopt_update(contacts, {}, proxy, proxy, 0, UpdateRule::kRetain);
+  contacts = adopted(contacts, {}, proxy, proxy, 0, UpdateRule::kRetain);
   REQUIRE(contacts.size() == 1);
 
-  const double rate = 0.05;  // m/s: 0.5 N a step at k = 10 kN/m
-  const double dt = 1e-3;
   double force = spring_force(separation(contacts[0], proxy));
   int steps = 0;
   while (!contacts.empty()) {
     REQUIRE(++steps < 100);
-    advance_contacts(contacts, proxy, dt, rate);
+    advance_contacts(contacts, proxy, 1e-3);
     const double now = contacts.empty() ? 0 : spring_force(separation(contacts[0], proxy));
-    CHECK(force - now <= kStiffness * rate * dt + 1e-6);  // N
+    CHECK(force - now <= kStiffness * kReleaseStep + 1e-6);  // N
     force = now;
   }
   CHECK(steps >= 40);  // 20 N at 0.5 N a step, the last one perhaps a rounding error
   CHECK(steps <= 41);
+}
+
+TEST_CASE(
+    "Plane recovery keeps the depth at an update and ramps to the reported place in N steps") {
+  const auto [depth, reported_depth] = GENERATE(table<double, double>({{0.002, 0.005},  // deeper
+                                                                       {0.002, 0.0005},
+                                                                       {0.0, 0.003}}));  // new
+  ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  LocalContacts contacts(depth > 0 ? 1 : 0);
+  if (depth > 0) contacts[0].p_L = Vector3(0, 0, -depth);
+  ReportedContacts reported(1);
+  reported[0].p_WC = {0, 0, 0};
+  reported[0].separation = -reported_depth;
+
+  contacts = adopted(contacts, reported, proxy, proxy, 0, UpdateRule::kPlaneRecovery);
+  REQUIRE(contacts.size() == 1);
+  for (int step = 0; step <= 10; ++step) {
+    const double expected = depth + (reported_depth - depth) * step / 10;
+    CHECK(std::abs(separation(contacts[0], proxy) + expected) < 1e-12);  // m
+    advance_contacts(contacts, proxy, 1e-3);
+  }
+  CHECK(std::abs(separation(contacts[0], proxy) + reported_depth) < 1e-12);
+}
+
+TEST_CASE("An update may come in any order, and name a contact twice") {
+  ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  ReportedContacts reported(3);
+  reported[0].key.body = 7;
+  reported[1].key.body = 3;
+  reported[2].key.body = 7;
+  reported[2].separation = 0.001;
+  const LocalContacts contacts = adopted({}, reported, proxy, proxy, 0, UpdateRule::kRetain);
+  REQUIRE(contacts.size() == 2);
+  CHECK(contacts[0].key.body == 3);
+  CHECK(contacts[1].key.body == 7);
+  CHECK(std::abs(separation(contacts[1], proxy)) < 1e-12);  // m: the first of the two
+}
+
+TEST_CASE("Released contacts leave room for all that are reported") {
+  ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  LocalContacts existing(kMaxLocalContacts);
+  for (std::uint32_t i = 0; i < existing.size(); ++i) {
+    existing[i].key.body = i;
+    existing[i].p_L = Vector3(0, 0, -0.001);
+  }
+  ReportedContacts reported(kMaxContacts);
+  for (std::uint32_t i = 0; i < reported.size(); ++i) reported[i].key.body = 1000 + i;
+  const LocalContacts contacts = adopted(existing, reported, proxy, proxy, 0, UpdateRule::kRetain);
+  REQUIRE(contacts.size() == kMaxLocalContacts);
+  CHECK(contacts.back().key.body == 1000 + kMaxContacts - 1);
 }
 
 TEST_CASE("Predicted contacts keep their true separation, however late they arrive") {
@@ -175,8 +234,8 @@ TEST_CASE("Predicted contacts keep their true separation, however late they arri
   Stress stress(random);
   for (int update = 0; update < 1000; ++update) {
     const ReportedContacts reported = stress.report();
-    const LocalContacts contacts = adopt_update({}, reported, stress.ve_tool(), stress.proxy(),
-                                                stress.age(), UpdateRule::kRetain);
+    const LocalContacts contacts =
+        adopted({}, reported, stress.ve_tool(), stress.proxy(), stress.age(), UpdateRule::kRetain);
     for (const LocalContact& contact : contacts) {
       const auto& source = *std::find_if(reported.begin(), reported.end(),
                                          [&](const auto& r) { return r.key == contact.key; });
@@ -188,7 +247,7 @@ TEST_CASE("Predicted contacts keep their true separation, however late they arri
       if (sigma > 0) CHECK(std::abs(separation(contact, stress.proxy()) - sigma) < 1e-9);  // m
     }
     LocalContacts none;
-    stress.go_on(none, 0);
+    stress.go_on(none);
   }
 }
 
@@ -203,11 +262,9 @@ TEST_CASE("Without the echo of the tool's configuration predicted walls land els
   reported[0].separation = 0.005;
   reported[0].p_WC = {0, 0, -0.005};
 
-  const LocalContacts with_echo =
-      adopt_update({}, reported, ve_tool, proxy, 0.02, UpdateRule::kRetain);
+  const LocalContacts with_echo = adopted({}, reported, ve_tool, proxy, 0.02, UpdateRule::kRetain);
   CHECK(std::abs(separation(with_echo[0], proxy) - 0.001) < 1e-12);  // m
-  const LocalContacts without_echo =
-      adopt_update({}, reported, proxy, proxy, 0.02, UpdateRule::kRetain);
+  const LocalContacts without_echo = adopted({}, reported, proxy, proxy, 0.02, UpdateRule::kRetain);
   CHECK(std::abs(separation(without_echo[0], proxy) - 0.005) < 1e-12);  // m: 4 mm wrong
 }
 
