@@ -81,8 +81,11 @@ void add_control_options(CLI::App& app, ServoOptions& o) {
                              {{"four_channel", ControllerKind::kFourChannel},
                               {"three_channel", ControllerKind::kThreeChannel},
                               {"virtual_coupler", ControllerKind::kVirtualCoupler},
-                              {"direct", ControllerKind::kDirect}},
-                             "Controller between device and proxy");
+                              {"direct", ControllerKind::kDirect},
+                              {"rotation_coupler", ControllerKind::kRotationCoupler},
+                              {"engine_coupler", ControllerKind::kEngineCoupler},
+                              {"engine_force", ControllerKind::kEngineForce}},
+                             "Controller between device and proxy, or a rival to compare with");
   add_number(app, "--coupling-stiffness", o.gains.stiffness, "K_c, translation, N/m");
   add_number(app, "--coupling-damping", o.gains.damping, "B_c, translation, N·s/m");
   add_number(app, "--coupling-angular-stiffness", o.gains.angular_stiffness,

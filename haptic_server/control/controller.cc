@@ -41,30 +41,56 @@ Controller::Controller(ControllerKind kind, const ControllerGains& gains) noexce
       stiffness_(diagonal(gains.stiffness, gains.angular_stiffness)),
       damping_(diagonal(gains.damping, gains.angular_damping)) {}
 
-Wrench Controller::coordination(const DeviceState& device, const Pose& X_WP,
-                                const Twist& V_WP) const noexcept {
-  return stiffness_.cwiseProduct(displacement(X_WP, device.X_WD)) +
-         damping_.cwiseProduct(device.V_WD - V_WP);
+bool replaces_proxy(ControllerKind kind) noexcept {
+  switch (kind) {
+    case ControllerKind::kFourChannel:
+    case ControllerKind::kThreeChannel:
+    case ControllerKind::kVirtualCoupler:
+      return false;
+    case ControllerKind::kDirect:
+    case ControllerKind::kRotationCoupler:
+    case ControllerKind::kEngineCoupler:
+    case ControllerKind::kEngineForce:
+      return true;
+  }
+  return false;
 }
 
-HandInput Controller::to_proxy(const DeviceState& device, const Pose& X_WP,
-                               const Twist& V_WP) const noexcept {
-  if (kind_ == ControllerKind::kDirect) return {};
-  HandInput input{coordination(device, X_WP, V_WP), stiffness_, damping_};
+bool uses_contacts(ControllerKind kind) noexcept {
+  return kind != ControllerKind::kEngineCoupler && kind != ControllerKind::kEngineForce;
+}
+
+Wrench Controller::coordination(const DeviceState& device,
+                                const HandMotion& partner) const noexcept {
+  return stiffness_.cwiseProduct(displacement(partner.X_WH, device.X_WD)) +
+         damping_.cwiseProduct(device.V_WD - partner.V_WH);
+}
+
+HandInput Controller::to_proxy(const DeviceState& device, const HandMotion& proxy) const noexcept {
+  if (replaces_proxy(kind_)) return {};
+  HandInput input{coordination(device, proxy), stiffness_, damping_};
   if (kind_ == ControllerKind::kFourChannel && device.F_hand) input.F += *device.F_hand;
   return input;
 }
 
-Wrench Controller::to_device(const DeviceState& device, const Pose& X_WP, const Twist& V_WP,
-                             const Wrench& F_env) const noexcept {
+Wrench Controller::to_device(const DeviceState& device, const HandMotion& proxy,
+                             const HandMotion& engine_tool, const Wrench& F_env) const noexcept {
   switch (kind_) {
     case ControllerKind::kFourChannel:
     case ControllerKind::kThreeChannel:
-      return F_env - coordination(device, X_WP, V_WP);
+      return F_env - coordination(device, proxy);
     case ControllerKind::kVirtualCoupler:
-      return -coordination(device, X_WP, V_WP);
+      return -coordination(device, proxy);
     case ControllerKind::kDirect:
       return F_env;
+    case ControllerKind::kRotationCoupler: {
+      Wrench u = -coordination(device, engine_tool);
+      u.head<3>() = F_env.head<3>();
+      return u;
+    }
+    case ControllerKind::kEngineCoupler:
+    case ControllerKind::kEngineForce:
+      return -coordination(device, engine_tool);
   }
   return Wrench::Zero();
 }
@@ -101,7 +127,8 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
                                               const DeviceRatings& device,
                                               bool measures_hand_wrench, double period) {
   std::vector<std::string> doubts;
-  const bool coordinates = kind != ControllerKind::kDirect;
+  const bool coordinates =
+      kind != ControllerKind::kDirect && kind != ControllerKind::kRotationCoupler;
   if (kind == ControllerKind::kFourChannel && !measures_hand_wrench) {
     doubts.push_back(
         "four_channel without a measured hand wrench works as three_channel on this device");
@@ -110,7 +137,7 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
     doubts.push_back(fmt::format("coupling stiffness {} N/m is above the device's rated {} N/m",
                                  gains.stiffness, device.max_stiffness));
   }
-  if (coordinates && gains.angular_stiffness > device.max_angular_stiffness) {
+  if (kind != ControllerKind::kDirect && gains.angular_stiffness > device.max_angular_stiffness) {
     doubts.push_back(
         fmt::format("angular coupling stiffness {} N·m/rad is above the device's rated {} N·m/rad",
                     gains.angular_stiffness, device.max_angular_stiffness));
@@ -121,8 +148,8 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
         gains.damping, device.mass, period));
   }
   // Felt through the coupler the wall can be no stiffer than the coupler.
-  const double felt =
-      kind == ControllerKind::kVirtualCoupler ? gains.stiffness : contacts.stiffness;
+  const bool through_coupler = kind == ControllerKind::kVirtualCoupler || !uses_contacts(kind);
+  const double felt = through_coupler ? gains.stiffness : contacts.stiffness;
   const double rendered_damping = coordinates ? gains.damping : contacts.damping;
   const double needed = felt * period / 2 + (coordinates ? 0 : std::abs(rendered_damping));
   if (needed > device.damping + (coordinates ? gains.damping : 0)) {

@@ -1,4 +1,5 @@
-// The controller between device and proxy (METHOD 6, paper Sec. II).
+// The controller between device and proxy (METHOD 6, paper Sec. II), and the couplings of other
+// methods, to compare with.
 #pragma once
 
 #include <optional>
@@ -15,7 +16,22 @@ enum class ControllerKind {
   kThreeChannel,    ///< As four channels, without the hand's wrench on the proxy.
   kVirtualCoupler,  ///< Positions only.
   kDirect,          ///< No coordination: the device takes the proxy's place.
+
+  // The rivals. The device takes the proxy's place, which the environment's tool T follows.
+  /// Berkelman et al. 1999: as direct, but contacts restrict translation only; a coupler to T
+  /// restricts rotation.
+  kRotationCoupler,
+  /// Colgate et al. 1995: no local contacts; a coupler between device and T, evaluated each step.
+  kEngineCoupler,
+  /// No local contacts; the spring by which the device draws T, as T's engine sees both, held until
+  /// the next update.
+  kEngineForce,
 };
+
+/// Whether the device takes the proxy's place.
+bool replaces_proxy(ControllerKind kind) noexcept;
+/// Whether contacts of the local model act.
+bool uses_contacts(ControllerKind kind) noexcept;
 
 /// Gains of the position channels.
 struct ControllerGains {
@@ -25,6 +41,12 @@ struct ControllerGains {
   double angular_damping = 0.03;  ///< B_c, rotation, N·m·s/rad.
 };
 
+/// Hand frame of a tool in the world, and its twist.
+struct HandMotion {
+  Pose X_WH;
+  Twist V_WH = Twist::Zero();
+};
+
 class Controller {
  public:
   Controller(ControllerKind kind, const ControllerGains& gains) noexcept;
@@ -32,16 +54,15 @@ class Controller {
   ControllerKind kind() const noexcept { return kind_; }
 
   /// What acts on the proxy at the hand, with e = x_D - x_P: F_h + K_c e + B_c ė, less the terms
-  /// that the kind leaves out. X_WP, V_WP: hand frame of the proxy and its twist.
-  HandInput to_proxy(const DeviceState& device, const Pose& X_WP, const Twist& V_WP) const noexcept;
+  /// that the kind leaves out.
+  HandInput to_proxy(const DeviceState& device, const HandMotion& proxy) const noexcept;
 
   /// The wrench u for the device: F_env - K_c e - B_c ė, less the terms that the kind leaves out.
-  Wrench to_device(const DeviceState& device, const Pose& X_WP, const Twist& V_WP,
-                   const Wrench& F_env) const noexcept;
+  Wrench to_device(const DeviceState& device, const HandMotion& proxy,
+                   const HandMotion& engine_tool, const Wrench& F_env) const noexcept;
 
  private:
-  Wrench coordination(const DeviceState& device, const Pose& X_WP,
-                      const Twist& V_WP) const noexcept;
+  Wrench coordination(const DeviceState& device, const HandMotion& partner) const noexcept;
 
   ControllerKind kind_;
   Vector6 stiffness_;

@@ -67,9 +67,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (inbox.hello != nullptr) begin_session(*inbox.hello, timing.begin);
   if (machine_.simulates()) simulate();
   describe(timing);
-  if (inbox.update != nullptr) {
-    record_.adopted = session_.acknowledge(timing.begin, proxy_state());
-  }
+  if (inbox.update != nullptr) acknowledge(timing.begin);
   return record_;
 }
 
@@ -83,13 +81,14 @@ void Servo::shut_down(double now) noexcept {
 }
 
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
-  if (options_.controller == ControllerKind::kDirect && hello.tool.links.size() != 1) {
+  if (replaces_proxy(options_.controller) && hello.tool.links.size() != 1) {
     session_.reject(now, protocol::RejectReason::kTool,
-                    "direct coupling needs a tool of one link; use another controller");
+                    "this controller needs a tool of one link; use another one");
     return;
   }
   local_model_.emplace(hello.tool, hello.q, options_.local_model, dt_);
   device_.align(local_model_->proxy().X_WH());
+  engine_.begin(local_model_->proxy().X_WH());
   device_.enable();
   spreader_.clear();
   limiter_.cut();
@@ -124,7 +123,10 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
     travel = std::max(0.0, round_trip - update.echo_hold) / 2;
   }
   record_.age = std::min(update.compute_time + travel, kLargestAge);
-  local_model_->adopt(update.contacts, update.q_VE, record_.age);
+  local_model_->adopt(uses_contacts(options_.controller) ? update.contacts : ReportedContacts(),
+                      update.q_VE, record_.age);
+  const ToolModel& tool = local_model_->ve_tool();
+  engine_.update(update.echo_step, {tool.X_WH(), tool.hand_jacobian().lazyProduct(update.v_VE)});
   ++updates_;
 }
 
@@ -145,18 +147,20 @@ void Servo::simulate() noexcept {
 
 ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
-  if (controller_.kind() == ControllerKind::kDirect) {
+  if (replaces_proxy(controller_.kind())) {
     // begin_session() has made sure of one link.
     const std::optional<ToolAtHand> tool = tool_at_hand(proxy, device.X_WD, device.V_WD);
     return local_model_->follow(tool->q, tool->v);
   }
-  return local_model_->step(controller_.to_proxy(device, proxy.X_WH(), local_model_->hand_twist()));
+  return local_model_->step(
+      controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
 }
 
 void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcept {
-  const Pose X_WP = local_model_->proxy().X_WH();
-  const Twist V_WP = local_model_->hand_twist();
-  Wrench u = controller_.to_device(device, X_WP, V_WP, felt.F);
+  const HandMotion proxy{local_model_->proxy().X_WH(), local_model_->hand_twist()};
+  const bool as_seen = controller_.kind() == ControllerKind::kEngineForce;
+  Wrench u =
+      controller_.to_device(as_seen ? engine_.device() : device, proxy, engine_.tool(), felt.F);
   Wrench impulse = Wrench::Zero();
   if (controller_.kind() != ControllerKind::kVirtualCoupler) {
     impulse = spreader_.render(felt.impulse, u);
@@ -201,6 +205,11 @@ void Servo::describe_proxy() noexcept {
     smallest = std::min(smallest, contact.s);
   }
   record_.smallest_separation = local_model_->contacts().empty() ? 0 : smallest;
+}
+
+void Servo::acknowledge(double now) noexcept {
+  engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
+  record_.adopted = session_.acknowledge(now, proxy_state());
 }
 
 protocol::ProxyState Servo::proxy_state() const noexcept {

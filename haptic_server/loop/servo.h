@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "haptic_server/control/controller.h"
+#include "haptic_server/control/engine_view.h"
 #include "haptic_server/control/impulse_spreader.h"
 #include "haptic_server/control/limiter.h"
 #include "haptic_server/device/device.h"
@@ -62,6 +63,7 @@ class Servo {
   void fail(Fault fault) noexcept;
   void describe(const Timing& timing) noexcept;
   void describe_proxy() noexcept;
+  void acknowledge(double now) noexcept;
   protocol::ProxyState proxy_state() const noexcept;
 
   ServoOptions options_;
@@ -75,6 +77,7 @@ class Servo {
   ServerStateMachine machine_;
 
   std::optional<LocalModel> local_model_;
+  EngineView engine_;
   std::uint64_t step_ = 0;     ///< Of the session.
   std::uint64_t updates_ = 0;  ///< Adopted in the session.
   TickRecord record_;

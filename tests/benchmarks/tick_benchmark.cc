@@ -69,8 +69,9 @@ void tick(benchmark::State& state, bool adopts) {
   for (auto _ : state) {
     if (adopts) model.adopt(contacts, start.configuration(), 0.02);
     const ContactWrench felt =
-        model.step(controller.to_proxy(device, model.proxy().X_WH(), model.hand_twist()));
-    Wrench u = controller.to_device(device, model.proxy().X_WH(), model.hand_twist(), felt.F);
+        model.step(controller.to_proxy(device, {model.proxy().X_WH(), model.hand_twist()}));
+    const HandMotion proxy{model.proxy().X_WH(), model.hand_twist()};
+    Wrench u = controller.to_device(device, proxy, {}, felt.F);
     u += spreader.render(felt.impulse, u);
     benchmark::DoNotOptimize(limiter.limit(u));
   }

@@ -64,6 +64,21 @@ TEST_CASE("Pressed on the wall the peg rests: force as pushed, separation -f/k, 
   CHECK(at_rest.X_WT.p.y() == Approx(0.124).margin(1e-4));                      // m
 }
 
+TEST_CASE("A coupling to the engine holds the wall too: force as pushed, depth f/K_c") {
+  VirtualSessionOptions options;
+  options.servo.controller = server::ControllerKind::kEngineCoupler;
+  options.device.dry_friction = 0;
+  options.hand = constant_push(force(0, 0.5));
+  VirtualSession session(options);
+  session.run(20);
+
+  const TickRecord& at_rest = session.last();
+  CHECK(at_rest.F_command[1] == Approx(-0.5).epsilon(0.02));                           // N
+  CHECK(at_rest.X_WD.p.y() - at_rest.X_WT.p.y() == Approx(0.5 / 1500).epsilon(0.02));  // m
+  CHECK(at_rest.X_WT.p.y() == Approx(0.124).margin(1e-4));                             // m
+  CHECK(at_rest.active_contacts + at_rest.predicted_contacts == 0);
+}
+
 TEST_CASE("The demonstration ends with the peg in the hole, less than 1 mm of drift") {
   double largest_drift = 0;
   VirtualSession session(demo(), [&](const TickRecord& record) {

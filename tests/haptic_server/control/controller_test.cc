@@ -1,6 +1,7 @@
 // The controllers (METHOD 6).
 #include "haptic_server/control/controller.h"
 
+#include "haptic_server/control/engine_view.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 
@@ -27,36 +28,66 @@ TEST_CASE("Four channels pull device and proxy together and pass wrenches both w
   const Controller controller(ControllerKind::kFourChannel, {});
   const DeviceState device = device_at({0.01, 0, 0}, wrench(2));
   // K_c e = 1500 N/m · 10 mm = 15 N on the proxy towards the device, and back on the device.
-  CHECK(controller.to_proxy(device, {}, Twist::Zero()).F[0] == Approx(15 + 2));
-  CHECK(controller.to_device(device, {}, Twist::Zero(), wrench(-4))[0] == Approx(-15 - 4));
+  CHECK(controller.to_proxy(device, {}).F[0] == Approx(15 + 2));
+  CHECK(controller.to_device(device, {}, {}, wrench(-4))[0] == Approx(-15 - 4));
 }
 
 TEST_CASE("Each kind leaves out its channels") {
   const DeviceState device = device_at({0.01, 0, 0}, wrench(2));
   const Controller three(ControllerKind::kThreeChannel, {});
-  CHECK(three.to_proxy(device, {}, Twist::Zero()).F[0] == Approx(15));
-  CHECK(three.to_device(device, {}, Twist::Zero(), wrench(-4))[0] == Approx(-19));
+  CHECK(three.to_proxy(device, {}).F[0] == Approx(15));
+  CHECK(three.to_device(device, {}, {}, wrench(-4))[0] == Approx(-19));
   const Controller coupler(ControllerKind::kVirtualCoupler, {});
-  CHECK(coupler.to_proxy(device, {}, Twist::Zero()).F[0] == Approx(15));
-  CHECK(coupler.to_device(device, {}, Twist::Zero(), wrench(-4))[0] == Approx(-15));
+  CHECK(coupler.to_proxy(device, {}).F[0] == Approx(15));
+  CHECK(coupler.to_device(device, {}, {}, wrench(-4))[0] == Approx(-15));
   const Controller direct(ControllerKind::kDirect, {});
-  CHECK(direct.to_device(device, {}, Twist::Zero(), wrench(-4))[0] == Approx(-4));
+  CHECK(direct.to_device(device, {}, {}, wrench(-4))[0] == Approx(-4));
 }
 
 TEST_CASE("Rotations are coordinated by torque, velocities by damping") {
   const Controller controller(ControllerKind::kVirtualCoupler, {});
   DeviceState device;
   device.X_WD.R = rotation_from_vector({0, 0, 0.2});
-  CHECK(controller.to_proxy(device, {}, Twist::Zero()).F[5] == Approx(0.2));  // 1 N·m/rad
-  Twist V_WP = Twist::Zero();
-  V_WP[0] = 0.1;                                                // m/s
-  CHECK(controller.to_proxy({}, {}, V_WP).F[0] == Approx(-3));  // 30 N·s/m
+  CHECK(controller.to_proxy(device, {}).F[5] == Approx(0.2));  // 1 N·m/rad
+  HandMotion proxy;
+  proxy.V_WH[0] = 0.1;                                       // m/s
+  CHECK(controller.to_proxy({}, proxy).F[0] == Approx(-3));  // 30 N·s/m
 }
 
 TEST_CASE("Without a measured hand wrench four channels work as three") {
   const Controller controller(ControllerKind::kFourChannel, {});
   const DeviceState device;
-  CHECK(controller.to_proxy(device, {}, Twist::Zero()).F.norm() == 0);
+  CHECK(controller.to_proxy(device, {}).F.norm() == 0);
+}
+
+TEST_CASE("Couplings to the engine pull towards its tool, whatever the local contacts say") {
+  DeviceState device = device_at({0.01, 0, 0}, wrench(2));
+  device.X_WD.R = rotation_from_vector({0, 0, 0.2});
+  HandMotion tool;
+  tool.X_WH.p = {0.008, 0, 0};
+  for (const auto kind : {ControllerKind::kEngineCoupler, ControllerKind::kEngineForce}) {
+    const Wrench u = Controller(kind, {}).to_device(device, {}, tool, wrench(-4, 1));
+    CHECK(u[0] == Approx(-3));    // 1500 N/m · 2 mm
+    CHECK(u[5] == Approx(-0.2));  // 1 N·m/rad
+  }
+  const Wrench u =
+      Controller(ControllerKind::kRotationCoupler, {}).to_device(device, {}, tool, wrench(-4, 1));
+  CHECK(u[0] == Approx(-4));  // the contacts' force, not their torque
+  CHECK(u[5] == Approx(-0.2));
+}
+
+TEST_CASE("The engine's force is of the device that it knew when it sent its tool") {
+  EngineView view;
+  Pose X_WD;
+  view.begin(X_WD);
+  for (std::uint64_t step = 1; step <= 100; ++step) {
+    X_WD.p.x() = 0.001 * static_cast<double>(step);
+    view.acknowledge(step, X_WD, Twist::Zero());
+  }
+  view.update(90, {});
+  CHECK(view.device().X_WD.p.x() == Approx(0.09));
+  view.update(7, {});  // forgotten
+  CHECK(view.device().X_WD.p.x() == Approx(0.09));
 }
 
 TEST_CASE("Directly coupled, a one-joint tool is where the device is") {
