@@ -1,5 +1,7 @@
 #include "ve_client/frame.h"
 
+#include <algorithm>
+
 #include "ve_client/contacts/select.h"
 
 namespace hlm::ve {
@@ -10,6 +12,13 @@ VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
       world(description, assembly.bodies),
       tool(world, assembly, follow),
       proximity(world, assembly) {}
+
+double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period) {
+  // 1 covers steady speed and equal periods only; 2 nearly doubles the ghosts past edges.
+  constexpr double kMargin = 1.5;
+  const double travel = kMargin * speed * (delay + period);
+  return std::clamp(travel, options.epsilon, std::max(options.epsilon, options.largest_epsilon));
+}
 
 FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clock& clock,
                       double period, const FrameOptions& options) {
@@ -28,8 +37,10 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clo
 
   const double sampled_at = clock.now();
   server.sample(sampled_at, tool.q(), tool.v(), period);
+  const double delay = server.round_trip() + options.delay;
+  const double epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
   const ReportedContacts contacts =
-      select_contacts(proximity.query(tool, options.epsilon), assembly.planar_normal_W);
+      select_contacts(proximity.query(tool, epsilon), assembly.planar_normal_W);
 
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
   server.send(clock.now(), contacts);

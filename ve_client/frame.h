@@ -26,7 +26,10 @@ struct VirtualEnvironment {
 };
 
 struct FrameOptions {
-  double epsilon = 0.005;  ///< ε, m, >= 0.
+  double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
+  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Constraints extend infinitely
+  /// in the local model, so larger values let the tool feel walls past the edges where they end.
+  double largest_epsilon = 0;
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
   double delay = 0;
@@ -39,6 +42,11 @@ struct FrameResult {
   std::size_t active = 0;      ///< Contacts sent with σ <= 0.
   std::size_t predicted = 0;   ///< Contacts sent with σ > 0.
 };
+
+/// ε for a tool whose fastest point moves at `speed` (m/s): what it travels until contacts found now
+/// are replaced by the next, with a margin for what it may accelerate and for longer frames.
+/// delay: from the proxy's state here to contacts there, s. period: of the frames, s.
+double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period);
 
 /// One frame of `period` simulated seconds. `server` and `clock` decide whether it runs on UDP and
 /// real time or in memory and virtual time.

@@ -67,6 +67,10 @@ class CommandLine {
     app_.add_option("--epsilon", settings_.frame.epsilon,
                     "Report contacts up to this separation, m; 0: touching ones only")
         ->check(CLI::Range(0.0, 0.1));
+    app_.add_option("--largest-epsilon", settings_.frame.largest_epsilon,
+                    "Above --epsilon: that separation grows with the tool's speed and the delay, "
+                    "up to this, m")
+        ->check(CLI::Range(0.0, 0.1));
   }
 
   void add_frame() {

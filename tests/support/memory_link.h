@@ -39,6 +39,9 @@ class MemoryNetwork {
   /// Holds for datagrams sent from now on.
   void set_conditions(LinkConditions conditions) noexcept { conditions_ = conditions; }
 
+  /// Whether a datagram has arrived that the client has not taken.
+  bool client_has_mail() const noexcept { return client_.has_mail(); }
+
   protocol::DatagramLink& server() noexcept { return server_; }
   protocol::DatagramLink& client() noexcept { return client_; }
 
@@ -56,8 +59,11 @@ class MemoryNetwork {
       incoming_.reserve(kUnderWay);
     }
 
+    bool has_mail() const noexcept {
+      return !incoming_.empty() && incoming_.front().arrival <= network_.now_;
+    }
     bool receive(protocol::Datagram& datagram) noexcept override {
-      if (incoming_.empty() || incoming_.front().arrival > network_.now_) return false;
+      if (!has_mail()) return false;
       datagram = incoming_.front().datagram;
       incoming_.erase(incoming_.begin());
       return true;

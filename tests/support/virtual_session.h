@@ -11,14 +11,14 @@
 #include "protocol/recording_link.h"
 #include "protocol/server_session.h"
 #include "tests/support/memory_link.h"
-#include "tests/ve_client/virtual_clock.h"
+#include "tests/support/virtual_clock.h"
+#include "tests/support/worlds.h"
 #include "ve_client/frame.h"
-#include "ve_client/world/sdf_loader.h"
 
 namespace hlm::test {
 
 struct VirtualSessionOptions {
-  std::string world = std::string(HLM_WORLDS) + "/testbed.sdf";
+  ve::WorldDescription world = repository_world("testbed.sdf");
   std::string tool = "peg";
   server::ServoOptions servo;
   server::SimulatedDeviceOptions device;
@@ -27,6 +27,10 @@ struct VirtualSessionOptions {
   double rate_low = 30;   // Hz
   double rate_high = 60;  // Hz
   ve::FrameOptions frame;
+  ve::FollowOptions follow;
+  /// A frame begins only when the update of the one before has been acknowledged, or this long
+  /// after it, s; 0: without waiting.
+  double acknowledgement_timeout = 0;
   std::uint64_t seed = 1;
 };
 
@@ -43,7 +47,7 @@ class VirtualSession {
         device_(options.device, options.hand, 1 / options.servo.rate),
         session_(server_link_, {}),
         servo_(std::make_unique<server::Servo>(options.servo, 0, session_, device_)),
-        environment_(ve::load_world(options.world), options.tool, {}),
+        environment_(options.world, options.tool, options.follow),
         client_(network_.client(), {.server = MemoryNetwork::kServer,
                                     .tool = environment_.assembly.description,
                                     .q = environment_.assembly.q,
@@ -58,7 +62,11 @@ class VirtualSession {
       const double period = periods_.next();
       const double next = clock_.now() + period;
       ve::run_frame(environment_, client_, clock_, period, options_.frame);
+      const double patience = clock_.now() + options_.acknowledgement_timeout;
       clock_.sleep_until(next);
+      while (clock_.now() < patience && !network_.client_has_mail()) {
+        clock_.sleep_until(clock_.now() + 1 / options_.servo.rate);
+      }
     }
   }
 

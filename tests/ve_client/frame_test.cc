@@ -8,11 +8,21 @@
 #include "protocol/server_session.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
-#include "tests/ve_client/virtual_clock.h"
-#include "tests/ve_client/worlds.h"
+#include "tests/support/virtual_clock.h"
+#include "tests/support/worlds.h"
 
 namespace hlm::ve {
 namespace {
+
+TEST_CASE("ε grows with speed and delay between its bounds") {
+  FrameOptions options{.epsilon = 0.005};
+  CHECK(adapted_epsilon(options, 10, 1, 1) == 0.005);  // fixed unless a largest one is given
+  options.largest_epsilon = 0.08;
+  CHECK(adapted_epsilon(options, 0.01, 0.04, 0.03) == 0.005);
+  CHECK(adapted_epsilon(options, 0.2, 0.04, 0.03) > 0.2 * 0.07);  // m: what the tool travels
+  CHECK(adapted_epsilon(options, 0.2, 0.04, 0.03) < 2 * 0.2 * 0.07);
+  CHECK(adapted_epsilon(options, 10, 1, 1) == 0.08);
+}
 
 /// A server without a local model: its proxy moves at a constant velocity from where hello put it.
 class ScriptedServer {

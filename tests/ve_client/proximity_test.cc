@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "tests/support/catch.h"
-#include "tests/ve_client/worlds.h"
+#include "tests/support/worlds.h"
 #include "ve_client/contacts/select.h"
 
 namespace hlm::ve {

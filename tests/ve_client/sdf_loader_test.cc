@@ -3,7 +3,7 @@
 #include <numbers>
 
 #include "tests/support/catch.h"
-#include "tests/ve_client/worlds.h"
+#include "tests/support/worlds.h"
 
 namespace hlm::ve {
 namespace {

@@ -2,7 +2,7 @@
 #include "ve_client/world/tool_assembly.h"
 
 #include "tests/support/catch.h"
-#include "tests/ve_client/worlds.h"
+#include "tests/support/worlds.h"
 
 namespace hlm::ve {
 namespace {

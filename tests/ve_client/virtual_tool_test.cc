@@ -6,7 +6,7 @@
 
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
-#include "tests/ve_client/worlds.h"
+#include "tests/support/worlds.h"
 #include "ve_client/world/proximity.h"
 
 namespace hlm::ve {

@@ -3,7 +3,7 @@
 #include "ve_client/world/world.h"
 
 #include "tests/support/catch.h"
-#include "tests/ve_client/worlds.h"
+#include "tests/support/worlds.h"
 
 namespace hlm::ve {
 namespace {

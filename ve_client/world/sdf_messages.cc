@@ -6,7 +6,9 @@
 
 namespace hlm::ve {
 
-CapturedMessages::CapturedMessages() : original_(std::cerr.rdbuf(text_.rdbuf())) {}
+std::mutex CapturedMessages::mutex_;
+
+CapturedMessages::CapturedMessages() : lock_(mutex_), original_(std::cerr.rdbuf(text_.rdbuf())) {}
 
 CapturedMessages::~CapturedMessages() { std::cerr.rdbuf(original_); }
 

@@ -1,6 +1,7 @@
 // What SDFormat's parser has to say, as one line instead of many on stderr.
 #pragma once
 
+#include <mutex>
 #include <sstream>
 #include <streambuf>
 #include <string>
@@ -22,6 +23,8 @@ class CapturedMessages {
   std::string first_error() const;
 
  private:
+  static std::mutex mutex_;  ///< std::cerr is one for all threads: one of them captures at a time.
+  std::lock_guard<std::mutex> lock_;
   std::ostringstream text_;
   std::streambuf* original_;
 };

@@ -65,6 +65,16 @@ void VirtualTool::set_target(const Configuration& q, const Velocity& v) {
   }
   target_.set_configuration(unit);
   v_target_ = v;
+  target_speed_ = 0;
+  for (int link = 0; link < target_.links(); ++link) {
+    const Vector3 p_WB = (target_.X_WL(link) * assembly_.X_LB[at(link)]).p;
+    target_speed_ = std::max(target_speed_, point_speed(target_.jacobian(link, p_WB) * v));
+  }
+}
+
+double VirtualTool::point_speed(const Twist& V_WB) const noexcept {
+  // No point of the tool is farther from a link's centre of mass than twice its length.
+  return V_WB.head<3>().norm() + 2 * assembly_.description.length * V_WB.tail<3>().norm();
 }
 
 double VirtualTool::follow(double dt) {
@@ -79,10 +89,7 @@ double VirtualTool::follow(double dt) {
     } else {
       V_WB = pull(link, X_WB_target, dt);
     }
-    // No point of the tool is farther from a link's centre of mass than twice its length.
-    const double speed =
-        V_WB.head<3>().norm() + 2 * assembly_.description.length * V_WB.tail<3>().norm();
-    reach = std::max(reach, speed * dt);
+    reach = std::max(reach, point_speed(V_WB) * dt);
   }
   v_target_.setZero();
   return reach;

@@ -38,6 +38,8 @@ class VirtualTool {
   /// Sets what follow() follows: the proxy's configuration, and its velocity during the next step
   /// (after it the target is at rest until told otherwise). Requires can_follow(q, v).
   void set_target(const Configuration& q, const Velocity& v);
+  /// Upper bound on the speed of any point of the latest target, m/s.
+  double target_speed() const noexcept { return target_speed_; }
 
   /// Applies to the bodies what draws them toward the target during the next step of dt seconds:
   /// on each, M a with a = (ω²(x_T − x − dt v) + 2ζω(v_T − v)) / (1 + 2ζω dt + ω² dt²), which is a
@@ -56,6 +58,8 @@ class VirtualTool {
 
  private:
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
+  /// Upper bound on the speed of a link's points, from the twist of its centre of mass, m/s.
+  double point_speed(const Twist& V_WB) const noexcept;
   /// Applies the pull on one link. Returns its velocity after the step if nothing stops it.
   Twist pull(int link, const Pose& X_WB_target, double dt);
   void read_joint(int link, int coordinate, int velocity, Configuration& q);
@@ -67,6 +71,7 @@ class VirtualTool {
   Velocity v_;
   ToolModel target_;  ///< At the proxy's configuration.
   Velocity v_target_;
+  double target_speed_ = 0;
 };
 
 }  // namespace hlm::ve

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <mutex>
 
 namespace hlm::ve {
 namespace {
@@ -234,9 +235,6 @@ void World::keep_planar(int body) {
 }
 
 void World::step(double dt, std::span<const ToolContact> tool_contacts) {
-  // The solver shuffles its rows with the library's one random sequence: without a seed of its own
-  // a step would depend on how many other worlds were stepped before.
-  dRandSetSeed(steps_++);
   dSpaceCollide(space_.get(), this, [](void* world, dGeomID first, dGeomID second) {
     static_cast<World*>(world)->collide(first, second);
   });
@@ -250,8 +248,17 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts) {
     contact.surface.motionN = -std::max(0.0, gap) / dt;  // Least velocity along the normal.
     add_contact(contact, handle(tool_contact.tool_body), handle(tool_contact.body));
   }
-  dWorldQuickStep(world_.get(), dt);
+  solve(dt);
   dJointGroupEmpty(contacts_.get());
+}
+
+void World::solve(double dt) {
+  // The engine has one pool of jobs and one random sequence for all worlds. The solver shuffles its
+  // rows with that: without a seed of its own a step would depend on the steps of other worlds.
+  static std::mutex engine;
+  const std::lock_guard lock(engine);
+  dRandSetSeed(steps_++);
+  dWorldQuickStep(world_.get(), dt);
 }
 
 void World::collide(dGeomID first, dGeomID second) {

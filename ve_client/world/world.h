@@ -31,7 +31,8 @@ struct CollisionId {
 };
 
 /// Bodies are named by their index in the description. Repeatable: two worlds that are given the
-/// same calls have the same states bit for bit. Not thread-safe.
+/// same calls have the same states bit for bit. One thread makes and uses a world; others may have
+/// worlds of their own.
 class World {
  public:
   /// Bodies in `tool_bodies` are the virtual tool: they have no weight here (the proxy carries it)
@@ -78,6 +79,7 @@ class World {
   void add_geometries(int body);
   void add_joint(const JointDescription& joint);
   void add_contact(dContact& contact, dBodyID first, dBodyID second);
+  void solve(double dt);
   /// Contacts of two shapes that are not the tool's.
   void collide(dGeomID first, dGeomID second);
   dBodyID handle(int body) const { return bodies_[static_cast<std::size_t>(body)]; }
