@@ -1,0 +1,415 @@
+#!/usr/bin/python3
+"""Makes one self-contained HTML page of what the experiments have written."""
+
+import argparse
+import base64
+import collections
+import csv
+import html
+import io
+import pathlib
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+# One look per method on all figures.
+STYLES = {
+    "IR": ("#d62828", "-"),
+    "IR-rot": ("#f77f00", "-"),
+    "IR four-channel": ("#d62828", "--"),
+    "IR coupler": ("#d62828", ":"),
+    "VRPN recovery": ("#bc6c25", "-"),
+    "VRPN four-channel": ("#bc6c25", "--"),
+    "virtual coupler": ("#6c757d", "-"),
+    "direct to engine": ("#000000", "-"),
+    "LM₀": ("#4895ef", "-"),
+    "LM₀ direct": ("#4895ef", "--"),
+    "LM₀ coupler": ("#4895ef", ":"),
+    "LM₀ rule P": ("#4895ef", "-."),
+    "LM₅": ("#1b4332", "-"),
+    "LM₅ direct": ("#1b4332", "--"),
+    "LM₅ coupler": ("#1b4332", ":"),
+    "LM₅ rule P": ("#1b4332", "-."),
+    "LM adaptive ε": ("#7209b7", (0, (4, 3))),
+}
+
+# What each experiment is, in the order of the page.
+SECTIONS = {
+    "fig06": "Figure 6: one degree of freedom, walls that arrive late",
+    "fig09": "Figure 9: the same hole with predicted walls",
+    "fig14": "Figure 14: pushed onto a wall and left there",
+    "fig16": "Figure 16: the peg in its hole, shaken with 1 N (k = 4000 N/m)",
+    "fig17": "Figure 17: shaken with 3 N at k = 15000 N/m",
+    "updates": "Updates: jumps of the force and energy",
+    "limits": "Largest stable stiffness, side by side",
+    "maps": "Where each method stops working",
+    "approach": "Where a wall is felt, over approach speed",
+    "spatial": "Six degrees of freedom",
+}
+
+INTRODUCTION = {
+    "fig06": "A 1 kg peg between two walls that it just touches; the hand shakes it with 5 N at 10 Hz, "
+    "coupled directly; k = 10 kN/m, b = 15 N·s/m; each report of the walls takes 20 ms and is repeated "
+    "every 20 ms. The intermediate representation (IR) renders the full depth of a wall that arrives "
+    "late; the local model (LM₀) deforms its proxy so that the wall begins where the peg is.",
+    "fig09": "The same hole. LM₅ is told of walls within 5 mm before they are touched: then the delay of "
+    "the environment cannot be felt at all.",
+    "fig14": "The peg is pushed with 0.5 N onto a wall at y = 124 mm, up to 0.2 mm off its centre. With "
+    "IR it never comes to rest: a corner that loses contact comes back late and deep, which turns the peg, "
+    "which loses the other corner.",
+    "fig16": "The peg stands in an exactly fitting hole and is shaken sideways with 1 N at 2.5 Hz, up to "
+    "2 mm off its centre.",
+    "fig17": "The same with 3 N and contacts nearly four times as stiff. A run counts as unstable when "
+    "motors, coupling and contacts have given handle and proxy more than 10 mJ on balance: passive "
+    "ones, met at rest, never give any.",
+    "updates": "What adopting one update does while the peg is shaken as in Fig. 16: the change of the "
+    "resultant of all contact springs, with the proxy where it was, and of the energy stored in them. "
+    "A jump of 0.1 N is 10 % of the hand's force: about what a person can just notice.",
+    "limits": "The hole of Fig. 17 (3 N, b = 100 N·s/m), contact stiffness found by scanning octaves and "
+    "then bisecting to 10 %. For the couplings to the engine's own tool the stiffness is that of the "
+    "coupling. An asterisk marks a method that is stable again above a stiffness where it was not; > the "
+    "end of the scan.",
+    "maps": "The same search with one condition varied at a time: fixed rate of the environment, one-way "
+    "network delay, jitter and loss, delay of the device, rate of the loop, and whether the environment "
+    "waits for each acknowledgement. Hollow marks: stable up to the end of the scan. At the lower edge: "
+    "unstable at the softest contact tried.",
+    "approach": "A peg meets a wall at a steady speed, 20 ms away one way, environment at 30 to 60 Hz. "
+    "Left: where the handle comes to rest, from where it should. Right: how far it gets beyond the wall.",
+    "spatial": "A free body of six degrees of freedom: a square peg in an exactly fitting square hole, "
+    "held down with 0.5 N and shaken along x and y; and a box, set down on an edge and pressed flat "
+    "with 0.5 N.",
+}
+
+
+def read_table(path):
+    with open(path, encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def by_method(rows):
+    groups = collections.OrderedDict()
+    for row in rows:
+        groups.setdefault(row["method"], []).append(row)
+    return groups
+
+
+def column(rows, name, scale=1.0):
+    return [scale * float(row[name]) for row in rows]
+
+
+def style(method):
+    colour, line = STYLES[method]
+    return {"color": colour, "linestyle": line, "linewidth": 1.3, "label": method}
+
+
+def panels(count, width=5.2, height=3.2):
+    figure, axes = plt.subplots(1, count, figsize=(width * count, height), squeeze=False)
+    for axis in axes[0]:
+        axis.grid(alpha=0.3)
+    return figure, axes[0]
+
+
+def label(axis, x, y):
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+
+
+def draw_lines(axis, rows, x, y, y_scale=1.0):
+    for method, points in by_method(rows).items():
+        axis.plot(column(points, x), column(points, y, y_scale), **style(method))
+
+
+def draw_fig06(folder):
+    rows = by_method(read_table(folder / "fig06_series.csv"))
+    figure, axes = panels(len(rows))
+    for axis, (method, points) in zip(axes, rows.items()):
+        axis.plot(column(points, "time_s"), column(points, "x_m", 1e3), **style(method))
+        axis.set_title(f"{method}, 1 kHz")
+        if method == "IR":
+            axis.set_ylim(-500, 500)
+            axis.set_xlim(0, 1)
+        label(axis, "time, s", "x, mm")
+    return figure
+
+
+def draw_fig09(folder):
+    rows = read_table(folder / "fig09_series.csv")
+    figure, axes = panels(2)
+    draw_lines(axes[0], rows, "time_s", "x_m", 1e3)
+    draw_lines(axes[1], rows, "time_s", "force_N")
+    label(axes[0], "time, s", "x, mm")
+    label(axes[1], "time, s", "contact force, N")
+    for axis in axes:
+        axis.set_xlim(0, 0.5)
+    axes[0].legend()
+    return figure
+
+
+def draw_fig14(folder):
+    rows = read_table(folder / "fig14_series.csv")
+    figure, axes = panels(2)
+    draw_lines(axes[0], rows, "time_s", "y_m", 1e3)
+    draw_lines(axes[1], rows, "time_s", "theta_rad", 57.29578)
+    axes[0].axhline(124, color="#999999", linewidth=0.8)
+    axes[0].text(0, 124.2, "the wall", color="#666666", fontsize=8)
+    axes[0].set_ylim(100, 140)
+    label(axes[0], "time, s", "y of the handle, mm")
+    label(axes[1], "time, s", "heading of the handle, °")
+    axes[0].legend(loc="lower right")
+    return figure
+
+
+def draw_hole(folder, name, limit):
+    rows = read_table(folder / f"{name}_series.csv")
+    figure, axes = panels(2)
+    for method, points in by_method(rows).items():
+        axes[0].plot(column(points, "x_m", 1e3), column(points, "y_m", 1e3), **style(method))
+        axes[1].plot(column(points, "time_s"), column(points, "theta_rad", 57.29578), **style(method))
+    axes[0].set_xlim(100 - limit, 100 + limit)
+    axes[0].set_ylim(184 + limit, 184 - limit)
+    axes[0].set_aspect("equal")
+    axes[1].set_ylim(-3 * limit, 3 * limit)
+    label(axes[0], "x of the handle, mm", "y, mm (down the hole)")
+    label(axes[1], "time, s", "rotation from upright, °")
+    axes[0].legend(fontsize=8)
+    return figure
+
+
+def draw_updates(folder):
+    rows = read_table(folder / "updates.csv")
+    figure, axes = panels(1, 7)
+    methods = [row["method"] for row in rows]
+    axes[0].barh(methods, column(rows, "largest_jump_N"), color="#ced4da", label="largest")
+    axes[0].barh(methods, column(rows, "p99_jump_N"), height=0.4, color="#1d3557", label="99th percentile")
+    axes[0].axvline(0.1, color="#d62828", linewidth=1, label="just noticeable")
+    axes[0].set_xscale("symlog", linthresh=1e-3)
+    axes[0].set_xlim(left=0)
+    axes[0].invert_yaxis()
+    axes[0].legend(fontsize=8)
+    axes[0].set_xlabel("change of the contact force at an update, N")
+    return figure
+
+
+def draw_limits(folder):
+    rows = read_table(folder / "limits.csv")
+    devices = list(collections.OrderedDict.fromkeys(row["device"] for row in rows))
+    figure, axes = panels(len(devices), 5.6, 0.9 + 0.26 * len(rows) / len(devices))
+    for axis, device in zip(axes, devices):
+        of_device = [row for row in rows if row["device"] == device]
+        k_max = column(of_device, "k_max", 1e-3)
+        names = [row["method"] + ("" if row["monotonous"] == "1" else " *") for row in of_device]
+        axis.barh(names, k_max, color=[STYLES[row["method"]][0] for row in of_device], alpha=0.75)
+        for i, row in enumerate(of_device):
+            ratio = f"{'> ' if row['beyond'] == '1' else ''}{float(row['ratio_to_ir']):.3g} × IR"
+            axis.text(max(k_max[i], 0.1) * 1.1, i, ratio, va="center", fontsize=8)
+        axis.set_xscale("log")
+        axis.set_xlim(0.1, 3000)
+        axis.invert_yaxis()
+        axis.set_title(f"device: {device}", fontsize=10)
+        axis.set_xlabel("k_max, kN/m")
+    return figure
+
+
+def draw_maps(folder):
+    rows = read_table(folder / "maps.csv")
+    names = list(collections.OrderedDict.fromkeys(row["axis"] for row in rows))
+    columns = 2
+    lines = (len(names) + columns - 1) // columns
+    figure, axes = plt.subplots(lines, columns, figsize=(11, 3.5 * lines))
+    for axis, name in zip(axes.flat, names):
+        of_axis = [row for row in rows if row["axis"] == name]
+        for method, points in by_method(of_axis).items():
+            x = column(points, "value")
+            y = [max(k, 0.0625) for k in column(points, "k_max", 1e-3)]
+            axis.plot(x, y, **style(method))
+            hollow = [point["beyond"] == "1" for point in points]
+            colour = STYLES[method][0]
+            for at_x, at_y, is_hollow in zip(x, y, hollow):
+                axis.plot(at_x, at_y, "o", color=colour, markersize=4,
+                          markerfacecolor="white" if is_hollow else colour)
+        first = next(iter(by_method(of_axis).values()))
+        axis.plot(column(first, "value"), column(first, "colgate", 1e-3), color="#adb5bd", linewidth=3,
+                  zorder=0, label="Colgate's bound")
+        axis.set_yscale("log")
+        axis.grid(alpha=0.3)
+        unit = first[0]["unit"]
+        label(axis, name.replace("_", " ").replace("ve ", "VE ") + (f", {unit}" if unit else ""),
+              "k_max, kN/m")
+    for axis in axes.flat[len(names):]:
+        axis.axis("off")
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    axes.flat[-1].legend(handles, labels, loc="center", ncol=2)
+    return figure
+
+
+def ratios(folder):
+    """k_max over that of IR in the same run, as a table: a line per condition."""
+    rows = read_table(folder / "maps.csv")
+    methods = list(by_method(rows))
+    lines = ["<p>k_max, as a multiple of IR's under the same condition (&gt;: end of the scan; 0: unstable "
+             "at the softest contact tried):</p>",
+             "<table><tr><th>condition</th>" + "".join(f"<th>{m}</th>" for m in methods) + "</tr>"]
+    conditions = collections.OrderedDict()
+    for row in rows:
+        conditions.setdefault((row["axis"], row["value"], row["unit"]), {})[row["method"]] = row
+    for (axis, value, unit), cells in conditions.items():
+        name = f"{axis.replace('_', ' ').replace('ve ', 'VE ')} {value} {unit}"
+        values = "".join(f"<td>{'&gt; ' if cells[m]['beyond'] == '1' else ''}"
+                         f"{float(cells[m]['ratio_to_ir']):.3g}</td>" for m in methods)
+        lines.append(f"<tr><td>{name}</td>{values}</tr>")
+    lines.append("</table>")
+    return "\n".join(lines)
+
+
+def draw_approach(folder):
+    rows = read_table(folder / "approach.csv")
+    figure, axes = panels(2)
+    arrived = [row for row in rows if float(row["arrival_m_s"]) > 0]
+    for method, points in by_method(arrived).items():
+        speeds = sorted({float(point["speed_m_s"]) for point in points})
+        for axis, name in zip(axes, ("error_m", "overshoot_m")):
+            means = []
+            for speed in speeds:
+                values = [1e3 * float(p[name]) for p in points if float(p["speed_m_s"]) == speed]
+                means.append(max(sum(values) / len(values), 1e-2))
+            axis.plot(speeds, means, marker="o", markersize=3, **style(method))
+    for axis in axes:
+        axis.set_yscale("log")
+        axis.axhline(1, color="#999999", linewidth=0.8)
+    label(axes[0], "approach speed, m/s", "error of the perceived wall, mm")
+    label(axes[1], "approach speed, m/s", "overshoot, mm")
+    axes[1].legend(fontsize=7)
+    return figure
+
+
+def draw_spatial(folder):
+    figure, axes = panels(3, 4)
+    hole = read_table(folder / "spatial_hole_series.csv")
+    for method, points in by_method(hole).items():
+        axes[0].plot(column(points, "x_m", 1e3), column(points, "y_m", 1e3), **style(method))
+    axes[0].set_xlim(-8, 8)
+    axes[0].set_ylim(-8, 8)
+    axes[0].set_aspect("equal")
+    axes[0].legend(fontsize=7)
+    axes[0].set_title("square hole")
+    label(axes[0], "x, mm", "y, mm")
+    draw_lines(axes[1], hole, "time_s", "rotation_rad", 57.29578)
+    axes[1].set_ylim(0, 30)
+    axes[1].set_title("square hole")
+    label(axes[1], "time, s", "rotation, °")
+    box = read_table(folder / "spatial_box_series.csv")
+    draw_lines(axes[2], box, "time_s", "tilt_rad", 57.29578)
+    axes[2].set_title("box on an edge")
+    label(axes[2], "time, s", "tilt, °")
+    return figure
+
+
+DRAW = {
+    "fig06": draw_fig06,
+    "fig09": draw_fig09,
+    "fig14": draw_fig14,
+    "fig16": lambda folder: draw_hole(folder, "fig16", 6),
+    "fig17": lambda folder: draw_hole(folder, "fig17", 20),
+    "updates": draw_updates,
+    "limits": draw_limits,
+    "maps": draw_maps,
+    "approach": draw_approach,
+    "spatial": draw_spatial,
+}
+
+
+def picture(figure, text):
+    figure.tight_layout()
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=110)
+    plt.close(figure)
+    encoded = base64.b64encode(data.getvalue()).decode()
+    return f'<img alt="{html.escape(text)}" src="data:image/png;base64,{encoded}">'
+
+
+def claims_table(claims):
+    lines = ["<table><tr><th></th><th>what</th><th>the paper</th><th>measured: median (range)</th>"
+             "<th>criterion</th></tr>"]
+    for claim in claims:
+        holds = claim["holds"] == "1"
+        mark = '<td class="holds">holds</td>' if holds else '<td class="fails">FAILS</td>'
+        cells = "".join(f"<td>{html.escape(claim[key])}</td>"
+                        for key in ("what", "paper", "measured", "criterion"))
+        lines.append(f"<tr>{mark}{cells}</tr>")
+    lines.append("</table>")
+    return "\n".join(lines)
+
+
+STYLE_SHEET = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem;
+       color: #212529; }
+img { max-width: 100%; }
+table { overflow-wrap: anywhere; border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; width: 100%; }
+th, td { border-bottom: 1px solid #dee2e6; padding: 0.3rem 0.6rem; text-align: left; vertical-align: top; }
+.holds { color: #2b8a3e; font-weight: 600; } .fails { color: #c92a2a; font-weight: 700; }
+code { background: #f1f3f5; padding: 0.1rem 0.3rem; }
+.finding { border-left: 4px solid #adb5bd; padding-left: 0.8rem; margin: 0.8rem 0; }
+"""
+
+
+def section(folder, name, claims, findings, rerun):
+    lines = [f'<h2 id="{name}">{html.escape(SECTIONS[name])}</h2>',
+             f"<p>{html.escape(INTRODUCTION[name])}</p>",
+             picture(DRAW[name](folder), SECTIONS[name]),
+             claims_table(claims) if claims else "",
+             ratios(folder) if name == "maps" else ""]
+    lines += [f'<p class="finding">{html.escape(finding["text"])}</p>' for finding in findings]
+    lines.append(f"<p>Again, alone: <code>scripts/reproduce --only {name} {html.escape(rerun)}</code></p>")
+    return "\n".join(lines)
+
+
+def page(folder, commit):
+    claims = read_table(folder / "claims.csv")
+    findings = read_table(folder / "findings.csv")
+    parameters = read_table(folder / "parameters.csv")
+    rerun = next(row["value"] for row in parameters if row["name"] == "arguments")
+    # Which experiments were run is told by what they wrote.
+    run = [name for name in SECTIONS if any(folder.glob(f"{name}*.csv"))]
+    held = sum(claim["holds"] == "1" for claim in claims)
+    lines = ["<!doctype html><html lang='en'><head><meta charset='utf-8'>",
+             "<meta name='viewport' content='width=device-width'>",
+             "<title>The paper's evaluation, reproduced</title>",
+             f"<style>{STYLE_SHEET}</style></head><body>",
+             "<h1>The paper's evaluation, reproduced</h1>",
+             "<p>Constantinescu, Salcudean and Croft, <em>Local model of interaction for haptic "
+             "manipulation of rigid virtual worlds</em>. Every run is the product's own server tick and "
+             "client frame (ODE, ε-active contacts, encoded packets), in virtual time: the same seed "
+             "gives the same page.</p>",
+             f"<p><strong>{held} of {len(claims)} criteria hold.</strong> Commit <code>"
+             f"{html.escape(commit)}</code>; arguments <code>{html.escape(rerun)}</code>.</p>",
+             "<ul>"]
+    lines += [f'<li><a href="#{name}">{html.escape(SECTIONS[name])}</a></li>' for name in run]
+    lines.append("</ul>")
+    for name in run:
+        lines.append(section(folder, name, [c for c in claims if c["experiment"] == name],
+                             [f for f in findings if f["experiment"] == name], rerun))
+    lines.append("<h2>Parameters</h2><p>Where the paper is silent, these are our choices.</p><table>")
+    lines += [f"<tr><td>{html.escape(row['name'])}</td><td>{html.escape(row['value'])}</td></tr>"
+              for row in parameters]
+    lines.append("</table></body></html>")
+    return "\n".join(lines)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=pathlib.Path, help="folder that the experiments wrote to")
+    parser.add_argument("--commit", default="unknown", help="of the sources")
+    arguments = parser.parse_args()
+    target = arguments.folder / "report.html"
+    try:
+        target.write_text(page(arguments.folder, arguments.commit), encoding="utf-8")
+    except FileNotFoundError as error:
+        sys.exit(f"report.py: {error.filename}: no such table; run the experiments first")
+    print(target)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+#include "tests/experiments/bench.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <mutex>
+
+#include <spdlog/fmt/fmt.h>
+#include <unistd.h>
+
+namespace hlm::experiments {
+
+Table::Table(const std::filesystem::path& file, std::string_view header)
+    : file_(file), text_(std::string(header) + '\n') {}
+
+Table::~Table() { std::ofstream(file_) << text_; }
+
+std::string Table::cell(double value) { return fmt::format("{:.9g}", value); }
+
+Bench::Bench(const BenchOptions& options) : options_(options) {
+  if (options_.jobs == 0) options_.jobs = std::max(1u, std::thread::hardware_concurrency());
+  if (options_.seeds == 0) options_.seeds = options_.quick ? 10 : 20;
+  std::filesystem::create_directories(options_.out);
+}
+
+std::vector<Method> Bench::methods(const std::vector<std::string>& names) const {
+  std::vector<Method> wanted;
+  for (const std::string& name : names) {
+    const auto& filter = options_.methods;
+    const bool asked = std::find(filter.begin(), filter.end(), name) != filter.end();
+    if (filter.empty() || asked) wanted.push_back(method(name));
+  }
+  return wanted;
+}
+
+void Bench::begin(const std::string& experiment) { experiment_ = experiment; }
+
+Table Bench::table(const std::string& name, std::string_view header) const {
+  return {options_.out / (name + ".csv"), header};
+}
+
+void Bench::claim(Claim claim) {
+  claim.experiment = experiment_;
+  fmt::print("{} {:<14} {}: {} [{}]\n", claim.holds ? "holds " : "FAILS ", claim.experiment,
+             claim.what, claim.measured, claim.criterion);
+  claims_.push_back(std::move(claim));
+}
+
+void Bench::find(const std::string& text) { findings_.push_back({experiment_, text}); }
+
+void Bench::parallel(std::size_t count, const std::function<void(std::size_t)>& work) {
+  std::atomic<std::size_t> next = 0;
+  std::atomic<std::size_t> done = 0;
+  std::mutex mutex;
+  std::exception_ptr failure;
+  const auto worker = [&] {
+    for (std::size_t i = next++; i < count; i = next++) {
+      try {
+        work(i);
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        failure = std::current_exception();
+        return;
+      }
+      const std::lock_guard lock(mutex);
+      show_progress(++done, count);
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (unsigned i = 0; i < options_.jobs; ++i) threads.emplace_back(worker);
+  threads.clear();
+  if (failure) std::rethrow_exception(failure);
+}
+
+void Bench::show_progress(std::size_t done, std::size_t count) const {
+  if (!isatty(STDERR_FILENO)) return;
+  constexpr std::size_t kWidth = 40;
+  const std::size_t filled = kWidth * done / count;
+  fmt::print(stderr, "\r{:<14} [{}{}] {}/{} ", experiment_, std::string(filled, '#'),
+             std::string(kWidth - filled, ' '), done, count);
+  if (done == count) fmt::print(stderr, "\r{:80}\r", "");
+  std::fflush(stderr);
+}
+
+std::string spread(const std::vector<double>& values, double scale) {
+  if (values.empty()) return "none";
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return fmt::format("{:.3g} ({:.3g} to {:.3g})", scale * median(values), scale * *low,
+                     scale * *high);
+}
+
+}  // namespace hlm::experiments

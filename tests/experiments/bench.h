@@ -1,0 +1,109 @@
+// What an experiment is given: cores to run trials on, a folder for its tables, and the list of
+// claims that it makes.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "tests/experiments/measures.h"
+#include "tests/experiments/trial.h"
+
+namespace hlm::experiments {
+
+struct BenchOptions {
+  bool quick = false;
+  std::vector<std::string> only;     ///< Experiments; empty: all.
+  std::vector<std::string> methods;  ///< Methods; empty: all.
+  std::uint64_t seed = 1;            ///< The first one.
+  int seeds = 0;                     ///< Of planar figures; 0: 20, with `quick` 10.
+  unsigned jobs = 0;                 ///< Threads; 0: as many as cores.
+  std::filesystem::path out = "out/reproduce";
+};
+
+/// A criterion, and whether it holds.
+struct Claim {
+  std::string experiment{};
+  std::string what{};       ///< Of which figure, method.
+  std::string paper{};      ///< What the paper reports; may be empty.
+  std::string criterion{};  ///< With its numbers.
+  std::string measured{};
+  bool holds = false;
+};
+
+/// Something seen that no criterion asks for, in words.
+struct Finding {
+  std::string experiment;
+  std::string text;
+};
+
+/// A table of numbers or words, written as CSV on destruction.
+class Table {
+ public:
+  Table(const std::filesystem::path& file, std::string_view header);
+  ~Table();
+  Table(const Table&) = delete;
+  Table& operator=(const Table&) = delete;
+
+  template <class... Values>
+  void row(const Values&... values) {
+    std::string line;
+    (line.append(line.empty() ? "" : ",").append(cell(values)), ...);
+    text_.append(line).append("\n");
+  }
+
+ private:
+  static std::string cell(double value);
+  static std::string cell(std::string_view value) { return std::string(value); }
+
+  std::filesystem::path file_;
+  std::string text_;
+};
+
+class Bench {
+ public:
+  explicit Bench(const BenchOptions& options);
+
+  bool quick() const { return options_.quick; }
+  std::uint64_t seed() const { return options_.seed; }
+  int seeds() const { return options_.seeds; }
+  /// Those of the names that were asked for.
+  std::vector<Method> methods(const std::vector<std::string>& names) const;
+  /// Whether no method was left out: claims that compare methods need them all.
+  bool complete() const { return options_.methods.empty(); }
+
+  void begin(const std::string& experiment);
+  Table table(const std::string& name, std::string_view header) const;
+  void claim(Claim claim);
+  void find(const std::string& text);
+  const std::vector<Claim>& claims() const { return claims_; }
+  const std::vector<Finding>& findings() const { return findings_; }
+
+  /// What `work` gives for each item, on all cores, in the order of the items.
+  template <class Item, class Work>
+  auto map(const std::vector<Item>& items, const Work& work) {
+    using Result = decltype(work(items.front()));
+    std::vector<Result> results(items.size());
+    parallel(items.size(), [&](std::size_t i) { results[i] = work(items[i]); });
+    return results;
+  }
+
+ private:
+  void parallel(std::size_t count, const std::function<void(std::size_t)>& work);
+  void show_progress(std::size_t done, std::size_t count) const;
+
+  BenchOptions options_;
+  std::string experiment_;
+  std::vector<Claim> claims_;
+  std::vector<Finding> findings_;
+};
+
+/// A median with its range: "3.21 (2.90-4.05)", values times `scale`.
+std::string spread(const std::vector<double>& values, double scale = 1);
+
+}  // namespace hlm::experiments

@@ -1,0 +1,30 @@
+// The largest contact stiffness that a method bears on a task.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tests/experiments/trial.h"
+
+namespace hlm::experiments {
+
+struct StiffnessLimit {
+  double k_max = 0;  ///< N/m, within 10 %: stable there and at all scanned stiffnesses below.
+  /// Stable up to the end of the scan: k_max is that end.
+  bool beyond = false;
+  /// Stable again at a scanned stiffness above one that was not.
+  bool monotonous = true;
+};
+
+/// Ends of the scan, N/m; it goes on by factors of two.
+inline constexpr double kLeastStiffness = 125;
+inline constexpr double kMostStiffness = 256'000;
+
+/// Scans, then bisects between the last stable stiffness and the first unstable one. A stiffness
+/// counts as stable if no trial of `seeds` seeds from `trial.seed` on is unstable.
+StiffnessLimit find_stiffness_limit(Trial trial, int seeds);
+
+/// "12.3 kN/m", with ">" beyond the scan and "*" where it is not monotonous.
+std::string in_words(const StiffnessLimit& limit);
+
+}  // namespace hlm::experiments

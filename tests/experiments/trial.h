@@ -1,0 +1,74 @@
+// One run of one method on one task: the server's tick and the client's frame in virtual time.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "haptic_server/device/simulated_device.h"
+#include "haptic_server/loop/tick_record.h"
+#include "tests/experiments/method.h"
+#include "tests/support/memory_link.h"
+#include "ve_client/world/world_description.h"
+
+namespace hlm::experiments {
+
+/// What the computers and the network between them are like.
+struct Conditions {
+  double servo_rate = 512;  ///< Hz; 512 is the paper's.
+  double ve_low = 30;       ///< Hz. The rate of each frame is drawn between these.
+  double ve_high = 60;      ///< Hz.
+  double ve_delay = 0;      ///< From sampling the tool to sending its contacts, s.
+  test::LinkConditions link{.delay = 0.002};
+  bool waits = false;  ///< The VE begins a frame when the update before is acknowledged.
+};
+
+/// What is touched, and how.
+struct Task {
+  ve::WorldDescription world;
+  std::string tool;
+  server::SimulatedDeviceOptions device;
+  server::HandSegment hand;  ///< Goes on for ever, from `start` on.
+  double duration = 5;       ///< s, of the hand's action.
+  double stiffness = 4000;   ///< N/m: of the contacts or, without them, of the coupling.
+  double damping = 30;       ///< N·s/m, likewise.
+  double friction = 0.3;     ///< μ.
+  /// The hand pushes at a point this far off the handle's origin at most, along x and y, m: drawn
+  /// from the seed. Without it all is symmetric, and rotation never begins.
+  double off_centre = 0.002;
+};
+
+struct Trial {
+  Task task;
+  Method method;
+  Conditions conditions;
+  std::uint64_t seed = 1;
+};
+
+/// What adopting one update did, with the proxy where it was.
+struct UpdateEffect {
+  double time = 0;    ///< s.
+  double force = 0;   ///< N: change of the resultant of all spring forces.
+  double energy = 0;  ///< J: change of the energy stored in all springs.
+  int arrived = 0;    ///< Contacts that the local model did not have before.
+};
+
+/// Time zero is when the hand begins to act.
+struct Trace {
+  server::ControllerKind controller = server::ControllerKind::kFourChannel;
+  std::vector<server::TickRecord> ticks;
+  std::vector<UpdateEffect> updates;
+};
+
+/// The hand begins at a moment drawn from the seed, after the first report of the environment, so
+/// that no two seeds have the same phase between hand, frames and steps.
+Trace run(const Trial& trial);
+
+/// A world whose model `name`, of one body, starts at X_WB.
+ve::WorldDescription with_body_at(ve::WorldDescription world, const std::string& name,
+                                  const Pose& X_WB);
+
+/// A force of the hand, world axes, N: constant and with an amplitude at a frequency (Hz).
+server::HandSegment push(const Vector3& constant);
+server::HandSegment shake(const Vector3& amplitude, double frequency);
+
+}  // namespace hlm::experiments

@@ -1,0 +1,82 @@
+// What an update does to the force: its jump, and the energy that it puts into the springs, while
+// the peg is shaken in its hole with 1 N.
+#include <map>
+
+#include <spdlog/fmt/fmt.h>
+
+#include "tests/experiments/experiments.h"
+#include "tests/experiments/hole_task.h"
+
+namespace hlm::experiments {
+namespace {
+
+/// Just noticeable difference of a force of the size of the hand's, N: 10 %.
+constexpr double kJustNoticeable = 0.1;
+
+struct Effects {
+  std::vector<double> jump;  ///< N, of each update.
+  std::vector<double> rise;  ///< J, of each update.
+};
+
+}  // namespace
+
+void updates(Bench& bench) {
+  const std::vector<Method> compared =
+      bench.methods({"ir", "vrpn", "lm0-paper", "lm5-paper", "lm0", "lm5", "lm-adaptive"});
+  struct Job {
+    Method method;
+    std::uint64_t seed;
+  };
+  std::vector<Job> jobs;
+  for (const Method& method : compared) {
+    for (int i = 0; i < bench.seeds(); ++i) {
+      jobs.push_back({method, bench.seed() + static_cast<std::uint64_t>(i)});
+    }
+  }
+  const Task task = hole_task(1, 4000, 30);
+  const auto found = bench.map(jobs, [&](const Job& job) {
+    return run({task, job.method, {}, job.seed}).updates;
+  });
+
+  std::map<std::string, Effects> of;
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    for (const UpdateEffect& effect : found[i]) {
+      of[jobs[i].method.name].jump.push_back(effect.force);
+      of[jobs[i].method.name].rise.push_back(effect.energy);
+    }
+  }
+  Table table =
+      bench.table("updates", "method,largest_jump_N,p99_jump_N,noticeable_share,largest_rise_J");
+  for (const Method& method : compared) {
+    const Effects& e = of[method.name];
+    double noticeable = 0;
+    for (const double jump : e.jump) noticeable += jump > kJustNoticeable;
+    table.row(method.label, largest(e.jump), quantile(e.jump, 0.99),
+              noticeable / static_cast<double>(e.jump.size()), largest(e.rise));
+    if (method.rule == server::UpdateRule::kIntermediateRepresentation ||
+        method.rule == server::UpdateRule::kPlaneRecovery) {
+      continue;
+    }
+    const bool retains = method.rule == server::UpdateRule::kRetain;
+    // Retained load is released from the very step of the update on.
+    const double bound = server::LocalModelParameters{}.release_step;
+    bench.claim(
+        {.what = fmt::format("Updates, {}", method.label),
+         .paper = "penetration is continuous at updates",
+         .criterion = retains ? fmt::format("no update stores energy (> 1e-9 J) or changes "
+                                            "the force by more than {} N",
+                                            bound)
+                              : "no update stores energy (> 1e-9 J)",
+         .measured = fmt::format("{:.1e} J, jumps up to {:.3g} N, 99 % below {:.3g} N",
+                                 largest(e.rise), largest(e.jump), quantile(e.jump, 0.99)),
+         .holds = largest(e.rise) <= 1e-9 && (!retains || largest(e.jump) <= 2 * bound + 1e-6)});
+  }
+  if (const Effects& e = of["ir"]; !e.jump.empty()) {
+    bench.find(fmt::format(
+        "IR: updates change the force by up to {:.3g} N (99 % below {:.3g} N) and store "
+        "up to {:.3g} mJ each.",
+        largest(e.jump), quantile(e.jump, 0.99), 1e3 * largest(e.rise)));
+  }
+}
+
+}  // namespace hlm::experiments
