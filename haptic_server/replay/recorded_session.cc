@@ -12,7 +12,6 @@ namespace {
 
 using protocol::CapturedDatagram;
 using protocol::DatagramBytes;
-using protocol::Endpoint;
 using protocol::Header;
 using protocol::MessageType;
 
