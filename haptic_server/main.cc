@@ -87,7 +87,7 @@ class EventLog {
 class Recording {
  public:
   Recording(const std::string& path, protocol::UdpSocket& socket)
-      : file_(path), link_(socket, socket.local()), thread_([this](std::stop_token stop) {
+      : file_(path), link_(socket, socket.local()), thread_([this](const std::stop_token& stop) {
           while (!stop.stop_requested()) {
             drain();
             std::this_thread::sleep_for(std::chrono::milliseconds(20));

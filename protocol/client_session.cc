@@ -28,21 +28,37 @@ ClientSession::Inbox ClientSession::poll(double now) {
   return inbox_;
 }
 
-std::optional<DropReason> ClientSession::take_datagram(double now) noexcept {
+std::optional<DropReason> ClientSession::take_datagram(double now) {
   const bool from_server = datagram_.peer == options_.server;
   Header header;
   if (const auto reason = decode_header(view(datagram_.bytes), header)) {
     const bool other_version = reason == DropReason::kVersion && from_server;
     return other_version && !take_reject() ? std::nullopt : reason;
   }
-  if (header.type == MessageType::kHello || header.type == MessageType::kContactUpdate) {
-    return DropReason::kUnexpected;
-  }
+  const bool from_a_client = header.type == MessageType::kHello ||
+                             header.type == MessageType::kContactUpdate ||
+                             header.type == MessageType::kControl;
+  if (from_a_client) return DropReason::kUnexpected;
   if (!from_server) return DropReason::kForeignSession;
-  if (header.type == MessageType::kWelcome) return take_welcome(now, header);
-  if (header.type == MessageType::kReject) return take_reject();
-  if (header.type == MessageType::kProxyState) return take_state(now, header);
-  return take_goodbye(header);
+  switch (header.type) {
+    case MessageType::kWelcome:
+      return take_welcome(now, header);
+    case MessageType::kReject:
+      return take_reject();
+    case MessageType::kProxyState:
+      return take_state(now, header);
+    case MessageType::kGoodbye:
+      return take_goodbye(header);
+    case MessageType::kTicks:
+      return take_ticks(header);
+    case MessageType::kLocalState:
+      return take_local_state(header);
+    case MessageType::kHello:
+    case MessageType::kContactUpdate:
+    case MessageType::kControl:
+      break;
+  }
+  return DropReason::kUnexpected;
 }
 
 std::optional<DropReason> ClientSession::take_welcome(double now, const Header& header) noexcept {
@@ -58,6 +74,9 @@ std::optional<DropReason> ClientSession::take_welcome(double now, const Header& 
   unanswered_since_.reset();
   state_ = {};
   state_received_at_ = now;
+  control_sequence_ = 0;
+  next_step_ = 1;
+  local_state_parts_.restart(statistics_);
   inbox_.welcomed = true;
   return std::nullopt;
 }
@@ -93,6 +112,33 @@ std::optional<DropReason> ClientSession::take_goodbye(const Header& header) noex
   return std::nullopt;
 }
 
+/// Not by the rule that the newest wins: each tick counts, and telemetry must not make a proxy
+/// state stale.
+std::optional<DropReason> ClientSession::take_ticks(const Header& header) {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  Ticks ticks;
+  if (const auto reason = decode(view(datagram_.bytes), ticks)) return reason;
+  if (ticks.first_step < next_step_) return DropReason::kStale;
+  next_step_ = ticks.first_step + ticks.ticks.size();
+  if (options_.telemetry) options_.telemetry->observe(ticks);
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::take_local_state(const Header& header) {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  if (const auto reason = local_state_parts_.add(header, view(datagram_.bytes), statistics_)) {
+    return reason;
+  }
+  if (!local_state_parts_.complete()) return std::nullopt;
+  LocalState state;
+  if (const auto reason = decode(local_state_parts_.parts(), state)) {
+    statistics_.drop(*reason, local_state_parts_.parts().size() - 1);
+    return reason;
+  }
+  if (options_.telemetry) options_.telemetry->observe(state);
+  return std::nullopt;
+}
+
 std::optional<DropReason> ClientSession::check_session(const Header& header) const noexcept {
   if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
   if (header.envelope.sequence <= received_) return DropReason::kStale;
@@ -103,9 +149,20 @@ std::uint64_t ClientSession::send(double now, ContactUpdate update) {
   if (!active_) return 0;
   update.echo_step = state_.step;
   update.echo_hold = std::max(0.0, now - state_received_at_);
+  if (control_ && (control_sequence_ == 0 || state_.control < control_sequence_)) {
+    const Envelope envelope = next_envelope(now);
+    protocol::send(link_, options_.server, envelope, *control_);
+    if (control_sequence_ == 0) control_sequence_ = envelope.sequence;
+  }
   protocol::send(link_, options_.server, next_envelope(now), update);
   if (!unanswered_since_) unanswered_since_ = now;
   return sent_;
+}
+
+void ClientSession::set_control(const Control& control) {
+  if (control_ == control) return;
+  control_ = control;
+  control_sequence_ = 0;
 }
 
 void ClientSession::close(double now) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "protocol/assembler.h"
 #include "protocol/codec.h"
 #include "protocol/datagram_link.h"
 #include "protocol/messages.h"
@@ -11,12 +12,22 @@
 
 namespace hlm::protocol {
 
+/// Takes the telemetry that a control asks for.
+class TelemetryObserver {
+ public:
+  virtual ~TelemetryObserver() = default;
+  /// In the order of their steps; a gap means that a datagram was lost.
+  virtual void observe(const Ticks& ticks) = 0;
+  virtual void observe(const LocalState& state) = 0;
+};
+
 struct ClientSessionOptions {
   Endpoint server;
   Hello hello;                ///< `nonce` is the first; later sessions draw theirs from it.
   double hello_period = 0.1;  ///< Between repeated hellos, s.
   /// A server silent for this long, s, although updates were sent, is asked for a new session.
   double timeout = 0.5;
+  TelemetryObserver* telemetry = nullptr;  ///< Must outlive the session; null: dropped unread.
 };
 
 /// Not thread-safe; never waits, and allocates nothing after its construction.
@@ -41,6 +52,9 @@ class ClientSession {
   /// Sends an update in as many parts as it needs; fills in `echo_step` and `echo_hold`. Returns
   /// its sequence. Without a session nothing is sent and 0 is returned.
   std::uint64_t send(double now, ContactUpdate update);
+  /// From here on, also in later sessions, this is asked for: it is sent before each update until
+  /// the server says that it is in effect.
+  void set_control(const Control& control);
   /// Ends the session, if there is one. The next poll would ask for another.
   void close(double now);
   /// From here on, hellos give this configuration as the tool's initial one.
@@ -54,11 +68,13 @@ class ClientSession {
   const ReceiveStatistics& statistics() const noexcept { return statistics_; }
 
  private:
-  std::optional<DropReason> take_datagram(double now) noexcept;
+  std::optional<DropReason> take_datagram(double now);
   std::optional<DropReason> take_welcome(double now, const Header& header) noexcept;
   std::optional<DropReason> take_reject() noexcept;
   std::optional<DropReason> take_state(double now, const Header& header) noexcept;
   std::optional<DropReason> take_goodbye(const Header& header) noexcept;
+  std::optional<DropReason> take_ticks(const Header& header);
+  std::optional<DropReason> take_local_state(const Header& header);
   std::optional<DropReason> check_session(const Header& header) const noexcept;
 
   void say_hello(double now) noexcept;
@@ -83,6 +99,11 @@ class ClientSession {
   ProxyState state_;                        ///< Newest of the session.
   double state_received_at_ = 0;            ///< s.
   double round_trip_ = 0;
+
+  std::optional<Control> control_;
+  std::uint64_t control_sequence_ = 0;  ///< Of the first message with it in the session; 0: unsent.
+  std::uint64_t next_step_ = 1;         ///< First step of the ticks that are not stale.
+  Assembler local_state_parts_;
 };
 
 }  // namespace hlm::protocol

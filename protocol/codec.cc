@@ -28,10 +28,15 @@ constexpr ListRule list_rule(MessageType type) noexcept {
       return {1, kMaxLinks, kLinksPerPart};
     case MessageType::kContactUpdate:
       return {0, kMaxContacts, kContactsPerPart};
+    case MessageType::kTicks:
+      return {1, kTicksPerMessage, kTicksPerMessage};
+    case MessageType::kLocalState:
+      return {0, kMaxContacts, layout::kLocalContactsPerPart};
     case MessageType::kWelcome:
     case MessageType::kReject:
     case MessageType::kProxyState:
     case MessageType::kGoodbye:
+    case MessageType::kControl:
       break;
   }
   return {0, 0, 1};
@@ -42,6 +47,7 @@ constexpr std::size_t parts_for(ListRule rule, std::size_t items_total) noexcept
 }
 static_assert(parts_for(list_rule(MessageType::kHello), kMaxLinks) <= kMaxParts);
 static_assert(parts_for(list_rule(MessageType::kContactUpdate), kMaxContacts) <= kMaxParts);
+static_assert(parts_for(list_rule(MessageType::kLocalState), kMaxContacts) <= kMaxParts);
 
 /// Precondition: part < parts_for(rule, items_total).
 Slice slice_of(ListRule rule, std::size_t items_total, std::size_t part) noexcept {
@@ -63,6 +69,10 @@ const auto& items_of(const Hello& hello) noexcept { return hello.tool.links; }
 const auto& items_of(const ContactUpdate& update) noexcept { return update.contacts; }
 auto& items_of(Hello& hello) noexcept { return hello.tool.links; }
 auto& items_of(ContactUpdate& update) noexcept { return update.contacts; }
+const auto& items_of(const Ticks& ticks) noexcept { return ticks.ticks; }
+auto& items_of(Ticks& ticks) noexcept { return ticks.ticks; }
+const auto& items_of(const LocalState& state) noexcept { return state.contacts; }
+auto& items_of(LocalState& state) noexcept { return state.contacts; }
 
 template <class Message>
 concept HasList = requires(Message message) {
@@ -81,6 +91,12 @@ template <>
 constexpr MessageType kTypeOf<ProxyState> = MessageType::kProxyState;
 template <>
 constexpr MessageType kTypeOf<Goodbye> = MessageType::kGoodbye;
+template <>
+constexpr MessageType kTypeOf<Control> = MessageType::kControl;
+template <>
+constexpr MessageType kTypeOf<Ticks> = MessageType::kTicks;
+template <>
+constexpr MessageType kTypeOf<LocalState> = MessageType::kLocalState;
 
 void write_header(Writer& writer, MessageType type, const Envelope& envelope,
                   const Slice& slice) noexcept {
@@ -131,7 +147,7 @@ DatagramBytes encode_part(const Envelope& envelope, const Message& message,
 }
 
 bool is_known(MessageType type) noexcept {
-  return type >= MessageType::kHello && type <= MessageType::kGoodbye;
+  return type >= MessageType::kHello && type <= MessageType::kLocalState;
 }
 
 bool is_outside_sessions(MessageType type) noexcept {
@@ -202,6 +218,11 @@ std::uint8_t part_count(const Hello& hello) noexcept {
       parts_for(list_rule(MessageType::kHello), hello.tool.links.size()));
 }
 
+std::uint8_t part_count(const LocalState& state) noexcept {
+  return static_cast<std::uint8_t>(
+      parts_for(list_rule(MessageType::kLocalState), state.contacts.size()));
+}
+
 std::uint8_t part_count(const ContactUpdate& update) noexcept {
   return static_cast<std::uint8_t>(
       parts_for(list_rule(MessageType::kContactUpdate), update.contacts.size()));
@@ -226,6 +247,16 @@ DatagramBytes encode(const Envelope& envelope, const ProxyState& state,
 }
 DatagramBytes encode(const Envelope& envelope, const Goodbye& goodbye, std::uint8_t part) noexcept {
   return encode_part(envelope, goodbye, part);
+}
+DatagramBytes encode(const Envelope& envelope, const Control& control, std::uint8_t part) noexcept {
+  return encode_part(envelope, control, part);
+}
+DatagramBytes encode(const Envelope& envelope, const Ticks& ticks, std::uint8_t part) noexcept {
+  return encode_part(envelope, ticks, part);
+}
+DatagramBytes encode(const Envelope& envelope, const LocalState& state,
+                     std::uint8_t part) noexcept {
+  return encode_part(envelope, state, part);
 }
 
 std::optional<DropReason> decode_header(std::span<const std::byte> bytes, Header& header) noexcept {
@@ -278,6 +309,23 @@ std::optional<DropReason> decode(std::span<const std::byte> bytes, ProxyState& s
 
 std::optional<DropReason> decode(std::span<const std::byte> bytes, Goodbye& goodbye) noexcept {
   return decode_single(bytes, goodbye);
+}
+
+std::optional<DropReason> decode(std::span<const std::byte> bytes, Control& control) noexcept {
+  return decode_single(bytes, control);
+}
+
+std::optional<DropReason> decode(std::span<const std::byte> bytes, Ticks& ticks) noexcept {
+  Header header;
+  if (const auto reason = decode_header(bytes, header)) return reason;
+  if (header.type != MessageType::kTicks) return DropReason::kUnexpected;
+  ticks.ticks.clear();
+  std::span<const std::byte> block;
+  return decode_part(bytes, header.slice.items, ticks, block);
+}
+
+std::optional<DropReason> decode(std::span<const DatagramBytes> parts, LocalState& state) noexcept {
+  return decode_parts(parts, state);
 }
 
 std::optional<DropReason> decode(std::span<const DatagramBytes> parts, Hello& hello) noexcept {

@@ -43,6 +43,7 @@ struct Header {
 /// Number of datagrams that the message needs, 1 to kMaxParts.
 std::uint8_t part_count(const Hello& hello) noexcept;
 std::uint8_t part_count(const ContactUpdate& update) noexcept;
+std::uint8_t part_count(const LocalState& state) noexcept;
 template <class Message>
 std::uint8_t part_count(const Message&) noexcept {
   return 1;
@@ -59,6 +60,11 @@ DatagramBytes encode(const Envelope& envelope, const ContactUpdate& update,
 DatagramBytes encode(const Envelope& envelope, const ProxyState& state,
                      std::uint8_t part = 0) noexcept;
 DatagramBytes encode(const Envelope& envelope, const Goodbye& goodbye,
+                     std::uint8_t part = 0) noexcept;
+DatagramBytes encode(const Envelope& envelope, const Control& control,
+                     std::uint8_t part = 0) noexcept;
+DatagramBytes encode(const Envelope& envelope, const Ticks& ticks, std::uint8_t part = 0) noexcept;
+DatagramBytes encode(const Envelope& envelope, const LocalState& state,
                      std::uint8_t part = 0) noexcept;
 
 /// Sends all parts of a message.
@@ -88,6 +94,10 @@ void send(DatagramLink& link, const Endpoint& to, const Envelope& envelope,
                                                ProxyState& state) noexcept;
 [[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
                                                Goodbye& goodbye) noexcept;
+[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
+                                               Control& control) noexcept;
+[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
+                                               Ticks& ticks) noexcept;
 
 /// The same for a message in parts: all of them, in order. Parts that are not of one message are
 /// malformed. A hello's tool may still be unusable (find_error).
@@ -95,6 +105,8 @@ void send(DatagramLink& link, const Endpoint& to, const Envelope& envelope,
                                                Hello& hello) noexcept;
 [[nodiscard]] std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
                                                ContactUpdate& update) noexcept;
+[[nodiscard]] std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
+                                               LocalState& state) noexcept;
 
 /// What stands at the same place in every version of the protocol, so that a hello of any version
 /// can be answered and a reject of any version be understood.

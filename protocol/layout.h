@@ -28,8 +28,14 @@ inline constexpr std::size_t kLargestHello =
 inline constexpr std::size_t kLargestUpdate =
     kHeaderSize + kLargestUpdateBlock + kContactsPerPart * kContactSize;
 inline constexpr std::size_t kLargestProxyState =
-    kHeaderSize + 329 + kDoubleSize * (kMaxConfiguration + kMaxDof);
+    kHeaderSize + 337 + kDoubleSize * (kMaxConfiguration + kMaxDof);
+inline constexpr std::size_t kTickSize = 16 * kDoubleSize + 5;
+inline constexpr std::size_t kLocalContactSize = 13 * kDoubleSize + 4;
+/// Local contacts in each part of a local state but the last.
+inline constexpr std::size_t kLocalContactsPerPart = 10;
 static_assert(kLargestHello <= kMaxDatagram);
+static_assert(kHeaderSize + 8 + kTicksPerMessage * kTickSize <= kMaxDatagram);
+static_assert(kHeaderSize + 9 + kLocalContactsPerPart * kLocalContactSize <= kMaxDatagram);
 static_assert(kLargestUpdate <= kMaxDatagram);
 static_assert(kLargestProxyState <= kMaxDatagram);
 
@@ -63,10 +69,19 @@ void item(Io& io, M& link) requires std::same_as<const M, const Link> {
 }
 
 template <class Io, class M>
+void tuning(Io& io, M& tuning) {
+  io.enumeration(tuning.update_rule, UpdateRule::kRetain, UpdateRule::kPlaneRecovery);
+  io.enumeration(tuning.controller, ControllerKind::kFourChannel, ControllerKind::kEngineForce);
+  for (const TuningRange& range : kTuningRanges) io.f64(tuning.*range.number);
+}
+
+template <class Io, class M>
 void body(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.u64(welcome.nonce);
   io.f64(welcome.servo_rate, Range::kPositive);
   io.u64(welcome.configuration);
+  tuning(io, welcome.tuning);
+  io.flag(welcome.guidable);
 }
 
 template <class Io, class M>
@@ -133,6 +148,7 @@ void body(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.u64(state.overruns);
   io.u64(state.updates);
   io.u64(state.dropped);
+  io.u64(state.control);
   io.vector(state.q);
   io.vector(state.v);
 }
@@ -140,6 +156,57 @@ void body(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
 template <class Io, class M>
 void body(Io& io, M& goodbye) requires std::same_as<const M, const Goodbye> {
   io.enumeration(goodbye.reason, GoodbyeReason::kFinished, GoodbyeReason::kShutdown);
+}
+
+template <class Io, class M>
+void body(Io& io, M& control) requires std::same_as<const M, const Control> {
+  io.flag(control.telemetry);
+  io.flag(control.holds);
+  io.unit_pose(control.X_WTarget);
+  io.flag(control.tuned);
+  tuning(io, control.tuning);
+  io.require(is_in_range(control.tuning));
+}
+
+template <class Io, class M>
+void body(Io& io, M& ticks) requires std::same_as<const M, const Ticks> {
+  io.u64(ticks.first_step);
+  io.require(ticks.first_step > 0);
+}
+
+template <class Io, class M>
+void item(Io& io, M& tick) requires std::same_as<const M, const TickSignals> {
+  io.vector(tick.F_env);
+  io.vector(tick.F_command);
+  io.vector(tick.F_hand);
+  io.f64(tick.torque);
+  io.f64(tick.smallest_separation);
+  io.f64(tick.device_proxy);
+  io.f64(tick.proxy_tool);
+  io.f64(tick.lateness);
+  io.f64(tick.execution);
+  io.f64(tick.age);
+  io.u16(tick.active_contacts);
+  io.u16(tick.predicted_contacts);
+  io.flag(tick.adopted);
+}
+
+template <class Io, class M>
+void body(Io& io, M& state) requires std::same_as<const M, const LocalState> {
+  io.u64(state.step);
+  io.enumeration(state.limit, ForceLimit::kNone, ForceLimit::kFade);
+}
+
+template <class Io, class M>
+void item(Io& io, M& contact) requires std::same_as<const M, const LocalContactReport> {
+  io.u16(contact.link);
+  io.enumeration(contact.state, ContactState::kImpending, ContactState::kSeparating);
+  io.flag(contact.retained);
+  io.vector(contact.c_W);
+  io.unit_vector(contact.n_W);
+  io.vector(contact.p_W);
+  io.f64(contact.s);
+  io.vector(contact.f_W);
 }
 
 }  // namespace hlm::protocol::layout

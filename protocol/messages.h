@@ -22,7 +22,80 @@ enum class MessageType : std::uint8_t {
   kContactUpdate = 4,  ///< Client to server, after each step of the virtual environment.
   kProxyState = 5,     ///< Server to client, acknowledging each update.
   kGoodbye = 6,        ///< Either way: the session ends.
+  kControl = 7,        ///< Client to server: what the person there asks for.
+  kTicks = 8,          ///< Server to client, if asked for: signals of consecutive steps.
+  kLocalState = 9,     ///< Server to client, if asked for: the local contacts.
 };
+
+/// How a contact's separation carries over an update (METHOD 2).
+enum class UpdateRule : std::uint8_t {
+  kRetain = 0,  ///< `paper`, but load that `paper` would drop at once is released slowly.
+  kPaper = 1,   ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
+  kIntermediateRepresentation = 2,  ///< Berkelman et al. 1999: s⁺ = σ, active contacts only.
+  kPlaneRecovery = 3,  ///< Mark et al. 1996 (VRPN): the depth is kept, then ramped to σ.
+};
+
+/// What stands between device and proxy (METHOD 6), and what others do.
+enum class ControllerKind : std::uint8_t {
+  kFourChannel = 0,     ///< Positions and wrenches both ways; needs the hand's wrench.
+  kThreeChannel = 1,    ///< As four channels, without the hand's wrench on the proxy.
+  kVirtualCoupler = 2,  ///< Positions only.
+  kDirect = 3,          ///< No coordination: the device takes the proxy's place.
+
+  // The rivals. The device takes the proxy's place, which the environment's tool T follows.
+  /// Berkelman et al. 1999: as direct, but contacts restrict translation only; a coupler to T
+  /// restricts rotation.
+  kRotationCoupler = 4,
+  /// Colgate et al. 1995: no local contacts; a coupler between device and T, evaluated each step.
+  kEngineCoupler = 5,
+  /// No local contacts; the spring by which the device draws T, as T's engine sees both, held until
+  /// the next update.
+  kEngineForce = 6,
+};
+
+/// What of the physics can change during a session.
+struct Tuning {
+  UpdateRule update_rule = UpdateRule::kRetain;
+  ControllerKind controller = ControllerKind::kFourChannel;
+  double stiffness = 4000;                 ///< k_lc of each contact, N/m.
+  double damping = 30;                     ///< b_lc, N·s/m.
+  double friction = 0.3;                   ///< μ_s and μ_k.
+  double restitution = 0;                  ///< e.
+  double coupling_stiffness = 1500;        ///< K_c, translation, N/m.
+  double coupling_damping = 30;            ///< B_c, translation, N·s/m.
+  double coupling_angular_stiffness = 1;   ///< K_c, rotation, N·m/rad.
+  double coupling_angular_damping = 0.03;  ///< B_c, rotation, N·m·s/rad.
+
+  bool operator==(const Tuning&) const = default;
+};
+
+/// What a control may set a number of the tuning to.
+struct TuningRange {
+  const char* name;
+  double Tuning::*number;
+  double least;
+  double most;
+  const char* unit;
+};
+inline constexpr std::array<TuningRange, 8> kTuningRanges{{
+    {"stiffness", &Tuning::stiffness, 1, 1e6, "N/m"},
+    {"damping", &Tuning::damping, 0, 1e4, "N·s/m"},
+    {"friction", &Tuning::friction, 0, 10, ""},
+    {"restitution", &Tuning::restitution, 0, 1, ""},
+    {"coupling_stiffness", &Tuning::coupling_stiffness, 0, 1e5, "N/m"},
+    {"coupling_damping", &Tuning::coupling_damping, 0, 1e3, "N·s/m"},
+    {"coupling_angular_stiffness", &Tuning::coupling_angular_stiffness, 0, 1e3, "N·m/rad"},
+    {"coupling_angular_damping", &Tuning::coupling_angular_damping, 0, 10, "N·m·s/rad"},
+}};
+
+/// Whether all numbers are in their ranges.
+constexpr bool is_in_range(const Tuning& tuning) noexcept {
+  for (const TuningRange& range : kTuningRanges) {
+    const double value = tuning.*range.number;
+    if (!(value >= range.least && value <= range.most)) return false;
+  }
+  return true;
+}
 
 /// Client to server: the tool and where it is. Repeated until answered.
 struct Hello {
@@ -38,6 +111,8 @@ struct Welcome {
   std::uint64_t nonce = 0;          ///< Of the hello that is answered.
   double servo_rate = 1000;         ///< Rate of the local model, Hz.
   std::uint64_t configuration = 0;  ///< Fingerprint of the server's effective configuration.
+  Tuning tuning{};                  ///< In effect as the session begins.
+  bool guidable = false;            ///< Whether a control can hold the hand of the device.
 };
 
 enum class RejectReason : std::uint8_t {
@@ -106,6 +181,75 @@ struct ProxyState {
   std::uint64_t overruns = 0;            ///< Missed periods since the server started.
   std::uint64_t updates = 0;             ///< Updates adopted in this session.
   std::uint64_t dropped = 0;  ///< Datagrams dropped since the server started, all reasons.
+  std::uint64_t control = 0;  ///< Sequence of the control in effect, 0 if none.
+};
+
+/// Client to server: the whole of what the person at the environment asks for. It takes effect with
+/// the next update of a higher sequence that the server takes, so that a recorded session shows in
+/// which step.
+struct Control {
+  bool telemetry = false;  ///< Send ticks and local states.
+  bool holds = false;      ///< The person holds the hand of a simulated device at X_WTarget.
+  Pose X_WTarget;
+  bool tuned = false;  ///< `tuning` is in effect; otherwise what the server was started with.
+  Tuning tuning{};
+
+  bool operator==(const Control&) const = default;
+};
+
+/// Signals of one step of the servo, for charts. Forces only; about the hand's frame, world axes.
+struct TickSignals {
+  Vector3 F_env = Vector3::Zero();
+  Vector3 F_command = Vector3::Zero();
+  Vector3 F_hand = Vector3::Zero();
+  double torque = 0;               ///< Magnitude of the commanded torque, N·m.
+  double smallest_separation = 0;  ///< m; 0 without contacts.
+  double device_proxy = 0;         ///< Distance, m.
+  double proxy_tool = 0;           ///< Distance, m.
+  double lateness = 0;             ///< Wake-up after the scheduled time, s.
+  double execution = 0;            ///< Of the step before, s.
+  double age = 0;                  ///< Of the newest contacts when they were taken, s.
+  std::uint16_t active_contacts = 0;
+  std::uint16_t predicted_contacts = 0;
+  bool adopted = false;  ///< An update was taken in this step.
+};
+
+inline constexpr std::size_t kTicksPerMessage = 8;
+
+/// Server to client: consecutive steps.
+struct Ticks {
+  std::uint64_t first_step = 1;
+  StaticVector<TickSignals, kTicksPerMessage> ticks;
+};
+
+/// State of a local contact (METHOD 3, paper Sec. IV-A).
+enum class ContactState : std::uint8_t {
+  kImpending = 0,    ///< s > 0.
+  kColliding = 1,    ///< s <= 0, v_n <= 0, and impending at the step before.
+  kPenetrating = 2,  ///< s <= 0, v_n <= 0, and not impending at the step before.
+  kSeparating = 3,   ///< s <= 0, v_n > 0.
+};
+
+/// What keeps the commanded wrench from being the wanted one.
+enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
+
+/// A contact as the local model has it, world axes.
+struct LocalContactReport {
+  std::uint16_t link = 0;
+  ContactState state = ContactState::kImpending;
+  bool retained = false;           ///< Its load is being released.
+  Vector3 c_W = Vector3::Zero();   ///< Point of the constraint, m.
+  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal, from the environment to the tool.
+  Vector3 p_W = Vector3::Zero();   ///< The local contact point, m.
+  double s = 0;                    ///< Separation, m.
+  Vector3 f_W = Vector3::Zero();   ///< Force on the tool, N.
+};
+
+/// Server to client, with an acknowledgement: at most kMaxContacts of the local contacts.
+struct LocalState {
+  std::uint64_t step = 0;
+  ForceLimit limit = ForceLimit::kNone;
+  StaticVector<LocalContactReport, kMaxContacts> contacts;
 };
 
 enum class GoodbyeReason : std::uint8_t { kFinished = 0, kShutdown = 1 };

@@ -58,11 +58,15 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
       return take_hello(now, header);
     case MessageType::kContactUpdate:
       return take_update(now, header);
+    case MessageType::kControl:
+      return take_control(now, header);
     case MessageType::kGoodbye:
       return take_goodbye(now, header);
     case MessageType::kWelcome:
     case MessageType::kReject:
     case MessageType::kProxyState:
+    case MessageType::kTicks:
+    case MessageType::kLocalState:
       break;
   }
   return DropReason::kUnexpected;
@@ -129,6 +133,21 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   inbox_.update = &update;
   acknowledged_ = header.envelope;
   received_at_ = now;
+  if (control_sequence_ > control_in_effect_ && control_sequence_ < header.envelope.sequence) {
+    control_in_effect_ = control_sequence_;
+    inbox_.control = &control_;
+  }
+  return std::nullopt;
+}
+
+std::optional<DropReason> ServerSession::take_control(double now, const Header& header) noexcept {
+  if (!from_client(header)) return DropReason::kForeignSession;
+  if (header.envelope.sequence <= control_sequence_) return DropReason::kStale;
+  Control control;
+  if (const auto reason = decode(view(datagram_.bytes), control)) return reason;
+  control_ = control;
+  control_sequence_ = header.envelope.sequence;
+  last_heard_ = now;
   return std::nullopt;
 }
 
@@ -152,17 +171,19 @@ void ServerSession::end(double now) noexcept {
   update_parts_.restart(statistics_);
 }
 
-void ServerSession::accept(double now, double servo_rate, std::uint64_t configuration) noexcept {
+void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   assert(inbox_.hello);
   if (active_) end(now);
   active_ = true;
   client_ = asker_;
   id_ = id_ == 0 ? options_.first_session_id : next_number(id_);
   tool_ = hello_.tool;
-  welcome_ = {asker_.nonce, servo_rate, configuration};
+  welcome_ = welcome;
+  welcome_.nonce = asker_.nonce;
   sent_ = 0;
   last_heard_ = now;
   acknowledged_ = {.sequence = 0};
+  control_sequence_ = control_in_effect_ = 0;
   send_welcome(now);
 }
 
@@ -178,6 +199,7 @@ std::uint64_t ServerSession::acknowledge(double now, ProxyState state) noexcept 
   state.update_send_time = to_seconds(acknowledged_.send_time);
   state.hold = std::max(0.0, now - received_at_);
   state.dropped = statistics_.total_dropped();
+  state.control = control_in_effect_;
   send(link_, client_.peer, next_envelope(now), state);
   return state.acknowledged;
 }

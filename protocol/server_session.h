@@ -38,6 +38,7 @@ class ServerSession {
     const Hello* hello = nullptr;  ///< A client asks for a session: answer with accept or reject.
     const ContactUpdate* update = nullptr;  ///< Newest complete update of the session.
     bool goodbye = false;                   ///< The client ended the session.
+    const Control* control = nullptr;       ///< Takes effect with `update`, before it.
   };
 
   /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, and keeps the
@@ -46,14 +47,20 @@ class ServerSession {
   Inbox poll(double now) noexcept;
 
   /// Grants the session asked for by the latest Inbox::hello. Ends the one before, if any.
-  void accept(double now, double servo_rate, std::uint64_t configuration) noexcept;
+  /// `nonce` is filled in.
+  void accept(double now, const Welcome& welcome) noexcept;
   /// Refuses it. `text` is cut to what a reject holds.
   void reject(double now, RejectReason reason, std::string_view text) noexcept;
 
-  /// Acknowledges the latest Inbox::update. Fills in `acknowledged`, `update_send_time`, `hold` and
-  /// `dropped`. Returns the update's sequence; nothing is sent and 0 returned if the session has no
-  /// update yet.
+  /// Acknowledges the latest Inbox::update. Fills in `acknowledged`, `update_send_time`, `hold`,
+  /// `dropped` and `control`. Returns the update's sequence; nothing is sent and 0 returned if the
+  /// session has no update yet.
   std::uint64_t acknowledge(double now, ProxyState state) noexcept;
+  /// Sends ticks or a local state to the client, if there is a session.
+  template <class Message>
+  void inform(double now, const Message& message) noexcept {
+    if (active_) send(link_, client_.peer, next_envelope(now), message);
+  }
   /// Tells the client that the session ends, if there is one.
   void close(double now, GoodbyeReason reason) noexcept;
 
@@ -76,6 +83,7 @@ class ServerSession {
   std::optional<DropReason> assemble_hello(double now, const Header& header,
                                            const Asker& asker) noexcept;
   std::optional<DropReason> take_update(double now, const Header& header) noexcept;
+  std::optional<DropReason> take_control(double now, const Header& header) noexcept;
   std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
   bool from_client(const Header& header) const noexcept;
   void end(double now) noexcept;
@@ -108,8 +116,11 @@ class ServerSession {
   Assembler update_parts_;
   std::array<ContactUpdate, 2> updates_;  ///< The newest, and room to decode the next.
   std::size_t newest_update_ = 0;
-  Envelope acknowledged_;   ///< Of the newest update; sequence 0 if there is none.
-  double received_at_ = 0;  ///< When it came, s.
+  Envelope acknowledged_;               ///< Of the newest update; sequence 0 if there is none.
+  double received_at_ = 0;              ///< When it came, s.
+  Control control_;                     ///< The newest.
+  std::uint64_t control_sequence_ = 0;  ///< Its sequence; 0 if there is none.
+  std::uint64_t control_in_effect_ = 0;
 
   Asker ended_;                     ///< Of the latest session that ended.
   std::optional<double> ended_at_;  ///< s.

@@ -26,7 +26,7 @@ bool fits(const ToolDescription& tool, const ProxyState& state) noexcept {
 }
 
 std::optional<std::string> find_error(const Hello& hello) {
-  if (const auto error = find_error(hello.tool)) return error;
+  if (auto error = find_error(hello.tool)) return error;
   if (hello.q.size() != hello.tool.configuration_size()) {
     return "initial configuration has " + std::to_string(hello.q.size()) +
            " coordinates; the tool has " + std::to_string(hello.tool.configuration_size());

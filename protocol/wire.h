@@ -98,6 +98,7 @@ class Writer : public CompoundFields<Writer> {
   void text(const Text& text) noexcept {
     for (const char c : text) append(static_cast<std::uint8_t>(c));
   }
+  void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
   void require(bool) noexcept {}
 
  private:
@@ -122,11 +123,17 @@ class Reader : public CompoundFields<Reader> {
   }
   template <class T>
   void i8(T& value) noexcept {
-    value = static_cast<T>(static_cast<std::int8_t>(take<std::uint8_t>()));
+    const int byte = take<std::uint8_t>();
+    value = static_cast<T>(byte < 128 ? byte : byte - 256);
   }
   void u16(std::uint16_t& value) noexcept { value = take<std::uint16_t>(); }
   void u32(std::uint32_t& value) noexcept { value = take<std::uint32_t>(); }
   void u64(std::uint64_t& value) noexcept { value = take<std::uint64_t>(); }
+  void flag(bool& value) noexcept {
+    const auto byte = take<std::uint8_t>();
+    require(byte <= 1);
+    value = byte == 1;
+  }
   void i64(std::int64_t& value) noexcept {
     value = static_cast<std::int64_t>(take<std::uint64_t>());
   }

@@ -11,22 +11,7 @@
 
 namespace hlm::server {
 
-enum class ControllerKind {
-  kFourChannel,     ///< Positions and wrenches both ways; needs the hand's wrench.
-  kThreeChannel,    ///< As four channels, without the hand's wrench on the proxy.
-  kVirtualCoupler,  ///< Positions only.
-  kDirect,          ///< No coordination: the device takes the proxy's place.
-
-  // The rivals. The device takes the proxy's place, which the environment's tool T follows.
-  /// Berkelman et al. 1999: as direct, but contacts restrict translation only; a coupler to T
-  /// restricts rotation.
-  kRotationCoupler,
-  /// Colgate et al. 1995: no local contacts; a coupler between device and T, evaluated each step.
-  kEngineCoupler,
-  /// No local contacts; the spring by which the device draws T, as T's engine sees both, held until
-  /// the next update.
-  kEngineForce,
-};
+using protocol::ControllerKind;
 
 /// Whether the device takes the proxy's place.
 bool replaces_proxy(ControllerKind kind) noexcept;

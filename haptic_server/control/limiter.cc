@@ -3,6 +3,9 @@
 #include <algorithm>
 
 namespace hlm::server {
+
+using protocol::ForceLimit;
+
 namespace {
 
 /// v, shortened to `length` if it is longer.
@@ -29,14 +32,19 @@ void Limiter::cut() noexcept {
 Wrench Limiter::limit(const Wrench& F) noexcept {
   portion_ = std::clamp(portion_ + (wanted_ ? fade_step_ : -fade_step_), 0.0, 1.0);
   met_non_finite_ = !F.allFinite();
+  limited_by_ = portion_ < 1 ? ForceLimit::kFade : ForceLimit::kNone;
   if (met_non_finite_ || portion_ == 0) {
     previous_.setZero();
     return previous_;
   }
   const Vector3 force = shortened(portion_ * F.head<3>(), max_force_);
   const Vector3 torque = shortened(portion_ * F.tail<3>(), max_torque_);
+  if (force != portion_ * F.head<3>()) limited_by_ = ForceLimit::kForce;
+  if (torque != portion_ * F.tail<3>()) limited_by_ = ForceLimit::kTorque;
   previous_.head<3>() += shortened(force - previous_.head<3>(), max_force_step_);
   previous_.tail<3>() += shortened(torque - previous_.tail<3>(), max_torque_step_);
+  const bool reached = previous_.head<3>().isApprox(force) && previous_.tail<3>().isApprox(torque);
+  if (limited_by_ == ForceLimit::kNone && !reached) limited_by_ = ForceLimit::kRate;
   return previous_;
 }
 

@@ -3,6 +3,7 @@
 
 #include "common/spatial.h"
 #include "haptic_server/device/device.h"
+#include "protocol/messages.h"
 
 namespace hlm::server {
 
@@ -28,6 +29,8 @@ class Limiter {
   /// change per step; direction of force and of torque kept. A wrench that is not finite gives
   /// zero.
   Wrench limit(const Wrench& F) noexcept;
+  /// What kept the latest limit() from giving the wanted wrench.
+  protocol::ForceLimit limited_by() const noexcept { return limited_by_; }
   /// Whether the latest limit() met a wrench that was not finite.
   bool met_non_finite() const noexcept { return met_non_finite_; }
 
@@ -40,6 +43,7 @@ class Limiter {
   double portion_ = 0;      ///< Of the wanted wrench that is rendered, 0 to 1.
   bool wanted_ = false;
   bool met_non_finite_ = false;
+  protocol::ForceLimit limited_by_ = protocol::ForceLimit::kNone;
   Wrench previous_ = Wrench::Zero();
 };
 

@@ -44,6 +44,10 @@ class Device {
   virtual void enable() noexcept = 0;
   /// Motors off. Wrenches are ignored until enable().
   virtual void disable() noexcept = 0;
+  /// Whether guide() has a hand to hold.
+  virtual bool guidable() const noexcept { return false; }
+  /// A person far away holds the hand of a simulated device at X_WTarget; empty: lets go.
+  virtual void guide(const std::optional<Pose>& /*X_WTarget*/) noexcept {}
   /// Present state; empty if the device failed.
   virtual std::optional<DeviceState> read() noexcept = 0;
   /// Commands the wrench that the device exerts on the hand at the handle's origin, world axes,

@@ -35,6 +35,8 @@ Pose target(const Reach& reach, const Pose& X_WStart, const Pose& X_WFrom) noexc
   return X_WTo;
 }
 
+}  // namespace
+
 Wrench grip_wrench(const Grip& grip, const Vector6& e, const Twist& e_dot) noexcept {
   const Vector3 force = grip.stiffness * e.head<3>() + grip.damping * e_dot.head<3>();
   const Vector3 torque =
@@ -43,8 +45,6 @@ Wrench grip_wrench(const Grip& grip, const Vector6& e, const Twist& e_dot) noexc
   F << force, torque;
   return saturated(F, grip.max_force, grip.max_torque);
 }
-
-}  // namespace
 
 Hand::Hand(HandScript script) : script_(std::move(script)) {
   for ([[maybe_unused]] const HandSegment& segment : script_.segments) assert(segment.duration > 0);

@@ -29,6 +29,10 @@ struct Grip {
   double max_torque = 0.5;       ///< N·m, >= 0.
 };
 
+/// Wrench of a grip on the handle: e and e_dot are displacement and twist of the target less those
+/// of the handle, world axes.
+Wrench grip_wrench(const Grip& grip, const Vector6& e, const Twist& e_dot) noexcept;
+
 /// The hand moves its target from where it was (the target of a reach before, otherwise the
 /// handle's pose) with minimum jerk and draws the handle along.
 struct Reach {

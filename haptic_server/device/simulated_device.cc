@@ -108,6 +108,7 @@ void SimulatedDevice::align(const Pose& X_WH) noexcept {
   X_WStart_ = X_WD_ = X_WD_sensed_ = X_WH;
   V_WD_ = V_WD_sensed_ = Twist::Zero();
   hand_.start(X_WH);
+  X_WGuide_.reset();
 }
 
 void SimulatedDevice::enable() noexcept {
@@ -141,7 +142,9 @@ Wrench SimulatedDevice::motor_wrench(const Wrench& commanded) noexcept {
 }
 
 Wrench SimulatedDevice::hand_wrench(double t) const noexcept {
-  return within(options_.freedom, hand_.wrench(t, X_WD_, V_WD_));
+  const Wrench F = X_WGuide_ ? grip_wrench(Grip{}, displacement(X_WD_, *X_WGuide_), -V_WD_)
+                             : hand_.wrench(t, X_WD_, V_WD_);
+  return within(options_.freedom, F);
 }
 
 void SimulatedDevice::drift(double h) noexcept {

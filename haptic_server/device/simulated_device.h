@@ -70,6 +70,10 @@ class SimulatedDevice final : public Device {
   void enable() noexcept override;
   /// Motors off; the hand still moves the handle.
   void disable() noexcept override { enabled_ = false; }
+  bool guidable() const noexcept override { return true; }
+  /// While held, a firm hand (the default Grip) draws the handle to the target, and the script's
+  /// hand does nothing; its time goes on.
+  void guide(const std::optional<Pose>& X_WTarget) noexcept override { X_WGuide_ = X_WTarget; }
   std::optional<DeviceState> read() noexcept override;
   /// False, and no motion, if F is not finite.
   bool write(const Wrench& F) noexcept override;
@@ -109,6 +113,8 @@ class SimulatedDevice final : public Device {
   Twist V_WD_ = Twist::Zero();
   Pose X_WD_sensed_;
   Twist V_WD_sensed_ = Twist::Zero();
+
+  std::optional<Pose> X_WGuide_;
 
   bool enabled_ = false;
   /// Commands under way; the newest is at newest_.

@@ -7,16 +7,11 @@
 #include "common/contact.h"
 #include "common/spatial.h"
 #include "common/static_vector.h"
+#include "protocol/messages.h"
 
 namespace hlm::server {
 
-/// State of a local contact (METHOD 3, paper Sec. IV-A).
-enum class ContactState : std::uint8_t {
-  kImpending,    ///< s > 0.
-  kColliding,    ///< s <= 0, v_n <= 0, and impending at the step before.
-  kPenetrating,  ///< s <= 0, v_n <= 0, and not impending at the step before.
-  kSeparating,   ///< s <= 0, v_n > 0.
-};
+using protocol::ContactState;
 
 struct LocalContact {
   ContactKey key;

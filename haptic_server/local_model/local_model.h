@@ -41,6 +41,9 @@ class LocalModel {
   LocalModel(const ToolDescription& tool, const Configuration& q,
              const LocalModelParameters& parameters, double dt) noexcept;
 
+  /// Other parameters from here on; they must be valid.
+  void set_parameters(const LocalModelParameters& parameters) noexcept { parameters_ = parameters; }
+
   /// Takes over an update of the virtual environment, `age` seconds old, for the tool at q_VE.
   void adopt(const ReportedContacts& reported, const Configuration& q_VE, double age) noexcept;
 

@@ -5,15 +5,11 @@
 #include <optional>
 #include <string>
 
+#include "protocol/messages.h"
+
 namespace hlm::server {
 
-/// How a contact's separation carries over an update (METHOD 2).
-enum class UpdateRule {
-  kRetain,  ///< `paper`, but load that `paper` would drop at once is released at a bounded rate.
-  kPaper,   ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
-  kIntermediateRepresentation,  ///< Berkelman et al. 1999: s⁺ = σ, active contacts only.
-  kPlaneRecovery,  ///< Mark et al. 1996 (VRPN): the depth is kept, then ramped to σ over N steps.
-};
+using protocol::UpdateRule;
 
 /// How simultaneous collisions are resolved (METHOD 5).
 enum class CollisionRule {

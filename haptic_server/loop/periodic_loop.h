@@ -31,6 +31,7 @@ struct Timing {
   /// How late the loop woke, s: begin minus the time for which the wake-up was set, which is that
   /// of the first missed period if there are any.
   double lateness = 0;
+  double previous_execution = 0;  ///< Of the tick before, from its beginning to its end, s.
 };
 
 /// An overrun skips whole periods: ticks stay on the grid of the first one and none is made up for.
@@ -47,6 +48,7 @@ class PeriodicLoop {
     while (!stop_.load(std::memory_order_relaxed)) {
       wait();
       tick(std::as_const(timing_));
+      timing_.previous_execution = elapsed() - timing_.begin;
     }
   }
 

@@ -11,9 +11,26 @@ namespace {
 /// Ages beyond this are taken for a clock gone wrong, s: constraints are not advanced further.
 constexpr double kLargestAge = 1.0;
 
+const ReportedContacts kNoContacts;
+
 bool is_finite(const DeviceState& device) noexcept {
   return device.X_WD.p.allFinite() && device.X_WD.R.coeffs().allFinite() &&
          device.V_WD.allFinite() && (!device.F_hand || device.F_hand->allFinite());
+}
+
+protocol::Tuning tuning_of(const ServoOptions& options) noexcept {
+  const LocalModelParameters& local = options.local_model;
+  const ControllerGains& gains = options.gains;
+  return {.update_rule = local.update_rule,
+          .controller = options.controller,
+          .stiffness = local.stiffness,
+          .damping = local.damping,
+          .friction = local.kinetic_friction,
+          .restitution = local.restitution,
+          .coupling_stiffness = gains.stiffness,
+          .coupling_damping = gains.damping,
+          .coupling_angular_stiffness = gains.angular_stiffness,
+          .coupling_angular_damping = gains.angular_damping};
 }
 
 /// A client refuses numbers that are not finite, and would never learn of the fault.
@@ -63,11 +80,15 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   const protocol::ServerSession::Inbox inbox = session_.poll(timing.begin);
   record_ = TickRecord{};
   advance_session(inbox, timing);
+  if (inbox.control != nullptr && machine_.simulates()) apply(*inbox.control);
   if (inbox.update != nullptr && machine_.simulates()) adopt(*inbox.update);
   if (inbox.hello != nullptr) begin_session(*inbox.hello, timing.begin);
   if (machine_.simulates()) simulate();
   describe(timing);
   if (inbox.update != nullptr) acknowledge(timing.begin);
+  if (machine_.state() == ServerState::kRunning) {
+    telemetry_.tick(timing.begin, record_, timing.previous_execution, session_);
+  }
   return record_;
 }
 
@@ -95,7 +116,44 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   machine_.begin();
   step_ = 0;
   updates_ = 0;
-  session_.accept(now, options_.rate, configuration_);
+  controller_ = Controller(options_.controller, options_.gains);
+  telemetry_.begin();
+  session_.accept(now, welcome());
+}
+
+protocol::Welcome Servo::welcome() const noexcept {
+  return {.servo_rate = options_.rate,
+          .configuration = configuration_,
+          .tuning = tuning_of(options_),
+          .guidable = device_.guidable()};
+}
+
+void Servo::apply(const protocol::Control& control) noexcept {
+  telemetry_.switch_on(control.telemetry);
+  device_.guide(control.holds ? std::optional(control.X_WTarget) : std::nullopt);
+  tune(control.tuned ? control.tuning : tuning_of(options_));
+}
+
+void Servo::tune(const protocol::Tuning& tuning) noexcept {
+  LocalModelParameters local = options_.local_model;
+  local.update_rule = tuning.update_rule;
+  local.stiffness = tuning.stiffness;
+  local.damping = tuning.damping;
+  local.kinetic_friction = tuning.friction;
+  local.static_friction = tuning.friction;
+  if (tuning.friction == options_.local_model.kinetic_friction) {
+    local.static_friction = options_.local_model.static_friction;
+  }
+  local.restitution = tuning.restitution;
+  local_model_->set_parameters(local);
+
+  // A tool of several links cannot take the device's pose; its controller stays.
+  const bool possible = !replaces_proxy(tuning.controller) || local_model_->proxy().links() == 1;
+  controller_ = Controller(possible ? tuning.controller : controller_.kind(),
+                           {.stiffness = tuning.coupling_stiffness,
+                            .damping = tuning.coupling_damping,
+                            .angular_stiffness = tuning.coupling_angular_stiffness,
+                            .angular_damping = tuning.coupling_angular_damping});
 }
 
 void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
@@ -123,7 +181,7 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
     travel = std::max(0.0, round_trip - update.echo_hold) / 2;
   }
   record_.age = std::min(update.compute_time + travel, kLargestAge);
-  local_model_->adopt(uses_contacts(options_.controller) ? update.contacts : ReportedContacts(),
+  local_model_->adopt(uses_contacts(controller_.kind()) ? update.contacts : kNoContacts,
                       update.q_VE, record_.age);
   const ToolModel& tool = local_model_->ve_tool();
   engine_.update(update.echo_step, {tool.X_WH(), tool.hand_jacobian().lazyProduct(update.v_VE)});
@@ -210,6 +268,9 @@ void Servo::describe_proxy() noexcept {
 void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   record_.adopted = session_.acknowledge(now, proxy_state());
+  if (local_model_) {
+    telemetry_.contacts(now, step_, *local_model_, limiter_.limited_by(), session_);
+  }
 }
 
 protocol::ProxyState Servo::proxy_state() const noexcept {

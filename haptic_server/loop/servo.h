@@ -16,6 +16,7 @@
 #include "haptic_server/local_model/local_model.h"
 #include "haptic_server/loop/periodic_loop.h"
 #include "haptic_server/loop/server_state.h"
+#include "haptic_server/loop/telemetry.h"
 #include "haptic_server/loop/tick_record.h"
 #include "protocol/server_session.h"
 
@@ -56,6 +57,9 @@ class Servo {
  private:
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
+  void apply(const protocol::Control& control) noexcept;
+  void tune(const protocol::Tuning& tuning) noexcept;
+  protocol::Welcome welcome() const noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
   void simulate() noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
@@ -66,7 +70,7 @@ class Servo {
   void acknowledge(double now) noexcept;
   protocol::ProxyState proxy_state() const noexcept;
 
-  ServoOptions options_;
+  ServoOptions options_;  ///< As started. What a control has changed is in the members below.
   double dt_;
   std::uint64_t configuration_;
   protocol::ServerSession& session_;
@@ -78,6 +82,7 @@ class Servo {
 
   std::optional<LocalModel> local_model_;
   EngineView engine_;
+  Telemetry telemetry_;
   std::uint64_t step_ = 0;     ///< Of the session.
   std::uint64_t updates_ = 0;  ///< Adopted in the session.
   TickRecord record_;

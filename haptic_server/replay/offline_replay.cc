@@ -29,6 +29,8 @@ class ReplayLink final : public protocol::DatagramLink {
       const auto update = updates.find(state.acknowledged);
       if (update == updates.end()) continue;
       auto& due = due_[state.step];
+      const auto control = session.controls.find(state.control);
+      if (control != session.controls.end()) due.push_back(control->second);
       due.insert(due.end(), update->second->parts.begin(), update->second->parts.end());
     }
   }

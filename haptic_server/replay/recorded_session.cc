@@ -38,8 +38,12 @@ class SessionReader {
         return take_update(datagram, header);
       case MessageType::kProxyState:
         return take_state(datagram, header);
+      case MessageType::kControl:
+        return take_control(datagram, header);
       case MessageType::kReject:
       case MessageType::kGoodbye:
+      case MessageType::kTicks:
+      case MessageType::kLocalState:
         return;
     }
   }
@@ -81,6 +85,11 @@ class SessionReader {
       session->updates.push_back({datagram.time_ns, sequence, {}});
     }
     parts_[session->id].emplace(header.slice.part, datagram.bytes);
+  }
+
+  void take_control(const CapturedDatagram& datagram, const Header& header) {
+    RecordedSession* session = find(header.envelope.session);
+    if (session != nullptr) session->controls[header.envelope.sequence] = datagram.bytes;
   }
 
   void take_state(const CapturedDatagram& datagram, const Header& header) {

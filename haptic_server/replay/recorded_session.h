@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <vector>
 
 #include "protocol/codec.h"
@@ -23,6 +24,7 @@ struct RecordedSession {
   std::vector<protocol::DatagramBytes> hello_parts;  ///< As on the wire.
   protocol::Welcome welcome;
   std::vector<RecordedUpdate> updates;  ///< In the order in which they passed.
+  std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< By sequence.
   std::vector<protocol::ProxyState> acknowledgements;
 };
 

@@ -6,6 +6,7 @@ local VERSION = 1
 local MAGIC = "HLMI"
 local LARGEST_DATAGRAM = 1200
 local HELLO, WELCOME, REJECT, CONTACT_UPDATE, PROXY_STATE, GOODBYE = 1, 2, 3, 4, 5, 6
+local CONTROL, TICKS, LOCAL_STATE = 7, 8, 9
 
 local haptic = Proto("hlm", "Haptic local model")
 local malformed = ProtoExpert.new("hlm.malformed", "Not as the protocol demands",
@@ -100,6 +101,7 @@ end
 local TYPES = {
   [HELLO] = "hello", [WELCOME] = "welcome", [REJECT] = "reject",
   [CONTACT_UPDATE] = "contact update", [PROXY_STATE] = "proxy state", [GOODBYE] = "goodbye",
+  [CONTROL] = "control", [TICKS] = "ticks", [LOCAL_STATE] = "local state",
 }
 
 local header = group("header", "Header", {
@@ -141,6 +143,61 @@ local contact = group("contact", "Contact", {
   vector("v_WC", "Velocity of the environment's point, world", "m/s"),
 })
 
+local function flag(name, label) return code(name, label, {[0] = "no", [1] = "yes"}) end
+
+local function append(list, more)
+  for _, item in ipairs(more) do table.insert(list, item) end
+  return list
+end
+
+local function tuning_fields()
+  return {
+    code("update_rule", "Update rule", {[0] = "retain", [1] = "paper",
+                                        [2] = "intermediate representation",
+                                        [3] = "plane recovery"}),
+    code("controller", "Controller", {[0] = "four-channel", [1] = "three-channel",
+                                      [2] = "virtual coupler", [3] = "direct",
+                                      [4] = "rotation coupler", [5] = "engine coupler",
+                                      [6] = "engine force"}),
+    field(F64, "stiffness", "Stiffness of each contact", "N/m"),
+    field(F64, "damping", "Damping of each contact", "N s/m"),
+    field(F64, "friction", "Coefficient of friction"),
+    field(F64, "restitution", "Coefficient of restitution"),
+    field(F64, "coupling_stiffness", "Coupling stiffness", "N/m"),
+    field(F64, "coupling_damping", "Coupling damping", "N s/m"),
+    field(F64, "coupling_angular_stiffness", "Coupling stiffness, rotation", "N m/rad"),
+    field(F64, "coupling_angular_damping", "Coupling damping, rotation", "N m s/rad"),
+  }
+end
+
+local tick = group("tick", "Tick", {
+  vector("F_env", "Contact force on the hand", "N"),
+  vector("F_command", "Force commanded to the device", "N"),
+  vector("F_hand", "Force of the hand as known to the controller", "N"),
+  field(F64, "torque", "Commanded torque", "N m"),
+  field(F64, "smallest_separation", "Smallest separation", "m"),
+  field(F64, "device_proxy", "Distance of device and proxy", "m"),
+  field(F64, "proxy_tool", "Distance of proxy and tool", "m"),
+  field(F64, "lateness", "Lateness", "s"),
+  field(F64, "execution", "Execution time of the step before", "s"),
+  field(F64, "age", "Age of the newest contacts", "s"),
+  field(U16, "active_contacts", "Local contacts with separation <= 0"),
+  field(U16, "predicted_contacts", "Local contacts with separation > 0"),
+  flag("adopted", "An update was taken"),
+})
+
+local local_contact = group("local_contact", "Local contact", {
+  field(U16, "link", "Link of the tool"),
+  code("state", "State", {[0] = "impending", [1] = "colliding", [2] = "penetrating",
+                          [3] = "separating"}),
+  flag("retained", "Its load is being released"),
+  vector("c_W", "Point of the constraint, world", "m"),
+  vector("n_W", "Unit normal, world"),
+  vector("p_W", "Local contact point, world", "m"),
+  field(F64, "s", "Separation", "m"),
+  vector("f_W", "Force on the tool, world", "N"),
+})
+
 -- `list`: the item, how many of them a message may have, and how many each part but the last has.
 local messages = {
   [HELLO] = {
@@ -158,11 +215,11 @@ local messages = {
     }),
   },
   [WELCOME] = {
-    body = group("welcome", "Welcome", {
+    body = group("welcome", "Welcome", append(append({
       field(HEX64, "nonce", "Nonce of the hello that is answered"),
       field(F64, "servo_rate", "Rate of the local model", "Hz"),
       field(HEX64, "configuration", "Fingerprint of the server's configuration"),
-    }),
+    }, tuning_fields()), {flag("guidable", "A control can hold the hand of the device")})),
   },
   [REJECT] = {
     body = group("reject", "Reject", {
@@ -211,6 +268,7 @@ local messages = {
       field(U64, "overruns", "Periods missed since the server started"),
       field(U64, "updates", "Updates adopted in this session"),
       field(U64, "dropped", "Datagrams dropped since the server started"),
+      field(U64, "control", "Sequence of the control in effect, 0 if none"),
       coordinates("q", "Configuration q of the proxy", "m, rad"),
       coordinates("v", "Generalised velocity of the proxy", "m/s, rad/s"),
     }),
@@ -220,6 +278,27 @@ local messages = {
       code("reason", "Reason", {[0] = "finished", [1] = "shutdown"}),
     }),
   },
+}
+
+messages[CONTROL] = {
+  body = group("control", "Control", append({
+    flag("telemetry", "Ticks and local states are asked for"),
+    flag("holds", "The hand of a simulated device is held"),
+    pose("X_WTarget", "Where it is held, world"),
+    flag("tuned", "The following is in effect"),
+  }, tuning_fields())),
+}
+messages[TICKS] = {
+  list = {item = tick, fewest = 1, most = 8, per_part = 8},
+  body = group("ticks", "Ticks", {field(U64, "first_step", "Step of the first tick")}),
+}
+messages[LOCAL_STATE] = {
+  list = {item = local_contact, fewest = 0, most = 64, per_part = 10},
+  body = group("local_state", "Local state", {
+    field(U64, "step", "Step of the local model"),
+    code("limit", "What limits the command",
+         {[0] = "nothing", [1] = "force", [2] = "torque", [3] = "rate", [4] = "fade"}),
+  }),
 }
 
 -- Wireshark's fields are named hlm.<message>.<field>, those of the header and of list items

@@ -98,12 +98,63 @@ ProxyState documented_state() {
   state.overruns = 1;
   state.updates = 9;
   state.dropped = 4;
+  state.control = 11;
+  return state;
+}
+
+Control documented_control() {
+  Control control{.telemetry = true, .holds = true, .X_WTarget = {}, .tuned = true, .tuning = {}};
+  control.X_WTarget.p = {0.02, 0.1, 0};
+  control.tuning = {UpdateRule::kIntermediateRepresentation,
+                    ControllerKind::kDirect,
+                    8000,
+                    50,
+                    0.2,
+                    0.5,
+                    1000,
+                    20,
+                    2,
+                    0.05};
+  return control;
+}
+
+Ticks documented_ticks() {
+  Ticks ticks;
+  ticks.first_step = 1501;
+  ticks.ticks.push_back({{0, 5, 0},
+                         {0, 4.5, 0},
+                         {0, -5, 0},
+                         0.01,
+                         -0.00025,
+                         0.0001,
+                         0.0002,
+                         2e-5,
+                         1e-5,
+                         0.0125,
+                         2,
+                         3,
+                         true});
+  return ticks;
+}
+
+LocalState documented_local_state() {
+  LocalState state;
+  state.step = 1502;
+  state.limit = ForceLimit::kForce;
+  state.contacts.push_back({0,
+                            ContactState::kPenetrating,
+                            true,
+                            {0.03, 0.1, 0},
+                            {0, -1, 0},
+                            {0.03, 0.1002, 0},
+                            -0.0002,
+                            {0, -0.8, 0}});
   return state;
 }
 
 TEST_CASE("each message has the bytes of its example in PROTOCOL.md") {
   CHECK(hex(encode({0, 3, 2500000000}, documented_hello())) == documented_hex("hello"));
-  CHECK(hex(encode({7, 1, -5}, Welcome{kNonce, 1000, 0xFEDCBA9876543210})) ==
+  CHECK(hex(encode({7, 1, -5}, Welcome{kNonce, 1000, 0xFEDCBA9876543210, {}, true})) ==
         documented_hex("welcome"));
   Reject reject = test::reject_message("busy");
   reject.nonce = kNonce;
@@ -113,6 +164,10 @@ TEST_CASE("each message has the bytes of its example in PROTOCOL.md") {
   CHECK(hex(encode({7, 13, 4000000000}, documented_state())) == documented_hex("proxy_state"));
   CHECK(hex(encode({7, 14, 5000000000}, Goodbye{GoodbyeReason::kShutdown})) ==
         documented_hex("goodbye"));
+  CHECK(hex(encode({7, 11, 6000000000}, documented_control())) == documented_hex("control"));
+  CHECK(hex(encode({7, 15, 7000000000}, documented_ticks())) == documented_hex("ticks"));
+  CHECK(hex(encode({7, 16, 8000000000}, documented_local_state())) ==
+        documented_hex("local_state"));
 }
 
 template <class Message>
@@ -130,6 +185,9 @@ std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts, He
 std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts,
                                      ContactUpdate& update) {
   return decode(parts, update);
+}
+std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts, LocalState& state) {
+  return decode(parts, state);
 }
 template <class Message>
 std::optional<DropReason> decode_any(const std::vector<DatagramBytes>& parts, Message& message) {
@@ -156,7 +214,10 @@ TEST_CASE("a decoded message is the encoded one, bit for bit") {
   for (int i = 0; i < 200; ++i) {
     const Hello hello = test::random_hello(random);
     check_round_trip(hello);
-    check_round_trip(Welcome{random.engine()(), random.uniform(1, 8000), random.engine()()});
+    check_round_trip(test::random_welcome(random));
+    check_round_trip(test::random_control(random));
+    check_round_trip(test::random_ticks(random));
+    check_round_trip(test::random_local_state(random));
     check_round_trip(test::reject_message(std::string(static_cast<std::size_t>(i), 'x')));
     check_round_trip(test::random_update(random, hello.tool));
     check_round_trip(test::random_state(random, hello.tool));
@@ -193,6 +254,9 @@ void for_each_type(Check check) {
   check(encode(envelope_for<ContactUpdate>(), test::planar_update(10), 1));
   check(encode(envelope_for<ProxyState>(), documented_state()));
   check(encode(envelope_for<Goodbye>(), Goodbye{}));
+  check(encode(envelope_for<Control>(), documented_control()));
+  check(encode(envelope_for<Ticks>(), documented_ticks()));
+  check(encode(envelope_for<LocalState>(), documented_local_state()));
 }
 
 /// Decodes bytes as whatever their header says; a list's part counts as its whole message.
@@ -205,6 +269,9 @@ std::optional<DropReason> decode_whatever(const DatagramBytes& bytes) {
   ContactUpdate update;
   ProxyState state;
   Goodbye goodbye;
+  Control control;
+  Ticks ticks;
+  LocalState local;
   const std::vector<DatagramBytes> alone{bytes};
   switch (header.type) {
     case MessageType::kHello:
@@ -219,6 +286,12 @@ std::optional<DropReason> decode_whatever(const DatagramBytes& bytes) {
       return decode(view(bytes), state);
     case MessageType::kGoodbye:
       return decode(view(bytes), goodbye);
+    case MessageType::kControl:
+      return decode(view(bytes), control);
+    case MessageType::kTicks:
+      return decode(view(bytes), ticks);
+    case MessageType::kLocalState:
+      return decode(alone, local);
   }
   return DropReason::kMalformed;
 }
@@ -326,7 +399,7 @@ TEST_CASE("a header with any field out of its range is refused") {
   CHECK(decode_whatever(with(good, 36, 42)) == DropReason::kTruncated);
   CHECK(decode_whatever(with(good, 36, 40)) == DropReason::kMalformed);
   CHECK(decode_whatever(with(good, 6, 0)) == DropReason::kMalformed);
-  CHECK(decode_whatever(with(good, 6, 7)) == DropReason::kMalformed);
+  CHECK(decode_whatever(with(good, 6, 10)) == DropReason::kMalformed);
   for (const std::size_t zero : {7u, 32u, 34u, 35u, 38u, 39u}) {
     CHECK(decode_whatever(with(good, zero, 1)) == DropReason::kMalformed);
   }
@@ -393,6 +466,12 @@ TEST_CASE("values out of their range are refused") {
   CHECK(refusal(documented_hello(), [](Hello& h) { h.epsilon = -1e-9; }) == DropReason::kMalformed);
   CHECK(refusal(test::reject_message("a\nb"), [](Reject&) {}) == DropReason::kMalformed);
   CHECK(refusal(Welcome{}, [](Welcome& w) { w.servo_rate = 0; }) == DropReason::kMalformed);
+  CHECK(refusal(Control{}, [](Control& c) { c.tuning.stiffness = 0.5; }) == DropReason::kMalformed);
+  CHECK(refusal(Control{}, [](Control& c) { c.tuning.restitution = 1.1; }) ==
+        DropReason::kMalformed);
+  CHECK(refusal(Control{}, [](Control& c) { c.X_WTarget.R.w() = 2; }) == DropReason::kMalformed);
+  CHECK(refusal(Control{}, [](Control& c) { c.X_WTarget.p.x() = std::nan(""); }) ==
+        DropReason::kNonFinite);
 }
 
 TEST_CASE("parts of different messages do not make one") {

@@ -51,6 +51,14 @@ class Recording {
     add_parts(MessageType::kContactUpdate, kInSession, update, update.contacts, kContactsPerPart);
   }
 
+  void add(const Ticks& ticks) {
+    add_parts(MessageType::kTicks, kInSession, ticks, ticks.ticks, kTicksPerMessage);
+  }
+  void add(const LocalState& state) {
+    constexpr std::size_t kContactsPerPart = 10;
+    add_parts(MessageType::kLocalState, kInSession, state, state.contacts, kContactsPerPart);
+  }
+
   void check(const std::vector<std::vector<test::ShownField>>& packets) const {
     REQUIRE(packets.size() == expected_.size());
     for (std::size_t i = 0; i < packets.size(); ++i) {
@@ -106,6 +114,11 @@ void add_every_message(Recording& recording) {
     state.fault = static_cast<Fault>(i);
     state.contact_state = static_cast<ProxyContactState>(i % 3);
     recording.add(MessageType::kProxyState, kInSession, state);
+    recording.add(MessageType::kControl, kInSession, test::random_control(random));
+    recording.add(test::random_ticks(random));
+    LocalState local = test::random_local_state(random);
+    local.limit = static_cast<ForceLimit>(i + 1);
+    recording.add(local);
   }
   Hello largest = test::random_hello(random);
   largest.tool = test::largest_tool(random);
@@ -116,7 +129,7 @@ void add_every_message(Recording& recording) {
 
   const std::uint64_t all_ones = std::numeric_limits<std::uint64_t>::max();
   recording.add(MessageType::kWelcome, kInSession,
-                Welcome{.nonce = 5, .servo_rate = 1234.5, .configuration = all_ones});
+                Welcome{.nonce = 5, .servo_rate = 1234.5, .configuration = all_ones, .tuning = {}});
   const std::pair<RejectReason, const char*> refusals[] = {
       {RejectReason::kVersion, ""},
       {RejectReason::kBusy, "another client is here"},
@@ -193,7 +206,7 @@ TEST_CASE("the dissector marks what a receiver must refuse as malformed") {
       {"an item cut off", relabelled(update, size - 1)},
       {"a byte left over", relabelled(update, size + 1)},
       {"length field too large", with(update, 36, 2, 1201)},
-      {"unknown type", with(goodbye, 6, 1, 7)},
+      {"unknown type", with(goodbye, 6, 1, 10)},
       {"flags", with(update, 7, 1, 1)},
       {"session 0", with(update, 8, 8, 0)},
       {"a reject in a session", with(reject, 8, 8, 1)},

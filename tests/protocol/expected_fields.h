@@ -109,7 +109,8 @@ inline Expected expected_header(protocol::MessageType type, const protocol::Enve
   fields.text("magic", "HLMI");
   fields.integer("version", protocol::kProtocolVersion);
   fields.code("type", type,
-              {"", "hello", "welcome", "reject", "contact update", "proxy state", "goodbye"});
+              {"", "hello", "welcome", "reject", "contact update", "proxy state", "goodbye",
+               "control", "ticks", "local state"});
   fields.integer("flags", 0);
   fields.hexadecimal("session", envelope.session);
   fields.integer("sequence", envelope.sequence);
@@ -156,11 +157,24 @@ inline Expected expected_item(const Link& link) {
   return fields;
 }
 
+inline void add_tuning(Expected& fields, const protocol::Tuning& tuning) {
+  fields.code("update_rule", tuning.update_rule,
+              {"retain", "paper", "intermediate representation", "plane recovery"});
+  fields.code("controller", tuning.controller,
+              {"four-channel", "three-channel", "virtual coupler", "direct", "rotation coupler",
+               "engine coupler", "engine force"});
+  for (const auto& range : protocol::kTuningRanges) {
+    fields.number(range.name, tuning.*range.number);
+  }
+}
+
 inline Expected expected_body(const protocol::Welcome& welcome) {
   Expected fields("hlm.welcome.");
   fields.hexadecimal("nonce", welcome.nonce);
   fields.number("servo_rate", welcome.servo_rate);
   fields.hexadecimal("configuration", welcome.configuration);
+  add_tuning(fields, welcome.tuning);
+  fields.code("guidable", welcome.guidable, {"no", "yes"});
   return fields;
 }
 
@@ -230,6 +244,7 @@ inline Expected expected_body(const protocol::ProxyState& state) {
   fields.integer("overruns", state.overruns);
   fields.integer("updates", state.updates);
   fields.integer("dropped", state.dropped);
+  fields.integer("control", state.control);
   fields.coordinates("q", state.q);
   fields.coordinates("v", state.v);
   return fields;
@@ -238,6 +253,60 @@ inline Expected expected_body(const protocol::ProxyState& state) {
 inline Expected expected_body(const protocol::Goodbye& goodbye) {
   Expected fields("hlm.goodbye.");
   fields.code("reason", goodbye.reason, {"finished", "shutdown"});
+  return fields;
+}
+
+inline Expected expected_body(const protocol::Control& control) {
+  Expected fields("hlm.control.");
+  fields.code("telemetry", control.telemetry, {"no", "yes"});
+  fields.code("holds", control.holds, {"no", "yes"});
+  fields.pose("X_WTarget", control.X_WTarget);
+  fields.code("tuned", control.tuned, {"no", "yes"});
+  add_tuning(fields, control.tuning);
+  return fields;
+}
+
+inline Expected expected_body(const protocol::Ticks& ticks) {
+  Expected fields("hlm.ticks.");
+  fields.integer("first_step", ticks.first_step);
+  return fields;
+}
+
+inline Expected expected_item(const protocol::TickSignals& tick) {
+  Expected fields("hlm.tick.");
+  fields.vector("F_env", tick.F_env);
+  fields.vector("F_command", tick.F_command);
+  fields.vector("F_hand", tick.F_hand);
+  fields.number("torque", tick.torque);
+  fields.number("smallest_separation", tick.smallest_separation);
+  fields.number("device_proxy", tick.device_proxy);
+  fields.number("proxy_tool", tick.proxy_tool);
+  fields.number("lateness", tick.lateness);
+  fields.number("execution", tick.execution);
+  fields.number("age", tick.age);
+  fields.integer("active_contacts", tick.active_contacts);
+  fields.integer("predicted_contacts", tick.predicted_contacts);
+  fields.code("adopted", tick.adopted, {"no", "yes"});
+  return fields;
+}
+
+inline Expected expected_body(const protocol::LocalState& state) {
+  Expected fields("hlm.local_state.");
+  fields.integer("step", state.step);
+  fields.code("limit", state.limit, {"nothing", "force", "torque", "rate", "fade"});
+  return fields;
+}
+
+inline Expected expected_item(const protocol::LocalContactReport& contact) {
+  Expected fields("hlm.local_contact.");
+  fields.integer("link", contact.link);
+  fields.code("state", contact.state, {"impending", "colliding", "penetrating", "separating"});
+  fields.code("retained", contact.retained, {"no", "yes"});
+  fields.vector("c_W", contact.c_W);
+  fields.vector("n_W", contact.n_W);
+  fields.vector("p_W", contact.p_W);
+  fields.number("s", contact.s);
+  fields.vector("f_W", contact.f_W);
   return fields;
 }
 

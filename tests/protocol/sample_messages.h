@@ -117,6 +117,73 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.overruns = random.engine()();
   state.updates = random.engine()();
   state.dropped = random.engine()();
+  state.control = random.engine()();
+  return state;
+}
+
+inline protocol::Tuning random_tuning(Random& random) {
+  protocol::Tuning tuning;
+  tuning.update_rule = static_cast<protocol::UpdateRule>(random.integer(0, 3));
+  tuning.controller = static_cast<protocol::ControllerKind>(random.integer(0, 6));
+  for (const auto& range : protocol::kTuningRanges) {
+    tuning.*range.number = random.uniform(range.least, range.most);
+  }
+  return tuning;
+}
+
+inline protocol::Welcome random_welcome(Random& random) {
+  return {.nonce = random.engine()(),
+          .servo_rate = random.uniform(1, 8000),
+          .configuration = random.engine()(),
+          .tuning = random_tuning(random),
+          .guidable = random.integer(0, 1) == 1};
+}
+
+inline protocol::Control random_control(Random& random) {
+  return {.telemetry = random.integer(0, 1) == 1,
+          .holds = random.integer(0, 1) == 1,
+          .X_WTarget = random.pose(1),
+          .tuned = random.integer(0, 1) == 1,
+          .tuning = random_tuning(random)};
+}
+
+inline protocol::Ticks random_ticks(Random& random) {
+  protocol::Ticks ticks;
+  ticks.first_step = 1 + random.engine()() / 2;
+  const int count = random.integer(1, static_cast<int>(protocol::kTicksPerMessage));
+  for (int i = 0; i < count; ++i) {
+    ticks.ticks.push_back({.F_env = random.vector(10),
+                           .F_command = random.vector(10),
+                           .F_hand = random.vector(10),
+                           .torque = random.uniform(0, 1),
+                           .smallest_separation = random.uniform(-0.01, 0.01),
+                           .device_proxy = random.uniform(0, 0.01),
+                           .proxy_tool = random.uniform(0, 0.01),
+                           .lateness = random.uniform(0, 1e-3),
+                           .execution = random.uniform(0, 1e-3),
+                           .age = random.uniform(0, 0.1),
+                           .active_contacts = static_cast<std::uint16_t>(random.integer(0, 64)),
+                           .predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64)),
+                           .adopted = random.integer(0, 1) == 1});
+  }
+  return ticks;
+}
+
+inline protocol::LocalState random_local_state(Random& random) {
+  protocol::LocalState state;
+  state.step = random.engine()();
+  state.limit = static_cast<protocol::ForceLimit>(random.integer(0, 4));
+  const int count = random.integer(0, static_cast<int>(kMaxContacts));
+  for (int i = 0; i < count; ++i) {
+    state.contacts.push_back({.link = static_cast<std::uint16_t>(random.integer(0, 15)),
+                              .state = static_cast<protocol::ContactState>(random.integer(0, 3)),
+                              .retained = random.integer(0, 1) == 1,
+                              .c_W = random.vector(1),
+                              .n_W = random.direction(),
+                              .p_W = random.vector(1),
+                              .s = random.uniform(-0.01, 0.01),
+                              .f_W = random.vector(10)});
+  }
   return state;
 }
 

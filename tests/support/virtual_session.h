@@ -32,6 +32,7 @@ struct VirtualSessionOptions {
   /// after it, s; 0: without waiting.
   double acknowledgement_timeout = 0;
   std::uint64_t seed = 1;
+  protocol::TelemetryObserver* telemetry = nullptr;
 };
 
 class VirtualSession {
@@ -51,7 +52,8 @@ class VirtualSession {
         client_(network_.client(), {.server = MemoryNetwork::kServer,
                                     .tool = environment_.assembly.description,
                                     .q = environment_.assembly.q,
-                                    .epsilon = options.frame.epsilon}),
+                                    .epsilon = options.frame.epsilon,
+                                    .telemetry = options.telemetry}),
         periods_(options.rate_low, options.rate_high, options.seed),
         clock_([this](double now) { tick(now); }, 1 / options.servo.rate) {}
 

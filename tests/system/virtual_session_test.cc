@@ -79,6 +79,93 @@ TEST_CASE("A coupling to the engine holds the wall too: force as pushed, depth f
   CHECK(at_rest.active_contacts + at_rest.predicted_contacts == 0);
 }
 
+TEST_CASE("A control changes the physics of the running session, and lets go of it again") {
+  VirtualSessionOptions options;
+  options.device.dry_friction = 0;
+  options.hand = constant_push(force(0, 0.5));
+  options.link = {.delay = 0.01, .loss = 0.3};
+  options.servo.silence_time = 2;
+  VirtualSession session(options);
+  session.run(4);
+  protocol::Control control;
+  control.tuned = true;
+  control.tuning.stiffness = 8000;
+  session.client().control(control);
+  session.run(3);
+  CHECK(session.last().smallest_separation == Approx(-0.5 / 2 / 8000).epsilon(0.02));  // m
+  control.tuned = false;
+  session.client().control(control);
+  session.run(3);
+  CHECK(session.last().smallest_separation == Approx(-0.5 / 2 / 4000).epsilon(0.02));
+  CHECK(session.client().welcome().tuning.stiffness == 4000);
+}
+
+TEST_CASE("A control holds the hand of the simulated device, and lets go") {
+  VirtualSessionOptions options;
+  VirtualSession session(options);
+  session.run(0.5);
+  REQUIRE(session.client().welcome().guidable);
+  protocol::Control control;
+  control.holds = true;
+  control.X_WTarget.p = {0.05, -0.05, 0};
+  session.client().control(control);
+  session.run(3);
+  // Dry friction of 0.2 N stops the grip of 200 N/m within 1 mm.
+  CHECK((session.last().X_WD.p - control.X_WTarget.p).norm() < 1e-3);  // m
+  control.holds = false;
+  control.X_WTarget.p = {-0.1, 0, 0};
+  session.client().control(control);
+  session.run(1);
+  CHECK((session.last().X_WD.p - Vector3(0.05, -0.05, 0)).norm() < 2e-3);
+}
+
+/// Keeps what telemetry brings.
+struct Listener : protocol::TelemetryObserver {
+  void observe(const protocol::Ticks& batch) override {
+    for (const auto& tick : batch.ticks) ticks.push_back(tick);
+    if (!first_step) first_step = batch.first_step;
+    gaps += next_step != 0 && batch.first_step != next_step;
+    next_step = batch.first_step + batch.ticks.size();
+  }
+  void observe(const protocol::LocalState& local) override { state = local; }
+
+  std::vector<protocol::TickSignals> ticks;
+  std::optional<std::uint64_t> first_step;
+  std::uint64_t next_step = 0;
+  int gaps = 0;
+  protocol::LocalState state;
+};
+
+TEST_CASE("Telemetry brings every step once, and the contacts, to who asked, and only then") {
+  Listener listener;
+  VirtualSessionOptions options;
+  options.hand = constant_push(force(0, 0.5));
+  options.device.dry_friction = 0;
+  options.telemetry = &listener;
+  VirtualSession session(options);
+  session.run(2);
+  CHECK(listener.ticks.empty());
+  protocol::Control control{.telemetry = true, .holds = false, .X_WTarget = {}, .tuned = false};
+  session.client().control(control);
+  session.run(3);
+  CHECK(listener.ticks.size() > 2900);
+  CHECK(listener.gaps == 0);
+  CHECK(session.last().step - listener.next_step < 60);  // still under way
+  CHECK(listener.ticks.back().F_env.y() == Approx(-0.5).epsilon(0.02));
+  CHECK(listener.ticks.back().active_contacts == 2);
+  REQUIRE(listener.state.contacts.size() >= 2);
+  double sum = 0;
+  for (const auto& contact : listener.state.contacts) sum += contact.f_W.y();
+  CHECK(sum == Approx(-0.5).epsilon(0.02));  // N
+
+  control.telemetry = false;
+  session.client().control(control);
+  session.run(0.2);
+  const std::size_t heard = listener.ticks.size();
+  session.run(0.5);
+  CHECK(listener.ticks.size() == heard);
+}
+
 TEST_CASE("The demonstration ends with the peg in the hole, less than 1 mm of drift") {
   double largest_drift = 0;
   VirtualSession session(demo(), [&](const TickRecord& record) {
@@ -176,6 +263,8 @@ TEST_CASE("A tick allocates nothing: in free motion, in contact, adopting and an
   options.servo.local_model.max_hand_stiffness = 6000;
   VirtualSession session(options);
   session.run(0.5);
+  session.client().control({.telemetry = true, .holds = false, .X_WTarget = {}, .tuned = true});
+  session.run(0.2);
   server::Timing timing;
   std::size_t allocations = 0;
   for (int i = 0; i < 3000; ++i) {
@@ -198,6 +287,11 @@ TEST_CASE("A recorded session comes back bit for bit on the local model") {
     VirtualSession session(options);
     protocol::CaptureWriter writer(capture);
     for (int i = 0; i < 9; ++i) {
+      // A person at the environment takes the hand and changes the physics meanwhile.
+      protocol::Control control{
+          .telemetry = i > 3, .holds = i == 5, .X_WTarget = {}, .tuned = i > 6};
+      control.tuning.stiffness = 3000 + 100 * i;
+      session.client().control(control);
       session.run(1);
       session.server_link().drain(writer);
     }

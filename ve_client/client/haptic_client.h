@@ -30,6 +30,7 @@ struct HapticClientOptions {
   double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
   double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
   std::uint64_t nonce = 1;  ///< Distinguishes this run from others: draw it at random.
+  protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
 };
 
 /// The simulator's side of one haptic session at a time; it asks for a new one where the server is
@@ -51,6 +52,9 @@ class HapticClient {
   /// Sends the contacts within ε of the latest sample. Returns the update's sequence number, 0
   /// without a session.
   std::uint64_t send(double now, const ReportedContacts& contacts);
+  /// What the person here asks of the server, from the next send() on: telemetry, the hand of a
+  /// simulated device, other physics.
+  void control(const protocol::Control& control) { session_.set_control(control); }
   /// Ends the session.
   void close(double now) { session_.close(now); }
 

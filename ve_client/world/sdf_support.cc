@@ -66,8 +66,10 @@ std::string describe(sdf::ElementPtr element) {
   for (; element; element = element->GetParent()) {
     const std::string& type = element->GetName();
     if (!element->HasAttribute("name") || type == "world") continue;
-    const std::string own = type + " '" + element->Get<std::string>("name") + "'";
-    text = text.empty() ? own : own + " " + text;
+    std::string own = type;
+    own.append(" '").append(element->Get<std::string>("name")).append("'");
+    if (!text.empty()) own.append(" ").append(text);
+    text = std::move(own);
   }
   return text.empty() ? "world" : text;
 }

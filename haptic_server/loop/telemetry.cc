@@ -1,0 +1,60 @@
+#include "haptic_server/loop/telemetry.h"
+
+namespace hlm::server {
+namespace {
+
+protocol::TickSignals signals(const TickRecord& record, double previous_execution,
+                              double age) noexcept {
+  return {.F_env = record.F_env.head<3>(),
+          .F_command = record.F_command.head<3>(),
+          .F_hand = record.F_hand.head<3>(),
+          .torque = record.F_command.tail<3>().norm(),
+          .smallest_separation = record.smallest_separation,
+          .device_proxy = (record.X_WD.p - record.X_WP.p).norm(),
+          .proxy_tool = (record.X_WP.p - record.X_WT.p).norm(),
+          .lateness = record.lateness,
+          .execution = previous_execution,
+          .age = age,
+          .active_contacts = static_cast<std::uint16_t>(record.active_contacts),
+          .predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts),
+          .adopted = record.adopted > 0};
+}
+
+protocol::LocalContactReport report(const LocalContact& contact, const ToolModel& proxy) noexcept {
+  return {.link = contact.key.link,
+          .state = contact.state,
+          .retained = contact.put_off > 0,
+          .c_W = contact.c_W,
+          .n_W = contact.n_W,
+          .p_W = proxy.X_WL(contact.key.link) * contact.p_L,
+          .s = separation(contact, proxy),
+          .f_W = contact.f_W};
+}
+
+}  // namespace
+
+void Telemetry::tick(double now, const TickRecord& record, double previous_execution,
+                     protocol::ServerSession& session) noexcept {
+  if (!on_) return;
+  if (record.adopted > 0) age_ = record.age;
+  if (batch_.ticks.empty()) batch_.first_step = record.step;
+  batch_.ticks.push_back(signals(record, previous_execution, age_));
+  if (batch_.ticks.size() < protocol::kTicksPerMessage) return;
+  session.inform(now, batch_);
+  batch_.ticks.clear();
+}
+
+void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model,
+                         protocol::ForceLimit limit, protocol::ServerSession& session) noexcept {
+  if (!on_) return;
+  state_.step = step;
+  state_.limit = limit;
+  state_.contacts.clear();
+  for (const LocalContact& contact : model.contacts()) {
+    if (state_.contacts.size() == state_.contacts.capacity()) break;
+    state_.contacts.push_back(report(contact, model.proxy()));
+  }
+  session.inform(now, state_);
+}
+
+}  // namespace hlm::server

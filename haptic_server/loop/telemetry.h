@@ -1,0 +1,34 @@
+// Telemetry in the tick: signals in batches, and the local contacts, to a client that asked.
+#pragma once
+
+#include "haptic_server/local_model/local_model.h"
+#include "haptic_server/loop/tick_record.h"
+#include "protocol/server_session.h"
+
+namespace hlm::server {
+
+class Telemetry {
+ public:
+  /// A session begins; nobody has asked.
+  void begin() noexcept { switch_on(false); }
+  void switch_on(bool on) noexcept {
+    on_ = on;
+    batch_.ticks.clear();
+  }
+
+  /// One step with its signals. previous_execution: of the step before, s. Sends when a batch is
+  /// full.
+  void tick(double now, const TickRecord& record, double previous_execution,
+            protocol::ServerSession& session) noexcept;
+  /// The contacts of this step.
+  void contacts(double now, std::uint64_t step, const LocalModel& model, protocol::ForceLimit limit,
+                protocol::ServerSession& session) noexcept;
+
+ private:
+  bool on_ = false;
+  double age_ = 0;  ///< Of the newest contacts, s.
+  protocol::Ticks batch_;
+  protocol::LocalState state_;
+};
+
+}  // namespace hlm::server
