@@ -88,14 +88,12 @@ void set_local_contact(LocalContact& contact, const ReportedContact& reported,
 }
 
 /// Rule `retain`: a contact that carries load but is no longer reported is released, not dropped.
-void retain_unreported(const LocalContact& contact, const ToolModel& proxy,
-                       const UpdatePolicy& policy, LocalContacts& updated) noexcept {
-  const double s = separation(contact, proxy);
-  if (s >= 0) return;
-  LocalContact& retained = updated.emplace_back(contact);
+LocalContact released(const LocalContact& contact, double s, const UpdatePolicy& policy) noexcept {
+  LocalContact retained = contact;
   retained.orphaned = true;
   retained.put_off = -s;
   retained.put_off_step = policy.release_step;
+  return retained;
 }
 
 }  // namespace
@@ -119,9 +117,10 @@ void adopt_update(const LocalContacts& existing, const ReportedContacts& reporte
   updated.clear();
   std::size_t room = policy.rule == UpdateRule::kRetain ? updated.capacity() - reports.size() : 0;
   const auto pass_unreported = [&](const LocalContact& contact) {
-    if (room == 0) return;
+    const double s = separation(contact, proxy);
+    if (room == 0 || s >= 0) return;
     --room;
-    retain_unreported(contact, proxy, policy, updated);
+    updated.push_back(released(contact, s, policy));
   };
 
   auto old = existing.begin();

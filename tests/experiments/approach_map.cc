@@ -45,7 +45,7 @@ Task task(const ve::WorldDescription& world, const Method& method, double speed)
 }
 
 struct Outcome {
-  double arrival = 0;    ///< Speed at the wall, m/s.
+  double arrival = 0;    ///< Speed 5 mm before the wall, m/s.
   double error = 0;      ///< Where the handle rests, from where it should, m.
   double overshoot = 0;  ///< Farthest beyond the wall, m.
   double drift = 0;      ///< Largest distance of the handle from the environment's tool, m.
@@ -67,7 +67,7 @@ Outcome outcome(const Trace& trace) {
   result.drift = largest(window(
       trace, [](const server::TickRecord& t) { return (t.X_WD.p - t.X_WT.p).norm(); }, 0, end));
   for (const server::TickRecord& tick : trace.ticks) {
-    if (tick.X_WD.p.y() < 0) continue;
+    if (tick.X_WD.p.y() < -0.005) continue;
     result.arrival = tick.V_WD[1];
     break;
   }
@@ -106,6 +106,7 @@ void approach_map(Bench& bench) {
                             "method,speed_m_s,seed,arrival_m_s,error_m,overshoot_m,drift_m,sway_m");
   std::map<double, std::vector<double>> adaptive;
   double adaptive_sway = 0;
+  double slowest = 1;  // arrival, as a portion of the wanted speed
   std::vector<Stuck> stuck;
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [method, speed, seed] = jobs[i];
@@ -118,6 +119,7 @@ void approach_map(Bench& bench) {
     }
     if (method.name != "lm-adaptive") continue;
     adaptive_sway = std::max(adaptive_sway, o.sway);
+    slowest = std::min(slowest, o.arrival / speed);
     if (speed <= 0.5) adaptive[speed].push_back(o.error);
   }
   for (const auto& [method, speed] : stuck) {
@@ -129,12 +131,14 @@ void approach_map(Bench& bench) {
   if (adaptive.empty()) return;
   double worst = 0;
   for (const auto& [speed, errors] : adaptive) worst = std::max(worst, mean(errors));
-  bench.claim({.what = "LM adaptive ε",
-               .criterion = "mean error of the perceived wall < 1 mm up to 0.5 m/s, at 30 to 60 Hz "
-                            "and 20 ms one way; at rest there (< 0.01 mm peak to peak) up to 1 m/s",
-               .measured = fmt::format("{:.3f} mm at worst; {:.1e} mm peak to peak at worst",
-                                       1e3 * worst, 1e3 * adaptive_sway),
-               .holds = worst < 1e-3 && adaptive_sway < 1e-5});
+  bench.claim(
+      {.what = "LM adaptive ε",
+       .criterion = "mean error of the perceived wall < 1 mm up to 0.5 m/s, at 30 to 60 Hz "
+                    "and 20 ms one way; at rest there (< 0.01 mm peak to peak) up to 1 m/s",
+       .measured = fmt::format("{:.3f} mm at worst; {:.1e} mm peak to peak at worst; arrived "
+                               "with {:.0f} % of the speed or more",
+                               1e3 * worst, 1e3 * adaptive_sway, 100 * slowest),
+       .holds = worst < 1e-3 && adaptive_sway < 1e-5 && slowest > 0.9});
 }
 
 }  // namespace hlm::experiments

@@ -10,7 +10,7 @@ void one_dof_hole_delay(Bench& bench);     ///< Fig. 9.
 void static_contact(Bench& bench);         ///< Fig. 14.
 void tight_hole(Bench& bench);             ///< Fig. 16.
 void stiff_hole(Bench& bench);             ///< Fig. 17.
-void updates(Bench& bench);                ///< METHOD 7, random updates and collisions.
+void updates(Bench& bench);                ///< What adopting an update changes.
 void stiffness_limits(Bench& bench);       ///< k_max of each method, side by side.
 void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter, loss.
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace hlm::experiments {
@@ -48,39 +49,28 @@ Excursion excursion(const Trace& trace, const Pose& X_W0) {
   return result;
 }
 
-namespace {
-
-/// What contacts and coupling do to a proxy with dynamics of its own. A device in the proxy's place
-/// has none.
-Wrench wrench_on_proxy(server::ControllerKind controller, const server::TickRecord& tick) {
-  using server::ControllerKind;
-  switch (controller) {
-    case ControllerKind::kFourChannel:
-    case ControllerKind::kThreeChannel:  // F_command = F_env - coupling
-      return tick.F_env + (tick.F_env - tick.F_command);
-    case ControllerKind::kVirtualCoupler:  // F_command = -coupling
-      return tick.F_env - tick.F_command;
-    case ControllerKind::kDirect:
-    case ControllerKind::kRotationCoupler:
-    case ControllerKind::kEngineCoupler:
-    case ControllerKind::kEngineForce:
-      return Wrench::Zero();
-  }
-  return Wrench::Zero();
-}
-
-}  // namespace
-
-double delivered_energy(const Trace& trace) {
-  double energy = 0;
-  double most = 0;
+double generated_energy(const Trace& trace) {
+  if (trace.broken) return std::numeric_limits<double>::infinity();
+  const bool hand_on_proxy = trace.controller == server::ControllerKind::kFourChannel;
+  const auto delay = static_cast<std::size_t>(trace.device_delay);
+  std::vector<double> given{0};  // J, at each tick, since the first
+  double work = 0;
   for (std::size_t i = 1; i < trace.ticks.size(); ++i) {
+    // A tick's record has the device at its beginning, the proxy at its end.
     const server::TickRecord& before = trace.ticks[i - 1];
     const server::TickRecord& now = trace.ticks[i];
-    // A tick's record has the device at its beginning, the proxy at its end.
-    energy += before.F_command.dot(displacement(before.X_WD, now.X_WD)) +
-              wrench_on_proxy(trace.controller, now).dot(displacement(before.X_WP, now.X_WP));
-    most = std::max(most, energy);
+    if (i > delay) {
+      work += trace.ticks[i - 1 - delay].F_command.dot(displacement(before.X_WD, now.X_WD));
+    }
+    if (hand_on_proxy) work -= now.F_hand.dot(displacement(before.X_WP, now.X_WP));
+    given.push_back(work + trace.internal_energy[i] - trace.internal_energy[0]);
+    if (!std::isfinite(given.back())) return std::numeric_limits<double>::infinity();
+  }
+  const double dt = trace.ticks[1].time - trace.ticks[0].time;
+  const auto window = static_cast<std::size_t>(kEnergyWindow / dt + 0.5);
+  double most = 0;
+  for (std::size_t i = 0; i + window < given.size(); ++i) {
+    most = std::max(most, given[i + window] - given[i]);
   }
   return most;
 }

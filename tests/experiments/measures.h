@@ -31,14 +31,17 @@ struct Excursion {
 };
 Excursion excursion(const Trace& trace, const Pose& X_W0);
 
-/// The most energy that motors, coupling and contacts have given handle and proxy on balance, up to
-/// any moment, J. Passive ones, met at rest, never give any. (To the handle alone four channels do:
-/// in free motion the hand's wrench on the proxy draws the handle along.)
-double delivered_energy(const Trace& trace);
+/// The most energy that the virtual side (motors, coupling, proxy, contacts with their springs) has
+/// given out in any kEnergyWindow, J: a passive one gives none out of nothing, and what it stores
+/// over a period of the hand it has given back by the next. Infinite for a trial that broke off.
+double generated_energy(const Trace& trace);
 
-/// Where a trial counts as unstable: energy out of nothing, J. Stable methods stay below 1 mJ, that
-/// of unstable ones grows until forces saturate.
+/// Whole periods of the hand's 2.5 Hz, s: long enough that a transient counts little, short enough
+/// that what was absorbed long before does not pay for what is generated.
+inline constexpr double kEnergyWindow = 2;
+
+/// Where a trial counts as unstable, J in the window: 5 mW on average.
 inline constexpr double kUnstableEnergy = 0.01;
-inline bool unstable(const Trace& trace) { return delivered_energy(trace) > kUnstableEnergy; }
+inline bool unstable(const Trace& trace) { return generated_energy(trace) > kUnstableEnergy; }
 
 }  // namespace hlm::experiments

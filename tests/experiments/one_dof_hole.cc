@@ -76,14 +76,15 @@ double portion_with_force(const Trace& trace) {
   return static_cast<double>(on) / static_cast<double>(trace.ticks.size());
 }
 
-/// Where the peg is, how deep in a wall, at each update that brings a wall which was not there.
+/// How deep the peg is in the wall at each update that brings one which was not there.
 std::vector<double> arrival_depths(const Trace& trace, double clearance) {
   std::vector<double> depths;
   auto tick = trace.ticks.begin();
   for (const UpdateEffect& update : trace.updates) {
     while (tick->time < update.time) ++tick;
-    const double depth = std::abs(position(*tick)) - clearance;
-    if (update.arrived > 0 && depth > 0) depths.push_back(depth);
+    if (update.arrived_n_W.x() == 0) continue;
+    const double depth = -update.arrived_n_W.x() * position(*tick) - clearance;
+    if (depth > 0) depths.push_back(depth);
   }
   return depths;
 }
@@ -178,7 +179,8 @@ void one_dof_hole_delay(Bench& bench) {
       on.push_back(portion_with_force(trace));
       both.push_back(portion_with_both_walls(trace));
       far.push_back(farthest(trace, kDuration));
-      for (const UpdateEffect& effect : trace.updates) jump.push_back(effect.force);
+      for (const UpdateEffect& effect : trace.updates)
+        jump.push_back(std::max(effect.rise, effect.fall));
       difference.push_back(largest_difference(trace, ideal));
     }
     if (method.name == "lm0-direct") {

@@ -87,7 +87,7 @@ void square_hole(Bench& bench) {
     const Excursion far = excursion(traces[i], X_W0);
     o.distance.push_back(far.distance);
     o.rotation.push_back(far.rotation);
-    o.energy.push_back(delivered_energy(traces[i]));
+    o.energy.push_back(generated_energy(traces[i]));
     trials.row(method.label, static_cast<double>(seed), far.distance, far.rotation,
                o.energy.back());
     if (seed != bench.seed()) continue;
@@ -110,9 +110,9 @@ void square_hole(Bench& bench) {
                                                    largest(o.rotation) * kDegree < 1))});
   }
   if (const Outcomes& o = of["ir"]; !o.energy.empty()) {
-    bench.find(
-        fmt::format("IR, square peg in a square hole: moves {} mm, {}°; the motors give it {} mJ.",
-                    spread(o.distance, 1e3), spread(o.rotation, kDegree), spread(o.energy, 1e3)));
+    bench.find(fmt::format("IR, square peg in a square hole: moves {} mm, {}°; {} mJ generated.",
+                           spread(o.distance, 1e3), spread(o.rotation, kDegree),
+                           spread(o.energy, 1e3)));
   }
 }
 

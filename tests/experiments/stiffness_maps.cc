@@ -29,7 +29,11 @@ void set_jitter(Trial& t, double ms) { t.conditions.link.jitter = 1e-3 * ms; }
 void set_loss(Trial& t, double percent) { t.conditions.link.loss = 0.01 * percent; }
 void set_device_delay(Trial& t, double ticks) { t.task.device.delay = static_cast<int>(ticks); }
 void set_servo_rate(Trial& t, double hz) { t.conditions.servo_rate = hz; }
-void set_waiting(Trial& t, double waits) { t.conditions.waits = waits > 0; }
+/// At 50 ms one way: at the usual 2 ms the acknowledgement is always back before the next frame.
+void set_waiting(Trial& t, double waits) {
+  t.conditions.link.delay = 0.05;
+  t.conditions.waits = waits > 0;
+}
 
 const std::vector<Axis>& axes() {
   static const std::vector<Axis> all{
@@ -110,11 +114,14 @@ void stiffness_maps(Bench& bench) {
   }
   if (!bench.complete()) return;
   Map& delay = k_max["delay"];
-  const double kept = delay[200]["lm5"] / delay[0]["lm5"];
-  bench.claim({.what = "k_max of LM₅ over network delay",
-               .criterion = "falls by less than half from 0 to 200 ms",
-               .measured = fmt::format("{:.0f} % is left", 100 * kept),
-               .holds = kept > 0.5});
+  // With direct coupling, whose limit lies within the scan; with four channels it is beyond.
+  const double kept = delay[200]["lm5-direct"] / delay[0]["lm5-direct"];
+  bench.claim(
+      {.what = "k_max of LM₅ (direct) over network delay",
+       .criterion = "falls by less than half from 0 to 200 ms",
+       .measured = fmt::format("{:.0f} N/m at 0 ms, {:.0f} N/m at 200 ms: {:.0f} % is left",
+                               delay[0]["lm5-direct"], delay[200]["lm5-direct"], 100 * kept),
+       .holds = kept > 0.5 && delay[0]["lm5-direct"] > delay[0]["ir"]});
   bench.claim({.what = "k_max of IR over network delay",
                .criterion = "falls as 1/age: slope of log k_max over log (delay + mean period) "
                             "between -0.7 and -1.3",
@@ -123,9 +130,10 @@ void stiffness_maps(Bench& bench) {
                                        slope_over_age(delay, "ir"), delay[0]["ir"],
                                        delay[100]["ir"], delay[200]["ir"]),
                .holds = std::abs(slope_over_age(delay, "ir") + 1) < 0.3});
-  bench.find(
-      "At 200 ms the environment is late by half a period of the hand's 2.5 Hz: IR's walls come "
-      "when the peg is on its way back, and bear more than at 100 ms.");
+  if (delay[200]["ir"] > delay[100]["ir"])
+    bench.find(
+        "At 200 ms the environment is late by half a period of the hand's 2.5 Hz: IR's walls come "
+        "when the peg is on its way back, and bear more than at 100 ms.");
 }
 
 }  // namespace hlm::experiments

@@ -17,48 +17,73 @@ using server::LocalContacts;
 using server::LocalModel;
 using server::TickRecord;
 
-/// Springs that the hand feels, as far as an update changes them: resultant and energy.
-struct Springs {
-  Vector3 force = Vector3::Zero();
-  double energy = 0;
-};
-Springs springs(const LocalContacts& contacts, const ToolModel& proxy, double stiffness) {
-  Springs sum;
+double spring_force(const server::LocalContact& contact, const ToolModel& proxy, double stiffness) {
+  return stiffness * std::max(0.0, -server::separation(contact, proxy));
+}
+
+double spring_energy(const LocalContacts& contacts, const ToolModel& proxy, double stiffness) {
+  double sum = 0;
   for (const server::LocalContact& contact : contacts) {
-    const double depth = std::max(0.0, -server::separation(contact, proxy));
-    sum.force += stiffness * depth * contact.n_W;
-    sum.energy += stiffness * depth * depth / 2;
+    const double force = spring_force(contact, proxy, stiffness);
+    sum += force * force / (2 * stiffness);
   }
   return sum;
 }
 
-/// Keeps the local model of the tick before, and compares.
-class UpdateObserver {
- public:
-  explicit UpdateObserver(double stiffness) : stiffness_(stiffness) {}
+const server::LocalContact* find(const LocalContacts& contacts, const ContactKey& key) {
+  for (const server::LocalContact& contact : contacts) {
+    if (contact.key == key) return &contact;
+  }
+  return nullptr;
+}
 
-  void see(const LocalModel& model, const TickRecord& record, std::vector<UpdateEffect>& effects) {
+/// What an update made of the contacts, with the proxy where it was.
+UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
+                     const ToolModel& proxy, double stiffness) {
+  UpdateEffect effect;
+  Vector3 resultant = Vector3::Zero();
+  const auto change = [&](double from, double to) {
+    effect.rise = std::max(effect.rise, to - from);
+    effect.fall = std::max(effect.fall, from - to);
+  };
+  for (const server::LocalContact& contact : after) {
+    const server::LocalContact* old = find(before, contact.key);
+    const double force = spring_force(contact, proxy, stiffness);
+    resultant += force * contact.n_W;
+    change(old != nullptr ? spring_force(*old, proxy, stiffness) : 0, force);
+    if (old == nullptr) effect.arrived_n_W = contact.n_W;
+  }
+  for (const server::LocalContact& contact : before) {
+    const double force = spring_force(contact, proxy, stiffness);
+    resultant -= force * contact.n_W;
+    if (find(after, contact.key) == nullptr) change(force, 0);
+  }
+  effect.force = resultant.norm();
+  effect.energy = spring_energy(after, proxy, stiffness) - spring_energy(before, proxy, stiffness);
+  return effect;
+}
+
+/// Sees the local model after each tick, and what updates change in it.
+class ModelObserver {
+ public:
+  ModelObserver(double stiffness, bool dynamic) : stiffness_(stiffness), dynamic_(dynamic) {}
+
+  void see(const LocalModel& model, const TickRecord& record, Trace& trace) {
     if (record.adopted > 0 && proxy_) {
-      const Springs before = springs(contacts_, *proxy_, stiffness_);
-      const Springs after = springs(model.contacts(), *proxy_, stiffness_);
-      effects.push_back({record.time, (after.force - before.force).norm(),
-                         after.energy - before.energy, arrivals(model.contacts())});
+      trace.updates.push_back(compare(contacts_, model.contacts(), *proxy_, stiffness_));
+      trace.updates.back().time = record.time;
     }
+    const Velocity& v = model.velocity();
+    const double kinetic = dynamic_ ? 0.5 * v.dot(model.proxy().mass_matrix() * v) : 0;
+    trace.internal_energy.push_back(kinetic +
+                                    spring_energy(model.contacts(), model.proxy(), stiffness_));
     contacts_ = model.contacts();
     proxy_ = model.proxy();
   }
 
  private:
-  int arrivals(const LocalContacts& contacts) const {
-    int count = 0;
-    for (const server::LocalContact& contact : contacts) {
-      count += std::none_of(contacts_.begin(), contacts_.end(),
-                            [&](const auto& old) { return old.key == contact.key; });
-    }
-    return count;
-  }
-
   double stiffness_;
+  bool dynamic_;
   LocalContacts contacts_;
   std::optional<ToolModel> proxy_;
 };
@@ -120,12 +145,13 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   // engine that is coupled has a tool of its own, drawn by the spring that the hand feels.
   options.follow.mode = ve::FollowMode::kKinematic;
   if (couples_engine(method)) {
-    constexpr double kArm = 0.04;  // m: turns K_c into an angular stiffness, half the peg's length.
+    // One frequency for translation and rotation: the engine's spring turns with K I / m.
+    constexpr double mass = 1;           // kg, of the tool
+    constexpr double inertia = 6.67e-4;  // kg·m², of the peg about z
     servo.gains = {.stiffness = task.stiffness,
                    .damping = task.damping,
-                   .angular_stiffness = task.stiffness * kArm * kArm,
-                   .angular_damping = task.damping * kArm * kArm};
-    const double mass = 1;  // kg, of the tool.
+                   .angular_stiffness = task.stiffness * inertia / mass,
+                   .angular_damping = task.damping * inertia / mass};
     const double w = std::sqrt(task.stiffness / mass);
     options.follow = {.mode = ve::FollowMode::kImplicit,
                       .frequency = w / (2 * std::numbers::pi),
@@ -150,17 +176,23 @@ Trace run(const Trial& trial) {
 
   Trace trace;
   trace.controller = trial.method.controller;
-  UpdateObserver observer(trial.task.stiffness);
+  trace.device_delay = trial.task.device.delay;
+  ModelObserver observer(trial.task.stiffness, !server::replaces_proxy(trial.method.controller));
   test::VirtualSession* running = nullptr;
   double acts_from = -1;  // s, on the network's clock.
   const double dt = 1 / rate;
   test::VirtualSession session(session_options(trial, hand), [&](const TickRecord& record) {
-    if (record.step == 1) acts_from = record.time - dt + start;
+    if (record.step == 1 && acts_from < 0) acts_from = record.time - dt + start;
     if (acts_from < 0 || record.time < acts_from - dt / 2) return;
     trace.ticks.push_back(record);
     trace.ticks.back().time -= acts_from;
-    if (running->servo().local_model()) {
-      observer.see(*running->servo().local_model(), trace.ticks.back(), trace.updates);
+    const bool goes_on = record.server == protocol::ServerState::kRunning &&
+                         record.session == trace.ticks.front().session;
+    trace.broken = trace.broken || !goes_on;
+    if (goes_on) {
+      observer.see(*running->servo().local_model(), trace.ticks.back(), trace);
+    } else {
+      trace.internal_energy.push_back(0);
     }
   });
   running = &session;

@@ -48,14 +48,21 @@ struct Trial {
 struct UpdateEffect {
   double time = 0;    ///< s.
   double force = 0;   ///< N: change of the resultant of all spring forces.
+  double rise = 0;    ///< N: largest rise of one contact's spring force.
+  double fall = 0;    ///< N: largest fall; a contact that goes loses all.
   double energy = 0;  ///< J: change of the energy stored in all springs.
-  int arrived = 0;    ///< Contacts that the local model did not have before.
+  /// Normal of a contact that the local model did not have before; zero if there is none.
+  Vector3 arrived_n_W = Vector3::Zero();
 };
 
 /// Time zero is when the hand begins to act.
 struct Trace {
   server::ControllerKind controller = server::ControllerKind::kFourChannel;
+  int device_delay = 0;  ///< Ticks from a command to its effect.
   std::vector<server::TickRecord> ticks;
+  /// At the end of each tick, J: kinetic energy of a proxy with dynamics, and all contact springs'.
+  std::vector<double> internal_energy;
+  bool broken = false;  ///< The server left its running state, or the session ended.
   std::vector<UpdateEffect> updates;
 };
 
