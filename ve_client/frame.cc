@@ -38,9 +38,9 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clo
   const double sampled_at = clock.now();
   server.sample(sampled_at, tool.q(), tool.v(), period);
   const double delay = server.round_trip() + options.delay;
-  const double epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
+  result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
   const ReportedContacts contacts =
-      select_contacts(proximity.query(tool, epsilon), assembly.planar_normal_W);
+      select_contacts(proximity.query(tool, result.epsilon), assembly.planar_normal_W);
 
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
   server.send(clock.now(), contacts);

@@ -41,10 +41,11 @@ struct FrameResult {
   bool state_refused = false;  ///< The proxy state could not be followed (VirtualTool::can_follow).
   std::size_t active = 0;      ///< Contacts sent with σ <= 0.
   std::size_t predicted = 0;   ///< Contacts sent with σ > 0.
+  double epsilon = 0;          ///< ε of this frame, m.
 };
 
-/// ε for a tool whose fastest point moves at `speed` (m/s): what it travels until contacts found now
-/// are replaced by the next, with a margin for what it may accelerate and for longer frames.
+/// ε for a tool whose fastest point moves at `speed` (m/s): what it travels until contacts found
+/// now are replaced by the next, with a margin for what it may accelerate and for longer frames.
 /// delay: from the proxy's state here to contacts there, s. period: of the frames, s.
 double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period);
 

@@ -24,6 +24,7 @@ class CommandLine {
     app_.add_flag("--print-config", print_config_, "Print the effective configuration and end")
         ->configurable(false);
     add_connection();
+    add_page();
     add_world();
     add_frame();
     add_follow();
@@ -59,6 +60,22 @@ class CommandLine {
     app_.add_option("--log-level", settings_.log_level, "trace, debug, info, warn, error or off")
         ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
     app_.add_flag("--quiet", quiet_, "Log warnings and errors only");
+  }
+
+  void add_page() {
+    app_.add_option("--page", settings_.page,
+                    "Serve the live page at this ADDRESS:PORT, for example 127.0.0.1:8080. Other "
+                    "addresses than "
+                    "loopback let the network move the device");
+    app_.add_option("--page-root", settings_.page_root, "Folder of the page's files");
+    app_.add_option("--network-delay", settings_.network.delay,
+                    "Hold every datagram this long, in both directions, s")
+        ->check(CLI::Range(0.0, 0.5));
+    app_.add_option("--network-jitter", settings_.network.jitter,
+                    "Hold each up to this much longer, s")
+        ->check(CLI::Range(0.0, 0.2));
+    app_.add_option("--network-loss", settings_.network.loss, "Portion of datagrams that are lost")
+        ->check(CLI::Range(0.0, 0.9));
   }
 
   void add_world() {

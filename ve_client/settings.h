@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "ve_client/client/impaired_link.h"
 #include "ve_client/frame.h"
 #include "ve_client/world/virtual_tool.h"
 
@@ -23,6 +24,9 @@ struct Settings {
   std::string record;           ///< Capture file; empty: none.
   double duration = 0;          ///< s; 0: until stopped.
   double connect_timeout = 10;  ///< s; 0: wait for ever.
+  std::string page;             ///< ADDRESS:PORT of the live page; empty: none.
+  std::string page_root;        ///< Folder of its files; empty: where they were built.
+  NetworkConditions network;
   std::string log_level = "info";
 };
 

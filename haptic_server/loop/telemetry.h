@@ -10,8 +10,12 @@ namespace hlm::server {
 class Telemetry {
  public:
   /// A session begins; nobody has asked.
-  void begin() noexcept { switch_on(false); }
+  void begin() noexcept {
+    on_ = false;
+    batch_.ticks.clear();
+  }
   void switch_on(bool on) noexcept {
+    if (on == on_) return;
     on_ = on;
     batch_.ticks.clear();
   }

@@ -1,0 +1,60 @@
+// A network that is worse than the one there is: datagrams of both directions are delayed and lost,
+// to see what a method makes of it.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <span>
+#include <vector>
+
+#include "protocol/datagram_link.h"
+
+namespace hlm {
+
+/// What happens to each datagram, in either direction.
+struct NetworkConditions {
+  double delay = 0;   ///< Held at least this long, s.
+  double jitter = 0;  ///< And up to this much longer, uniformly drawn, s. Datagrams may overtake.
+  double loss = 0;    ///< Probability that it never arrives.
+
+  bool operator==(const NetworkConditions&) const = default;
+};
+
+/// Holds datagrams until pump() finds them due: call that at least once a millisecond. Without
+/// conditions everything passes at once. Not thread-safe.
+class ImpairedLink final : public protocol::DatagramLink {
+ public:
+  /// now: a steady clock, s. seed: of jitter and loss. `link` must outlive this.
+  ImpairedLink(protocol::DatagramLink& link, std::function<double()> now, std::uint64_t seed)
+      : link_(link), now_(std::move(now)), engine_(seed) {}
+
+  /// Holds for datagrams from now on.
+  void set_conditions(const NetworkConditions& conditions) { conditions_ = conditions; }
+
+  /// Sends what is due, and takes what has come.
+  void pump();
+
+  bool receive(protocol::Datagram& datagram) noexcept override;
+  void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override;
+
+ private:
+  struct Held {
+    double due = 0;  ///< s.
+    protocol::Datagram datagram;
+  };
+  using Queue = std::vector<Held>;  ///< In order of `due`.
+
+  void hold(Queue& queue, const protocol::Datagram& datagram);
+  bool take(Queue& queue, protocol::Datagram& datagram);
+  double uniform();
+
+  protocol::DatagramLink& link_;
+  std::function<double()> now_;
+  std::mt19937_64 engine_;
+  NetworkConditions conditions_;
+  Queue incoming_;
+  Queue outgoing_;
+};
+
+}  // namespace hlm

@@ -1,0 +1,31 @@
+// What is wrong, and what to do about it: one sentence, or none.
+
+const STALE_MS = 2000;
+
+const FAULTS = {
+  non_finite: 'the local model gave a value that is not finite: lower stiffness or choose LM, then Reset',
+  overrun: 'ticks took longer than their period for too long: give the server free cores or a lower '
+    + 'rate, then Reset',
+  device: 'the device reported an error: check its cable, power and enable switch, then Reset',
+};
+
+/** `link`: open, frameAt (ms, of the last frame). Returns {kind, text}, or null if all is well. */
+export function troubleOf(link, frame, now) {
+  if (!link.open) {
+    return { kind: 'disconnected', text: 'This page has lost ve_client: start it (scripts/run). Trying again …' };
+  }
+  if (!frame || now - link.frameAt > STALE_MS) {
+    return { kind: 'stale', text: 've_client answers but sends no frames: its world stands still. Look at its terminal.' };
+  }
+  if (!frame.connected) {
+    return { kind: 'no_server', text: 'haptic_server does not answer: start it, or check --server.' };
+  }
+  if (frame.server === 'fault') {
+    return { kind: 'fault', text: `Fault ${frame.fault}: ${FAULTS[frame.fault] ?? 'see the log of haptic_server, then Reset'}.` };
+  }
+  if (frame.server === 'silent') {
+    return { kind: 'silent', text: 'haptic_server hears nothing from the environment, and lets the force fade: '
+      + 'lower loss and delay, or raise the frame rate.' };
+  }
+  return null;
+}

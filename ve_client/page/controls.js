@@ -1,0 +1,245 @@
+// What the user can set: methods, numbers with their ranges, choices; and what is in effect.
+
+import { typed } from './format.js';
+
+const METHODS = [
+  ['lm5', 'LM 5 mm', 'Local model, contacts sent up to 5 mm before they are touched'],
+  ['lm-adaptive', 'LM adaptive', 'Local model, epsilon grows with speed and delay'],
+  ['lm0', 'LM 0', 'Local model without prediction: only touching contacts are sent'],
+  ['ir', 'IR', 'Intermediate representation: planes that stay until the next update'],
+  ['coupler', 'Virtual coupler', "A spring and damper to the engine's tool"],
+  ['engine', 'Direct to engine', "The engine's contact force, held between frames"],
+];
+
+const UPDATE_RULES = ['retain', 'paper', 'intermediate_representation', 'plane_recovery'];
+const CONTROLLERS = ['four_channel', 'three_channel', 'virtual_coupler', 'direct', 'rotation_coupler',
+                     'engine_coupler', 'engine_force'];
+
+// Groups of fields: [name, label, choices]. Without choices a field is a number.
+const GROUPS = [
+  ['settings', 'Contact', [
+    ['stiffness', 'Stiffness k'], ['damping', 'Damping b'], ['friction', 'Friction µ'],
+    ['restitution', 'Restitution e']]],
+  ['environment', 'Prediction', [
+    ['epsilon', 'Epsilon'], ['largest_epsilon', 'Largest epsilon (0: fixed)'], ['rate', 'Frame rate']]],
+  ['environment', 'Injected on the network', [
+    ['delay', 'Delay, one way'], ['jitter', 'Jitter'], ['loss', 'Loss (0 to 1)']]],
+  ['settings', 'Controller', [
+    ['controller', 'Controller', CONTROLLERS], ['update_rule', 'Update rule', UPDATE_RULES],
+    ['coupling_stiffness', 'Coupling stiffness'], ['coupling_damping', 'Coupling damping'],
+    ['coupling_angular_stiffness', 'Angular stiffness'], ['coupling_angular_damping', 'Angular damping']]],
+];
+
+const SETTLE_MS = 600;     // how long a value just sent is left alone
+const REFUSAL_MS = 12000;
+const DRAG_SEND_MS = 80;
+const SLIDER_STEPS = 1000;
+
+export class Controls {
+  constructor(panel, methodBar, send) {
+    this.send = send;
+    this.fields = new Map();
+    for (const [kind, title, fields] of GROUPS) panel.append(this.#group(kind, title, fields));
+    this.methods = METHODS.map((method) => this.#methodButton(methodBar, method));
+  }
+
+  setRanges(ranges) {
+    for (const [name, range] of Object.entries(ranges ?? {})) this.fields.get(name)?.setRange?.(range);
+  }
+
+  /** Shows what is in effect, except where the user is at work. */
+  show(settings = {}, environment = {}) {
+    for (const [name, field] of this.fields) {
+      const value = settings[name] ?? environment[name];
+      field.forgetOldRefusal();
+      if (value !== undefined && value !== null) field.show(value);
+    }
+    const method = methodInEffect(settings, environment);
+    for (const { name, button } of this.methods) {
+      button.setAttribute('aria-pressed', String(name === method));
+    }
+  }
+
+  /** Whether a field of that name shows the refusal. */
+  refuse(name, text) {
+    const field = this.fields.get(name);
+    field?.refuse(text);
+    if (field) field.element.closest('details').open = true;
+    return Boolean(field);
+  }
+
+  choose(method) {
+    this.send({ type: 'method', name: method });
+  }
+
+  #group(kind, title, fields) {
+    const group = document.createElement('details');
+    group.open = true;
+    const heading = group.appendChild(document.createElement('summary'));
+    heading.textContent = title;
+    for (const [name, label, choices] of fields) {
+      const send = (value) => this.send({ type: kind, [name]: value });
+      const field = choices ? new ChoiceField(name, label, choices, send) : new NumberField(name, label, send);
+      this.fields.set(name, field);
+      group.append(field.element);
+    }
+    return group;
+  }
+
+  #methodButton(bar, [name, label, title]) {
+    const button = bar.appendChild(document.createElement('button'));
+    Object.assign(button, { type: 'button', textContent: label, title });
+    button.dataset.method = name;
+    button.onclick = () => this.choose(name);
+    return { name, button };
+  }
+}
+
+/** The method whose name describes these settings. */
+export function methodInEffect({ controller, update_rule }, { epsilon, largest_epsilon }) {
+  if (controller === 'engine_force') return 'engine';
+  if (controller === 'virtual_coupler' || controller === 'engine_coupler') return 'coupler';
+  if (controller === 'rotation_coupler' || update_rule === 'plane_recovery') return null;
+  if (update_rule === 'intermediate_representation') return 'ir';
+  if (largest_epsilon > 0) return 'lm-adaptive';
+  if (epsilon === 0) return 'lm0';
+  return Math.abs(epsilon - 0.005) < 1e-6 ? 'lm5' : null;
+}
+
+class Field {
+  constructor(name, label, send) {
+    this.send = send;
+    this.leftAloneUntil = 0;
+    this.element = document.createElement('div');
+    this.element.className = 'field';
+    this.element.dataset.field = name;
+    this.label = this.element.appendChild(document.createElement('label'));
+    this.label.textContent = label;
+    this.label.htmlFor = `field-${name}`;
+    this.message = document.createElement('p');
+    this.message.setAttribute('role', 'alert');
+  }
+
+  settle() {
+    this.leftAloneUntil = performance.now() + SETTLE_MS;
+  }
+
+  get settling() {
+    return performance.now() < this.leftAloneUntil;
+  }
+
+  refuse(text) {
+    this.message.textContent = text;
+    this.element.classList.toggle('refused', Boolean(text));
+    this.leftAloneUntil = 0;
+    this.refusedAt = text ? performance.now() : undefined;
+  }
+
+  forgetOldRefusal() {
+    if (performance.now() - this.refusedAt > REFUSAL_MS) this.refuse('');
+  }
+}
+
+class ChoiceField extends Field {
+  constructor(name, label, choices, send) {
+    super(name, label, send);
+    this.select = this.element.appendChild(document.createElement('select'));
+    this.select.id = this.label.htmlFor;
+    for (const choice of choices) this.select.add(new Option(choice.replaceAll('_', ' '), choice));
+    this.element.append(this.message);
+    this.select.onchange = () => {
+      this.refuse('');
+      this.settle();
+      send(this.select.value);
+      this.select.blur();
+    };
+  }
+
+  show(value) {
+    if (document.activeElement === this.select || this.settling) return;
+    if (this.select.value !== value) this.select.value = value;
+  }
+}
+
+class NumberField extends Field {
+  constructor(name, label, send) {
+    super(name, label, send);
+    this.input = this.element.appendChild(document.createElement('input'));
+    Object.assign(this.input, { type: 'text', inputMode: 'decimal', id: this.label.htmlFor, autocomplete: 'off' });
+    this.unit = this.element.appendChild(document.createElement('span'));
+    this.slider = this.element.appendChild(document.createElement('input'));
+    Object.assign(this.slider, { type: 'range', min: 0, max: SLIDER_STEPS, disabled: true });
+    this.slider.setAttribute('aria-label', label);
+    this.element.append(this.message);
+    this.#listen();
+  }
+
+  setRange(range) {
+    this.range = range;
+    this.unit.textContent = range.unit ?? '';
+    this.slider.disabled = false;
+    const text = `${range.least} to ${range.most} ${range.unit ?? ''}`;
+    this.input.title = this.slider.title = text;
+  }
+
+  show(value) {
+    if (this.settling || this.sliding) return;
+    if (document.activeElement !== this.input) {
+      const text = typed(value);
+      if (this.input.value !== text) this.input.value = text;
+    }
+    if (this.range) this.slider.value = positionOf(value, this.range);
+  }
+
+  #listen() {
+    this.input.onchange = () => this.#enter();
+    this.input.oninput = () => this.refuse('');
+    this.input.onkeydown = (event) => {
+      if (event.key === 'Escape') this.input.blur();
+    };
+    this.slider.onpointerdown = () => { this.sliding = true; };
+    this.slider.onpointerup = this.slider.onpointercancel = () => { this.sliding = false; };
+    this.slider.oninput = () => this.#slide(false);
+    this.slider.onchange = () => this.#slide(true);
+  }
+
+  #enter() {
+    const value = Number(this.input.value.trim().replace(',', '.') || NaN);
+    if (!Number.isFinite(value)) {
+      this.refuse(`“${this.input.value}” is not a number`);
+      return;
+    }
+    this.settle();
+    this.send(value);
+  }
+
+  #slide(done) {
+    const value = valueAt(Number(this.slider.value), this.range);
+    this.input.value = typed(value);
+    this.refuse('');
+    this.settle();
+    const now = performance.now();
+    if (!done && now - (this.slidAt ?? 0) < DRAG_SEND_MS) return;
+    this.slidAt = now;
+    this.send(value);
+  }
+}
+
+// Sliders: logarithmic where the range spans decades, cubic where it begins at 0 and has a unit.
+const isLogarithmic = ({ least, most }) => least > 0 && most / least >= 100;
+const isCubic = ({ least, unit }) => least === 0 && Boolean(unit);
+
+function valueAt(position, range) {
+  const { least, most } = range;
+  const t = position / SLIDER_STEPS;
+  const value = isLogarithmic(range) ? least * (most / least) ** t
+    : least + (most - least) * (isCubic(range) ? t ** 3 : t);
+  return Math.min(most, Math.max(least, Number(value.toPrecision(3))));
+}
+
+function positionOf(value, range) {
+  const { least, most } = range;
+  const t = isLogarithmic(range) ? Math.log(Math.max(value, least) / least) / Math.log(most / least)
+    : (value - least) / (most - least);
+  return Math.round(SLIDER_STEPS * (isCubic(range) ? Math.cbrt(t) : t));
+}

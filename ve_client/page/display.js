@@ -1,0 +1,77 @@
+// What the page says in words and numbers around the scene: status line, legend, the spring's force.
+
+import { magnitude, milliseconds, newtons, niceAbove } from './format.js';
+
+/** Events per second over the last two seconds. */
+export class Meter {
+  #marks = [];    // [time ms, events since the mark before]
+
+  count(events = 1) {
+    const now = performance.now();
+    this.#marks.push([now, events]);
+    while (this.#marks[0][0] < now - 2000) this.#marks.shift();
+  }
+
+  rate() {
+    const now = performance.now();
+    const marks = this.#marks.filter(([time]) => time >= now - 2000);
+    if (marks.length < 2) return 0;
+    const events = marks.slice(1).reduce((sum, [, count]) => sum + count, 0);
+    return (events * 1000) / (now - marks[0][0]);
+  }
+}
+
+export function showStatus(element, { link, trouble, frame, meters, store }) {
+  const entries = [[trouble ? trouble.kind.replace('_', ' ') : 'connected', Boolean(trouble)]];
+  if (link.open && frame) {
+    entries.push([`servo ${Math.round(meters.ticks.rate())} Hz`],
+                 [`VE ${Math.round(meters.frames.rate())} Hz`],
+                 [`page ${Math.round(meters.page.rate())} fps`],
+                 [`lost ${store.lost}`, store.lost > 0],
+                 [`round trip ${milliseconds(frame.round_trip)}`]);
+  }
+  const key = entries.join();
+  if (element.dataset.key === key) return;
+  element.dataset.key = key;
+  element.replaceChildren(...entries.flatMap(([text, bad], i) => {
+    const entry = document.createElement(i === 0 || bad ? 'b' : 'span');
+    entry.className = bad ? 'bad' : '';
+    entry.textContent = text;
+    return i === 0 ? [entry] : [' · ', entry];
+  }));
+}
+
+/** The forces' sizes, and how long an arrow of a round number of newtons is on the screen. */
+export function showLegend(scene, frame) {
+  const byId = (id) => document.getElementById(id);
+  for (const name of ['F_env', 'F_hand', 'F_command']) {
+    byId(`value-${name}`).textContent = newtons(magnitude(frame[name]));
+  }
+  if (!scene.metresPerNewton) return;
+  const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;
+  const force = niceAbove(14 / pixelsPerNewton);
+  byId('arrow-bar').style.width = `${Math.min(90, force * pixelsPerNewton)}px`;
+  byId('arrow-scale').textContent = `${Number(force.toPrecision(1))} N`;
+}
+
+/** The hand's force beside the middle of the spring; where nothing is held, a hint at the handle. */
+export function showSpring(scene, hand, label, hint) {
+  const { frame } = scene;
+  const shown = frame?.device && scene.view;
+  label.hidden = !shown || !hand.held;
+  hint.hidden = !shown || hand.held || hand.known === true;
+  if (!shown) return;
+  if (hand.held) {
+    hand.known = true;
+    const middle = hand.target.slice(0, 3).map((value, i) => (value + frame.device[i]) / 2);
+    label.textContent = newtons(magnitude(frame.F_hand));
+    moveTo(label, scene, middle, 18, -30);
+  } else if (!hint.hidden) {
+    moveTo(hint, scene, frame.device, 14, 12);
+  }
+}
+
+function moveTo(element, scene, point, dx, dy) {
+  const [x, y] = scene.projectInside(point);
+  element.style.transform = `translate(${Math.round(x + dx)}px, ${Math.round(y + dy)}px)`;
+}

@@ -1,0 +1,181 @@
+// How pointer and keys become the hand: what the target is, and when it is sent.
+
+import * as THREE from 'three';
+
+const SEND_MS = 1000 / 60;
+const REPEAT_MS = 200;
+const TURN_PER_SECOND = Math.PI / 2;
+const DEPTH_PER_SECOND = 0.12;   // m
+const KEYS = { q: 'turnLeft', e: 'turnRight', r: 'away', f: 'near' };
+
+export class Hand {
+  /** `send(message)` says whether it could; `changed()` is called when held or let go. */
+  constructor(surface, scene, send, changed) {
+    Object.assign(this, { surface, scene, send, changed });
+    this.holders = new Set();    // what holds: pointer, keys, latch
+    this.moves = new Set();      // of KEYS' values
+    this.position = null;
+    this.rotation = new THREE.Quaternion();
+    this.latching = false;
+    this.#listenToPointer();
+    this.#listenToKeys();
+    this.stepped = performance.now();
+    setInterval(() => this.#step(), SEND_MS + 0.5);
+  }
+
+  get held() {
+    return this.position !== null;
+  }
+
+  /** [x,y,z, w,x,y,z], or null when nothing is held. */
+  get target() {
+    const { x, y, z, w } = this.rotation;
+    return this.held ? [...this.position, w, x, y, z] : null;
+  }
+
+  /** Takes hold of the handle where it is, so that nothing jumps. */
+  grab(holder = 'pointer') {
+    const device = this.scene.frame?.device;
+    if (!device) return false;
+    this.holders.add(holder);
+    if (this.held) return true;
+    this.position = device.slice(0, 3);
+    this.rotation.set(device[4], device[5], device[6], device[3]);
+    this.#sendTarget();
+    this.changed();
+    return true;
+  }
+
+  moveBy(dx, dy, dz) {
+    if (!this.held) return;
+    this.position[0] += dx;
+    this.position[1] += dy;
+    this.position[2] += dz;
+  }
+
+  /** Turns the target about the world's z axis. */
+  turnBy(angle) {
+    if (!this.held) return;
+    const turn = new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 0, 1), angle);
+    this.rotation.premultiply(turn).normalize();
+  }
+
+  /** One holder lets go; the last one ends the hold. Without an argument, all do. */
+  release(holder) {
+    if (holder) this.holders.delete(holder);
+    else this.holders.clear();
+    if (!this.held || this.holders.size > 0) return;
+    this.position = null;
+    this.moves.clear();
+    this.send({ type: 'hand', hold: false });
+    this.changed();
+  }
+
+  /** Whether the hand stays where it is when the pointer lets go. */
+  setLatching(on) {
+    this.latching = on;
+    if (!on) this.release('latch');
+    else if (this.held) this.holders.add('latch');
+    this.changed();
+  }
+
+  /** Begins or ends one of the moves of KEYS, as keys and buttons do. */
+  press(move, on) {
+    if (on && this.grab('keys')) this.moves.add(move);
+    if (!on) {
+      this.moves.delete(move);
+      if (this.moves.size === 0) this.#letGo('keys');
+    }
+  }
+
+  #letGo(holder) {
+    if (this.latching && this.held) this.holders.add('latch');
+    this.release(holder);
+  }
+
+  #step() {
+    const now = performance.now();
+    const elapsed = Math.min((now - this.stepped) / 1000, 0.1);
+    this.stepped = now;
+    if (!this.held) return;
+    this.#moveByKeys(elapsed);
+    const moved = this.target.some((value, i) => value !== this.sent[i]);
+    if (moved || now - this.sentAt >= REPEAT_MS) this.#sendTarget();
+  }
+
+  #moveByKeys(elapsed) {
+    const depth = this.scene.depthAxis();
+    const turn = (this.moves.has('turnLeft') ? 1 : 0) - (this.moves.has('turnRight') ? 1 : 0);
+    if (turn) this.turnBy((depth.z > 0 ? -turn : turn) * TURN_PER_SECOND * elapsed);
+    const away = (this.moves.has('away') ? 1 : 0) - (this.moves.has('near') ? 1 : 0);
+    if (!away || this.scene.world.planar) return;
+    const step = depth.multiplyScalar(away * DEPTH_PER_SECOND * elapsed).toArray();
+    this.moveBy(...step);
+    this.under = this.under?.map((value, i) => value + step[i]);
+  }
+
+  #sendTarget() {
+    if (!this.send({ type: 'hand', hold: true, target: this.target })) return;
+    this.sent = this.target;
+    this.sentAt = performance.now();
+  }
+
+  #listenToPointer() {
+    const { surface } = this;
+    // In the capture phase: what the hand takes must not orbit the camera.
+    surface.addEventListener('pointerdown', (event) => this.#pointerDown(event), true);
+    surface.addEventListener('pointermove', (event) => this.#pointerMove(event));
+    for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) {
+      surface.addEventListener(end, (event) => this.#pointerEnd(event));
+    }
+    window.addEventListener('blur', () => this.release());
+    document.addEventListener('visibilitychange', () => document.hidden && this.release());
+  }
+
+  #pointerDown(event) {
+    if (event.button !== 0 || this.pointer !== undefined || event.target.tagName !== 'CANVAS') return;
+    if (!this.scene.picks(event.clientX, event.clientY, event.pointerType === 'touch')) return;
+    if (!this.grab('pointer')) return;
+    event.stopPropagation();
+    event.target.setPointerCapture(event.pointerId);
+    this.pointer = event.pointerId;
+    this.under = this.scene.pointInPlane(event.clientX, event.clientY, this.position);
+  }
+
+  #pointerMove(event) {
+    if (event.pointerId !== this.pointer) {
+      if (event.pointerType === 'mouse') this.#showCursor(event);
+      return;
+    }
+    const point = this.scene.pointInPlane(event.clientX, event.clientY, this.under ?? this.position);
+    if (point && this.under) this.moveBy(...point.map((value, i) => value - this.under[i]));
+    this.under = point ?? this.under;
+  }
+
+  #pointerEnd(event) {
+    if (event.pointerId !== this.pointer) return;
+    this.pointer = this.under = undefined;
+    this.#letGo('pointer');
+  }
+
+  #showCursor(event) {
+    const over = event.buttons === 0 && event.target.tagName === 'CANVAS'
+      && this.scene.picks(event.clientX, event.clientY, false);
+    if (event.buttons === 0) this.surface.style.cursor = over ? 'grab' : '';
+  }
+
+  #listenToKeys() {
+    const typing = (event) => event.target.closest('input[type=text], select') || event.ctrlKey
+      || event.metaKey || event.altKey;
+    window.addEventListener('keydown', (event) => {
+      if (typing(event) || event.repeat) return;
+      const move = KEYS[event.key.toLowerCase()];
+      if (move) this.press(move, true);
+      else if (event.key === 'Escape') this.release();
+    });
+    window.addEventListener('keyup', (event) => {
+      const move = KEYS[event.key.toLowerCase()];
+      if (move && this.moves.has(move)) this.press(move, false);
+    });
+  }
+}

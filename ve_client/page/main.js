@@ -1,0 +1,180 @@
+// How the parts of the page hang together: what comes in, what is drawn when, what goes out.
+
+import { troubleOf } from './banner.js';
+import { Chain } from './chain.js';
+import { Charts } from './charts.js';
+import { Connection } from './connection.js';
+import { Controls } from './controls.js';
+import { Meter, showLegend, showSpring, showStatus } from './display.js';
+import { magnitude } from './format.js';
+import { Hand } from './hand.js';
+import { Scene, graphics } from './scene.js';
+import { Sound } from './sound.js';
+import { TickStore } from './ticks.js';
+
+const TEXT_MS = 150;      // how often words and numbers change
+const REFUSAL_MS = 6000;
+
+const byId = (id) => document.getElementById(id);
+const state = { world: null, frame: null, store: new TickStore(1000), frameAt: 0, notice: null };
+const meters = { page: new Meter(), ticks: new Meter(), frames: new Meter() };
+
+const connection = new Connection(sessionUrl(), {
+  world: takeWorld,
+  frame: takeFrame,
+  refused: takeRefusal,
+  ticks: takeTicks,
+  telemetry: () => state.store.expectAnything(),
+  opened: () => { state.frameAt = performance.now(); },
+  closed: () => hand?.release(),
+});
+const send = (message) => connection.send(message);
+
+const scene = makeScene();
+const hand = scene && new Hand(byId('scene'), scene, send, showHold);
+const controls = new Controls(byId('panel'), byId('methods'), send);
+const chain = new Chain(byId('chain'), byId('chain-reason'));
+const charts = new Charts(byId('strips'), {
+  pause: byId('pause'), window: byId('window'), back: byId('back'), export: byId('export') });
+const sound = new Sound();
+charts.setStore(state.store);
+wireButtons();
+exposeForTests();
+requestAnimationFrame(drawPicture);
+setInterval(showText, TEXT_MS);
+
+function sessionUrl() {
+  return `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/session`;
+}
+
+function makeScene() {
+  const drawnBy = graphics();
+  if (drawnBy !== 'none') {
+    const made = new Scene(byId('scene'), drawnBy === 'hardware' && window.devicePixelRatio === 1);
+    const canvas = made.renderer.domElement;
+    canvas.addEventListener('webglcontextlost', () => { byId('no-webgl').hidden = false; });
+    canvas.addEventListener('webglcontextrestored', () => { byId('no-webgl').hidden = true; });
+    return made;
+  }
+  byId('no-webgl').hidden = false;
+  for (const id of ['view-toggle', 'fit', 'hand-tools', 'legend', 'hint', 'spring-force']) byId(id).hidden = true;
+  return null;
+}
+
+function takeWorld(world) {
+  hand?.release();
+  if (world.servo_rate !== state.store.rate) {
+    state.store = new TickStore(world.servo_rate);
+    charts.setStore(state.store);
+  }
+  state.world = world;
+  document.body.classList.toggle('planar', world.planar);
+  controls.setRanges(world.ranges);
+  scene?.setWorld(world);
+  showViewMode();
+}
+
+function takeFrame(frame) {
+  state.frame = frame;
+  state.frameAt = performance.now();
+  meters.frames.count();
+  scene?.setFrame(frame);
+  sound.update(magnitude(frame.F_env), frame.contact_state === 'colliding');
+}
+
+function takeTicks(firstStep, rows) {
+  state.store.append(firstStep, rows, state.frame?.round_trip ?? NaN);
+  meters.ticks.count(rows.length / 16);
+}
+
+function takeRefusal({ field, text }) {
+  if (!controls.refuse(field, text)) state.notice = { text, until: performance.now() + REFUSAL_MS };
+}
+
+function drawPicture(now) {
+  requestAnimationFrame(drawPicture);
+  meters.page.count();
+  if (scene) {
+    scene.draw(hand.target);
+    showSpring(scene, hand, byId('spring-force'), byId('hint'));
+  }
+  charts.redraw(now, meters.page.rate());
+}
+
+function showText() {
+  const now = performance.now();
+  const link = { open: connection.open, frameAt: state.frameAt };
+  const trouble = troubleOf(link, state.frame, now);
+  const notice = state.notice?.until > now ? state.notice.text : null;
+  byId('banner').hidden = !trouble && !notice;
+  byId('banner').textContent = trouble?.text ?? notice ?? '';
+  byId('banner').dataset.kind = trouble?.kind ?? '';
+  showStatus(byId('status'), { link, trouble, frame: state.frame, meters, store: state.store });
+  if (!state.frame) return;
+  controls.show(state.frame.settings, state.frame.environment);
+  chain.show(state.frame, Boolean(hand?.held));
+  if (scene) showLegend(scene, state.frame);
+}
+
+function showHold() {
+  byId('latch').checked = hand.latching;
+  byId('scene').style.cursor = hand.held ? 'grabbing' : '';
+}
+
+function showViewMode() {
+  if (scene?.view) byId('view-toggle').textContent = scene.view.mode === 'plan' ? '3-D view' : 'Plan view';
+}
+
+function wireButtons() {
+  byId('reset').onclick = () => send({ type: 'reset' });
+  byId('fit').onclick = () => scene.fit();
+  byId('magnify').onchange = ({ target }) => { if (scene) scene.magnify = target.checked; };
+  byId('sound').onchange = ({ target }) => sound.setOn(target.checked);
+  byId('latch').onchange = ({ target }) => hand.setLatching(target.checked);
+  byId('panel-toggle').onclick = () => byId('panel').classList.toggle('folded');
+  byId('panel').classList.toggle('folded', window.innerWidth <= 1100);
+  byId('view-toggle').onclick = () => {
+    scene.view?.show(scene.view.mode === 'plan' ? 'space' : 'plan');
+    showViewMode();
+  };
+  for (const button of document.querySelectorAll('[data-move]')) {
+    const press = (on) => () => hand.press(button.dataset.move, on);
+    button.onpointerdown = press(true);
+    button.onpointerup = button.onpointercancel = button.onpointerleave = press(false);
+  }
+}
+
+/**
+ * For tests and the curious:
+ *   frame, world            the latest messages, or null
+ *   ticks                   {received, lost, lastStep, rate}; rate in ticks/s as received
+ *   ticksOf(name)           the kept ticks of one column, oldest first, see COLUMN_NAMES of ticks.js
+ *   fps(), drawn            frames/s of the page; scene frames drawn so far
+ *   project([x,y,z])        [clientX, clientY] of a point of the world
+ *   charts()                {count, visible, paused, seconds, from, to, redraws}
+ *   scene()                 {mode, discs, proxyVisible, metresPerNewton}, or null without WebGL
+ *   hand                    {held, target, grab(), moveBy(dx,dy,dz), turnBy(rad), release()}
+ *   chain()                 {link, reason} of the first link that stops the force, or null
+ *   banner()                its text, or ''
+ *   send(message)           to ve_client
+ */
+function exposeForTests() {
+  window.haptic = {
+    get frame() { return state.frame; },
+    get world() { return state.world; },
+    get ticks() {
+      const { received, lost, lastStep } = state.store;
+      return { received, lost, lastStep, rate: meters.ticks.rate() };
+    },
+    ticksOf: (name) => state.store.valuesOf(name),
+    get drawn() { return scene?.drawn ?? 0; },
+    fps: () => meters.page.rate(),
+    project: (point) => scene?.project(point) ?? null,
+    charts: () => charts.info(),
+    scene: () => scene && scene.info(),
+    hand,
+    chain: () => chain.stops,
+    banner: () => (byId('banner').hidden ? '' : byId('banner').textContent),
+    send,
+  };
+}

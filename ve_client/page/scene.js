@@ -1,0 +1,212 @@
+// What the scene shows: world, tool, proxy, handle, contacts and forces, drawn with three.js.
+
+import * as THREE from 'three';
+import { magnitude, niceAbove } from './format.js';
+import { Arrow, COLORS, Contacts, Spring, handleObject } from './overlays.js';
+import { boundsOf, bodyObject, dispose, look, place } from './shapes.js';
+import { View } from './view.js';
+
+const PROXY_DIFFERS = { metres: 1e-4, radians: 2e-3 };
+const PICK_PIXELS = { mouse: 26, touch: 44 };
+const FORCES = ['F_env', 'F_hand', 'F_command'];
+
+/** What draws WebGL here: 'none', 'software' or 'hardware'. */
+export function graphics() {
+  const gl = document.createElement('canvas').getContext('webgl2');
+  if (!gl) return 'none';
+  const masked = gl.getParameter(gl.RENDERER) === 'WebKit WebGL';
+  const extension = masked && gl.getExtension('WEBGL_debug_renderer_info');
+  const name = gl.getParameter(extension ? extension.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
+  gl.getExtension('WEBGL_lose_context')?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name) ? 'software' : 'hardware';
+}
+
+export class Scene {
+  constructor(container, smooth) {
+    this.container = container;
+    this.renderer = new THREE.WebGLRenderer({ antialias: smooth });
+    this.renderer.setPixelRatio(1);
+    container.prepend(this.renderer.domElement);
+    this.root = new THREE.Scene();
+    this.root.background = new THREE.Color('#fbfbfa');
+    this.looks = {
+      fixed: look('#d9d9d9'), movable: look('#b8c7d6'), tool: look(COLORS.tool, { order: 1 }),
+      proxy: look(COLORS.proxy, { opacity: 0.25, ghost: true, order: 10 }),
+    };
+    this.raycaster = new THREE.Raycaster();
+    this.magnify = false;
+    this.drawn = 0;
+    this.peakForce = 1;
+    this.world = null;
+    this.width = this.height = 1;
+    new ResizeObserver(() => this.#resize()).observe(container);
+  }
+
+  /** Builds the bodies of a `world` message; the view stays if the world is the same. */
+  setWorld(world) {
+    const same = this.world && JSON.stringify(this.world.bodies.map((b) => b.name))
+      === JSON.stringify(world.bodies.map((b) => b.name));
+    for (const object of this.content?.children.slice() ?? []) dispose(object);
+    this.content?.removeFromParent();
+    this.world = world;
+    this.content = new THREE.Group();
+    this.bodies = world.bodies.map((body) => this.#addBody(body));
+    this.proxies = world.tool_links.map((i) => this.#add(bodyObject(world.bodies[i].shapes, this.looks.proxy)));
+    this.tools = world.tool_links.map((i) => this.bodies[i]);
+    this.#addOverlays();
+    this.root.add(this.content);
+    if (!same) this.#newView(world.planar);
+  }
+
+  setFrame(frame) {
+    if (!this.world || frame.bodies.length !== this.bodies.length) return;
+    this.frame = frame;
+    this.changed = true;
+    frame.bodies.forEach((pose, i) => place(this.bodies[i], pose));
+    frame.proxy?.forEach((pose, i) => this.#placeProxy(i, pose));
+    if (frame.device) place(this.handle, frame.device);
+  }
+
+  /** Draws a picture if anything changed; `target` is where the hand pulls to, or null. */
+  draw(target) {
+    if (!this.world || !(this.changed || target || this.view.moved || this.contacts.flashes.length)) return;
+    this.changed = this.view.moved = false;
+    const { camera } = this.view;
+    if (this.frame?.device) {
+      this.contacts.update(this.frame.contacts ?? [], this.magnify, performance.now());
+      this.#drawForces(this.frame);
+      this.spring.update(this.frame.device, target, camera);
+    }
+    this.renderer.render(this.root, camera);
+    ++this.drawn;
+  }
+
+  fit() {
+    if (this.view) this.view.fit(boundsOf(this.bodies), this.aspect);
+  }
+
+  /** Where a point of the world is on the page, [clientX, clientY]. */
+  project(point) {
+    if (!this.view) return null;
+    const { left, top } = this.renderer.domElement.getBoundingClientRect();
+    const [x, y] = this.projectInside(point);
+    return [left + x, top + y];
+  }
+
+  /** The same from the scene's upper left corner. */
+  projectInside(point) {
+    const { camera } = this.view;
+    camera.updateMatrixWorld();
+    const p = new THREE.Vector3(...point).project(camera);
+    return [((p.x + 1) / 2) * this.width, ((1 - p.y) / 2) * this.height];
+  }
+
+  /** Whether a pointer there means the handle: near it, or on the tool. */
+  picks(clientX, clientY, touch) {
+    if (!this.frame?.device) return false;
+    const [x, y] = this.project(this.frame.device);
+    if (Math.hypot(x - clientX, y - clientY) < PICK_PIXELS[touch ? 'touch' : 'mouse']) return true;
+    this.#aim(clientX, clientY);
+    return this.raycaster.intersectObjects(this.tools.concat(this.proxies.filter((p) => p.visible))).length > 0;
+  }
+
+  /** The point under the pointer in the plane of motion through `through`; null if it has none. */
+  pointInPlane(clientX, clientY, through) {
+    this.#aim(clientX, clientY);
+    const normal = this.world.planar ? new THREE.Vector3(0, 0, 1) : this.depthAxis();
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, new THREE.Vector3(...through));
+    const hit = this.raycaster.ray.intersectPlane(plane, new THREE.Vector3());
+    return hit && hit.toArray();
+  }
+
+  /** Unit vector away from the viewer. */
+  depthAxis() {
+    return this.view.camera.getWorldDirection(new THREE.Vector3());
+  }
+
+  /** At the handle. */
+  pixelsPerMetre() {
+    const at = new THREE.Vector3(...this.frame.device);
+    const aside = new THREE.Vector3().setFromMatrixColumn(this.view.camera.matrixWorld, 0);
+    const [x0, y0] = this.projectInside(at.toArray());
+    const [x1, y1] = this.projectInside(at.addScaledVector(aside, 0.01).toArray());
+    return Math.hypot(x1 - x0, y1 - y0) / 0.01;
+  }
+
+  info() {
+    return { mode: this.view?.mode, discs: this.contacts?.drawn ?? 0, metresPerNewton: this.metresPerNewton,
+             proxyVisible: Boolean(this.proxies?.some((proxy) => proxy.visible)) };
+  }
+
+  get aspect() {
+    return this.width / this.height;
+  }
+
+  #aim(clientX, clientY) {
+    const { left, top, width, height } = this.renderer.domElement.getBoundingClientRect();
+    const at = new THREE.Vector2(((clientX - left) / width) * 2 - 1, 1 - ((clientY - top) / height) * 2);
+    this.view.camera.updateMatrixWorld();
+    this.raycaster.setFromCamera(at, this.view.camera);
+  }
+
+  #add(object) {
+    this.content.add(object);
+    return object;
+  }
+
+  #addBody(body) {
+    const kind = body.tool ? 'tool' : body.fixed ? 'fixed' : 'movable';
+    const object = this.#add(bodyObject(body.shapes, this.looks[kind]));
+    place(object, body.pose);
+    return object;
+  }
+
+  #addOverlays() {
+    const size = boundsOf(this.tools).getSize(new THREE.Vector3()).length() / 2;
+    this.toolSize = size;
+    this.handle = this.#add(handleObject(size));
+    this.contacts = new Contacts(size);
+    this.spring = new Spring(size);
+    this.arrows = FORCES.map((name, i) => new Arrow(COLORS[name], size * [0.05, 0.05, 0.024][i], 15 + i));
+    for (const overlay of [this.contacts.group, this.spring.object, ...this.arrows.map((a) => a.object)]) {
+      this.#add(overlay);
+    }
+  }
+
+  #newView(planar) {
+    this.view?.dispose();
+    this.view = new View(this.renderer.domElement, planar);
+    this.#resize();
+    this.fit();
+  }
+
+  #placeProxy(i, pose) {
+    const proxy = this.proxies[i], tool = this.tools[i];
+    if (!proxy) return;
+    place(proxy, pose);
+    proxy.visible = proxy.position.distanceTo(tool.position) > PROXY_DIFFERS.metres
+      || proxy.quaternion.angleTo(tool.quaternion) > PROXY_DIFFERS.radians;
+  }
+
+  /** Arrows share one scale that follows the largest force, in steps of 1, 2, 5. */
+  #drawForces(frame) {
+    const largest = Math.max(...FORCES.map((name) => magnitude(frame[name])));
+    this.peakForce = Math.max(largest, 0.995 * this.peakForce, 1);
+    this.metresPerNewton = (2.2 * this.toolSize) / niceAbove(this.peakForce);
+    this.arrows.forEach((arrow, i) => {
+      const force = frame[FORCES[i]];
+      arrow.object.visible = Boolean(force);
+      if (force) arrow.set(frame.device, force, this.metresPerNewton);
+    });
+  }
+
+  #resize() {
+    const { clientWidth, clientHeight } = this.container;
+    if (!clientWidth || !clientHeight) return;
+    this.width = clientWidth;
+    this.height = clientHeight;
+    this.renderer.setSize(clientWidth, clientHeight);
+    this.view?.resize(this.aspect);
+    this.changed = true;
+  }
+}

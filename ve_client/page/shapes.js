@@ -1,0 +1,85 @@
+// What a body looks like: meshes of the contract's shapes.
+
+import * as THREE from 'three';
+
+const PLANE_SIZE = 1.2;
+
+/** Puts `object` at the pose [x,y,z, w,x,y,z]. */
+export function place(object, pose) {
+  object.position.set(pose[0], pose[1], pose[2]);
+  object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
+}
+
+/** A group with one mesh (and its edges) per shape. */
+export function bodyObject(shapes, look) {
+  const group = new THREE.Group();
+  for (const shape of shapes) {
+    const geometry = geometryOf(shape);
+    if (!geometry) continue;
+    shadeByNormals(geometry);
+    const part = new THREE.Group();
+    place(part, shape.pose);
+    part.add(new THREE.Mesh(geometry, shape.kind === 'plane' ? look.ground : look.surface));
+    part.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), look.edges));
+    part.userData.infinite = shape.kind === 'plane';
+    group.add(part);
+  }
+  group.traverse((object) => { object.renderOrder = look.order; });
+  return group;
+}
+
+/** Light that depends on the normal in the body's frame: lamps cost too much without a GPU. */
+function shadeByNormals(geometry) {
+  const normals = geometry.getAttribute('normal');
+  const colors = new Float32Array(normals.count * 3);
+  for (let i = 0; i < normals.count; ++i) {
+    const x = normals.getX(i), y = normals.getY(i), z = normals.getZ(i);
+    colors.fill(z * z + 0.62 * y * y + 0.48 * x * x, 3 * i, 3 * i + 3);
+  }
+  geometry.setAttribute('color', new THREE.BufferAttribute(colors, 3));
+}
+
+/** How bodies of one kind are painted. Ghosts are drawn over everything. */
+export function look(color, { opacity = 1, ghost = false, order = 0 } = {}) {
+  const common = { transparent: opacity < 1, opacity, depthTest: !ghost, depthWrite: opacity === 1 };
+  const edge = new THREE.Color(color).multiplyScalar(ghost ? 1 : 0.6);
+  return {
+    surface: new THREE.MeshBasicMaterial({
+      color, ...common, vertexColors: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }),
+    ground: new THREE.MeshBasicMaterial({
+      color, transparent: true, opacity: 0.35, side: THREE.DoubleSide, depthWrite: false }),
+    edges: new THREE.LineBasicMaterial({ color: edge, depthTest: !ghost, transparent: ghost }),
+    order,
+  };
+}
+
+/** Bounds of the finite shapes of `objects`. */
+export function boundsOf(objects) {
+  const bounds = new THREE.Box3();
+  for (const object of objects) {
+    object.updateWorldMatrix(true, true);
+    for (const part of object.children) {
+      if (!part.userData.infinite) bounds.expandByObject(part);
+    }
+  }
+  if (bounds.isEmpty()) bounds.set(new THREE.Vector3(-0.2, -0.2, -0.2), new THREE.Vector3(0.2, 0.2, 0.2));
+  return bounds;
+}
+
+/** Frees what the graphics card holds of `object`; materials are shared and stay. */
+export function dispose(object) {
+  object.traverse((part) => part.geometry?.dispose());
+  object.removeFromParent();
+}
+
+function geometryOf(shape) {
+  const upright = (geometry) => geometry.rotateX(Math.PI / 2);  // three's axis is y, SDF's is z
+  switch (shape.kind) {
+    case 'box': return new THREE.BoxGeometry(...shape.size);
+    case 'sphere': return new THREE.SphereGeometry(shape.radius, 24, 14);
+    case 'cylinder': return upright(new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 24));
+    case 'capsule': return upright(new THREE.CapsuleGeometry(shape.radius, shape.length, 6, 18));
+    case 'plane': return new THREE.PlaneGeometry(PLANE_SIZE, PLANE_SIZE, 12, 12);
+    default: return null;
+  }
+}

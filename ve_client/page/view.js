@@ -1,0 +1,75 @@
+// From where the scene is seen: plan view (orthographic, from above) or 3-D (perspective).
+
+import * as THREE from 'three';
+import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+
+const MARGIN = 1.06;
+
+export class View {
+  /** In planar worlds +z points away from the viewer, so that x points right and y down. */
+  constructor(element, planar) {
+    const above = planar ? -1 : 1;
+    this.planar = planar;
+    this.plan = new THREE.OrthographicCamera();
+    this.plan.up.set(0, above, 0);
+    this.planFrom = new THREE.Vector3(0, 0, above);
+    this.space = new THREE.PerspectiveCamera(40, 1, 0.005, 20);
+    this.space.up.set(0, 0, above);
+    this.spaceFrom = new THREE.Vector3(0.35, -0.75 * above, 0.8 * above).normalize();
+    this.planOrbit = new OrbitControls(this.plan, element);
+    this.planOrbit.enableRotate = false;
+    this.planOrbit.mouseButtons = { LEFT: THREE.MOUSE.PAN, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN };
+    this.planOrbit.touches = { ONE: THREE.TOUCH.PAN, TWO: THREE.TOUCH.DOLLY_PAN };
+    this.spaceOrbit = new OrbitControls(this.space, element);
+    for (const orbit of [this.planOrbit, this.spaceOrbit]) {
+      orbit.addEventListener('change', () => { this.moved = true; });
+    }
+    this.show(planar ? 'plan' : 'space');
+  }
+
+  get camera() {
+    return this.mode === 'plan' ? this.plan : this.space;
+  }
+
+  show(mode) {
+    this.mode = mode;
+    this.moved = true;      // since the last picture
+    this.planOrbit.enabled = mode === 'plan';
+    this.spaceOrbit.enabled = mode === 'space';
+  }
+
+  /** All of `bounds` in both cameras, for a picture of `aspect` (width / height). */
+  fit(bounds, aspect) {
+    const center = bounds.getCenter(new THREE.Vector3());
+    const size = bounds.getSize(new THREE.Vector3());
+    this.radius = size.length() / 2;
+    this.halfHeight = (Math.max(size.y, size.x / aspect) / 2) * MARGIN;
+    this.plan.position.copy(center).addScaledVector(this.planFrom, 4 * this.radius);
+    this.plan.near = 0;
+    this.plan.far = 8 * this.radius;
+    this.plan.zoom = 1;
+    const half = Math.tan(THREE.MathUtils.degToRad(this.space.fov / 2)) * Math.min(1, aspect);
+    this.space.position.copy(center).addScaledVector(this.spaceFrom, (this.radius * 1.06) / half);
+    this.planOrbit.target.copy(center);
+    this.spaceOrbit.target.copy(center);
+    this.resize(aspect);
+    this.planOrbit.update();
+    this.spaceOrbit.update();
+    this.moved = true;
+  }
+
+  resize(aspect) {
+    if (this.halfHeight) {
+      Object.assign(this.plan, { top: this.halfHeight, bottom: -this.halfHeight,
+                                 left: -this.halfHeight * aspect, right: this.halfHeight * aspect });
+    }
+    this.space.aspect = aspect;
+    this.plan.updateProjectionMatrix();
+    this.space.updateProjectionMatrix();
+  }
+
+  dispose() {
+    this.planOrbit.dispose();
+    this.spaceOrbit.dispose();
+  }
+}

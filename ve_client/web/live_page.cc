@@ -1,0 +1,80 @@
+#include "ve_client/web/live_page.h"
+
+#include <memory>
+
+#include "ve_client/web/page_requests.h"
+
+namespace hlm::ve {
+
+PageWishes LivePage::take_requests(LiveSettings& settings) {
+  PageWishes wishes;
+  for (const PageRequest& request : server_.take_requests()) take(request, settings, wishes);
+  return wishes;
+}
+
+void LivePage::take(const PageRequest& request, LiveSettings& settings, PageWishes& wishes) {
+  if (request.closed) {
+    if (holding_page_ == request.page) holding_page_.reset();
+    return;
+  }
+  const ParsedRequest parsed = parse_request(request.text, settings);
+  if (const auto* hand = std::get_if<HandRequest>(&parsed)) {
+    // Of two pages that drag at once the first has the hand.
+    const bool free = !holding_page_ || holding_page_ == request.page;
+    if (hand->X_WTarget && free) {
+      holding_page_ = request.page;
+      X_WTarget_ = *hand->X_WTarget;
+    } else if (!hand->X_WTarget && holding_page_ == request.page) {
+      holding_page_.reset();
+    }
+  } else if (const auto* changed = std::get_if<SettingsRequest>(&parsed)) {
+    settings = changed->settings;
+  } else if (const auto* telemetry = std::get_if<TelemetryRequest>(&parsed)) {
+    server_.set_telemetry(request.page, telemetry->on);
+  } else if (const auto* refusal = std::get_if<Refusal>(&parsed)) {
+    server_.answer(request.page, refused_message(refusal->field, refusal->value, refusal->text));
+  } else {
+    wishes.reset = true;
+  }
+}
+
+protocol::Control LivePage::control(const LiveSettings& settings) const {
+  protocol::Control control;
+  control.telemetry = server_.telemetry_wanted();
+  control.holds = holding_page_.has_value();
+  control.X_WTarget = X_WTarget_;
+  control.tuned = settings.tuning.has_value();
+  control.tuning = settings.tuning.value_or(protocol::Tuning{});
+  return control;
+}
+
+void LivePage::show_world(const VirtualEnvironment& environment, double servo_rate) {
+  server_.set_greeting(std::make_shared<const std::string>(world_message(environment, servo_rate)));
+}
+
+void LivePage::show_frame(FrameView view) {
+  if (view.state != nullptr) state_ = *view.state;
+  if (server_.pages() == 0) {
+    if (!ticks_.empty()) ticks_.take();
+    return;
+  }
+  view.state = state_ ? &*state_ : nullptr;
+  view.contacts = contacts_ ? &*contacts_ : nullptr;
+  server_.publish(std::make_shared<const std::string>(frame_message(view)));
+  if (!ticks_.empty()) server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));
+}
+
+void LivePage::forget_session() {
+  state_.reset();
+  contacts_.reset();
+}
+
+void LivePage::observe(const protocol::Ticks& ticks) {
+  // A batch has consecutive steps: after a lost datagram another one begins.
+  if (!ticks_.continues(ticks)) {
+    server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));
+  }
+  ticks_.add(ticks);
+}
+
+}  // namespace hlm::ve

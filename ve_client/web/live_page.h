@@ -1,0 +1,53 @@
+// The live page: what it asks for, done; what there is to see, shown.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "ve_client/web/live_settings.h"
+#include "ve_client/web/page_messages.h"
+#include "ve_client/web/page_server.h"
+
+namespace hlm::ve {
+
+/// What a page asks for beyond the live settings.
+struct PageWishes {
+  bool reset = false;  ///< The session shall begin anew, the world as it was at the start.
+};
+
+/// Between the frame's thread, which owns this, and the page server's. Never waits.
+class LivePage final : public protocol::TelemetryObserver {
+ public:
+  /// Throws std::runtime_error as PageServer does.
+  explicit LivePage(const PageServerOptions& options) : server_(options) {}
+
+  std::uint16_t port() const noexcept { return server_.port(); }
+
+  /// Before a frame: does what pages have asked for. Settings out of range are refused with the
+  /// range.
+  PageWishes take_requests(LiveSettings& settings);
+  /// What is asked of the haptic server now.
+  protocol::Control control(const LiveSettings& settings) const;
+
+  /// The world as built, for all pages, now and later.
+  void show_world(const VirtualEnvironment& environment, double servo_rate);
+  /// After a frame. `view.state` may be null: the newest of the session is kept.
+  void show_frame(FrameView view);
+  /// The session is over, or another began.
+  void forget_session();
+
+  void observe(const protocol::Ticks& ticks) override;
+  void observe(const protocol::LocalState& state) override { contacts_ = state; }
+
+ private:
+  void take(const PageRequest& request, LiveSettings& settings, PageWishes& wishes);
+
+  PageServer server_;
+  std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
+  Pose X_WTarget_;
+  std::optional<protocol::ProxyState> state_;  ///< Newest of the session.
+  std::optional<protocol::LocalState> contacts_;
+  TickBatch ticks_;
+};
+
+}  // namespace hlm::ve

@@ -1,0 +1,220 @@
+#include "ve_client/web/page_messages.h"
+
+#include <bit>
+#include <limits>
+
+#include <boost/endian/conversion.hpp>
+#include <nlohmann/json.hpp>
+
+namespace hlm::ve {
+namespace {
+
+using nlohmann::json;
+
+json to_json(const Vector3& v) { return {v.x(), v.y(), v.z()}; }
+
+json to_json(const Wrench& F) { return {F[0], F[1], F[2], F[3], F[4], F[5]}; }
+
+json to_json(const Pose& X) {
+  return {X.p.x(), X.p.y(), X.p.z(), X.R.w(), X.R.x(), X.R.y(), X.R.z()};
+}
+
+json to_json(const Shape& shape) {
+  struct Describe {
+    json operator()(const Sphere& s) const { return {{"kind", "sphere"}, {"radius", s.radius}}; }
+    json operator()(const Capsule& s) const {
+      return {{"kind", "capsule"}, {"radius", s.radius}, {"length", s.length}};
+    }
+    json operator()(const Cylinder& s) const {
+      return {{"kind", "cylinder"}, {"radius", s.radius}, {"length", s.length}};
+    }
+    json operator()(const Box& s) const { return {{"kind", "box"}, {"size", to_json(s.size)}}; }
+    json operator()(const HalfSpace&) const { return {{"kind", "plane"}}; }
+  };
+  return std::visit(Describe{}, shape);
+}
+
+json to_json(const BodyDescription& body, bool is_tool) {
+  json shapes = json::array();
+  for (const CollisionDescription& collision : body.collisions) {
+    json shape = to_json(collision.shape);
+    shape["pose"] = to_json(collision.X_BG);
+    shapes.push_back(std::move(shape));
+  }
+  return {{"name", body.name},
+          {"fixed", body.fixed},
+          {"tool", is_tool},
+          {"pose", to_json(body.X_WB)},
+          {"shapes", std::move(shapes)}};
+}
+
+json ranges() {
+  json all;
+  const auto add = [&](const char* name, double least, double most, const char* unit) {
+    all[name] = {{"least", least}, {"most", most}, {"unit", unit}};
+  };
+  for (const auto& r : protocol::kTuningRanges) add(r.name, r.least, r.most, r.unit);
+  for (const auto& r : kEnvironmentRanges) add(r.name, r.least, r.most, r.unit);
+  return all;
+}
+
+template <class Enum, std::size_t count>
+const char* word(Enum value, const std::array<const char*, count>& words) {
+  return words.at(static_cast<std::size_t>(value));
+}
+
+constexpr std::array kServerStates{"idle", "running", "silent", "fault"};
+constexpr std::array kFaults{"none", "non_finite", "overrun", "device"};
+constexpr std::array kProxyStates{"free_motion", "colliding", "resting"};
+constexpr std::array kContactStates{"impending", "colliding", "penetrating", "separating"};
+constexpr std::array kLimits{"none", "force", "torque", "rate", "fade"};
+
+json settings_json(const protocol::Tuning& tuning) {
+  json settings{{"update_rule", word(tuning.update_rule, kUpdateRules)},
+                {"controller", word(tuning.controller, kControllers)}};
+  for (const auto& range : protocol::kTuningRanges) {
+    settings[range.name] = tuning.*range.number;
+  }
+  return settings;
+}
+
+json environment_json(LiveSettings settings) {
+  json environment;
+  for (const auto& range : kEnvironmentRanges) environment[range.name] = range.number(settings);
+  return environment;
+}
+
+json contacts_json(const protocol::LocalState* state) {
+  json contacts = json::array();
+  if (state == nullptr) return contacts;
+  for (const protocol::LocalContactReport& c : state->contacts) {
+    contacts.push_back({{"c", to_json(c.c_W)},
+                        {"n", to_json(c.n_W)},
+                        {"p", to_json(c.p_W)},
+                        {"s", c.s},
+                        {"f", to_json(c.f_W)},
+                        {"state", word(c.state, kContactStates)},
+                        {"retained", c.retained}});
+  }
+  return contacts;
+}
+
+void add_state(json& frame, const VirtualEnvironment& environment,
+               const protocol::ProxyState& state) {
+  ToolModel proxy(environment.assembly.description);
+  proxy.set_configuration(state.q);
+  json links = json::array();
+  for (int link = 0; link < proxy.links(); ++link) {
+    links.push_back(
+        to_json(proxy.X_WL(link) * environment.assembly.X_LB[static_cast<std::size_t>(link)]));
+  }
+  const bool any = state.active_contacts + state.predicted_contacts > 0;
+  frame["proxy"] = std::move(links);
+  frame["device"] = to_json(state.X_WD);
+  frame["F_env"] = to_json(state.F_env);
+  frame["F_command"] = to_json(state.F_command);
+  frame["F_hand"] = to_json(state.F_hand);
+  frame["server"] = word(state.server, kServerStates);
+  frame["fault"] = word(state.fault, kFaults);
+  frame["contact_state"] = word(state.contact_state, kProxyStates);
+  frame["smallest_separation"] = any ? json(state.smallest_separation) : json(nullptr);
+  frame["active"] = state.active_contacts;
+  frame["predicted"] = state.predicted_contacts;
+  frame["age"] = state.age;
+  frame["overruns"] = state.overruns;
+  frame["updates"] = state.updates;
+  frame["dropped"] = state.dropped;
+}
+
+void append(std::string& bytes, std::uint32_t value) {
+  boost::endian::native_to_little_inplace(value);
+  const auto raw = std::bit_cast<std::array<char, sizeof value>>(value);
+  bytes.append(raw.data(), raw.size());
+}
+
+void append(std::string& bytes, double value) {
+  append(bytes, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
+}
+
+}  // namespace
+
+std::string world_message(const VirtualEnvironment& environment, double servo_rate) {
+  const ToolAssembly& assembly = environment.assembly;
+  const auto& bodies = environment.world.description().bodies;
+  json described = json::array();
+  for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
+    const bool is_tool =
+        std::find(assembly.bodies.begin(), assembly.bodies.end(), i) != assembly.bodies.end();
+    described.push_back(to_json(bodies[static_cast<std::size_t>(i)], is_tool));
+  }
+  const auto held = static_cast<std::size_t>(assembly.description.hand_link);
+  const Pose X_BH = assembly.X_LB[held].inverse() * assembly.description.X_LH;
+  return json{{"type", "world"},
+              {"planar", assembly.planar_normal_W.has_value()},
+              {"bodies", std::move(described)},
+              {"tool_links", assembly.bodies},
+              {"hand_in_body", {{"body", assembly.bodies[held]}, {"pose", to_json(X_BH)}}},
+              {"ranges", ranges()},
+              {"servo_rate", servo_rate}}
+      .dump();
+}
+
+std::string frame_message(const FrameView& view) {
+  const VirtualEnvironment& environment = view.environment;
+  const int count = static_cast<int>(environment.world.description().bodies.size());
+  json bodies = json::array();
+  for (int i = 0; i < count; ++i) bodies.push_back(to_json(environment.world.X_WB(i)));
+
+  json frame{{"type", "frame"},
+             {"time", view.client.ve_time()},
+             {"connected", view.client.connected()},
+             {"bodies", std::move(bodies)},
+             {"reported", view.result.active + view.result.predicted},
+             {"round_trip", view.client.round_trip()},
+             {"epsilon", view.result.epsilon},
+             {"limit", view.contacts ? word(view.contacts->limit, kLimits) : "none"},
+             {"contacts", contacts_json(view.contacts)},
+             {"settings",
+              settings_json(view.settings.tuning.value_or(
+                  view.client.connected() ? view.client.welcome().tuning : protocol::Tuning{}))},
+             {"environment", environment_json(view.settings)}};
+  if (view.state != nullptr) add_state(frame, environment, *view.state);
+  return frame.dump();
+}
+
+std::string refused_message(const std::string& field, const std::string& value,
+                            const std::string& text) {
+  return json{{"type", "refused"}, {"field", field}, {"value", value}, {"text", text}}.dump(
+      -1, ' ', false, json::error_handler_t::replace);
+}
+
+void TickBatch::add(const protocol::Ticks& ticks) {
+  if (count_ == 0) first_step_ = ticks.first_step;
+  count_ += ticks.ticks.size();
+  for (const protocol::TickSignals& tick : ticks.ticks) {
+    const bool any = tick.active_contacts + tick.predicted_contacts > 0;
+    for (const double value :
+         {tick.F_env.norm(), tick.F_command.norm(), tick.F_hand.norm(), tick.torque,
+          any ? tick.smallest_separation : std::numeric_limits<double>::quiet_NaN(),
+          tick.device_proxy, tick.proxy_tool, tick.lateness, tick.execution, tick.age,
+          static_cast<double>(tick.active_contacts), static_cast<double>(tick.predicted_contacts),
+          tick.F_env.x(), tick.F_env.y(), tick.F_env.z(), tick.adopted ? 1.0 : 0.0}) {
+      append(rows_, value);
+    }
+  }
+}
+
+std::string TickBatch::take() {
+  constexpr std::uint32_t kMagic = 0x4b434954;  // "TICK"
+  std::string bytes;
+  append(bytes, kMagic);
+  append(bytes, static_cast<std::uint32_t>(count_));
+  append(bytes, static_cast<std::uint32_t>(first_step_));
+  append(bytes, static_cast<std::uint32_t>(first_step_ >> 32));
+  bytes += rows_;
+  rows_.clear();
+  count_ = 0;
+  return bytes;
+}
+
+}  // namespace hlm::ve

@@ -1,0 +1,50 @@
+// What ve_client tells a page, as JSON or, for ticks, as bytes.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "protocol/messages.h"
+#include "ve_client/client/haptic_client.h"
+#include "ve_client/frame.h"
+#include "ve_client/web/live_settings.h"
+
+namespace hlm::ve {
+
+/// The world as it is built: shapes, the tool, and what may be set within which bounds.
+std::string world_message(const VirtualEnvironment& environment, double servo_rate);
+
+/// What a frame shows.
+struct FrameView {
+  const VirtualEnvironment& environment;
+  const HapticClient& client;
+  const protocol::ProxyState* state = nullptr;  ///< Newest of the session, null before the first.
+  const protocol::LocalState* contacts = nullptr;  ///< Newest, null without telemetry.
+  const FrameResult& result;
+  const LiveSettings& settings;
+};
+std::string frame_message(const FrameView& view);
+
+std::string refused_message(const std::string& field, const std::string& value,
+                            const std::string& text);
+
+/// Rows of consecutive steps, 16 float32 each after a header of 16 bytes.
+class TickBatch {
+ public:
+  void add(const protocol::Ticks& ticks);
+  bool empty() const { return count_ == 0; }
+  /// Whether these ticks follow those that are in it.
+  bool continues(const protocol::Ticks& ticks) const {
+    return count_ == 0 || ticks.first_step == first_step_ + count_;
+  }
+  /// The message, and none is left.
+  std::string take();
+
+ private:
+  std::uint64_t first_step_ = 0;
+  std::uint64_t count_ = 0;
+  std::string rows_;
+};
+
+}  // namespace hlm::ve

@@ -1,0 +1,167 @@
+#include "ve_client/web/page_requests.h"
+
+#include <cmath>
+#include <sstream>
+
+#include <nlohmann/json.hpp>
+
+namespace hlm::ve {
+namespace {
+
+using nlohmann::json;
+
+std::string in_words(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
+/// Thrown within this file only.
+struct Refused {
+  Refusal refusal;
+};
+
+[[noreturn]] void refuse(const std::string& field, const json& value, const std::string& allowed) {
+  const std::string given = value.dump(-1, ' ', false, json::error_handler_t::replace);
+  throw Refused{{field, given, field + " " + given + " must be " + allowed}};
+}
+
+template <class Range>
+double number(const json& value, const Range& range) {
+  const bool fits =
+      value.is_number() && value.get<double>() >= range.least && value.get<double>() <= range.most;
+  if (!fits) {
+    refuse(range.name, value,
+           in_words(range.least) + " to " + in_words(range.most) + " " + range.unit);
+  }
+  return value.get<double>();
+}
+
+template <class Enum, std::size_t count>
+Enum choice(const std::string& field, const json& value,
+            const std::array<const char*, count>& words) {
+  std::string known;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (value == words[i]) return static_cast<Enum>(i);
+    known += (known.empty() ? "" : ", ");
+    known += words[i];
+  }
+  refuse(field, value, known);
+}
+
+bool flag(const json& message, const char* field) {
+  const json value = message.value(field, json());
+  if (!value.is_boolean()) refuse(field, value, "true or false");
+  return value.get<bool>();
+}
+
+HandRequest hand(const json& message) {
+  if (!flag(message, "hold")) return {};
+  const json target = message.value("target", json());
+  constexpr std::size_t kNumbers = 7;
+  constexpr double kFarthest = 10;  // m
+  const auto is_usable = [](const json& n) {
+    return n.is_number() && std::abs(n.get<double>()) <= kFarthest;
+  };
+  const bool fits = target.is_array() && target.size() == kNumbers &&
+                    std::all_of(target.begin(), target.end(), is_usable);
+  if (!fits) refuse("target", target, "7 numbers: x, y, z within 10 m, and a unit quaternion");
+  const auto at = [&](std::size_t i) { return target[i].get<double>(); };
+  Pose X;
+  X.p = {at(0), at(1), at(2)};
+  X.R = Quaternion(at(3), at(4), at(5), at(6));
+  constexpr double kTolerance = 1e-3;
+  if (std::abs(X.R.norm() - 1) > kTolerance) refuse("target", target, "a unit quaternion");
+  X.R.normalize();
+  return {X};
+}
+
+LiveSettings with_method(const json& name, LiveSettings settings) {
+  using protocol::ControllerKind;
+  using protocol::UpdateRule;
+  struct Method {
+    const char* name;
+    UpdateRule rule;
+    ControllerKind controller;
+    double epsilon;
+    double largest_epsilon;
+  };
+  static constexpr std::array<Method, 6> kMethods{{
+      {"lm5", UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0},
+      {"lm-adaptive", UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0.08},
+      {"lm0", UpdateRule::kRetain, ControllerKind::kFourChannel, 0, 0},
+      {"ir", UpdateRule::kIntermediateRepresentation, ControllerKind::kDirect, 0, 0},
+      {"coupler", UpdateRule::kRetain, ControllerKind::kEngineCoupler, 0, 0},
+      {"engine", UpdateRule::kRetain, ControllerKind::kEngineForce, 0, 0},
+  }};
+  for (const Method& method : kMethods) {
+    if (name != method.name) continue;
+    protocol::Tuning tuning = settings.tuning.value_or(protocol::Tuning{});
+    tuning.update_rule = method.rule;
+    tuning.controller = method.controller;
+    settings.tuning = tuning;
+    settings.frame.epsilon = method.epsilon;
+    settings.frame.largest_epsilon = method.largest_epsilon;
+    return settings;
+  }
+  refuse("name", name, "lm5, lm-adaptive, lm0, ir, coupler or engine");
+}
+
+LiveSettings with_tuning(const json& message, LiveSettings settings) {
+  protocol::Tuning tuning = settings.tuning.value_or(protocol::Tuning{});
+  for (const auto& [field, value] : message.items()) {
+    if (field == "type") continue;
+    if (field == "update_rule") {
+      tuning.update_rule = choice<protocol::UpdateRule>(field, value, kUpdateRules);
+      continue;
+    }
+    if (field == "controller") {
+      tuning.controller = choice<protocol::ControllerKind>(field, value, kControllers);
+      continue;
+    }
+    const auto range = std::find_if(protocol::kTuningRanges.begin(), protocol::kTuningRanges.end(),
+                                    [&](const auto& r) { return field == r.name; });
+    if (range == protocol::kTuningRanges.end()) refuse(field, value, "a setting that there is");
+    tuning.*range->number = number(value, *range);
+  }
+  settings.tuning = tuning;
+  return settings;
+}
+
+LiveSettings with_environment(const json& message, LiveSettings settings) {
+  for (const auto& [field, value] : message.items()) {
+    if (field == "type") continue;
+    const auto range = std::find_if(kEnvironmentRanges.begin(), kEnvironmentRanges.end(),
+                                    [&](const auto& r) { return field == r.name; });
+    if (range == kEnvironmentRanges.end()) refuse(field, value, "a setting that there is");
+    range->number(settings) = number(value, *range);
+  }
+  return settings;
+}
+
+ParsedRequest parse(const json& message, const LiveSettings& present) {
+  const json type = message.is_object() ? message.value("type", json()) : json();
+  if (type == "hand") return hand(message);
+  if (type == "settings") return SettingsRequest{with_tuning(message, present)};
+  if (type == "environment") return SettingsRequest{with_environment(message, present)};
+  if (type == "method") {
+    return SettingsRequest{with_method(message.value("name", json()), present)};
+  }
+  if (type == "telemetry") return TelemetryRequest{flag(message, "on")};
+  if (type == "reset") return ResetRequest{};
+  refuse("type", type, "hand, settings, environment, method, telemetry or reset");
+}
+
+}  // namespace
+
+ParsedRequest parse_request(const std::string& text, const LiveSettings& present) {
+  try {
+    return parse(json::parse(text), present);
+  } catch (const Refused& refused) {
+    return refused.refusal;
+  } catch (const json::exception&) {
+    return Refusal{"", text, "the message is not JSON as the page's contract has it"};
+  }
+}
+
+}  // namespace hlm::ve
