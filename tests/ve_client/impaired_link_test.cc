@@ -1,0 +1,73 @@
+// A network made worse on purpose.
+#include "ve_client/client/impaired_link.h"
+
+#include "tests/support/catch.h"
+#include "tests/support/memory_link.h"
+
+namespace hlm {
+namespace {
+
+using test::MemoryNetwork;
+
+/// A client behind an impaired link, and the server's end.
+struct Setup {
+  MemoryNetwork network;
+  double now = 0;
+  ImpairedLink link{network.client(), [this] { return now; }, 1};
+
+  void pass(double seconds) {
+    now += seconds;
+    network.set_time(now);
+    link.pump();
+  }
+  int received_by_server() {
+    protocol::Datagram datagram;
+    int count = 0;
+    while (network.server().receive(datagram)) ++count;
+    return count;
+  }
+  void send() {
+    const std::array<std::byte, 3> bytes{};
+    link.send(MemoryNetwork::kServer, bytes);
+  }
+};
+
+TEST_CASE("Without conditions datagrams pass at once, both ways") {
+  Setup setup;
+  setup.send();
+  CHECK(setup.received_by_server() == 1);
+  const std::array<std::byte, 2> bytes{};
+  setup.network.server().send(MemoryNetwork::kClient, bytes);
+  protocol::Datagram datagram;
+  CHECK(setup.link.receive(datagram));
+  CHECK(datagram.bytes.size() == 2);
+}
+
+TEST_CASE("A delay holds each datagram that long, both ways") {
+  Setup setup;
+  setup.link.set_conditions({.delay = 0.05});
+  setup.send();
+  setup.pass(0.049);
+  CHECK(setup.received_by_server() == 0);
+  setup.pass(0.002);
+  CHECK(setup.received_by_server() == 1);
+
+  const std::array<std::byte, 2> bytes{};
+  setup.network.server().send(MemoryNetwork::kClient, bytes);
+  setup.pass(0);
+  protocol::Datagram datagram;
+  setup.pass(0.049);
+  CHECK_FALSE(setup.link.receive(datagram));
+  setup.pass(0.002);
+  CHECK(setup.link.receive(datagram));
+}
+
+TEST_CASE("Loss takes the portion that it says") {
+  Setup setup;
+  setup.link.set_conditions({.loss = 0.3});
+  for (int i = 0; i < 2000; ++i) setup.send();
+  CHECK(setup.received_by_server() == Approx(1400).margin(80));  // four standard deviations
+}
+
+}  // namespace
+}  // namespace hlm

@@ -1,0 +1,79 @@
+// What pages ask for: taken, or refused with what is allowed.
+#include "ve_client/web/page_requests.h"
+
+#include "tests/support/catch.h"
+
+namespace hlm::ve {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+
+template <class Request>
+Request parsed(const std::string& text, const LiveSettings& present = {}) {
+  const ParsedRequest request = parse_request(text, present);
+  REQUIRE(std::holds_alternative<Request>(request));
+  return std::get<Request>(request);
+}
+
+TEST_CASE("A hand is held at a target and let go") {
+  const auto hand =
+      parsed<HandRequest>(R"({"type":"hand","hold":true,"target":[0.1,-0.2,0,1,0,0,0]})");
+  REQUIRE(hand.X_WTarget);
+  CHECK((hand.X_WTarget->p - Vector3(0.1, -0.2, 0)).norm() < 1e-15);
+  CHECK_FALSE(parsed<HandRequest>(R"({"type":"hand","hold":false})").X_WTarget);
+}
+
+TEST_CASE("Settings change what they name, and leave the rest") {
+  LiveSettings present;
+  present.tuning = protocol::Tuning{.damping = 77};
+  const auto settings =
+      parsed<SettingsRequest>(R"({"type":"settings","stiffness":8000,"controller":"direct"})",
+                              present)
+          .settings;
+  REQUIRE(settings.tuning);
+  CHECK(settings.tuning->stiffness == 8000);
+  CHECK(settings.tuning->damping == 77);
+  CHECK(settings.tuning->controller == protocol::ControllerKind::kDirect);
+
+  const auto environment =
+      parsed<SettingsRequest>(R"({"type":"environment","loss":0.25,"epsilon":0.01})", present);
+  CHECK(environment.settings.network.loss == 0.25);
+  CHECK(environment.settings.frame.epsilon == 0.01);
+  CHECK(environment.settings.tuning->damping == 77);
+}
+
+TEST_CASE("A method sets rule, controller and ε together") {
+  const auto ir = parsed<SettingsRequest>(R"({"type":"method","name":"ir"})").settings;
+  CHECK(ir.tuning->update_rule == protocol::UpdateRule::kIntermediateRepresentation);
+  CHECK(ir.tuning->controller == protocol::ControllerKind::kDirect);
+  CHECK(ir.frame.epsilon == 0);
+  const auto adaptive =
+      parsed<SettingsRequest>(R"({"type":"method","name":"lm-adaptive"})").settings;
+  CHECK(adaptive.frame.largest_epsilon > adaptive.frame.epsilon);
+}
+
+TEST_CASE("What cannot be done is refused with the field, its value and what is allowed") {
+  const auto [text, field, allowed] = GENERATE(table<std::string, std::string, std::string>({
+      {R"({"type":"settings","stiffness":-1})", "stiffness", "-1 must be 1 to 1e+06 N/m"},
+      {R"({"type":"settings","stiffness":"soft"})", "stiffness", "must be 1 to"},
+      {R"({"type":"settings","controller":"magic"})", "controller", "four_channel, three_channel"},
+      {R"({"type":"settings","colour":1})", "colour", "a setting that there is"},
+      {R"({"type":"environment","loss":1})", "loss", "0 to 0.9"},
+      {R"({"type":"hand","hold":true})", "target", "7 numbers"},
+      {R"({"type":"hand","hold":true,"target":[0,0,0,1,1,0,0]})", "target", "unit quaternion"},
+      {R"({"type":"hand","hold":true,"target":[1e9,0,0,1,0,0,0]})", "target", "within 10 m"},
+      {R"({"type":"hand","hold":7})", "hold", "true or false"},
+      {R"({"type":"method","name":"x"})", "name", "lm5, lm-adaptive"},
+      {R"({"type":"dance"})", "type", "hand, settings"},
+      {"[]", "type", "hand, settings"},
+      {"{", "", "not JSON"},
+      {"\xff", "", "not JSON"},
+  }));
+  INFO(text);
+  const auto refusal = parsed<Refusal>(text);
+  CHECK(refusal.field == field);
+  CHECK_THAT(refusal.text, ContainsSubstring(allowed));
+}
+
+}  // namespace
+}  // namespace hlm::ve
