@@ -59,7 +59,9 @@ void add_contact_options(CLI::App& app, LocalModelParameters& p) {
       "How contact forces are integrated");
   add_number(app, "--stiffness", p.stiffness, "Stiffness of each contact, N/m");
   add_number(app, "--damping", p.damping, "Damping of each contact, N·s/m");
-  add_number(app, "--restitution", p.restitution, "Coefficient of restitution, 0 to 1");
+  add_number(app, "--restitution", p.restitution,
+             "Coefficient of restitution of the proxy, 0 to 1; without a proxy (direct coupling "
+             "and the rivals) nothing collides but the device itself");
   add_number(app, "--static-friction", p.static_friction, "Coefficient of static friction");
   add_number(app, "--kinetic-friction", p.kinetic_friction, "Coefficient of kinetic friction");
   add_number(app, "--release-step", p.release_step,

@@ -80,7 +80,8 @@ INTRODUCTION = {
     "unstable at the softest contact tried. Grey: Colgate's bound for an undelayed wall without virtual "
     "damping, k < 2 b_device / Δt.",
     "approach": "A peg meets a wall at a steady speed, 20 ms away one way, environment at 30 to 60 Hz. "
-    "Left: where the handle comes to rest, from where it should. Right: how far it gets beyond the wall.",
+    "Left: where the handle comes to rest, from where it should. Middle: how far it gets beyond the wall. "
+    "Right: how far handle and the environment's tool drift apart on the way.",
     "spatial": "A free body of six degrees of freedom: a square peg in an exactly fitting square hole, "
     "held down with 0.5 N and shaken along x and y; and a box, set down on an edge and pressed flat "
     "with 0.5 N.",
@@ -183,7 +184,7 @@ def draw_hole(folder, name, limit):
 
 def draw_updates(folder):
     rows = read_table(folder / "updates.csv")
-    figure, axes = panels(1, 7)
+    figure, axes = panels(2, 5.6)
     methods = [row["method"] for row in rows]
     axes[0].barh(methods, column(rows, "largest_jump_N"), color="#ced4da", label="largest")
     axes[0].barh(methods, column(rows, "p99_jump_N"), height=0.4, color="#1d3557", label="99th percentile")
@@ -193,6 +194,11 @@ def draw_updates(folder):
     axes[0].invert_yaxis()
     axes[0].legend(fontsize=8)
     axes[0].set_xlabel("change of the contact force at an update, N")
+    axes[1].barh(methods, [max(e, 0) for e in column(rows, "largest_energy_J", 1e3)], color="#e76f51")
+    axes[1].set_xscale("symlog", linthresh=1e-6)
+    axes[1].set_xlim(left=0)
+    axes[1].invert_yaxis()
+    axes[1].set_xlabel("energy stored by an update at most, mJ")
     return figure
 
 
@@ -248,20 +254,26 @@ def draw_maps(folder):
     return figure
 
 
+def ratio(cell, baseline):
+    if baseline is None or float(baseline["k_max"]) == 0:
+        return "–"
+    beyond = "&gt; " if cell["beyond"] == "1" else ""
+    return beyond + f"{float(cell['ratio_to_ir']):.3g}"
+
+
 def ratios(folder):
     """k_max over that of IR in the same run, as a table: a line per condition."""
     rows = read_table(folder / "maps.csv")
     methods = list(by_method(rows))
     lines = ["<p>k_max, as a multiple of IR's under the same condition (&gt;: end of the scan; 0: unstable "
-             "at the softest contact tried):</p>",
-             "<table><tr><th>condition</th>" + "".join(f"<th>{m}</th>" for m in methods) + "</tr>"]
+             "at the softest contact tried; –: IR itself is):</p>",
+             '<table class="wide"><tr><th>condition</th>' + "".join(f"<th>{m}</th>" for m in methods) + "</tr>"]
     conditions = collections.OrderedDict()
     for row in rows:
         conditions.setdefault((row["axis"], row["value"], row["unit"]), {})[row["method"]] = row
     for (axis, value, unit), cells in conditions.items():
         name = f"{axis.replace('_', ' ').replace('ve ', 'VE ')} {value} {unit}"
-        values = "".join(f"<td>{'&gt; ' if cells[m]['beyond'] == '1' else ''}"
-                         f"{float(cells[m]['ratio_to_ir']):.3g}</td>" for m in methods)
+        values = "".join(f"<td>{ratio(cells[m], cells.get('IR'))}</td>" for m in methods)
         lines.append(f"<tr><td>{name}</td>{values}</tr>")
     lines.append("</table>")
     return "\n".join(lines)
@@ -269,11 +281,11 @@ def ratios(folder):
 
 def draw_approach(folder):
     rows = read_table(folder / "approach.csv")
-    figure, axes = panels(2)
+    figure, axes = panels(3, 4)
     arrived = [row for row in rows if float(row["arrival_m_s"]) > 0]
     for method, points in by_method(arrived).items():
         speeds = sorted({float(point["speed_m_s"]) for point in points})
-        for axis, name in zip(axes, ("error_m", "overshoot_m")):
+        for axis, name in zip(axes, ("error_m", "overshoot_m", "drift_m")):
             means = []
             for speed in speeds:
                 values = [1e3 * float(p[name]) for p in points if float(p["speed_m_s"]) == speed]
@@ -284,7 +296,8 @@ def draw_approach(folder):
         axis.axhline(1, color="#999999", linewidth=0.8)
     label(axes[0], "approach speed, m/s", "error of the perceived wall, mm")
     label(axes[1], "approach speed, m/s", "overshoot, mm")
-    axes[1].legend(fontsize=7)
+    label(axes[2], "approach speed, m/s", "largest distance handle to VE tool, mm")
+    axes[2].legend(fontsize=7)
     return figure
 
 
@@ -350,8 +363,9 @@ STYLE_SHEET = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem;
        color: #212529; }
 img { max-width: 100%; }
-table { overflow-wrap: anywhere; border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; width: 100%; }
+table { border-collapse: collapse; font-size: 0.9rem; margin: 1rem 0; width: 100%; }
 th, td { border-bottom: 1px solid #dee2e6; padding: 0.3rem 0.6rem; text-align: left; vertical-align: top; }
+.holds, .fails { white-space: nowrap; } .wide { font-size: 0.75rem; }
 .holds { color: #2b8a3e; font-weight: 600; } .fails { color: #c92a2a; font-weight: 700; }
 code { background: #f1f3f5; padding: 0.1rem 0.3rem; }
 .finding { border-left: 4px solid #adb5bd; padding-left: 0.8rem; margin: 0.8rem 0; }
