@@ -79,11 +79,13 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
 /// One run of the client: the world, the session, and the page that shows them.
 class Run {
  public:
-  Run(const Settings& settings, protocol::DatagramLink& link, Recording* recording)
+  Run(const Settings& settings, WorldDescription world, protocol::DatagramLink& link,
+      LivePage* page, Recording* recording)
       : settings_(settings),
+        description_(std::move(world)),
+        page_(page),
         recording_(recording),
         server_(protocol::resolve(settings.server)),
-        page_(open_page(settings)),
         link_(
             link, [this] { return clock_.now(); }, settings.seed),
         live_{settings.frame, (settings.rate_low + settings.rate_high) / 2, settings.network, {}},
@@ -115,7 +117,7 @@ class Run {
     client_.reset();
     environment_.emplace(description_, settings_.tool, settings_.follow);
     HapticClientOptions options = client_options(settings_, *environment_, server_);
-    options.telemetry = page_.get();
+    options.telemetry = page_;
     client_.emplace(link_, options);
     if (page_) page_->show_world(*environment_, 0);
   }
@@ -131,9 +133,12 @@ class Run {
   }
 
   void obey_page() {
-    // Where no page has tuned anything, changes start from what the server was started with.
-    if (!live_.tuning && client_->connected()) live_.tuning = client_->welcome().tuning;
+    // Changes start from what the server was started with; set back to that, nothing is tuned.
+    const protocol::Tuning own =
+        client_->connected() ? client_->welcome().tuning : protocol::Tuning{};
+    if (!live_.tuning) live_.tuning = own;
     const PageWishes wishes = page_->take_requests(live_);
+    if (live_.tuning == own) live_.tuning.reset();
     link_.set_conditions(live_.network);
     if (wishes.reset) begin();
     client_->control(page_->control(live_));
@@ -173,11 +178,11 @@ class Run {
   }
 
   const Settings& settings_;
+  WorldDescription description_;
+  LivePage* page_;  ///< May be null, as may recording_.
   Recording* recording_;
   SteadyClock clock_;
-  WorldDescription description_ = load_world(settings_.world);
   protocol::Endpoint server_;
-  std::unique_ptr<LivePage> page_;
   ImpairedLink link_;
   LiveSettings live_;
   double spread_;  ///< Of the drawn rates about live_.rate, Hz.
@@ -193,12 +198,16 @@ class Run {
 void run_client(const Settings& settings) {
   configure_logging(settings.log_level);
   install_signal_handlers();
+  // What cannot be used is found before a file is begun.
+  WorldDescription world = load_world(settings.world);
+  assemble_tool(world, settings.tool);
+  const std::unique_ptr<LivePage> page = open_page(settings);
   protocol::UdpSocket socket(protocol::Endpoint{});
   std::optional<Recording> recording;
   if (!settings.record.empty()) recording.emplace(settings.record, socket);
   protocol::DatagramLink& link =
       recording ? static_cast<protocol::DatagramLink&>(recording->link) : socket;
-  Run(settings, link, recording ? &*recording : nullptr).go();
+  Run(settings, std::move(world), link, page.get(), recording ? &*recording : nullptr).go();
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ std::string Table::cell(double value) { return fmt::format("{:.9g}", value); }
 
 Bench::Bench(const BenchOptions& options) : options_(options) {
   if (options_.jobs == 0) options_.jobs = std::max(1u, std::thread::hardware_concurrency());
-  if (options_.seeds == 0) options_.seeds = options_.quick ? 10 : 20;
+  if (options_.seeds == 0) options_.seeds = options_.quick ? 5 : 20;
   std::filesystem::create_directories(options_.out);
 }
 

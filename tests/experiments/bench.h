@@ -21,7 +21,7 @@ struct BenchOptions {
   std::vector<std::string> only;     ///< Experiments; empty: all.
   std::vector<std::string> methods;  ///< Methods; empty: all.
   std::uint64_t seed = 1;            ///< The first one.
-  int seeds = 0;                     ///< Of planar figures; 0: 20, with `quick` 10.
+  int seeds = 0;                     ///< Of planar figures; 0: 20, with `quick` 5.
   unsigned jobs = 0;                 ///< Threads; 0: as many as cores.
   std::filesystem::path out = "out/reproduce";
 };

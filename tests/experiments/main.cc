@@ -137,7 +137,7 @@ int main(int argc, char** argv) {
   app.add_option("--method", options.methods,
                  "Only these methods; claims across methods are left out");
   app.add_option("--seed", options.seed, "First seed")->capture_default_str();
-  app.add_option("--seeds", options.seeds, "Number of seeds, one run each; 0: 20, with --quick 10")
+  app.add_option("--seeds", options.seeds, "Number of seeds, one run each; 0: 20, with --quick 5")
       ->check(CLI::Range(0, 10000))
       ->capture_default_str();
   app.add_option("--jobs", options.jobs, "Threads; 0: as many as cores")->capture_default_str();

@@ -52,7 +52,7 @@ struct Job {
 };
 std::vector<Job> jobs_of(const Bench& bench) {
   std::vector<Job> jobs;
-  const int seeds = bench.quick() ? 3 : bench.seeds();
+  const int seeds = bench.quick() ? 2 : bench.seeds();
   for (const Method& method : bench.methods({"ir", "lm0", "lm5", "lm-adaptive"})) {
     for (int i = 0; i < seeds; ++i) {
       jobs.push_back({method, bench.seed() + static_cast<std::uint64_t>(i)});
