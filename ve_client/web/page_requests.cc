@@ -109,7 +109,9 @@ LiveSettings with_method(const json& name, LiveSettings settings) {
 
 LiveSettings with_tuning(const json& message, LiveSettings settings) {
   protocol::Tuning tuning = settings.tuning.value_or(protocol::Tuning{});
-  for (const auto& [field, value] : message.items()) {
+  for (const auto& item : message.items()) {
+    const std::string& field = item.key();
+    const json& value = item.value();
     if (field == "type") continue;
     if (field == "update_rule") {
       tuning.update_rule = choice<protocol::UpdateRule>(field, value, kUpdateRules);
@@ -129,7 +131,9 @@ LiveSettings with_tuning(const json& message, LiveSettings settings) {
 }
 
 LiveSettings with_environment(const json& message, LiveSettings settings) {
-  for (const auto& [field, value] : message.items()) {
+  for (const auto& item : message.items()) {
+    const std::string& field = item.key();
+    const json& value = item.value();
     if (field == "type") continue;
     const auto range = std::find_if(kEnvironmentRanges.begin(), kEnvironmentRanges.end(),
                                     [&](const auto& r) { return field == r.name; });
