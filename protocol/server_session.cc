@@ -133,8 +133,11 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   inbox_.update = &update;
   acknowledged_ = header.envelope;
   received_at_ = now;
-  if (control_sequence_ > control_in_effect_ && control_sequence_ < header.envelope.sequence) {
-    control_in_effect_ = control_sequence_;
+  const std::uint64_t newest = newest_control_sequence_;
+  if (newest > control_sequence_ && newest < header.envelope.sequence) {
+    // A copy: another control may come in the same poll, for a later update.
+    control_ = newest_control_;
+    control_sequence_ = newest;
     inbox_.control = &control_;
   }
   return std::nullopt;
@@ -142,11 +145,11 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
 
 std::optional<DropReason> ServerSession::take_control(double now, const Header& header) noexcept {
   if (!from_client(header)) return DropReason::kForeignSession;
-  if (header.envelope.sequence <= control_sequence_) return DropReason::kStale;
+  if (header.envelope.sequence <= newest_control_sequence_) return DropReason::kStale;
   Control control;
   if (const auto reason = decode(view(datagram_.bytes), control)) return reason;
-  control_ = control;
-  control_sequence_ = header.envelope.sequence;
+  newest_control_ = control;
+  newest_control_sequence_ = header.envelope.sequence;
   last_heard_ = now;
   return std::nullopt;
 }
@@ -183,7 +186,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   sent_ = 0;
   last_heard_ = now;
   acknowledged_ = {.sequence = 0};
-  control_sequence_ = control_in_effect_ = 0;
+  newest_control_sequence_ = control_sequence_ = 0;
   send_welcome(now);
 }
 
@@ -199,7 +202,7 @@ std::uint64_t ServerSession::acknowledge(double now, ProxyState state) noexcept 
   state.update_send_time = to_seconds(acknowledged_.send_time);
   state.hold = std::max(0.0, now - received_at_);
   state.dropped = statistics_.total_dropped();
-  state.control = control_in_effect_;
+  state.control = control_sequence_;
   send(link_, client_.peer, next_envelope(now), state);
   return state.acknowledged;
 }

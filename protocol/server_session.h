@@ -116,11 +116,12 @@ class ServerSession {
   Assembler update_parts_;
   std::array<ContactUpdate, 2> updates_;  ///< The newest, and room to decode the next.
   std::size_t newest_update_ = 0;
-  Envelope acknowledged_;               ///< Of the newest update; sequence 0 if there is none.
-  double received_at_ = 0;              ///< When it came, s.
-  Control control_;                     ///< The newest.
-  std::uint64_t control_sequence_ = 0;  ///< Its sequence; 0 if there is none.
-  std::uint64_t control_in_effect_ = 0;
+  Envelope acknowledged_;   ///< Of the newest update; sequence 0 if there is none.
+  double received_at_ = 0;  ///< When it came, s.
+  Control newest_control_;
+  std::uint64_t newest_control_sequence_ = 0;  ///< 0 if there is none.
+  Control control_;                            ///< In effect.
+  std::uint64_t control_sequence_ = 0;         ///< 0 if none is in effect.
 
   Asker ended_;                     ///< Of the latest session that ended.
   std::optional<double> ended_at_;  ///< s.

@@ -33,6 +33,33 @@ protocol::Tuning tuning_of(const ServoOptions& options) noexcept {
           .coupling_angular_damping = gains.angular_damping};
 }
 
+/// Options as a control changes them.
+ServoOptions tuned(ServoOptions options, const protocol::Tuning& tuning) noexcept {
+  LocalModelParameters& local = options.local_model;
+  local.update_rule = tuning.update_rule;
+  local.stiffness = tuning.stiffness;
+  local.damping = tuning.damping;
+  local.static_friction = local.kinetic_friction = tuning.friction;
+  local.restitution = tuning.restitution;
+  options.controller = tuning.controller;
+  options.gains = {.stiffness = tuning.coupling_stiffness,
+                   .damping = tuning.coupling_damping,
+                   .angular_stiffness = tuning.coupling_angular_stiffness,
+                   .angular_damping = tuning.coupling_angular_damping};
+  return options;
+}
+
+/// Options outside what a control may set could not be told to a client, nor set back by one.
+std::optional<std::string> find_error(const protocol::Tuning& tuning) {
+  for (const protocol::TuningRange& range : protocol::kTuningRanges) {
+    const double value = tuning.*range.number;
+    if (value >= range.least && value <= range.most) continue;
+    return fmt::format("{} {} must be {} to {} {}", range.name, value, range.least, range.most,
+                       range.unit);
+  }
+  return std::nullopt;
+}
+
 /// A client refuses numbers that are not finite, and would never learn of the fault.
 void replace_non_finite(protocol::ProxyState& state) noexcept {
   const auto zero_unless_finite = [](auto& values) {
@@ -52,6 +79,7 @@ void replace_non_finite(protocol::ProxyState& state) noexcept {
 std::optional<std::string> find_error(const ServoOptions& options) {
   if (auto error = find_error(options.local_model)) return error;
   if (auto error = find_error(options.gains)) return error;
+  if (auto error = find_error(tuning_of(options))) return error;
   const auto check = [](const char* name, double value,
                         const char* unit) -> std::optional<std::string> {
     if (value > 0 && std::isfinite(value)) return std::nullopt;
@@ -131,29 +159,11 @@ protocol::Welcome Servo::welcome() const noexcept {
 void Servo::apply(const protocol::Control& control) noexcept {
   telemetry_.switch_on(control.telemetry);
   device_.guide(control.holds ? std::optional(control.X_WTarget) : std::nullopt);
-  tune(control.tuned ? control.tuning : tuning_of(options_));
-}
-
-void Servo::tune(const protocol::Tuning& tuning) noexcept {
-  LocalModelParameters local = options_.local_model;
-  local.update_rule = tuning.update_rule;
-  local.stiffness = tuning.stiffness;
-  local.damping = tuning.damping;
-  local.kinetic_friction = tuning.friction;
-  local.static_friction = tuning.friction;
-  if (tuning.friction == options_.local_model.kinetic_friction) {
-    local.static_friction = options_.local_model.static_friction;
-  }
-  local.restitution = tuning.restitution;
-  local_model_->set_parameters(local);
-
+  const ServoOptions options = control.tuned ? tuned(options_, control.tuning) : options_;
+  local_model_->set_parameters(options.local_model);
   // A tool of several links cannot take the device's pose; its controller stays.
-  const bool possible = !replaces_proxy(tuning.controller) || local_model_->proxy().links() == 1;
-  controller_ = Controller(possible ? tuning.controller : controller_.kind(),
-                           {.stiffness = tuning.coupling_stiffness,
-                            .damping = tuning.coupling_damping,
-                            .angular_stiffness = tuning.coupling_angular_stiffness,
-                            .angular_damping = tuning.coupling_angular_damping});
+  const bool possible = !replaces_proxy(options.controller) || local_model_->proxy().links() == 1;
+  controller_ = Controller(possible ? options.controller : controller_.kind(), options.gains);
 }
 
 void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
@@ -206,7 +216,7 @@ void Servo::simulate() noexcept {
 ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
   if (replaces_proxy(controller_.kind())) {
-    // begin_session() has made sure of one link.
+    // begin_session() and apply() have made sure of one link.
     const std::optional<ToolAtHand> tool = tool_at_hand(proxy, device.X_WD, device.V_WD);
     return local_model_->follow(tool->q, tool->v);
   }

@@ -58,7 +58,6 @@ class Servo {
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
   void apply(const protocol::Control& control) noexcept;
-  void tune(const protocol::Tuning& tuning) noexcept;
   protocol::Welcome welcome() const noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
   void simulate() noexcept;

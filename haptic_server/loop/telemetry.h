@@ -7,11 +7,13 @@
 
 namespace hlm::server {
 
+/// Off until it is asked for, and in each session anew. Nothing allocates, waits or throws.
 class Telemetry {
  public:
   /// A session begins; nobody has asked.
   void begin() noexcept {
     on_ = false;
+    age_ = 0;
     batch_.ticks.clear();
   }
   void switch_on(bool on) noexcept {

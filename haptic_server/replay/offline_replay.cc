@@ -25,12 +25,16 @@ class ReplayLink final : public protocol::DatagramLink {
     due_[1] = session.hello_parts;
     std::unordered_map<std::uint64_t, const RecordedUpdate*> updates;
     for (const RecordedUpdate& update : session.updates) updates[update.sequence] = &update;
+    std::uint64_t control_in_effect = 0;
     for (const ProxyState& state : session.acknowledgements) {
       const auto update = updates.find(state.acknowledged);
       if (update == updates.end()) continue;
       auto& due = due_[state.step];
-      const auto control = session.controls.find(state.control);
-      if (control != session.controls.end()) due.push_back(control->second);
+      if (state.control != control_in_effect) {
+        const auto control = session.controls.find(state.control);
+        if (control != session.controls.end()) due.push_back(control->second);
+        control_in_effect = state.control;
+      }
       due.insert(due.end(), update->second->parts.begin(), update->second->parts.end());
     }
   }

@@ -24,7 +24,7 @@ struct RecordedSession {
   std::vector<protocol::DatagramBytes> hello_parts;  ///< As on the wire.
   protocol::Welcome welcome;
   std::vector<RecordedUpdate> updates;  ///< In the order in which they passed.
-  std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< By sequence.
+  std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< As on the wire, by sequence.
   std::vector<protocol::ProxyState> acknowledgements;
 };
 

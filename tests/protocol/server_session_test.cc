@@ -150,6 +150,64 @@ TEST_CASE("a late copy of the hello of an ended session does not begin it again"
   CHECK(server.dropped(DropReason::kStale) == 1);
 }
 
+Control held_at(double x) {
+  Control control;
+  control.holds = true;
+  control.X_WTarget.p.x() = x;
+  return control;
+}
+
+TEST_CASE("a control waits for an update after it, and the acknowledgement names it") {
+  Server server;
+  server.begin();
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 3}, held_at(0.3));
+  server.deliver_update(2);  // older than the control
+  CHECK(server.poll(0.1).control == nullptr);
+  server.session.acknowledge(0.1, test::planar_state());
+  CHECK(server.link.last_sent<ProxyState>().control == 0);
+
+  server.deliver_update(4);
+  const ServerSession::Inbox inbox = server.poll(0.2);
+  REQUIRE(inbox.control != nullptr);
+  CHECK(inbox.control->X_WTarget.p.x() == 0.3);
+  server.session.acknowledge(0.2, test::planar_state());
+  CHECK(server.link.last_sent<ProxyState>().control == 3);
+  server.deliver_update(5);
+  CHECK(server.poll(0.3).control == nullptr);  // in effect already
+}
+
+TEST_CASE("a control that comes after the update of the same poll does not take its place") {
+  Server server;
+  server.begin();
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, held_at(0.1));
+  server.deliver_update(2);
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 3}, held_at(0.3));
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.control != nullptr);
+  CHECK(inbox.control->X_WTarget.p.x() == 0.1);
+  server.deliver_update(4);
+  const ServerSession::Inbox next = server.poll(0.2);
+  REQUIRE(next.control != nullptr);
+  CHECK(next.control->X_WTarget.p.x() == 0.3);
+}
+
+TEST_CASE("older and foreign controls are dropped, and a new session begins without one") {
+  Server server;
+  server.begin();
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 5}, held_at(0.5));
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 4}, held_at(0.4));
+  server.link.deliver(kOther, {.session = kFirstId, .sequence = 6}, held_at(0.6));
+  server.link.deliver(kClient, {.session = kFirstId + 1, .sequence = 6}, held_at(0.6));
+  server.poll(0.1);
+  CHECK(server.dropped(DropReason::kStale) == 1);
+  CHECK(server.dropped(DropReason::kForeignSession) == 2);
+
+  server.say_hello(kClient, 2);
+  server.poll(0.2);
+  server.deliver_update(9);
+  CHECK(server.poll(0.3).control == nullptr);
+}
+
 TEST_CASE("of the updates of one poll the newest is taken, whatever their order") {
   Server server;
   server.begin();
