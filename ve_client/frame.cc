@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/uniform.h"
 #include "ve_client/contacts/select.h"
 
 namespace hlm::ve {
@@ -51,11 +52,6 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clo
   return result;
 }
 
-double FramePeriods::next() {
-  // Not std::uniform_real_distribution: its sequence differs between standard libraries.
-  constexpr double kTwoToMinus53 = 0x1.0p-53;
-  const double share = static_cast<double>(engine_() >> 11) * kTwoToMinus53;
-  return 1 / (low_ + share * (high_ - low_));
-}
+double FramePeriods::next() { return 1 / uniform(engine_, low_, high_); }
 
 }  // namespace hlm::ve

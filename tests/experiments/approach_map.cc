@@ -87,27 +87,25 @@ void approach_map(Bench& bench) {
   }
   const std::vector<Method> compared = bench.methods(names);
   const int seeds = bench.quick() ? 2 : bench.seeds();
-  struct Job {
+  struct Approach {
     Method method;
     double speed;
     std::uint64_t seed;
   };
-  std::vector<Job> jobs;
+  std::vector<Approach> jobs;
   for (const Method& method : compared) {
     for (const double speed : speeds) {
-      for (int i = 0; i < seeds; ++i) {
-        jobs.push_back({method, speed, bench.seed() + static_cast<std::uint64_t>(i)});
-      }
+      for (const std::uint64_t seed : bench.seed_list(seeds)) jobs.push_back({method, speed, seed});
     }
   }
   Conditions conditions;
   conditions.link.delay = 0.02;
-  const std::vector<Outcome> outcomes = bench.map(jobs, [&](const Job& job) {
+  const std::vector<Outcome> outcomes = bench.map(jobs, [&](const Approach& job) {
     return outcome(run({task(wall, job.method, job.speed), job.method, conditions, job.seed}));
   });
 
-  Table table = bench.table("approach",
-                            "method,speed_m_s,seed,arrival_m_s,error_m,overshoot_m,drift_m,sway_m");
+  Table& table = bench.table(
+      "approach", "method,speed_m_s,seed,arrival_m_s,error_m,overshoot_m,drift_m,sway_m");
   std::map<double, std::vector<double>> adaptive;
   double adaptive_sway = 0;
   double slowest = 1;  // arrival, as a portion of the wanted speed

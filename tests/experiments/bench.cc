@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <fstream>
 #include <mutex>
+#include <numeric>
+#include <stdexcept>
 
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
@@ -12,9 +13,28 @@
 namespace hlm::experiments {
 
 Table::Table(const std::filesystem::path& file, std::string_view header)
-    : file_(file), text_(std::string(header) + '\n') {}
+    : name_(file.string()), file_(file) {
+  write(std::string(header));
+}
 
-Table::~Table() { std::ofstream(file_) << text_; }
+void Table::write(const std::string& line) {
+  if (!(file_ << line << '\n')) throw std::runtime_error(name_ + ": cannot be written");
+}
+
+void Table::close() {
+  file_.close();
+  if (!file_) throw std::runtime_error(name_ + ": cannot be written");
+}
+
+std::string Table::cell(std::string_view value) {
+  if (value.find_first_of(",\"") == value.npos) return std::string(value);
+  std::string quoted = "\"";
+  for (const char c : value) {
+    quoted += c;
+    if (c == '"') quoted += c;
+  }
+  return quoted + "\"";
+}
 
 std::string Table::cell(double value) { return fmt::format("{:.9g}", value); }
 
@@ -34,10 +54,29 @@ std::vector<Method> Bench::methods(const std::vector<std::string>& names) const 
   return wanted;
 }
 
+std::vector<std::uint64_t> Bench::seed_list(int count) const {
+  std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
+  std::iota(seeds.begin(), seeds.end(), options_.seed);
+  return seeds;
+}
+
+std::vector<Job> Bench::jobs(const std::vector<std::string>& names, int count) const {
+  std::vector<Job> jobs;
+  for (const Method& method : methods(names)) {
+    for (const std::uint64_t seed : seed_list(count)) jobs.push_back({method, seed});
+  }
+  return jobs;
+}
+
 void Bench::begin(const std::string& experiment) { experiment_ = experiment; }
 
-Table Bench::table(const std::string& name, std::string_view header) const {
-  return {options_.out / (name + ".csv"), header};
+Table& Bench::table(const std::string& name, std::string_view header) {
+  return tables_.emplace_back(options_.out / (name + ".csv"), header);
+}
+
+void Bench::close_tables() {
+  for (Table& table : tables_) table.close();
+  tables_.clear();
 }
 
 void Bench::claim(Claim claim) {

@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -36,33 +38,40 @@ struct Claim {
   bool holds = false;
 };
 
+/// One run of a figure.
+struct Job {
+  Method method;
+  std::uint64_t seed = 1;
+};
+
 /// Something seen that no criterion asks for, in words.
 struct Finding {
   std::string experiment;
   std::string text;
 };
 
-/// A table of numbers or words, written as CSV on destruction.
+/// A table of numbers or words in a CSV file. Each function throws std::runtime_error naming the
+/// file if it cannot be written.
 class Table {
  public:
   Table(const std::filesystem::path& file, std::string_view header);
-  ~Table();
-  Table(const Table&) = delete;
-  Table& operator=(const Table&) = delete;
-
   template <class... Values>
   void row(const Values&... values) {
     std::string line;
     (line.append(line.empty() ? "" : ",").append(cell(values)), ...);
-    text_.append(line).append("\n");
+    write(line);
   }
+  /// The table is complete.
+  void close();
 
  private:
   static std::string cell(double value);
-  static std::string cell(std::string_view value) { return std::string(value); }
+  static std::string cell(std::string_view value);
 
-  std::filesystem::path file_;
-  std::string text_;
+  void write(const std::string& line);
+
+  std::string name_;
+  std::ofstream file_;
 };
 
 class Bench {
@@ -74,11 +83,18 @@ class Bench {
   int seeds() const { return options_.seeds; }
   /// Those of the names that were asked for.
   std::vector<Method> methods(const std::vector<std::string>& names) const;
+  /// The first `count` seeds.
+  std::vector<std::uint64_t> seed_list(int count) const;
+  /// Each of methods(names) with each of the first `count` seeds.
+  std::vector<Job> jobs(const std::vector<std::string>& names, int count) const;
   /// Whether no method was left out: claims that compare methods need them all.
   bool complete() const { return options_.methods.empty(); }
 
   void begin(const std::string& experiment);
-  Table table(const std::string& name, std::string_view header) const;
+  /// Until close_tables().
+  Table& table(const std::string& name, std::string_view header);
+  /// All tables are complete.
+  void close_tables();
   void claim(Claim claim);
   void find(const std::string& text);
   const std::vector<Claim>& claims() const { return claims_; }
@@ -101,6 +117,7 @@ class Bench {
   std::string experiment_;
   std::vector<Claim> claims_;
   std::vector<Finding> findings_;
+  std::deque<Table> tables_;
 };
 
 /// A median with its range: "3.21 (2.90-4.05)", values times `scale`.

@@ -1,6 +1,5 @@
 // experiments: runs the paper's experiments in virtual time and writes their tables and claims.
 #include <algorithm>
-#include <fstream>
 #include <iostream>
 #include <stdexcept>
 
@@ -36,20 +35,13 @@ bool wanted(const BenchOptions& options, const Experiment& experiment) {
   return std::find(options.only.begin(), options.only.end(), experiment.name) != options.only.end();
 }
 
-std::string quoted(const std::string& text) { return '"' + text + '"'; }
-
-void write_claims(const Bench& bench, const std::filesystem::path& out) {
-  std::ofstream claims(out / "claims.csv");
-  claims << "experiment,what,paper,criterion,measured,holds\n";
+void write_claims(Bench& bench) {
+  Table& claims = bench.table("claims", "experiment,what,paper,criterion,measured,holds");
   for (const Claim& c : bench.claims()) {
-    claims << c.experiment << ',' << quoted(c.what) << ',' << quoted(c.paper) << ','
-           << quoted(c.criterion) << ',' << quoted(c.measured) << ',' << c.holds << '\n';
+    claims.row(c.experiment, c.what, c.paper, c.criterion, c.measured, c.holds ? 1.0 : 0.0);
   }
-  std::ofstream findings(out / "findings.csv");
-  findings << "experiment,text\n";
-  for (const Finding& f : bench.findings()) {
-    findings << f.experiment << ',' << quoted(f.text) << '\n';
-  }
+  Table& findings = bench.table("findings", "experiment,text");
+  for (const Finding& f : bench.findings()) findings.row(f.experiment, f.text);
 }
 
 std::string arguments(const BenchOptions& options, int seeds) {
@@ -59,17 +51,14 @@ std::string arguments(const BenchOptions& options, int seeds) {
   return text;
 }
 
-void write_parameters(const BenchOptions& options, int seeds) {
+void write_parameters(Bench& bench, const BenchOptions& options) {
   const Conditions conditions;
   const Task task;
   const server::ControllerGains gains;
   const server::LocalModelParameters local;
-  std::ofstream file(options.out / "parameters.csv");
-  file << "name,value\n";
-  const auto row = [&](const char* name, const std::string& value) {
-    file << name << ',' << quoted(value) << '\n';
-  };
-  row("arguments", arguments(options, seeds));
+  Table& table = bench.table("parameters", "name,value");
+  const auto row = [&](std::string_view name, std::string_view value) { table.row(name, value); };
+  row("arguments", arguments(options, bench.seeds()));
   row("loop", fmt::format("{} Hz where nothing else is said", conditions.servo_rate));
   row("environment",
       fmt::format("{} to {} Hz, the rate of each frame drawn; ODE; the tool is carried "
@@ -116,9 +105,11 @@ int run_experiments(const BenchOptions& options) {
     if (!wanted(options, experiment)) continue;
     bench.begin(experiment.name);
     experiment.run(bench);
+    bench.close_tables();
   }
-  write_parameters(options, bench.seeds());
-  write_claims(bench, options.out);
+  write_parameters(bench, options);
+  write_claims(bench);
+  bench.close_tables();
   const auto failed = std::count_if(bench.claims().begin(), bench.claims().end(),
                                     [](const Claim& claim) { return !claim.holds; });
   fmt::print("{} of {} criteria hold\n", bench.claims().size() - static_cast<std::size_t>(failed),

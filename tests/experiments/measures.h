@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <numbers>
 #include <vector>
 
 #include "tests/experiments/trial.h"
@@ -9,6 +10,8 @@
 namespace hlm::experiments {
 
 using Signal = std::function<double(const server::TickRecord&)>;
+
+inline constexpr double kDegree = 180 / std::numbers::pi;  ///< Of a radian.
 
 /// Rotation about z against the world, rad, in (-π, π].
 double heading(const Pose& X) noexcept;

@@ -108,14 +108,6 @@ double largest_difference(const Trace& a, const Trace& b) {
   return difference;
 }
 
-std::vector<std::uint64_t> seeds_of(const Bench& bench) {
-  std::vector<std::uint64_t> seeds;
-  for (int i = 0; i < bench.seeds(); ++i) {
-    seeds.push_back(bench.seed() + static_cast<std::uint64_t>(i));
-  }
-  return seeds;
-}
-
 void write_series(Table& series, const std::string& label, const Trace& trace) {
   for (const server::TickRecord& tick : trace.ticks) {
     if (tick.time > 1.5) return;
@@ -127,12 +119,13 @@ void write_series(Table& series, const std::string& label, const Trace& trace) {
 
 void one_dof_hole_unstable(Bench& bench) {
   const ve::WorldDescription hole = world(0);
-  Table series = bench.table("fig06_series", "method,time_s,x_m,force_N");
+  Table& series = bench.table("fig06_series", "method,time_s,x_m,force_N");
   for (const double rate : {512.0, 1000.0}) {
     for (const Method& method : bench.methods({"ir", "lm0-direct"})) {
-      const std::vector<Trace> traces = bench.map(seeds_of(bench), [&](std::uint64_t seed) {
-        return run({task(5, hole, 2), method, late(rate), seed});
-      });
+      const std::vector<Trace> traces =
+          bench.map(bench.seed_list(bench.seeds()), [&](std::uint64_t seed) {
+            return run({task(5, hole, 2), method, late(rate), seed});
+          });
       std::vector<double> far;
       const bool is_ir = method.name == "ir";
       for (const Trace& trace : traces) far.push_back(farthest(trace, is_ir ? 1 : 2));
@@ -158,7 +151,7 @@ void one_dof_hole_unstable(Bench& bench) {
 void one_dof_hole_delay(Bench& bench) {
   constexpr double kRate = 1000;  // Hz
   constexpr double kDuration = 2;
-  Table series = bench.table("fig09_series", "method,time_s,x_m,force_N");
+  Table& series = bench.table("fig09_series", "method,time_s,x_m,force_N");
   for (const Method& method : bench.methods({"lm0-direct", "lm5-direct"})) {
     struct Pair {
       Trace late;
@@ -166,7 +159,7 @@ void one_dof_hole_delay(Bench& bench) {
     };
     const auto shake_both = [&](double amplitude, double clearance) {
       const Task hole = task(amplitude, world(clearance), kDuration);
-      return bench.map(seeds_of(bench), [&](std::uint64_t seed) {
+      return bench.map(bench.seed_list(bench.seeds()), [&](std::uint64_t seed) {
         return Pair{run({hole, method, late(kRate), seed}),
                     run({hole, method, undelayed(kRate), seed})};
       });

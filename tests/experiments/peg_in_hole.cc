@@ -11,8 +11,6 @@
 namespace hlm::experiments {
 namespace {
 
-constexpr double kDegree = 57.29577951308232;
-
 /// Of all seeds of one method.
 struct Outcomes {
   std::vector<double> x;       ///< Largest distance from the hole's axis, m.
@@ -38,23 +36,14 @@ void add(Outcomes& outcomes, const Trace& trace) {
 
 std::map<std::string, Outcomes> shake_all(Bench& bench, const std::string& figure, const Task& task,
                                           const std::vector<std::string>& names) {
-  struct Job {
-    Method method;
-    std::uint64_t seed;
-  };
-  std::vector<Job> jobs;
-  for (const Method& method : bench.methods(names)) {
-    for (int i = 0; i < bench.seeds(); ++i) {
-      jobs.push_back({method, bench.seed() + static_cast<std::uint64_t>(i)});
-    }
-  }
+  const std::vector<Job> jobs = bench.jobs(names, bench.seeds());
   const std::vector<Trace> traces = bench.map(jobs, [&](const Job& job) {
     return run({task, job.method, {}, job.seed});
   });
   std::map<std::string, Outcomes> outcomes;
-  Table trials =
+  Table& trials =
       bench.table(fmt::format("{}_trials", figure), "method,seed,x_m,y_m,theta_rad,energy_J");
-  Table series = bench.table(fmt::format("{}_series", figure), "method,time_s,x_m,y_m,theta_rad");
+  Table& series = bench.table(fmt::format("{}_series", figure), "method,time_s,x_m,y_m,theta_rad");
   const double upright = heading(peg_in_hole());
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const Method& method = jobs[i].method;

@@ -10,8 +10,6 @@
 namespace hlm::experiments {
 namespace {
 
-constexpr double kDegree = 57.29577951308232;
-
 /// Floor at z = 0; the hole is 40 mm square, 80 mm deep, around the z axis.
 ve::WorldDescription hole_world() {
   const auto block = [](const char* name, const char* pose) {
@@ -46,19 +44,8 @@ Task spatial_task(ve::WorldDescription world, const server::HandSegment& hand, d
   return task;
 }
 
-struct Job {
-  Method method;
-  std::uint64_t seed;
-};
 std::vector<Job> jobs_of(const Bench& bench) {
-  std::vector<Job> jobs;
-  const int seeds = bench.quick() ? 2 : bench.seeds();
-  for (const Method& method : bench.methods({"ir", "lm0", "lm5", "lm-adaptive"})) {
-    for (int i = 0; i < seeds; ++i) {
-      jobs.push_back({method, bench.seed() + static_cast<std::uint64_t>(i)});
-    }
-  }
-  return jobs;
+  return bench.jobs({"ir", "lm0", "lm5", "lm-adaptive"}, bench.quick() ? 2 : bench.seeds());
 }
 
 /// Of all seeds of one method.
@@ -79,8 +66,8 @@ void square_hole(Bench& bench) {
   Pose X_W0;
   X_W0.p.z() = 0.04;
   std::map<std::string, Outcomes> of;
-  Table trials = bench.table("spatial_hole", "method,seed,distance_m,rotation_rad,energy_J");
-  Table series = bench.table("spatial_hole_series", "method,time_s,x_m,y_m,z_m,rotation_rad");
+  Table& trials = bench.table("spatial_hole", "method,seed,distance_m,rotation_rad,energy_J");
+  Table& series = bench.table("spatial_hole_series", "method,time_s,x_m,y_m,z_m,rotation_rad");
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [method, seed] = jobs[i];
     Outcomes& o = of[method.name];
@@ -130,8 +117,8 @@ void box_on_edge(Bench& bench) {
     std::vector<double> sway;  ///< Peak to peak of the height in the last second, m.
   };
   std::map<std::string, Rest> of;
-  Table trials = bench.table("spatial_box", "method,seed,tilt_rad,sway_m");
-  Table series = bench.table("spatial_box_series", "method,time_s,z_m,tilt_rad");
+  Table& trials = bench.table("spatial_box", "method,seed,tilt_rad,sway_m");
+  Table& series = bench.table("spatial_box_series", "method,time_s,z_m,tilt_rad");
   const auto height = [](const server::TickRecord& t) { return t.X_WD.p.z(); };
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [method, seed] = jobs[i];

@@ -12,8 +12,6 @@ namespace {
 constexpr double kWall = 0.124;  // m: y of the peg on the wall
 constexpr double kDuration = 7;  // s
 constexpr double kSettled = 5;   // s: the last two seconds count
-constexpr double kDegree = 57.29577951308232;
-
 Task task() {
   Task task;
   task.world = test::repository_world("testbed.sdf");
@@ -55,16 +53,7 @@ Outcome outcome(const Trace& trace) {
 }  // namespace
 
 void static_contact(Bench& bench) {
-  struct Job {
-    Method method;
-    std::uint64_t seed;
-  };
-  std::vector<Job> jobs;
-  for (const Method& method : bench.methods({"ir", "lm0", "lm5", "lm-adaptive"})) {
-    for (int i = 0; i < bench.seeds(); ++i) {
-      jobs.push_back({method, bench.seed() + static_cast<std::uint64_t>(i)});
-    }
-  }
+  const std::vector<Job> jobs = bench.jobs({"ir", "lm0", "lm5", "lm-adaptive"}, bench.seeds());
   struct Result {
     Outcome outcome;
     Trace trace;  ///< Of the first seed.
@@ -78,8 +67,8 @@ void static_contact(Bench& bench) {
 
   std::map<std::string, std::vector<double>> wall, sway_y, sway, arrival;
   std::map<std::string, int> left;
-  Table trials = bench.table("fig14_trials", "method,seed,wall_m,sway_y_m,sway_rad,arrival_m_s");
-  Table series = bench.table("fig14_series", "method,time_s,y_m,theta_rad");
+  Table& trials = bench.table("fig14_trials", "method,seed,wall_m,sway_y_m,sway_rad,arrival_m_s");
+  Table& series = bench.table("fig14_series", "method,time_s,y_m,theta_rad");
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [name, label] = std::tie(jobs[i].method.name, jobs[i].method.label);
     const Outcome& o = results[i].outcome;

@@ -56,7 +56,7 @@ void stiffness_limits(Bench& bench) {
       }
     }
   }
-  Table table = bench.table("limits", "device,method,k_max,ratio_to_ir,beyond,monotonous");
+  Table& table = bench.table("limits", "device,method,k_max,ratio_to_ir,beyond,monotonous");
   auto ideal = limits(bench, names, false, table);
   std::map<std::string, StiffnessLimit> real;
   if (!bench.quick()) real = limits(bench, names, true, table);

@@ -101,7 +101,7 @@ void stiffness_maps(Bench& bench) {
   const std::vector<StiffnessLimit> found = bench.map(
       cells, [&](const Cell& cell) { return find_stiffness_limit(trial_of(bench, cell), 3); });
 
-  Table table =
+  Table& table =
       bench.table("maps", "axis,unit,value,method,k_max,ratio_to_ir,beyond,monotonous,colgate");
   std::map<std::string, Map> k_max;
   for (std::size_t i = 0; i < cells.size(); ++i) {

@@ -7,6 +7,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "common/uniform.h"
 #include "haptic_server/local_model/contact_update.h"
 #include "tests/support/virtual_session.h"
 
@@ -88,11 +89,6 @@ class ModelObserver {
   std::optional<ToolModel> proxy_;
 };
 
-/// In [low, high), the same on every platform.
-double drawn(std::mt19937_64& engine, double low, double high) {
-  return low + (high - low) * 0x1.0p-53 * static_cast<double>(engine() >> 11);
-}
-
 bool couples_engine(const Method& method) { return !server::uses_contacts(method.controller); }
 
 /// Nobody pushes exactly through the centre of mass.
@@ -167,11 +163,11 @@ Trace run(const Trial& trial) {
   std::mt19937_64 engine(trial.seed);
   const double round_trip = 2 * (trial.conditions.link.delay + trial.conditions.link.jitter);
   // On a tick, so that trials under other conditions see the same hand.
-  const double drawn_start = drawn(engine, 0.3, 0.5) + 2 * round_trip;
+  const double drawn_start = uniform(engine, 0.3, 0.5) + 2 * round_trip;
   const double rate = trial.conditions.servo_rate;
   const double start = std::round(drawn_start * rate) / rate;
   const double reach = trial.task.off_centre;
-  const Vector3 offset(drawn(engine, -reach, reach), drawn(engine, -reach, reach), 0);
+  const Vector3 offset(uniform(engine, -reach, reach), uniform(engine, -reach, reach), 0);
   const server::HandScript hand = hand_script(off_centre(trial.task.hand, offset), start);
 
   Trace trace;

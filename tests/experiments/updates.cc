@@ -24,18 +24,9 @@ struct Effects {
 }  // namespace
 
 void updates(Bench& bench) {
-  const std::vector<Method> compared =
-      bench.methods({"ir", "vrpn", "lm0-paper", "lm5-paper", "lm0", "lm5", "lm-adaptive"});
-  struct Job {
-    Method method;
-    std::uint64_t seed;
-  };
-  std::vector<Job> jobs;
-  for (const Method& method : compared) {
-    for (int i = 0; i < bench.seeds(); ++i) {
-      jobs.push_back({method, bench.seed() + static_cast<std::uint64_t>(i)});
-    }
-  }
+  const std::vector<std::string> names{"ir",  "vrpn", "lm0-paper",  "lm5-paper",
+                                       "lm0", "lm5",  "lm-adaptive"};
+  const std::vector<Job> jobs = bench.jobs(names, bench.seeds());
   const Task task = hole_task(1, 4000, 30);
   const auto found = bench.map(jobs, [&](const Job& job) {
     return run({task, job.method, {}, job.seed}).updates;
@@ -50,9 +41,9 @@ void updates(Bench& bench) {
       of[jobs[i].method.name].energy.push_back(effect.energy);
     }
   }
-  Table table =
+  Table& table =
       bench.table("updates", "method,largest_jump_N,p99_jump_N,noticeable_share,largest_energy_J");
-  for (const Method& method : compared) {
+  for (const Method& method : bench.methods(names)) {
     const Effects& e = of[method.name];
     double noticeable = 0;
     for (const double jump : e.jump) noticeable += jump > kJustNoticeable;

@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <cstdint>
 #include <random>
-#include <vector>
 
+#include "common/uniform.h"
 #include "protocol/datagram_link.h"
+#include "protocol/datagram_queue.h"
 
 namespace hlm::test {
 
@@ -46,11 +47,6 @@ class MemoryNetwork {
   protocol::DatagramLink& client() noexcept { return client_; }
 
  private:
-  struct Flight {
-    double arrival = 0;
-    protocol::Datagram datagram;
-  };
-
   class End : public protocol::DatagramLink {
    public:
     End(MemoryNetwork& network, protocol::Endpoint own) : network_(network), own_(own) {
@@ -59,14 +55,9 @@ class MemoryNetwork {
       incoming_.reserve(kUnderWay);
     }
 
-    bool has_mail() const noexcept {
-      return !incoming_.empty() && incoming_.front().arrival <= network_.now_;
-    }
+    bool has_mail() const noexcept { return incoming_.has_due(network_.now_); }
     bool receive(protocol::Datagram& datagram) noexcept override {
-      if (!has_mail()) return false;
-      datagram = incoming_.front().datagram;
-      incoming_.erase(incoming_.begin());
-      return true;
+      return incoming_.take(network_.now_, datagram);
     }
     void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override {
       network_.carry(own_, to, bytes);
@@ -76,7 +67,7 @@ class MemoryNetwork {
     friend class MemoryNetwork;
     MemoryNetwork& network_;
     protocol::Endpoint own_;
-    std::vector<Flight> incoming_;  ///< In order of arrival.
+    protocol::DatagramQueue incoming_;
   };
 
   void carry(const protocol::Endpoint& from, const protocol::Endpoint& to,
@@ -84,23 +75,15 @@ class MemoryNetwork {
     if (to != kServer && to != kClient) return;
     if (drawn(conditions_.loss)) return;
     const int copies = drawn(conditions_.duplication) ? 2 : 1;
-    std::vector<Flight>& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
+    protocol::DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
     for (int i = 0; i < copies; ++i) {
-      double arrival = now_ + conditions_.delay + uniform() * conditions_.jitter;
+      double arrival = now_ + conditions_.delay + uniform(engine_) * conditions_.jitter;
       if (drawn(conditions_.reordering)) arrival += conditions_.reorder_time;
-      const auto later =
-          std::upper_bound(incoming.begin(), incoming.end(), arrival,
-                           [](double time, const Flight& flight) { return time < flight.arrival; });
-      incoming.insert(later, Flight{arrival, {from, {bytes.begin(), bytes.end()}}});
+      incoming.hold(arrival, {from, {bytes.begin(), bytes.end()}});
     }
   }
 
-  /// In [0, 1); the same on every platform.
-  double uniform() {
-    constexpr double kTwoToMinus53 = 0x1.0p-53;
-    return static_cast<double>(engine_() >> 11) * kTwoToMinus53;
-  }
-  bool drawn(double probability) { return uniform() < probability; }
+  bool drawn(double probability) { return uniform(engine_) < probability; }
 
   LinkConditions conditions_;
   std::mt19937_64 engine_;

@@ -6,9 +6,9 @@
 #include <functional>
 #include <random>
 #include <span>
-#include <vector>
 
 #include "protocol/datagram_link.h"
+#include "protocol/datagram_queue.h"
 
 namespace hlm {
 
@@ -39,22 +39,14 @@ class ImpairedLink final : public protocol::DatagramLink {
   void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override;
 
  private:
-  struct Held {
-    double due = 0;  ///< s.
-    protocol::Datagram datagram;
-  };
-  using Queue = std::vector<Held>;  ///< In order of `due`.
-
-  void hold(Queue& queue, const protocol::Datagram& datagram);
-  bool take(Queue& queue, protocol::Datagram& datagram);
-  double uniform();
+  void hold(protocol::DatagramQueue& queue, const protocol::Datagram& datagram);
 
   protocol::DatagramLink& link_;
   std::function<double()> now_;
   std::mt19937_64 engine_;
   NetworkConditions conditions_;
-  Queue incoming_;
-  Queue outgoing_;
+  protocol::DatagramQueue incoming_;
+  protocol::DatagramQueue outgoing_;
 };
 
 }  // namespace hlm
