@@ -125,6 +125,23 @@ TEST_CASE("each update has the contacts of the very configuration that it carrie
   CHECK(with_contacts > 10);
 }
 
+TEST_CASE("a tool that approaches fast is told of a wall from farther away") {
+  const auto farthest = [](const FrameOptions& options) {
+    Setup setup({.delay = 0.02}, 1, Vector3(0, 0.3, 0));
+    setup.run(1, options);
+    double separation = 0;
+    for (const protocol::ContactUpdate& update : setup.server->updates) {
+      for (const ReportedContact& contact : update.contacts) {
+        separation = std::max(separation, contact.separation);
+      }
+    }
+    return separation;
+  };
+  CHECK(farthest({.epsilon = 0.005}) <= 0.005);  // m
+  // 0.3 m/s over 40 ms of round trip and a frame of 17 to 33 ms.
+  CHECK(farthest({.epsilon = 0.005, .largest_epsilon = 0.08}) > 0.3 * (0.04 + 0.017));
+}
+
 TEST_CASE("an update tells simulated time, the step's length and the time since sampling") {
   Setup setup;
   setup.run(1, {.delay = 0.012});

@@ -2,6 +2,8 @@
 // repeatability.
 #include "ve_client/world/world.h"
 
+#include <thread>
+
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 
@@ -193,6 +195,28 @@ TEST_CASE("the playground's objects stay where its file puts them") {
     CAPTURE(initial.name);
     CHECK((world.X_WB(body).p - initial.X_WB.p).norm() < 5e-3);
   }
+}
+
+TEST_CASE("worlds of two threads do not disturb each other: both as if alone, bit for bit") {
+  const auto fall = [] {
+    const WorldDescription description =
+        test::world_of(test::fixed_model("floor", "0 0 -0.5 0 0 0", test::box("2 2 1")) +
+                           test::model("lower", "0 0 0.3 0.2 0.1 0", test::box("0.2 0.2 0.2")) +
+                           test::model("upper", "0.03 0 0.6 0 0.3 0", test::box("0.2 0.2 0.2")),
+                       "0 0 -9.81");
+    World world(description, {});
+    for (int i = 0; i < 400; ++i) world.step(0.005, {});
+    return world.X_WB(2);
+  };
+  const Pose alone = fall();
+  Pose first;
+  Pose second;
+  {
+    const std::jthread one([&] { first = fall(); });
+    const std::jthread other([&] { second = fall(); });
+  }
+  CHECK(first == alone);
+  CHECK(second == alone);
 }
 
 }  // namespace

@@ -33,6 +33,26 @@ TEST_CASE("Force is limited in magnitude, its direction kept") {
   CHECK(limited[5] == Approx(0.6));  // N·m
 }
 
+TEST_CASE("What limits the force is told: fade, force, torque or rate, or nothing") {
+  using protocol::ForceLimit;
+  Limiter limiter({}, {.max_force_rate = 5e3}, kStep);
+  limiter.allow(true);
+  limiter.limit(push(1));
+  CHECK(limiter.limited_by() == ForceLimit::kFade);
+  for (int i = 0; i < 200; ++i) limiter.limit(push(1));
+  CHECK(limiter.limited_by() == ForceLimit::kNone);
+  limiter.limit(push(9));  // 8 N more, 5 N a step
+  CHECK(limiter.limited_by() == ForceLimit::kRate);
+  limiter.limit(push(9));
+  CHECK(limiter.limited_by() == ForceLimit::kNone);
+  limiter.limit(push(13));
+  CHECK(limiter.limited_by() == ForceLimit::kForce);
+  Wrench turn = Wrench::Zero();
+  turn[5] = 1;
+  limiter.limit(turn);
+  CHECK(limiter.limited_by() == ForceLimit::kTorque);
+}
+
 TEST_CASE("The device's own rating counts where it is lower") {
   DeviceRatings device;
   device.max_force = 3;
