@@ -53,6 +53,11 @@ enum class ControllerKind : std::uint8_t {
   kEngineForce = 6,
 };
 
+/// Whether the device takes the proxy's place, for which the tool must have one link.
+constexpr bool replaces_proxy(ControllerKind kind) noexcept {
+  return kind >= ControllerKind::kDirect;
+}
+
 /// What of the physics can change during a session.
 struct Tuning {
   UpdateRule update_rule = UpdateRule::kRetain;

@@ -41,21 +41,6 @@ Controller::Controller(ControllerKind kind, const ControllerGains& gains) noexce
       stiffness_(diagonal(gains.stiffness, gains.angular_stiffness)),
       damping_(diagonal(gains.damping, gains.angular_damping)) {}
 
-bool replaces_proxy(ControllerKind kind) noexcept {
-  switch (kind) {
-    case ControllerKind::kFourChannel:
-    case ControllerKind::kThreeChannel:
-    case ControllerKind::kVirtualCoupler:
-      return false;
-    case ControllerKind::kDirect:
-    case ControllerKind::kRotationCoupler:
-    case ControllerKind::kEngineCoupler:
-    case ControllerKind::kEngineForce:
-      return true;
-  }
-  return false;
-}
-
 bool uses_contacts(ControllerKind kind) noexcept {
   return kind != ControllerKind::kEngineCoupler && kind != ControllerKind::kEngineForce;
 }

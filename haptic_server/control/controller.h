@@ -12,9 +12,8 @@
 namespace hlm::server {
 
 using protocol::ControllerKind;
+using protocol::replaces_proxy;
 
-/// Whether the device takes the proxy's place.
-bool replaces_proxy(ControllerKind kind) noexcept;
 /// Whether contacts of the local model act.
 bool uses_contacts(ControllerKind kind) noexcept;
 

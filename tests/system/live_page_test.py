@@ -7,92 +7,38 @@ Usage: live_page_test.py SERVER CLIENT WORLDS
 import contextlib
 import json
 import math
-import pathlib
-import socket
-import subprocess
 import sys
 import time
 import unittest
 
 SKIPPED = 77
 try:
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
     from selenium.webdriver.common.actions.mouse_button import MouseButton
 except ImportError:
     print("skipped: python3-selenium is not installed")
     sys.exit(SKIPPED)
 
+from live_session import browser, live_session, show, wait_for
+
 SERVER, CLIENT, WORLDS = sys.argv[1:4]
 WALL = 0.124  # m: y of the peg on the bottom wall
-PATIENCE = 20  # s
-
-
-def free_port(kind):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def wait_for(condition, what):
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"waited {PATIENCE} s for {what}")
-
-
-@contextlib.contextmanager
-def running(*command):
-    process = subprocess.Popen([str(part) for part in command])
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.wait(timeout=PATIENCE)
-
-
-def browser():
-    options = webdriver.ChromeOptions()
-    for argument in ("--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
-                     "--window-size=1280,900", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
 
 
 class LivePage(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
-        udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-        cls.url = f"http://127.0.0.1:{tcp}/"
-        cls.stack.enter_context(running(SERVER, "--listen", f"127.0.0.1:{udp}", "--status", "false",
-                                        "--device-friction", "0", "--log-level", "error"))
-        cls.stack.enter_context(running(CLIENT, "--server", f"127.0.0.1:{udp}", "--world",
-                                        pathlib.Path(WORLDS) / "testbed.sdf", "--page",
-                                        f"127.0.0.1:{tcp}", "--quiet"))
-        wait_for(lambda: cls.listens(tcp), "the page's server")
+        cls.url = cls.stack.enter_context(live_session(SERVER, CLIENT, WORLDS))
         cls.driver = browser()
         cls.stack.callback(cls.driver.quit)
-        cls.driver.set_script_timeout(PATIENCE)
 
     @classmethod
     def tearDownClass(cls):
         cls.stack.close()
 
-    @staticmethod
-    def listens(port):
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", port)) == 0
-
     def setUp(self):
-        self.driver.get(self.url)
-        wait_for(lambda: self.ask("window.haptic && window.haptic.frame && haptic.frame.device"),
-                 "a frame with the device")
+        show(self.driver, self.url)
 
     def ask(self, expression):
         return self.driver.execute_script(f"return ({expression})")
@@ -158,11 +104,12 @@ class LivePage(unittest.TestCase):
 
     def test_a_method_acts_and_a_value_out_of_range_is_refused_with_the_range(self):
         self.send({"type": "method", "name": "ir"})
-        wait_for(lambda: self.frame()["settings"]["controller"] == "direct", "direct coupling")
+        wait_for(lambda: self.frame()["method"] == "ir", "the intermediate representation")
+        self.assertEqual(self.frame()["settings"]["controller"], "direct")
         self.assertEqual(self.frame()["settings"]["update_rule"], "intermediate_representation")
         self.assertEqual(self.frame()["epsilon"], 0)
         self.send({"type": "method", "name": "lm5"})
-        wait_for(lambda: self.frame()["settings"]["controller"] == "four_channel", "four channels")
+        wait_for(lambda: self.frame()["method"] == "lm5", "the local model")
 
         refused = self.send({"type": "settings", "stiffness": -1})
         self.assertEqual(refused["field"], "stiffness")
@@ -175,18 +122,33 @@ class LivePage(unittest.TestCase):
     def test_two_pages_see_the_same_and_a_closed_page_lets_go(self):
         first = self.driver.current_window_handle
         self.driver.switch_to.new_window("window")
-        self.driver.get(self.url)
-        wait_for(lambda: self.ask("window.haptic && haptic.frame && haptic.frame.device"), "page two")
+        show(self.driver, self.url)
         self.drag(0.05, -0.05, release=False)
         wait_for(lambda: math.hypot(*self.frame()["F_hand"][:2]) > 0.05, "the hand's force")
         self.driver.close()
         self.driver.switch_to.window(first)
         wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
 
+    def test_a_page_that_hangs_costs_the_others_nothing(self):
+        hanging = browser()
+        try:
+            show(hanging, self.url)
+            hanging.execute_script(
+                "setTimeout(end => { while (performance.now() < end); }, 0, performance.now() + 4000);")
+            ticks = self.ask("haptic.ticks.received")
+            time.sleep(3)
+            self.assertGreater(self.ask("haptic.ticks.received"), ticks + 2500)
+            self.assertEqual(self.ask("haptic.ticks.lost"), 0)
+        finally:
+            hanging.quit()
+
     def test_reset_brings_the_session_back_to_its_start(self):
         self.drag(0.08, -0.08)
         wait_for(lambda: self.frame()["device"][0] > 0.05, "the peg far from its start")
+        self.send({"type": "settings", "stiffness": 9000})
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 9000, "another stiffness")
         self.send({"type": "reset"})
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 4000, "the first stiffness")
         wait_for(lambda: abs(self.frame().get("device", [1])[0]) < 0.01, "the start")
 
 

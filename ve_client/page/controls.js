@@ -11,6 +11,14 @@ const METHODS = [
   ['engine', 'Direct to engine', "The engine's contact force, held between frames"],
 ];
 
+// Conditions worth a try, as the messages that bring them about.
+const SITUATIONS = [
+  ['Stiff and late', 'k = 15 kN/m, b = 100 N·s/m, 20 ms each way: what the local model bears and IR does not',
+   [{ type: 'settings', stiffness: 15000, damping: 100 }, { type: 'environment', delay: 0.02 }]],
+  ['Slow engine', '15 frames/s with jitter and loss',
+   [{ type: 'environment', rate: 15, jitter: 0.02, loss: 0.1 }]],
+];
+
 const UPDATE_RULES = ['retain', 'paper', 'intermediate_representation', 'plane_recovery'];
 const CONTROLLERS = ['four_channel', 'three_channel', 'virtual_coupler', 'direct', 'rotation_coupler',
                      'engine_coupler', 'engine_force'];
@@ -39,6 +47,7 @@ export class Controls {
   constructor(panel, methodBar, send) {
     this.send = send;
     this.fields = new Map();
+    panel.append(this.#situations());
     for (const [kind, title, fields] of GROUPS) panel.append(this.#group(kind, title, fields));
     this.methods = METHODS.map((method) => this.#methodButton(methodBar, method));
   }
@@ -48,13 +57,12 @@ export class Controls {
   }
 
   /** Shows what is in effect, except where the user is at work. */
-  show(settings = {}, environment = {}) {
+  show({ settings = {}, environment = {}, method }) {
     for (const [name, field] of this.fields) {
       const value = settings[name] ?? environment[name];
       field.forgetOldRefusal();
       if (value !== undefined && value !== null) field.show(value);
     }
-    const method = methodInEffect(settings, environment);
     for (const { name, button } of this.methods) {
       button.setAttribute('aria-pressed', String(name === method));
     }
@@ -70,6 +78,18 @@ export class Controls {
 
   choose(method) {
     this.send({ type: 'method', name: method });
+  }
+
+  #situations() {
+    const row = document.createElement('p');
+    row.className = 'situations';
+    row.append('Try ');
+    for (const [label, title, messages] of SITUATIONS) {
+      const button = row.appendChild(document.createElement('button'));
+      Object.assign(button, { type: 'button', textContent: label, title });
+      button.onclick = () => messages.forEach(this.send);
+    }
+    return row;
   }
 
   #group(kind, title, fields) {
@@ -93,17 +113,6 @@ export class Controls {
     button.onclick = () => this.choose(name);
     return { name, button };
   }
-}
-
-/** The method whose name describes these settings. */
-export function methodInEffect({ controller, update_rule }, { epsilon, largest_epsilon }) {
-  if (controller === 'engine_force') return 'engine';
-  if (controller === 'virtual_coupler' || controller === 'engine_coupler') return 'coupler';
-  if (controller === 'rotation_coupler' || update_rule === 'plane_recovery') return null;
-  if (update_rule === 'intermediate_representation') return 'ir';
-  if (largest_epsilon > 0) return 'lm-adaptive';
-  if (epsilon === 0) return 'lm0';
-  return Math.abs(epsilon - 0.005) < 1e-6 ? 'lm5' : null;
 }
 
 class Field {

@@ -6,7 +6,11 @@ const SEND_MS = 1000 / 60;
 const REPEAT_MS = 200;
 const TURN_PER_SECOND = Math.PI / 2;
 const DEPTH_PER_SECOND = 0.12;   // m
-const KEYS = { q: 'turnLeft', e: 'turnRight', r: 'away', f: 'near' };
+const KEYS = { q: 'turnLeft', e: 'turnRight', w: 'tiltAway', s: 'tiltNear', a: 'swingLeft', d: 'swingRight',
+               r: 'away', f: 'near' };
+// About which axis of the view, and which way round it. A planar world has only the one along the view.
+const TURNS = { turnLeft: ['away', -1], turnRight: ['away', 1], tiltAway: ['right', -1], tiltNear: ['right', 1],
+                swingLeft: ['up', -1], swingRight: ['up', 1] };
 
 export class Hand {
   /** `send(message)` says whether it could; `changed()` is called when held or let go. */
@@ -53,11 +57,10 @@ export class Hand {
     this.position[2] += dz;
   }
 
-  /** Turns the target about the world's z axis. */
-  turnBy(angle) {
+  /** Turns the target about a unit vector of the world, rad. */
+  turnBy(angle, axis = new THREE.Vector3(0, 0, 1)) {
     if (!this.held) return;
-    const turn = new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 0, 1), angle);
-    this.rotation.premultiply(turn).normalize();
+    this.rotation.premultiply(new THREE.Quaternion().setFromAxisAngle(axis, angle)).normalize();
   }
 
   /** One holder lets go; the last one ends the hold. Without an argument, all do. */
@@ -104,12 +107,13 @@ export class Hand {
   }
 
   #moveByKeys(elapsed) {
-    const depth = this.scene.depthAxis();
-    const turn = (this.moves.has('turnLeft') ? 1 : 0) - (this.moves.has('turnRight') ? 1 : 0);
-    if (turn) this.turnBy((depth.z > 0 ? -turn : turn) * TURN_PER_SECOND * elapsed);
+    const axes = this.scene.viewAxes();
+    for (const [move, [axis, sign]] of Object.entries(TURNS)) {
+      if (this.moves.has(move) && axes[axis]) this.turnBy(sign * TURN_PER_SECOND * elapsed, axes[axis]);
+    }
     const away = (this.moves.has('away') ? 1 : 0) - (this.moves.has('near') ? 1 : 0);
     if (!away || this.scene.world.planar) return;
-    const step = depth.multiplyScalar(away * DEPTH_PER_SECOND * elapsed).toArray();
+    const step = axes.away.multiplyScalar(away * DEPTH_PER_SECOND * elapsed).toArray();
     this.moveBy(...step);
     this.under = this.under?.map((value, i) => value + step[i]);
   }

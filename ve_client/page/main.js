@@ -111,7 +111,7 @@ function showText() {
   byId('banner').dataset.kind = trouble?.kind ?? '';
   showStatus(byId('status'), { link, trouble, frame: state.frame, meters, store: state.store });
   if (!state.frame) return;
-  controls.show(state.frame.settings, state.frame.environment);
+  controls.show(state.frame);
   chain.show(state.frame, Boolean(hand?.held));
   if (scene) showLegend(scene, state.frame);
 }
@@ -153,7 +153,7 @@ function wireButtons() {
  *   project([x,y,z])        [clientX, clientY] of a point of the world
  *   charts()                {count, visible, paused, seconds, from, to, redraws}
  *   scene()                 {mode, discs, proxyVisible, metresPerNewton}, or null without WebGL
- *   hand                    {held, target, grab(), moveBy(dx,dy,dz), turnBy(rad), release()}
+ *   hand                    {held, target, grab(), moveBy(dx,dy,dz), turnBy(rad, axis), release()}
  *   chain()                 {link, reason} of the first link that stops the force, or null
  *   banner()                its text, or ''
  *   send(message)           to ve_client

@@ -113,15 +113,19 @@ export class Scene {
   /** The point under the pointer in the plane of motion through `through`; null if it has none. */
   pointInPlane(clientX, clientY, through) {
     this.#aim(clientX, clientY);
-    const normal = this.world.planar ? new THREE.Vector3(0, 0, 1) : this.depthAxis();
+    const normal = this.viewAxes().away;
     const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(normal, new THREE.Vector3(...through));
     const hit = this.raycaster.ray.intersectPlane(plane, new THREE.Vector3());
     return hit && hit.toArray();
   }
 
-  /** Unit vector away from the viewer. */
-  depthAxis() {
-    return this.view.camera.getWorldDirection(new THREE.Vector3());
+  /** Unit vectors of the view in the world: right, up and away from the viewer; in a planar world only
+   *  that normal to the plane which points away. */
+  viewAxes() {
+    const { matrixWorld } = this.view.camera;
+    const [right, up, near] = [0, 1, 2].map((i) => new THREE.Vector3().setFromMatrixColumn(matrixWorld, i));
+    if (this.world.planar) return { away: new THREE.Vector3(0, 0, -Math.sign(near.z) || 1) };
+    return { right, up, away: near.negate() };
   }
 
   /** At the handle. */

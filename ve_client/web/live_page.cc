@@ -6,18 +6,20 @@
 
 namespace hlm::ve {
 
-PageWishes LivePage::take_requests(LiveSettings& settings) {
-  PageWishes wishes;
-  for (const PageRequest& request : server_.take_requests()) take(request, settings, wishes);
-  return wishes;
+bool LivePage::take_requests(LiveSettings& settings) {
+  bool reset = false;
+  for (const PageRequest& request : server_.take_requests()) {
+    reset = take(request, settings) || reset;
+  }
+  return reset;
 }
 
-void LivePage::take(const PageRequest& request, LiveSettings& settings, PageWishes& wishes) {
+bool LivePage::take(const PageRequest& request, LiveSettings& settings) {
   if (request.closed) {
     if (holding_page_ == request.page) holding_page_.reset();
-    return;
+    return false;
   }
-  const ParsedRequest parsed = parse_request(request.text, settings);
+  const ParsedRequest parsed = parse_request(request.text, settings, tool_links_);
   if (const auto* hand = std::get_if<HandRequest>(&parsed)) {
     // Of two pages that drag at once the first has the hand.
     const bool free = !holding_page_ || holding_page_ == request.page;
@@ -33,22 +35,23 @@ void LivePage::take(const PageRequest& request, LiveSettings& settings, PageWish
     server_.set_telemetry(request.page, telemetry->on);
   } else if (const auto* refusal = std::get_if<Refusal>(&parsed)) {
     server_.answer(request.page, refused_message(refusal->field, refusal->value, refusal->text));
-  } else {
-    wishes.reset = true;
   }
+  return std::holds_alternative<ResetRequest>(parsed);
 }
 
-protocol::Control LivePage::control(const LiveSettings& settings) const {
+protocol::Control LivePage::control(const LiveSettings& settings,
+                                    const protocol::Tuning& own) const {
   protocol::Control control;
   control.telemetry = server_.telemetry_wanted();
   control.holds = holding_page_.has_value();
   control.X_WTarget = X_WTarget_;
-  control.tuned = settings.tuning.has_value();
-  control.tuning = settings.tuning.value_or(protocol::Tuning{});
+  control.tuned = settings.tuning != own;
+  control.tuning = settings.tuning;
   return control;
 }
 
 void LivePage::show_world(const VirtualEnvironment& environment, double servo_rate) {
+  tool_links_ = environment.assembly.description.links.size();
   server_.set_greeting(std::make_shared<const std::string>(world_message(environment, servo_rate)));
 }
 
@@ -59,6 +62,7 @@ void LivePage::show_frame(FrameView view) {
     return;
   }
   view.state = state_ ? &*state_ : nullptr;
+  if (!server_.telemetry_wanted()) contacts_.reset();  // or old ones would be shown later
   view.contacts = contacts_ ? &*contacts_ : nullptr;
   server_.publish(std::make_shared<const std::string>(frame_message(view)));
   if (!ticks_.empty()) server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));

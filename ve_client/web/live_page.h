@@ -10,11 +10,6 @@
 
 namespace hlm::ve {
 
-/// What a page asks for beyond the live settings.
-struct PageWishes {
-  bool reset = false;  ///< The session shall begin anew, the world as it was at the start.
-};
-
 /// Between the frame's thread, which owns this, and the page server's. Never waits.
 class LivePage final : public protocol::TelemetryObserver {
  public:
@@ -23,11 +18,11 @@ class LivePage final : public protocol::TelemetryObserver {
 
   std::uint16_t port() const noexcept { return server_.port(); }
 
-  /// Before a frame: does what pages have asked for. Settings out of range are refused with the
-  /// range.
-  PageWishes take_requests(LiveSettings& settings);
-  /// What is asked of the haptic server now.
-  protocol::Control control(const LiveSettings& settings) const;
+  /// Before a frame: does what pages have asked for; settings out of range are refused with the
+  /// range. True if the session shall begin anew, with the world as it was at the start.
+  bool take_requests(LiveSettings& settings);
+  /// What is asked of a haptic server whose own tuning is `own`.
+  protocol::Control control(const LiveSettings& settings, const protocol::Tuning& own) const;
 
   /// The world as built, for all pages, now and later.
   void show_world(const VirtualEnvironment& environment, double servo_rate);
@@ -40,9 +35,10 @@ class LivePage final : public protocol::TelemetryObserver {
   void observe(const protocol::LocalState& state) override { contacts_ = state; }
 
  private:
-  void take(const PageRequest& request, LiveSettings& settings, PageWishes& wishes);
+  bool take(const PageRequest& request, LiveSettings& settings);
 
   PageServer server_;
+  std::size_t tool_links_ = 1;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   Pose X_WTarget_;
   std::optional<protocol::ProxyState> state_;  ///< Newest of the session.

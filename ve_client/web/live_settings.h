@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <optional>
 
 #include "protocol/messages.h"
 #include "ve_client/client/impaired_link.h"
@@ -14,8 +13,7 @@ struct LiveSettings {
   FrameOptions frame;
   double rate = 60;  ///< Hz.
   NetworkConditions network;
-  /// Asked for by a page; otherwise the server's own.
-  std::optional<protocol::Tuning> tuning;
+  protocol::Tuning tuning;  ///< Of the server.
 };
 
 /// Words of a page for the enumerations, in the order of their values.

@@ -6,6 +6,8 @@
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
 
+#include "ve_client/web/methods.h"
+
 namespace hlm::ve {
 namespace {
 
@@ -165,6 +167,7 @@ std::string frame_message(const FrameView& view) {
   json bodies = json::array();
   for (int i = 0; i < count; ++i) bodies.push_back(to_json(environment.world.X_WB(i)));
 
+  const Method* const method = method_in_effect(view.settings);
   json frame{{"type", "frame"},
              {"time", view.client.ve_time()},
              {"connected", view.client.connected()},
@@ -174,10 +177,9 @@ std::string frame_message(const FrameView& view) {
              {"epsilon", view.result.epsilon},
              {"limit", view.contacts ? word(view.contacts->limit, kLimits) : "none"},
              {"contacts", contacts_json(view.contacts)},
-             {"settings",
-              settings_json(view.settings.tuning.value_or(
-                  view.client.connected() ? view.client.welcome().tuning : protocol::Tuning{}))},
-             {"environment", environment_json(view.settings)}};
+             {"settings", settings_json(view.settings.tuning)},
+             {"environment", environment_json(view.settings)},
+             {"method", method != nullptr ? json(method->name) : json(nullptr)}};
   if (view.state != nullptr) add_state(frame, environment, *view.state);
   return frame.dump();
 }

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "ve_client/web/methods.h"
+
 namespace hlm::ve {
 namespace {
 
@@ -76,39 +78,28 @@ HandRequest hand(const json& message) {
   return {X};
 }
 
-LiveSettings with_method(const json& name, LiveSettings settings) {
-  using protocol::ControllerKind;
-  using protocol::UpdateRule;
-  struct Method {
-    const char* name;
-    UpdateRule rule;
-    ControllerKind controller;
-    double epsilon;
-    double largest_epsilon;
-  };
-  static constexpr std::array<Method, 6> kMethods{{
-      {"lm5", UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0},
-      {"lm-adaptive", UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0.08},
-      {"lm0", UpdateRule::kRetain, ControllerKind::kFourChannel, 0, 0},
-      {"ir", UpdateRule::kIntermediateRepresentation, ControllerKind::kDirect, 0, 0},
-      {"coupler", UpdateRule::kRetain, ControllerKind::kEngineCoupler, 0, 0},
-      {"engine", UpdateRule::kRetain, ControllerKind::kEngineForce, 0, 0},
-  }};
-  for (const Method& method : kMethods) {
-    if (name != method.name) continue;
-    protocol::Tuning tuning = settings.tuning.value_or(protocol::Tuning{});
-    tuning.update_rule = method.rule;
-    tuning.controller = method.controller;
-    settings.tuning = tuning;
-    settings.frame.epsilon = method.epsilon;
-    settings.frame.largest_epsilon = method.largest_epsilon;
-    return settings;
-  }
-  refuse("name", name, "lm5, lm-adaptive, lm0, ir, coupler or engine");
+/// Throws if the controller does not suit a tool of so many links.
+void check_links(const std::string& field, const json& value, const LiveSettings& settings,
+                 std::size_t links, const std::string& suitable) {
+  if (links == 1 || !protocol::replaces_proxy(settings.tuning.controller)) return;
+  refuse(field, value, suitable + ": the tool has several links, the device cannot take its place");
 }
 
-LiveSettings with_tuning(const json& message, LiveSettings settings) {
-  protocol::Tuning tuning = settings.tuning.value_or(protocol::Tuning{});
+LiveSettings with_method(const json& name, const LiveSettings& settings, std::size_t links) {
+  std::string known;
+  for (const Method& method : kMethods) {
+    if (name == method.name) {
+      LiveSettings changed = with_method(method, settings);
+      check_links("name", name, changed, links, "lm5, lm-adaptive or lm0");
+      return changed;
+    }
+    known.append(known.empty() ? "" : ", ").append(method.name);
+  }
+  refuse("name", name, known);
+}
+
+LiveSettings with_tuning(const json& message, LiveSettings settings, std::size_t links) {
+  protocol::Tuning& tuning = settings.tuning;
   for (const auto& item : message.items()) {
     const std::string& field = item.key();
     const json& value = item.value();
@@ -119,6 +110,7 @@ LiveSettings with_tuning(const json& message, LiveSettings settings) {
     }
     if (field == "controller") {
       tuning.controller = choice<protocol::ControllerKind>(field, value, kControllers);
+      check_links(field, value, settings, links, "four_channel, three_channel or virtual_coupler");
       continue;
     }
     const auto range = std::find_if(protocol::kTuningRanges.begin(), protocol::kTuningRanges.end(),
@@ -126,7 +118,6 @@ LiveSettings with_tuning(const json& message, LiveSettings settings) {
     if (range == protocol::kTuningRanges.end()) refuse(field, value, "a setting that there is");
     tuning.*range->number = number(value, *range);
   }
-  settings.tuning = tuning;
   return settings;
 }
 
@@ -143,13 +134,13 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
   return settings;
 }
 
-ParsedRequest parse(const json& message, const LiveSettings& present) {
+ParsedRequest parse(const json& message, const LiveSettings& present, std::size_t links) {
   const json type = message.is_object() ? message.value("type", json()) : json();
   if (type == "hand") return hand(message);
-  if (type == "settings") return SettingsRequest{with_tuning(message, present)};
+  if (type == "settings") return SettingsRequest{with_tuning(message, present, links)};
   if (type == "environment") return SettingsRequest{with_environment(message, present)};
   if (type == "method") {
-    return SettingsRequest{with_method(message.value("name", json()), present)};
+    return SettingsRequest{with_method(message.value("name", json()), present, links)};
   }
   if (type == "telemetry") return TelemetryRequest{flag(message, "on")};
   if (type == "reset") return ResetRequest{};
@@ -158,9 +149,10 @@ ParsedRequest parse(const json& message, const LiveSettings& present) {
 
 }  // namespace
 
-ParsedRequest parse_request(const std::string& text, const LiveSettings& present) {
+ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
+                            std::size_t links) {
   try {
-    return parse(json::parse(text), present);
+    return parse(json::parse(text), present, links);
   } catch (const Refused& refused) {
     return refused.refusal;
   } catch (const json::exception&) {

@@ -32,7 +32,8 @@ using ParsedRequest =
     std::variant<HandRequest, SettingsRequest, TelemetryRequest, ResetRequest, Refusal>;
 
 /// Never throws: what is not as it should be becomes a Refusal. present: the settings in effect, of
-/// which a request changes some; `present.tuning` must be filled in where the server's is known.
-ParsedRequest parse_request(const std::string& text, const LiveSettings& present);
+/// which a request changes some. links: of the tool.
+ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
+                            std::size_t links);
 
 }  // namespace hlm::ve

@@ -2,6 +2,7 @@
 #include "ve_client/web/page_requests.h"
 
 #include "tests/support/catch.h"
+#include "ve_client/web/methods.h"
 
 namespace hlm::ve {
 namespace {
@@ -9,8 +10,8 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 
 template <class Request>
-Request parsed(const std::string& text, const LiveSettings& present = {}) {
-  const ParsedRequest request = parse_request(text, present);
+Request parsed(const std::string& text, const LiveSettings& present = {}, std::size_t links = 1) {
+  const ParsedRequest request = parse_request(text, present, links);
   REQUIRE(std::holds_alternative<Request>(request));
   return std::get<Request>(request);
 }
@@ -25,31 +26,50 @@ TEST_CASE("A hand is held at a target and let go") {
 
 TEST_CASE("Settings change what they name, and leave the rest") {
   LiveSettings present;
-  present.tuning = protocol::Tuning{.damping = 77};
+  present.tuning.damping = 77;
   const auto settings =
       parsed<SettingsRequest>(R"({"type":"settings","stiffness":8000,"controller":"direct"})",
                               present)
           .settings;
-  REQUIRE(settings.tuning);
-  CHECK(settings.tuning->stiffness == 8000);
-  CHECK(settings.tuning->damping == 77);
-  CHECK(settings.tuning->controller == protocol::ControllerKind::kDirect);
+  CHECK(settings.tuning.stiffness == 8000);
+  CHECK(settings.tuning.damping == 77);
+  CHECK(settings.tuning.controller == protocol::ControllerKind::kDirect);
 
   const auto environment =
       parsed<SettingsRequest>(R"({"type":"environment","loss":0.25,"epsilon":0.01})", present);
   CHECK(environment.settings.network.loss == 0.25);
   CHECK(environment.settings.frame.epsilon == 0.01);
-  CHECK(environment.settings.tuning->damping == 77);
+  CHECK(environment.settings.tuning.damping == 77);
 }
 
 TEST_CASE("A method sets rule, controller and ε together") {
   const auto ir = parsed<SettingsRequest>(R"({"type":"method","name":"ir"})").settings;
-  CHECK(ir.tuning->update_rule == protocol::UpdateRule::kIntermediateRepresentation);
-  CHECK(ir.tuning->controller == protocol::ControllerKind::kDirect);
+  CHECK(ir.tuning.update_rule == protocol::UpdateRule::kIntermediateRepresentation);
+  CHECK(ir.tuning.controller == protocol::ControllerKind::kDirect);
   CHECK(ir.frame.epsilon == 0);
   const auto adaptive =
       parsed<SettingsRequest>(R"({"type":"method","name":"lm-adaptive"})").settings;
   CHECK(adaptive.frame.largest_epsilon > adaptive.frame.epsilon);
+}
+
+TEST_CASE("Each method is recognised by what it sets, and by nothing else") {
+  for (const Method& method : kMethods) {
+    LiveSettings settings = with_method(method, {});
+    CHECK(method_in_effect(settings) == &method);
+    settings.frame.epsilon += 1e-3;
+    CHECK(method_in_effect(settings) != &method);
+  }
+}
+
+TEST_CASE("A tool of several links is refused what puts the device in its place") {
+  for (const std::string name : {"ir", "coupler", "engine"}) {
+    const auto refusal = parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, 3);
+    CHECK(refusal.field == "name");
+    CHECK_THAT(refusal.text, ContainsSubstring("must be lm5, lm-adaptive or lm0"));
+  }
+  const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, 3);
+  CHECK_THAT(refusal.text, ContainsSubstring("four_channel, three_channel or virtual_coupler"));
+  parsed<SettingsRequest>(R"({"type":"method","name":"lm0"})", {}, 3);
 }
 
 TEST_CASE("What cannot be done is refused with the field, its value and what is allowed") {

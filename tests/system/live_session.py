@@ -1,0 +1,75 @@
+"""The real haptic_server and ve_client with a live page, and Chromium to look at it."""
+
+import contextlib
+import pathlib
+import socket
+import subprocess
+import time
+
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+
+PATIENCE = 20  # s
+
+
+def free_port(kind):
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def wait_for(condition, what):
+    """What condition() is once it is true. Raises AssertionError after PATIENCE."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"waited {PATIENCE} s for {what}")
+
+
+def listens(port):
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+@contextlib.contextmanager
+def running(*command):
+    process = subprocess.Popen([str(part) for part in command])
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(timeout=PATIENCE)
+
+
+@contextlib.contextmanager
+def live_session(server, client, worlds, *server_options):
+    """Both programs on the testbed until the end of the block; the page's address."""
+    udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+    with running(server, "--listen", f"127.0.0.1:{udp}", "--status", "false", "--device-friction",
+                 "0", "--log-level", "error", *server_options), \
+         running(client, "--server", f"127.0.0.1:{udp}", "--world",
+                 pathlib.Path(worlds) / "testbed.sdf", "--page", f"127.0.0.1:{tcp}", "--quiet"):
+        wait_for(lambda: listens(tcp), "the page's server")
+        yield f"http://127.0.0.1:{tcp}/"
+
+
+def browser():
+    """A headless Chromium that draws without a graphics card, its window 1280 x 900."""
+    options = webdriver.ChromeOptions()
+    for argument in ("--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
+                     "--window-size=1280,900", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+    driver.set_script_timeout(PATIENCE)
+    return driver
+
+
+def show(driver, url):
+    """Opens the page and waits until it shows the device."""
+    driver.get(url)
+    wait_for(lambda: driver.execute_script(
+        "return window.haptic && haptic.frame && haptic.frame.device"), "a frame with the device")

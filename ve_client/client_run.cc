@@ -1,0 +1,148 @@
+#include "ve_client/client_run.h"
+
+#include <algorithm>
+
+#include <spdlog/spdlog.h>
+
+#include "ve_client/world/sdf_loader.h"
+
+namespace hlm::ve {
+namespace {
+
+HapticClientOptions client_options(const Settings& settings, const VirtualEnvironment& environment,
+                                   const protocol::Endpoint& server) {
+  std::random_device random;
+  HapticClientOptions options;
+  options.server = server;
+  options.tool = environment.assembly.description;
+  options.q = environment.assembly.q;
+  options.ve_rate = (settings.rate_low + settings.rate_high) / 2;
+  options.epsilon = settings.frame.epsilon;
+  options.nonce = (static_cast<std::uint64_t>(random()) << 32) | random();
+  return options;
+}
+
+/// The page's server, if one is asked for.
+std::unique_ptr<LivePage> open_page(const Settings& settings) {
+  if (settings.page.empty()) return nullptr;
+  const protocol::Endpoint at = protocol::resolve(settings.page);
+  PageServerOptions options;
+  options.address = settings.page.substr(0, settings.page.rfind(':'));
+  options.port = at.port;
+  options.root = settings.page_root.empty() ? HLM_PAGE : settings.page_root;
+  auto page = std::make_unique<LivePage>(options);
+  spdlog::info("live page: http://{}:{}", options.address, page->port());
+  return page;
+}
+
+}  // namespace
+
+ClientRun::ClientRun(const Settings& settings)
+    : settings_(settings),
+      description_(load_world(settings.world)),
+      environment_(std::in_place, description_, settings.tool, settings.follow),
+      server_(protocol::resolve(settings.server)),
+      page_(open_page(settings)),
+      link_(
+          wire(), [this] { return clock_.now(); }, settings.seed),
+      live_(settings_at_start()),
+      spread_((settings.rate_high - settings.rate_low) / 2),
+      engine_(settings.seed),
+      connection_(settings.server, settings.connect_timeout) {
+  link_.set_conditions(live_.network);
+  begin();
+}
+
+protocol::DatagramLink& ClientRun::wire() {
+  if (settings_.record.empty()) return socket_;
+  return recording_.emplace(settings_.record, socket_).link;
+}
+
+LiveSettings ClientRun::settings_at_start() const {
+  const double rate = (settings_.rate_low + settings_.rate_high) / 2;
+  return {settings_.frame, rate, settings_.network, own_tuning_};
+}
+
+void ClientRun::go(const std::function<bool()>& stop) {
+  double next = clock_.now();
+  while (!stop() && (settings_.duration == 0 || clock_.now() < settings_.duration)) {
+    const double period = periods().next();
+    frame(period);
+    // After an overrun the next frame starts at once; what was missed is not made up for.
+    next = std::max(next + period, clock_.now());
+    wait_until(next);
+  }
+  // The goodbye is not held back.
+  link_.set_conditions({});
+  client_->close(clock_.now());
+  if (recording_) recording_->link.drain(recording_->file);
+}
+
+void ClientRun::begin() {
+  if (client_) {
+    client_->close(clock_.now());
+    environment_.emplace(description_, settings_.tool, settings_.follow);
+  }
+  HapticClientOptions options = client_options(settings_, *environment_, server_);
+  options.telemetry = page_.get();
+  client_.emplace(link_, options);
+  if (page_) page_->show_world(*environment_, 0);
+}
+
+void ClientRun::frame(double period) {
+  if (page_) obey_page();
+  const FrameResult result = run_frame(*environment_, *client_, clock_, period, live_.frame);
+  connection_.watch(clock_.now(), result.inbox, client_->connected());
+  status_.count(result);
+  status_.report(clock_.now(), *client_, environment_->proximity.statistics());
+  if (page_) show(result);
+  if (recording_) recording_->link.drain(recording_->file);
+}
+
+void ClientRun::obey_page() {
+  const bool reset = page_->take_requests(live_);
+  if (reset) {
+    live_ = settings_at_start();
+    begin();
+  }
+  link_.set_conditions(live_.network);
+  client_->control(page_->control(live_, own_tuning_));
+}
+
+void ClientRun::show(const FrameResult& result) {
+  if (result.inbox.welcomed) {
+    page_->forget_session();
+    // What no page has changed is as the server was started.
+    const protocol::Tuning& own = client_->welcome().tuning;
+    if (live_.tuning == own_tuning_) live_.tuning = own;
+    own_tuning_ = own;
+    page_->show_world(*environment_, client_->welcome().servo_rate);
+  }
+  if (result.inbox.lost) page_->forget_session();
+  page_->show_frame({.environment = *environment_,
+                     .client = *client_,
+                     .state = result.inbox.state,
+                     .result = result,
+                     .settings = live_});
+}
+
+FramePeriods& ClientRun::periods() {
+  // A page may have changed the rate.
+  const double low = std::max(1.0, live_.rate - spread_);
+  if (!periods_ || low != low_) {
+    low_ = low;
+    periods_.emplace(low, low + 2 * spread_, engine_());
+  }
+  return *periods_;
+}
+
+void ClientRun::wait_until(double time) {
+  constexpr double kTurn = 1e-3;  // s
+  while (live_.network != NetworkConditions{} && clock_.now() + kTurn < time) {
+    link_.pump();
+    clock_.sleep_until(clock_.now() + kTurn);
+  }
+  clock_.sleep_until(time);
+}
+
+}  // namespace hlm::ve

@@ -1,0 +1,74 @@
+// One run of the client: the world, the session on it, and the page that shows both.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+
+#include "protocol/capture.h"
+#include "protocol/recording_link.h"
+#include "protocol/udp_socket.h"
+#include "ve_client/client/impaired_link.h"
+#include "ve_client/clock.h"
+#include "ve_client/frame.h"
+#include "ve_client/settings.h"
+#include "ve_client/status.h"
+#include "ve_client/web/live_page.h"
+
+namespace hlm::ve {
+
+class ClientRun {
+ public:
+  /// `settings` must outlive this. Throws std::runtime_error with one line if world, tool, server's
+  /// name, page or capture file cannot be used; no file is begun before the others are known to be
+  /// usable.
+  explicit ClientRun(const Settings& settings);
+
+  /// Frames at their rate until their duration is over or stop() is true. Throws std::runtime_error
+  /// if the server cannot be hoped for any more, or the capture not be written.
+  void go(const std::function<bool()>& stop);
+
+ private:
+  /// A capture file and the link whose datagrams it gets.
+  struct Recording {
+    Recording(const std::string& path, protocol::UdpSocket& socket)
+        : file(path), link(socket, socket.local()) {}
+
+    protocol::CaptureWriter file;
+    protocol::RecordingLink link;
+  };
+
+  protocol::DatagramLink& wire();
+  LiveSettings settings_at_start() const;
+  /// The world as it was at the start, and a session on it.
+  void begin();
+  void frame(double period);
+  void obey_page();
+  void show(const FrameResult& result);
+  FramePeriods& periods();
+  /// Datagrams that are held back leave in time, within a millisecond.
+  void wait_until(double time);
+
+  const Settings& settings_;
+  SteadyClock clock_;
+  WorldDescription description_;
+  std::optional<VirtualEnvironment> environment_;
+  protocol::Endpoint server_;
+  std::unique_ptr<LivePage> page_;  ///< Null: none.
+  protocol::UdpSocket socket_{protocol::Endpoint{}};
+  std::optional<Recording> recording_;
+  ImpairedLink link_;
+  protocol::Tuning own_tuning_;  ///< What the server was started with.
+  LiveSettings live_;
+  double spread_;  ///< Of the drawn rates about live_.rate, Hz.
+  std::mt19937_64 engine_;
+  std::optional<FramePeriods> periods_;
+  double low_ = 0;  ///< Of periods_, Hz.
+  std::optional<HapticClient> client_;
+  Connection connection_;
+  Status status_;
+};
+
+}  // namespace hlm::ve
