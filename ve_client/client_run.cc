@@ -39,8 +39,10 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
 
 ClientRun::ClientRun(const Settings& settings)
     : settings_(settings),
-      description_(load_world(settings.world)),
-      environment_(std::in_place, description_, settings.tool, settings.follow),
+      world_(load_world(settings.world)),
+      start_(settings.start),
+      environment_(std::in_place, with_start(world_, settings.tool, start_), settings.tool,
+                   settings.follow),
       server_(protocol::resolve(settings.server)),
       page_(open_page(settings)),
       link_(
@@ -81,12 +83,13 @@ void ClientRun::go(const std::function<bool()>& stop) {
 void ClientRun::begin() {
   if (client_) {
     client_->close(clock_.now());
-    environment_.emplace(description_, settings_.tool, settings_.follow);
+    environment_.emplace(with_start(world_, settings_.tool, start_), settings_.tool,
+                         settings_.follow);
   }
   HapticClientOptions options = client_options(settings_, *environment_, server_);
   options.telemetry = page_.get();
   client_.emplace(link_, options);
-  if (page_) page_->show_world(*environment_, 0);
+  if (page_) show_world(0);
 }
 
 void ClientRun::frame(double period) {
@@ -100,13 +103,17 @@ void ClientRun::frame(double period) {
 }
 
 void ClientRun::obey_page() {
-  const bool reset = page_->take_requests(live_);
-  if (reset) {
+  if (const auto reset = page_->take_requests(live_)) {
+    start_ = reset->start.value_or(start_);
     live_ = settings_at_start();
     begin();
   }
   link_.set_conditions(live_.network);
   client_->control(page_->control(live_, own_tuning_));
+}
+
+void ClientRun::show_world(double servo_rate) {
+  page_->show_world({*environment_, find_model(world_, settings_.tool), start_, servo_rate});
 }
 
 void ClientRun::show(const FrameResult& result) {
@@ -116,7 +123,7 @@ void ClientRun::show(const FrameResult& result) {
     const protocol::Tuning& own = client_->welcome().tuning;
     if (live_.tuning == own_tuning_) live_.tuning = own;
     own_tuning_ = own;
-    page_->show_world(*environment_, client_->welcome().servo_rate);
+    show_world(client_->welcome().servo_rate);
   }
   if (result.inbox.lost) page_->forget_session();
   page_->show_frame({.environment = *environment_,

@@ -46,6 +46,7 @@ class ClientRun {
   void begin();
   void frame(double period);
   void obey_page();
+  void show_world(double servo_rate);
   void show(const FrameResult& result);
   FramePeriods& periods();
   /// Datagrams that are held back leave in time, within a millisecond.
@@ -53,7 +54,8 @@ class ClientRun {
 
   const Settings& settings_;
   SteadyClock clock_;
-  WorldDescription description_;
+  WorldDescription world_;  ///< As loaded.
+  std::string start_;       ///< Of the tool.
   std::optional<VirtualEnvironment> environment_;
   protocol::Endpoint server_;
   std::unique_ptr<LivePage> page_;  ///< Null: none.

@@ -81,6 +81,10 @@ class CommandLine {
   void add_world() {
     app_.add_option("--world", settings_.world, "World, an SDFormat file (required)");
     app_.add_option("--tool", settings_.tool, "Model of the world that is the virtual tool");
+    app_.add_option(
+        "--start", settings_.start,
+        "Where the tool begins: the name of one of its <haptic:start>; otherwise as the "
+        "file places it");
     app_.add_option("--epsilon", settings_.frame.epsilon,
                     "Report contacts up to this separation, m; 0: touching ones only")
         ->check(CLI::Range(0.0, 0.1));

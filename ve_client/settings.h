@@ -16,6 +16,7 @@ struct Settings {
   std::string server = "127.0.0.1:47800";  ///< HOST:PORT.
   std::string world;                       ///< SDF file.
   std::string tool = "peg";                ///< Model of the world.
+  std::string start;                       ///< One of its <haptic:start>; empty: as placed.
   FrameOptions frame;
   FollowOptions follow;
   double rate_low = 60;         ///< Hz. The rate of each frame is drawn between these.

@@ -36,7 +36,7 @@ Task task(const ve::WorldDescription& world, const Method& method, double speed)
   const double run_up = 1.2;  // s
   Pose X_WB;
   X_WB.p.y() = -speed * run_up - 0.01;
-  task.world = with_body_at(world, "peg", X_WB);
+  task.world = ve::with_model_at(world, "peg", X_WB);
   task.tool = "peg";
   task.hand = push({0, (device.damping * speed + device.dry_friction) / share_of_hand(method), 0});
   task.duration = 2 * run_up + kRest;

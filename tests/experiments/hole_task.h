@@ -1,8 +1,6 @@
 // The peg in its exactly fitting hole, shaken sideways (paper Sec. V-B and V-C).
 #pragma once
 
-#include <numbers>
-
 #include "tests/experiments/trial.h"
 #include "tests/support/worlds.h"
 
@@ -10,16 +8,13 @@ namespace hlm::experiments {
 
 /// Where the peg rests: upright, on the bottom of the hole.
 inline Pose peg_in_hole() {
-  Pose X;
-  X.p = {0.1, 0.184, 0};
-  X.R = rotation_from_vector({0, 0, std::numbers::pi / 2});
-  return X;
+  return ve::find_model(test::repository_world("testbed.sdf"), "peg").starts.at(0).X_WM;
 }
 
 /// amplitude: of the hand's force along x, N, at 2.5 Hz (the paper's sin(5πt)).
 inline Task hole_task(double amplitude, double stiffness, double damping, double duration = 6) {
   Task task;
-  task.world = with_body_at(test::repository_world("testbed.sdf"), "peg", peg_in_hole());
+  task.world = ve::with_start(test::repository_world("testbed.sdf"), "peg", "hole");
   task.tool = "peg";
   task.hand = shake({amplitude, 0, 0}, 2.5);
   task.duration = duration;

@@ -198,17 +198,6 @@ Trace run(const Trial& trial) {
   return trace;
 }
 
-ve::WorldDescription with_body_at(ve::WorldDescription world, const std::string& name,
-                                  const Pose& X_WB) {
-  for (const ve::ModelDescription& model : world.models) {
-    if (model.name == name) {
-      world.bodies[static_cast<std::size_t>(model.first_body)].X_WB = X_WB;
-      return world;
-    }
-  }
-  throw std::logic_error("the world has no model " + name);
-}
-
 server::HandSegment push(const Vector3& constant) {
   server::Push push;
   push.constant.head<3>() = constant;

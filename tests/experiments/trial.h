@@ -70,10 +70,6 @@ struct Trace {
 /// that no two seeds have the same phase between hand, frames and steps.
 Trace run(const Trial& trial);
 
-/// A world whose model `name`, of one body, starts at X_WB.
-ve::WorldDescription with_body_at(ve::WorldDescription world, const std::string& name,
-                                  const Pose& X_WB);
-
 /// A force of the hand, world axes, N: constant and with an amplitude at a frequency (Hz).
 server::HandSegment push(const Vector3& constant);
 server::HandSegment shake(const Vector3& amplitude, double frequency);

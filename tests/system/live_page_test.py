@@ -29,7 +29,8 @@ class LivePage(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
-        cls.url = cls.stack.enter_context(live_session(SERVER, CLIENT, WORLDS))
+        cls.url = cls.stack.enter_context(live_session(SERVER, CLIENT, WORLDS, "--log-level",
+                                                       "error"))
         cls.driver = browser()
         cls.stack.callback(cls.driver.quit)
 
@@ -150,6 +151,14 @@ class LivePage(unittest.TestCase):
         self.send({"type": "reset"})
         wait_for(lambda: self.frame()["settings"]["stiffness"] == 4000, "the first stiffness")
         wait_for(lambda: abs(self.frame().get("device", [1])[0]) < 0.01, "the start")
+
+    def test_the_peg_starts_in_the_hole_when_asked(self):
+        self.send({"type": "reset", "start": "hole"})
+        wait_for(lambda: abs(self.frame().get("device", [0, 0])[1] - 0.184) < 1e-3, "the hole")
+        self.assertEqual(self.ask("haptic.world.start"), "hole")
+        self.assertIn("hole", self.send({"type": "reset", "start": "moon"})["text"])
+        self.send({"type": "reset", "start": ""})
+        wait_for(lambda: abs(self.frame().get("device", [0, 1])[1]) < 1e-3, "the first place")
 
 
 if __name__ == "__main__":

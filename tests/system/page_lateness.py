@@ -53,7 +53,7 @@ def measure(arguments, log):
     spans = {phase: [] for phase in PHASES}
     with contextlib.ExitStack() as stack:
         url = stack.enter_context(live_session(arguments.server, arguments.client, arguments.worlds,
-                                               "--log", log))
+                                               "--log", log, "--log-level", "warn"))
         pages = Pages(stack, url)
         for _ in range(arguments.rounds):
             for phase in PHASES:

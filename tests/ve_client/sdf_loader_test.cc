@@ -164,6 +164,9 @@ TEST_CASE("a value out of range is an error that names it and what is allowed") 
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",
                             "<haptic:hand><link>body</link><pose>1 2 x</pose></haptic:hand>")),
              ContainsSubstring("<haptic:hand>") && ContainsSubstring("six numbers"));
+  CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",
+                            "<haptic:start><pose>1 2 3 0 0 0</pose></haptic:start>")),
+             ContainsSubstring("<haptic:start>") && ContainsSubstring("<name>"));
 }
 
 TEST_CASE("a missing or broken file is one line that names it") {

@@ -27,6 +27,33 @@ void check_initial_poses(const WorldDescription& world, const ToolAssembly& tool
   }
 }
 
+TEST_CASE("a tool begins at a start that its model names") {
+  const WorldDescription world =
+      world_of(model("t", "0.3 0.2 0 0 0 0.4", "",
+                     "<haptic:tool_joint>planar</haptic:tool_joint>"
+                     "<haptic:start><name>a</name><pose>1 2 0 0 0 1.5</pose></haptic:start>"
+                     "<haptic:start><name>b</name><pose>0 -1 0 0 0 -0.5</pose></haptic:start>"));
+  CHECK(assemble_tool(with_start(world, "t", ""), "t").q == assemble_tool(world, "t").q);
+  CHECK(assemble_tool(with_start(world, "t", "a"), "t").q.isApprox(Vector3(1, 2, 1.5), 1e-12));
+  CHECK(assemble_tool(with_start(world, "t", "b"), "t").q.isApprox(Vector3(0, -1, -0.5), 1e-12));
+  CHECK_THROWS_WITH(with_start(world, "t", "c"),
+                    ContainsSubstring("start 'c'") && ContainsSubstring("it has: a, b"));
+}
+
+TEST_CASE("a linkage moves to another place as one, and its joints with it") {
+  const WorldDescription& world = test::repository_world("linkage.sdf");
+  const ModelDescription& arm = find_model(world, "arm");
+  const Pose X{{0.1, -0.2, 0.3}, rotation_from_vector({0, 0, 0.7})};
+  const WorldDescription moved = with_model_at(world, "arm", X * arm.X_WM);
+  const ToolAssembly before = assemble_tool(world, "arm");
+  const ToolAssembly after = assemble_tool(moved, "arm");
+  check_initial_poses(moved, after);
+  for (const int body : before.bodies) {
+    const auto i = static_cast<std::size_t>(body);
+    CHECK(displacement(moved.bodies[i].X_WB, X * world.bodies[i].X_WB).norm() < 1e-12);
+  }
+}
+
 TEST_CASE("a free tool's configuration is the pose of its centre of mass") {
   const WorldDescription world = world_of(
       "<model name='t'><pose>1 2 3 0 0 0.5</pose><link name='l'><inertial>"

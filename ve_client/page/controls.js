@@ -29,9 +29,9 @@ const GROUPS = [
     ['stiffness', 'Stiffness k'], ['damping', 'Damping b'], ['friction', 'Friction µ'],
     ['restitution', 'Restitution e']]],
   ['environment', 'Prediction', [
-    ['epsilon', 'Epsilon'], ['largest_epsilon', 'Largest epsilon (0: fixed)'], ['rate', 'Frame rate']]],
+    ['epsilon', 'Epsilon ε'], ['largest_epsilon', 'Largest (0: fixed)'], ['rate', 'Frame rate']]],
   ['environment', 'Injected on the network', [
-    ['delay', 'Delay, one way'], ['jitter', 'Jitter'], ['loss', 'Loss (0 to 1)']]],
+    ['delay', 'Delay, one way'], ['jitter', 'Jitter'], ['loss', 'Loss']]],
   ['settings', 'Controller', [
     ['controller', 'Controller', CONTROLLERS], ['update_rule', 'Update rule', UPDATE_RULES],
     ['coupling_stiffness', 'Coupling stiffness'], ['coupling_damping', 'Coupling damping'],

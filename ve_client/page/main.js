@@ -72,6 +72,7 @@ function takeWorld(world) {
   controls.setRanges(world.ranges);
   scene?.setWorld(world);
   showViewMode();
+  showStarts(world);
 }
 
 function takeFrame(frame) {
@@ -125,8 +126,18 @@ function showViewMode() {
   if (scene?.view) byId('view-toggle').textContent = scene.view.mode === 'plan' ? '3-D view' : 'Plan view';
 }
 
+function showStarts({ starts, start }) {
+  byId('start-choice').hidden = starts.length === 0;
+  byId('start').replaceChildren(new Option('as placed', ''), ...starts.map((name) => new Option(name, name)));
+  byId('start').value = start;
+}
+
 function wireButtons() {
   byId('reset').onclick = () => send({ type: 'reset' });
+  byId('start').onchange = ({ target }) => {
+    send({ type: 'reset', start: target.value });
+    target.blur();
+  };
   byId('fit').onclick = () => scene.fit();
   byId('magnify').onchange = ({ target }) => { if (scene) scene.magnify = target.checked; };
   byId('sound').onchange = ({ target }) => sound.setOn(target.checked);

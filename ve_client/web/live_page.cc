@@ -2,24 +2,22 @@
 
 #include <memory>
 
-#include "ve_client/web/page_requests.h"
-
 namespace hlm::ve {
 
-bool LivePage::take_requests(LiveSettings& settings) {
-  bool reset = false;
+std::optional<ResetRequest> LivePage::take_requests(LiveSettings& settings) {
+  std::optional<ResetRequest> reset;
   for (const PageRequest& request : server_.take_requests()) {
-    reset = take(request, settings) || reset;
+    if (const auto wanted = take(request, settings)) reset = wanted;
   }
   return reset;
 }
 
-bool LivePage::take(const PageRequest& request, LiveSettings& settings) {
+std::optional<ResetRequest> LivePage::take(const PageRequest& request, LiveSettings& settings) {
   if (request.closed) {
     if (holding_page_ == request.page) holding_page_.reset();
-    return false;
+    return std::nullopt;
   }
-  const ParsedRequest parsed = parse_request(request.text, settings, tool_links_);
+  const ParsedRequest parsed = parse_request(request.text, settings, tool_);
   if (const auto* hand = std::get_if<HandRequest>(&parsed)) {
     // Of two pages that drag at once the first has the hand.
     const bool free = !holding_page_ || holding_page_ == request.page;
@@ -36,7 +34,8 @@ bool LivePage::take(const PageRequest& request, LiveSettings& settings) {
   } else if (const auto* refusal = std::get_if<Refusal>(&parsed)) {
     server_.answer(request.page, refused_message(refusal->field, refusal->value, refusal->text));
   }
-  return std::holds_alternative<ResetRequest>(parsed);
+  if (const auto* reset = std::get_if<ResetRequest>(&parsed)) return *reset;
+  return std::nullopt;
 }
 
 protocol::Control LivePage::control(const LiveSettings& settings,
@@ -50,9 +49,10 @@ protocol::Control LivePage::control(const LiveSettings& settings,
   return control;
 }
 
-void LivePage::show_world(const VirtualEnvironment& environment, double servo_rate) {
-  tool_links_ = environment.assembly.description.links.size();
-  server_.set_greeting(std::make_shared<const std::string>(world_message(environment, servo_rate)));
+void LivePage::show_world(const WorldView& view) {
+  tool_ = {view.environment.assembly.description.links.size(), {}};
+  for (const StartDescription& start : view.model.starts) tool_.starts.push_back(start.name);
+  server_.set_greeting(std::make_shared<const std::string>(world_message(view)));
 }
 
 void LivePage::show_frame(FrameView view) {

@@ -6,6 +6,7 @@
 
 #include "ve_client/web/live_settings.h"
 #include "ve_client/web/page_messages.h"
+#include "ve_client/web/page_requests.h"
 #include "ve_client/web/page_server.h"
 
 namespace hlm::ve {
@@ -19,13 +20,13 @@ class LivePage final : public protocol::TelemetryObserver {
   std::uint16_t port() const noexcept { return server_.port(); }
 
   /// Before a frame: does what pages have asked for; settings out of range are refused with the
-  /// range. True if the session shall begin anew, with the world as it was at the start.
-  bool take_requests(LiveSettings& settings);
+  /// range. Non-empty if the session shall begin anew, with the world as it was at the start.
+  std::optional<ResetRequest> take_requests(LiveSettings& settings);
   /// What is asked of a haptic server whose own tuning is `own`.
   protocol::Control control(const LiveSettings& settings, const protocol::Tuning& own) const;
 
   /// The world as built, for all pages, now and later.
-  void show_world(const VirtualEnvironment& environment, double servo_rate);
+  void show_world(const WorldView& view);
   /// After a frame. `view.state` may be null: the newest of the session is kept.
   void show_frame(FrameView view);
   /// The session is over, or another began.
@@ -35,10 +36,10 @@ class LivePage final : public protocol::TelemetryObserver {
   void observe(const protocol::LocalState& state) override { contacts_ = state; }
 
  private:
-  bool take(const PageRequest& request, LiveSettings& settings);
+  std::optional<ResetRequest> take(const PageRequest& request, LiveSettings& settings);
 
   PageServer server_;
-  std::size_t tool_links_ = 1;
+  ToolTraits tool_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   Pose X_WTarget_;
   std::optional<protocol::ProxyState> state_;  ///< Newest of the session.

@@ -140,9 +140,9 @@ void append(std::string& bytes, double value) {
 
 }  // namespace
 
-std::string world_message(const VirtualEnvironment& environment, double servo_rate) {
-  const ToolAssembly& assembly = environment.assembly;
-  const auto& bodies = environment.world.description().bodies;
+std::string world_message(const WorldView& view) {
+  const ToolAssembly& assembly = view.environment.assembly;
+  const auto& bodies = view.environment.world.description().bodies;
   json described = json::array();
   for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
     const bool is_tool =
@@ -151,13 +151,17 @@ std::string world_message(const VirtualEnvironment& environment, double servo_ra
   }
   const auto held = static_cast<std::size_t>(assembly.description.hand_link);
   const Pose X_BH = assembly.X_LB[held].inverse() * assembly.description.X_LH;
+  json starts = json::array();
+  for (const StartDescription& start : view.model.starts) starts.push_back(start.name);
   return json{{"type", "world"},
               {"planar", assembly.planar_normal_W.has_value()},
               {"bodies", std::move(described)},
               {"tool_links", assembly.bodies},
               {"hand_in_body", {{"body", assembly.bodies[held]}, {"pose", to_json(X_BH)}}},
+              {"starts", std::move(starts)},
+              {"start", view.start},
               {"ranges", ranges()},
-              {"servo_rate", servo_rate}}
+              {"servo_rate", view.servo_rate}}
       .dump();
 }
 

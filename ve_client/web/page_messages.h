@@ -12,8 +12,15 @@
 
 namespace hlm::ve {
 
-/// The world as it is built: shapes, the tool, and what may be set within which bounds.
-std::string world_message(const VirtualEnvironment& environment, double servo_rate);
+/// A world and its tool, as they begin.
+struct WorldView {
+  const VirtualEnvironment& environment;
+  const ModelDescription& model;  ///< The tool's.
+  const std::string& start;       ///< One of its starts; empty: where the world places it.
+  double servo_rate = 0;          ///< Hz; 0 if it is not known.
+};
+/// Shapes, the tool, its starts, and what may be set within which bounds.
+std::string world_message(const WorldView& view);
 
 /// What a frame shows.
 struct FrameView {

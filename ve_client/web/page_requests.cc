@@ -80,17 +80,17 @@ HandRequest hand(const json& message) {
 
 /// Throws if the controller does not suit a tool of so many links.
 void check_links(const std::string& field, const json& value, const LiveSettings& settings,
-                 std::size_t links, const std::string& suitable) {
-  if (links == 1 || !protocol::replaces_proxy(settings.tuning.controller)) return;
+                 const ToolTraits& tool, const std::string& suitable) {
+  if (tool.links == 1 || !protocol::replaces_proxy(settings.tuning.controller)) return;
   refuse(field, value, suitable + ": the tool has several links, the device cannot take its place");
 }
 
-LiveSettings with_method(const json& name, const LiveSettings& settings, std::size_t links) {
+LiveSettings with_method(const json& name, const LiveSettings& settings, const ToolTraits& tool) {
   std::string known;
   for (const Method& method : kMethods) {
     if (name == method.name) {
       LiveSettings changed = with_method(method, settings);
-      check_links("name", name, changed, links, "lm5, lm-adaptive or lm0");
+      check_links("name", name, changed, tool, "lm5, lm-adaptive or lm0");
       return changed;
     }
     known.append(known.empty() ? "" : ", ").append(method.name);
@@ -98,7 +98,7 @@ LiveSettings with_method(const json& name, const LiveSettings& settings, std::si
   refuse("name", name, known);
 }
 
-LiveSettings with_tuning(const json& message, LiveSettings settings, std::size_t links) {
+LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolTraits& tool) {
   protocol::Tuning& tuning = settings.tuning;
   for (const auto& item : message.items()) {
     const std::string& field = item.key();
@@ -110,7 +110,7 @@ LiveSettings with_tuning(const json& message, LiveSettings settings, std::size_t
     }
     if (field == "controller") {
       tuning.controller = choice<protocol::ControllerKind>(field, value, kControllers);
-      check_links(field, value, settings, links, "four_channel, three_channel or virtual_coupler");
+      check_links(field, value, settings, tool, "four_channel, three_channel or virtual_coupler");
       continue;
     }
     const auto range = std::find_if(protocol::kTuningRanges.begin(), protocol::kTuningRanges.end(),
@@ -134,25 +134,37 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
   return settings;
 }
 
-ParsedRequest parse(const json& message, const LiveSettings& present, std::size_t links) {
+ResetRequest reset(const json& message, const ToolTraits& tool) {
+  if (!message.contains("start")) return {};
+  const json& start = message["start"];
+  if (start == "") return {""};
+  std::string known = "empty";
+  for (const std::string& name : tool.starts) {
+    if (start == name) return {name};
+    known.append(", ").append(name);
+  }
+  refuse("start", start, known);
+}
+
+ParsedRequest parse(const json& message, const LiveSettings& present, const ToolTraits& tool) {
   const json type = message.is_object() ? message.value("type", json()) : json();
   if (type == "hand") return hand(message);
-  if (type == "settings") return SettingsRequest{with_tuning(message, present, links)};
+  if (type == "settings") return SettingsRequest{with_tuning(message, present, tool)};
   if (type == "environment") return SettingsRequest{with_environment(message, present)};
   if (type == "method") {
-    return SettingsRequest{with_method(message.value("name", json()), present, links)};
+    return SettingsRequest{with_method(message.value("name", json()), present, tool)};
   }
   if (type == "telemetry") return TelemetryRequest{flag(message, "on")};
-  if (type == "reset") return ResetRequest{};
+  if (type == "reset") return reset(message, tool);
   refuse("type", type, "hand, settings, environment, method, telemetry or reset");
 }
 
 }  // namespace
 
 ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
-                            std::size_t links) {
+                            const ToolTraits& tool) {
   try {
-    return parse(json::parse(text), present, links);
+    return parse(json::parse(text), present, tool);
   } catch (const Refused& refused) {
     return refused.refusal;
   } catch (const json::exception&) {

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "ve_client/web/live_settings.h"
 
@@ -20,7 +21,9 @@ struct SettingsRequest {
 struct TelemetryRequest {
   bool on = false;
 };
-struct ResetRequest {};
+struct ResetRequest {
+  std::optional<std::string> start;  ///< Of the tool; none: the same as before.
+};
 /// Cannot be done: the field at fault, its value and what is allowed.
 struct Refusal {
   std::string field;
@@ -31,9 +34,15 @@ struct Refusal {
 using ParsedRequest =
     std::variant<HandRequest, SettingsRequest, TelemetryRequest, ResetRequest, Refusal>;
 
+/// What of the tool decides whether a request can be met.
+struct ToolTraits {
+  std::size_t links = 1;
+  std::vector<std::string> starts;  ///< Where it may begin, beside where the world places it.
+};
+
 /// Never throws: what is not as it should be becomes a Refusal. present: the settings in effect, of
-/// which a request changes some. links: of the tool.
+/// which a request changes some.
 ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
-                            std::size_t links);
+                            const ToolTraits& tool);
 
 }  // namespace hlm::ve

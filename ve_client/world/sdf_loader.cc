@@ -38,7 +38,8 @@ class ModelReader {
     description.fixed = model.Static();
     description.first_body = static_cast<int>(world_.bodies.size());
     read_tool_elements(*model.Element(), where, description);
-    read_contents(model, resolve_pose(model, where), model.Name(), model.Static());
+    description.X_WM = resolve_pose(model, where);
+    read_contents(model, description.X_WM, model.Name(), model.Static());
     description.body_count = static_cast<int>(world_.bodies.size()) - description.first_body;
     world_.models.push_back(description);
   }
@@ -54,20 +55,39 @@ class ModelReader {
       }
       description.tool_joint = type == "free" ? JointType::kFree : JointType::kPlanar;
     }
-    if (!model.HasElement("haptic:hand")) return;
-    const sdf::ElementPtr hand = model.GetElement("haptic:hand");
-    if (!hand->HasElement("link")) {
+    if (model.HasElement("haptic:hand"))
+      read_hand(*model.GetElement("haptic:hand"), where, description);
+    if (!model.HasElement("haptic:start")) return;
+    for (sdf::ElementPtr start = model.GetElement("haptic:start"); start;
+         start = start->GetNextElement("haptic:start")) {
+      description.starts.push_back(read_start(*start, where));
+    }
+  }
+
+  static void read_hand(sdf::Element& hand, const std::string& where,
+                        ModelDescription& description) {
+    if (!hand.HasElement("link")) {
       throw std::runtime_error(where + ": <haptic:hand> must name the held <link>");
     }
-    description.hand_link = hand->Get<std::string>("link");
-    if (!hand->HasElement("pose")) return;
-    ignition::math::Pose3d X_SH;
-    std::istringstream text(hand->Get<std::string>("pose"));
-    if (!(text >> X_SH)) {
-      throw std::runtime_error(where + ": <haptic:hand> <pose> '" + text.str() +
+    description.hand_link = hand.Get<std::string>("link");
+    if (hand.HasElement("pose")) description.X_SH = read_pose(hand, where + ": <haptic:hand>");
+  }
+
+  static StartDescription read_start(sdf::Element& start, const std::string& where) {
+    if (!start.HasElement("name") || !start.HasElement("pose")) {
+      throw std::runtime_error(where + ": <haptic:start> must have a <name> and a <pose>");
+    }
+    return {start.Get<std::string>("name"), read_pose(start, where + ": <haptic:start>")};
+  }
+
+  static Pose read_pose(sdf::Element& parent, const std::string& where) {
+    ignition::math::Pose3d pose;
+    std::istringstream text(parent.Get<std::string>("pose"));
+    if (!(text >> pose)) {
+      throw std::runtime_error(where + " <pose> '" + text.str() +
                                "' must be six numbers: x y z (m) roll pitch yaw (rad)");
     }
-    description.X_SH = to_pose(X_SH);
+    return to_pose(pose);
   }
 
   void read_contents(const sdf::Model& model, const Pose& X_WM, const std::string& scope,

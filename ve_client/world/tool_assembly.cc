@@ -15,17 +15,6 @@ constexpr int kWorld = -1;
   throw std::runtime_error("tool '" + model.name + "': " + why);
 }
 
-const ModelDescription& find_model(const WorldDescription& world, const std::string& name) {
-  const auto model = std::ranges::find(world.models, name, &ModelDescription::name);
-  if (model != world.models.end()) return *model;
-  std::string names;
-  for (const ModelDescription& other : world.models) {
-    names += (names.empty() ? "" : ", ") + other.name;
-  }
-  throw std::runtime_error("tool '" + name + "' is not a model of the world; it has: " +
-                           (names.empty() ? "none" : names));
-}
-
 /// Makes the links of one tool, parents first.
 class Assembler {
  public:

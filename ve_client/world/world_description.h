@@ -48,11 +48,18 @@ struct JointDescription {
   bool limited() const { return std::isfinite(lower) || std::isfinite(upper); }
 };
 
+/// Where a model may begin other than where the file places it: <haptic:start>.
+struct StartDescription {
+  std::string name;
+  Pose X_WM;
+};
+
 /// A top-level model: a range of bodies (with those of its nested models) and what it says of its
 /// use as virtual tool.
 struct ModelDescription {
   std::string name;
   bool fixed = false;
+  Pose X_WM;  ///< Initial pose of the model's frame.
   int first_body = 0;
   int body_count = 0;
   /// <haptic:tool_joint>: how the tool's root moves in the world; empty if not given.
@@ -61,6 +68,7 @@ struct ModelDescription {
   /// in that link's SDF frame; empty if not given.
   std::optional<std::string> hand_link;
   Pose X_SH;
+  std::vector<StartDescription> starts;
 };
 
 struct WorldDescription {
@@ -69,5 +77,16 @@ struct WorldDescription {
   std::vector<JointDescription> joints;
   std::vector<ModelDescription> models;
 };
+
+/// Throws std::runtime_error with one line that lists the models there are if `name` is none.
+const ModelDescription& find_model(const WorldDescription& world, const std::string& name);
+
+/// The world with a model, its bodies and joints, at another initial pose. Throws as find_model().
+WorldDescription with_model_at(WorldDescription world, const std::string& model, const Pose& X_WM);
+
+/// The world with a model at its start of that name; empty: as the file places it. Throws as
+/// find_model(), and std::runtime_error that lists the model's starts if it has none of that name.
+WorldDescription with_start(WorldDescription world, const std::string& model,
+                            const std::string& start);
 
 }  // namespace hlm::ve

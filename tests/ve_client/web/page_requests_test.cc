@@ -10,8 +10,9 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 
 template <class Request>
-Request parsed(const std::string& text, const LiveSettings& present = {}, std::size_t links = 1) {
-  const ParsedRequest request = parse_request(text, present, links);
+Request parsed(const std::string& text, const LiveSettings& present = {},
+               const ToolTraits& tool = {}) {
+  const ParsedRequest request = parse_request(text, present, tool);
   REQUIRE(std::holds_alternative<Request>(request));
   return std::get<Request>(request);
 }
@@ -62,14 +63,26 @@ TEST_CASE("Each method is recognised by what it sets, and by nothing else") {
 }
 
 TEST_CASE("A tool of several links is refused what puts the device in its place") {
+  const ToolTraits linkage{.links = 3, .starts = {}};
   for (const std::string name : {"ir", "coupler", "engine"}) {
-    const auto refusal = parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, 3);
+    const auto refusal =
+        parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, linkage);
     CHECK(refusal.field == "name");
     CHECK_THAT(refusal.text, ContainsSubstring("must be lm5, lm-adaptive or lm0"));
   }
-  const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, 3);
+  const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, linkage);
   CHECK_THAT(refusal.text, ContainsSubstring("four_channel, three_channel or virtual_coupler"));
-  parsed<SettingsRequest>(R"({"type":"method","name":"lm0"})", {}, 3);
+  parsed<SettingsRequest>(R"({"type":"method","name":"lm0"})", {}, linkage);
+}
+
+TEST_CASE("A reset is from where the tool began last, or from a start that it has") {
+  const ToolTraits peg{.links = 1, .starts = {"hole", "corner"}};
+  CHECK_FALSE(parsed<ResetRequest>(R"({"type":"reset"})", {}, peg).start);
+  CHECK(parsed<ResetRequest>(R"({"type":"reset","start":"corner"})", {}, peg).start == "corner");
+  CHECK(parsed<ResetRequest>(R"({"type":"reset","start":""})", {}, peg).start == "");
+  const auto refusal = parsed<Refusal>(R"({"type":"reset","start":"moon"})", {}, peg);
+  CHECK_THAT(refusal.text, ContainsSubstring("\"moon\" must be empty, hole, corner"));
+  CHECK(parsed<Refusal>(R"({"type":"reset","start":7})", {}, peg).field == "start");
 }
 
 TEST_CASE("What cannot be done is refused with the field, its value and what is allowed") {

@@ -1,0 +1,105 @@
+#!/usr/bin/python3
+"""Pictures of the live page: free motion, pressing on the wall, and the peg in the hole under two methods.
+
+Usage: live_pictures.py SERVER CLIENT WORLDS FOLDER
+
+Writes free.png, wall.png, hole_lm5.png and hole_ir.png (docs/live.png is one of them).
+"""
+
+import math
+import pathlib
+import sys
+import time
+
+from live_session import browser, live_session, show, wait_for
+
+WALL = 0.124   # m: y of the peg on the bottom wall
+HOLE = (0.1, 0.184)
+
+
+class Page:
+    def __init__(self, driver, folder):
+        self.driver = driver
+        self.folder = pathlib.Path(folder)
+
+    def do(self, script):
+        return self.driver.execute_script(script)
+
+    def frame(self):
+        return self.do("return haptic.frame")
+
+    def click(self, selector):
+        self.do(f"document.querySelector('{selector}').click()")
+
+    def move(self, dx, dy, seconds):
+        """The hand, evenly, m."""
+        steps = max(1, round(seconds * 60))
+        for _ in range(steps):
+            self.do(f"haptic.hand.moveBy({dx / steps}, {dy / steps}, 0)")
+            time.sleep(seconds / steps)
+
+    def shake(self, amplitude, seconds):
+        """The hand to and fro along x at about the paper's 2.5 Hz; it ends aside."""
+        self.move(amplitude, 0, 0.1)
+        for i in range(round(seconds * 5)):
+            self.move((-2 if i % 2 == 0 else 2) * amplitude, 0, 0.2)
+
+    def begin(self, start):
+        self.do(f"haptic.send({{type: 'reset', start: '{start}'}})")
+        x, y = HOLE if start else (0, 0)
+        wait_for(lambda: math.dist(self.frame().get("device", [9, 9])[:2], (x, y)) < 1e-3, "the start")
+
+    def picture(self, name):
+        print(f"{name}: F_env {math.hypot(*self.frame()['F_env'][:3]):.2f} N, "
+              f"proxy-tool {1e3 * max(self.do('return haptic.ticksOf(`proxy_tool_m`).slice(-2000)')):.2f} mm, "
+              f"{self.do('return haptic.fps()'):.0f} frames/s, banner '{self.do('return haptic.banner()')}'")
+        self.driver.save_screenshot(str(self.folder / f"{name}.png"))
+
+
+def free_motion(page):
+    page.begin("")
+    page.do("haptic.hand.grab()")
+    page.move(-0.06, -0.06, 1.0)
+    page.do("haptic.hand.turnBy(0.5)")
+    page.move(0.11, 0.0, 1.2)
+    page.picture("free")
+    page.do("haptic.hand.release()")
+
+
+def on_the_wall(page):
+    page.begin("")
+    page.do("haptic.hand.grab()")
+    page.move(0.0, WALL, 2.0)
+    page.move(0.0, 0.012, 1.0)
+    time.sleep(2)
+    page.picture("wall")
+    page.do("haptic.hand.release()")
+
+
+def in_the_hole(page):
+    page.begin("hole")
+    page.click(".situations button")
+    page.do("haptic.hand.grab()")
+    for method in ("lm5", "ir"):
+        page.click(f"[data-method={method}]")
+        page.shake(0.015, 6)
+        page.picture(f"hole_{method}")
+    page.do("haptic.hand.release()")
+
+
+def main():
+    server, client, worlds, folder = sys.argv[1:]
+    with live_session(server, client, worlds, "--log-level", "warn") as url:
+        driver = browser()
+        try:
+            show(driver, url)
+            page = Page(driver, folder)
+            free_motion(page)
+            on_the_wall(page)
+            in_the_hole(page)
+        finally:
+            driver.quit()
+
+
+if __name__ == "__main__":
+    main()
