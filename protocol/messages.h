@@ -55,7 +55,18 @@ enum class ControllerKind : std::uint8_t {
 
 /// Whether the device takes the proxy's place, for which the tool must have one link.
 constexpr bool replaces_proxy(ControllerKind kind) noexcept {
-  return kind >= ControllerKind::kDirect;
+  switch (kind) {
+    case ControllerKind::kFourChannel:
+    case ControllerKind::kThreeChannel:
+    case ControllerKind::kVirtualCoupler:
+      return false;
+    case ControllerKind::kDirect:
+    case ControllerKind::kRotationCoupler:
+    case ControllerKind::kEngineCoupler:
+    case ControllerKind::kEngineForce:
+      return true;
+  }
+  return false;
 }
 
 /// What of the physics can change during a session.
@@ -64,7 +75,7 @@ struct Tuning {
   ControllerKind controller = ControllerKind::kFourChannel;
   double stiffness = 4000;                 ///< k_lc of each contact, N/m.
   double damping = 30;                     ///< b_lc, N·s/m.
-  double friction = 0.3;                   ///< μ_s and μ_k.
+  double friction = 0.3;                   ///< μ_k, and μ_s where this is changed.
   double restitution = 0;                  ///< e.
   double coupling_stiffness = 1500;        ///< K_c, translation, N/m.
   double coupling_damping = 30;            ///< B_c, translation, N·s/m.

@@ -39,7 +39,10 @@ ServoOptions tuned(ServoOptions options, const protocol::Tuning& tuning) noexcep
   local.update_rule = tuning.update_rule;
   local.stiffness = tuning.stiffness;
   local.damping = tuning.damping;
-  local.static_friction = local.kinetic_friction = tuning.friction;
+  // One coefficient in the tuning; where it is left alone, so is the difference between the two.
+  if (tuning.friction != local.kinetic_friction) {
+    local.static_friction = local.kinetic_friction = tuning.friction;
+  }
   local.restitution = tuning.restitution;
   options.controller = tuning.controller;
   options.gains = {.stiffness = tuning.coupling_stiffness,
@@ -54,8 +57,10 @@ std::optional<std::string> find_error(const protocol::Tuning& tuning) {
   for (const protocol::TuningRange& range : protocol::kTuningRanges) {
     const double value = tuning.*range.number;
     if (value >= range.least && value <= range.most) continue;
-    return fmt::format("{} {} must be {} to {} {}", range.name, value, range.least, range.most,
-                       range.unit);
+    std::string name = range.name;
+    std::replace(name.begin(), name.end(), '_', ' ');
+    return fmt::format("{} {} must be {} to {}{}{}", name, value, range.least, range.most,
+                       *range.unit ? " " : "", range.unit);
   }
   return std::nullopt;
 }
@@ -77,9 +82,9 @@ void replace_non_finite(protocol::ProxyState& state) noexcept {
 }  // namespace
 
 std::optional<std::string> find_error(const ServoOptions& options) {
+  if (auto error = find_error(tuning_of(options))) return error;
   if (auto error = find_error(options.local_model)) return error;
   if (auto error = find_error(options.gains)) return error;
-  if (auto error = find_error(tuning_of(options))) return error;
   const auto check = [](const char* name, double value,
                         const char* unit) -> std::optional<std::string> {
     if (value > 0 && std::isfinite(value)) return std::nullopt;

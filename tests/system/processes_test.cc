@@ -199,7 +199,7 @@ void refuses(const Arguments& arguments, const std::vector<std::string>& texts) 
 TEST_CASE("Bad options of the server: one line that names the thing and what is allowed") {
   refuses({HLM_SERVER, "--bogus"}, {"--bogus"});
   refuses({HLM_SERVER, "--rate", "50"}, {"rate 50", "100", "8000"});
-  refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "> 0 N/m"});
+  refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "1 to 1000000 N/m"});
   refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"});
   refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"});
   refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"});

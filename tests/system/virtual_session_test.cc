@@ -100,6 +100,42 @@ TEST_CASE("A control changes the physics of the running session, and lets go of 
   CHECK(session.client().welcome().tuning.stiffness == 4000);
 }
 
+TEST_CASE("A control that leaves friction alone leaves static friction above kinetic friction") {
+  VirtualSessionOptions options;
+  options.device.dry_friction = 0;
+  options.servo.local_model.static_friction = 0.6;
+  options.servo.local_model.kinetic_friction = 0.3;
+  // Against the wall, then along it with a force between what the two coefficients bear.
+  server::Push along = {.constant = force(1.1, 3)};
+  options.hand = constant_push(force(0, 3));
+  options.hand.segments.front().duration = 2;
+  options.hand.segments.push_back({1, along});
+  VirtualSession session(options);
+  session.run(4);
+  const double x = session.last().X_WP.p.x();
+
+  protocol::Control control;
+  control.tuned = true;
+  control.tuning = session.client().welcome().tuning;
+  control.tuning.damping = 60;
+  session.client().control(control);
+  session.run(1);
+  CHECK(std::abs(session.last().X_WP.p.x() - x) < 1e-4);  // m
+  control.tuning.friction = 0.25;
+  session.client().control(control);
+  session.run(0.5);
+  CHECK(session.last().X_WP.p.x() - x > 5e-3);  // m
+}
+
+TEST_CASE("Options that a control could not set are refused with the range") {
+  server::ServoOptions options;
+  options.gains.stiffness = 2e5;
+  CHECK(server::find_error(options) == "coupling stiffness 200000 must be 0 to 100000 N/m");
+  options.gains.stiffness = 1500;
+  options.local_model.kinetic_friction = 20;
+  CHECK(server::find_error(options) == "friction 20 must be 0 to 10");
+}
+
 TEST_CASE("A control holds the hand of the simulated device, and lets go") {
   VirtualSessionOptions options;
   VirtualSession session(options);
