@@ -6,15 +6,16 @@
 
 namespace hlm::experiments {
 
-/// Where the peg rests: upright, on the bottom of the hole.
-inline Pose peg_in_hole() {
-  return ve::find_model(test::repository_world("testbed.sdf"), "peg").starts.at(0).X_WM;
+/// The peg upright, on the bottom of the hole.
+inline ve::WorldDescription world_of_hole() {
+  return ve::with_start(test::repository_world("testbed.sdf"), "peg", "hole");
 }
+inline Pose peg_in_hole() { return ve::find_model(world_of_hole(), "peg").X_WM; }
 
 /// amplitude: of the hand's force along x, N, at 2.5 Hz (the paper's sin(5πt)).
 inline Task hole_task(double amplitude, double stiffness, double damping, double duration = 6) {
   Task task;
-  task.world = ve::with_start(test::repository_world("testbed.sdf"), "peg", "hole");
+  task.world = world_of_hole();
   task.tool = "peg";
   task.hand = shake({amplitude, 0, 0}, 2.5);
   task.duration = duration;

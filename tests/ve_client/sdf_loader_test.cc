@@ -167,6 +167,9 @@ TEST_CASE("a value out of range is an error that names it and what is allowed") 
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",
                             "<haptic:start><pose>1 2 3 0 0 0</pose></haptic:start>")),
              ContainsSubstring("<haptic:start>") && ContainsSubstring("<name>"));
+  const std::string start = "<haptic:start><name>a</name><pose>1 2 3 0 0 0</pose></haptic:start>";
+  CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", start + start)),
+             ContainsSubstring("<haptic:start> 'a'") && ContainsSubstring("name of its own"));
 }
 
 TEST_CASE("a missing or broken file is one line that names it") {

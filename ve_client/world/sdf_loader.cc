@@ -60,7 +60,7 @@ class ModelReader {
     if (!model.HasElement("haptic:start")) return;
     for (sdf::ElementPtr start = model.GetElement("haptic:start"); start;
          start = start->GetNextElement("haptic:start")) {
-      description.starts.push_back(read_start(*start, where));
+      description.starts.push_back(read_start(*start, where, description.starts));
     }
   }
 
@@ -73,11 +73,18 @@ class ModelReader {
     if (hand.HasElement("pose")) description.X_SH = read_pose(hand, where + ": <haptic:hand>");
   }
 
-  static StartDescription read_start(sdf::Element& start, const std::string& where) {
+  static StartDescription read_start(sdf::Element& start, const std::string& where,
+                                     const std::vector<StartDescription>& others) {
     if (!start.HasElement("name") || !start.HasElement("pose")) {
       throw std::runtime_error(where + ": <haptic:start> must have a <name> and a <pose>");
     }
-    return {start.Get<std::string>("name"), read_pose(start, where + ": <haptic:start>")};
+    const auto name = start.Get<std::string>("name");
+    const std::string what = where + ": <haptic:start> '" + name + "'";
+    const bool is_taken = std::ranges::find(others, name, &StartDescription::name) != others.end();
+    if (name.empty() || is_taken) {
+      throw std::runtime_error(what + " must have a name of its own, and not an empty one");
+    }
+    return {name, read_pose(start, what)};
   }
 
   static Pose read_pose(sdf::Element& parent, const std::string& where) {
