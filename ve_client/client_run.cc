@@ -31,7 +31,9 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
   options.port = at.port;
   options.root = settings.page_root.empty() ? HLM_PAGE : settings.page_root;
   auto page = std::make_unique<LivePage>(options);
-  spdlog::info("live page: http://{}:{}", options.address, page->port());
+  const bool everywhere = options.address == "0.0.0.0";
+  spdlog::info("live page: http://{}:{}{}", everywhere ? "127.0.0.1" : options.address,
+               page->port(), everywhere ? ", and at every other address of this machine" : "");
   return page;
 }
 
@@ -89,7 +91,10 @@ void ClientRun::begin() {
   HapticClientOptions options = client_options(settings_, *environment_, server_);
   options.telemetry = page_.get();
   client_.emplace(link_, options);
-  if (page_) show_world(0);
+  if (page_) {
+    page_->forget_session();
+    show_world(nullptr);
+  }
 }
 
 void ClientRun::frame(double period) {
@@ -103,17 +108,19 @@ void ClientRun::frame(double period) {
 }
 
 void ClientRun::obey_page() {
-  if (const auto reset = page_->take_requests(live_)) {
+  if (const auto reset = page_->take_requests(clock_.now(), live_, settings_at_start())) {
     start_ = reset->start.value_or(start_);
-    live_ = settings_at_start();
     begin();
   }
   link_.set_conditions(live_.network);
   client_->control(page_->control(live_, own_tuning_));
 }
 
-void ClientRun::show_world(double servo_rate) {
-  page_->show_world({*environment_, find_model(world_, settings_.tool), start_, servo_rate});
+void ClientRun::show_world(const protocol::Welcome* welcome) {
+  page_->show_world({.environment = *environment_,
+                     .model = find_model(world_, settings_.tool),
+                     .start = start_,
+                     .welcome = welcome});
 }
 
 void ClientRun::show(const FrameResult& result) {
@@ -121,9 +128,9 @@ void ClientRun::show(const FrameResult& result) {
     page_->forget_session();
     // What no page has changed is as the server was started.
     const protocol::Tuning& own = client_->welcome().tuning;
-    if (live_.tuning == own_tuning_) live_.tuning = own;
+    live_.tuning = carried_over(live_.tuning, own_tuning_, own);
     own_tuning_ = own;
-    show_world(client_->welcome().servo_rate);
+    show_world(&client_->welcome());
   }
   if (result.inbox.lost) page_->forget_session();
   page_->show_frame({.environment = *environment_,

@@ -46,14 +46,14 @@ class ClientRun {
   void begin();
   void frame(double period);
   void obey_page();
-  void show_world(double servo_rate);
+  /// welcome: null before the server has answered.
+  void show_world(const protocol::Welcome* welcome);
   void show(const FrameResult& result);
   FramePeriods& periods();
   /// Datagrams that are held back leave in time, within a millisecond.
   void wait_until(double time);
 
   const Settings& settings_;
-  SteadyClock clock_;
   WorldDescription world_;  ///< As loaded.
   std::string start_;       ///< Of the tool.
   std::optional<VirtualEnvironment> environment_;
@@ -61,6 +61,7 @@ class ClientRun {
   std::unique_ptr<LivePage> page_;  ///< Null: none.
   protocol::UdpSocket socket_{protocol::Endpoint{}};
   std::optional<Recording> recording_;
+  SteadyClock clock_;
   ImpairedLink link_;
   protocol::Tuning own_tuning_;  ///< What the server was started with.
   LiveSettings live_;

@@ -70,12 +70,12 @@ class CommandLine {
     app_.add_option("--page-root", settings_.page_root, "Folder of the page's files");
     app_.add_option("--network-delay", settings_.network.delay,
                     "Hold every datagram this long, in both directions, s")
-        ->check(CLI::Range(0.0, 0.5));
+        ->check(CLI::Range(0.0, kLongestDelay));
     app_.add_option("--network-jitter", settings_.network.jitter,
                     "Hold each up to this much longer, s")
-        ->check(CLI::Range(0.0, 0.2));
+        ->check(CLI::Range(0.0, kLongestJitter));
     app_.add_option("--network-loss", settings_.network.loss, "Portion of datagrams that are lost")
-        ->check(CLI::Range(0.0, 0.9));
+        ->check(CLI::Range(0.0, kLargestLoss));
   }
 
   void add_world() {

@@ -11,10 +11,9 @@ import pathlib
 import sys
 import time
 
-from live_session import browser, live_session, show, wait_for
+from live_session import begin, browser, live_session, show
 
 WALL = 0.124   # m: y of the peg on the bottom wall
-HOLE = (0.1, 0.184)
 
 
 class Page:
@@ -44,11 +43,6 @@ class Page:
         for i in range(round(seconds * 5)):
             self.move((-2 if i % 2 == 0 else 2) * amplitude, 0, 0.2)
 
-    def begin(self, start):
-        self.do(f"haptic.send({{type: 'reset', start: '{start}'}})")
-        x, y = HOLE if start else (0, 0)
-        wait_for(lambda: math.dist(self.frame().get("device", [9, 9])[:2], (x, y)) < 1e-3, "the start")
-
     def picture(self, name):
         print(f"{name}: F_env {math.hypot(*self.frame()['F_env'][:3]):.2f} N, "
               f"proxy-tool {1e3 * max(self.do('return haptic.ticksOf(`proxy_tool_m`).slice(-2000)')):.2f} mm, "
@@ -57,7 +51,7 @@ class Page:
 
 
 def free_motion(page):
-    page.begin("")
+    begin(page.driver)
     page.do("haptic.hand.grab()")
     page.move(-0.06, -0.06, 1.0)
     page.do("haptic.hand.turnBy(0.5)")
@@ -67,7 +61,7 @@ def free_motion(page):
 
 
 def on_the_wall(page):
-    page.begin("")
+    begin(page.driver)
     page.do("haptic.hand.grab()")
     page.move(0.0, WALL, 2.0)
     page.move(0.0, 0.012, 1.0)
@@ -77,7 +71,7 @@ def on_the_wall(page):
 
 
 def in_the_hole(page):
-    page.begin("hole")
+    begin(page.driver, "hole")
     page.click(".situations button")
     page.do("haptic.hand.grab()")
     for method in ("lm5", "ir"):
@@ -89,10 +83,10 @@ def in_the_hole(page):
 
 def main():
     server, client, worlds, folder = sys.argv[1:]
-    with live_session(server, client, worlds, "--log-level", "warn") as url:
+    with live_session(server, client, worlds, "--log-level", "warn") as session:
         driver = browser()
         try:
-            show(driver, url)
+            show(driver, session.url)
             page = Page(driver, folder)
             free_motion(page)
             on_the_wall(page)

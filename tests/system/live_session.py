@@ -1,6 +1,7 @@
 """The real haptic_server and ve_client with a live page, and Chromium to look at it."""
 
 import contextlib
+import dataclasses
 import pathlib
 import socket
 import subprocess
@@ -44,28 +45,50 @@ def running(*command):
         process.wait(timeout=PATIENCE)
 
 
+@dataclasses.dataclass
+class Session:
+    url: str
+    server: subprocess.Popen
+
+
 @contextlib.contextmanager
 def live_session(server, client, worlds, *server_options):
-    """Both programs on the testbed until the end of the block; the page's address."""
+    """Both programs on the testbed until the end of the block."""
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     with running(server, "--listen", f"127.0.0.1:{udp}", "--status", "false", "--device-friction",
-                 "0", *server_options), \
+                 "0", *server_options) as process, \
          running(client, "--server", f"127.0.0.1:{udp}", "--world",
                  pathlib.Path(worlds) / "testbed.sdf", "--page", f"127.0.0.1:{tcp}", "--quiet"):
         wait_for(lambda: listens(tcp), "the page's server")
-        yield f"http://127.0.0.1:{tcp}/"
+        yield Session(f"http://127.0.0.1:{tcp}/", process)
 
 
 def browser():
-    """A headless Chromium that draws without a graphics card, its window 1280 x 900."""
+    """A headless Chromium that draws without a graphics card, its page 1280 x 800 pixels."""
     options = webdriver.ChromeOptions()
     for argument in ("--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
-                     "--window-size=1280,900", "--disable-dev-shm-usage"):
+                     "--window-size=1280,943", "--disable-dev-shm-usage"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
     driver.set_script_timeout(PATIENCE)
     return driver
+
+
+def hang(driver, seconds):
+    """The page does nothing else for so long, beginning when this has returned."""
+    driver.execute_script(
+        "setTimeout((seconds) => { const end = performance.now() + 1000 * seconds;"
+        "while (performance.now() < end); }, 100, arguments[0])", seconds)
+
+
+def begin(driver, start=""):
+    """A new session in which the tool begins there."""
+    driver.execute_script(
+        "window.earlier = haptic.world; haptic.send({type: 'reset', start: arguments[0]})", start)
+    wait_for(lambda: driver.execute_script(
+        "return haptic.world !== earlier && haptic.world.servo_rate && haptic.frame.device"),
+        "a new session")
 
 
 def show(driver, url):

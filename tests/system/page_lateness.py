@@ -15,7 +15,7 @@ import statistics
 import tempfile
 import time
 
-from live_session import browser, live_session, show
+from live_session import browser, hang, live_session, show
 
 SETTLE = 2  # s after a page was opened or closed that are not counted
 PHASES = ("no page", "two pages", "one of two hangs")
@@ -39,9 +39,7 @@ class Pages:
             for driver in self.browsers:
                 show(driver, self.url)
         else:
-            self.browsers[1].execute_script(
-                "setTimeout(end => { while (performance.now() < end); }, 0,"
-                "performance.now() + arguments[0] * 1000);", seconds)
+            hang(self.browsers[1], seconds)
 
 
 def lines_of(log):
@@ -52,9 +50,10 @@ def measure(arguments, log):
     """{phase: [(first, last line of the log)]}"""
     spans = {phase: [] for phase in PHASES}
     with contextlib.ExitStack() as stack:
-        url = stack.enter_context(live_session(arguments.server, arguments.client, arguments.worlds,
-                                               "--log", log, "--log-level", "warn"))
-        pages = Pages(stack, url)
+        session = stack.enter_context(live_session(arguments.server, arguments.client,
+                                                   arguments.worlds, "--log", log, "--log-level",
+                                                   "warn"))
+        pages = Pages(stack, session.url)
         for _ in range(arguments.rounds):
             for phase in PHASES:
                 pages.enter(phase, SETTLE + arguments.seconds)

@@ -1,6 +1,7 @@
 // A network made worse on purpose.
 #include "ve_client/client/impaired_link.h"
 
+#include "protocol/codec.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
 
@@ -60,6 +61,20 @@ TEST_CASE("A delay holds each datagram that long, both ways") {
   CHECK_FALSE(setup.link.receive(datagram));
   setup.pass(0.002);
   CHECK(setup.link.receive(datagram));
+}
+
+TEST_CASE("Telemetry passes at once, whatever happens to the rest") {
+  Setup setup;
+  setup.link.set_conditions({.delay = 0.1, .jitter = 0.04, .loss = 0.5});
+  protocol::Ticks ticks;
+  ticks.ticks.emplace_back();
+  const protocol::DatagramBytes bytes = protocol::encode({.session = 1, .sequence = 1}, ticks);
+  for (int i = 0; i < 100; ++i) {
+    setup.network.server().send(MemoryNetwork::kClient, protocol::view(bytes));
+    setup.pass(0);
+    protocol::Datagram datagram;
+    CHECK(setup.link.receive(datagram));
+  }
 }
 
 TEST_CASE("Loss takes the portion that it says") {

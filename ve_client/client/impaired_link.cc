@@ -1,8 +1,19 @@
 #include "ve_client/client/impaired_link.h"
 
 #include "common/uniform.h"
+#include "protocol/codec.h"
 
 namespace hlm {
+namespace {
+
+bool is_telemetry(std::span<const std::byte> bytes) noexcept {
+  protocol::Header header;
+  return !protocol::decode_header(bytes, header) &&
+         (header.type == protocol::MessageType::kTicks ||
+          header.type == protocol::MessageType::kLocalState);
+}
+
+}  // namespace
 
 void ImpairedLink::pump() {
   protocol::Datagram datagram;
@@ -24,6 +35,10 @@ void ImpairedLink::send(const protocol::Endpoint& to, std::span<const std::byte>
 }
 
 void ImpairedLink::hold(protocol::DatagramQueue& queue, const protocol::Datagram& datagram) {
+  if (is_telemetry(protocol::view(datagram.bytes))) {
+    queue.hold(now_(), datagram);
+    return;
+  }
   if (conditions_.loss > 0 && uniform(engine_) < conditions_.loss) return;
   queue.hold(now_() + conditions_.delay + conditions_.jitter * uniform(engine_), datagram);
 }

@@ -12,6 +12,11 @@
 
 namespace hlm {
 
+/// Within these a session lives: beyond, its answers come after its client has given it up.
+inline constexpr double kLongestDelay = 0.2;    ///< s.
+inline constexpr double kLongestJitter = 0.04;  ///< s.
+inline constexpr double kLargestLoss = 0.5;
+
 /// What happens to each datagram, in either direction.
 struct NetworkConditions {
   double delay = 0;   ///< Held at least this long, s.
@@ -22,7 +27,8 @@ struct NetworkConditions {
 };
 
 /// Holds datagrams until pump() finds them due: call that at least once a millisecond. Without
-/// conditions everything passes at once. Not thread-safe.
+/// conditions everything passes at once; telemetry always does, it is there to look on. Not
+/// thread-safe.
 class ImpairedLink final : public protocol::DatagramLink {
  public:
   /// now: a steady clock, s. seed: of jitter and loss. `link` must outlive this.

@@ -12,7 +12,7 @@ const FAULTS = {
 /** `link`: open, frameAt (ms, of the last frame). Returns {kind, text}, or null if all is well. */
 export function troubleOf(link, frame, now) {
   if (!link.open) {
-    return { kind: 'disconnected', text: 'This page has lost ve_client: start it (scripts/run). Trying again …' };
+    return { kind: 'disconnected', text: 'No ve_client: start it (scripts/run), or close one of the four pages that it serves at most. Trying again …' };
   }
   if (!frame || now - link.frameAt > STALE_MS) {
     return { kind: 'stale', text: 've_client answers but sends no frames: its world stands still. Look at its terminal.' };

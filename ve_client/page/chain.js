@@ -5,7 +5,11 @@ import { fixed, magnitude, millimetres, newtons } from './format.js';
 const NOTHING = 0.01;   // N
 const OLD_CONTACTS = 0.25;   // s
 
+/** Whether the force comes from the engine alone, so that no local contact has a part in it. */
+const fromEngine = (frame) => frame.settings.controller.startsWith('engine_');
+
 // Each link: its name, its live value, and the reason if it is zero or limiting (else nothing).
+// `local` ones have no part in the engine's force.
 const LINKS = [
   { name: 'device',
     value: (f) => `x ${fixed(f.device[0] * 1e3)}\ny ${fixed(f.device[1] * 1e3)} mm`,
@@ -16,11 +20,12 @@ const LINKS = [
     } },
   { name: 'hand', value: (f) => newtons(magnitude(f.F_hand)),
     reason: (f, held) => {
-      if (magnitude(f.F_hand) >= NOTHING) return null;
+      // Some devices cannot measure the hand; with a force on it there is one.
+      if (magnitude(f.F_hand) >= NOTHING || magnitude(f.F_env) >= NOTHING) return null;
       return held ? 'the hand does not pull: move it away from the handle'
         : 'no hand on the device: drag the handle';
     } },
-  { name: 'contacts', value: (f) => `${f.reported}\nage ${Math.round(f.age * 1e3)} ms`,
+  { name: 'contacts', local: true, value: (f) => `${f.reported}\nage ${Math.round(f.age * 1e3)} ms`,
     reason: (f) => {
       if (f.reported === 0) {
         return f.epsilon > 0
@@ -29,12 +34,16 @@ const LINKS = [
       }
       return f.age > OLD_CONTACTS ? 'the contacts are old: the environment is late or silent' : null;
     } },
-  { name: 'separation', value: (f) => millimetres(f.smallest_separation),
+  { name: 'separation', local: true, value: (f) => millimetres(f.smallest_separation),
     reason: (f) => (f.smallest_separation > 0 ? 'separation > 0: nothing is touched' : null) },
-  { name: 'penalty', value: (f) => `${newtons(penalty(f))}\n${f.active} active`,
+  { name: 'penalty', local: true, value: (f) => `${newtons(penalty(f))}\n${f.active} active`,
     reason: (f) => (f.active === 0 ? 'no local contact is active' : null) },
   { name: 'F_env', value: (f) => newtons(magnitude(f.F_env)),
-    reason: (f) => (magnitude(f.F_env) < NOTHING ? 'the contact forces cancel out, or are too small to feel' : null) },
+    reason: (f) => {
+      if (magnitude(f.F_env) >= NOTHING) return null;
+      return fromEngine(f) ? "the engine's tool does not resist"
+        : 'the contact forces cancel out, or are too small to feel';
+    } },
   { name: 'limiter', value: (f) => (f.limit === 'none' ? 'free' : f.limit),
     reason: (f) => ({ none: null, force: 'limit: force', torque: 'limit: torque',
                       rate: 'limit: rate, the force may not change faster',
@@ -58,10 +67,11 @@ export class Chain {
 
   show(frame, held) {
     const complete = frame?.device && frame.F_hand && frame.F_env && frame.F_command;
-    const reasons = LINKS.map((link) => (complete ? link.reason(frame, held) : null));
+    const engine = complete && fromEngine(frame);
+    const reasons = LINKS.map((link) => (complete && !(engine && link.local) ? link.reason(frame, held) : null));
     const first = reasons.findIndex(Boolean);
     this.links.forEach(({ item, value }, i) => {
-      write(value, complete ? LINKS[i].value(frame) : '–');
+      write(value, complete && !(engine && LINKS[i].local) ? LINKS[i].value(frame) : '–');
       item.classList.toggle('stops', i === first);
     });
     this.stops = first < 0 ? null : { link: LINKS[first].name, reason: reasons[first] };

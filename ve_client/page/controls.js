@@ -7,7 +7,7 @@ const METHODS = [
   ['lm-adaptive', 'LM adaptive', 'Local model, epsilon grows with speed and delay'],
   ['lm0', 'LM 0', 'Local model without prediction: only touching contacts are sent'],
   ['ir', 'IR', 'Intermediate representation: planes that stay until the next update'],
-  ['coupler', 'Virtual coupler', "A spring and damper to the engine's tool"],
+  ['coupler', 'Coupler to engine', "A spring and damper to the engine's tool"],
   ['engine', 'Direct to engine', "The engine's contact force, held between frames"],
 ];
 
@@ -19,11 +19,7 @@ const SITUATIONS = [
    [{ type: 'environment', rate: 15, jitter: 0.02, loss: 0.1 }]],
 ];
 
-const UPDATE_RULES = ['retain', 'paper', 'intermediate_representation', 'plane_recovery'];
-const CONTROLLERS = ['four_channel', 'three_channel', 'virtual_coupler', 'direct', 'rotation_coupler',
-                     'engine_coupler', 'engine_force'];
-
-// Groups of fields: [name, label, choices]. Without choices a field is a number.
+// Groups of fields: [name, label, whether it is a choice between words]. Others are numbers.
 const GROUPS = [
   ['settings', 'Contact', [
     ['stiffness', 'Stiffness k'], ['damping', 'Damping b'], ['friction', 'Friction µ'],
@@ -33,7 +29,7 @@ const GROUPS = [
   ['environment', 'Injected on the network', [
     ['delay', 'Delay, one way'], ['jitter', 'Jitter'], ['loss', 'Loss']]],
   ['settings', 'Controller', [
-    ['controller', 'Controller', CONTROLLERS], ['update_rule', 'Update rule', UPDATE_RULES],
+    ['controller', 'Controller', true], ['update_rule', 'Update rule', true],
     ['coupling_stiffness', 'Coupling stiffness'], ['coupling_damping', 'Coupling damping'],
     ['coupling_angular_stiffness', 'Angular stiffness'], ['coupling_angular_damping', 'Angular damping']]],
 ];
@@ -52,8 +48,9 @@ export class Controls {
     this.methods = METHODS.map((method) => this.#methodButton(methodBar, method));
   }
 
-  setRanges(ranges) {
-    for (const [name, range] of Object.entries(ranges ?? {})) this.fields.get(name)?.setRange?.(range);
+  setRanges(ranges, words) {
+    for (const [name, range] of Object.entries(ranges)) this.fields.get(name)?.setRange(range);
+    for (const [name, choices] of Object.entries(words)) this.fields.get(name)?.setChoices(choices);
   }
 
   /** Shows what is in effect, except where the user is at work. */
@@ -97,9 +94,9 @@ export class Controls {
     group.open = true;
     const heading = group.appendChild(document.createElement('summary'));
     heading.textContent = title;
-    for (const [name, label, choices] of fields) {
+    for (const [name, label, isChoice] of fields) {
       const send = (value) => this.send({ type: kind, [name]: value });
-      const field = choices ? new ChoiceField(name, label, choices, send) : new NumberField(name, label, send);
+      const field = isChoice ? new ChoiceField(name, label, send) : new NumberField(name, label, send);
       this.fields.set(name, field);
       group.append(field.element);
     }
@@ -150,11 +147,10 @@ class Field {
 }
 
 class ChoiceField extends Field {
-  constructor(name, label, choices, send) {
+  constructor(name, label, send) {
     super(name, label, send);
     this.select = this.element.appendChild(document.createElement('select'));
     this.select.id = this.label.htmlFor;
-    for (const choice of choices) this.select.add(new Option(choice.replaceAll('_', ' '), choice));
     this.element.append(this.message);
     this.select.onchange = () => {
       this.refuse('');
@@ -162,6 +158,10 @@ class ChoiceField extends Field {
       send(this.select.value);
       this.select.blur();
     };
+  }
+
+  setChoices(choices) {
+    this.select.replaceChildren(...choices.map((choice) => new Option(choice.replaceAll('_', ' '), choice)));
   }
 
   show(value) {

@@ -47,7 +47,7 @@ export function showLegend(scene, frame) {
   for (const name of ['F_env', 'F_hand', 'F_command']) {
     byId(`value-${name}`).textContent = newtons(magnitude(frame[name]));
   }
-  if (!scene.metresPerNewton) return;
+  if (!scene.metresPerNewton || !frame.device) return;
   const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;
   const force = niceAbove(14 / pixelsPerNewton);
   byId('arrow-bar').style.width = `${Math.min(90, force * pixelsPerNewton)}px`;

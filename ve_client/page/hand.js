@@ -21,6 +21,7 @@ export class Hand {
     this.position = null;
     this.rotation = new THREE.Quaternion();
     this.latching = false;
+    this.sent = [];
     this.#listenToPointer();
     this.#listenToKeys();
     this.stepped = performance.now();
@@ -40,12 +41,16 @@ export class Hand {
   /** Takes hold of the handle where it is, so that nothing jumps. */
   grab(holder = 'pointer') {
     const device = this.scene.frame?.device;
-    if (!device) return false;
+    if (!device || !this.scene.world.guidable) return false;
+    if (!this.held) {
+      this.position = device.slice(0, 3);
+      this.rotation.set(device[4], device[5], device[6], device[3]);
+      if (!this.#sendTarget()) {
+        this.position = null;
+        return false;
+      }
+    }
     this.holders.add(holder);
-    if (this.held) return true;
-    this.position = device.slice(0, 3);
-    this.rotation.set(device[4], device[5], device[6], device[3]);
-    this.#sendTarget();
     this.changed();
     return true;
   }
@@ -84,11 +89,15 @@ export class Hand {
 
   /** Begins or ends one of the moves of KEYS, as keys and buttons do. */
   press(move, on) {
-    if (on && this.grab('keys')) this.moves.add(move);
+    if (on && this.#isPossible(move) && this.grab('keys')) this.moves.add(move);
     if (!on) {
       this.moves.delete(move);
       if (this.moves.size === 0) this.#letGo('keys');
     }
+  }
+
+  #isPossible(move) {
+    return !this.scene.world?.planar || TURNS[move]?.[0] === 'away';
   }
 
   #letGo(holder) {
@@ -109,19 +118,20 @@ export class Hand {
   #moveByKeys(elapsed) {
     const axes = this.scene.viewAxes();
     for (const [move, [axis, sign]] of Object.entries(TURNS)) {
-      if (this.moves.has(move) && axes[axis]) this.turnBy(sign * TURN_PER_SECOND * elapsed, axes[axis]);
+      if (this.moves.has(move)) this.turnBy(sign * TURN_PER_SECOND * elapsed, axes[axis]);
     }
     const away = (this.moves.has('away') ? 1 : 0) - (this.moves.has('near') ? 1 : 0);
-    if (!away || this.scene.world.planar) return;
+    if (!away) return;
     const step = axes.away.multiplyScalar(away * DEPTH_PER_SECOND * elapsed).toArray();
     this.moveBy(...step);
     this.under = this.under?.map((value, i) => value + step[i]);
   }
 
   #sendTarget() {
-    if (!this.send({ type: 'hand', hold: true, target: this.target })) return;
+    if (!this.send({ type: 'hand', hold: true, target: this.target })) return false;
     this.sent = this.target;
     this.sentAt = performance.now();
+    return true;
   }
 
   #listenToPointer() {
@@ -169,16 +179,17 @@ export class Hand {
   }
 
   #listenToKeys() {
+    const moveOf = (event) => KEYS[event.key?.toLowerCase()];    // autofill has no key
     const typing = (event) => event.target.closest('input[type=text], select') || event.ctrlKey
       || event.metaKey || event.altKey;
     window.addEventListener('keydown', (event) => {
       if (typing(event) || event.repeat) return;
-      const move = KEYS[event.key.toLowerCase()];
+      const move = moveOf(event);
       if (move) this.press(move, true);
       else if (event.key === 'Escape') this.release();
     });
     window.addEventListener('keyup', (event) => {
-      const move = KEYS[event.key.toLowerCase()];
+      const move = moveOf(event);
       if (move && this.moves.has(move)) this.press(move, false);
     });
   }

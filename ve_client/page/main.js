@@ -10,7 +10,7 @@ import { magnitude } from './format.js';
 import { Hand } from './hand.js';
 import { Scene, graphics } from './scene.js';
 import { Sound } from './sound.js';
-import { TickStore } from './ticks.js';
+import { TICK_WIDTH, TickStore } from './ticks.js';
 
 const TEXT_MS = 150;      // how often words and numbers change
 const REFUSAL_MS = 6000;
@@ -26,7 +26,7 @@ const connection = new Connection(sessionUrl(), {
   ticks: takeTicks,
   telemetry: () => state.store.expectAnything(),
   opened: () => { state.frameAt = performance.now(); },
-  closed: () => hand?.release(),
+  closed: () => { hand?.release(); sound.update(0, false); },
 });
 const send = (message) => connection.send(message);
 
@@ -50,7 +50,7 @@ function sessionUrl() {
 function makeScene() {
   const drawnBy = graphics();
   if (drawnBy !== 'none') {
-    const made = new Scene(byId('scene'), drawnBy === 'hardware' && window.devicePixelRatio === 1);
+    const made = new Scene(byId('scene'), drawnBy === 'hardware');
     const canvas = made.renderer.domElement;
     canvas.addEventListener('webglcontextlost', () => { byId('no-webgl').hidden = false; });
     canvas.addEventListener('webglcontextrestored', () => { byId('no-webgl').hidden = true; });
@@ -63,13 +63,16 @@ function makeScene() {
 
 function takeWorld(world) {
   hand?.release();
-  if (world.servo_rate !== state.store.rate) {
+  state.store.expectAnything();
+  const known = world.servo_rate > 0;    // 0: haptic_server has not answered yet
+  if (known && world.servo_rate !== state.store.rate) {
     state.store = new TickStore(world.servo_rate);
     charts.setStore(state.store);
   }
   state.world = world;
   document.body.classList.toggle('planar', world.planar);
-  controls.setRanges(world.ranges);
+  byId('hint').textContent = world.guidable ? 'Drag the handle' : 'This device has a hand of its own';
+  controls.setRanges(world.ranges, world.words);
   scene?.setWorld(world);
   showViewMode();
   showStarts(world);
@@ -85,10 +88,11 @@ function takeFrame(frame) {
 
 function takeTicks(firstStep, rows) {
   state.store.append(firstStep, rows, state.frame?.round_trip ?? NaN);
-  meters.ticks.count(rows.length / 16);
+  meters.ticks.count(rows.length / TICK_WIDTH);
 }
 
 function takeRefusal({ field, text }) {
+  if (field === 'hand') hand?.release();
   if (!controls.refuse(field, text)) state.notice = { text, until: performance.now() + REFUSAL_MS };
 }
 
@@ -107,8 +111,9 @@ function showText() {
   const link = { open: connection.open, frameAt: state.frameAt };
   const trouble = troubleOf(link, state.frame, now);
   const notice = state.notice?.until > now ? state.notice.text : null;
-  byId('banner').hidden = !trouble && !notice;
-  byId('banner').textContent = trouble?.text ?? notice ?? '';
+  const said = [trouble?.text, notice].filter(Boolean).join(' · ');
+  byId('banner').hidden = !said;
+  byId('banner').textContent = said;
   byId('banner').dataset.kind = trouble?.kind ?? '';
   showStatus(byId('status'), { link, trouble, frame: state.frame, meters, store: state.store });
   if (!state.frame) return;
@@ -149,9 +154,12 @@ function wireButtons() {
     showViewMode();
   };
   for (const button of document.querySelectorAll('[data-move]')) {
-    const press = (on) => () => hand.press(button.dataset.move, on);
-    button.onpointerdown = press(true);
-    button.onpointerup = button.onpointercancel = button.onpointerleave = press(false);
+    button.onpointerdown = (event) => {
+      if (event.button !== 0) return;
+      button.setPointerCapture(event.pointerId);
+      hand.press(button.dataset.move, true);
+    };
+    button.onlostpointercapture = () => hand.press(button.dataset.move, false);
   }
 }
 

@@ -22,10 +22,11 @@ export function graphics() {
 }
 
 export class Scene {
-  constructor(container, smooth) {
+  /** `hardware`: whether a graphics card draws; without one, pixels are dear. */
+  constructor(container, hardware) {
     this.container = container;
-    this.renderer = new THREE.WebGLRenderer({ antialias: smooth });
-    this.renderer.setPixelRatio(1);
+    this.renderer = new THREE.WebGLRenderer({ antialias: hardware });
+    this.renderer.setPixelRatio(hardware ? Math.min(window.devicePixelRatio, 2) : 1);
     container.prepend(this.renderer.domElement);
     this.root = new THREE.Scene();
     this.root.background = new THREE.Color('#fbfbfa');

@@ -4,38 +4,51 @@
 
 namespace hlm::ve {
 
-std::optional<ResetRequest> LivePage::take_requests(LiveSettings& settings) {
+std::optional<ResetRequest> LivePage::take_requests(double now, LiveSettings& settings,
+                                                    const LiveSettings& at_start) {
   std::optional<ResetRequest> reset;
   for (const PageRequest& request : server_.take_requests()) {
-    if (const auto wanted = take(request, settings)) reset = wanted;
+    take(request, now, settings, at_start, reset);
   }
+  if (now - held_at_ > kLease) holding_page_.reset();
   return reset;
 }
 
-std::optional<ResetRequest> LivePage::take(const PageRequest& request, LiveSettings& settings) {
+void LivePage::take_hand(std::uint64_t page, const HandRequest& hand, double now) {
+  if (holding_page_ && holding_page_ != page) {
+    if (hand.X_WTarget) {
+      server_.answer(page, refused_message("hand", "", "another page holds the hand"));
+    }
+    return;
+  }
+  holding_page_.reset();
+  if (!hand.X_WTarget) return;
+  holding_page_ = page;
+  X_WTarget_ = *hand.X_WTarget;
+  held_at_ = now;
+}
+
+void LivePage::take(const PageRequest& request, double now, LiveSettings& settings,
+                    const LiveSettings& at_start, std::optional<ResetRequest>& reset) {
   if (request.closed) {
     if (holding_page_ == request.page) holding_page_.reset();
-    return std::nullopt;
+    return;
   }
   const ParsedRequest parsed = parse_request(request.text, settings, tool_);
   if (const auto* hand = std::get_if<HandRequest>(&parsed)) {
-    // Of two pages that drag at once the first has the hand.
-    const bool free = !holding_page_ || holding_page_ == request.page;
-    if (hand->X_WTarget && free) {
-      holding_page_ = request.page;
-      X_WTarget_ = *hand->X_WTarget;
-    } else if (!hand->X_WTarget && holding_page_ == request.page) {
-      holding_page_.reset();
-    }
+    take_hand(request.page, *hand, now);
   } else if (const auto* changed = std::get_if<SettingsRequest>(&parsed)) {
     settings = changed->settings;
   } else if (const auto* telemetry = std::get_if<TelemetryRequest>(&parsed)) {
     server_.set_telemetry(request.page, telemetry->on);
   } else if (const auto* refusal = std::get_if<Refusal>(&parsed)) {
     server_.answer(request.page, refused_message(refusal->field, refusal->value, refusal->text));
+  } else if (const auto* wanted = std::get_if<ResetRequest>(&parsed)) {
+    // Wherever the tool begins, nobody holds it there.
+    holding_page_.reset();
+    settings = at_start;
+    if (!reset || wanted->start) reset = *wanted;
   }
-  if (const auto* reset = std::get_if<ResetRequest>(&parsed)) return *reset;
-  return std::nullopt;
 }
 
 protocol::Control LivePage::control(const LiveSettings& settings,

@@ -19,9 +19,14 @@ class LivePage final : public protocol::TelemetryObserver {
 
   std::uint16_t port() const noexcept { return server_.port(); }
 
-  /// Before a frame: does what pages have asked for; settings out of range are refused with the
-  /// range. Non-empty if the session shall begin anew, with the world as it was at the start.
-  std::optional<ResetRequest> take_requests(LiveSettings& settings);
+  /// Before a frame: does what pages have asked for, in the order in which they did; settings out
+  /// of range are refused with the range. Non-empty if the session shall begin anew, with the world
+  /// as it was at the start; the settings are then `at_start`, but for what was asked for
+  /// afterwards.
+  /// A page that holds the hand and says nothing of it for kLease has let go. now: a steady clock,
+  /// s.
+  std::optional<ResetRequest> take_requests(double now, LiveSettings& settings,
+                                            const LiveSettings& at_start);
   /// What is asked of a haptic server whose own tuning is `own`.
   protocol::Control control(const LiveSettings& settings, const protocol::Tuning& own) const;
 
@@ -36,11 +41,17 @@ class LivePage final : public protocol::TelemetryObserver {
   void observe(const protocol::LocalState& state) override { contacts_ = state; }
 
  private:
-  std::optional<ResetRequest> take(const PageRequest& request, LiveSettings& settings);
+  /// Pages repeat what they hold every 0.2 s.
+  static constexpr double kLease = 1;  // s
+
+  void take_hand(std::uint64_t page, const HandRequest& hand, double now);
+  void take(const PageRequest& request, double now, LiveSettings& settings,
+            const LiveSettings& at_start, std::optional<ResetRequest>& reset);
 
   PageServer server_;
   ToolTraits tool_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
+  double held_at_ = 0;                         ///< When it last said so, s.
   Pose X_WTarget_;
   std::optional<protocol::ProxyState> state_;  ///< Newest of the session.
   std::optional<protocol::LocalState> contacts_;

@@ -16,6 +16,19 @@ struct LiveSettings {
   protocol::Tuning tuning;  ///< Of the server.
 };
 
+/// What was changed of one server's own tuning, changed of another's.
+inline protocol::Tuning carried_over(const protocol::Tuning& changed, const protocol::Tuning& from,
+                                     const protocol::Tuning& to) {
+  protocol::Tuning tuning = to;
+  const auto carry = [&](auto member) {
+    if (changed.*member != from.*member) tuning.*member = changed.*member;
+  };
+  carry(&protocol::Tuning::update_rule);
+  carry(&protocol::Tuning::controller);
+  for (const protocol::TuningRange& range : protocol::kTuningRanges) carry(range.number);
+  return tuning;
+}
+
 /// Words of a page for the enumerations, in the order of their values.
 inline constexpr std::array<const char*, 4> kUpdateRules{
     "retain", "paper", "intermediate_representation", "plane_recovery"};
@@ -36,9 +49,9 @@ inline constexpr std::array<EnvironmentRange, 6> kEnvironmentRanges{{
     {"largest_epsilon", 0, 0.1, "m",
      [](LiveSettings& s) -> double& { return s.frame.largest_epsilon; }},
     {"rate", 5, 200, "Hz", [](LiveSettings& s) -> double& { return s.rate; }},
-    {"delay", 0, 0.5, "s", [](LiveSettings& s) -> double& { return s.network.delay; }},
-    {"jitter", 0, 0.2, "s", [](LiveSettings& s) -> double& { return s.network.jitter; }},
-    {"loss", 0, 0.9, "", [](LiveSettings& s) -> double& { return s.network.loss; }},
+    {"delay", 0, kLongestDelay, "s", [](LiveSettings& s) -> double& { return s.network.delay; }},
+    {"jitter", 0, kLongestJitter, "s", [](LiveSettings& s) -> double& { return s.network.jitter; }},
+    {"loss", 0, kLargestLoss, "", [](LiveSettings& s) -> double& { return s.network.loss; }},
 }};
 
 }  // namespace hlm::ve

@@ -161,7 +161,9 @@ std::string world_message(const WorldView& view) {
               {"starts", std::move(starts)},
               {"start", view.start},
               {"ranges", ranges()},
-              {"servo_rate", view.servo_rate}}
+              {"words", {{"update_rule", kUpdateRules}, {"controller", kControllers}}},
+              {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
+              {"guidable", view.welcome == nullptr || view.welcome->guidable}}
       .dump();
 }
 

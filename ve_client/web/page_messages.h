@@ -17,7 +17,7 @@ struct WorldView {
   const VirtualEnvironment& environment;
   const ModelDescription& model;  ///< The tool's.
   const std::string& start;       ///< One of its starts; empty: where the world places it.
-  double servo_rate = 0;          ///< Hz; 0 if it is not known.
+  const protocol::Welcome* welcome = nullptr;  ///< Null before the server has answered.
 };
 /// Shapes, the tool, its starts, and what may be set within which bounds.
 std::string world_message(const WorldView& view);

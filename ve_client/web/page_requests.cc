@@ -78,24 +78,32 @@ HandRequest hand(const json& message) {
   return {X};
 }
 
-/// Throws if the controller does not suit a tool of so many links.
-void check_links(const std::string& field, const json& value, const LiveSettings& settings,
-                 const ToolTraits& tool, const std::string& suitable) {
-  if (tool.links == 1 || !protocol::replaces_proxy(settings.tuning.controller)) return;
-  refuse(field, value, suitable + ": the tool has several links, the device cannot take its place");
+/// Whether a tool of so many links can have the controller.
+bool suits(protocol::ControllerKind controller, const ToolTraits& tool) {
+  return tool.links == 1 || !protocol::replaces_proxy(controller);
 }
 
+constexpr const char* kForLinkages = ": the tool has several links, the device cannot replace it";
+
 LiveSettings with_method(const json& name, const LiveSettings& settings, const ToolTraits& tool) {
-  std::string known;
+  std::string allowed;
   for (const Method& method : kMethods) {
-    if (name == method.name) {
-      LiveSettings changed = with_method(method, settings);
-      check_links("name", name, changed, tool, "lm5, lm-adaptive or lm0");
-      return changed;
-    }
-    known.append(known.empty() ? "" : ", ").append(method.name);
+    if (!suits(method.controller, tool)) continue;
+    if (name == method.name) return with_method(method, settings);
+    allowed.append(allowed.empty() ? "" : ", ").append(method.name);
   }
-  refuse("name", name, known);
+  refuse("name", name, allowed.append(tool.links == 1 ? "" : kForLinkages));
+}
+
+protocol::ControllerKind controller(const json& value, const ToolTraits& tool) {
+  const auto wanted = choice<protocol::ControllerKind>("controller", value, kControllers);
+  if (suits(wanted, tool)) return wanted;
+  std::string allowed;
+  for (std::size_t i = 0; i < kControllers.size(); ++i) {
+    if (!suits(static_cast<protocol::ControllerKind>(i), tool)) continue;
+    allowed.append(allowed.empty() ? "" : ", ").append(kControllers[i]);
+  }
+  refuse("controller", value, allowed.append(kForLinkages));
 }
 
 LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolTraits& tool) {
@@ -109,8 +117,7 @@ LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolT
       continue;
     }
     if (field == "controller") {
-      tuning.controller = choice<protocol::ControllerKind>(field, value, kControllers);
-      check_links(field, value, settings, tool, "four_channel, three_channel or virtual_coupler");
+      tuning.controller = controller(value, tool);
       continue;
     }
     const auto range = std::find_if(protocol::kTuningRanges.begin(), protocol::kTuningRanges.end(),

@@ -21,6 +21,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 
+#include "ve_client/web/host_names.h"
 #include "ve_client/web/static_files.h"
 
 namespace hlm::ve {
@@ -82,44 +83,6 @@ constexpr const char* kContentSecurityPolicy =
 std::string_view to_std(beast::string_view text) { return {text.data(), text.size()}; }
 beast::string_view to_beast(std::string_view text) { return {text.data(), text.size()}; }
 
-/// The names under which the server may be asked for.
-class HostNames {
- public:
-  HostNames(const std::string& address, std::uint16_t port) : names_{"localhost", "127.0.0.1"} {
-    if (address != names_[1]) names_.push_back(address);
-    // A browser leaves out the port that is the scheme's.
-    if (port != 80) {
-      for (std::string& name : names_) name += std::string(":") + std::to_string(port);
-    }
-  }
-
-  bool is_host(const HttpRequest& request) const {
-    return request.count(http::field::host) == 1 && contains(request[http::field::host]);
-  }
-
-  bool is_origin(const HttpRequest& request) const {
-    constexpr std::string_view kScheme = "http://";
-    const std::string_view origin = to_std(request[http::field::origin]);
-    return request.count(http::field::origin) == 1 && origin.starts_with(kScheme) &&
-           contains(to_beast(origin.substr(kScheme.size())));
-  }
-
-  /// For example "localhost:8080, 127.0.0.1:8080".
-  std::string list() const {
-    std::string list;
-    for (const std::string& name : names_) list += (list.empty() ? "" : ", ") + name;
-    return list;
-  }
-
- private:
-  bool contains(beast::string_view host) const {
-    return std::any_of(names_.begin(), names_.end(),
-                       [&](const std::string& name) { return beast::iequals(name, host); });
-  }
-
-  std::vector<std::string> names_;
-};
-
 struct Message {
   Text payload;
   bool binary = false;
@@ -130,11 +93,10 @@ class Page;
 /// What the connections of one server share; of the server's thread, but for the register.
 class Hub {
  public:
-  Hub(std::filesystem::path root, std::size_t max_pages, HostNames hosts)
-      : root_(std::move(root)), max_pages_(max_pages), hosts_(std::move(hosts)) {}
+  Hub(std::filesystem::path root, std::size_t max_pages)
+      : root_(std::move(root)), max_pages_(max_pages) {}
 
   const std::filesystem::path& root() const { return root_; }
-  const HostNames& hosts() const { return hosts_; }
   PageRegister& pages() { return register_; }
   const Text& greeting() const { return greeting_; }
 
@@ -153,7 +115,6 @@ class Hub {
 
   std::filesystem::path root_;
   std::size_t max_pages_;
-  HostNames hosts_;
   PageRegister register_;
   Text greeting_;                                         ///< Null: none.
   std::map<std::uint64_t, std::shared_ptr<Page>> pages_;  ///< Also those in their handshake.
@@ -300,13 +261,24 @@ void Hub::answer(std::uint64_t page, const Message& message) {
   send_to([page](std::uint64_t id) { return id == page; }, message);
 }
 
+HostNames names_of(const tcp::socket& socket) {
+  error_code ignored;
+  const tcp::endpoint local = socket.local_endpoint(ignored);
+  return {local.address().to_string(), local.port()};
+}
+
+/// The only header of that name; empty if there is none or more than one.
+std::string_view only(const HttpRequest& request, http::field name) {
+  return request.count(name) == 1 ? to_std(request[name]) : std::string_view();
+}
+
 /// One connection that is not (yet) a page: requests for files, one after the other. Kept alive by
 /// its pending operation alone.
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   /// `place` is held for the life of the connection.
   HttpConnection(Hub& hub, tcp::socket socket, std::shared_ptr<const void> place)
-      : hub_(hub), place_(std::move(place)), stream_(std::move(socket)) {}
+      : hub_(hub), place_(std::move(place)), hosts_(names_of(socket)), stream_(std::move(socket)) {}
 
   void read();
 
@@ -324,6 +296,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   Hub& hub_;
   std::shared_ptr<const void> place_;
+  HostNames hosts_;
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_{2 * kMaxHeader};
   std::optional<http::request_parser<http::empty_body>> parser_;
@@ -347,8 +320,8 @@ void HttpConnection::on_read(error_code error) {
 }
 
 void HttpConnection::respond() {
-  if (!hub_.hosts().is_host(request())) {
-    return refuse(http::status::forbidden, "the Host header must be one of " + hub_.hosts().list());
+  if (!hosts_.is_host(only(request(), http::field::host))) {
+    return refuse(http::status::forbidden, "the Host header must be one of " + hosts_.list());
   }
   if (websocket::is_upgrade(request())) return become_page();
   const http::verb method = request().method();
@@ -363,9 +336,9 @@ void HttpConnection::become_page() {
     return refuse(http::status::not_found,
                   "WebSockets are at " + std::string(kSessionPath) + " only");
   }
-  if (!hub_.hosts().is_origin(request())) {
+  if (!hosts_.is_origin(only(request(), http::field::origin))) {
     return refuse(http::status::forbidden,
-                  "the Origin header must be http:// and one of " + hub_.hosts().list());
+                  "the Origin header must be http:// and one of " + hosts_.list());
   }
   if (!parser_->is_done() || buffer_.size() != 0) {
     return refuse(http::status::bad_request, "nothing may follow the request for a WebSocket");
@@ -482,8 +455,7 @@ struct PageServer::Server {
   explicit Server(const PageServerOptions& options)
       : acceptor(listen(context, options)),
         port(acceptor.local_endpoint().port()),
-        hub(checked_root(options), options.max_pages,
-            HostNames(acceptor.local_endpoint().address().to_string(), port)) {
+        hub(checked_root(options), options.max_pages) {
     accept();
     const SignalsBlocked blocked;
     thread = std::thread([this] { context.run(); });

@@ -9,9 +9,6 @@
 //     }
 //     server.publish(std::make_shared<const std::string>(frame_as_json()));
 //   }
-//
-// Browsers run pages of strangers too. A request must therefore name this server by one of the
-// names it was given (against DNS rebinding), and a WebSocket must come from a page of this server.
 #pragma once
 
 #include <cstddef>
@@ -38,8 +35,9 @@ struct PageServerOptions {
 /// thread. A page is known by its number, which is never used again.
 ///
 /// Files: GET and HEAD of what find_static_file() allows. WebSocket: at /session, with a Host
-/// header of localhost:PORT, 127.0.0.1:PORT or ADDRESS:PORT and an Origin of http:// and one of
-/// these. What is refused gets a line of plain text that says why.
+/// header of localhost:PORT, 127.0.0.1:PORT or the address of this machine that was asked, with
+/// PORT, and an Origin of http:// and one of these. What is refused gets a line of plain text that
+/// says why.
 ///
 /// A page is closed when it sends a message above 4096 bytes or a binary one, when it is silent for
 /// 10 s (a browser answers our pings by itself), and when it reads so slowly that messages of 2 MiB

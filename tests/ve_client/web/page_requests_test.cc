@@ -62,16 +62,30 @@ TEST_CASE("Each method is recognised by what it sets, and by nothing else") {
   }
 }
 
+TEST_CASE("What a page changed stays changed when the server is another one, and nothing else") {
+  protocol::Tuning changed;
+  changed.damping = 77;
+  protocol::Tuning other;
+  other.stiffness = 15000;
+  other.controller = protocol::ControllerKind::kThreeChannel;
+  const protocol::Tuning carried = carried_over(changed, {}, other);
+  CHECK(carried.damping == 77);
+  CHECK(carried.stiffness == 15000);
+  CHECK(carried.controller == protocol::ControllerKind::kThreeChannel);
+}
+
 TEST_CASE("A tool of several links is refused what puts the device in its place") {
   const ToolTraits linkage{.links = 3, .starts = {}};
   for (const std::string name : {"ir", "coupler", "engine"}) {
     const auto refusal =
         parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, linkage);
     CHECK(refusal.field == "name");
-    CHECK_THAT(refusal.text, ContainsSubstring("must be lm5, lm-adaptive or lm0"));
+    CHECK_THAT(refusal.text,
+               ContainsSubstring("must be lm5, lm-adaptive, lm0: the tool has several"));
   }
   const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, linkage);
-  CHECK_THAT(refusal.text, ContainsSubstring("four_channel, three_channel or virtual_coupler"));
+  CHECK_THAT(refusal.text,
+             ContainsSubstring("must be four_channel, three_channel, virtual_coupler: the"));
   parsed<SettingsRequest>(R"({"type":"method","name":"lm0"})", {}, linkage);
 }
 
@@ -91,7 +105,7 @@ TEST_CASE("What cannot be done is refused with the field, its value and what is 
       {R"({"type":"settings","stiffness":"soft"})", "stiffness", "must be 1 to"},
       {R"({"type":"settings","controller":"magic"})", "controller", "four_channel, three_channel"},
       {R"({"type":"settings","colour":1})", "colour", "a setting that there is"},
-      {R"({"type":"environment","loss":1})", "loss", "0 to 0.9"},
+      {R"({"type":"environment","loss":1})", "loss", "0 to 0.5"},
       {R"({"type":"hand","hold":true})", "target", "7 numbers"},
       {R"({"type":"hand","hold":true,"target":[0,0,0,1,1,0,0]})", "target", "unit quaternion"},
       {R"({"type":"hand","hold":true,"target":[1e9,0,0,1,0,0,0]})", "target", "within 10 m"},

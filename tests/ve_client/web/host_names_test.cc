@@ -1,0 +1,41 @@
+// Under which names a browser may ask for the live page.
+#include "ve_client/web/host_names.h"
+
+#include "tests/support/catch.h"
+
+namespace hlm::ve {
+namespace {
+
+TEST_CASE("A server is asked for by a name of this machine, in whatever case, with its port") {
+  const HostNames names("192.168.7.2", 8080);
+  CHECK(names.is_host("localhost:8080"));
+  CHECK(names.is_host("LocalHost:8080"));
+  CHECK(names.is_host("127.0.0.1:8080"));
+  CHECK(names.is_host("192.168.7.2:8080"));
+  CHECK(names.list() == "localhost:8080, 127.0.0.1:8080, 192.168.7.2:8080");
+  const std::string other =
+      GENERATE(as<std::string>(), "", "localhost", "localhost:80", "localhost:8080.",
+               "evil.example:8080", "192.168.7.3:8080", "localhost:8080 ", "localhost:80800");
+  INFO(other);
+  CHECK_FALSE(names.is_host(other));
+}
+
+TEST_CASE("The port of HTTP is left out, as browsers do") {
+  const HostNames names("127.0.0.1", 80);
+  CHECK(names.is_host("localhost"));
+  CHECK_FALSE(names.is_host("localhost:80"));
+  CHECK(names.list() == "localhost, 127.0.0.1");
+}
+
+TEST_CASE("A page of this server has an origin of it, over HTTP") {
+  const HostNames names("127.0.0.1", 8080);
+  CHECK(names.is_origin("http://localhost:8080"));
+  const std::string other =
+      GENERATE(as<std::string>(), "", "null", "https://localhost:8080", "http://evil.example",
+               "http://localhost:8080.evil.example", "http://localhost:8080/", "localhost:8080");
+  INFO(other);
+  CHECK_FALSE(names.is_origin(other));
+}
+
+}  // namespace
+}  // namespace hlm::ve

@@ -1,0 +1,106 @@
+// Who holds the hand, and what a reset brings back: pages over real sockets on loopback.
+#include "ve_client/web/live_page.h"
+
+#include <chrono>
+#include <functional>
+#include <thread>
+
+#include "tests/support/catch.h"
+#include "tests/ve_client/web/page_client.h"
+#include "tests/ve_client/web/web_root.h"
+
+namespace hlm::ve {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using test::PageClient;
+
+constexpr const char* kHold = R"({"type":"hand","hold":true,"target":[0.1,0,0,1,0,0,0]})";
+
+struct Desk {
+  static PageServerOptions options(const test::WebRoot& root) {
+    root.write("index.html", "<!doctype html>");
+    return {.port = 0, .root = root.path()};
+  }
+
+  bool held() const { return page.control(settings, {}).holds; }
+
+  /// Takes requests at time `now` until it holds.
+  bool soon(const std::function<bool()>& condition) {
+    const auto end = std::chrono::steady_clock::now() + test::kPatience;
+    while (std::chrono::steady_clock::now() < end) {
+      if (const auto wanted = page.take_requests(now, settings, {})) reset = wanted;
+      if (condition()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return false;
+  }
+
+  test::WebRoot root;
+  LivePage page{options(root)};
+  LiveSettings settings;
+  std::optional<ResetRequest> reset;
+  double now = 10;
+};
+
+TEST_CASE("A page holds the hand until it lets go, or is silent about it for a second") {
+  Desk desk;
+  PageClient browser(desk.page.port());
+  browser.send(kHold);
+  REQUIRE(desk.soon([&] { return desk.held(); }));
+  CHECK(desk.page.control(desk.settings, {}).X_WTarget.p == Vector3(0.1, 0, 0));
+  browser.send(R"({"type":"hand","hold":false})");
+  REQUIRE(desk.soon([&] { return !desk.held(); }));
+
+  browser.send(kHold);
+  REQUIRE(desk.soon([&] { return desk.held(); }));
+  desk.now += 0.9;
+  desk.page.take_requests(desk.now, desk.settings, {});
+  CHECK(desk.held());
+  desk.now += 0.2;
+  desk.page.take_requests(desk.now, desk.settings, {});
+  CHECK_FALSE(desk.held());
+}
+
+TEST_CASE("A page that is gone holds nothing") {
+  Desk desk;
+  {
+    PageClient browser(desk.page.port());
+    browser.send(kHold);
+    REQUIRE(desk.soon([&] { return desk.held(); }));
+  }
+  CHECK(desk.soon([&] { return !desk.held(); }));
+}
+
+TEST_CASE("Of two pages the first has the hand, and the second is told") {
+  Desk desk;
+  PageClient first(desk.page.port());
+  PageClient second(desk.page.port());
+  first.send(kHold);
+  REQUIRE(desk.soon([&] { return desk.held(); }));
+  second.send(R"({"type":"hand","hold":true,"target":[-0.1,0,0,1,0,0,0]})");
+  second.send(R"({"type":"hand","hold":false})");
+  second.send(R"({"type":"settings","damping":50})");
+  REQUIRE(desk.soon([&] { return desk.settings.tuning.damping == 50; }));
+  CHECK_THAT(second.text(), ContainsSubstring("another page holds the hand"));
+  CHECK(desk.held());
+  CHECK(desk.page.control(desk.settings, {}).X_WTarget.p == Vector3(0.1, 0, 0));
+}
+
+TEST_CASE("A reset lets go and brings the settings back; what comes after it counts") {
+  Desk desk;
+  PageClient browser(desk.page.port());
+  browser.send(kHold);
+  browser.send(R"({"type":"settings","stiffness":9000})");
+  REQUIRE(desk.soon([&] { return desk.held() && desk.settings.tuning.stiffness == 9000; }));
+  CHECK(desk.page.control(desk.settings, {}).tuned);
+  browser.send(R"({"type":"reset"})");
+  browser.send(R"({"type":"settings","damping":50})");
+  REQUIRE(desk.soon([&] { return desk.settings.tuning.damping == 50; }));
+  CHECK(desk.reset);
+  CHECK(desk.settings.tuning.stiffness == protocol::Tuning{}.stiffness);
+  CHECK_FALSE(desk.held());
+}
+
+}  // namespace
+}  // namespace hlm::ve
