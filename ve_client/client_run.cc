@@ -27,7 +27,8 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
   if (settings.page.empty()) return nullptr;
   const protocol::Endpoint at = protocol::resolve(settings.page);
   PageServerOptions options;
-  options.address = settings.page.substr(0, settings.page.rfind(':'));
+  const std::string resolved = protocol::to_string(at);
+  options.address = resolved.substr(0, resolved.rfind(':'));
   options.port = at.port;
   options.root = settings.page_root.empty() ? HLM_PAGE : settings.page_root;
   auto page = std::make_unique<LivePage>(options);
