@@ -144,7 +144,7 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
 ResetRequest reset(const json& message, const ToolTraits& tool) {
   if (!message.contains("start")) return {};
   const json& start = message["start"];
-  if (start == "") return {""};
+  if (start.is_string() && start.get_ref<const std::string&>().empty()) return {""};
   std::string known = "empty";
   for (const std::string& name : tool.starts) {
     if (start == name) return {name};
