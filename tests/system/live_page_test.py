@@ -119,17 +119,21 @@ class LivePage(unittest.TestCase):
         wait_for(lambda: self.ask("haptic.chain().link") == "hand", "the chain to miss the hand")
 
     def test_keys_turn_the_peg_clockwise_as_seen(self):
-        ActionChains(self.driver).key_down("e").pause(0.5).perform()
+        ActionChains(self.driver).key_down("e").pause(0.5).key_up("e").perform()
+        time.sleep(0.1)
         # In the plan view y points down, so that clockwise is positive.
-        wait_for(lambda: self.frame()["device"][6] > 0.1, "a turn about z")
-        ActionChains(self.driver).key_up("e").perform()
+        self.assertGreater(self.frame()["device"][6], 0.1)
         wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
 
     def test_a_fault_is_shown_with_what_to_do_and_a_reset_ends_it(self):
-        self.session.server.send_signal(signal.SIGSTOP)
-        time.sleep(0.35)  # s; a gap of 0.25 is a fault, after 0.5 the client asks anew
-        self.session.server.send_signal(signal.SIGCONT)
-        wait_for(lambda: "Fault overrun" in self.ask("haptic.banner()"), "the fault")
+        def stopped_for_a_while():
+            self.session.server.send_signal(signal.SIGSTOP)
+            time.sleep(0.35)  # s; a gap of 0.25 is a fault, after 0.5 the client asks anew
+            self.session.server.send_signal(signal.SIGCONT)
+            time.sleep(1)
+            return "Fault overrun" in self.ask("haptic.banner()")
+
+        wait_for(stopped_for_a_while, "the fault")
         self.assertIn("then Reset", self.ask("haptic.banner()"))
         self.driver.find_element("id", "reset").click()
         wait_for(lambda: self.ask("haptic.banner()") == "", "no banner")

@@ -48,9 +48,15 @@ TEST_CASE("a linkage moves to another place as one, and its joints with it") {
   const ToolAssembly before = assemble_tool(world, "arm");
   const ToolAssembly after = assemble_tool(moved, "arm");
   check_initial_poses(moved, after);
-  for (const int body : before.bodies) {
-    const auto i = static_cast<std::size_t>(body);
-    CHECK(displacement(moved.bodies[i].X_WB, X * world.bodies[i].X_WB).norm() < 1e-12);
+  // Also away from the initial pose, where it matters about which place the joints turn.
+  ToolModel here(before.description);
+  ToolModel there(after.description);
+  here.set_configuration(Eigen::Vector2d(0.4, -0.9));
+  there.set_configuration(Eigen::Vector2d(0.4, -0.9));
+  for (int link = 0; link < here.links(); ++link) {
+    const auto i = static_cast<std::size_t>(link);
+    const Pose X_WB = there.X_WL(link) * after.X_LB[i];
+    CHECK(displacement(X_WB, X * here.X_WL(link) * before.X_LB[i]).norm() < 1e-12);
   }
 }
 

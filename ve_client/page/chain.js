@@ -67,11 +67,11 @@ export class Chain {
 
   show(frame, held) {
     const complete = frame?.device && frame.F_hand && frame.F_env && frame.F_command;
-    const engine = complete && fromEngine(frame);
-    const reasons = LINKS.map((link) => (complete && !(engine && link.local) ? link.reason(frame, held) : null));
+    const counts = ({ local }) => complete && !(local && fromEngine(frame));
+    const reasons = LINKS.map((link) => (counts(link) ? link.reason(frame, held) : null));
     const first = reasons.findIndex(Boolean);
     this.links.forEach(({ item, value }, i) => {
-      write(value, complete && !(engine && LINKS[i].local) ? LINKS[i].value(frame) : '–');
+      write(value, counts(LINKS[i]) ? LINKS[i].value(frame) : '–');
       item.classList.toggle('stops', i === first);
     });
     this.stops = first < 0 ? null : { link: LINKS[first].name, reason: reasons[first] };
