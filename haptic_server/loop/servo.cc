@@ -65,6 +65,11 @@ std::optional<std::string> find_error(const protocol::Tuning& tuning) {
   return std::nullopt;
 }
 
+ForceBudget force_budget(const ServoOptions& options, const Device& device) noexcept {
+  return ForceBudget::of(options.limits.max_force, options.limits.max_torque, device.ratings(),
+                         1 / options.rate);
+}
+
 /// A client refuses numbers that are not finite, and would never learn of the fault.
 void replace_non_finite(protocol::ProxyState& state) noexcept {
   const auto zero_unless_finite = [](auto& values) {
@@ -105,8 +110,8 @@ Servo::Servo(const ServoOptions& options, std::uint64_t configuration,
       session_(session),
       device_(device),
       controller_(options.controller, options.gains),
-      spreader_(device.ratings(), dt_),
-      limiter_(options.limits, device.ratings(), dt_),
+      spreader_(force_budget(options, device), dt_),
+      limiter_(force_budget(options, device), options.limits.fade_time, dt_),
       machine_(options.silence_time, dt_) {}
 
 const TickRecord& Servo::tick(const Timing& timing) noexcept {

@@ -57,9 +57,9 @@ void tick(benchmark::State& state, bool adopts) {
   const ReportedContacts contacts = contacts_of(start, static_cast<int>(state.range(1)));
   LocalModel model(tool, start.configuration(), {}, kStep);
   const Controller controller(ControllerKind::kFourChannel, {});
-  const DeviceRatings ratings{.max_force = 12, .max_torque = 0.6};
-  ImpulseSpreader spreader(ratings, kStep);
-  Limiter limiter({}, ratings, kStep);
+  const ForceBudget budget = ForceBudget::of(12, 0.6, {}, kStep);
+  ImpulseSpreader spreader(budget, kStep);
+  Limiter limiter(budget, 0.1, kStep);
   limiter.allow(true);
 
   DeviceState device;
