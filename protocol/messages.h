@@ -8,6 +8,8 @@
 #include "common/contact.h"
 #include "common/tool_description.h"
 #include "common/tool_model.h"
+#include "common/tuning.h"
+#include "common/vocabulary.h"
 
 namespace hlm::protocol {
 
@@ -26,92 +28,6 @@ enum class MessageType : std::uint8_t {
   kTicks = 8,          ///< Server to client, if asked for: signals of consecutive steps.
   kLocalState = 9,     ///< Server to client, if asked for: the local contacts.
 };
-
-/// How a contact's separation carries over an update (METHOD 2).
-enum class UpdateRule : std::uint8_t {
-  kRetain = 0,  ///< `paper`, but load that `paper` would drop at once is released slowly.
-  kPaper = 1,   ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
-  kIntermediateRepresentation = 2,  ///< Berkelman et al. 1999: s⁺ = σ, active contacts only.
-  kPlaneRecovery = 3,  ///< Mark et al. 1996 (VRPN): the depth is kept, then ramped to σ.
-};
-
-/// What stands between device and proxy (METHOD 6), and what others do.
-enum class ControllerKind : std::uint8_t {
-  kFourChannel = 0,     ///< Positions and wrenches both ways; needs the hand's wrench.
-  kThreeChannel = 1,    ///< As four channels, without the hand's wrench on the proxy.
-  kVirtualCoupler = 2,  ///< Positions only.
-  kDirect = 3,          ///< No coordination: the device takes the proxy's place.
-
-  // The rivals. The device takes the proxy's place, which the environment's tool T follows.
-  /// Berkelman et al. 1999: as direct, but contacts restrict translation only; a coupler to T
-  /// restricts rotation.
-  kRotationCoupler = 4,
-  /// Colgate et al. 1995: no local contacts; a coupler between device and T, evaluated each step.
-  kEngineCoupler = 5,
-  /// No local contacts; the spring by which the device draws T, as T's engine sees both, held until
-  /// the next update.
-  kEngineForce = 6,
-};
-
-/// Whether the device takes the proxy's place, for which the tool must have one link.
-constexpr bool replaces_proxy(ControllerKind kind) noexcept {
-  switch (kind) {
-    case ControllerKind::kFourChannel:
-    case ControllerKind::kThreeChannel:
-    case ControllerKind::kVirtualCoupler:
-      return false;
-    case ControllerKind::kDirect:
-    case ControllerKind::kRotationCoupler:
-    case ControllerKind::kEngineCoupler:
-    case ControllerKind::kEngineForce:
-      return true;
-  }
-  return false;
-}
-
-/// What of the physics can change during a session.
-struct Tuning {
-  UpdateRule update_rule = UpdateRule::kRetain;
-  ControllerKind controller = ControllerKind::kFourChannel;
-  double stiffness = 4000;                 ///< k_lc of each contact, N/m.
-  double damping = 30;                     ///< b_lc, N·s/m.
-  double friction = 0.3;                   ///< μ_k, and μ_s where this is changed.
-  double restitution = 0;                  ///< e.
-  double coupling_stiffness = 1500;        ///< K_c, translation, N/m.
-  double coupling_damping = 30;            ///< B_c, translation, N·s/m.
-  double coupling_angular_stiffness = 1;   ///< K_c, rotation, N·m/rad.
-  double coupling_angular_damping = 0.03;  ///< B_c, rotation, N·m·s/rad.
-
-  bool operator==(const Tuning&) const = default;
-};
-
-/// What a control may set a number of the tuning to.
-struct TuningRange {
-  const char* name;
-  double Tuning::*number;
-  double least;
-  double most;
-  const char* unit;
-};
-inline constexpr std::array<TuningRange, 8> kTuningRanges{{
-    {"stiffness", &Tuning::stiffness, 1, 1e6, "N/m"},
-    {"damping", &Tuning::damping, 0, 1e4, "N·s/m"},
-    {"friction", &Tuning::friction, 0, 10, ""},
-    {"restitution", &Tuning::restitution, 0, 1, ""},
-    {"coupling_stiffness", &Tuning::coupling_stiffness, 0, 1e5, "N/m"},
-    {"coupling_damping", &Tuning::coupling_damping, 0, 1e3, "N·s/m"},
-    {"coupling_angular_stiffness", &Tuning::coupling_angular_stiffness, 0, 1e3, "N·m/rad"},
-    {"coupling_angular_damping", &Tuning::coupling_angular_damping, 0, 10, "N·m·s/rad"},
-}};
-
-/// Whether all numbers are in their ranges.
-constexpr bool is_in_range(const Tuning& tuning) noexcept {
-  for (const TuningRange& range : kTuningRanges) {
-    const double value = tuning.*range.number;
-    if (!(value >= range.least && value <= range.most)) return false;
-  }
-  return true;
-}
 
 /// Client to server: the tool and where it is. Repeated until answered.
 struct Hello {
@@ -154,24 +70,6 @@ struct ContactUpdate {
   Configuration q_VE;           ///< Tool configuration for which the contacts were computed.
   Velocity v_VE;                ///< Its generalised velocity.
   ReportedContacts contacts;
-};
-
-/// State of the proxy as a whole (METHOD 3).
-enum class ProxyContactState : std::uint8_t { kFreeMotion = 0, kColliding = 1, kResting = 2 };
-
-/// What the server is doing with its force.
-enum class ServerState : std::uint8_t {
-  kIdle = 0,     ///< No session; the device is disabled.
-  kRunning = 1,  ///< Session with a live client.
-  kSilent = 2,   ///< The client has been silent for too long; force fades to zero, or is zero.
-  kFault = 3,    ///< Force is zero until a new session; `fault` says why.
-};
-
-enum class Fault : std::uint8_t {
-  kNone = 0,
-  kNonFinite = 1,  ///< The local model or the device gave a value that is not finite.
-  kOverrun = 2,    ///< The loop missed more periods in a row than allowed.
-  kDevice = 3,     ///< The device reported an error.
 };
 
 /// Server to client: the acknowledgement of an adopted update.
@@ -237,17 +135,6 @@ struct Ticks {
   std::uint64_t first_step = 1;
   StaticVector<TickSignals, kTicksPerMessage> ticks;
 };
-
-/// State of a local contact (METHOD 3, paper Sec. IV-A).
-enum class ContactState : std::uint8_t {
-  kImpending = 0,    ///< s > 0.
-  kColliding = 1,    ///< s <= 0, v_n <= 0, and impending at the step before.
-  kPenetrating = 2,  ///< s <= 0, v_n <= 0, and not impending at the step before.
-  kSeparating = 3,   ///< s <= 0, v_n > 0.
-};
-
-/// What keeps the commanded wrench from being the wanted one.
-enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
 
 /// A contact as the local model has it, world axes.
 struct LocalContactReport {

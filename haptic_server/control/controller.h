@@ -11,12 +11,6 @@
 
 namespace hlm::server {
 
-using protocol::ControllerKind;
-using protocol::replaces_proxy;
-
-/// Whether contacts of the local model act.
-bool uses_contacts(ControllerKind kind) noexcept;
-
 /// Gains of the position channels.
 struct ControllerGains {
   double stiffness = 1500;        ///< K_c, translation, N/m.

@@ -4,8 +4,6 @@
 
 namespace hlm::server {
 
-using protocol::ForceLimit;
-
 namespace {
 
 /// v, shortened to `length` if it is longer.

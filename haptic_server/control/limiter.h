@@ -2,8 +2,8 @@
 #pragma once
 
 #include "common/spatial.h"
+#include "common/vocabulary.h"
 #include "haptic_server/control/force_budget.h"
-#include "protocol/messages.h"
 
 namespace hlm::server {
 
@@ -30,7 +30,7 @@ class Limiter {
   /// wrench far above the limit fades like any other. A wrench that is not finite gives zero.
   Wrench limit(const Wrench& F) noexcept;
   /// What kept the latest limit() from giving the wanted wrench.
-  protocol::ForceLimit limited_by() const noexcept { return limited_by_; }
+  ForceLimit limited_by() const noexcept { return limited_by_; }
   /// Whether the latest limit() met a wrench that was not finite.
   bool met_non_finite() const noexcept { return met_non_finite_; }
 
@@ -40,7 +40,7 @@ class Limiter {
   double portion_ = 0;  ///< Of the limited wrench that is rendered, 0 to 1.
   bool wanted_ = false;
   bool met_non_finite_ = false;
-  protocol::ForceLimit limited_by_ = protocol::ForceLimit::kNone;
+  ForceLimit limited_by_ = ForceLimit::kNone;
   Wrench previous_ = Wrench::Zero();
 };
 

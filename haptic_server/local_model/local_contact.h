@@ -7,11 +7,9 @@
 #include "common/contact.h"
 #include "common/spatial.h"
 #include "common/static_vector.h"
-#include "protocol/messages.h"
+#include "common/vocabulary.h"
 
 namespace hlm::server {
-
-using protocol::ContactState;
 
 struct LocalContact {
   ContactKey key;

@@ -18,7 +18,7 @@ bool is_finite(const DeviceState& device) noexcept {
          device.V_WD.allFinite() && (!device.F_hand || device.F_hand->allFinite());
 }
 
-protocol::Tuning tuning_of(const ServoOptions& options) noexcept {
+Tuning tuning_of(const ServoOptions& options) noexcept {
   const LocalModelParameters& local = options.local_model;
   const ControllerGains& gains = options.gains;
   return {.update_rule = local.update_rule,
@@ -34,7 +34,7 @@ protocol::Tuning tuning_of(const ServoOptions& options) noexcept {
 }
 
 /// Options as a control changes them.
-ServoOptions tuned(ServoOptions options, const protocol::Tuning& tuning) noexcept {
+ServoOptions tuned(ServoOptions options, const Tuning& tuning) noexcept {
   LocalModelParameters& local = options.local_model;
   local.update_rule = tuning.update_rule;
   local.stiffness = tuning.stiffness;
@@ -53,8 +53,8 @@ ServoOptions tuned(ServoOptions options, const protocol::Tuning& tuning) noexcep
 }
 
 /// Options outside what a control may set could not be told to a client, nor set back by one.
-std::optional<std::string> find_error(const protocol::Tuning& tuning) {
-  for (const protocol::TuningRange& range : protocol::kTuningRanges) {
+std::optional<std::string> find_error(const Tuning& tuning) {
+  for (const TuningRange& range : kTuningRanges) {
     const double value = tuning.*range.number;
     if (value >= range.least && value <= range.most) continue;
     std::string name = range.name;
@@ -140,7 +140,7 @@ void Servo::shut_down(double now) noexcept {
 }
 
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
-  if (replaces_proxy(options_.controller) && hello.tool.links.size() != 1) {
+  if (traits(options_.controller).replaces_proxy && hello.tool.links.size() != 1) {
     session_.reject(now, protocol::RejectReason::kTool,
                     "this controller needs a tool of one link; use another one");
     return;
@@ -172,7 +172,8 @@ void Servo::apply(const protocol::Control& control) noexcept {
   const ServoOptions options = control.tuned ? tuned(options_, control.tuning) : options_;
   local_model_->set_parameters(options.local_model);
   // A tool of several links cannot take the device's pose; its controller stays.
-  const bool possible = !replaces_proxy(options.controller) || local_model_->proxy().links() == 1;
+  const bool possible =
+      !traits(options.controller).replaces_proxy || local_model_->proxy().links() == 1;
   controller_ = Controller(possible ? options.controller : controller_.kind(), options.gains);
 }
 
@@ -201,7 +202,7 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
     travel = std::max(0.0, round_trip - update.echo_hold) / 2;
   }
   record_.age = std::min(update.compute_time + travel, kLargestAge);
-  local_model_->adopt(uses_contacts(controller_.kind()) ? update.contacts : kNoContacts,
+  local_model_->adopt(traits(controller_.kind()).uses_contacts ? update.contacts : kNoContacts,
                       update.q_VE, record_.age);
   const ToolModel& tool = local_model_->ve_tool();
   engine_.update(update.echo_step, {tool.X_WH(), tool.hand_jacobian().lazyProduct(update.v_VE)});
@@ -225,7 +226,7 @@ void Servo::simulate() noexcept {
 
 ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
-  if (replaces_proxy(controller_.kind())) {
+  if (traits(controller_.kind()).replaces_proxy) {
     // begin_session() and apply() have made sure of one link.
     const std::optional<ToolAtHand> tool = tool_at_hand(proxy, device.X_WD, device.V_WD);
     return local_model_->follow(tool->q, tool->v);

@@ -44,8 +44,8 @@ void Telemetry::tick(double now, const TickRecord& record, double previous_execu
   batch_.ticks.clear();
 }
 
-void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model,
-                         protocol::ForceLimit limit, protocol::ServerSession& session) noexcept {
+void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model, ForceLimit limit,
+                         protocol::ServerSession& session) noexcept {
   if (!on_) return;
   state_.step = step;
   state_.limit = limit;

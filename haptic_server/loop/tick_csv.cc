@@ -4,8 +4,6 @@
 #include <charconv>
 #include <string_view>
 
-#include "haptic_server/loop/state_names.h"
-
 namespace hlm::server {
 namespace {
 
@@ -40,9 +38,9 @@ void visit_columns(const TickRecord& r, Visit&& visit) {
   visit("session", "", r.session);
   visit("step", "", r.step);
   visit("time", "_s", r.time);
-  visit("server_state", "", state_name(r.server));
-  visit("fault", "", state_name(r.fault));
-  visit("contact_state", "", state_name(r.contact_state));
+  visit("server_state", "", name_of(r.server));
+  visit("fault", "", name_of(r.fault));
+  visit("contact_state", "", name_of(r.contact_state));
   visit_pose("device", r.X_WD, visit);
   visit_vector("device", kTwist, r.V_WD, visit);
   visit("hand_measured", "", static_cast<int>(r.hand_measured));

@@ -10,7 +10,7 @@
 //   command_torque_{x,y,z}_N_m, active_contacts, predicted_contacts, smallest_separation_m,
 //   adopted, age_s, lateness_s, execution_s, overruns, datagrams, dropped
 // Numbers are the shortest text that reads back to the same double; states are the words of
-// state_names.h.
+// common/vocabulary.h.
 #pragma once
 
 #include <string>

@@ -5,7 +5,7 @@
 
 #include "common/spatial.h"
 #include "common/tool_model.h"
-#include "protocol/messages.h"
+#include "common/vocabulary.h"
 
 namespace hlm::server {
 
@@ -13,9 +13,9 @@ struct TickRecord {
   std::uint64_t session = 0;
   std::uint64_t step = 0;  ///< Steps since the session began; 0 without a session.
   double time = 0;         ///< Since the server started, s.
-  protocol::ServerState server = protocol::ServerState::kIdle;
-  protocol::Fault fault = protocol::Fault::kNone;
-  protocol::ProxyContactState contact_state = protocol::ProxyContactState::kFreeMotion;
+  ServerState server = ServerState::kIdle;
+  Fault fault = Fault::kNone;
+  ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   Pose X_WD;  ///< Device handle.
   Twist V_WD = Twist::Zero();
   bool hand_measured = false;

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "protocol/capture.h"
+#include "protocol/transport/capture.h"
 
 namespace hlm::server {
 namespace {

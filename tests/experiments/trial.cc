@@ -173,7 +173,7 @@ Trace run(const Trial& trial) {
   Trace trace;
   trace.controller = trial.method.controller;
   trace.device_delay = trial.task.device.delay;
-  ModelObserver observer(trial.task.stiffness, !server::replaces_proxy(trial.method.controller));
+  ModelObserver observer(trial.task.stiffness, !traits(trial.method.controller).replaces_proxy);
   test::VirtualSession* running = nullptr;
   double acts_from = -1;  // s, on the network's clock.
   const double dt = 1 / rate;
@@ -182,8 +182,8 @@ Trace run(const Trial& trial) {
     if (acts_from < 0 || record.time < acts_from - dt / 2) return;
     trace.ticks.push_back(record);
     trace.ticks.back().time -= acts_from;
-    const bool goes_on = record.server == protocol::ServerState::kRunning &&
-                         record.session == trace.ticks.front().session;
+    const bool goes_on =
+        record.server == ServerState::kRunning && record.session == trace.ticks.front().session;
     trace.broken = trace.broken || !goes_on;
     if (goes_on) {
       observer.see(*running->servo().local_model(), trace.ticks.back(), trace);

@@ -101,9 +101,9 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.age = random.uniform(0, 0.1);
   state.update_send_time = random.uniform(-1e5, 1e5);
   state.hold = random.uniform(0, 0.1);
-  state.server = static_cast<protocol::ServerState>(random.integer(0, 3));
-  state.fault = static_cast<protocol::Fault>(random.integer(0, 3));
-  state.contact_state = static_cast<protocol::ProxyContactState>(random.integer(0, 2));
+  state.server = static_cast<ServerState>(random.integer(0, 3));
+  state.fault = static_cast<Fault>(random.integer(0, 3));
+  state.contact_state = static_cast<ProxyContactState>(random.integer(0, 2));
   state.active_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
   state.predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
   state.smallest_separation = random.uniform(-0.02, 0.02);
@@ -121,11 +121,11 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   return state;
 }
 
-inline protocol::Tuning random_tuning(Random& random) {
-  protocol::Tuning tuning;
-  tuning.update_rule = static_cast<protocol::UpdateRule>(random.integer(0, 3));
-  tuning.controller = static_cast<protocol::ControllerKind>(random.integer(0, 6));
-  for (const auto& range : protocol::kTuningRanges) {
+inline Tuning random_tuning(Random& random) {
+  Tuning tuning;
+  tuning.update_rule = static_cast<UpdateRule>(random.integer(0, 3));
+  tuning.controller = static_cast<ControllerKind>(random.integer(0, 6));
+  for (const auto& range : kTuningRanges) {
     tuning.*range.number = random.uniform(range.least, range.most);
   }
   return tuning;
@@ -172,11 +172,11 @@ inline protocol::Ticks random_ticks(Random& random) {
 inline protocol::LocalState random_local_state(Random& random) {
   protocol::LocalState state;
   state.step = random.engine()();
-  state.limit = static_cast<protocol::ForceLimit>(random.integer(0, 4));
+  state.limit = static_cast<ForceLimit>(random.integer(0, 4));
   const int count = random.integer(0, static_cast<int>(kMaxContacts));
   for (int i = 0; i < count; ++i) {
     state.contacts.push_back({.link = static_cast<std::uint16_t>(random.integer(0, 15)),
-                              .state = static_cast<protocol::ContactState>(random.integer(0, 3)),
+                              .state = static_cast<ContactState>(random.integer(0, 3)),
                               .retained = random.integer(0, 1) == 1,
                               .c_W = random.vector(1),
                               .n_W = random.direction(),

@@ -6,7 +6,7 @@
 
 #include "protocol/client_session.h"
 #include "protocol/server_session.h"
-#include "protocol/udp_socket.h"
+#include "protocol/transport/udp_socket.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"

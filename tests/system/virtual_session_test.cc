@@ -15,8 +15,6 @@
 namespace hlm::test {
 namespace {
 
-using protocol::Fault;
-using protocol::ServerState;
 using server::TickRecord;
 
 /// FNV-1a over the bits of what the tick computes.

@@ -13,28 +13,20 @@ struct LiveSettings {
   FrameOptions frame;
   double rate = 60;  ///< Hz.
   NetworkConditions network;
-  protocol::Tuning tuning;  ///< Of the server.
+  Tuning tuning;  ///< Of the server.
 };
 
 /// What was changed of one server's own tuning, changed of another's.
-inline protocol::Tuning carried_over(const protocol::Tuning& changed, const protocol::Tuning& from,
-                                     const protocol::Tuning& to) {
-  protocol::Tuning tuning = to;
+inline Tuning carried_over(const Tuning& changed, const Tuning& from, const Tuning& to) {
+  Tuning tuning = to;
   const auto carry = [&](auto member) {
     if (changed.*member != from.*member) tuning.*member = changed.*member;
   };
-  carry(&protocol::Tuning::update_rule);
-  carry(&protocol::Tuning::controller);
-  for (const protocol::TuningRange& range : protocol::kTuningRanges) carry(range.number);
+  carry(&Tuning::update_rule);
+  carry(&Tuning::controller);
+  for (const TuningRange& range : kTuningRanges) carry(range.number);
   return tuning;
 }
-
-/// Words of a page for the enumerations, in the order of their values.
-inline constexpr std::array<const char*, 4> kUpdateRules{
-    "retain", "paper", "intermediate_representation", "plane_recovery"};
-inline constexpr std::array<const char*, 7> kControllers{
-    "four_channel",     "three_channel",  "virtual_coupler", "direct",
-    "rotation_coupler", "engine_coupler", "engine_force"};
 
 /// A number of the environment that pages may set.
 struct EnvironmentRange {

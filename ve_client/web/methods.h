@@ -9,21 +9,19 @@ namespace hlm::ve {
 
 struct Method {
   const char* name;
-  protocol::UpdateRule update_rule;
-  protocol::ControllerKind controller;
+  UpdateRule update_rule;
+  ControllerKind controller;
   double epsilon;          ///< m.
   double largest_epsilon;  ///< m; 0: epsilon does not grow.
 };
 
 inline constexpr std::array<Method, 6> kMethods{{
-    {"lm5", protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005, 0},
-    {"lm-adaptive", protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005,
-     0.08},
-    {"lm0", protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0, 0},
-    {"ir", protocol::UpdateRule::kIntermediateRepresentation, protocol::ControllerKind::kDirect, 0,
-     0},
-    {"coupler", protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineCoupler, 0, 0},
-    {"engine", protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineForce, 0, 0},
+    {"lm5", UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0},
+    {"lm-adaptive", UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0.08},
+    {"lm0", UpdateRule::kRetain, ControllerKind::kFourChannel, 0, 0},
+    {"ir", UpdateRule::kIntermediateRepresentation, ControllerKind::kDirect, 0, 0},
+    {"coupler", UpdateRule::kRetain, ControllerKind::kEngineCoupler, 0, 0},
+    {"engine", UpdateRule::kRetain, ControllerKind::kEngineForce, 0, 0},
 }};
 
 inline LiveSettings with_method(const Method& method, LiveSettings settings) {

@@ -55,26 +55,22 @@ json ranges() {
   const auto add = [&](const char* name, double least, double most, const char* unit) {
     all[name] = {{"least", least}, {"most", most}, {"unit", unit}};
   };
-  for (const auto& r : protocol::kTuningRanges) add(r.name, r.least, r.most, r.unit);
+  for (const auto& r : kTuningRanges) add(r.name, r.least, r.most, r.unit);
   for (const auto& r : kEnvironmentRanges) add(r.name, r.least, r.most, r.unit);
   return all;
 }
 
-template <class Enum, std::size_t count>
-const char* word(Enum value, const std::array<const char*, count>& words) {
-  return words.at(static_cast<std::size_t>(value));
+template <class Enum>
+json names() {
+  json all = json::array();
+  for (const Word<Enum>& word : kWords<Enum>) all.push_back(word.name);
+  return all;
 }
 
-constexpr std::array kServerStates{"idle", "running", "silent", "fault"};
-constexpr std::array kFaults{"none", "non_finite", "overrun", "device"};
-constexpr std::array kProxyStates{"free_motion", "colliding", "resting"};
-constexpr std::array kContactStates{"impending", "colliding", "penetrating", "separating"};
-constexpr std::array kLimits{"none", "force", "torque", "rate", "fade"};
-
-json settings_json(const protocol::Tuning& tuning) {
-  json settings{{"update_rule", word(tuning.update_rule, kUpdateRules)},
-                {"controller", word(tuning.controller, kControllers)}};
-  for (const auto& range : protocol::kTuningRanges) {
+json settings_json(const Tuning& tuning) {
+  json settings{{"update_rule", name_of(tuning.update_rule)},
+                {"controller", name_of(tuning.controller)}};
+  for (const auto& range : kTuningRanges) {
     settings[range.name] = tuning.*range.number;
   }
   return settings;
@@ -95,7 +91,7 @@ json contacts_json(const protocol::LocalState* state) {
                         {"p", to_json(c.p_W)},
                         {"s", c.s},
                         {"f", to_json(c.f_W)},
-                        {"state", word(c.state, kContactStates)},
+                        {"state", name_of(c.state)},
                         {"retained", c.retained}});
   }
   return contacts;
@@ -116,9 +112,9 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["F_env"] = to_json(state.F_env);
   frame["F_command"] = to_json(state.F_command);
   frame["F_hand"] = to_json(state.F_hand);
-  frame["server"] = word(state.server, kServerStates);
-  frame["fault"] = word(state.fault, kFaults);
-  frame["contact_state"] = word(state.contact_state, kProxyStates);
+  frame["server"] = name_of(state.server);
+  frame["fault"] = name_of(state.fault);
+  frame["contact_state"] = name_of(state.contact_state);
   frame["smallest_separation"] = any ? json(state.smallest_separation) : json(nullptr);
   frame["active"] = state.active_contacts;
   frame["predicted"] = state.predicted_contacts;
@@ -153,17 +149,18 @@ std::string world_message(const WorldView& view) {
   const Pose X_BH = assembly.X_LB[held].inverse() * assembly.description.X_LH;
   json starts = json::array();
   for (const StartDescription& start : view.model.starts) starts.push_back(start.name);
-  return json{{"type", "world"},
-              {"planar", assembly.planar_normal_W.has_value()},
-              {"bodies", std::move(described)},
-              {"tool_links", assembly.bodies},
-              {"hand_in_body", {{"body", assembly.bodies[held]}, {"pose", to_json(X_BH)}}},
-              {"starts", std::move(starts)},
-              {"start", view.start},
-              {"ranges", ranges()},
-              {"words", {{"update_rule", kUpdateRules}, {"controller", kControllers}}},
-              {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
-              {"guidable", view.welcome == nullptr || view.welcome->guidable}}
+  return json{
+      {"type", "world"},
+      {"planar", assembly.planar_normal_W.has_value()},
+      {"bodies", std::move(described)},
+      {"tool_links", assembly.bodies},
+      {"hand_in_body", {{"body", assembly.bodies[held]}, {"pose", to_json(X_BH)}}},
+      {"starts", std::move(starts)},
+      {"start", view.start},
+      {"ranges", ranges()},
+      {"words", {{"update_rule", names<UpdateRule>()}, {"controller", names<ControllerKind>()}}},
+      {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
+      {"guidable", view.welcome == nullptr || view.welcome->guidable}}
       .dump();
 }
 
@@ -181,7 +178,7 @@ std::string frame_message(const FrameView& view) {
              {"reported", view.result.active + view.result.predicted},
              {"round_trip", view.client.round_trip()},
              {"epsilon", view.result.epsilon},
-             {"limit", view.contacts ? word(view.contacts->limit, kLimits) : "none"},
+             {"limit", view.contacts ? name_of(view.contacts->limit) : name_of(ForceLimit::kNone)},
              {"contacts", contacts_json(view.contacts)},
              {"settings", settings_json(view.settings.tuning)},
              {"environment", environment_json(view.settings)},

@@ -38,7 +38,7 @@ TEST_CASE("Force is limited in magnitude, its direction kept") {
 }
 
 TEST_CASE("What limits the force is told: fade, force, torque or rate, or nothing") {
-  using protocol::ForceLimit;
+  using ForceLimit;
   Limiter limiter = limiter_for({.max_force_rate = 5e3});
   limiter.allow(true);
   limiter.limit(push(1));
@@ -96,7 +96,7 @@ TEST_CASE("A wanted force above the limit fades from the limit, out and in, with
   for (int i = 0; i < 110; ++i) {
     const double force = limiter.limit(push(20))[1];
     CHECK(previous - force == Approx(i < 100 ? fade_step : 0).margin(1e-9));
-    CHECK(limiter.limited_by() == protocol::ForceLimit::kFade);
+    CHECK(limiter.limited_by() == ForceLimit::kFade);
     previous = force;
   }
   CHECK(limiter.silent());

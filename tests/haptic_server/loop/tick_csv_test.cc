@@ -111,9 +111,9 @@ TEST_CASE("counts and states are written as whole numbers and words") {
   TickRecord r;
   r.session = std::numeric_limits<std::uint64_t>::max();
   r.step = 12345;
-  r.server = protocol::ServerState::kFault;
-  r.fault = protocol::Fault::kOverrun;
-  r.contact_state = protocol::ProxyContactState::kResting;
+  r.server = ServerState::kFault;
+  r.fault = Fault::kOverrun;
+  r.contact_state = ProxyContactState::kResting;
   r.hand_measured = true;
   r.active_contacts = 4;
   r.predicted_contacts = 16;
