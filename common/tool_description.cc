@@ -4,6 +4,8 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "common/range.h"
+
 namespace hlm {
 namespace {
 
@@ -22,7 +24,7 @@ bool needs_axis(JointType joint) {
 }
 
 std::optional<std::string> find_inertia_error(const Link& link) {
-  if (!std::isfinite(link.mass) || link.mass < 0) return "mass must be finite and >= 0 kg";
+  if (auto error = find_error("mass", link.mass, from_zero("kg"))) return error;
   if (!link.p_LCom.allFinite()) return "centre of mass must be finite";
   if (!link.I_LCom.allFinite()) return "inertia must be finite";
   const double tolerance = kInertiaTolerance * link.I_LCom.cwiseAbs().maxCoeff();
@@ -126,7 +128,7 @@ std::optional<std::string> find_error(const ToolDescription& tool) {
   if (!is_finite(tool.X_LH)) return "hand frame must be finite";
   if (!is_unit(tool.X_LH.R.norm())) return "hand frame's quaternion must have length 1";
   if (!tool.gravity_W.allFinite()) return "gravity must be finite";
-  if (!std::isfinite(tool.length) || tool.length <= 0) return "length must be finite and > 0 m";
+  if (auto error = find_error("length", tool.length, above_zero("m"))) return error;
   return find_massless_error(tool);
 }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "common/range.h"
 #include "common/vocabulary.h"
 
 namespace hlm {
@@ -22,30 +23,35 @@ struct Tuning {
   bool operator==(const Tuning&) const = default;
 };
 
-/// What a number of the tuning can be set to.
-struct TuningRange {
+/// A number of the tuning and what it can be set to. Its name is a key of the page's messages.
+struct TuningRange : Range {
   const char* name;
   double Tuning::*number;
-  double least;
-  double most;
-  const char* unit;
 };
 inline constexpr std::array<TuningRange, 8> kTuningRanges{{
-    {"stiffness", &Tuning::stiffness, 1, 1e6, "N/m"},
-    {"damping", &Tuning::damping, 0, 1e4, "N·s/m"},
-    {"friction", &Tuning::friction, 0, 10, ""},
-    {"restitution", &Tuning::restitution, 0, 1, ""},
-    {"coupling_stiffness", &Tuning::coupling_stiffness, 0, 1e5, "N/m"},
-    {"coupling_damping", &Tuning::coupling_damping, 0, 1e3, "N·s/m"},
-    {"coupling_angular_stiffness", &Tuning::coupling_angular_stiffness, 0, 1e3, "N·m/rad"},
-    {"coupling_angular_damping", &Tuning::coupling_angular_damping, 0, 10, "N·m·s/rad"},
+    {{1, 1e6, "N/m"}, "stiffness", &Tuning::stiffness},
+    {{0, 1e4, "N·s/m"}, "damping", &Tuning::damping},
+    {{0, 10}, "friction", &Tuning::friction},
+    {{0, 1}, "restitution", &Tuning::restitution},
+    {{0, 1e5, "N/m"}, "coupling_stiffness", &Tuning::coupling_stiffness},
+    {{0, 1e3, "N·s/m"}, "coupling_damping", &Tuning::coupling_damping},
+    {{0, 1e3, "N·m/rad"}, "coupling_angular_stiffness", &Tuning::coupling_angular_stiffness},
+    {{0, 10, "N·m·s/rad"}, "coupling_angular_damping", &Tuning::coupling_angular_damping},
 }};
+
+/// The range of one number: what starts a server outside it could not be sent to a client, nor set
+/// back by one.
+constexpr Range range_of(double Tuning::*number) noexcept {
+  for (const TuningRange& range : kTuningRanges) {
+    if (range.number == number) return range;
+  }
+  return {};
+}
 
 /// Whether all numbers are in their ranges.
 constexpr bool is_in_range(const Tuning& tuning) noexcept {
   for (const TuningRange& range : kTuningRanges) {
-    const double value = tuning.*range.number;
-    if (!(value >= range.least && value <= range.most)) return false;
+    if (!range.contains(tuning.*range.number)) return false;
   }
   return true;
 }

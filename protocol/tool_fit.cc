@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/range.h"
 #include "protocol/wire.h"
 
 namespace hlm::protocol {
@@ -34,13 +35,8 @@ std::optional<std::string> find_error(const Hello& hello) {
   if (!fits(hello.tool, hello.q)) {
     return "initial configuration must be finite and its quaternion of length 1";
   }
-  if (!std::isfinite(hello.ve_rate) || hello.ve_rate <= 0) {
-    return "VE rate " + std::to_string(hello.ve_rate) + " Hz must be finite and > 0";
-  }
-  if (!std::isfinite(hello.epsilon) || hello.epsilon < 0) {
-    return "epsilon " + std::to_string(hello.epsilon) + " m must be finite and >= 0";
-  }
-  return std::nullopt;
+  if (auto error = find_error("VE rate", hello.ve_rate, above_zero("Hz"))) return error;
+  return find_error("epsilon", hello.epsilon, from_zero("m"));
 }
 
 }  // namespace hlm::protocol

@@ -5,6 +5,7 @@
 #include <random>
 #include <string>
 
+#include "common/range.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/clock.h"
 #include "ve_client/world/proximity.h"
@@ -24,6 +25,8 @@ struct VirtualEnvironment {
   VirtualTool tool;
   Proximity proximity;
 };
+
+inline constexpr Range kEpsilons{0, 0.1, "m"};
 
 struct FrameOptions {
   double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.

@@ -90,17 +90,7 @@ std::optional<ToolAtHand> tool_at_hand(const ToolModel& tool, const Pose& X_WH,
 }
 
 std::optional<std::string> find_error(const ControllerGains& gains) {
-  const auto check = [](const char* name, double value,
-                        const char* unit) -> std::optional<std::string> {
-    if (value >= 0 && std::isfinite(value)) return std::nullopt;
-    return fmt::format("{} {} must be finite and >= 0 {}", name, value, unit);
-  };
-  if (auto error = check("coupling stiffness", gains.stiffness, "N/m")) return error;
-  if (auto error = check("coupling damping", gains.damping, "N·s/m")) return error;
-  if (auto error = check("angular coupling stiffness", gains.angular_stiffness, "N·m/rad")) {
-    return error;
-  }
-  return check("angular coupling damping", gains.angular_damping, "N·m·s/rad");
+  return find_error(gains, kGainNumbers);
 }
 
 std::vector<std::string> check_against_device(ControllerKind kind, const ControllerGains& gains,

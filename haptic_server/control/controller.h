@@ -2,10 +2,13 @@
 // methods, to compare with.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "common/range.h"
+#include "common/tuning.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/local_model/local_model.h"
 
@@ -18,6 +21,17 @@ struct ControllerGains {
   double angular_stiffness = 1;   ///< K_c, rotation, N·m/rad.
   double angular_damping = 0.03;  ///< B_c, rotation, N·m·s/rad.
 };
+
+inline constexpr std::array<NumberOf<ControllerGains>, 4> kGainNumbers{{
+    {range_of(&Tuning::coupling_stiffness), "coupling stiffness", &ControllerGains::stiffness,
+     "K_c, translation"},
+    {range_of(&Tuning::coupling_damping), "coupling damping", &ControllerGains::damping,
+     "B_c, translation"},
+    {range_of(&Tuning::coupling_angular_stiffness), "coupling angular stiffness",
+     &ControllerGains::angular_stiffness, "K_c, rotation"},
+    {range_of(&Tuning::coupling_angular_damping), "coupling angular damping",
+     &ControllerGains::angular_damping, "B_c, rotation"},
+}};
 
 /// Hand frame of a tool in the world, and its twist.
 struct HandMotion {

@@ -1,6 +1,9 @@
 // The last gate before the device: a wrench is finite, limited in size and in rate, and fades.
 #pragma once
 
+#include <array>
+
+#include "common/range.h"
 #include "common/spatial.h"
 #include "common/vocabulary.h"
 #include "haptic_server/control/force_budget.h"
@@ -12,6 +15,18 @@ struct LimiterOptions {
   double max_torque = 0.6;  ///< N·m; the device's rating counts too.
   double fade_time = 0.1;   ///< From full force to none and back, s.
 };
+
+inline constexpr std::array<NumberOf<LimiterOptions>, 3> kLimiterNumbers{{
+    {{0.01, 1000, "N"},
+     "force limit",
+     &LimiterOptions::max_force,
+     "Largest force on the device; its rating counts too"},
+    {{1e-4, 100, "N·m"},
+     "torque limit",
+     &LimiterOptions::max_torque,
+     "Largest torque on the device; its rating counts too"},
+    {{1e-3, 10, "s"}, "fade time", &LimiterOptions::fade_time, "From full force to none and back"},
+}};
 
 class Limiter {
  public:

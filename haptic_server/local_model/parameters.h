@@ -1,10 +1,13 @@
 // What the user sets of the local model.
 #pragma once
 
+#include <array>
 #include <limits>
 #include <optional>
 #include <string>
 
+#include "common/range.h"
+#include "common/tuning.h"
 #include "common/vocabulary.h"
 
 namespace hlm::server {
@@ -73,6 +76,37 @@ struct LocalModelParameters {
   double max_hand_angular_stiffness = std::numeric_limits<double>::infinity();
   double max_contact_frequency = std::numeric_limits<double>::infinity();
 };
+
+inline constexpr std::array<NumberOf<LocalModelParameters>, 9> kLocalModelNumbers{{
+    {range_of(&Tuning::stiffness), "stiffness", &LocalModelParameters::stiffness,
+     "Stiffness of each contact"},
+    {range_of(&Tuning::damping), "damping", &LocalModelParameters::damping,
+     "Damping of each contact"},
+    {range_of(&Tuning::restitution), "restitution", &LocalModelParameters::restitution,
+     "Coefficient of restitution of the proxy; without a proxy (direct coupling and the rivals) "
+     "nothing collides but the device itself"},
+    {range_of(&Tuning::friction), "static friction", &LocalModelParameters::static_friction,
+     "Coefficient of static friction, at least the kinetic one"},
+    {range_of(&Tuning::friction), "kinetic friction", &LocalModelParameters::kinetic_friction,
+     "Coefficient of kinetic friction"},
+    {{1e-6, 1e6, "N"},
+     "release step",
+     &LocalModelParameters::release_step,
+     "Largest step of a contact's force while retained load is released"},
+    {{0, Range::kInfinite, "N/m", true},
+     "max hand stiffness",
+     &LocalModelParameters::max_hand_stiffness,
+     "Largest stiffness of all contacts together at the hand"},
+    {{0, Range::kInfinite, "N·m/rad", true},
+     "max hand angular stiffness",
+     &LocalModelParameters::max_hand_angular_stiffness,
+     "Largest angular stiffness of all contacts together at the hand"},
+    {{0, Range::kInfinite, "rad/s", true},
+     "max contact frequency",
+     &LocalModelParameters::max_contact_frequency,
+     "Largest natural frequency of the proxy on its contacts"},
+}};
+inline constexpr Range kRecoverySteps{1, 1e6, "steps"};
 
 /// Why parameters cannot be used, naming the parameter, its value and its range; empty if valid.
 std::optional<std::string> find_error(const LocalModelParameters& parameters);

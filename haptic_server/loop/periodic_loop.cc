@@ -5,14 +5,10 @@
 #include <cmath>
 #include <ctime>
 
-#include <spdlog/fmt/fmt.h>
-
 namespace hlm::server {
 namespace {
 
-constexpr double kMinRate = 100;   // Hz.
-constexpr double kMaxRate = 8000;  // Hz.
-constexpr double kMaxSpinShare = 0.5;
+constexpr double kMaxSpinShare = 0.5;            // Of a period.
 constexpr std::int64_t kSecond = 1'000'000'000;  // ns.
 
 std::int64_t steady_now() noexcept {
@@ -24,16 +20,11 @@ std::int64_t steady_now() noexcept {
 }  // namespace
 
 std::optional<std::string> find_error(const PeriodicLoopOptions& options) {
-  // Comparisons are written so that NaN fails them.
-  if (!(options.rate >= kMinRate && options.rate <= kMaxRate)) {
-    return fmt::format("servo rate {} must be {} to {} Hz", options.rate, kMinRate, kMaxRate);
-  }
-  const double longest = kMaxSpinShare / options.rate;
-  if (!(options.final_spin >= 0 && options.final_spin <= longest)) {
-    return fmt::format("final spin {} must be 0 to {} s, half a period", options.final_spin,
-                       longest);
-  }
-  return std::nullopt;
+  if (auto error = find_error("rate", options.rate, kServoRates)) return error;
+  const Range spins{0, kMaxSpinShare / options.rate, "s"};
+  auto error = find_error("final spin", options.final_spin, spins);
+  if (error) *error += ", half a period";
+  return error;
 }
 
 PeriodicLoop::PeriodicLoop(const PeriodicLoopOptions& options) noexcept : options_(options) {}

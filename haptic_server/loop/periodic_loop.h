@@ -8,6 +8,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "common/range.h"
+
 namespace hlm::server {
 
 struct PeriodicLoopOptions {
@@ -17,6 +19,8 @@ struct PeriodicLoopOptions {
   /// Linux' limit on real-time threads, which stops them for 50 ms in every second.
   double final_spin = 0;
 };
+
+inline constexpr Range kServoRates{100, 8000, "Hz"};
 
 /// Why options cannot be used, naming the option, its value and its range; empty if valid.
 std::optional<std::string> find_error(const PeriodicLoopOptions& options);

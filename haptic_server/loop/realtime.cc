@@ -58,11 +58,7 @@ std::string describe_refusals(int priority, int fifo_error, int lock_error) {
 }  // namespace
 
 std::optional<std::string> find_error(const RealtimeOptions& options) {
-  constexpr int kMinPriority = 1;
-  constexpr int kMaxPriority = 99;
-  if (options.priority >= kMinPriority && options.priority <= kMaxPriority) return std::nullopt;
-  return fmt::format("real-time priority {} must be {} to {}", options.priority, kMinPriority,
-                     kMaxPriority);
+  return find_error("priority", options.priority, kPriorities);
 }
 
 RealtimeGrant enter_realtime(const RealtimeOptions& options) {

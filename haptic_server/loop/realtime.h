@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "common/range.h"
 #include "common/vocabulary.h"
 
 namespace hlm::server {
@@ -35,6 +36,8 @@ struct RealtimeOptions {
   /// for the tick; above 98 it competes with the kernel's own watchdogs.
   int priority = 40;
 };
+
+inline constexpr Range kPriorities{1, 99};
 
 /// Why options cannot be used, naming the option, its value and its range; empty if valid.
 std::optional<std::string> find_error(const RealtimeOptions& options);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <spdlog/fmt/fmt.h>
-
 namespace hlm::server {
 namespace {
 
@@ -52,19 +50,6 @@ ServoOptions tuned(ServoOptions options, const Tuning& tuning) noexcept {
   return options;
 }
 
-/// Options outside what a control may set could not be told to a client, nor set back by one.
-std::optional<std::string> find_error(const Tuning& tuning) {
-  for (const TuningRange& range : kTuningRanges) {
-    const double value = tuning.*range.number;
-    if (value >= range.least && value <= range.most) continue;
-    std::string name = range.name;
-    std::replace(name.begin(), name.end(), '_', ' ');
-    return fmt::format("{} {} must be {} to {}{}{}", name, value, range.least, range.most,
-                       *range.unit ? " " : "", range.unit);
-  }
-  return std::nullopt;
-}
-
 ForceBudget force_budget(const ServoOptions& options, const Device& device) noexcept {
   return ForceBudget::of(options.limits.max_force, options.limits.max_torque, device.ratings(),
                          1 / options.rate);
@@ -87,19 +72,10 @@ void replace_non_finite(protocol::ProxyState& state) noexcept {
 }  // namespace
 
 std::optional<std::string> find_error(const ServoOptions& options) {
-  if (auto error = find_error(tuning_of(options))) return error;
   if (auto error = find_error(options.local_model)) return error;
   if (auto error = find_error(options.gains)) return error;
-  const auto check = [](const char* name, double value,
-                        const char* unit) -> std::optional<std::string> {
-    if (value > 0 && std::isfinite(value)) return std::nullopt;
-    return fmt::format("{} {} must be finite and > 0 {}", name, value, unit);
-  };
-  if (auto error = check("force limit", options.limits.max_force, "N")) return error;
-  if (auto error = check("torque limit", options.limits.max_torque, "N·m")) return error;
-  if (auto error = check("fade time", options.limits.fade_time, "s")) return error;
-  if (auto error = check("silence time", options.silence_time, "s")) return error;
-  return check("largest gap", options.max_gap, "s");
+  if (auto error = find_error(options.limits, kLimiterNumbers)) return error;
+  return find_error(options, kServoNumbers);
 }
 
 Servo::Servo(const ServoOptions& options, std::uint64_t configuration,

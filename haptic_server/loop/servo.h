@@ -5,6 +5,7 @@
 // throws or waits.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 
@@ -34,6 +35,17 @@ struct ServoOptions {
   /// Longest gap between two ticks before the loop is taken for broken, s.
   double max_gap = 0.25;
 };
+
+inline constexpr std::array<NumberOf<ServoOptions>, 2> kServoNumbers{{
+    {{0.01, 10, "s"},
+     "silence time",
+     &ServoOptions::silence_time,
+     "Force fades when the client has been silent for this long"},
+    {{1e-3, 60, "s"},
+     "max gap",
+     &ServoOptions::max_gap,
+     "A longer gap between two ticks is a fault"},
+}};
 
 /// Why options cannot be used, naming the option, its value and its range; empty if valid.
 std::optional<std::string> find_error(const ServoOptions& options);

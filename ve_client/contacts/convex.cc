@@ -5,9 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <sstream>
 #include <stdexcept>
 #include <string>
+
+#include "common/range.h"
 
 namespace hlm::ve {
 namespace {
@@ -39,10 +40,8 @@ Feature face(std::size_t index) {
 }
 
 void check_size(double value, const char* name) {
-  if (std::isfinite(value) && value > 0) return;
-  std::ostringstream message;
-  message << name << " is " << value << " m; it must be finite and > 0";
-  throw std::invalid_argument(message.str());
+  const auto error = find_error(name, value, above_zero("m"));
+  if (error) throw std::invalid_argument(*error);
 }
 
 double distance_to_segment(const Vector3& p, const Vector3& a, const Vector3& b) {

@@ -29,21 +29,20 @@ inline Tuning carried_over(const Tuning& changed, const Tuning& from, const Tuni
 }
 
 /// A number of the environment that pages may set.
-struct EnvironmentRange {
+struct EnvironmentRange : Range {
   const char* name;
-  double least;
-  double most;
-  const char* unit;
   double& (*number)(LiveSettings&);
 };
 inline constexpr std::array<EnvironmentRange, 6> kEnvironmentRanges{{
-    {"epsilon", 0, 0.1, "m", [](LiveSettings& s) -> double& { return s.frame.epsilon; }},
-    {"largest_epsilon", 0, 0.1, "m",
+    {kEpsilons, "epsilon", [](LiveSettings& s) -> double& { return s.frame.epsilon; }},
+    {kEpsilons, "largest_epsilon",
      [](LiveSettings& s) -> double& { return s.frame.largest_epsilon; }},
-    {"rate", 5, 200, "Hz", [](LiveSettings& s) -> double& { return s.rate; }},
-    {"delay", 0, kLongestDelay, "s", [](LiveSettings& s) -> double& { return s.network.delay; }},
-    {"jitter", 0, kLongestJitter, "s", [](LiveSettings& s) -> double& { return s.network.jitter; }},
-    {"loss", 0, kLargestLoss, "", [](LiveSettings& s) -> double& { return s.network.loss; }},
+    {{5, 200, "Hz"}, "rate", [](LiveSettings& s) -> double& { return s.rate; }},
+    {{0, kLongestDelay, "s"}, "delay", [](LiveSettings& s) -> double& { return s.network.delay; }},
+    {{0, kLongestJitter, "s"},
+     "jitter",
+     [](LiveSettings& s) -> double& { return s.network.jitter; }},
+    {{0, kLargestLoss}, "loss", [](LiveSettings& s) -> double& { return s.network.loss; }},
 }};
 
 }  // namespace hlm::ve

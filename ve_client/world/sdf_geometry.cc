@@ -1,7 +1,5 @@
 #include "ve_client/world/sdf_geometry.h"
 
-#include <cmath>
-#include <sstream>
 #include <stdexcept>
 
 #include <sdf/Box.hh>
@@ -12,14 +10,14 @@
 #include <sdf/Plane.hh>
 #include <sdf/Sphere.hh>
 
+#include "common/range.h"
+
 namespace hlm::ve {
 namespace {
 
 double positive_size(double value, const std::string& what) {
-  if (std::isfinite(value) && value > 0) return value;
-  std::ostringstream message;
-  message << what << ' ' << value << " m must be finite and > 0 m";
-  throw std::runtime_error(message.str());
+  if (const auto error = find_error(what, value, above_zero("m"))) throw std::runtime_error(*error);
+  return value;
 }
 
 Shape to_shape(const sdf::Geometry& geometry, const std::string& where) {
@@ -56,9 +54,9 @@ double friction_of(const sdf::Collision& collision, const std::string& where) {
     element = element->GetElement(child);
   }
   mu = element->Get<double>();
-  if (std::isfinite(mu) && mu >= 0) return mu;
-  throw std::runtime_error(where + ": friction mu " + std::to_string(mu) +
-                           " must be finite and >= 0");
+  const auto error = find_error(where + ": friction mu", mu, from_zero(""));
+  if (error) throw std::runtime_error(*error);
+  return mu;
 }
 
 }  // namespace

@@ -126,7 +126,7 @@ TEST_CASE("A mistake in a script is one line that says where, what, and what is 
   CHECK(error_of("grip = 3\n" + reach) ==
         "1: hand script: grip must be a table { key = value, … }");
   CHECK(error_of("[grip]\nstiffness = 1e6\n" + reach) ==
-        "2: hand script: grip: stiffness 1e+06 N/m must be 0 to 20000 N/m");
+        "2: hand script: grip: stiffness 1000000 N/m must be 0 to 20000 N/m");
   CHECK(error_of(reach + "[[segment]]\nwrench = {}\n") == "4: segment 2: duration is missing");
   CHECK(error_of("[[segment]]\nduration = 0\nmove_to = {}\n") ==
         "2: segment 1: duration 0 s must be 0.001 to 3600 s");

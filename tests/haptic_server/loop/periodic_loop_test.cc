@@ -117,11 +117,11 @@ TEST_CASE("a loop stopped beforehand does not tick") {
 TEST_CASE("rates and spins out of range are refused by name, value and range") {
   CHECK_FALSE(find_error(PeriodicLoopOptions{}));
   CHECK_FALSE(find_error(PeriodicLoopOptions{.rate = 8000, .final_spin = 62.5e-6}));
-  CHECK(*find_error(PeriodicLoopOptions{.rate = 99}) == "servo rate 99 must be 100 to 8000 Hz");
+  CHECK(*find_error(PeriodicLoopOptions{.rate = 99}) == "rate 99 Hz must be 100 to 8000 Hz");
   CHECK(find_error(PeriodicLoopOptions{.rate = 8001}));
   CHECK(find_error(PeriodicLoopOptions{.rate = std::numeric_limits<double>::quiet_NaN()}));
   CHECK(*find_error(PeriodicLoopOptions{.rate = 1000, .final_spin = 0.6e-3}) ==
-        "final spin 0.0006 must be 0 to 0.0005 s, half a period");
+        "final spin 0.0006 s must be 0 to 0.0005 s, half a period");
   CHECK_THAT(*find_error(PeriodicLoopOptions{.final_spin = -1e-6}),
              ContainsSubstring("final spin -1e-06"));
 }

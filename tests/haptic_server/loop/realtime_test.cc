@@ -108,7 +108,7 @@ TEST_CASE("`require` without rights refuses to start and says what to do") {
 
 TEST_CASE("priorities out of range are refused by name, value and range") {
   CHECK_FALSE(find_error(RealtimeOptions{}));
-  CHECK(*find_error(RealtimeOptions{.priority = 0}) == "real-time priority 0 must be 1 to 99");
+  CHECK(*find_error(RealtimeOptions{.priority = 0}) == "priority 0 must be 1 to 99");
   CHECK(find_error(RealtimeOptions{.priority = 100}));
 }
 
