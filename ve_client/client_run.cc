@@ -4,7 +4,9 @@
 
 #include <spdlog/spdlog.h>
 
+#include "common/settings/table.h"
 #include "ve_client/world/sdf_loader.h"
+#include "ve_client/world/tool_assembly.h"
 
 namespace hlm::ve {
 namespace {
@@ -20,6 +22,17 @@ HapticClientOptions client_options(const Settings& settings, const VirtualEnviro
   options.epsilon = settings.frame.epsilon;
   options.nonce = (static_cast<std::uint64_t>(random()) << 32) | random();
   return options;
+}
+
+/// The world, with the tool in it. What is wrong with it, an option is.
+WorldDescription usable_world(const Settings& settings) {
+  try {
+    WorldDescription world = load_world(settings.world);
+    assemble_tool(with_start(world, settings.tool, settings.start), settings.tool);
+    return world;
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(error.what());
+  }
 }
 
 /// The page's server, if one is asked for.
@@ -42,7 +55,7 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
 
 ClientRun::ClientRun(const Settings& settings)
     : settings_(settings),
-      world_(load_world(settings.world)),
+      world_(usable_world(settings)),
       start_(settings.start),
       environment_(std::in_place, with_start(world_, settings.tool, start_), settings.tool,
                    settings.follow),
@@ -81,6 +94,7 @@ void ClientRun::go(const std::function<bool()>& stop) {
   link_.set_conditions({});
   client_->close(clock_.now());
   if (recording_) recording_->link.drain(recording_->file);
+  if (!stop()) connection_.end(clock_.now());
 }
 
 void ClientRun::begin() {

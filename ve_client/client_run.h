@@ -22,12 +22,13 @@ namespace hlm::ve {
 class ClientRun {
  public:
   /// `settings` must outlive this. Throws std::runtime_error with one line if world, tool, server's
-  /// name, page or capture file cannot be used; no file is begun before the others are known to be
-  /// usable.
+  /// name, page or capture file cannot be used (UsageError for the first two); no file is begun
+  /// before the others are known to be usable.
   explicit ClientRun(const Settings& settings);
 
-  /// Frames at their rate until their duration is over or stop() is true. Throws std::runtime_error
-  /// if the server cannot be hoped for any more, or the capture not be written.
+  /// Frames at their rate until their duration is over or stop() is true. Throws NeverAnswered if
+  /// the server has granted no session by the end or in time, std::runtime_error if it cannot be
+  /// used, or the capture not be written.
   void go(const std::function<bool()>& stop);
 
  private:

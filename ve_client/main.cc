@@ -7,6 +7,7 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "common/settings/table.h"
 #include "ve_client/client_run.h"
 #include "ve_client/settings.h"
 
@@ -22,6 +23,10 @@ void install_signal_handlers() {
   action.sa_handler = request_stop;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // A terminal that closes; under nohup it stays ignored.
+  struct sigaction before {};
+  sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
 void configure_logging(const std::string& level) {
@@ -30,19 +35,31 @@ void configure_logging(const std::string& level) {
   spdlog::set_level(spdlog::level::from_str(level == "warn" ? "warning" : level));
 }
 
+/// As the help's footer has them, with settings::kUsageError.
+enum ExitCode { kFinished = 0, kFailed = 1, kServerNeverAnswered = 3 };
+
+int failure(const std::exception& error, int exit_code) {
+  std::cerr << "ve_client: " << error.what() << '\n';
+  return exit_code;
+}
+
 }  // namespace
 }  // namespace hlm::ve
 
 int main(int argc, char** argv) {
-  const hlm::ve::ParsedArguments arguments = hlm::ve::parse_arguments(argc, argv);
+  using namespace hlm::ve;
+  const ParsedArguments arguments = parse_arguments(argc, argv);
   if (!arguments.settings) return arguments.exit_code;
   try {
-    hlm::ve::configure_logging(arguments.settings->log_level);
-    hlm::ve::install_signal_handlers();
-    hlm::ve::ClientRun(*arguments.settings).go([] { return hlm::ve::stop_requested != 0; });
+    configure_logging(arguments.settings->log_level);
+    install_signal_handlers();
+    ClientRun(*arguments.settings).go([] { return stop_requested != 0; });
+  } catch (const hlm::settings::UsageError& error) {
+    return failure(error, hlm::settings::kUsageError);
+  } catch (const NeverAnswered& error) {
+    return failure(error, kServerNeverAnswered);
   } catch (const std::exception& error) {
-    std::cerr << "ve_client: " << error.what() << '\n';
-    return 1;
+    return failure(error, kFailed);
   }
-  return 0;
+  return kFinished;
 }

@@ -1,130 +1,120 @@
 #include "ve_client/settings.h"
 
-#include <iostream>
-#include <sstream>
+#include <vector>
 
-#include <CLI/CLI.hpp>
+#include "common/settings/command_line.h"
 
 namespace hlm::ve {
 namespace {
 
-std::string number(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
-}
+using settings::Table;
+using settings::UsageError;
+
+constexpr Range kFrameRates{1, 1000, "Hz"};
+
+const char* const kFooter =
+    R"(Examples:
+  ve_client --world worlds/testbed.sdf --server HOST:47800      for a server elsewhere
+  ve_client --world worlds/testbed.sdf --page 127.0.0.1:8080    with the live page
+  ve_client --world worlds/linkage.sdf --tool arm               with a linkage for a tool
+  ve_client --world worlds/testbed.sdf --network-delay 0.02     as over a slow network
+
+Exit codes: 0 finished; 1 failed while running; 2 wrong usage or configuration; 3 the server never
+answered.
+)";
 
 /// The command line, bound to the settings.
 class CommandLine {
  public:
   CommandLine() {
-    app_.option_defaults()->always_capture_default();
-    app_.set_config("--config", "", "File with any of these options, as printed by --print-config");
-    app_.allow_config_extras(CLI::config_extras_mode::error);
-    app_.add_flag("--print-config", print_config_, "Print the effective configuration and end")
-        ->configurable(false);
-    add_connection();
-    add_page();
-    add_world();
-    add_frame();
-    add_follow();
+    Table& table = command_line_.table();
+    add_connection(table);
+    add_environment(table);
+    add_frame(table);
+    add_tool(table);
+    add_network(table);
+    add_page(table);
+    add_recording(table);
   }
 
   ParsedArguments parse(int argc, const char* const* argv) {
-    try {
-      app_.parse(argc, argv);
-      finish();
-    } catch (const CLI::ParseError& error) {
-      if (error.get_exit_code() == 0) return {{}, app_.exit(error)};
-      std::cerr << "ve_client: " << error.what() << '\n';
-      return {{}, error.get_exit_code()};
-    }
-    if (print_config_) {
-      std::cout << app_.config_to_str(true, true);
-      return {};
-    }
+    const auto code = command_line_.parse(argc, argv, [this] { finish(); });
+    if (code) return {{}, *code};
     return {settings_, 0};
   }
 
  private:
-  void add_connection() {
-    app_.add_option("--server", settings_.server, "Haptic server, HOST:PORT");
-    app_.add_option("--connect-timeout", settings_.connect_timeout,
-                    "Give up when the server has not answered for this long at the start, s; "
-                    "0 waits for ever")
-        ->check(CLI::Range(0.0, 1e6));
-    app_.add_option("--record", settings_.record,
-                    "Write all datagrams to this capture file (pcap)");
-    app_.add_option("--duration", settings_.duration, "End after this long, s; 0: until stopped")
-        ->check(CLI::Range(0.0, 1e9));
-    app_.add_option("--log-level", settings_.log_level, "trace, debug, info, warn, error or off")
-        ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
-    app_.add_flag("--quiet", quiet_, "Log warnings and errors only");
+  void add_connection(Table& table) {
+    table.group("Connection");
+    table.text("server", settings_.server, "HOST:PORT", "Haptic server");
+    table.number("connect-timeout", settings_.connect_timeout, {0, 1e6, "s"},
+                 "Give up when the server has not answered for this long at the start; 0 waits for "
+                 "ever");
+    table.number("duration", settings_.duration, {0, 1e9, "s"}, "End after this long; 0 is never");
   }
 
-  void add_page() {
-    app_.add_option("--page", settings_.page,
-                    "Serve the live page at this ADDRESS:PORT, for example 127.0.0.1:8080. Other "
-                    "addresses than "
-                    "loopback let the network move the device");
-    app_.add_option("--page-root", settings_.page_root, "Folder of the page's files");
-    app_.add_option("--network-delay", settings_.network.delay,
-                    "Hold every datagram this long, in both directions, s")
-        ->check(CLI::Range(0.0, kLongestDelay));
-    app_.add_option("--network-jitter", settings_.network.jitter,
-                    "Hold each up to this much longer, s")
-        ->check(CLI::Range(0.0, kLongestJitter));
-    app_.add_option("--network-loss", settings_.network.loss, "Portion of datagrams that are lost")
-        ->check(CLI::Range(0.0, kLargestLoss));
+  void add_environment(Table& table) {
+    table.group("Environment");
+    table.file("world", settings_.world, "World, an SDFormat file (required)");
+    table.text("tool", settings_.tool, "MODEL", "Model of the world that is the virtual tool");
+    table.text("start", settings_.start, "NAME",
+               "Where the tool begins, one of its <haptic:start>; otherwise as the file places it");
   }
 
-  void add_world() {
-    app_.add_option("--world", settings_.world, "World, an SDFormat file (required)");
-    app_.add_option("--tool", settings_.tool, "Model of the world that is the virtual tool");
-    app_.add_option(
-        "--start", settings_.start,
-        "Where the tool begins: the name of one of its <haptic:start>; otherwise as the "
-        "file places it");
-    app_.add_option("--epsilon", settings_.frame.epsilon,
-                    "Report contacts up to this separation, m; 0: touching ones only")
-        ->check(CLI::Range(0.0, 0.1));
-    app_.add_option("--largest-epsilon", settings_.frame.largest_epsilon,
-                    "Above --epsilon: that separation grows with the tool's speed and the delay, "
-                    "up to this, m")
-        ->check(CLI::Range(0.0, 0.1));
+  void add_frame(Table& table) {
+    table.group("Contacts and frames");
+    table.number("epsilon", settings_.frame.epsilon, kEpsilons,
+                 "Report contacts up to this separation; 0 is touching ones only");
+    table.number("largest-epsilon", settings_.frame.largest_epsilon, kEpsilons,
+                 "Above --epsilon, that separation grows with the tool's speed and the delay, up "
+                 "to this; 0 is off");
+    table.number("rate", rate_, kFrameRates, "Frames per second");
+    table.interval("rate-range", rate_range_, kFrameRates,
+                   "Instead of --rate, draw the rate of each frame uniformly between these");
+    table.whole("seed", settings_.seed, {0, 1e9}, "Seed of the drawn rates");
+    table.number("delay", settings_.frame.delay, {0, 1, "s"},
+                 "Hold each update this long before sending, as a slow engine would, at most the "
+                 "shortest frame");
   }
 
-  void add_frame() {
-    app_.add_option("--rate", rate_, "Frames per second, Hz")->check(CLI::Range(1.0, 1000.0));
-    app_.add_option(
-            "--rate-range", rate_range_,
-            "LOW HIGH: instead of --rate, draw the rate of each frame uniformly between these, "
-            "Hz")
-        ->expected(2)
-        ->default_str("")
-        ->run_callback_for_default(false)
-        ->check(CLI::Range(1.0, 1000.0));
-    app_.add_option("--seed", settings_.seed, "Seed of the drawn rates");
-    app_.add_option("--delay", settings_.frame.delay,
-                    "Hold each update this long before sending, as a slow engine would, s; at most "
-                    "the shortest frame")
-        ->check(CLI::Range(0.0, 1.0));
+  void add_tool(Table& table) {
+    table.group("Virtual tool");
+    table.choice("follow", settings_.follow.mode,
+                 "How the tool follows the proxy: drawn by springs, walls stop it, or carried "
+                 "there through everything");
+    table.number("follow-frequency", settings_.follow.frequency, {1, 1000, "Hz"},
+                 "Natural frequency of those springs");
+    table.number("follow-damping", settings_.follow.damping_ratio, {0, 10},
+                 "Damping ratio of those springs, 1 is critical");
+    table.number("follow-force", settings_.follow.max_force, {0.1, 1e6, "N"},
+                 "Largest force of those springs on a link");
   }
 
-  void add_follow() {
-    app_.add_option("--follow", follow_,
-                    "implicit: springs draw the tool to the proxy, walls stop it; kinematic: it is "
-                    "carried there through everything")
-        ->check(CLI::IsMember({"implicit", "kinematic"}));
-    app_.add_option("--follow-frequency", settings_.follow.frequency,
-                    "Natural frequency of those springs, Hz")
-        ->check(CLI::Range(1.0, 1000.0));
-    app_.add_option("--follow-damping", settings_.follow.damping_ratio,
-                    "Damping ratio of those springs; 1 is critical")
-        ->check(CLI::Range(0.0, 10.0));
-    app_.add_option("--follow-force", settings_.follow.max_force,
-                    "Largest force of those springs on a link, N")
-        ->check(CLI::Range(0.1, 1e6));
+  void add_network(Table& table) {
+    table.group("Network, made worse on purpose");
+    table.number("network-delay", settings_.network.delay, {0, kLongestDelay, "s"},
+                 "Hold every datagram this long, in both directions");
+    table.number("network-jitter", settings_.network.jitter, {0, kLongestJitter, "s"},
+                 "Hold each up to this much longer");
+    table.number("network-loss", settings_.network.loss, {0, kLargestLoss},
+                 "Portion of datagrams that are lost");
+  }
+
+  void add_page(Table& table) {
+    table.group("Live page");
+    table.text("page", settings_.page, "ADDRESS:PORT",
+               "Serve the live page there, for example at 127.0.0.1:8080. Other addresses than "
+               "loopback let the network move the device");
+    table.text("page-root", settings_.page_root, "FOLDER", "Folder of the page's files");
+  }
+
+  void add_recording(Table& table) {
+    table.group("Recording");
+    table.file("record", settings_.record, "Write all datagrams to this capture file, pcap");
+    table.choice("log-level", settings_.log_level,
+                 {"trace", "debug", "info", "warn", "error", "off"},
+                 "What to say on standard error");
+    table.flag("quiet", quiet_, "Log warnings and errors only");
   }
 
   /// Settings that several options make together, and checks across options.
@@ -134,30 +124,33 @@ class CommandLine {
       settings_.rate_low = rate_range_[0];
       settings_.rate_high = rate_range_[1];
     }
-    settings_.follow.mode = follow_ == "kinematic" ? FollowMode::kKinematic : FollowMode::kImplicit;
     if (quiet_) settings_.log_level = "warn";
 
-    if (settings_.rate_low > settings_.rate_high) {
-      throw CLI::ValidationError("--rate-range", "LOW must not be above HIGH");
+    const FrameOptions& frame = settings_.frame;
+    if (const auto error =
+            find_error("--delay", frame.delay, Range{0, 1 / settings_.rate_high, "s"})) {
+      throw UsageError(*error + ", the shortest frame");
     }
-    if (settings_.frame.delay * settings_.rate_high > 1) {
-      throw CLI::ValidationError("--delay", number(settings_.frame.delay) +
-                                                " s must be at most the shortest frame, " +
-                                                number(1 / settings_.rate_high) + " s");
+    if (frame.largest_epsilon > 0 && frame.largest_epsilon < frame.epsilon) {
+      throw UsageError("--largest-epsilon " + shortest_text(frame.largest_epsilon) +
+                       " m must be 0, which is off, or at least --epsilon, " +
+                       shortest_text(frame.epsilon) + " m");
     }
-    // Not by CLI11, so that --print-config works without a world.
-    if (!print_config_ && settings_.world.empty()) throw CLI::RequiredError("--world");
+    // A configuration can be printed without a world.
+    if (!command_line_.prints_configuration() && settings_.world.empty()) {
+      throw UsageError("--world is missing: which world to simulate, an SDFormat file");
+    }
   }
 
-  CLI::App app_{
-      "Virtual environment: simulates a world and tells the haptic server what its tool "
-      "touches, or nearly touches."};
+  settings::CommandLine command_line_{
+      {.name = "ve_client",
+       .purpose = "Simulates a virtual environment and sends the haptic server what its tool "
+                  "touches, or nearly touches.",
+       .footer = kFooter}};
   Settings settings_;
   double rate_ = 60;
   std::vector<double> rate_range_;
-  std::string follow_ = "implicit";
   bool quiet_ = false;
-  bool print_config_ = false;
 };
 
 }  // namespace

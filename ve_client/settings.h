@@ -19,14 +19,14 @@ struct Settings {
   std::string start;                       ///< One of its <haptic:start>; empty: as placed.
   FrameOptions frame;
   FollowOptions follow;
-  double rate_low = 60;         ///< Hz. The rate of each frame is drawn between these.
-  double rate_high = 60;        ///< Hz.
-  std::uint64_t seed = 1;       ///< Of the drawn rates.
-  std::string record;           ///< Capture file; empty: none.
-  double duration = 0;          ///< s; 0: until stopped.
-  double connect_timeout = 10;  ///< s; 0: wait for ever.
-  std::string page;             ///< ADDRESS:PORT of the live page; empty: none.
-  std::string page_root;        ///< Folder of its files; empty: where they were built.
+  double rate_low = 60;        ///< Hz. The rate of each frame is drawn between these.
+  double rate_high = 60;       ///< Hz.
+  std::uint64_t seed = 1;      ///< Of the drawn rates.
+  std::string record;          ///< Capture file; empty: none.
+  double duration = 0;         ///< s; 0: until stopped.
+  double connect_timeout = 0;  ///< s; 0: wait for ever.
+  std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
+  std::string page_root;       ///< Folder of its files; empty: where they were built.
   NetworkConditions network;
   std::string log_level = "info";
 };
@@ -37,8 +37,8 @@ struct ParsedArguments {
   int exit_code = 0;
 };
 
-/// Reads the arguments. Prints help, the effective configuration or, on stderr, one line naming the
-/// option, its value and what is allowed.
+/// Reads the arguments. Prints help, the version, the effective configuration or, on stderr, one
+/// line naming the option, its value and what is allowed.
 ParsedArguments parse_arguments(int argc, const char* const* argv);
 
 }  // namespace hlm::ve

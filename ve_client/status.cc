@@ -1,5 +1,6 @@
 #include "ve_client/status.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include <spdlog/spdlog.h>
@@ -14,12 +15,35 @@ void Connection::watch(double now, const HapticClient::Inbox& inbox, bool connec
     ever_connected_ = true;
     busy_ = false;
   }
-  if (!connected && !ever_connected_ && timeout_ > 0 && now > timeout_) {
-    throw std::runtime_error(
-        "server " + server_ +
-        (busy_ ? " is still busy with another client after " : " has not answered within ") +
-        fmt::format("{} s (--connect-timeout)", timeout_));
+  if (connected) {
+    next_message_ = now + kPatience;
+    pause_ = kFirstPause;
+    return;
   }
+  if (inbox.reject && !busy_) next_message_ = now;
+  busy_ = busy_ || inbox.reject;
+  if (!ever_connected_ && timeout_ > 0 && now > timeout_) {
+    give_up(fmt::format("within {} s (--connect-timeout)", timeout_));
+  }
+  say_what_is_awaited(now);
+}
+
+void Connection::end(double now) const {
+  if (!ever_connected_) give_up(fmt::format("in {:.1f} s", now));
+}
+
+void Connection::give_up(const std::string& when) const {
+  throw NeverAnswered("server " + server_ +
+                      (busy_ ? " was busy with another client " : " has not answered ") + when);
+}
+
+void Connection::say_what_is_awaited(double now) {
+  if (now < next_message_) return;
+  spdlog::warn("waiting for server {}: {}", server_,
+               busy_ ? "it is busy with another client"
+                     : "it does not answer; is haptic_server running there?");
+  next_message_ = now + pause_;
+  pause_ = std::min(2 * pause_, kLongestPause);
 }
 
 void Connection::judge(const protocol::Reject& reject) {
@@ -32,9 +56,7 @@ void Connection::judge(const protocol::Reject& reject) {
     case protocol::RejectReason::kTool:
       throw std::runtime_error("server " + server_ + " cannot use the tool: " + text);
     case protocol::RejectReason::kBusy:
-      if (!busy_) spdlog::warn("server {} is busy with another client; waiting", server_);
-      busy_ = true;
-      return;
+      return;  // It may be free later.
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <stdexcept>
 #include <string>
 
 #include "ve_client/client/haptic_client.h"
@@ -10,23 +11,42 @@
 
 namespace hlm::ve {
 
-/// Judges whether the server can still be hoped for.
+/// The server has granted no session in the time that the user gave it.
+struct NeverAnswered : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Watches whether there is a session, and says what it waits for where there is none: soon,
+/// then ever more seldom.
 class Connection {
  public:
   /// `server` is its name in messages; `timeout` (s) holds until the first session, 0: for ever.
   Connection(std::string server, double timeout) : server_(std::move(server)), timeout_(timeout) {}
 
   /// Logs what changed. Throws std::runtime_error with one line if the server speaks another
-  /// version, refuses the tool, or has not granted a session in time. `now`: s since the start.
+  /// version or refuses the tool, NeverAnswered if it has not granted a session in time. `now`: s
+  /// since the start.
   void watch(double now, const HapticClient::Inbox& inbox, bool connected);
+  /// The run is over. Throws NeverAnswered if there has been no session at all. `now`: s since the
+  /// start.
+  void end(double now) const;
 
  private:
+  /// A server that runs has answered by then, s.
+  static constexpr double kPatience = 0.5;
+  static constexpr double kFirstPause = 5;     ///< s.
+  static constexpr double kLongestPause = 60;  ///< s.
+
   void judge(const protocol::Reject& reject);
+  void say_what_is_awaited(double now);
+  [[noreturn]] void give_up(const std::string& when) const;
 
   std::string server_;
   double timeout_;
   bool ever_connected_ = false;
   bool busy_ = false;
+  double next_message_ = kPatience;  ///< Of what is awaited, s since the start.
+  double pause_ = kFirstPause;       ///< From that message to the one after, s.
 };
 
 /// Logs one line a second.

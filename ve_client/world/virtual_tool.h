@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common/tool_model.h"
+#include "common/vocabulary.h"
 #include "ve_client/world/tool_assembly.h"
 #include "ve_client/world/world.h"
 
@@ -12,6 +13,20 @@ enum class FollowMode {
   kImplicit,   ///< Drawn by springs and dampers: walls stop it, loose bodies are pushed aside.
   kKinematic,  ///< Carried to the proxy's configuration in every step, through everything.
 };
+
+}  // namespace hlm::ve
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<ve::FollowMode>, 2> kWords<ve::FollowMode>{{
+    {ve::FollowMode::kImplicit, "implicit", "drawn by springs and dampers"},
+    {ve::FollowMode::kKinematic, "kinematic", "carried there through everything"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::ve {
 
 struct FollowOptions {
   FollowMode mode = FollowMode::kImplicit;
