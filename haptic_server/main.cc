@@ -110,14 +110,6 @@ std::uint64_t random_session_id() {
   return (static_cast<std::uint64_t>(random()) << 32) | random() | 1;
 }
 
-void warn_of_doubts(const PhysicsOptions& physics, const Device& device) {
-  for (const std::string& doubt : check_against_device(
-           physics.servo.controller, physics.servo.gains, physics.servo.local_model,
-           device.ratings(), device.measures_hand_wrench(), 1 / physics.servo.rate)) {
-    spdlog::warn("{}", doubt);
-  }
-}
-
 /// Ticks until the end is asked for.
 void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
@@ -136,16 +128,18 @@ void run_server(const ServerOptions& options) {
   PeriodicLoop loop(loop_options);
   install_signal_handlers(loop);
 
-  const std::unique_ptr<Device> device = make_device(options.physics);
-  warn_of_doubts(options.physics, *device);
+  const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
+  for (const std::string& doubt : doubts_about(options.physics, *device)) {
+    spdlog::warn("{}", doubt);
+  }
   protocol::UdpSocket socket(protocol::resolve(options.listen));
   std::optional<Recording> recording;
   if (!options.record.empty()) recording.emplace(options.record, socket);
   protocol::DatagramLink& link =
       recording ? recording->link() : static_cast<protocol::DatagramLink&>(socket);
   protocol::ServerSession session(link, {.first_session_id = random_session_id()});
-  const auto servo = std::make_unique<Servo>(options.physics.servo, fingerprint(options.physics),
-                                             session, *device);
+  const auto servo = std::make_unique<Servo>(
+      options.physics.servo, fingerprint(options.physics, *device), session, *device);
 
   EventLog events;
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
@@ -168,28 +162,39 @@ void run_server(const ServerOptions& options) {
   std::cout << summary.text(log.lost());
 }
 
+const char* const kFooter =
+    R"(Examples:
+  haptic_server --hand worlds/hands/session.toml          a scripted hand on a simulated device
+  haptic_server --listen 0.0.0.0:47800 --force-limit 3    for a client elsewhere, with little force
+  haptic_server --device-option freedom=spatial           the simulated device in space
+  haptic_server --device list                             what is connected
+  haptic_server --print-config > server.toml              a file to change and give with --config
+
+Exit codes: 0 finished; 1 failed while running; 2 wrong usage or configuration.
+)";
+
 }  // namespace
 }  // namespace hlm::server
 
 int main(int argc, char** argv) {
-  using namespace hlm::server;
-  ServerOptions options;
-  bool print_config = false;
-  CLI::App app("Haptic server: the local model of interaction and the device control.");
-  add_configuration_file(app, print_config);
-  add_options(app, options);
+  using namespace hlm;
+  server::ServerOptions options;
+  settings::CommandLine command_line(
+      {.name = "haptic_server",
+       .purpose = "Runs the local model of interaction with a haptic device at a fixed rate, on "
+                  "contacts that a client sends over UDP.",
+       .footer = server::kFooter});
+  add_options(command_line, options);
   try {
-    app.parse(argc, argv);
-    if (const auto error = find_error(options)) throw std::runtime_error(*error);
-    if (print_config) {
-      std::cout << app.config_to_str(true, true);
+    if (const auto code = command_line.parse(argc, argv, [&] { check(options); })) return *code;
+    if (const auto information = options.physics.device.information()) {
+      std::cout << *information;
       return 0;
     }
-    run_server(options);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
+    server::run_server(options);
+  } catch (const settings::UsageError& error) {
     std::cerr << "haptic_server: " << error.what() << '\n';
-    return error.get_exit_code();
+    return settings::kUsageError;
   } catch (const std::exception& error) {
     std::cerr << "haptic_server: " << error.what() << '\n';
     return 1;

@@ -2,36 +2,15 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include <CLI/CLI.hpp>
-
-#include "common/vocabulary.h"
-#include "haptic_server/device/simulated_device.h"
+#include "common/settings/command_line.h"
+#include "haptic_server/device/device_choice.h"
 #include "haptic_server/loop/periodic_loop.h"
 #include "haptic_server/loop/realtime.h"
 #include "haptic_server/loop/servo.h"
-
-namespace hlm::server {
-
-enum class DeviceKind {
-  kSimulated,  ///< An impedance device and the hand on it, simulated.
-  kReplay,     ///< Plays back the device of a recorded tick log.
-};
-
-}  // namespace hlm::server
-
-namespace hlm {
-
-template <>
-inline constexpr std::array<Word<server::DeviceKind>, 2> kWords<server::DeviceKind>{{
-    {server::DeviceKind::kSimulated, "simulated", "an impedance device and the hand on it"},
-    {server::DeviceKind::kReplay, "replay", "the device of a recorded tick log"},
-}};
-
-}  // namespace hlm
 
 namespace hlm::server {
 
@@ -39,10 +18,7 @@ namespace hlm::server {
 /// move their proxies bit for bit alike.
 struct PhysicsOptions {
   ServoOptions servo;
-  DeviceKind device = DeviceKind::kSimulated;
-  SimulatedDeviceOptions simulated;
-  std::string hand;        ///< Hand script of the simulated device, TOML; empty: no hand.
-  std::string device_log;  ///< Tick log that the replay device plays.
+  DeviceChoice device;
 };
 
 struct ServerOptions {
@@ -57,23 +33,25 @@ struct ServerOptions {
   bool status = true;  ///< Whether the status line is shown.
 };
 
-/// Adds the options of one group to a command line, bound to the given value.
-void add_options(CLI::App& app, PhysicsOptions& options);
-void add_options(CLI::App& app, ServerOptions& options);
+/// Adds the options of one group to a command line, bound to the given value, which must outlive
+/// it.
+void add_options(settings::CommandLine& command_line, PhysicsOptions& options);
+void add_options(settings::CommandLine& command_line, ServerOptions& options);
 
-/// Adds --config and --print-config.
-void add_configuration_file(CLI::App& app, bool& print_config);
+/// Throws settings::UsageError naming the option, its value and its range if options cannot be used
+/// together.
+void check(const PhysicsOptions& options);
+void check(const ServerOptions& options);
 
-/// Why options cannot be used, naming the option, its value and its range; empty if valid.
-std::optional<std::string> find_error(const PhysicsOptions& options);
-std::optional<std::string> find_error(const ServerOptions& options);
+/// What is doubtful about options on this device: sentences for a person.
+std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device);
 
-/// FNV-1a hash of all physics options and of the hand script's text: what a replay must share with
-/// the recording.
-std::uint64_t fingerprint(const PhysicsOptions& options);
+/// What a replay must share with the recording, for the welcome. Its upper half is a hash of the
+/// servo's options and of the device's ratings. The lower half is one of all the device's keys and
+/// of the hand script's text: a device that plays back a log has others than the recorded one.
+std::uint64_t fingerprint(const PhysicsOptions& options, const Device& device);
 
-/// The device that the options describe. Throws std::runtime_error naming the file that cannot be
-/// used.
-std::unique_ptr<Device> make_device(const PhysicsOptions& options);
+/// Whether a recording with that fingerprint was made with what these options describe.
+bool made_with(std::uint64_t recorded, const PhysicsOptions& options, const Device& device);
 
 }  // namespace hlm::server

@@ -43,13 +43,13 @@ std::vector<RecordedSession> chosen_sessions(const ReplayOptions& options) {
 /// Exit code: 0 if all came back bit for bit.
 int run_offline(const ReplayOptions& options) {
   const PhysicsOptions& physics = options.physics;
-  const std::uint64_t configuration = fingerprint(physics);
-  const std::unique_ptr<Device> device = make_device(physics);
+  const std::unique_ptr<Device> device = physics.device.open(1 / physics.servo.rate);
+  const std::uint64_t configuration = fingerprint(physics, *device);
   // Nobody else drains the log, so it must hold what comes between two drains.
   TickLog log(options.ticks, 2, [](const TickRecord&) {});
   bool all_equal = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
-    if (session.welcome.configuration != configuration) {
+    if (!made_with(session.welcome.configuration, physics, *device)) {
       std::cerr << "haptic_replay: warning: the session was recorded with other options than these:"
                    " give the server's with --config\n";
     }
@@ -83,41 +83,60 @@ int run_live(const ReplayOptions& options) {
   return 0;
 }
 
+const char* const kFooter =
+    R"(Examples:
+  haptic_replay run.pcap --server HOST:47800 --speed 2     into a running server
+  haptic_replay run.pcap --offline --config server.toml    on the local model, here
+  haptic_replay run.pcap --offline --config server.toml --device replay --device-option log=t.csv
+                                                           the same, with the device of a tick log
+
+Exit codes: 0 finished, and offline all states were equal; 1 failed, or states differed; 2 wrong
+usage or configuration.
+)";
+
+void add_replay_options(settings::CommandLine& command_line, ReplayOptions& options) {
+  command_line.positional("CAPTURE", options.capture, "Capture file, pcap or pcapng");
+  settings::Table& table = command_line.table();
+  table.group("Replay");
+  table.flag("offline", options.offline,
+             "Run the server's tick here and compare with the recorded proxy states");
+  table.text("server", options.server, "HOST:PORT", "Running server");
+  table.number("speed", options.speed, {1e-3, 1e3}, "Times the original pace");
+  table.whole("session", options.session, {0, 1e6},
+              "Which session of the capture, from 1; 0 is all");
+  table.file("ticks", options.ticks, "Offline: write every tick's signals here, CSV");
+  add_options(command_line, options.physics);
+  // The server's own file says more than what shapes the physics.
+  command_line.ignore_unknown_keys();
+}
+
 }  // namespace
 }  // namespace hlm::server
 
 int main(int argc, char** argv) {
-  using namespace hlm::server;
-  ReplayOptions options;
-  CLI::App app(
-      "Plays a recorded stream of contact packets (pcap or pcapng) into a running server, or, with "
-      "--offline, on the local model in virtual time.");
-  app.add_option("capture", options.capture, "Capture file")->required();
-  app.add_flag("--offline", options.offline,
-               "Run the server's tick here and compare with the recorded proxy states");
-  app.add_option("--server", options.server, "Running server, HOST:PORT")->capture_default_str();
-  app.add_option("--speed", options.speed, "Times the original pace")
-      ->check(CLI::Range(1e-3, 1e3))
-      ->capture_default_str();
-  app.add_option("--session", options.session, "Which session of the capture, from 1; 0: all")
-      ->capture_default_str();
-  app.set_config("--config", "", "The server's configuration file");
-  app.add_option("--ticks", options.ticks, "Offline: write every tick's signals here (CSV)");
-  add_options(app, options.physics);
-  // The server's own file says more than what shapes the physics.
-  app.allow_config_extras(CLI::config_extras_mode::ignore_all);
+  using namespace hlm;
+  server::ReplayOptions options;
+  settings::CommandLine command_line(
+      {.name = "haptic_replay",
+       .purpose = "Plays a recorded stream of contact packets into a running server, or, with "
+                  "--offline, on the local model in virtual time.",
+       .footer = server::kFooter});
+  server::add_replay_options(command_line, options);
   try {
-    app.parse(argc, argv);
-    if (const auto error = find_error(options.physics)) throw std::runtime_error(*error);
+    const auto check_all = [&] { server::check(options.physics); };
+    if (const auto code = command_line.parse(argc, argv, check_all)) return *code;
+    if (const auto information = options.physics.device.information()) {
+      std::cout << *information;
+      return 0;
+    }
     struct sigaction action {};
-    action.sa_handler = request_stop;
+    action.sa_handler = server::request_stop;
     sigaction(SIGINT, &action, nullptr);
     sigaction(SIGTERM, &action, nullptr);
-    return options.offline ? run_offline(options) : run_live(options);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
+    return options.offline ? server::run_offline(options) : server::run_live(options);
+  } catch (const settings::UsageError& error) {
     std::cerr << "haptic_replay: " << error.what() << '\n';
-    return error.get_exit_code();
+    return settings::kUsageError;
   } catch (const std::exception& error) {
     std::cerr << "haptic_replay: " << error.what() << '\n';
     return 1;

@@ -1,17 +1,45 @@
 // What the server asks of a haptic device.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <limits>
 #include <optional>
+#include <string_view>
 
 #include "common/spatial.h"
+#include "common/vocabulary.h"
+
+namespace hlm::server {
+
+/// How a device is that has not failed.
+enum class DeviceHealth {
+  kGood,
+  kSaturated,  ///< Its motors give less than was commanded.
+  kLate,       ///< Commands reach it too late or too seldom for its own time guard.
+  kForceOff,   ///< Its own safety, or its switch, holds the motors off.
+};
+
+}  // namespace hlm::server
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<server::DeviceHealth>, 4> kWords<server::DeviceHealth>{{
+    {server::DeviceHealth::kGood, "good", "it does what it is told"},
+    {server::DeviceHealth::kSaturated, "saturated", "its motors give less than was commanded"},
+    {server::DeviceHealth::kLate, "late", "commands reach it too late or too seldom"},
+    {server::DeviceHealth::kForceOff, "force_off", "its own safety holds the motors off"},
+}};
+
+}  // namespace hlm
 
 namespace hlm::server {
 
 /// What a device can do. A value that a device does not rate is infinite.
 struct DeviceRatings {
-  double max_force = std::numeric_limits<double>::infinity();              ///< N.
-  double max_torque = std::numeric_limits<double>::infinity();             ///< N·m.
+  double max_force = std::numeric_limits<double>::infinity();   ///< N.
+  double max_torque = std::numeric_limits<double>::infinity();  ///< N·m; 0: it takes no torque.
   double max_force_rate = std::numeric_limits<double>::infinity();         ///< N/s.
   double max_torque_rate = std::numeric_limits<double>::infinity();        ///< N·m/s.
   double max_stiffness = std::numeric_limits<double>::infinity();          ///< Renderable, N/m.
@@ -27,27 +55,46 @@ struct DeviceState {
   /// The hand's wrench on the handle, world axes, about the handle's origin; empty where the device
   /// has no such sensor.
   std::optional<Wrench> F_hand;
+  std::uint32_t buttons = 0;      ///< Bit i: button i is pressed.
+  std::optional<double> gripper;  ///< Opening between its fingers, m; empty: it has none.
+  DeviceHealth health = DeviceHealth::kGood;
 };
 
-/// One haptic device. All calls come from the servo thread: none waits beyond the device's own
-/// exchange, allocates or throws.
+/// The hand of a simulated device, for a person far away to hold. Called from the servo thread.
+class GuidedHand {
+ public:
+  /// The hand draws the handle to X_WTarget until release().
+  virtual void hold(const Pose& X_WTarget) noexcept = 0;
+  virtual void release() noexcept = 0;
+
+ protected:
+  ~GuidedHand() = default;
+};
+
+/// One open haptic device. Poses, twists and wrenches are those of the world: its frame and its
+/// scale are the driver's business. What is noexcept is called from the servo thread and neither
+/// waits beyond the device's own exchange nor allocates. The destructor stops the motors and closes
+/// the device, off the servo thread.
 class Device {
  public:
   virtual ~Device() = default;
 
+  /// For a person: "simulated planar device". Valid as long as the device.
+  virtual std::string_view name() const noexcept = 0;
   virtual const DeviceRatings& ratings() const noexcept = 0;
   /// Whether DeviceState::F_hand will be filled.
   virtual bool measures_hand_wrench() const noexcept = 0;
+  /// Finds where the handle is, before the first tick and off the servo thread: may take seconds,
+  /// and may move the device. Throws std::runtime_error that says what is wrong.
+  virtual void calibrate() {}
   /// From here on the handle's present pose is reported as X_WH and motions relative to it; a
   /// simulated device starts its life anew there, at rest.
   virtual void align(const Pose& X_WH) noexcept = 0;
   virtual void enable() noexcept = 0;
   /// Motors off. Wrenches are ignored until enable().
   virtual void disable() noexcept = 0;
-  /// Whether guide() has a hand to hold.
-  virtual bool guidable() const noexcept { return false; }
-  /// A person far away holds the hand of a simulated device at X_WTarget; empty: lets go.
-  virtual void guide(const std::optional<Pose>& /*X_WTarget*/) noexcept {}
+  /// Null where a person holds the device.
+  virtual GuidedHand* guided_hand() noexcept { return nullptr; }
   /// Present state; empty if the device failed.
   virtual std::optional<DeviceState> read() noexcept = 0;
   /// Commands the wrench that the device exerts on the hand at the handle's origin, world axes,

@@ -8,7 +8,7 @@
 
 #include <toml++/toml.h>
 
-#include "haptic_server/device/range.h"
+#include "common/range.h"
 
 namespace hlm::server {
 namespace {

@@ -33,6 +33,7 @@ class ReplayDevice final : public Device {
   /// `steps` must not be empty. `ratings`: those of the recorded device.
   ReplayDevice(std::vector<RecordedStep> steps, const DeviceRatings& ratings);
 
+  std::string_view name() const noexcept override { return "recorded device"; }
   const DeviceRatings& ratings() const noexcept override { return ratings_; }
   /// Whether the first step has the hand's wrench.
   bool measures_hand_wrench() const noexcept override {

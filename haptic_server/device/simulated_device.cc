@@ -5,7 +5,6 @@
 #include <numbers>
 #include <utility>
 
-#include "haptic_server/device/range.h"
 #include "haptic_server/device/saturate.h"
 
 namespace hlm::server {
@@ -14,8 +13,6 @@ namespace {
 /// Longest substep, s. A stiff hand (20 kN/m) on a light device (50 g) still has ten substeps to
 /// its radian; longer ones would let it oscillate, shorter ones only cost time.
 constexpr double kLongestSubstep = 1e-4;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double rounded(double value, double step) noexcept {
   return step > 0 ? step * std::round(value / step) : value;
@@ -29,7 +26,9 @@ Wrench within(DeviceFreedom freedom, const Wrench& F) noexcept {
   return planar;
 }
 
-DeviceRatings rated(const SimulatedDeviceOptions& options) noexcept {
+}  // namespace
+
+DeviceRatings ratings_of(const SimulatedDeviceOptions& options) noexcept {
   return {.max_force = options.max_force,
           .max_torque = options.max_torque,
           .max_force_rate = options.max_force_rate,
@@ -41,35 +40,9 @@ DeviceRatings rated(const SimulatedDeviceOptions& options) noexcept {
           .damping = options.damping};
 }
 
-}  // namespace
-
-std::optional<std::string> find_error(const SimulatedDeviceOptions& o) {
-  const struct {
-    std::string_view name;
-    double value;
-    Range range;
-  } limits[] = {
-      {"device mass", o.mass, {0.05, 1000, "kg"}},
-      {"device inertia", o.inertia, {1e-4, 100, "kg·m²"}},
-      {"device damping", o.damping, {0, 1e4, "N·s/m"}},
-      {"device angular damping", o.angular_damping, {0, 100, "N·m·s/rad"}},
-      {"device dry friction", o.dry_friction, {0, 1000, "N"}},
-      {"device dry friction torque", o.dry_friction_torque, {0, 100, "N·m"}},
-      {"device largest force", o.max_force, {0.01, kInfinity, "N"}},
-      {"device largest torque", o.max_torque, {1e-4, kInfinity, "N·m"}},
-      {"device largest force rate", o.max_force_rate, {1, kInfinity, "N/s"}},
-      {"device largest torque rate", o.max_torque_rate, {0.01, kInfinity, "N·m/s"}},
-      {"device largest stiffness", o.max_stiffness, {1, kInfinity, "N/m"}},
-      {"device largest angular stiffness", o.max_angular_stiffness, {1e-3, kInfinity, "N·m/rad"}},
-      {"device position step", o.position_step, {0, 0.01, "m"}},
-      {"device angle step", o.angle_step, {0, 0.1, "rad"}},
-      {"device velocity cut-off", o.velocity_cutoff, {0.1, kInfinity, "Hz"}},
-      {"device delay", static_cast<double>(o.delay), {0, kMaxDelay, "ticks"}},
-  };
-  for (const auto& limit : limits) {
-    if (auto error = find_error(limit.name, limit.value, limit.range)) return error;
-  }
-  return std::nullopt;
+std::optional<std::string> find_error(const SimulatedDeviceOptions& options) {
+  if (auto error = find_error(options, kSimulatedDeviceNumbers)) return error;
+  return find_error("delay", options.delay, kDeviceDelays);
 }
 
 SimulatedDevice::Kick SimulatedDevice::kick(double inertia, double damping, double friction,
@@ -89,7 +62,7 @@ Vector3 SimulatedDevice::Kick::velocity(const Vector3& v, const Vector3& F) cons
 
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandScript hand, double dt)
     : options_(options),
-      ratings_(rated(options)),
+      ratings_(ratings_of(options)),
       hand_(std::move(hand)),
       dt_(dt),
       substeps_(static_cast<int>(std::ceil(dt / kLongestSubstep))),
@@ -103,12 +76,18 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandScri
   disable();
 }
 
+std::string_view SimulatedDevice::name() const noexcept {
+  return options_.freedom == DeviceFreedom::kPlanar ? "simulated planar device"
+                                                    : "simulated spatial device";
+}
+
 void SimulatedDevice::align(const Pose& X_WH) noexcept {
   steps_ = 0;
   X_WStart_ = X_WD_ = X_WD_sensed_ = X_WH;
   V_WD_ = V_WD_sensed_ = Twist::Zero();
   hand_.start(X_WH);
   X_WGuide_.reset();
+  saturated_ = false;
 }
 
 void SimulatedDevice::enable() noexcept {
@@ -117,7 +96,10 @@ void SimulatedDevice::enable() noexcept {
 }
 
 std::optional<DeviceState> SimulatedDevice::read() noexcept {
-  DeviceState state{X_WD_sensed_, V_WD_sensed_, std::nullopt};
+  DeviceState state;
+  state.X_WD = X_WD_sensed_;
+  state.V_WD = V_WD_sensed_;
+  if (saturated_) state.health = DeviceHealth::kSaturated;
   if (options_.measures_hand_wrench) {
     state.F_hand = hand_wrench(static_cast<double>(steps_) * h_);
   }
@@ -135,10 +117,13 @@ bool SimulatedDevice::write(const Wrench& F) noexcept {
 Wrench SimulatedDevice::motor_wrench(const Wrench& commanded) noexcept {
   newest_ = (newest_ + 1) % commands_.size();
   commands_[newest_] = commanded;
+  saturated_ = false;
   if (!enabled_) return Wrench::Zero();
   const std::size_t behind = static_cast<std::size_t>(options_.delay);
   const Wrench& due = commands_[(newest_ + commands_.size() - behind) % commands_.size()];
-  return saturated(due, options_.max_force, options_.max_torque);
+  const Wrench given = saturated(due, options_.max_force, options_.max_torque);
+  saturated_ = given != due;
+  return given;
 }
 
 Wrench SimulatedDevice::hand_wrench(double t) const noexcept {

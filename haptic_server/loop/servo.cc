@@ -139,12 +139,14 @@ protocol::Welcome Servo::welcome() const noexcept {
   return {.servo_rate = options_.rate,
           .configuration = configuration_,
           .tuning = tuning_of(options_),
-          .guidable = device_.guidable()};
+          .guidable = device_.guided_hand() != nullptr};
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {
   telemetry_.switch_on(control.telemetry);
-  device_.guide(control.holds ? std::optional(control.X_WTarget) : std::nullopt);
+  if (GuidedHand* hand = device_.guided_hand()) {
+    control.holds ? hand->hold(control.X_WTarget) : hand->release();
+  }
   const ServoOptions options = control.tuned ? tuned(options_, control.tuning) : options_;
   local_model_->set_parameters(options.local_model);
   // A tool of several links cannot take the device's pose; its controller stays.

@@ -55,8 +55,8 @@ class Session:
 def live_session(server, client, worlds, *server_options):
     """Both programs on the testbed until the end of the block."""
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-    with running(server, "--listen", f"127.0.0.1:{udp}", "--status", "false", "--device-friction",
-                 "0", *server_options) as process, \
+    with running(server, "--listen", f"127.0.0.1:{udp}", "--status", "false", "--device-option",
+                 "friction=0", *server_options) as process, \
          running(client, "--server", f"127.0.0.1:{udp}", "--world",
                  pathlib.Path(worlds) / "testbed.sdf", "--page", f"127.0.0.1:{tcp}", "--quiet"):
         wait_for(lambda: listens(tcp), "the page's server")

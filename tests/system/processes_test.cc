@@ -69,8 +69,8 @@ TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 
                                                 "wrench = { force = [0, 0.5, 0] }\n";
   const int port = free_port();
   Process haptic_server(server(port) + Arguments{"--hand", directory.file("push.toml"), "--log",
-                                                 directory.file("ticks.csv"), "--device-friction",
-                                                 "0"});
+                                                 directory.file("ticks.csv"), "--device-option",
+                                                 "friction=0"});
   REQUIRE(haptic_server.wait_for_error("listening", 10));
   const Finished session = run(client(port) + Arguments{"--duration", "6"}, 30);
   CHECK(session.exit_code == 0);
@@ -145,7 +145,8 @@ TEST_CASE("A second client is turned away while the first is alive") {
   Process first(client(port) + Arguments{"--duration", "30"});
   REQUIRE(haptic_server.wait_for_error("begins", 10));
   const Finished second = run(client(port) + Arguments{"--connect-timeout", "1"});
-  CHECK(second.exit_code != 0);
+  CHECK(second.exit_code == 3);
+  CHECK_THAT(second.error, ContainsSubstring("busy with another client"));
   CHECK(first.running());
 }
 
@@ -186,37 +187,58 @@ TEST_CASE("Garbage and floods change counters, not the session") {
   CHECK(number(row, "step") > 500);
 }
 
-/// A program that must refuse: non-zero exit and one line on stderr with all these texts.
-void refuses(const Arguments& arguments, const std::vector<std::string>& texts) {
+TEST_CASE("A client whose duration ends before any server answers ends with status 3") {
+  const int nobody = free_port();
+  const Finished finished = run(client(nobody) + Arguments{"--duration", "1.5"});
+  CHECK(finished.exit_code == 3);
+  CHECK_THAT(finished.error, ContainsSubstring("waiting for server " + address(nobody)) &&
+                                 ContainsSubstring("has not answered in 1.5 s"));
+}
+
+TEST_CASE("A client whose terminal goes says goodbye") {
+  const int port = free_port();
+  Process haptic_server(server(port));
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  Process haptic_client(client(port));
+  REQUIRE(haptic_server.wait_for_error("begins", 10));
+  haptic_client.send_signal(SIGHUP);
+  CHECK(haptic_client.wait(10) == 0);
+  CHECK(haptic_server.wait_for_error("is over", 10));
+}
+
+/// A program that must refuse: exit status 2 and one line on stderr with all these texts.
+void refuses(const Arguments& arguments, const std::vector<std::string>& texts, int exit_code = 2) {
   const Finished finished = run(arguments);
   INFO(finished.error);
-  CHECK(finished.exit_code != 0);
-  CHECK(finished.exit_code != -1);
+  CHECK(finished.exit_code == exit_code);
   CHECK(std::count(finished.error.begin(), finished.error.end(), '\n') == 1);
   for (const std::string& text : texts) CHECK_THAT(finished.error, ContainsSubstring(text));
 }
 
 TEST_CASE("Bad options of the server: one line that names the thing and what is allowed") {
   refuses({HLM_SERVER, "--bogus"}, {"--bogus"});
-  refuses({HLM_SERVER, "--rate", "50"}, {"rate 50", "100", "8000"});
-  refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "1 to 1000000 N/m"});
+  refuses({HLM_SERVER, "--rate", "50"}, {"--rate 50 Hz must be 100 to 8000 Hz"});
+  refuses({HLM_SERVER, "--stiffness", "-1"}, {"--stiffness -1 N/m must be 1 to 1000000 N/m"});
   refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"});
   refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"});
-  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"});
-  refuses({HLM_SERVER, "--device", "replay"}, {"--device-log"});
+  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"}, 1);
+  refuses({HLM_SERVER, "--device", "replay"}, {"--device-option log="});
   refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"});
-  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"});
+  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"}, 1);
 
   const TemporaryDirectory directory;
   std::ofstream(directory.file("bad.toml")) << "stiffnes=4000\n";
-  refuses({HLM_SERVER, "--config", directory.file("bad.toml")}, {"stiffnes"});
+  refuses({HLM_SERVER, "--config", directory.file("bad.toml")},
+          {"bad.toml:1: unknown key 'stiffnes'", "'stiffness'"});
+  std::ofstream(directory.file("broken.toml")) << "stiffness = 4000\ndamping = \n";
+  refuses({HLM_SERVER, "--config", directory.file("broken.toml")}, {"broken.toml:2: "});
 }
 
 TEST_CASE("A port in use is named") {
   const int port = free_port();
   Process first(server(port));
   REQUIRE(first.wait_for_error("listening", 10));
-  refuses(server(port), {address(port)});
+  refuses(server(port), {address(port)}, 1);
 }
 
 TEST_CASE("Bad options of the client: one line that names the thing and what is allowed") {
@@ -226,18 +248,19 @@ TEST_CASE("Bad options of the client: one line that names the thing and what is 
   refuses({HLM_CLIENT, "--bogus"}, {"--bogus"});
   refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--epsilon", "2"}, {"epsilon"});
   const int nobody = free_port();
-  refuses(client(nobody) + Arguments{"--quiet", "--connect-timeout", "0.5"}, {address(nobody)});
+  refuses(client(nobody) + Arguments{"--quiet", "--connect-timeout", "0.4"}, {address(nobody)}, 3);
 
   const TemporaryDirectory directory;
   std::ofstream(directory.file("bad.toml")) << "epsilom=0.005\n";
-  refuses({HLM_CLIENT, "--config", directory.file("bad.toml")}, {"epsilom"});
+  refuses({HLM_CLIENT, "--config", directory.file("bad.toml")},
+          {"bad.toml:1: unknown key 'epsilom'", "'epsilon'"});
 }
 
 TEST_CASE("A capture of something else is refused") {
   const TemporaryDirectory directory;
   std::ofstream(directory.file("notes.txt")) << "not a capture\n";
-  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"});
-  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"});
+  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"}, 1);
+  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"}, 1);
 }
 
 TEST_CASE("The printed configuration is one that the program reads") {

@@ -373,20 +373,44 @@ TEST_CASE("Options out of range are refused with name, value and range") {
   SimulatedDeviceOptions options;
   SECTION("mass") {
     options.mass = 0.01;
-    CHECK(*find_error(options) == "device mass 0.01 kg must be 0.05 to 1000 kg");
+    CHECK(*find_error(options) == "mass 0.01 kg must be 0.05 to 1000 kg");
   }
   SECTION("not a number") {
     options.damping = std::numeric_limits<double>::quiet_NaN();
-    CHECK(*find_error(options) == "device damping nan N·s/m must be 0 to 10000 N·s/m");
+    CHECK(*find_error(options) == "damping nan N·s/m must be 0 to 10000 N·s/m");
   }
   SECTION("force") {
     options.max_force = 0;
-    CHECK(*find_error(options) == "device largest force 0 N must be at least 0.01 N");
+    CHECK(*find_error(options) == "max force 0 N must be at least 0.01 N");
   }
   SECTION("delay") {
     options.delay = -1;
-    CHECK(*find_error(options) == "device delay -1 ticks must be 0 to 64 ticks");
+    CHECK(*find_error(options) == "delay -1 ticks must be 0 to 64 ticks");
   }
+}
+
+TEST_CASE("A command above what the motors give is reported as saturation, until it is over") {
+  SimulatedDeviceOptions options = frictionless();
+  options.max_torque = 0.1;  // N·m.
+  SimulatedDevice device = started(options);
+  CHECK(device.read()->health == DeviceHealth::kGood);
+  Wrench F = Wrench::Zero();
+  F[5] = 0.11;
+  run(device, 1, F);
+  CHECK(device.read()->health == DeviceHealth::kSaturated);
+  F[5] = 0.1;
+  run(device, 1, F);
+  CHECK(device.read()->health == DeviceHealth::kGood);
+}
+
+TEST_CASE("A person far away can hold its hand, and let go") {
+  SimulatedDevice device = started(frictionless(), pushing({1, 0, 0}));
+  GuidedHand* const hand = device.guided_hand();
+  REQUIRE(hand != nullptr);
+  hand->hold({{0.02, 0, 0}, Quaternion::Identity()});
+  CHECK(run(device, 2000).X_WD.p.x() == Approx(0.02).margin(1e-3));  // m
+  hand->release();
+  CHECK(run(device, 200).X_WD.p.x() > 0.03);  // The script's hand pushes again.
 }
 
 }  // namespace

@@ -1,0 +1,124 @@
+#include "haptic_server/device/device_choice.h"
+
+#include "common/settings/nearest.h"
+#include "haptic_server/device/drivers/replay_driver.h"
+#include "haptic_server/device/drivers/simulated_driver.h"
+
+namespace hlm::server {
+namespace {
+
+using settings::Assignment;
+using settings::UsageError;
+
+const std::string kDriver = "driver";
+const std::string kList = "list";
+
+std::string connected_to(const DeviceDriver& driver) {
+  std::vector<std::string> lines;
+  try {
+    lines = driver.connected();
+    if (lines.empty()) lines = {"none connected"};
+  } catch (const std::runtime_error& error) {
+    lines = {error.what()};
+  }
+  std::string text;
+  for (const std::string& line : lines) text += "    " + line + '\n';
+  return text;
+}
+
+}  // namespace
+
+std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
+  std::vector<std::unique_ptr<DeviceDriver>> drivers;
+  drivers.push_back(std::make_unique<SimulatedDriver>());
+  drivers.push_back(std::make_unique<ReplayDriver>());
+  return drivers;
+}
+
+DeviceChoice::DeviceChoice(std::vector<std::unique_ptr<DeviceDriver>> drivers)
+    : drivers_(std::move(drivers)), driver_(drivers_.front().get()) {}
+
+void DeviceChoice::add_to(settings::CommandLine& command_line) {
+  std::string names;
+  for (const auto& driver : drivers_) names += std::string(driver->name()) + ", ";
+  command_line.section(
+      {.name = "device",
+       .group = "Device",
+       .section = this,
+       .option = "device-option",
+       .help = "Set a key of the device, any number of times",
+       .shorthands = {{"device", kDriver, "NAME",
+                       "Device: " + names + "or list, which says what is connected (default " +
+                           std::string(driver_->name()) + ")"},
+                      {"hand", "hand", "FILE", "Hand script of the simulated device, TOML"}}});
+  command_line.table().group("Device");
+  command_line.table().flag("device-help", helps_, "Print the keys of the device and end");
+  command_line.table().not_in_files();
+}
+
+void DeviceChoice::set(const std::vector<Assignment>& assignments) {
+  const DeviceDriver* of_file = driver_;
+  const DeviceDriver* chosen = nullptr;
+  for (const Assignment& each : assignments) {
+    if (each.key != kDriver) continue;
+    lists_ = !each.from_file && each.values == settings::Values{kList};
+    if (lists_) return;
+    (each.from_file ? of_file : chosen) = &find(each);
+  }
+  driver_ = chosen != nullptr ? chosen : of_file;
+  for (const Assignment& each : assignments) {
+    if (each.key == kDriver) continue;
+    const bool is_of_other = each.from_file && driver_ != of_file &&
+                             driver_->table().find(each.key) == nullptr &&
+                             of_file->table().find(each.key) != nullptr;
+    if (!is_of_other) set_key(each);
+  }
+}
+
+const DeviceDriver& DeviceChoice::find(const Assignment& name) const {
+  std::string known;
+  for (const auto& driver : drivers_) {
+    if (name.values == settings::Values{std::string(driver->name())}) return *driver;
+    known += (known.empty() ? "" : ", ") + std::string(driver->name());
+  }
+  throw UsageError(name.name + ' ' + (name.values.empty() ? "''" : name.values.front()) +
+                   " must be one of " + known + (name.from_file ? "" : ", list"));
+}
+
+void DeviceChoice::set_key(const Assignment& assignment) const {
+  const settings::Setting* const setting = driver_->table().find(assignment.key);
+  if (setting == nullptr) {
+    const std::string hint = settings::suggestion(assignment.key, driver_->table().keys());
+    throw UsageError(assignment.name + ": device " + std::string(driver_->name()) +
+                     " has no such key" + (hint.empty() ? "; see --device-help" : hint));
+  }
+  settings::set(*setting, assignment);
+}
+
+std::string DeviceChoice::to_toml(bool described) const {
+  return kDriver + " = \"" + std::string(driver_->name()) + "\"\n" +
+         driver_->table().to_toml(described);
+}
+
+std::optional<std::string> DeviceChoice::information() const {
+  if (lists_) {
+    std::string text;
+    for (const auto& driver : drivers_) {
+      text += settings::help_line(std::string(driver->name()), std::string(driver->purpose()));
+      text += connected_to(*driver);
+    }
+    return text + "Keys of one: --device NAME --device-help\n";
+  }
+  if (!helps_) return std::nullopt;
+  return "Keys of device " + std::string(driver_->name()) + ", " + std::string(driver_->purpose()) +
+         ":\nin a configuration file under [device], or as --device-option KEY=VALUE\n\n" +
+         settings::help_of(driver_->table(), "");
+}
+
+std::unique_ptr<Device> DeviceChoice::open(double dt) const {
+  auto device = driver_->open(dt);
+  device->calibrate();
+  return device;
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,41 @@
+// Which device the user wants: the configuration's [device] table.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/settings/command_line.h"
+#include "haptic_server/device/device_driver.h"
+
+namespace hlm::server {
+
+/// Reads `driver` first, then the keys of that driver. Where the command line names another driver
+/// than the file, the file's keys are kept as far as both drivers have them.
+class DeviceChoice final : public settings::Section {
+ public:
+  explicit DeviceChoice(std::vector<std::unique_ptr<DeviceDriver>> drivers = all_drivers());
+
+  void set(const std::vector<settings::Assignment>& assignments) override;
+  std::string to_toml(bool described) const override;
+  /// As the options --device, --hand and --device-option.
+  void add_to(settings::CommandLine& command_line);
+
+  const DeviceDriver& driver() const { return *driver_; }
+  /// What --device list or --device-help asks for; empty if neither was given.
+  std::optional<std::string> information() const;
+  /// The chosen device, calibrated. dt: servo period, s. Throws std::runtime_error.
+  std::unique_ptr<Device> open(double dt) const;
+
+ private:
+  const DeviceDriver& find(const settings::Assignment& name) const;
+  void set_key(const settings::Assignment& assignment) const;
+
+  std::vector<std::unique_ptr<DeviceDriver>> drivers_;
+  const DeviceDriver* driver_;
+  bool lists_ = false;
+  bool helps_ = false;
+};
+
+}  // namespace hlm::server

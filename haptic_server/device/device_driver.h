@@ -1,0 +1,42 @@
+// How a kind of haptic device is found and opened. Nothing here is called from the servo thread.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/settings/table.h"
+#include "haptic_server/device/device.h"
+
+namespace hlm::server {
+
+/// One kind of device. What its library or service needs is opened by connected() and open(), so a
+/// driver costs nothing, and lacks nothing, until it is asked.
+class DeviceDriver {
+ public:
+  virtual ~DeviceDriver() = default;
+
+  /// What --device and the configuration call it.
+  virtual std::string_view name() const = 0;
+  /// One clause for a person.
+  virtual std::string_view purpose() const = 0;
+  /// Its keys of the configuration's [device] table: which one, its frame, its scale, its own
+  /// limits.
+  virtual const settings::Table& table() const = 0;
+  /// Why the keys cannot be used together; empty if they can.
+  virtual std::optional<std::string> find_error() const { return std::nullopt; }
+
+  /// The devices that open() could open now, one line each: which, and how it was reached. Throws
+  /// std::runtime_error that says what is missing, where it was searched and where to get it.
+  virtual std::vector<std::string> connected() const = 0;
+  /// Opens the device that the keys describe, motors off; not yet calibrated. dt: servo period, s.
+  /// Throws std::runtime_error, or settings::UsageError where a key is at fault.
+  virtual std::unique_ptr<Device> open(double dt) const = 0;
+};
+
+/// All drivers of this program, in the order in which a person reads them.
+std::vector<std::unique_ptr<DeviceDriver>> all_drivers();
+
+}  // namespace hlm::server

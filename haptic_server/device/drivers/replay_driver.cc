@@ -1,0 +1,58 @@
+#include "haptic_server/device/drivers/replay_driver.h"
+
+#include <array>
+
+#include "haptic_server/device/replay_device.h"
+#include "haptic_server/device/simulated_device.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kAny = Range::kInfinite;
+
+constexpr std::array<NumberOf<DeviceRatings>, 9> kRatingNumbers{{
+    {{0, kAny, "N"}, "max force", &DeviceRatings::max_force, "Rated force of the recorded device"},
+    {{0, kAny, "N·m"}, "max torque", &DeviceRatings::max_torque, "Its rated torque"},
+    {{0, kAny, "N/s"},
+     "max force rate",
+     &DeviceRatings::max_force_rate,
+     "Its rated change of force"},
+    {{0, kAny, "N·m/s"},
+     "max torque rate",
+     &DeviceRatings::max_torque_rate,
+     "Its rated change of torque"},
+    {{0, kAny, "N/m"}, "max stiffness", &DeviceRatings::max_stiffness, "Its rated stiffness"},
+    {{0, kAny, "N·m/rad"},
+     "max angular stiffness",
+     &DeviceRatings::max_angular_stiffness,
+     "Its rated angular stiffness"},
+    {from_zero("kg"), "mass", &DeviceRatings::mass, "Its mass; 0 is unknown"},
+    {from_zero("kg·m²"), "inertia", &DeviceRatings::inertia, "Its inertia; 0 is unknown"},
+    {from_zero("N·s/m"), "damping", &DeviceRatings::damping, "Its damping"},
+}};
+
+}  // namespace
+
+ReplayDriver::ReplayDriver() : ratings_(ratings_of(SimulatedDeviceOptions{})) {
+  table_.file("log", log_, "Tick log to play, CSV (required)");
+  table_.numbers(ratings_, kRatingNumbers);
+}
+
+std::optional<std::string> ReplayDriver::find_error() const {
+  if (log_.empty()) return "device replay needs its log: --device-option log=FILE";
+  return std::nullopt;
+}
+
+std::vector<std::string> ReplayDriver::connected() const {
+  return log_.empty() ? std::vector<std::string>{} : std::vector<std::string>{log_};
+}
+
+std::unique_ptr<Device> ReplayDriver::open(double) const {
+  try {
+    return std::make_unique<ReplayDevice>(read_recorded_steps(log_), ratings_);
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(error.what());
+  }
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,26 @@
+#include "haptic_server/device/drivers/simulated_driver.h"
+
+#include "haptic_server/device/hand_script.h"
+
+namespace hlm::server {
+
+SimulatedDriver::SimulatedDriver() {
+  table_.file("hand", hand_, "Hand script, TOML; '' is no hand");
+  table_.choice("freedom", options_.freedom, "How the handle moves");
+  table_.numbers(options_, kSimulatedDeviceNumbers);
+  table_.whole("delay", options_.delay, kDeviceDelays, "Delay of a command");
+  table_.yes_no("measures-hand", options_.measures_hand_wrench,
+                "Whether it measures the hand's wrench");
+}
+
+std::unique_ptr<Device> SimulatedDriver::open(double dt) const {
+  HandScript hand;
+  try {
+    if (!hand_.empty()) hand = read_hand_script(hand_);
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(error.what());
+  }
+  return std::make_unique<SimulatedDevice>(options_, std::move(hand), dt);
+}
+
+}  // namespace hlm::server
