@@ -44,9 +44,12 @@ struct DeviceRatings {
   double max_torque_rate = std::numeric_limits<double>::infinity();        ///< N·m/s.
   double max_stiffness = std::numeric_limits<double>::infinity();          ///< Renderable, N/m.
   double max_angular_stiffness = std::numeric_limits<double>::infinity();  ///< N·m/rad.
-  double mass = 0;     ///< Apparent mass at the handle, kg; 0 if unknown.
-  double inertia = 0;  ///< Apparent inertia at the handle, kg·m²; 0 if unknown.
-  double damping = 0;  ///< Physical damping at the handle, N·s/m.
+  double mass = 0;           ///< Apparent mass at the handle, kg; 0 if unknown.
+  double inertia = 0;        ///< Apparent inertia at the handle, kg·m²; 0 if unknown.
+  double damping = 0;        ///< Physical damping at the handle, N·s/m.
+  std::uint8_t buttons = 0;  ///< How many it has.
+  bool gripper = false;      ///< Whether it measures the opening of one.
+  double scale = 1;          ///< Metres in the world for each metre of the handle.
 };
 
 struct DeviceState {
@@ -56,7 +59,7 @@ struct DeviceState {
   /// has no such sensor.
   std::optional<Wrench> F_hand;
   std::uint32_t buttons = 0;      ///< Bit i: button i is pressed.
-  std::optional<double> gripper;  ///< Opening between its fingers, m; empty: it has none.
+  std::optional<double> gripper;  ///< 0 closed to 1 open; empty: it has none.
   DeviceHealth health = DeviceHealth::kGood;
 };
 
