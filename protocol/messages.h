@@ -27,7 +27,7 @@ enum class MessageType : std::uint8_t {
   kLocalState = 9,     ///< Server to client, if asked for: the local contacts.
 };
 
-/// How a contact's separation carries over an update (METHOD 2).
+/// How a contact's separation carries over an update (docs/method.md 2.3).
 enum class UpdateRule : std::uint8_t {
   kRetain = 0,  ///< `paper`, but load that `paper` would drop at once is released slowly.
   kPaper = 1,   ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
@@ -35,7 +35,7 @@ enum class UpdateRule : std::uint8_t {
   kPlaneRecovery = 3,  ///< Mark et al. 1996 (VRPN): the depth is kept, then ramped to σ.
 };
 
-/// What stands between device and proxy (METHOD 6), and what others do.
+/// What stands between device and proxy (docs/method.md 6), and what others do.
 enum class ControllerKind : std::uint8_t {
   kFourChannel = 0,     ///< Positions and wrenches both ways; needs the hand's wrench.
   kThreeChannel = 1,    ///< As four channels, without the hand's wrench on the proxy.
@@ -156,7 +156,7 @@ struct ContactUpdate {
   ReportedContacts contacts;
 };
 
-/// State of the proxy as a whole (METHOD 3).
+/// State of the proxy as a whole (docs/method.md 3).
 enum class ProxyContactState : std::uint8_t { kFreeMotion = 0, kColliding = 1, kResting = 2 };
 
 /// What the server is doing with its force.
@@ -238,7 +238,7 @@ struct Ticks {
   StaticVector<TickSignals, kTicksPerMessage> ticks;
 };
 
-/// State of a local contact (METHOD 3, paper Sec. IV-A).
+/// State of a local contact (docs/method.md 3, paper Sec. IV-A).
 enum class ContactState : std::uint8_t {
   kImpending = 0,    ///< s > 0.
   kColliding = 1,    ///< s <= 0, v_n <= 0, and impending at the step before.
