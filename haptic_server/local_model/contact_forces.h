@@ -1,5 +1,5 @@
-// Penalty and friction forces of the local contacts, and the step that they take part in (METHOD
-// 4).
+// Penalty and friction forces of the local contacts, and the step that they take part in
+// (docs/method.md 4.1 to 4.3).
 #pragma once
 
 #include <array>

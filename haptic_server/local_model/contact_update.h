@@ -1,4 +1,4 @@
-// How an update from the virtual environment becomes local contacts (METHOD 2, Eqs. 1-6).
+// How an update from the virtual environment becomes local contacts (docs/method.md 2, Eqs. 1-6).
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// All basic contacts of one pair of convex shapes within ε (METHOD 2, SUBSTRATE).
+// All basic contacts of one pair of convex shapes within ε (docs/method.md 8.3).
 #pragma once
 
 #include <cstdint>

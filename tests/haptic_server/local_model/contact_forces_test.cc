@@ -1,4 +1,4 @@
-// Penalty and friction (METHOD 4), on the whole local model.
+// Penalty and friction (docs/method.md 4), on the whole local model.
 #include "haptic_server/local_model/contact_forces.h"
 
 #include "haptic_server/local_model/local_model.h"

@@ -1,4 +1,4 @@
-// Updates of the local contacts: the case table, and a random 3-D stress (METHOD 2 and 7).
+// Updates of the local contacts: the case table, and a random 3-D stress (docs/method.md 2).
 #include "haptic_server/local_model/contact_update.h"
 
 #include <algorithm>

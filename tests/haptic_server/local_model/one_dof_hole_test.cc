@@ -1,4 +1,4 @@
-// The paper's one-dimensional peg in an exactly fitting hole (Figs. 5, 6 and 9; METHOD 7).
+// The paper's one-dimensional peg in an exactly fitting hole (Figs. 5, 6 and 9; docs/method.md 7).
 #include <algorithm>
 #include <cmath>
 #include <deque>

@@ -1,4 +1,4 @@
-// Limited stiffness (METHOD 4).
+// Limited stiffness (docs/method.md 4.5).
 #include "haptic_server/local_model/stiffness_limit.h"
 
 #include "haptic_server/local_model/local_model.h"
