@@ -32,7 +32,7 @@ class LinkMotion {
 
   /// The contact's point from the link's origin, world axes, m.
   Vector3 arm(const LocalContact& contact) const noexcept {
-    return pose(contact.key.link).R * contact.p_L;
+    return pose(contact.link()).R * contact.p_L;
   }
 
  private:

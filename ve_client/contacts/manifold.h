@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "common/contact.h"
 #include "ve_client/contacts/convex.h"
+#include "ve_client/contacts/feature.h"
 
 namespace hlm::ve {
 
