@@ -89,7 +89,7 @@ TEST_CASE("A client that dies under more force than the limit: the command fades
 
 TEST_CASE("A coupling to the engine holds the wall too: force as pushed, depth f/K_c") {
   VirtualSessionOptions options;
-  options.servo.controller = server::ControllerKind::kEngineCoupler;
+  options.servo.controller = ControllerKind::kEngineCoupler;
   options.device.dry_friction = 0;
   options.hand = constant_push(force(0, 0.5));
   VirtualSession session(options);

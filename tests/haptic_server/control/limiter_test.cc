@@ -38,7 +38,6 @@ TEST_CASE("Force is limited in magnitude, its direction kept") {
 }
 
 TEST_CASE("What limits the force is told: fade, force, torque or rate, or nothing") {
-  using ForceLimit;
   Limiter limiter = limiter_for({.max_force_rate = 5e3});
   limiter.allow(true);
   limiter.limit(push(1));
