@@ -46,11 +46,10 @@ void Telemetry::tick(double now, const TickRecord& record, double previous_execu
   batch_.ticks.clear();
 }
 
-void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model, ForceLimit limit,
+void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model,
                          protocol::ServerSession& session) noexcept {
   if (!on_) return;
   state_.step = step;
-  state_.limit = limit;
   state_.contacts.clear();
   for (const LocalContact& contact : model.contacts()) {
     if (state_.contacts.size() == state_.contacts.capacity()) break;
