@@ -10,6 +10,7 @@ std::optional<DropReason> Assembler::add(const Header& header, std::span<const s
                                          ReceiveStatistics& statistics) noexcept {
   const std::uint64_t sequence = header.envelope.sequence;
   const std::uint64_t bit = std::uint64_t{1} << header.part;
+  if (sequence == refused_) return DropReason::kMalformed;
   if (sequence < newest_ || sequence <= accepted_) return DropReason::kStale;
   if (sequence > newest_) {
     discard_incomplete(statistics);
@@ -24,7 +25,9 @@ std::optional<DropReason> Assembler::add(const Header& header, std::span<const s
   return std::nullopt;
 }
 
-void Assembler::refuse() noexcept {
+void Assembler::refuse(std::uint64_t sequence) noexcept {
+  refused_ = sequence;
+  if (newest_ != sequence) return;
   newest_ = accepted_;
   parts_ = 0;
   arrived_ = 0;
@@ -32,8 +35,9 @@ void Assembler::refuse() noexcept {
 
 void Assembler::restart(ReceiveStatistics& statistics) noexcept {
   discard_incomplete(statistics);
-  accepted_ = 0;
-  refuse();
+  accepted_ = newest_ = refused_ = 0;
+  parts_ = 0;
+  arrived_ = 0;
 }
 
 std::size_t Assembler::arrived_count() const noexcept {

@@ -23,8 +23,9 @@ class Assembler {
                                 ReceiveStatistics& statistics) noexcept;
   /// The complete message is used: only newer ones count from here on.
   void accept() noexcept { accepted_ = newest_; }
-  /// The complete message cannot be used: it leaves no trace, its sequence neither.
-  void refuse() noexcept;
+  /// The message of this sequence, complete or not, cannot be used: it leaves no trace, and no part
+  /// of it counts any more.
+  void refuse(std::uint64_t sequence) noexcept;
   /// Forgets everything: the next message may have any sequence.
   void restart(ReceiveStatistics& statistics) noexcept;
 
@@ -40,6 +41,7 @@ class Assembler {
   std::array<DatagramBytes, kMaxParts> bytes_;
   std::uint64_t accepted_ = 0;  ///< Sequence of the newest message that was used.
   std::uint64_t newest_ = 0;    ///< Of the newest message of which a part has come.
+  std::uint64_t refused_ = 0;   ///< Of the latest message that was refused.
   std::size_t parts_ = 0;
   std::uint64_t arrived_ = 0;  ///< Bit i: part i has come.
 };

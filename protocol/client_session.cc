@@ -140,7 +140,7 @@ std::optional<DropReason> ClientSession::take_local_state(const Header& header) 
   if (!local_state_parts_.complete()) return std::nullopt;
   if (const auto reason = decode(local_state_parts_.parts(), state)) {
     statistics_.drop(*reason, local_state_parts_.parts().size() - 1);
-    local_state_parts_.refuse();
+    local_state_parts_.refuse(header.envelope.sequence);
     return reason;
   }
   local_state_parts_.accept();

@@ -58,7 +58,7 @@ struct Capabilities {
 
 /// The haptic device, as far as a client may want to know it.
 struct DeviceReport {
-  Text name;
+  Text name{};
   /// Ratings: N, N·m, N/m, N·m/rad; 0 where the device has none.
   double max_force = 0;
   double max_torque = 0;
@@ -81,8 +81,8 @@ struct Welcome {
   double silence_time = 0.25;       ///< Without an update for this long force fades, s.
   double fade_time = 0.1;           ///< How long the fade from full force takes, s.
   double least_update_rate = 4;     ///< Below this force comes and goes, Hz.
-  Capabilities capabilities;
-  DeviceReport device;
+  Capabilities capabilities{};
+  DeviceReport device{};
 };
 
 enum class RejectReason : std::uint8_t {

@@ -112,14 +112,14 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
   const std::uint64_t other_parts = hello_parts_.parts().size() - 1;
   if (const auto reason = decode(hello_parts_.parts(), hello_)) {
     statistics_.drop(*reason, other_parts);
-    hello_parts_.refuse();
+    hello_parts_.refuse(header.envelope.sequence);
     return reason;
   }
   normalize(hello_.tool, hello_.q);
   if (const auto error = find_error(hello_)) {
     turn_away(now, applicant, RejectReason::kTool, *error);
     statistics_.drop(DropReason::kMalformed, other_parts);
-    hello_parts_.refuse();
+    hello_parts_.refuse(header.envelope.sequence);
     return DropReason::kMalformed;
   }
   hello_parts_.accept();
@@ -133,6 +133,7 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   ContactUpdate& scratch = updates_[1 - newest_update_];
   if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
     ++refused_;
+    update_parts_.refuse(header.envelope.sequence);
     tell_refusal(now, {.refused = header.envelope.sequence,
                        .error = error->error,
                        .item = static_cast<std::uint16_t>(error->in_item ? error->item : 0)});
@@ -164,7 +165,7 @@ std::optional<DropReason> ServerSession::complete_update(double now,
   if (refusal.error != UpdateError::kNone) tell_refusal(now, refusal);
   if (reason) {
     statistics_.drop(*reason, update_parts_.parts().size() - 1);
-    update_parts_.refuse();
+    update_parts_.refuse(header.envelope.sequence);
     return reason;
   }
   update_parts_.accept();

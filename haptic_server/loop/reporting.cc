@@ -72,7 +72,6 @@ protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configurati
           .silence_time = options.silence_time,
           .fade_time = options.limits.fade_time,
           .least_update_rate = 1 / options.silence_time,
-          .capabilities = {},
           .device = report_of(device)};
 }
 

@@ -32,17 +32,20 @@ std::uint32_t pair_of(const ContactKey& key) noexcept {
       hash({key.link, key.tool_feature.shape, key.body, key.body_feature.shape}));
 }
 
-ReportedContact report_of(const FoundContact& contact) noexcept {
-  ReportedContact report;
-  report.identity = identity_of(contact.key);
-  report.pair = pair_of(contact.key);
-  report.a = {SideKind::kToolLink, contact.key.link};
-  report.b = {SideKind::kWorld, contact.key.body};
-  report.p_WC = contact.p_WC;
-  report.n_W = contact.n_W;
-  report.separation = contact.separation;
-  report.v_WC = contact.v_WC;
-  return report;
+ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
+  ReportedContacts reports;
+  for (const FoundContact& contact : contacts) {
+    ReportedContact& report = reports.emplace_back();
+    report.identity = identity_of(contact.key);
+    report.pair = pair_of(contact.key);
+    report.a = {SideKind::kToolLink, contact.key.link};
+    report.b = {SideKind::kWorld, contact.key.body};
+    report.p_WC = contact.p_WC;
+    report.n_W = contact.n_W;
+    report.separation = contact.separation;
+    report.v_WC = contact.v_WC;
+  }
+  return reports;
 }
 
 }  // namespace hlm::ve

@@ -3,6 +3,7 @@
 
 #include <compare>
 #include <cstdint>
+#include <span>
 
 #include "common/contact.h"
 
@@ -47,7 +48,7 @@ struct FoundContact {
   Vector3 v_WC = Vector3::Zero();  ///< Velocity of the environment's point, world, m/s.
 };
 
-/// As it is reported to the server.
-ReportedContact report_of(const FoundContact& contact) noexcept;
+/// As they are reported to the server; at most kMaxContacts.
+ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept;
 
 }  // namespace hlm::ve

@@ -90,18 +90,15 @@ std::vector<FoundContact> most_telling(std::vector<FoundContact> contacts) {
 
 }  // namespace
 
-ReportedContacts select_contacts(std::span<const FoundContact> candidates,
-                                 const std::optional<Vector3>& planar_normal_W) {
+std::vector<FoundContact> select_contacts(std::span<const FoundContact> candidates,
+                                          const std::optional<Vector3>& planar_normal_W) {
   const auto by_key = [](const FoundContact& a, const FoundContact& b) { return a.key < b.key; };
   std::vector<FoundContact> contacts(candidates.begin(), candidates.end());
   std::sort(contacts.begin(), contacts.end(), by_key);
   if (planar_normal_W) contacts = planar_constraints(contacts, *planar_normal_W);
   contacts = most_telling(std::move(contacts));
   std::sort(contacts.begin(), contacts.end(), by_key);
-
-  ReportedContacts reports;
-  for (const FoundContact& contact : contacts) reports.push_back(report_of(contact));
-  return reports;
+  return contacts;
 }
 
 }  // namespace hlm::ve

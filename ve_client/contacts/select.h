@@ -3,8 +3,8 @@
 
 #include <optional>
 #include <span>
+#include <vector>
 
-#include "common/contact.h"
 #include "ve_client/contacts/feature.h"
 
 namespace hlm::ve {
@@ -21,7 +21,7 @@ inline constexpr std::size_t kMaxSelected = 64;
 /// For such a tool a contact whose normal is that of the plane constrains nothing and is left out,
 /// and contacts of one link with one body that are equal but for a shift along the plane's normal
 /// are one constraint: the one with the smallest key stays.
-ReportedContacts select_contacts(std::span<const FoundContact> candidates,
-                                 const std::optional<Vector3>& planar_normal_W);
+std::vector<FoundContact> select_contacts(std::span<const FoundContact> candidates,
+                                          const std::optional<Vector3>& planar_normal_W);
 
 }  // namespace hlm::ve

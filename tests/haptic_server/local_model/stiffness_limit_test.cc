@@ -13,7 +13,7 @@ double felt_stiffness(const LocalModelParameters& parameters, std::uint16_t coun
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
   ReportedContacts contacts(count);
-  for (std::uint16_t i = 0; i < count; ++i) contacts[i].key.tool_feature.index = i;
+  for (std::uint16_t i = 0; i < count; ++i) contacts[i].identity = i;
   model.adopt(contacts, model.proxy().configuration(), 0);
   HandInput hand;
   hand.F[2] = -5;
