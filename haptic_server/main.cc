@@ -133,9 +133,11 @@ void warn_of_doubts(const PhysicsOptions& physics, const Device& device) {
 }
 
 /// Ticks until the end is asked for.
-void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
+void run_loop(PeriodicLoop& loop, Servo& servo, const protocol::ServerSession& session,
+              TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
     TickRecord record = servo.tick(timing);
+    record.dropped_for = session.statistics().dropped;
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
     if (duration > 0 && timing.begin >= duration) loop.stop();
@@ -175,7 +177,7 @@ void run_server(const ServerOptions& options) {
     spdlog::info("listening on {}, {} Hz", protocol::to_string(socket.local()), loop_options.rate);
     const RealtimeGrant grant = enter_realtime(options.realtime);
     if (!grant.warning.empty()) spdlog::warn("{}", grant.warning);
-    run_loop(loop, *servo, log, options.duration);
+    run_loop(loop, *servo, session, log, options.duration);
   }
   log.close();
   if (options.status) status.close();

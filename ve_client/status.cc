@@ -48,9 +48,10 @@ void Status::count(const FrameResult& frame) {
 void Status::report(double now, const HapticClient& client, const ProximityStatistics& proximity) {
   constexpr double kReportPeriod = 1;  // s.
   if (now - last_report_ < kReportPeriod) return;
-  spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {}",
+  spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {} | {}",
                frames_ / (now - last_report_), active_, predicted_, 1e3 * client.round_trip(),
-               client.connected() ? "connected" : "no session");
+               client.connected() ? "connected" : "no session",
+               protocol::describe_drops(client.statistics().dropped));
   if (refused_ > warned_refused_) spdlog::warn("{} proxy states could not be followed", refused_);
   if (proximity.failures > warned_failures_) {
     spdlog::warn("{} of {} proximity queries failed", proximity.failures, proximity.queries);

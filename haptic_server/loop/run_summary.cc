@@ -58,12 +58,12 @@ std::string RunSummary::text(std::uint64_t lost) const {
       "ticks          {} in {:.2f} s, {:.2f} Hz; {} missed, {} not recorded\n"
       "lateness       {}\n"
       "execution      {}\n"
-      "datagrams      {}, {} dropped; {} updates adopted\n"
+      "datagrams      {}, {}; {} updates adopted\n"
       "peak force     {:.3f} N\n"
       "device-proxy   {}\n"
       "proxy-tool     {}\n",
       ticks, duration, rate, last_.overruns, lost, describe(lateness_), describe(execution_),
-      last_.datagrams, last_.dropped, updates_, peak_force_, device_proxy_.text(),
+      last_.datagrams, protocol::describe_drops(last_.dropped_for), updates_, peak_force_, device_proxy_.text(),
       proxy_tool_.text());
 }
 

@@ -1,11 +1,13 @@
 // Every signal of one servo tick, as written to the tick log.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/spatial.h"
 #include "common/tool_model.h"
 #include "protocol/messages.h"
+#include "protocol/statistics.h"
 
 namespace hlm::server {
 
@@ -35,6 +37,8 @@ struct TickRecord {
   std::uint64_t overruns = 0;      ///< Missed periods since the server started.
   std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
   std::uint64_t dropped = 0;       ///< Of these, dropped.
+  /// The same by DropReason; not in the tick log, and filled in by the program that ticks the servo.
+  std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
 };
 
 }  // namespace hlm::server

@@ -184,6 +184,8 @@ TEST_CASE("Garbage and floods change counters, not the session") {
   const auto row = last_session_tick(directory.file("ticks.csv"));
   CHECK(number(row, "dropped") > 100);
   CHECK(number(row, "step") > 500);
+  CHECK_THAT(haptic_server.output(), ContainsSubstring(" not ours"));
+  CHECK_THAT(haptic_client.error(), ContainsSubstring("connected | 0 dropped"));
 }
 
 /// A program that must refuse: non-zero exit and one line on stderr with all these texts.
