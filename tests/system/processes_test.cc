@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <thread>
 
@@ -84,7 +85,7 @@ TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 
   CHECK(number(row, "dropped") == 0);
 }
 
-TEST_CASE("A recorded run replays offline bit for bit, and live into a running server") {
+TEST_CASE("A recorded run replays offline bit for bit") {
   const TemporaryDirectory directory;
   const int port = free_port();
   const Arguments physics{"--hand", HLM_WORLDS "/hands/session.toml"};
@@ -106,16 +107,47 @@ TEST_CASE("A recorded run replays offline bit for bit, and live into a running s
 
   const Finished different = run(Arguments{HLM_REPLAY, directory.file("run.pcap"), "--offline",
                                            "--rate", "500", "--stiffness", "3000"});
-  CHECK(different.exit_code == 1);
+  CHECK(different.exit_code == 3);
   CHECK_THAT(different.error, ContainsSubstring("recorded with other options"));
+}
 
-  Process haptic_server(server(port) + physics);
-  REQUIRE(haptic_server.wait_for_error("listening", 10));
-  const Finished live =
-      run({HLM_REPLAY, directory.file("run.pcap"), "--server", address(port), "--speed", "3"});
-  INFO(live.output << live.error);
-  CHECK(live.exit_code == 0);
-  CHECK_THAT(live.output, ContainsSubstring(" 0 not whole"));
+TEST_CASE("A live replay says whether the server's answers are the recorded ones") {
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  // So slow that a stall of the machine for 50 ms moves nothing by a millimetre.
+  std::ofstream(directory.file("slow.toml")) << "after = \"hold\"\n[[segment]]\nduration = 3.0\n"
+                                                "move_to = { position = [0.03, 0, 0] }\n";
+  const Arguments physics{"--hand", directory.file("slow.toml")};
+  {
+    Process haptic_server(server(port) + physics +
+                          Arguments{"--record", directory.file("run.pcap")});
+    REQUIRE(haptic_server.wait_for_error("listening", 10));
+    CHECK(run(client(port) + Arguments{"--duration", "3"}, 30).exit_code == 0);
+  }
+  const Arguments replay{HLM_REPLAY, directory.file("run.pcap"), "--server", address(port)};
+  {
+    Process same_server(server(port) + physics);
+    REQUIRE(same_server.wait_for_error("listening", 10));
+    const Finished live = run(replay);
+    INFO(live.output << live.error);
+    CHECK(live.exit_code == 0);
+    CHECK_THAT(live.output, ContainsSubstring(" 0 not whole"));
+    CHECK(live.error.empty());
+
+    const Finished hurried = run(replay + Arguments{"--speed", "2"});
+    INFO(hurried.output << hurried.error);
+    CHECK(hurried.exit_code == 3);
+    CHECK_THAT(hurried.error, ContainsSubstring("--speed 2") && ContainsSubstring("not in step"));
+    CHECK_THAT(hurried.error,
+               ContainsSubstring("not the recorded ones") && ContainsSubstring("mm"));
+  }
+  Process other_server({HLM_SERVER, "--listen", address(port), "--status", "false"});
+  REQUIRE(other_server.wait_for_error("listening", 10));
+  Process other(replay);
+  REQUIRE(other.wait_for_error("1000 Hz, the recorded one ran at 500 Hz", 10));
+  other_server.send_signal(SIGTERM);
+  CHECK(other.wait(10) == 1);
+  CHECK_THAT(other.error(), ContainsSubstring("ended the session"));
 }
 
 TEST_CASE("Either side starts first, and either may be restarted") {
@@ -188,12 +220,19 @@ TEST_CASE("Garbage and floods change counters, not the session") {
   CHECK_THAT(haptic_client.error(), ContainsSubstring("connected | 0 dropped"));
 }
 
-/// A program that must refuse: non-zero exit and one line on stderr with all these texts.
-void refuses(const Arguments& arguments, const std::vector<std::string>& texts) {
+/// Exit statuses of a refusal.
+constexpr int kFailed = 1;
+constexpr int kUsage = 2;
+
+/// A program that must refuse: its exit status, or any but 0, and one line on stderr with all these
+/// texts.
+void refuses(const Arguments& arguments, const std::vector<std::string>& texts,
+             std::optional<int> exit_code = {}) {
   const Finished finished = run(arguments);
   INFO(finished.error);
   CHECK(finished.exit_code != 0);
   CHECK(finished.exit_code != -1);
+  if (exit_code) CHECK(finished.exit_code == *exit_code);
   CHECK(std::count(finished.error.begin(), finished.error.end(), '\n') == 1);
   for (const std::string& text : texts) CHECK_THAT(finished.error, ContainsSubstring(text));
 }
@@ -238,8 +277,9 @@ TEST_CASE("Bad options of the client: one line that names the thing and what is 
 TEST_CASE("A capture of something else is refused") {
   const TemporaryDirectory directory;
   std::ofstream(directory.file("notes.txt")) << "not a capture\n";
-  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"});
-  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"});
+  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"}, kFailed);
+  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"}, kFailed);
+  refuses({HLM_REPLAY}, {"capture is required"}, kUsage);
 }
 
 TEST_CASE("The printed configuration is one that the program reads") {
