@@ -37,8 +37,10 @@ struct TickRecord {
   std::uint64_t overruns = 0;      ///< Missed periods since the server started.
   std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
   std::uint64_t dropped = 0;       ///< Of these, dropped.
-  /// The same by DropReason; not in the tick log, and filled in by the program that ticks the servo.
+  /// The same by DropReason; like session_open not in the tick log, and filled in by the program
+  /// that ticks the servo.
   std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
+  bool session_open = false;  ///< A client holds the session and has not said goodbye.
 };
 
 }  // namespace hlm::server

@@ -12,6 +12,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "protocol/capture.h"
+#include "protocol/codec.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/system/process.h"
@@ -164,7 +166,7 @@ TEST_CASE("Either side starts first, and either may be restarted") {
 
   haptic_client.send_signal(SIGKILL);  // It dies without a goodbye.
   haptic_client.wait(5);
-  REQUIRE(second_server.wait_for_error("no news of the client", 10));
+  REQUIRE(second_server.wait_for_error("warning: the client is silent", 10));
   Process next_client(client(port) + Arguments{"--duration", "2"});
   CHECK(next_client.wait(20) == 0);
   CHECK(second_server.running());
@@ -220,6 +222,66 @@ TEST_CASE("Garbage and floods change counters, not the session") {
   CHECK_THAT(haptic_client.error(), ContainsSubstring("connected | 0 dropped"));
 }
 
+TEST_CASE("A client's goodbye is no warning") {
+  const int port = free_port();
+  Process haptic_server(server(port) + Arguments{"--realtime", "off"});
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  CHECK(run(client(port) + Arguments{"--duration", "1"}).exit_code == 0);
+  REQUIRE(haptic_server.wait_for_error("info: the client said goodbye", 10));
+  CHECK(haptic_server.wait_for_error("is over", 10));
+  CHECK_THAT(haptic_server.error(), !ContainsSubstring("warning"));
+}
+
+TEST_CASE("Every signal that ends the server says goodbye to the client first") {
+  const int signal = GENERATE(SIGHUP, SIGINT, SIGQUIT, SIGTERM);
+  INFO("signal " << signal);
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  Process haptic_server(server(port) + Arguments{"--record", directory.file("run.pcap")});
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  Process haptic_client(client(port) + Arguments{"--duration", "30"});
+  REQUIRE(haptic_server.wait_for_error("begins", 10));
+  haptic_server.send_signal(signal);
+  CHECK(haptic_server.wait(10) == 0);
+  CHECK_THAT(haptic_server.output(), ContainsSubstring("updates adopted"));
+
+  protocol::CaptureReader capture(directory.file("run.pcap"));
+  bool said_goodbye = false;
+  while (const auto datagram = capture.next()) {
+    protocol::Header header;
+    REQUIRE_FALSE(decode_header(protocol::view(datagram->bytes), header));
+    said_goodbye = datagram->from.port == port && header.type == protocol::MessageType::kGoodbye;
+  }
+  CHECK(said_goodbye);
+}
+
+TEST_CASE("A server started to outlive its terminal ignores the hang-up") {
+  const int port = free_port();
+  Process haptic_server(Arguments{"nohup"} + server(port));
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  haptic_server.send_signal(SIGHUP);
+  CHECK(haptic_server.wait(0.5) == -1);
+  haptic_server.send_signal(SIGTERM);
+  CHECK(haptic_server.wait(10) == 0);
+}
+
+TEST_CASE("A file that cannot grow is reported at once, the session goes on, the summary comes") {
+  const std::string option = GENERATE("--log", "--record");
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  Process haptic_server(Arguments{"prlimit", "--fsize=20000"} + server(port) +
+                        Arguments{option, directory.file("file")});
+  Process haptic_client(client(port) + Arguments{"--duration", "3"});
+  REQUIRE(haptic_server.wait_for_error("error: ", 10));
+  CHECK_THAT(haptic_server.error(),
+             ContainsSubstring(directory.file("file")) && ContainsSubstring("the session goes on"));
+  CHECK(haptic_client.wait(20) == 0);
+  REQUIRE(haptic_server.wait_for_error("said goodbye", 10));
+  haptic_server.send_signal(SIGTERM);
+  CHECK(haptic_server.wait(10) == 1);
+  CHECK_THAT(haptic_server.output(), ContainsSubstring("updates adopted"));
+}
+
 /// Exit statuses of a refusal.
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
@@ -238,19 +300,20 @@ void refuses(const Arguments& arguments, const std::vector<std::string>& texts,
 }
 
 TEST_CASE("Bad options of the server: one line that names the thing and what is allowed") {
-  refuses({HLM_SERVER, "--bogus"}, {"--bogus"});
-  refuses({HLM_SERVER, "--rate", "50"}, {"rate 50", "100", "8000"});
-  refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "1 to 1000000 N/m"});
-  refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"});
-  refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"});
-  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"});
-  refuses({HLM_SERVER, "--device", "replay"}, {"--device-log"});
-  refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"});
-  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"});
+  refuses({HLM_SERVER, "--bogus"}, {"--bogus"}, kUsage);
+  refuses({HLM_SERVER, "--rate", "50"}, {"rate 50", "100", "8000"}, kUsage);
+  refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "1 to 1000000 N/m"}, kUsage);
+  refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"}, kUsage);
+  refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"}, kFailed);
+  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"}, kFailed);
+  refuses({HLM_SERVER, "--device", "replay"}, {"--device-log"}, kUsage);
+  refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"}, kUsage);
+  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"}, kFailed);
+  refuses({HLM_SERVER, "--log", "/dev/full"}, {"/dev/full", "No space left"}, kFailed);
 
   const TemporaryDirectory directory;
   std::ofstream(directory.file("bad.toml")) << "stiffnes=4000\n";
-  refuses({HLM_SERVER, "--config", directory.file("bad.toml")}, {"stiffnes"});
+  refuses({HLM_SERVER, "--config", directory.file("bad.toml")}, {"stiffnes"}, kUsage);
 }
 
 TEST_CASE("A port in use is named") {
