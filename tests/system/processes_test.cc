@@ -316,6 +316,14 @@ TEST_CASE("Bad options of the server: one line that names the thing and what is 
   refuses({HLM_SERVER, "--config", directory.file("bad.toml")}, {"stiffnes"}, kUsage);
 }
 
+TEST_CASE("An address of many machines is refused by its kind") {
+  refuses({HLM_SERVER, "--listen", "239.1.2.3:47800"}, {"239.1.2.3:47800", "multicast"}, kFailed);
+  for (const char* broadcast : {"127.255.255.255:47800", "255.255.255.255:47800"}) {
+    refuses({HLM_SERVER, "--listen", broadcast, "--duration", "0.1"}, {broadcast, "broadcast"},
+            kFailed);
+  }
+}
+
 TEST_CASE("A port in use is named") {
   const int port = free_port();
   Process first(server(port));
