@@ -11,6 +11,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include "haptic_server/loop/cpu_latency.h"
 #include "haptic_server/loop/event_log.h"
 #include "haptic_server/loop/run_summary.h"
 #include "haptic_server/loop/status_line.h"
@@ -103,6 +104,15 @@ void run_loop(PeriodicLoop& loop, Servo& servo, const protocol::ServerSession& s
   servo.shut_down(loop.elapsed());
 }
 
+/// Real-time rights for this thread; what is missing is logged.
+void prepare_thread(const RealtimeOptions& options) {
+  const RealtimeGrant grant = enter_realtime(options);
+  if (!grant.warning.empty()) spdlog::warn("{}", grant.warning);
+  if (options.policy == RealtimePolicy::kOff) return;
+  const std::string refusal = CpuLatencyLimit::find_refusal();
+  if (!refusal.empty()) spdlog::warn("{}", refusal);
+}
+
 void print(const std::string& summary) {
   std::cout << summary << std::flush;
   if (!std::cout) throw std::runtime_error("standard output takes no summary");
@@ -129,10 +139,13 @@ void run_server(const ServerOptions& options) {
   EventLog events;
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
+  CpuLatencyLimit latency;
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
+    latency.set(options.realtime.policy != RealtimePolicy::kOff &&
+                record.server == protocol::ServerState::kRunning);
   };
   const auto report = [](const std::string& failure) {
     spdlog::error("{}; the log ends here, the session goes on", failure);
@@ -142,8 +155,7 @@ void run_server(const ServerOptions& options) {
   {
     TickLogThread writer(log);
     spdlog::info("listening on {}, {} Hz", protocol::to_string(socket.local()), loop_options.rate);
-    const RealtimeGrant grant = enter_realtime(options.realtime);
-    if (!grant.warning.empty()) spdlog::warn("{}", grant.warning);
+    prepare_thread(options.realtime);
     run_loop(loop, *servo, session, log, options.duration);
   }
   log.drain();

@@ -1,5 +1,6 @@
 // The real programs, over UDP on loopback.
 #include <csignal>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -8,6 +9,7 @@
 #include <thread>
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -282,6 +284,42 @@ TEST_CASE("A file that cannot grow is reported at once, the session goes on, the
   CHECK_THAT(haptic_server.output(), ContainsSubstring("updates adopted"));
 }
 
+/// Whether a process has the file open that keeps processors awake.
+bool holds_cpu_latency(pid_t process) {
+  for (const auto& file :
+       std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/fd")) {
+    std::error_code gone;
+    if (std::filesystem::read_symlink(file.path(), gone) == "/dev/cpu_dma_latency") return true;
+  }
+  return false;
+}
+
+/// The machine's limit, µs.
+std::int32_t cpu_latency_limit() {
+  std::int32_t limit = -1;
+  const int file = open("/dev/cpu_dma_latency", O_RDONLY);
+  CHECK(read(file, &limit, sizeof limit) == sizeof limit);
+  close(file);
+  return limit;
+}
+
+TEST_CASE("Processors are kept awake while a session runs, and only then") {
+  if (access("/dev/cpu_dma_latency", W_OK) != 0) {
+    WARN("SKIPPED: /dev/cpu_dma_latency cannot be written");
+    return;
+  }
+  const int port = free_port();
+  Process haptic_server(server(port));
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  CHECK_FALSE(wait_until(0.3, [&] { return holds_cpu_latency(haptic_server.id()); }));
+  Process haptic_client(client(port) + Arguments{"--duration", "2"});
+  REQUIRE(wait_until(10, [&] { return holds_cpu_latency(haptic_server.id()); }));
+  CHECK(cpu_latency_limit() == 0);
+  CHECK(haptic_client.wait(20) == 0);
+  REQUIRE(haptic_server.wait_for_error("is over", 10));
+  CHECK(wait_until(5, [&] { return !holds_cpu_latency(haptic_server.id()); }));
+}
+
 /// Exit statuses of a refusal.
 constexpr int kFailed = 1;
 constexpr int kUsage = 2;
@@ -304,6 +342,7 @@ TEST_CASE("Bad options of the server: one line that names the thing and what is 
   refuses({HLM_SERVER, "--rate", "50"}, {"rate 50", "100", "8000"}, kUsage);
   refuses({HLM_SERVER, "--stiffness", "-1"}, {"stiffness -1", "1 to 1000000 N/m"}, kUsage);
   refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"}, kUsage);
+  refuses({HLM_SERVER, "--final-spin", "0.6e-3"}, {"final spin 0.0006", "0.0005 s"}, kUsage);
   refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"}, kFailed);
   refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"}, kFailed);
   refuses({HLM_SERVER, "--device", "replay"}, {"--device-log"}, kUsage);
