@@ -127,7 +127,7 @@ void run_server(const ServerOptions& options) {
 
   const std::unique_ptr<Device> device = make_device(options.physics);
   warn_of_doubts(options.physics, *device);
-  protocol::UdpSocket socket(protocol::resolve(options.listen));
+  protocol::UdpSocket socket(resolve_option(options.listen));
   std::optional<Recording> recording;
   if (!options.record.empty()) recording.emplace(options.record, socket);
   protocol::DatagramLink& link =

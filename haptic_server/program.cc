@@ -3,6 +3,9 @@
 #include <csignal>
 #include <exception>
 #include <iostream>
+#include <stdexcept>
+
+#include "protocol/udp_socket.h"
 
 namespace hlm::server {
 
@@ -18,6 +21,14 @@ int run_program(const char* name, CLI::App& app, int argc, char** argv,
   } catch (const std::exception& error) {
     std::cerr << name << ": " << error.what() << '\n';
     return kFailed;
+  }
+}
+
+protocol::Endpoint resolve_option(const std::string& host_port) {
+  try {
+    return protocol::resolve(host_port);
+  } catch (const std::runtime_error& error) {
+    throw CLI::ValidationError(error.what());
   }
 }
 

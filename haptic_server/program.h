@@ -2,8 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
 #include <CLI/CLI.hpp>
+
+#include "protocol/datagram_link.h"
 
 namespace hlm::server {
 
@@ -19,6 +22,9 @@ enum ExitStatus {
 /// error and their exit status; `body` throws CLI::ValidationError for those of the options.
 int run_program(const char* name, CLI::App& app, int argc, char** argv,
                 const std::function<int()>& body);
+
+/// The endpoint that an option names. Throws CLI::ValidationError with what is wrong.
+protocol::Endpoint resolve_option(const std::string& host_port);
 
 /// SIGHUP, SIGINT, SIGQUIT and SIGTERM call `stop`, which must be async-signal-safe; except that a
 /// hang-up stays ignored where it was (nohup). A closed pipe and a file at its size limit become
