@@ -130,11 +130,18 @@ void add_options(CLI::App& app, PhysicsOptions& options) {
 void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--listen", options.listen, "Where to wait for the client, ADDRESS:PORT")
       ->capture_default_str();
-  add_choice(app, "--realtime", options.realtime.policy, "What happens without real-time rights");
+  add_choice(
+      app, "--realtime", options.realtime.policy,
+      "What happens without real-time rights. Except with off, no core sleeps while a session "
+      "runs, which costs power");
   app.add_option("--priority", options.realtime.priority, "SCHED_FIFO priority, 1 to 99")
       ->capture_default_str();
-  add_number(app, "--final-spin", options.loop.final_spin,
-             "Last part of each wait that is spent spinning, s");
+  app.add_option(
+         "--final-spin", options.loop.final_spin,
+         "Last part of each wait that is spent spinning, s, 0 to half a period; costs its "
+         "share of one core. Unset: with real-time rights 100e-6, at most 0.4 periods (10 % "
+         "of a core at 1 kHz, 40 % from 4 kHz on); without them 0")
+      ->run_callback_for_default(false);
   app.add_option("--record", options.record, "Write all datagrams to this capture file (pcap)");
   app.add_option("--log", options.log, "Write every tick's signals to this file (CSV)");
   add_number(app, "--duration", options.duration, "End after this long, s; 0: until stopped");

@@ -2,10 +2,14 @@
 #include <algorithm>
 #include <csignal>
 #include <iostream>
+#include <numbers>
 #include <stdexcept>
+
+#include <spdlog/fmt/fmt.h>
 
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
+#include "haptic_server/program.h"
 #include "haptic_server/replay/live_replay.h"
 #include "haptic_server/replay/offline_replay.h"
 #include "haptic_server/replay/recorded_session.h"
@@ -16,7 +20,10 @@ namespace {
 
 volatile std::sig_atomic_t stop_requested = 0;
 
-void request_stop(int) { stop_requested = 1; }
+/// Live, an answer within these of the recorded one is the same: the updates arrive a step earlier
+/// or later than they did.
+constexpr double kSameDistance = 2e-3;                     // m.
+constexpr double kSameAngle = 2 * std::numbers::pi / 180;  // rad.
 
 struct ReplayOptions {
   std::string capture;
@@ -33,15 +40,17 @@ std::vector<RecordedSession> chosen_sessions(const ReplayOptions& options) {
   if (options.session == 0) return sessions;
   const auto count = static_cast<int>(sessions.size());
   if (options.session < 1 || options.session > count) {
-    throw std::runtime_error("--session " + std::to_string(options.session) + " must be 1 to " +
-                             std::to_string(count) + ": " + options.capture + " holds " +
-                             std::to_string(count));
+    throw CLI::ValidationError("--session " + std::to_string(options.session) + " must be 1 to " +
+                               std::to_string(count) + ": " + options.capture + " holds " +
+                               std::to_string(count));
   }
   return {sessions[static_cast<std::size_t>(options.session - 1)]};
 }
 
-/// Exit code: 0 if all came back bit for bit.
-int run_offline(const ReplayOptions& options) {
+void warn(const std::string& text) { std::cerr << "haptic_replay: warning: " << text << '\n'; }
+
+/// Whether all came back bit for bit.
+bool run_offline(const ReplayOptions& options) {
   const PhysicsOptions& physics = options.physics;
   const std::uint64_t configuration = fingerprint(physics);
   const std::unique_ptr<Device> device = make_device(physics);
@@ -50,8 +59,9 @@ int run_offline(const ReplayOptions& options) {
   bool all_equal = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
     if (session.welcome.configuration != configuration) {
-      std::cerr << "haptic_replay: warning: the session was recorded with other options than these:"
-                   " give the server's with --config\n";
+      warn(
+          "the session was recorded with other options than these: give the server's with "
+          "--config");
     }
     const OfflineResult result = replay_offline(session, physics.servo, configuration, *device,
                                                 [&](const TickRecord& record) {
@@ -67,20 +77,68 @@ int run_offline(const ReplayOptions& options) {
     all_equal &= result.equal == result.compared;
   }
   log.close();
-  return all_equal ? 0 : 1;
+  return all_equal;
 }
 
-int run_live(const ReplayOptions& options) {
-  const LiveOptions live{.server = protocol::resolve(options.server), .speed = options.speed};
-  for (const RecordedSession& session : chosen_sessions(options)) {
-    protocol::UdpSocket socket(protocol::Endpoint{});
-    const LiveResult result =
-        replay_live(session, socket, live, [] { return stop_requested != 0; });
-    std::cout << result.sent << " of " << session.updates.size() << " updates sent, "
-              << result.acknowledged << " states received, " << result.incomplete
-              << " not whole in the capture, round trip " << 1e3 * result.round_trip << " ms\n";
+/// What must make the answers differ, known before the first of them.
+void warn_of_differences(const RecordedSession& session, const protocol::Welcome& server,
+                         double speed) {
+  if (server.servo_rate != session.welcome.servo_rate) {
+    warn(fmt::format("the server runs at {} Hz, the recorded one ran at {} Hz", server.servo_rate,
+                     session.welcome.servo_rate));
+  } else if (server.configuration != session.welcome.configuration) {
+    warn("the server runs with other options or another hand than the recorded one");
   }
-  return 0;
+  if (speed != 1) {
+    warn(
+        fmt::format("at --speed {} the updates are not in step with the server's device and hand, "
+                    "which keep their own pace",
+                    speed));
+  }
+  if (!session.controls.empty()) {
+    warn("what the live page asked for in this session is not sent");
+  }
+}
+
+/// Reports one session's replay; whether its answers are the recorded ones.
+bool report(const RecordedSession& session, const LiveResult& result) {
+  std::cout << fmt::format(
+      "{} of {} updates sent, {} states received, {} not whole in the capture, round trip {:.3f} "
+      "ms\nproxy against the recorded one in {} states: {}; up to {} steps apart\n",
+      result.sent, session.updates.size(), result.acknowledged, result.incomplete,
+      1e3 * result.round_trip, result.compared, describe(result.proxy), result.steps_apart);
+  if (result.compared == 0) {
+    warn("no answer could be compared: neither capture nor server has any to the same update");
+    return false;
+  }
+  const Drift& largest = result.proxy.largest;
+  const bool same = largest.distance <= kSameDistance && largest.angle <= kSameAngle;
+  if (!same) {
+    warn(
+        fmt::format("the server's answers are not the recorded ones: its proxy is up to {} away, "
+                    "its steps up to {}",
+                    describe(largest), result.steps_apart));
+  }
+  return same;
+}
+
+/// Whether the answers are the recorded ones.
+bool run_live(const ReplayOptions& options) {
+  const LiveOptions live{.server = resolve_option(options.server), .speed = options.speed};
+  bool all_same = true;
+  for (const RecordedSession& session : chosen_sessions(options)) {
+    if (stop_requested != 0) break;
+    protocol::UdpSocket socket(protocol::Endpoint{});
+    const auto compare_servers = [&](const protocol::Welcome& server) {
+      warn_of_differences(session, server, options.speed);
+    };
+    const LiveResult result =
+        replay_live(session, socket, live, compare_servers, [] { return stop_requested != 0; });
+    all_same &= report(session, result);
+    if (result.lost)
+      throw std::runtime_error("server " + options.server + " ended the session or fell silent");
+  }
+  return all_same;
 }
 
 }  // namespace
@@ -106,20 +164,16 @@ int main(int argc, char** argv) {
   add_options(app, options.physics);
   // The server's own file says more than what shapes the physics.
   app.allow_config_extras(CLI::config_extras_mode::ignore_all);
-  try {
-    app.parse(argc, argv);
-    if (const auto error = find_error(options.physics)) throw std::runtime_error(*error);
-    struct sigaction action {};
-    action.sa_handler = request_stop;
-    sigaction(SIGINT, &action, nullptr);
-    sigaction(SIGTERM, &action, nullptr);
-    return options.offline ? run_offline(options) : run_live(options);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
-    std::cerr << "haptic_replay: " << error.what() << '\n';
-    return error.get_exit_code();
-  } catch (const std::exception& error) {
-    std::cerr << "haptic_replay: " << error.what() << '\n';
-    return 1;
-  }
+  app.footer(
+      fmt::format("Exit status: 0 played, and the answers are the recorded ones (offline bit for "
+                  "bit, otherwise "
+                  "the proxy within {} mm and {} deg); 1 failed; 2 wrong option; 3 other answers "
+                  "than recorded.",
+                  1e3 * kSameDistance, 180 / std::numbers::pi * kSameAngle));
+  return run_program("haptic_replay", app, argc, argv, [&] {
+    if (const auto error = find_error(options.physics)) throw CLI::ValidationError(*error);
+    handle_signals([](int) { stop_requested = 1; });
+    const bool same = options.offline ? run_offline(options) : run_live(options);
+    return same ? kOk : kDiffers;
+  });
 }

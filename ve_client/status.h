@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "ve_client/client/haptic_client.h"
@@ -29,6 +30,9 @@ class Connection {
   bool busy_ = false;
 };
 
+/// The server's refusal of an update, or of one contact of it, in words.
+std::string describe(const protocol::Refusal& refusal);
+
 /// Logs one line a second.
 class Status {
  public:
@@ -41,6 +45,7 @@ class Status {
   int frames_ = 0;
   std::size_t active_ = 0;     ///< Of the latest frame.
   std::size_t predicted_ = 0;  ///< Of the latest frame.
+  std::optional<protocol::Refusal> refusal_;  ///< By the server, since the latest report.
   int refused_ = 0;            ///< Proxy states that could not be followed, since the start.
   int warned_refused_ = 0;     ///< As of the latest report.
   std::uint64_t warned_failures_ = 0;  ///< Of proximity queries, as of the latest report.

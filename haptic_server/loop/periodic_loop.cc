@@ -5,6 +5,7 @@
 #include <cmath>
 #include <ctime>
 
+#include <sched.h>
 #include <spdlog/fmt/fmt.h>
 
 namespace hlm::server {
@@ -21,6 +22,10 @@ std::int64_t steady_now() noexcept {
   return time.tv_sec * kSecond + time.tv_nsec;
 }
 
+bool runs_under_fifo() noexcept {
+  return (sched_getscheduler(0) & ~SCHED_RESET_ON_FORK) == SCHED_FIFO;
+}
+
 }  // namespace
 
 std::optional<std::string> find_error(const PeriodicLoopOptions& options) {
@@ -29,11 +34,17 @@ std::optional<std::string> find_error(const PeriodicLoopOptions& options) {
     return fmt::format("servo rate {} must be {} to {} Hz", options.rate, kMinRate, kMaxRate);
   }
   const double longest = kMaxSpinShare / options.rate;
-  if (!(options.final_spin >= 0 && options.final_spin <= longest)) {
-    return fmt::format("final spin {} must be 0 to {} s, half a period", options.final_spin,
-                       longest);
+  const double spin = options.final_spin.value_or(0);
+  if (!(spin >= 0 && spin <= longest)) {
+    return fmt::format("final spin {} must be 0 to {} s, half a period", spin, longest);
   }
   return std::nullopt;
+}
+
+double default_final_spin(double rate) noexcept {
+  constexpr double kUsualSpin = 100e-6;  // s.
+  constexpr double kLargestShare = 0.4;
+  return std::min(kUsualSpin, kLargestShare / rate);
 }
 
 PeriodicLoop::PeriodicLoop(const PeriodicLoopOptions& options) noexcept : options_(options) {}
@@ -43,6 +54,8 @@ double PeriodicLoop::elapsed() const noexcept {
 }
 
 void PeriodicLoop::begin() noexcept {
+  final_spin_ =
+      options_.final_spin.value_or(runs_under_fifo() ? default_final_spin(options_.rate) : 0);
   origin_ = steady_now();
   next_ = 0;
   timing_ = Timing{};
@@ -50,7 +63,7 @@ void PeriodicLoop::begin() noexcept {
 
 void PeriodicLoop::wait() noexcept {
   const double due = static_cast<double>(next_) / options_.rate;
-  sleep_until(due - options_.final_spin);
+  sleep_until(due - final_spin_);
   double now = elapsed();
   while (now < due) now = elapsed();
 

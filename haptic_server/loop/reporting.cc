@@ -49,6 +49,8 @@ void describe(const Timing& timing, const ServerStateMachine& machine,
   record.fault = machine.fault();
   record.datagrams = session.statistics().datagrams;
   record.dropped = session.statistics().total_dropped();
+  record.dropped_for = session.statistics().dropped;
+  record.session_open = session.active();
 }
 
 void describe(const LocalModel& model, TickRecord& record) noexcept {

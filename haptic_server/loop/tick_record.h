@@ -1,11 +1,13 @@
 // Every signal of one servo tick, as written to the tick log.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/spatial.h"
 #include "common/tool_model.h"
 #include "common/vocabulary.h"
+#include "protocol/statistics.h"
 
 namespace hlm::server {
 
@@ -36,6 +38,9 @@ struct TickRecord {
   std::uint64_t overruns = 0;      ///< Missed periods since the server started.
   std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
   std::uint64_t dropped = 0;       ///< Of these, dropped.
+  /// The same by DropReason; like session_open not in the tick log.
+  std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
+  bool session_open = false;  ///< A client holds the session and has not said goodbye.
 };
 
 }  // namespace hlm::server

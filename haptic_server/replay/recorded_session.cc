@@ -83,6 +83,7 @@ class SessionReader {
     if (find(header.envelope.session) != nullptr) return;
     RecordedSession session;
     session.id = header.envelope.session;
+    session.time_ns = datagram.time_ns;
     session.client = datagram.to;
     session.hello_parts = in_order(hellos_[{datagram.to.address, datagram.to.port}].parts);
     if (decode(session.hello_parts, session.hello)) return;

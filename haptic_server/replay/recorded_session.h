@@ -19,6 +19,7 @@ struct RecordedUpdate {
 
 struct RecordedSession {
   std::uint64_t id = 0;
+  std::int64_t time_ns = 0;  ///< When it was granted, ns since the epoch.
   protocol::Endpoint client;
   protocol::Hello hello;
   std::vector<protocol::DatagramBytes> hello_parts;  ///< As on the wire.

@@ -39,6 +39,21 @@ Endpoint from_asio(const udp::endpoint& endpoint) noexcept {
   return {static_cast<std::uint32_t>(endpoint.address().to_v4().to_ulong()), endpoint.port()};
 }
 
+/// Whether an address names many machines rather than one, and how; null if it does not.
+const char* describe_group(const Endpoint& endpoint) noexcept {
+  if (asio::ip::address_v4(endpoint.address).is_multicast()) return "multicast";
+  if (endpoint.address == 0) return nullptr;  // Every address of this machine.
+  // Only the system knows the broadcast addresses of its networks: it connects to none unasked.
+  asio::io_context context;
+  udp::socket probe(context);
+  error_code error;
+  probe.open(udp::v4(), error);
+  if (!error) probe.connect({asio::ip::address_v4(endpoint.address), 1}, error);
+  constexpr std::uint32_t kEveryMachine = 0xFFFFFFFF;  // Without a route there is no denial.
+  const bool broadcast = error == asio::error::access_denied || endpoint.address == kEveryMachine;
+  return broadcast ? "broadcast" : nullptr;
+}
+
 std::uint16_t parse_port(const std::string& host_port, const std::string& port,
                          std::uint16_t lowest) {
   std::uint32_t value = 0;
@@ -79,6 +94,10 @@ struct UdpSocket::Socket {
 };
 
 UdpSocket::UdpSocket(const Endpoint& local) : socket_(std::make_unique<Socket>()) {
+  if (const char* const group = describe_group(local)) {
+    throw std::runtime_error("cannot open UDP socket at " + to_string(local) + ": it is a " +
+                             group + " address; give one of this machine, or 0.0.0.0 for all");
+  }
   udp::socket& socket = socket_->socket;
   error_code error;
   socket.open(udp::v4(), error);
