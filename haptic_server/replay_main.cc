@@ -63,6 +63,9 @@ int run_offline(const ReplayOptions& options) {
               << " acknowledged states equal bit for bit";
     if (result.first_difference)
       std::cout << ", first difference at step " << *result.first_difference;
+    if (result.incomplete > 0) {
+      std::cout << ", " << result.incomplete << " updates not whole in the capture";
+    }
     std::cout << '\n';
     all_equal &= result.equal == result.compared;
   }

@@ -16,6 +16,8 @@ struct OfflineResult {
   std::uint64_t steps = 0;   ///< Of the session.
   std::size_t compared = 0;  ///< Acknowledged states.
   std::size_t equal = 0;     ///< Of these, bit for bit as recorded.
+  /// Acknowledged updates that the capture does not hold whole: not played.
+  std::size_t incomplete = 0;
   /// Step of the first state that differs.
   std::optional<std::uint64_t> first_difference;
 };
