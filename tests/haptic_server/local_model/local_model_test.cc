@@ -2,6 +2,7 @@
 #include "haptic_server/local_model/local_model.h"
 
 #include "tests/support/catch.h"
+#include "tests/support/contacts.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::server {
@@ -23,15 +24,6 @@ HandInput push_down(double force) {
   HandInput hand;
   hand.F[2] = -force;
   return hand;
-}
-
-/// Contacts of different identity.
-ReportedContacts distinct(std::size_t count) {
-  ReportedContacts contacts(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    contacts[i].key.tool_feature.index = static_cast<std::uint16_t>(i);
-  }
-  return contacts;
 }
 
 TEST_CASE("The proxy moves freely, collides once and rests") {
@@ -106,7 +98,7 @@ TEST_CASE("A tool that slides on a floor under an overhang is stopped by both, n
   frictionless.static_friction = frictionless.kinetic_friction = 0;
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   LocalModel model(tool, ToolModel(tool).neutral(), frictionless, 1e-3);
-  ReportedContacts contacts = distinct(2);
+  ReportedContacts contacts = test::distinct_contacts(2);
   contacts[1].n_W = Vector3(-1, 0, -1).normalized();
   contacts[1].separation = 0.014;
   contacts[1].p_WC = -0.014 * contacts[1].n_W;
@@ -162,7 +154,7 @@ TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamic
   // A bar hinged by nothing: two floor contacts at its ends, pushed above one of them.
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
-  ReportedContacts contacts = distinct(2);
+  ReportedContacts contacts = test::distinct_contacts(2);
   contacts[0].p_WC = {-0.1, 0, 0};
   contacts[1].p_WC = {0.1, 0, 0};
   model.adopt(contacts, model.proxy().configuration(), 0);

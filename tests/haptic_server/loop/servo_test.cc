@@ -209,6 +209,7 @@ TEST_CASE("A fault is no force, device off, in the same tick, until a new sessio
   CHECK(record.F_command.norm() == 0);
   CHECK(bench.device.written.norm() == 0);
   CHECK_FALSE(bench.device.enabled);
+  CHECK(record.X_WP.p.allFinite());
 
   // Later ticks leave the device alone, and the client learns in finite numbers.
   bench.device.state = healthy;

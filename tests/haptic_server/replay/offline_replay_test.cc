@@ -10,6 +10,7 @@
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
+#include "tests/support/contacts.h"
 
 namespace hlm::server {
 namespace {
@@ -21,13 +22,27 @@ constexpr Endpoint kServer{.address = 0x0A000001, .port = 47800};
 constexpr Endpoint kClient{.address = 0x0A000002, .port = 50000};
 constexpr std::uint64_t kConfiguration = 77;
 constexpr double kWall = 0.01;  // m
-constexpr int kFrame = 20;      // ticks from one update to the next
+constexpr std::size_t kContacts = 12;
+constexpr int kFrame = 20;  // ticks from one update to the next
 constexpr int kUpdates = 50;
 
 SimulatedDevice pushed_device() {
   Push push;
   push.constant = test::planar_wrench(1.5, 0.5, 0);
   return {{}, {{{1.0, push}}, AfterLastSegment::kHold}, 1e-3};
+}
+
+/// The wall for a tool at q, in more contacts than one datagram holds.
+ReportedContacts wall_for(const Configuration& q) {
+  ReportedContacts contacts = test::distinct_contacts(kContacts);
+  double y = q[1];
+  for (ReportedContact& contact : contacts) {
+    contact.n_W = {-1, 0, 0};
+    contact.p_WC = {kWall, y, 0};
+    contact.separation = kWall - q[0];
+    y += 2e-3;
+  }
+  return contacts;
 }
 
 /// A second of a session: the hand pushes the tool against a wall and along it. `keep` says which
@@ -64,10 +79,7 @@ void record(const std::filesystem::path& path,
       update.v_VE = state.v;
       update.echo_step = state.step;
     }
-    ReportedContact wall = test::wall_ahead(kWall - update.q_VE[0]);
-    wall.p_WC.x() = kWall;
-    wall.p_WC.y() = update.q_VE[1];
-    update.contacts.push_back(wall);
+    update.contacts = wall_for(update.q_VE);
     queue.deliver(kClient, {.session = session.id(), .sequence = ++sequence}, update);
   }
   const std::filesystem::path whole = path.string() + ".whole";
@@ -118,11 +130,13 @@ TEST_CASE("A whole capture comes back bit for bit, every step observed once") {
   CHECK_FALSE(result.first_difference);
 }
 
-TEST_CASE("An update that the capture misses is counted, and the first difference is its step") {
+TEST_CASE("An update not whole in the capture is counted, and the first difference is its step") {
+  const int missing_from = GENERATE(0, 1);  // part
   const test::TemporaryDirectory directory;
-  // The hand is in contact: without this update the local contacts are older.
-  record(directory / "run.pcap", [](const protocol::Header& header) {
-    return header.type != protocol::MessageType::kContactUpdate || header.envelope.sequence != 30;
+  // The tool is in contact: without this update the local contacts are older.
+  record(directory / "run.pcap", [&](const protocol::Header& header) {
+    return header.type != protocol::MessageType::kContactUpdate || header.envelope.sequence != 30 ||
+           header.slice.part < missing_from;
   });
   const OfflineResult result = replay(directory / "run.pcap");
   CHECK(result.compared == kUpdates);
