@@ -52,18 +52,18 @@ void warn(const std::string& text) { std::cerr << "haptic_replay: warning: " << 
 /// Whether all came back bit for bit.
 bool run_offline(const ReplayOptions& options) {
   const PhysicsOptions& physics = options.physics;
-  const std::uint64_t configuration = fingerprint(physics);
+  const std::uint64_t own = fingerprint(physics);
   const std::unique_ptr<Device> device = make_device(physics);
   // Nobody else drains the log, so it must hold what comes between two drains.
   TickLog log(options.ticks, 2, [](const TickRecord&) {});
   bool all_equal = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
-    if (session.welcome.configuration != configuration) {
+    if (session.welcome.fingerprint != own) {
       warn(
           "the session was recorded with other options than these: give the server's with "
           "--config");
     }
-    const OfflineResult result = replay_offline(session, physics.servo, configuration, *device,
+    const OfflineResult result = replay_offline(session, physics.servo, own, *device,
                                                 [&](const TickRecord& record) {
                                                   log.record(record);
                                                   log.drain();
@@ -73,6 +73,9 @@ bool run_offline(const ReplayOptions& options) {
               << " acknowledged states equal bit for bit";
     if (result.first_difference)
       std::cout << ", first difference at step " << *result.first_difference;
+    if (result.incomplete > 0) {
+      std::cout << ", " << result.incomplete << " updates not whole in the capture";
+    }
     std::cout << '\n';
     all_equal &= result.equal == result.compared;
   }
@@ -86,7 +89,7 @@ void warn_of_differences(const RecordedSession& session, const protocol::Welcome
   if (server.servo_rate != session.welcome.servo_rate) {
     warn(fmt::format("the server runs at {} Hz, the recorded one ran at {} Hz", server.servo_rate,
                      session.welcome.servo_rate));
-  } else if (server.configuration != session.welcome.configuration) {
+  } else if (server.fingerprint != session.welcome.fingerprint) {
     warn("the server runs with other options or another hand than the recorded one");
   }
   if (speed != 1) {

@@ -134,7 +134,7 @@ template <class Io, class M>
 void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.u64(welcome.nonce);
   io.f64(welcome.servo_rate, Range::kPositive);
-  io.u64(welcome.configuration);
+  io.u64(welcome.fingerprint);
   tuning(io, welcome.tuning);
   io.f64(welcome.silence_time, Range::kPositive);
   io.f64(welcome.fade_time, Range::kPositive);

@@ -66,10 +66,10 @@ void describe(const LocalModel& model, TickRecord& record) noexcept {
   record.smallest_separation = model.contacts().empty() ? 0 : smallest;
 }
 
-protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configuration,
+protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
                           const Device& device) noexcept {
   return {.servo_rate = options.rate,
-          .configuration = configuration,
+          .fingerprint = fingerprint,
           .tuning = tuning_of(options),
           .silence_time = options.silence_time,
           .fade_time = options.limits.fade_time,

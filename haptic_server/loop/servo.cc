@@ -24,11 +24,11 @@ ForceBudget force_budget(const ServoOptions& options, const Device& device) noex
 
 }  // namespace
 
-Servo::Servo(const ServoOptions& options, std::uint64_t configuration,
+Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
              protocol::ServerSession& session, Device& device) noexcept
     : options_(options),
       dt_(1 / options.rate),
-      configuration_(configuration),
+      fingerprint_(fingerprint),
       session_(session),
       device_(device),
       controller_(options.controller, options.gains),
@@ -79,7 +79,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   updates_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
   telemetry_.begin();
-  session_.accept(now, welcome(options_, configuration_, device_));
+  session_.accept(now, welcome(options_, fingerprint_, device_));
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {

@@ -22,7 +22,7 @@ constexpr std::uint64_t kSession = 7;
 Welcome welcome(std::uint64_t nonce) {
   Welcome welcome;
   welcome.nonce = nonce;
-  welcome.configuration = 5;
+  welcome.fingerprint = 5;
   return welcome;
 }
 

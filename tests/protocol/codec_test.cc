@@ -169,7 +169,7 @@ LocalState documented_local_state() {
 Welcome documented_welcome() {
   Welcome welcome;
   welcome.nonce = kNonce;
-  welcome.configuration = 0xFEDCBA9876543210;
+  welcome.fingerprint = 0xFEDCBA9876543210;
   welcome.device.name = test::text("simulated");
   welcome.device.max_force = 12;
   welcome.device.max_torque = 0.6;

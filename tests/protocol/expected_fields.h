@@ -172,7 +172,7 @@ inline Expected expected_body(const protocol::Welcome& welcome) {
   Expected fields("hlm.welcome.");
   fields.hexadecimal("nonce", welcome.nonce);
   fields.number("servo_rate", welcome.servo_rate);
-  fields.hexadecimal("configuration", welcome.configuration);
+  fields.hexadecimal("configuration", welcome.fingerprint);
   add_tuning(fields, welcome.tuning);
   fields.code("guidable", welcome.guidable, {"no", "yes"});
   return fields;

@@ -156,7 +156,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   protocol::Welcome welcome;
   welcome.nonce = random.engine()();
   welcome.servo_rate = random.uniform(1, 8000);
-  welcome.configuration = random.engine()();
+  welcome.fingerprint = random.engine()();
   welcome.tuning = random_tuning(random);
   welcome.silence_time = random.uniform(0.01, 1);
   welcome.fade_time = random.uniform(0.01, 1);

@@ -25,7 +25,7 @@ struct Server {
   /// Polls, and grants what is asked for.
   ServerSession::Inbox poll(double now) {
     const ServerSession::Inbox inbox = session.poll(now);
-    if (inbox.hello) session.accept(now, {.servo_rate = 1000, .configuration = 5});
+    if (inbox.hello) session.accept(now, {.servo_rate = 1000, .fingerprint = 5});
     return inbox;
   }
   void say_hello(const Endpoint& peer, std::uint64_t nonce) {
@@ -58,12 +58,12 @@ TEST_CASE("a hello is shown to the caller, and accept answers it with a welcome"
   CHECK_FALSE(server.session.active());
   CHECK(server.link.sent().empty());
 
-  server.session.accept(2.5, {.servo_rate = 1000, .configuration = 5});
+  server.session.accept(2.5, {.servo_rate = 1000, .fingerprint = 5});
   CHECK(server.session.active());
   const auto welcome = server.link.last_sent<Welcome>();
   CHECK(welcome.nonce == 42);
   CHECK(welcome.servo_rate == 1000);
-  CHECK(welcome.configuration == 5);
+  CHECK(welcome.fingerprint == 5);
   CHECK(server.link.sent().back().peer == kClient);
   const Envelope envelope = server.link.sent_header(0).envelope;
   CHECK(envelope == Envelope{.session = kFirstId, .sequence = 1, .send_time = 2500000000});
@@ -534,7 +534,7 @@ TEST_CASE("beginning a session allocates nothing") {
   server.say_hello(kClient, 1);
   const test::NoMalloc guard;
   const bool asked = server.session.poll(0).hello != nullptr;
-  server.session.accept(0, {.servo_rate = 1000, .configuration = 5});
+  server.session.accept(0, {.servo_rate = 1000, .fingerprint = 5});
   const std::size_t allocations = guard.allocations();
   CHECK(asked);
   CHECK(allocations == 0);
