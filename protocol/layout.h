@@ -29,7 +29,7 @@ inline constexpr std::size_t kLargestUpdate =
     kHeaderSize + kLargestUpdateBlock + kContactsPerPart * kContactSize;
 inline constexpr std::size_t kLargestProxyState =
     kHeaderSize + 337 + kDoubleSize * (kMaxConfiguration + kMaxDof);
-inline constexpr std::size_t kTickSize = 16 * kDoubleSize + 5;
+inline constexpr std::size_t kTickSize = 16 * kDoubleSize + 6;
 inline constexpr std::size_t kLocalContactSize = 13 * kDoubleSize + 4;
 /// Local contacts in each part of a local state but the last.
 inline constexpr std::size_t kLocalContactsPerPart = 10;
@@ -189,6 +189,7 @@ void item(Io& io, M& tick) requires std::same_as<const M, const TickSignals> {
   io.u16(tick.active_contacts);
   io.u16(tick.predicted_contacts);
   io.flag(tick.adopted);
+  io.enumeration(tick.limit, ForceLimit::kNone, ForceLimit::kFade);
 }
 
 template <class Io, class M>

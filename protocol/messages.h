@@ -213,6 +213,9 @@ struct Control {
   bool operator==(const Control&) const = default;
 };
 
+/// What keeps the commanded wrench from being the wanted one.
+enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
+
 /// Signals of one step of the servo, for charts. Forces only; about the hand's frame, world axes.
 struct TickSignals {
   Vector3 F_env = Vector3::Zero();
@@ -227,7 +230,8 @@ struct TickSignals {
   double age = 0;                  ///< Of the newest contacts when they were taken, s.
   std::uint16_t active_contacts = 0;
   std::uint16_t predicted_contacts = 0;
-  bool adopted = false;  ///< An update was taken in this step.
+  bool adopted = false;                  ///< An update was taken in this step.
+  ForceLimit limit = ForceLimit::kNone;  ///< Of the commanded wrench.
 };
 
 inline constexpr std::size_t kTicksPerMessage = 8;
@@ -245,9 +249,6 @@ enum class ContactState : std::uint8_t {
   kPenetrating = 2,  ///< s <= 0, v_n <= 0, and not impending at the step before.
   kSeparating = 3,   ///< s <= 0, v_n > 0.
 };
-
-/// What keeps the commanded wrench from being the wanted one.
-enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
 
 /// A contact as the local model has it, world axes.
 struct LocalContactReport {

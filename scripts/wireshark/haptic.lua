@@ -143,6 +143,11 @@ local contact = group("contact", "Contact", {
   vector("v_WC", "Velocity of the environment's point, world", "m/s"),
 })
 
+local function force_limit()
+  return code("limit", "What limits the command",
+              {[0] = "nothing", [1] = "force", [2] = "torque", [3] = "rate", [4] = "fade"})
+end
+
 local function flag(name, label) return code(name, label, {[0] = "no", [1] = "yes"}) end
 
 local function append(list, more)
@@ -184,6 +189,7 @@ local tick = group("tick", "Tick", {
   field(U16, "active_contacts", "Local contacts with separation <= 0"),
   field(U16, "predicted_contacts", "Local contacts with separation > 0"),
   flag("adopted", "An update was taken"),
+  force_limit(),
 })
 
 local local_contact = group("local_contact", "Local contact", {
@@ -296,8 +302,7 @@ messages[LOCAL_STATE] = {
   list = {item = local_contact, fewest = 0, most = 64, per_part = 10},
   body = group("local_state", "Local state", {
     field(U64, "step", "Step of the local model"),
-    code("limit", "What limits the command",
-         {[0] = "nothing", [1] = "force", [2] = "torque", [3] = "rate", [4] = "fade"}),
+    force_limit(),
   }),
 }
 

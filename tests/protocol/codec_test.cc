@@ -133,7 +133,8 @@ Ticks documented_ticks() {
                          0.0125,
                          2,
                          3,
-                         true});
+                         true,
+                         protocol::ForceLimit::kForce});
   return ticks;
 }
 

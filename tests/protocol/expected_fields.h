@@ -287,6 +287,7 @@ inline Expected expected_item(const protocol::TickSignals& tick) {
   fields.integer("active_contacts", tick.active_contacts);
   fields.integer("predicted_contacts", tick.predicted_contacts);
   fields.code("adopted", tick.adopted, {"no", "yes"});
+  fields.code("limit", tick.limit, {"nothing", "force", "torque", "rate", "fade"});
   return fields;
 }
 
