@@ -29,13 +29,6 @@ inline protocol::Tuning carried_over(const protocol::Tuning& changed, const prot
   return tuning;
 }
 
-/// Words of a page for the enumerations, in the order of their values.
-inline constexpr std::array<const char*, 4> kUpdateRules{
-    "retain", "paper", "intermediate_representation", "plane_recovery"};
-inline constexpr std::array<const char*, 7> kControllers{
-    "four_channel",     "three_channel",  "virtual_coupler", "direct",
-    "rotation_coupler", "engine_coupler", "engine_force"};
-
 /// A number of the environment that pages may set.
 struct EnvironmentRange {
   const char* name;

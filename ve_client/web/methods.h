@@ -1,4 +1,4 @@
-// The methods that a page offers by name: what each sets.
+// The methods that a page offers: their words, and what each sets.
 #pragma once
 
 #include <array>
@@ -9,6 +9,8 @@ namespace hlm::ve {
 
 struct Method {
   const char* name;
+  const char* label;
+  const char* help;  ///< One phrase for a person.
   protocol::UpdateRule update_rule;
   protocol::ControllerKind controller;
   double epsilon;          ///< m.
@@ -16,14 +18,18 @@ struct Method {
 };
 
 inline constexpr std::array<Method, 6> kMethods{{
-    {"lm5", protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005, 0},
-    {"lm-adaptive", protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005,
-     0.08},
-    {"lm0", protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0, 0},
-    {"ir", protocol::UpdateRule::kIntermediateRepresentation, protocol::ControllerKind::kDirect, 0,
-     0},
-    {"coupler", protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineCoupler, 0, 0},
-    {"engine", protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineForce, 0, 0},
+    {"lm5", "LM 5 mm", "Local model; contacts are sent up to 5 mm before they are touched",
+     protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005, 0},
+    {"lm-adaptive", "LM adaptive", "Local model; epsilon grows with speed and delay",
+     protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005, 0.08},
+    {"lm0", "LM 0", "Local model without prediction: only touching contacts are sent",
+     protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0, 0},
+    {"ir", "IR", "Intermediate representation: planes that stay until the next update",
+     protocol::UpdateRule::kIntermediateRepresentation, protocol::ControllerKind::kDirect, 0, 0},
+    {"coupler", "Coupler to engine", "A spring and damper to the engine's tool",
+     protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineCoupler, 0, 0},
+    {"engine", "Direct to engine", "The engine's contact force, held between frames",
+     protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineForce, 0, 0},
 }};
 
 inline LiveSettings with_method(const Method& method, LiveSettings settings) {

@@ -6,13 +6,14 @@
 #include <nlohmann/json.hpp>
 
 #include "ve_client/web/methods.h"
+#include "ve_client/web/words.h"
 
 namespace hlm::ve {
 namespace {
 
 using nlohmann::json;
 
-std::string in_words(double value) {
+std::string number_text(double value) {
   std::ostringstream text;
   text << value;
   return text.str();
@@ -34,7 +35,7 @@ double number(const json& value, const Range& range) {
       value.is_number() && value.get<double>() >= range.least && value.get<double>() <= range.most;
   if (!fits) {
     refuse(range.name, value,
-           in_words(range.least) + " to " + in_words(range.most) + " " + range.unit);
+           number_text(range.least) + " to " + number_text(range.most) + " " + range.unit);
   }
   return value.get<double>();
 }
@@ -75,12 +76,7 @@ HandRequest hand(const json& message) {
   constexpr double kTolerance = 1e-3;
   if (std::abs(X.R.norm() - 1) > kTolerance) refuse("target", target, "a unit quaternion");
   X.R.normalize();
-  return {X};
-}
-
-/// Whether a tool of so many links can have the controller.
-bool suits(protocol::ControllerKind controller, const ToolTraits& tool) {
-  return tool.links == 1 || !protocol::replaces_proxy(controller);
+  return {X, message.contains("grab") && flag(message, "grab")};
 }
 
 constexpr const char* kForLinkages = ": the tool has several links, the device cannot replace it";
@@ -88,7 +84,7 @@ constexpr const char* kForLinkages = ": the tool has several links, the device c
 LiveSettings with_method(const json& name, const LiveSettings& settings, const ToolTraits& tool) {
   std::string allowed;
   for (const Method& method : kMethods) {
-    if (!suits(method.controller, tool)) continue;
+    if (!suits(method.controller, tool.links)) continue;
     if (name == method.name) return with_method(method, settings);
     allowed.append(allowed.empty() ? "" : ", ").append(method.name);
   }
@@ -97,10 +93,10 @@ LiveSettings with_method(const json& name, const LiveSettings& settings, const T
 
 protocol::ControllerKind controller(const json& value, const ToolTraits& tool) {
   const auto wanted = choice<protocol::ControllerKind>("controller", value, kControllers);
-  if (suits(wanted, tool)) return wanted;
+  if (suits(wanted, tool.links)) return wanted;
   std::string allowed;
   for (std::size_t i = 0; i < kControllers.size(); ++i) {
-    if (!suits(static_cast<protocol::ControllerKind>(i), tool)) continue;
+    if (!suits(static_cast<protocol::ControllerKind>(i), tool.links)) continue;
     allowed.append(allowed.empty() ? "" : ", ").append(kControllers[i]);
   }
   refuse("controller", value, allowed.append(kForLinkages));
@@ -122,7 +118,8 @@ LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolT
     }
     const auto range = std::find_if(protocol::kTuningRanges.begin(), protocol::kTuningRanges.end(),
                                     [&](const auto& r) { return field == r.name; });
-    if (range == protocol::kTuningRanges.end()) refuse(field, value, "a setting that there is");
+    if (range == protocol::kTuningRanges.end())
+      refuse(field, value, "one of the settings in docs/page_messages.md");
     tuning.*range->number = number(value, *range);
   }
   return settings;
@@ -135,7 +132,8 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
     if (field == "type") continue;
     const auto range = std::find_if(kEnvironmentRanges.begin(), kEnvironmentRanges.end(),
                                     [&](const auto& r) { return field == r.name; });
-    if (range == kEnvironmentRanges.end()) refuse(field, value, "a setting that there is");
+    if (range == kEnvironmentRanges.end())
+      refuse(field, value, "one of the settings in docs/page_messages.md");
     range->number(settings) = number(value, *range);
   }
   return settings;
@@ -175,7 +173,7 @@ ParsedRequest parse_request(const std::string& text, const LiveSettings& present
   } catch (const Refused& refused) {
     return refused.refusal;
   } catch (const json::exception&) {
-    return Refusal{"", text, "the message is not JSON as the page's contract has it"};
+    return Refusal{"", text, "the message must be JSON as docs/page_messages.md describes it"};
   }
 }
 
