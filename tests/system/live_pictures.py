@@ -45,7 +45,7 @@ class Page:
 
     def picture(self, name):
         print(f"{name}: F_env {math.hypot(*self.frame()['F_env'][:3]):.2f} N, "
-              f"proxy-tool {1e3 * max(self.do('return haptic.ticksOf(`proxy_tool_m`).slice(-2000)')):.2f} mm, "
+              f"proxy-tool {1e3 * max(self.do('return haptic.ticksOf(`proxy_tool`).slice(-2000)')):.2f} mm, "
               f"{self.do('return haptic.fps()'):.0f} frames/s, banner '{self.do('return haptic.banner()')}'")
         self.driver.save_screenshot(str(self.folder / f"{name}.png"))
 
