@@ -14,9 +14,9 @@
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
-#include "protocol/capture.h"
-#include "protocol/recording_link.h"
-#include "protocol/udp_socket.h"
+#include "protocol/transport/capture.h"
+#include "protocol/transport/recording_link.h"
+#include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {
@@ -56,7 +56,7 @@ class EventLog {
       spdlog::info("the client is back");
     } else if (record.server == ServerState::kFault) {
       spdlog::error("fault: {}; force is off until a client starts a new session",
-                    describe(record.fault));
+                    meaning_of(record.fault));
     } else {
       spdlog::info("session {:016x} is over", record.session);
     }
@@ -65,20 +65,6 @@ class EventLog {
   }
 
  private:
-  static const char* describe(Fault fault) {
-    switch (fault) {
-      case Fault::kNone:
-        return "none";
-      case Fault::kNonFinite:
-        return "a value of the local model or the device is not finite";
-      case Fault::kOverrun:
-        return "the loop stood still for longer than --max-gap";
-      case Fault::kDevice:
-        return "the device failed";
-    }
-    return "unknown";
-  }
-
   ServerState state_ = ServerState::kIdle;
   std::uint64_t session_ = 0;
 };

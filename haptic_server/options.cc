@@ -2,7 +2,6 @@
 
 #include <fstream>
 #include <iterator>
-#include <map>
 #include <sstream>
 
 #include "haptic_server/device/hand_script.h"
@@ -11,26 +10,20 @@
 namespace hlm::server {
 namespace {
 
-template <class Value>
-using Choices = std::map<std::string, Value>;
-
-/// An option that takes one of a few words.
-template <class Value>
-void add_choice(CLI::App& app, const std::string& name, Value& value, const Choices<Value>& choices,
-                const std::string& help) {
-  std::string words;
-  std::string present;
-  for (const auto& [word, choice] : choices) {
-    words += (words.empty() ? "" : ", ") + word;
-    if (choice == value) present = word;
+/// An option that takes one of an enumeration's names.
+template <class Enum>
+void add_choice(CLI::App& app, const std::string& option, Enum& value, const std::string& help) {
+  std::string names;
+  for (const Word<Enum>& word : kWords<Enum>) {
+    names += (names.empty() ? "" : ", ") + std::string(word.name);
   }
-  const auto set = [&value, choices](const std::string& word) { value = choices.at(word); };
-  const auto known = [choices, words](const std::string& word) {
-    return choices.contains(word) ? std::string() : word + " must be one of " + words;
+  const auto set = [&value](const std::string& name) { value = *value_of<Enum>(name); };
+  const auto check = [names](const std::string& name) {
+    return value_of<Enum>(name) ? std::string() : name + " must be one of " + names;
   };
-  app.add_option_function<std::string>(name, set, help + ": " + words)
-      ->check(CLI::Validator(known, "", name))
-      ->default_str(present)
+  app.add_option_function<std::string>(option, set, help + ": " + names)
+      ->check(CLI::Validator(check, "", option))
+      ->default_str(std::string(name_of(value)))
       ->run_callback_for_default(false)
       ->type_name("WORD");
 }
@@ -43,20 +36,9 @@ void add_number(CLI::App& app, const std::string& name, double& value, const std
 }
 
 void add_contact_options(CLI::App& app, LocalModelParameters& p) {
-  add_choice<UpdateRule>(app, "--update-rule", p.update_rule,
-                         {{"retain", UpdateRule::kRetain},
-                          {"paper", UpdateRule::kPaper},
-                          {"intermediate_representation", UpdateRule::kIntermediateRepresentation},
-                          {"plane_recovery", UpdateRule::kPlaneRecovery}},
-                         "How contacts carry over an update");
-  add_choice<CollisionRule>(
-      app, "--collision-rule", p.collision_rule,
-      {{"nonnegative", CollisionRule::kNonnegative}, {"newton", CollisionRule::kNewton}},
-      "How simultaneous collisions are resolved");
-  add_choice<ContactStep>(
-      app, "--contact-step", p.contact_step,
-      {{"implicit", ContactStep::kImplicit}, {"explicit", ContactStep::kExplicit}},
-      "How contact forces are integrated");
+  add_choice(app, "--update-rule", p.update_rule, "How contacts carry over an update");
+  add_choice(app, "--collision-rule", p.collision_rule, "How simultaneous collisions are resolved");
+  add_choice(app, "--contact-step", p.contact_step, "How contact forces are integrated");
   add_number(app, "--stiffness", p.stiffness, "Stiffness of each contact, N/m");
   add_number(app, "--damping", p.damping, "Damping of each contact, N·s/m");
   add_number(app, "--restitution", p.restitution,
@@ -79,15 +61,8 @@ void add_contact_options(CLI::App& app, LocalModelParameters& p) {
 
 void add_control_options(CLI::App& app, ServoOptions& o) {
   add_number(app, "--rate", o.rate, "Rate of local model and device control, Hz, 100 to 8000");
-  add_choice<ControllerKind>(app, "--controller", o.controller,
-                             {{"four_channel", ControllerKind::kFourChannel},
-                              {"three_channel", ControllerKind::kThreeChannel},
-                              {"virtual_coupler", ControllerKind::kVirtualCoupler},
-                              {"direct", ControllerKind::kDirect},
-                              {"rotation_coupler", ControllerKind::kRotationCoupler},
-                              {"engine_coupler", ControllerKind::kEngineCoupler},
-                              {"engine_force", ControllerKind::kEngineForce}},
-                             "Controller between device and proxy, or a rival to compare with");
+  add_choice(app, "--controller", o.controller,
+             "Controller between device and proxy, or a rival to compare with");
   add_number(app, "--coupling-stiffness", o.gains.stiffness, "K_c, translation, N/m");
   add_number(app, "--coupling-damping", o.gains.damping, "B_c, translation, N·s/m");
   add_number(app, "--coupling-angular-stiffness", o.gains.angular_stiffness,
@@ -104,13 +79,8 @@ void add_control_options(CLI::App& app, ServoOptions& o) {
 
 void add_device_options(CLI::App& app, PhysicsOptions& options) {
   SimulatedDeviceOptions& d = options.simulated;
-  add_choice<DeviceKind>(app, "--device", options.device,
-                         {{"simulated", DeviceKind::kSimulated}, {"replay", DeviceKind::kReplay}},
-                         "Haptic device");
-  add_choice<DeviceFreedom>(
-      app, "--device-freedom", d.freedom,
-      {{"planar", DeviceFreedom::kPlanar}, {"spatial", DeviceFreedom::kSpatial}},
-      "How the simulated device moves");
+  add_choice(app, "--device", options.device, "Haptic device");
+  add_choice(app, "--device-freedom", d.freedom, "How the simulated device moves");
   app.add_option("--hand", options.hand, "Hand script of the simulated device, a TOML file");
   app.add_option("--device-log", options.device_log, "Tick log that the replay device plays, CSV");
   add_number(app, "--device-mass", d.mass, "Simulated device: mass, kg");
@@ -160,11 +130,7 @@ void add_options(CLI::App& app, PhysicsOptions& options) {
 void add_options(CLI::App& app, ServerOptions& options) {
   app.add_option("--listen", options.listen, "Where to wait for the client, ADDRESS:PORT")
       ->capture_default_str();
-  add_choice<RealtimePolicy>(app, "--realtime", options.realtime.policy,
-                             {{"require", RealtimePolicy::kRequire},
-                              {"prefer", RealtimePolicy::kPrefer},
-                              {"off", RealtimePolicy::kOff}},
-                             "What happens without real-time rights");
+  add_choice(app, "--realtime", options.realtime.policy, "What happens without real-time rights");
   app.add_option("--priority", options.realtime.priority, "SCHED_FIFO priority, 1 to 99")
       ->capture_default_str();
   add_number(app, "--final-spin", options.loop.final_spin,

@@ -8,6 +8,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "common/vocabulary.h"
 #include "haptic_server/device/simulated_device.h"
 #include "haptic_server/loop/periodic_loop.h"
 #include "haptic_server/loop/realtime.h"
@@ -19,6 +20,20 @@ enum class DeviceKind {
   kSimulated,  ///< An impedance device and the hand on it, simulated.
   kReplay,     ///< Plays back the device of a recorded tick log.
 };
+
+}  // namespace hlm::server
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<server::DeviceKind>, 2> kWords<server::DeviceKind>{{
+    {server::DeviceKind::kSimulated, "simulated", "an impedance device and the hand on it"},
+    {server::DeviceKind::kReplay, "replay", "the device of a recorded tick log"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::server {
 
 /// Everything that shapes the physics: two servers with equal options and equal contact packets
 /// move their proxies bit for bit alike.

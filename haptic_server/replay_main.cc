@@ -9,7 +9,7 @@
 #include "haptic_server/replay/live_replay.h"
 #include "haptic_server/replay/offline_replay.h"
 #include "haptic_server/replay/recorded_session.h"
-#include "protocol/udp_socket.h"
+#include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WORD_COLUMNS = {"server_state", "fault", "contact_state"}
+# Of the tick log's columns (haptic_server/loop/tick_columns.h) those that are drawn.
+WORD_COLUMNS = {"server_state"}
 SUBJECTS = ("device", "proxy", "tool")
 NUMBER_COLUMNS = (
     [f"{s}_{axis}_m" for s in SUBJECTS for axis in "xyz"]

@@ -128,7 +128,7 @@ void ClientRun::show(const FrameResult& result) {
   if (result.inbox.welcomed) {
     page_->forget_session();
     // What no page has changed is as the server was started.
-    const protocol::Tuning& own = client_->welcome().tuning;
+    const Tuning& own = client_->welcome().tuning;
     live_.tuning = carried_over(live_.tuning, own_tuning_, own);
     own_tuning_ = own;
     show_world(&client_->welcome());

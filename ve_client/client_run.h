@@ -7,9 +7,9 @@
 #include <random>
 #include <string>
 
-#include "protocol/capture.h"
-#include "protocol/recording_link.h"
-#include "protocol/udp_socket.h"
+#include "protocol/transport/capture.h"
+#include "protocol/transport/recording_link.h"
+#include "protocol/transport/udp_socket.h"
 #include "ve_client/client/impaired_link.h"
 #include "ve_client/clock.h"
 #include "ve_client/frame.h"
@@ -63,7 +63,7 @@ class ClientRun {
   std::optional<Recording> recording_;
   SteadyClock clock_;
   ImpairedLink link_;
-  protocol::Tuning own_tuning_;  ///< What the server was started with.
+  Tuning own_tuning_;  ///< What the server was started with.
   LiveSettings live_;
   double spread_;  ///< Of the drawn rates about live_.rate, Hz.
   std::mt19937_64 engine_;

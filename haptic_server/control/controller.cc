@@ -41,10 +41,6 @@ Controller::Controller(ControllerKind kind, const ControllerGains& gains) noexce
       stiffness_(diagonal(gains.stiffness, gains.angular_stiffness)),
       damping_(diagonal(gains.damping, gains.angular_damping)) {}
 
-bool uses_contacts(ControllerKind kind) noexcept {
-  return kind != ControllerKind::kEngineCoupler && kind != ControllerKind::kEngineForce;
-}
-
 Wrench Controller::coordination(const DeviceState& device,
                                 const HandMotion& partner) const noexcept {
   return stiffness_.cwiseProduct(displacement(partner.X_WH, device.X_WD)) +
@@ -52,7 +48,7 @@ Wrench Controller::coordination(const DeviceState& device,
 }
 
 HandInput Controller::to_proxy(const DeviceState& device, const HandMotion& proxy) const noexcept {
-  if (replaces_proxy(kind_)) return {};
+  if (traits(kind_).replaces_proxy) return {};
   HandInput input{coordination(device, proxy), stiffness_, damping_};
   if (kind_ == ControllerKind::kFourChannel && device.F_hand) input.F += *device.F_hand;
   return input;
@@ -112,8 +108,7 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
                                               const DeviceRatings& device,
                                               bool measures_hand_wrench, double period) {
   std::vector<std::string> doubts;
-  const bool coordinates =
-      kind != ControllerKind::kDirect && kind != ControllerKind::kRotationCoupler;
+  const bool coordinates = traits(kind).couples_translation;
   if (kind == ControllerKind::kFourChannel && !measures_hand_wrench) {
     doubts.push_back(
         "four_channel without a measured hand wrench works as three_channel on this device");
@@ -122,7 +117,7 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
     doubts.push_back(fmt::format("coupling stiffness {} N/m is above the device's rated {} N/m",
                                  gains.stiffness, device.max_stiffness));
   }
-  if (kind != ControllerKind::kDirect && gains.angular_stiffness > device.max_angular_stiffness) {
+  if (traits(kind).couples_rotation && gains.angular_stiffness > device.max_angular_stiffness) {
     doubts.push_back(
         fmt::format("angular coupling stiffness {} N·m/rad is above the device's rated {} N·m/rad",
                     gains.angular_stiffness, device.max_angular_stiffness));
@@ -133,7 +128,8 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
         gains.damping, device.mass, period));
   }
   // Felt through the coupler the wall can be no stiffer than the coupler.
-  const bool through_coupler = kind == ControllerKind::kVirtualCoupler || !uses_contacts(kind);
+  const bool through_coupler =
+      kind == ControllerKind::kVirtualCoupler || !traits(kind).uses_contacts;
   const double felt = through_coupler ? gains.stiffness : contacts.stiffness;
   const double rendered_damping = coordinates ? gains.damping : contacts.damping;
   const double needed = felt * period / 2 + (coordinates ? 0 : std::abs(rendered_damping));

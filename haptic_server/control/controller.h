@@ -1,5 +1,5 @@
-// The controller between device and proxy (METHOD 6, paper Sec. II), and the couplings of other
-// methods, to compare with.
+// The controller between device and proxy (docs/method.md 6, paper Sec. II), and the couplings of
+// other methods, to compare with.
 #pragma once
 
 #include <optional>
@@ -10,12 +10,6 @@
 #include "haptic_server/local_model/local_model.h"
 
 namespace hlm::server {
-
-using protocol::ControllerKind;
-using protocol::replaces_proxy;
-
-/// Whether contacts of the local model act.
-bool uses_contacts(ControllerKind kind) noexcept;
 
 /// Gains of the position channels.
 struct ControllerGains {

@@ -21,18 +21,19 @@ double portion_within(const Vector3& f, const Vector3& g, double limit) noexcept
 
 }  // namespace
 
-ImpulseSpreader::ImpulseSpreader(const DeviceRatings& device, double dt) noexcept
-    : max_force_(device.max_force), max_torque_(device.max_torque), dt_(dt) {}
+ImpulseSpreader::ImpulseSpreader(const ForceBudget& budget, double dt) noexcept
+    : budget_(budget), dt_(dt) {}
 
 Wrench ImpulseSpreader::render(const Wrench& impulse, const Wrench& F) noexcept {
   pending_ += impulse;
-  const double longest = std::min({1.0, max_force_ * kLongestRendering / pending_.head<3>().norm(),
-                                   max_torque_ * kLongestRendering / pending_.tail<3>().norm()});
+  const double longest =
+      std::min({1.0, budget_.max_force * kLongestRendering / pending_.head<3>().norm(),
+                budget_.max_torque * kLongestRendering / pending_.tail<3>().norm()});
   if (longest < 1) pending_ *= longest;
 
   const Wrench whole = pending_ / dt_;
-  const double portion = std::min(portion_within(F.head<3>(), whole.head<3>(), max_force_),
-                                  portion_within(F.tail<3>(), whole.tail<3>(), max_torque_));
+  const double portion = std::min(portion_within(F.head<3>(), whole.head<3>(), budget_.max_force),
+                                  portion_within(F.tail<3>(), whole.tail<3>(), budget_.max_torque));
   pending_ *= 1 - portion;
   return portion * whole;
 }

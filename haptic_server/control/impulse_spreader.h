@@ -1,17 +1,17 @@
-// Renders collision impulses within the device's limits (METHOD 5, Eq. 12).
+// Renders collision impulses within the force budget (docs/method.md 5.4, Eq. 12).
 #pragma once
 
 #include "common/spatial.h"
-#include "haptic_server/device/device.h"
+#include "haptic_server/control/force_budget.h"
 
 namespace hlm::server {
 
-/// An impulse that would need more force in one step than the device has is spread over as many
+/// An impulse that would need more force in one step than there is is spread over as many
 /// steps as it takes, keeping its direction and momentum.
 class ImpulseSpreader {
  public:
   /// dt: servo period, s.
-  ImpulseSpreader(const DeviceRatings& device, double dt) noexcept;
+  ImpulseSpreader(const ForceBudget& budget, double dt) noexcept;
 
   /// Adds `impulse` (N·s, N·m·s) and returns the wrench of this step: as much of what is pending as
   /// fits beside F, the wrench already commanded.
@@ -22,8 +22,7 @@ class ImpulseSpreader {
   void clear() noexcept { pending_.setZero(); }
 
  private:
-  double max_force_;
-  double max_torque_;
+  ForceBudget budget_;
   double dt_;
   Wrench pending_ = Wrench::Zero();
 };

@@ -4,60 +4,62 @@
 #include <cassert>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <stdexcept>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 // The reader would otherwise start a thread for each file.
 #define CSV_IO_NO_THREAD
 #include <libfccp/csv.h>
 
+#include "haptic_server/loop/tick_columns.h"
+
 namespace hlm::server {
 namespace {
 
-/// The tick log's columns that a replay needs.
-constexpr std::array kColumns{"session",
-                              "step",
-                              "device_x_m",
-                              "device_y_m",
-                              "device_z_m",
-                              "device_qw",
-                              "device_qx",
-                              "device_qy",
-                              "device_qz",
-                              "device_vx_m_per_s",
-                              "device_vy_m_per_s",
-                              "device_vz_m_per_s",
-                              "device_wx_rad_per_s",
-                              "device_wy_rad_per_s",
-                              "device_wz_rad_per_s",
-                              "hand_measured",
-                              "hand_force_x_N",
-                              "hand_force_y_N",
-                              "hand_force_z_N",
-                              "hand_torque_x_N_m",
-                              "hand_torque_y_N_m",
-                              "hand_torque_z_N_m"};
+/// The signals of a tick that a replay needs.
+template <class Visit>
+constexpr void visit_needed(Visit&& visit) {
+  visit_step(visit);
+  visit_device(visit);
+}
+
+constexpr std::size_t kColumnCount = [] {
+  std::size_t count = 0;
+  visit_needed([&](auto, auto, const auto& suffixes) { count += suffixes.size(); });
+  return count;
+}();
+
+const std::array<std::string, kColumnCount>& needed_columns() {
+  static const std::array columns = [] {
+    std::array<std::string, kColumnCount> names;
+    auto next = names.begin();
+    visit_needed([&](std::string_view name, auto, const auto& suffixes) {
+      for (const std::string_view suffix : suffixes) *next++ = std::string(name).append(suffix);
+    });
+    return names;
+  }();
+  return columns;
+}
 
 /// Allowed deviation of a recorded quaternion's length from 1: far above rounding, far below any
 /// other mistake.
 constexpr double kUnitTolerance = 1e-6;
 
-using CsvReader = io::CSVReader<kColumns.size()>;
-using Cells = std::array<char*, kColumns.size()>;
+using CsvReader = io::CSVReader<kColumnCount>;
+using Cells = std::array<char*, kColumnCount>;
 
-template <std::size_t... i>
-void read_header(CsvReader& csv, std::index_sequence<i...>) {
-  csv.read_header(io::ignore_extra_column, kColumns[i]...);
+void read_header(CsvReader& csv) {
+  std::apply([&](const auto&... names) { csv.read_header(io::ignore_extra_column, names...); },
+             needed_columns());
 }
 
-template <std::size_t... i>
-bool read_cells(CsvReader& csv, Cells& cells, std::index_sequence<i...>) {
-  return csv.read_row(cells[i]...);
+bool read_cells(CsvReader& csv, Cells& cells) {
+  return std::apply([&](auto&... cell) { return csv.read_row(cell...); }, cells);
 }
 
-/// One line of the log, taken cell by cell in the order of kColumns.
+/// One line of the log.
 class Row {
  public:
   Row(const std::string& path, unsigned line, const Cells& cells)
@@ -67,83 +69,76 @@ class Row {
     throw std::runtime_error(path_ + ':' + std::to_string(line_) + ": " + what);
   }
 
-  std::uint64_t whole() { return take<std::uint64_t>("a whole number"); }
-  double number() {
-    const std::string_view column = kColumns[next_];
-    const std::string_view text = cells_[next_];
-    const double value = take<double>("a number");
-    if (!std::isfinite(value)) fail_at(column, text, "a finite number");
-    return value;
-  }
-  template <class Vector>
-  void vector(Vector& v) {
-    for (Eigen::Index i = 0; i < v.size(); ++i) v[i] = number();
+  /// The signals that a replay needs; others keep their defaults.
+  TickRecord record() const {
+    TickRecord record;
+    std::size_t column = 0;
+    visit_needed([&](auto, auto member, const auto& suffixes) {
+      for (std::size_t i = 0; i < suffixes.size(); ++i) {
+        read(column++, component(record.*member, i));
+      }
+    });
+    return record;
   }
 
  private:
-  template <class Number>
-  Number take(std::string_view what) {
-    const std::string_view column = kColumns[next_];
-    const std::string_view text = cells_[next_++];
-    Number value{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size()) fail_at(column, text, what);
-    return value;
+  void read(std::size_t column, double& value) const {
+    parse(column, value, "a number");
+    if (!std::isfinite(value)) fail_at(column, "a finite number");
   }
-  [[noreturn]] void fail_at(std::string_view column, std::string_view text,
-                            std::string_view what) const {
-    fail("column " + std::string(column) + ": '" + std::string(text) + "' must be " +
+  void read(std::size_t column, std::uint64_t& value) const {
+    parse(column, value, "a whole number");
+  }
+  void read(std::size_t column, bool& value) const {
+    std::uint64_t number = 0;
+    parse(column, number, "0 or 1");
+    if (number > 1) fail_at(column, "0 or 1");
+    value = number == 1;
+  }
+
+  template <class Number>
+  void parse(std::size_t column, Number& value, std::string_view what) const {
+    const std::string_view text = cells_[column];
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size()) fail_at(column, what);
+  }
+  [[noreturn]] void fail_at(std::size_t column, std::string_view what) const {
+    fail("column " + needed_columns()[column] + ": '" + cells_[column] + "' must be " +
          std::string(what));
   }
 
   const std::string& path_;
   unsigned line_;
   const Cells& cells_;
-  std::size_t next_ = 0;
 };
 
-DeviceState read_state(Row& row) {
-  DeviceState state;
-  row.vector(state.X_WD.p);
-  Quaternion& R = state.X_WD.R;
-  for (double* component : {&R.w(), &R.x(), &R.y(), &R.z()}) *component = row.number();
-  if (std::abs(R.norm() - 1) > kUnitTolerance) {
-    row.fail("columns device_qw to device_qz must be a unit quaternion, its length is " +
-             std::to_string(R.norm()));
-  }
-  row.vector(state.V_WD);
-  const bool measured = row.whole() != 0;
-  Wrench F_hand;
-  row.vector(F_hand);
-  if (measured) state.F_hand = F_hand;
-  return state;
-}
-
-void read_row(Row row, std::vector<RecordedStep>& steps) {
-  RecordedStep recorded;
-  recorded.session = row.whole();
-  recorded.step = row.whole();
-  if (recorded.step == 0) return;
-  const bool goes_on = !steps.empty() && steps.back().session == recorded.session;
+void read_row(const Row& row, std::vector<RecordedStep>& steps) {
+  const TickRecord record = row.record();
+  if (record.step == 0) return;
+  const bool goes_on = !steps.empty() && steps.back().session == record.session;
   const std::uint64_t expected = goes_on ? steps.back().step + 1 : 1;
-  if (recorded.step != expected) {
-    row.fail("column step: '" + std::to_string(recorded.step) + "' must be " +
+  if (record.step != expected) {
+    row.fail("column step: '" + std::to_string(record.step) + "' must be " +
              std::to_string(expected) + "; a replay needs every step of a session");
   }
-  recorded.state = read_state(row);
-  steps.push_back(recorded);
+  if (std::abs(record.X_WD.R.norm() - 1) > kUnitTolerance) {
+    row.fail("columns device_qw to device_qz must be a unit quaternion, its length is " +
+             std::to_string(record.X_WD.R.norm()));
+  }
+  RecordedStep step{record.session, record.step, {record.X_WD, record.V_WD, {}}};
+  if (record.hand_measured) step.state.F_hand = record.F_hand;
+  steps.push_back(step);
 }
 
 }  // namespace
 
 std::vector<RecordedStep> read_recorded_steps(const std::string& path) {
-  constexpr auto kAll = std::make_index_sequence<kColumns.size()>{};
   std::vector<RecordedStep> steps;
   try {
     CsvReader csv(path);
-    read_header(csv, kAll);
+    read_header(csv);
     Cells cells{};
-    while (read_cells(csv, cells, kAll)) read_row(Row(path, csv.get_file_line(), cells), steps);
+    while (read_cells(csv, cells)) read_row(Row(path, csv.get_file_line(), cells), steps);
   } catch (const io::error::base& error) {
     throw std::runtime_error("tick log " + path + ": " + error.what());
   }

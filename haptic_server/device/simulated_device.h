@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/spatial.h"
+#include "common/vocabulary.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/device/hand.h"
 
@@ -19,6 +20,20 @@ enum class DeviceFreedom {
   kPlanar,   ///< x, y and rotation about z. The rest stays as it was at align().
   kSpatial,  ///< All six.
 };
+
+}  // namespace hlm::server
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<server::DeviceFreedom>, 2> kWords<server::DeviceFreedom>{{
+    {server::DeviceFreedom::kPlanar, "planar", "x, y and rotation about z"},
+    {server::DeviceFreedom::kSpatial, "spatial", "all six"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::server {
 
 /// Longest delay between a command and its effect, ticks.
 inline constexpr int kMaxDelay = 64;

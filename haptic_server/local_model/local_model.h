@@ -8,17 +8,15 @@
 #include <array>
 
 #include "common/tool_model.h"
+#include "common/vocabulary.h"
 #include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/contact_forces.h"
 #include "haptic_server/local_model/contact_update.h"
 #include "haptic_server/local_model/hand_map.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
-#include "protocol/messages.h"
 
 namespace hlm::server {
-
-using protocol::ProxyContactState;
 
 /// What acts on the proxy at the hand during one step: the wrench F at its start, and how that
 /// changes with the twist V at its end, F⁺ = F - K Δt V⁺ - B (V⁺ - V). World axes.

@@ -5,23 +5,49 @@
 #include <optional>
 #include <string>
 
-#include "protocol/messages.h"
+#include "common/vocabulary.h"
 
 namespace hlm::server {
 
-using protocol::UpdateRule;
-
-/// How simultaneous collisions are resolved (METHOD 5).
+/// How simultaneous collisions are resolved (docs/method.md 5).
 enum class CollisionRule {
   kNonnegative,  ///< Impulses never pull: the LCP with Newton's restitution.
   kNewton,       ///< Eq. 11 as printed.
 };
 
-/// How contact forces enter the integration (METHOD 4).
+}  // namespace hlm::server
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<server::CollisionRule>, 2> kWords<server::CollisionRule>{{
+    {server::CollisionRule::kNonnegative, "nonnegative", "impulses never pull"},
+    {server::CollisionRule::kNewton, "newton", "Eq. 11 as printed"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::server {
+
+/// How contact forces enter the integration (docs/method.md 4.3).
 enum class ContactStep {
   kImplicit,  ///< Forces at the end of the step: stable for any stiffness.
   kExplicit,  ///< Forces at its start: stable while (2bΔt + kΔt²) λ_max(J D⁻¹ Jᵀ) < 4.
 };
+
+}  // namespace hlm::server
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<server::ContactStep>, 2> kWords<server::ContactStep>{{
+    {server::ContactStep::kImplicit, "implicit", "stable for any stiffness"},
+    {server::ContactStep::kExplicit, "explicit", "forces at the start of the step"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::server {
 
 struct LocalModelParameters {
   UpdateRule update_rule = UpdateRule::kRetain;

@@ -4,6 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "common/vocabulary.h"
+
 namespace hlm::server {
 
 enum class RealtimePolicy {
@@ -11,6 +13,21 @@ enum class RealtimePolicy {
   kPrefer,   ///< Take what the system grants and tell what is missing.
   kOff,      ///< An ordinary thread. For development only: lateness reaches milliseconds.
 };
+
+}  // namespace hlm::server
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<server::RealtimePolicy>, 3> kWords<server::RealtimePolicy>{{
+    {server::RealtimePolicy::kRequire, "require", "refuse to start without the rights"},
+    {server::RealtimePolicy::kPrefer, "prefer", "take what is granted and say what is missing"},
+    {server::RealtimePolicy::kOff, "off", "an ordinary thread"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::server {
 
 struct RealtimeOptions {
   RealtimePolicy policy = RealtimePolicy::kPrefer;

@@ -1,12 +1,9 @@
 // Whether the server may render force now, and why not.
 #pragma once
 
-#include "protocol/messages.h"
+#include "common/vocabulary.h"
 
 namespace hlm::server {
-
-using protocol::Fault;
-using protocol::ServerState;
 
 /// The server's state machine:
 ///

@@ -16,27 +16,12 @@
 #include "haptic_server/local_model/local_model.h"
 #include "haptic_server/loop/periodic_loop.h"
 #include "haptic_server/loop/server_state.h"
+#include "haptic_server/loop/servo_options.h"
 #include "haptic_server/loop/telemetry.h"
 #include "haptic_server/loop/tick_record.h"
 #include "protocol/server_session.h"
 
 namespace hlm::server {
-
-struct ServoOptions {
-  double rate = 1000;  ///< Hz.
-  LocalModelParameters local_model;
-  ControllerKind controller = ControllerKind::kFourChannel;
-  ControllerGains gains;
-  LimiterOptions limits;
-  /// Silence of the client after which force fades to zero, s. Shorter than a hiccup of the
-  /// simulator and force comes and goes; longer and it outlives a dead client.
-  double silence_time = 0.25;
-  /// Longest gap between two ticks before the loop is taken for broken, s.
-  double max_gap = 0.25;
-};
-
-/// Why options cannot be used, naming the option, its value and its range; empty if valid.
-std::optional<std::string> find_error(const ServoOptions& options);
 
 class Servo {
  public:
@@ -45,7 +30,7 @@ class Servo {
   Servo(const ServoOptions& options, std::uint64_t configuration, protocol::ServerSession& session,
         Device& device) noexcept;
 
-  /// One tick. Its signals, but for `execution`, which is the caller's to measure.
+  /// One tick. Returns its signals except `execution`, which the caller measures.
   const TickRecord& tick(const Timing& timing) noexcept;
 
   /// Zero force, device off, goodbye to the client.
@@ -58,16 +43,12 @@ class Servo {
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
   void apply(const protocol::Control& control) noexcept;
-  protocol::Welcome welcome() const noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
   void simulate() noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
   void render(const DeviceState& device, const ContactWrench& felt) noexcept;
   void fail(Fault fault) noexcept;
-  void describe(const Timing& timing) noexcept;
-  void describe_proxy() noexcept;
   void acknowledge(double now) noexcept;
-  protocol::ProxyState proxy_state() const noexcept;
 
   ServoOptions options_;  ///< As started. What a control has changed is in the members below.
   double dt_;

@@ -4,8 +4,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/loop/state_names.h"
-
 namespace hlm::server {
 namespace {
 
@@ -17,8 +15,8 @@ constexpr const char* kBeginLine = "\r\x1b[?7l";
 constexpr const char* kEndLine = "\x1b[K\x1b[?7h";
 
 std::string state(const TickRecord& record) {
-  if (record.fault == protocol::Fault::kNone) return std::string(state_name(record.server));
-  return fmt::format("{} ({})", state_name(record.server), state_name(record.fault));
+  if (record.fault == Fault::kNone) return std::string(name_of(record.server));
+  return fmt::format("{} ({})", name_of(record.server), name_of(record.fault));
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 
 #include "common/spatial.h"
 #include "common/tool_model.h"
-#include "protocol/messages.h"
+#include "common/vocabulary.h"
 
 namespace hlm::server {
 
@@ -13,18 +13,19 @@ struct TickRecord {
   std::uint64_t session = 0;
   std::uint64_t step = 0;  ///< Steps since the session began; 0 without a session.
   double time = 0;         ///< Since the server started, s.
-  protocol::ServerState server = protocol::ServerState::kIdle;
-  protocol::Fault fault = protocol::Fault::kNone;
-  protocol::ProxyContactState contact_state = protocol::ProxyContactState::kFreeMotion;
+  ServerState server = ServerState::kIdle;
+  Fault fault = Fault::kNone;
+  ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   Pose X_WD;  ///< Device handle.
   Twist V_WD = Twist::Zero();
   bool hand_measured = false;
   Wrench F_hand = Wrench::Zero();
   Pose X_WP;  ///< Hand frame of the proxy.
   Twist V_WP = Twist::Zero();
-  Pose X_WT;                          ///< Hand frame of the VE's tool, from the latest update.
-  Wrench F_env = Wrench::Zero();      ///< Contact wrench at the hand, impulses included.
-  Wrench F_command = Wrench::Zero();  ///< To the device, after limits.
+  Pose X_WT;                             ///< Hand frame of the VE's tool, from the latest update.
+  Wrench F_env = Wrench::Zero();         ///< Contact wrench at the hand, impulses included.
+  Wrench F_command = Wrench::Zero();     ///< To the device, after limits.
+  ForceLimit limit = ForceLimit::kNone;  ///< What keeps it from being the wanted wrench.
   int active_contacts = 0;
   int predicted_contacts = 0;
   double smallest_separation = 0;  ///< m; 0 without contacts.

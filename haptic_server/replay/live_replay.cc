@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "protocol/client_session.h"
-#include "protocol/udp_socket.h"
+#include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

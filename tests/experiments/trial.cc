@@ -31,9 +31,9 @@ double spring_energy(const LocalContacts& contacts, const ToolModel& proxy, doub
   return sum;
 }
 
-const server::LocalContact* find(const LocalContacts& contacts, const ContactKey& key) {
+const server::LocalContact* find(const LocalContacts& contacts, std::uint64_t identity) {
   for (const server::LocalContact& contact : contacts) {
-    if (contact.key == key) return &contact;
+    if (contact.identity == identity) return &contact;
   }
   return nullptr;
 }
@@ -48,7 +48,7 @@ UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
     effect.fall = std::max(effect.fall, from - to);
   };
   for (const server::LocalContact& contact : after) {
-    const server::LocalContact* old = find(before, contact.key);
+    const server::LocalContact* old = find(before, contact.identity);
     const double force = spring_force(contact, proxy, stiffness);
     resultant += force * contact.n_W;
     change(old != nullptr ? spring_force(*old, proxy, stiffness) : 0, force);
@@ -57,7 +57,7 @@ UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
   for (const server::LocalContact& contact : before) {
     const double force = spring_force(contact, proxy, stiffness);
     resultant -= force * contact.n_W;
-    if (find(after, contact.key) == nullptr) change(force, 0);
+    if (find(after, contact.identity) == nullptr) change(force, 0);
   }
   effect.force = resultant.norm();
   effect.energy = spring_energy(after, proxy, stiffness) - spring_energy(before, proxy, stiffness);
@@ -173,7 +173,7 @@ Trace run(const Trial& trial) {
   Trace trace;
   trace.controller = trial.method.controller;
   trace.device_delay = trial.task.device.delay;
-  ModelObserver observer(trial.task.stiffness, !server::replaces_proxy(trial.method.controller));
+  ModelObserver observer(trial.task.stiffness, !traits(trial.method.controller).replaces_proxy);
   test::VirtualSession* running = nullptr;
   double acts_from = -1;  // s, on the network's clock.
   const double dt = 1 / rate;
@@ -182,8 +182,8 @@ Trace run(const Trial& trial) {
     if (acts_from < 0 || record.time < acts_from - dt / 2) return;
     trace.ticks.push_back(record);
     trace.ticks.back().time -= acts_from;
-    const bool goes_on = record.server == protocol::ServerState::kRunning &&
-                         record.session == trace.ticks.front().session;
+    const bool goes_on =
+        record.server == ServerState::kRunning && record.session == trace.ticks.front().session;
     trace.broken = trace.broken || !goes_on;
     if (goes_on) {
       observer.see(*running->servo().local_model(), trace.ticks.back(), trace);

@@ -3,11 +3,11 @@
 #include <bit>
 #include <limits>
 
-#include "protocol/capture.h"
 #include "protocol/codec.h"
-#include "tests/protocol/capture_files.h"
+#include "protocol/transport/capture.h"
 #include "tests/protocol/expected_fields.h"
 #include "tests/protocol/sample_messages.h"
+#include "tests/protocol/transport/capture_files.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"
 

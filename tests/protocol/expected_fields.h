@@ -157,13 +157,13 @@ inline Expected expected_item(const Link& link) {
   return fields;
 }
 
-inline void add_tuning(Expected& fields, const protocol::Tuning& tuning) {
+inline void add_tuning(Expected& fields, const Tuning& tuning) {
   fields.code("update_rule", tuning.update_rule,
               {"retain", "paper", "intermediate representation", "plane recovery"});
   fields.code("controller", tuning.controller,
               {"four-channel", "three-channel", "virtual coupler", "direct", "rotation coupler",
                "engine coupler", "engine force"});
-  for (const auto& range : protocol::kTuningRanges) {
+  for (const auto& range : kTuningRanges) {
     fields.number(range.name, tuning.*range.number);
   }
 }

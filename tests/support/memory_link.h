@@ -8,7 +8,7 @@
 
 #include "common/uniform.h"
 #include "protocol/datagram_link.h"
-#include "protocol/datagram_queue.h"
+#include "protocol/transport/datagram_queue.h"
 
 namespace hlm::test {
 

@@ -8,8 +8,8 @@
 
 #include "haptic_server/device/simulated_device.h"
 #include "haptic_server/loop/servo.h"
-#include "protocol/recording_link.h"
 #include "protocol/server_session.h"
+#include "protocol/transport/recording_link.h"
 #include "tests/support/memory_link.h"
 #include "tests/support/virtual_clock.h"
 #include "tests/support/worlds.h"

@@ -15,8 +15,6 @@
 namespace hlm::test {
 namespace {
 
-using protocol::Fault;
-using protocol::ServerState;
 using server::TickRecord;
 
 /// FNV-1a over the bits of what the tick computes.
@@ -64,9 +62,34 @@ TEST_CASE("Pressed on the wall the peg rests: force as pushed, separation -f/k, 
   CHECK(at_rest.X_WT.p.y() == Approx(0.124).margin(1e-4));                      // m
 }
 
+TEST_CASE("A client that dies under more force than the limit: the command fades, both ways") {
+  VirtualSessionOptions options;
+  options.hand = constant_push(force(0, 20));
+  double previous = 0;
+  double largest_step = 0;
+  bool watched = false;
+  VirtualSession session(options, [&](const TickRecord& record) {
+    const double command = record.F_command.head<3>().norm();
+    if (watched) {
+      largest_step = std::max(largest_step, std::abs(command - previous));
+    }
+    previous = command;
+  });
+  session.run(3);
+  REQUIRE(session.last().F_command.head<3>().norm() == Approx(12).epsilon(1e-6));
+  watched = true;
+  session.run_server_alone(0.4);
+  const double fade_step = 12 / 100.0;  // N: 12 N in the fade time of 0.1 s
+  CHECK(largest_step <= fade_step + 1e-6);
+  CHECK(session.last().F_command.norm() < 1e-9);
+  session.run(0.1);
+  CHECK(session.last().server == ServerState::kRunning);
+  CHECK(largest_step <= fade_step + 1e-6);
+}
+
 TEST_CASE("A coupling to the engine holds the wall too: force as pushed, depth f/K_c") {
   VirtualSessionOptions options;
-  options.servo.controller = server::ControllerKind::kEngineCoupler;
+  options.servo.controller = ControllerKind::kEngineCoupler;
   options.device.dry_friction = 0;
   options.hand = constant_push(force(0, 0.5));
   VirtualSession session(options);

@@ -54,8 +54,7 @@ void LivePage::take(const PageRequest& request, double now, LiveSettings& settin
   }
 }
 
-protocol::Control LivePage::control(const LiveSettings& settings,
-                                    const protocol::Tuning& own) const {
+protocol::Control LivePage::control(const LiveSettings& settings, const Tuning& own) const {
   protocol::Control control;
   control.telemetry = server_.telemetry_wanted();
   control.holds = holding_page_.has_value();

@@ -26,7 +26,7 @@ class LivePage final : public protocol::TelemetryObserver {
   std::optional<ResetRequest> take_requests(double now, LiveSettings& settings,
                                             const LiveSettings& at_start);
   /// The control for a haptic server that was started with the tuning `own`.
-  protocol::Control control(const LiveSettings& settings, const protocol::Tuning& own) const;
+  protocol::Control control(const LiveSettings& settings, const Tuning& own) const;
 
   /// The world as built, for all pages, now and later.
   void show_world(const WorldView& view);

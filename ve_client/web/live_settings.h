@@ -13,19 +13,18 @@ struct LiveSettings {
   FrameOptions frame;
   double rate = 60;  ///< Hz.
   NetworkConditions network;
-  protocol::Tuning tuning;  ///< Of the server.
+  Tuning tuning;  ///< Of the server.
 };
 
 /// What was changed of one server's own tuning, changed of another's.
-inline protocol::Tuning carried_over(const protocol::Tuning& changed, const protocol::Tuning& from,
-                                     const protocol::Tuning& to) {
-  protocol::Tuning tuning = to;
+inline Tuning carried_over(const Tuning& changed, const Tuning& from, const Tuning& to) {
+  Tuning tuning = to;
   const auto carry = [&](auto member) {
     if (changed.*member != from.*member) tuning.*member = changed.*member;
   };
-  carry(&protocol::Tuning::update_rule);
-  carry(&protocol::Tuning::controller);
-  for (const protocol::TuningRange& range : protocol::kTuningRanges) carry(range.number);
+  carry(&Tuning::update_rule);
+  carry(&Tuning::controller);
+  for (const TuningRange& range : kTuningRanges) carry(range.number);
   return tuning;
 }
 

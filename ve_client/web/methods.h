@@ -11,26 +11,31 @@ struct Method {
   const char* name;
   const char* label;
   const char* help;  ///< One phrase for a person.
-  protocol::UpdateRule update_rule;
-  protocol::ControllerKind controller;
+  UpdateRule update_rule;
+  ControllerKind controller;
   double epsilon;          ///< m.
   double largest_epsilon;  ///< m; 0: epsilon does not grow.
 };
 
 inline constexpr std::array<Method, 6> kMethods{{
     {"lm5", "LM 5 mm", "Local model; contacts are sent up to 5 mm before they are touched",
-     protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005, 0},
+     UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0},
     {"lm-adaptive", "LM adaptive", "Local model; epsilon grows with speed and delay",
-     protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0.005, 0.08},
+     UpdateRule::kRetain, ControllerKind::kFourChannel, 0.005, 0.08},
     {"lm0", "LM 0", "Local model without prediction: only touching contacts are sent",
-     protocol::UpdateRule::kRetain, protocol::ControllerKind::kFourChannel, 0, 0},
+     UpdateRule::kRetain, ControllerKind::kFourChannel, 0, 0},
     {"ir", "IR", "Intermediate representation: planes that stay until the next update",
-     protocol::UpdateRule::kIntermediateRepresentation, protocol::ControllerKind::kDirect, 0, 0},
+     UpdateRule::kIntermediateRepresentation, ControllerKind::kDirect, 0, 0},
     {"coupler", "Coupler to engine", "A spring and damper to the engine's tool",
-     protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineCoupler, 0, 0},
+     UpdateRule::kRetain, ControllerKind::kEngineCoupler, 0, 0},
     {"engine", "Direct to engine", "The engine's contact force, held between frames",
-     protocol::UpdateRule::kRetain, protocol::ControllerKind::kEngineForce, 0, 0},
+     UpdateRule::kRetain, ControllerKind::kEngineForce, 0, 0},
 }};
+
+/// Whether a tool of so many links can have the controller.
+constexpr bool suits(ControllerKind kind, std::size_t links) noexcept {
+  return links == 1 || !traits(kind).replaces_proxy;
+}
 
 inline LiveSettings with_method(const Method& method, LiveSettings settings) {
   settings.tuning.update_rule = method.update_rule;

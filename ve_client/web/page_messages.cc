@@ -7,7 +7,6 @@
 
 #include "protocol/tick_columns.h"
 #include "ve_client/web/methods.h"
-#include "ve_client/web/words.h"
 
 namespace hlm::ve {
 namespace {
@@ -56,7 +55,7 @@ json ranges() {
   const auto add = [&](const char* name, double least, double most, const char* unit) {
     all[name] = {{"least", least}, {"most", most}, {"unit", unit}};
   };
-  for (const auto& r : protocol::kTuningRanges) add(r.name, r.least, r.most, r.unit);
+  for (const auto& r : kTuningRanges) add(r.name, r.least, r.most, r.unit);
   for (const auto& r : kEnvironmentRanges) add(r.name, r.least, r.most, r.unit);
   return all;
 }
@@ -69,13 +68,19 @@ json tick_columns() {
   return columns;
 }
 
+template <class Enum>
+json names() {
+  json all = json::array();
+  for (const Word<Enum>& word : kWords<Enum>) all.push_back(word.name);
+  return all;
+}
+
 json controllers(std::size_t links) {
   json all = json::array();
-  for (std::size_t i = 0; i < kControllers.size(); ++i) {
-    const auto kind = static_cast<protocol::ControllerKind>(i);
-    all.push_back({{"name", kControllers[i]},
-                   {"suits_tool", suits(kind, links)},
-                   {"uses_contacts", uses_contacts(kind)}});
+  for (const Word<ControllerKind>& word : kWords<ControllerKind>) {
+    all.push_back({{"name", word.name},
+                   {"suits_tool", suits(word.value, links)},
+                   {"uses_contacts", traits(word.value).uses_contacts}});
   }
   return all;
 }
@@ -91,10 +96,10 @@ json methods(std::size_t links) {
   return all;
 }
 
-json settings_json(const protocol::Tuning& tuning) {
-  json settings{{"update_rule", word(tuning.update_rule, kUpdateRules)},
-                {"controller", word(tuning.controller, kControllers)}};
-  for (const auto& range : protocol::kTuningRanges) {
+json settings_json(const Tuning& tuning) {
+  json settings{{"update_rule", name_of(tuning.update_rule)},
+                {"controller", name_of(tuning.controller)}};
+  for (const auto& range : kTuningRanges) {
     settings[range.name] = tuning.*range.number;
   }
   return settings;
@@ -115,7 +120,7 @@ json contacts_json(const protocol::LocalState* state) {
                         {"p", to_json(c.p_W)},
                         {"s", c.s},
                         {"f", to_json(c.f_W)},
-                        {"state", word(c.state, kContactStates)}});
+                        {"state", name_of(c.state)}});
   }
   return contacts;
 }
@@ -135,9 +140,9 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["F_env"] = to_json(state.F_env);
   frame["F_command"] = to_json(state.F_command);
   frame["F_hand"] = to_json(state.F_hand);
-  frame["server"] = word(state.server, kServerStates);
-  frame["fault"] = word(state.fault, kFaults);
-  frame["contact_state"] = word(state.contact_state, kProxyStates);
+  frame["server"] = name_of(state.server);
+  frame["fault"] = name_of(state.fault);
+  frame["contact_state"] = name_of(state.contact_state);
   frame["smallest_separation"] = any ? json(state.smallest_separation) : json(nullptr);
   frame["active"] = state.active_contacts;
   frame["age"] = state.age;
@@ -175,12 +180,12 @@ std::string world_message(const WorldView& view) {
               {"start", view.start},
               {"ranges", ranges()},
               {"methods", methods(links)},
-              {"update_rules", kUpdateRules},
+              {"update_rules", names<UpdateRule>()},
               {"controllers", controllers(links)},
-              {"limits", kLimits},
+              {"limits", names<ForceLimit>()},
               {"tick_columns", tick_columns()},
               {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
-              {"guidable", view.welcome == nullptr || view.welcome->guidable}}
+              {"guidable", view.welcome == nullptr || view.welcome->device.guidable}}
       .dump();
 }
 
@@ -198,7 +203,7 @@ std::string frame_message(const FrameView& view) {
              {"reported", view.result.active + view.result.predicted},
              {"round_trip", view.client.round_trip()},
              {"epsilon", view.result.epsilon},
-             {"limit", view.contacts ? word(view.contacts->limit, kLimits) : "none"},
+             {"limit", view.state ? name_of(view.state->limit) : name_of(ForceLimit::kNone)},
              {"contacts", contacts_json(view.contacts)},
              {"settings", settings_json(view.settings.tuning)},
              {"environment", environment_json(view.settings)},

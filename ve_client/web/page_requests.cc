@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "ve_client/web/methods.h"
-#include "ve_client/web/words.h"
 
 namespace hlm::ve {
 namespace {
@@ -40,16 +39,14 @@ double number(const json& value, const Range& range) {
   return value.get<double>();
 }
 
-template <class Enum, std::size_t count>
-Enum choice(const std::string& field, const json& value,
-            const std::array<const char*, count>& words) {
-  std::string known;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (value == words[i]) return static_cast<Enum>(i);
-    known += (known.empty() ? "" : ", ");
-    known += words[i];
+template <class Enum>
+Enum choice(const std::string& field, const json& value) {
+  std::string names;
+  for (const Word<Enum>& word : kWords<Enum>) {
+    if (value == word.name) return word.value;
+    names.append(names.empty() ? "" : ", ").append(word.name);
   }
-  refuse(field, value, known);
+  refuse(field, value, names);
 }
 
 bool flag(const json& message, const char* field) {
@@ -91,34 +88,34 @@ LiveSettings with_method(const json& name, const LiveSettings& settings, const T
   refuse("name", name, allowed.append(tool.links == 1 ? "" : kForLinkages));
 }
 
-protocol::ControllerKind controller(const json& value, const ToolTraits& tool) {
-  const auto wanted = choice<protocol::ControllerKind>("controller", value, kControllers);
+ControllerKind controller(const json& value, const ToolTraits& tool) {
+  const auto wanted = choice<ControllerKind>("controller", value);
   if (suits(wanted, tool.links)) return wanted;
   std::string allowed;
-  for (std::size_t i = 0; i < kControllers.size(); ++i) {
-    if (!suits(static_cast<protocol::ControllerKind>(i), tool.links)) continue;
-    allowed.append(allowed.empty() ? "" : ", ").append(kControllers[i]);
+  for (const Word<ControllerKind>& word : kWords<ControllerKind>) {
+    if (!suits(word.value, tool.links)) continue;
+    allowed.append(allowed.empty() ? "" : ", ").append(word.name);
   }
   refuse("controller", value, allowed.append(kForLinkages));
 }
 
 LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolTraits& tool) {
-  protocol::Tuning& tuning = settings.tuning;
+  Tuning& tuning = settings.tuning;
   for (const auto& item : message.items()) {
     const std::string& field = item.key();
     const json& value = item.value();
     if (field == "type") continue;
     if (field == "update_rule") {
-      tuning.update_rule = choice<protocol::UpdateRule>(field, value, kUpdateRules);
+      tuning.update_rule = choice<UpdateRule>(field, value);
       continue;
     }
     if (field == "controller") {
       tuning.controller = controller(value, tool);
       continue;
     }
-    const auto range = std::find_if(protocol::kTuningRanges.begin(), protocol::kTuningRanges.end(),
+    const auto range = std::find_if(kTuningRanges.begin(), kTuningRanges.end(),
                                     [&](const auto& r) { return field == r.name; });
-    if (range == protocol::kTuningRanges.end())
+    if (range == kTuningRanges.end())
       refuse(field, value, "one of the settings in docs/page_messages.md");
     tuning.*range->number = number(value, *range);
   }

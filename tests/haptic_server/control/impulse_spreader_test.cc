@@ -1,4 +1,4 @@
-// Impulses within the device's limits (METHOD 5).
+// Impulses within the device's limits (docs/method.md 5.4).
 #include "haptic_server/control/impulse_spreader.h"
 
 #include "tests/support/catch.h"
@@ -8,14 +8,9 @@ namespace {
 
 constexpr double kStep = 1.0 / 512;  // s
 
-DeviceRatings twelve_newtons() {
-  DeviceRatings device;
-  device.max_force = 12;
-  device.max_torque = 0.6;
-  return device;
-}
+ForceBudget twelve_newtons() { return ForceBudget::of(12, 0.6, {}, kStep); }
 
-TEST_CASE("An impulse beyond the device's force is spread and keeps its momentum") {
+TEST_CASE("An impulse beyond the force limit is spread and keeps its momentum") {
   // 0.3 kg at 0.2 m/s: 31 N for one step at 512 Hz.
   Wrench impulse = Wrench::Zero();
   impulse[1] = 0.06;  // N·s
@@ -32,12 +27,28 @@ TEST_CASE("An impulse beyond the device's force is spread and keeps its momentum
   CHECK(momentum == Approx(0.06).epsilon(1e-12));
 }
 
-TEST_CASE("An impulse within the device's force is rendered in one step") {
+TEST_CASE("An impulse within the force limit is rendered in one step") {
   Wrench impulse = Wrench::Zero();
   impulse[0] = 0.01;
   ImpulseSpreader spreader(twelve_newtons(), kStep);
   CHECK(spreader.render(impulse, Wrench::Zero())[0] == Approx(0.01 / kStep));
   CHECK(spreader.pending().norm() == 0);
+}
+
+TEST_CASE("The budget is the smaller of what the user allows and the device is rated for") {
+  const DeviceRatings rated{.max_force = 12, .max_torque = 0.2};
+  ImpulseSpreader spreader(ForceBudget::of(3, 0.6, rated, kStep), kStep);
+  Wrench impulse = Wrench::Zero();
+  impulse[1] = 0.05;  // N·s: 9 steps at 3 N
+  impulse[5] = 1e-5;  // N·m·s
+  double momentum = 0;
+  for (int i = 0; i < 12; ++i) {
+    const Wrench F = spreader.render(i == 0 ? impulse : Wrench(Wrench::Zero()), Wrench::Zero());
+    CHECK(F.head<3>().norm() <= 3 + 1e-9);    // N
+    CHECK(F.tail<3>().norm() <= 0.2 + 1e-9);  // N·m
+    momentum += F[1] * kStep;
+  }
+  CHECK(momentum == Approx(0.05).epsilon(1e-12));
 }
 
 TEST_CASE("Impulses leave room for the wrench beside them") {

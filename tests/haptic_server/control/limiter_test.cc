@@ -16,8 +16,12 @@ Wrench push(double force) {
   return F;
 }
 
-Limiter faded_in(DeviceRatings device = {}) {
-  Limiter limiter({}, device, kStep);
+Limiter limiter_for(const DeviceRatings& device = {}) {
+  return {ForceBudget::of(12, 0.6, device, kStep), /*fade_time=*/0.1, kStep};
+}
+
+Limiter faded_in(const DeviceRatings& device = {}) {
+  Limiter limiter = limiter_for(device);
   limiter.allow(true);
   for (int i = 0; i < 200; ++i) limiter.limit(Wrench::Zero());
   return limiter;
@@ -34,8 +38,7 @@ TEST_CASE("Force is limited in magnitude, its direction kept") {
 }
 
 TEST_CASE("What limits the force is told: fade, force, torque or rate, or nothing") {
-  using protocol::ForceLimit;
-  Limiter limiter({}, {.max_force_rate = 5e3}, kStep);
+  Limiter limiter = limiter_for({.max_force_rate = 5e3});
   limiter.allow(true);
   limiter.limit(push(1));
   CHECK(limiter.limited_by() == ForceLimit::kFade);
@@ -81,6 +84,44 @@ TEST_CASE("Force fades to zero in the fade time, and in again") {
   CHECK(limiter.silent());
   limiter.allow(true);
   CHECK(limiter.limit(push(10))[1] == Approx(0.1));  // 1 % of 10 N after 1 ms of 100
+}
+
+TEST_CASE("A wanted force above the limit fades from the limit, out and in, without a step") {
+  Limiter limiter = faded_in();
+  const double fade_step = 12 / 100.0;  // N
+  for (int i = 0; i < 20; ++i) limiter.limit(push(20));
+  limiter.allow(false);
+  double previous = 12;
+  for (int i = 0; i < 110; ++i) {
+    const double force = limiter.limit(push(20))[1];
+    CHECK(previous - force == Approx(i < 100 ? fade_step : 0).margin(1e-9));
+    CHECK(limiter.limited_by() == ForceLimit::kFade);
+    previous = force;
+  }
+  CHECK(limiter.silent());
+  limiter.allow(true);
+  for (int i = 0; i < 100; ++i) {
+    const double force = limiter.limit(push(20))[1];
+    CHECK(force - previous == Approx(fade_step));
+    previous = force;
+  }
+}
+
+TEST_CASE("A fade faster than the device's rate goes on at that rate, to the end") {
+  const DeviceRatings device{.max_force_rate = 50};  // N/s: 0.05 N a step
+  Limiter limiter = limiter_for(device);
+  limiter.allow(true);
+  for (int i = 0; i < 300; ++i) limiter.limit(push(12));
+  limiter.allow(false);
+  double previous = 12;
+  int steps = 0;
+  for (; !limiter.silent() && steps < 1000; ++steps) {
+    const double force = limiter.limit(push(12))[1];
+    CHECK(std::abs(previous - force) <= 0.05 + 1e-9);
+    previous = force;
+  }
+  CHECK(previous == 0);
+  CHECK(steps == Approx(240).margin(1));
 }
 
 TEST_CASE("A wrench that is not finite gives zero force and is noted") {

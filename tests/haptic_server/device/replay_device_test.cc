@@ -179,6 +179,7 @@ TEST_CASE("A log that cannot be replayed is refused with file, line and column")
   std::vector<RecordedStep> steps = recorded(random, 1, 3);
   steps[1].state.X_WD.p.x() = 0.125;
   steps[1].state.X_WD.R = Quaternion(1, 0, 0, 0);
+  steps[1].state.V_WD[5] = 0.25;
   const std::string good = kHeader + line(steps[0]) + line(steps[1]) + line(steps[2]);
   const std::string third = ":3: column device_x_m: ";
   CHECK(error_of(good) == "no error");
@@ -188,6 +189,8 @@ TEST_CASE("A log that cannot be replayed is refused with file, line and column")
   CHECK(error_of(replaced(good, ",0.125,", ",nan,")) == third + "'nan' must be a finite number");
   CHECK(error_of(replaced(good, ",1,0,0,0,", ",0.5,0,0,0,")) ==
         ":3: columns device_qw to device_qz must be a unit quaternion, its length is 0.500000");
+  CHECK(error_of(replaced(good, ",0.25,1,", ",0.25,2,")) ==
+        ":3: column hand_measured: '2' must be 0 or 1");
   CHECK(error_of(replaced(good, "\n1,2,", "\n-1,2,")) ==
         ":3: column session: '-1' must be a whole number");
   CHECK(error_of(kHeader + line(steps[0]) + line(steps[2])) ==

@@ -95,7 +95,7 @@ TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamic
   LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
   ReportedContacts contacts(2);
   for (std::uint16_t i = 0; i < 2; ++i) {
-    contacts[i].key.tool_feature.index = i;
+    contacts[i].identity = i;
     contacts[i].p_WC = {i == 0 ? -0.1 : 0.1, 0, 0};
   }
   model.adopt(contacts, model.proxy().configuration(), 0);

@@ -11,7 +11,7 @@ namespace {
 
 using Catch::Matchers::ContainsSubstring;
 
-TickRecord tick(double time, protocol::ServerState server) {
+TickRecord tick(double time, ServerState server) {
   TickRecord record;
   record.time = time;
   record.server = server;
@@ -21,7 +21,7 @@ TickRecord tick(double time, protocol::ServerState server) {
 TEST_CASE("rate, times, counts, peak force and drift of a session are summed up") {
   RunSummary summary;
   for (int i = 0; i <= 1000; ++i) {
-    TickRecord r = tick(1e-3 * i, protocol::ServerState::kRunning);
+    TickRecord r = tick(1e-3 * i, ServerState::kRunning);
     r.lateness = i == 500 ? 150e-6 : 30e-6;
     r.execution = i == 501 ? 90e-6 : 15e-6;
     r.adopted = i % 20 == 0 ? 1u : 0u;
@@ -46,8 +46,7 @@ TEST_CASE("rate, times, counts, peak force and drift of a session are summed up"
 
 TEST_CASE("drift counts only while a session runs") {
   RunSummary summary;
-  for (const auto server : {protocol::ServerState::kIdle, protocol::ServerState::kSilent,
-                            protocol::ServerState::kFault}) {
+  for (const auto server : {ServerState::kIdle, ServerState::kSilent, ServerState::kFault}) {
     TickRecord r = tick(0, server);
     r.X_WD.p.x() = 1;
     summary.observe(r);
@@ -57,8 +56,8 @@ TEST_CASE("drift counts only while a session runs") {
 
 TEST_CASE("ticks that were not recorded still count for the rate") {
   RunSummary summary;
-  summary.observe(tick(0, protocol::ServerState::kIdle));
-  summary.observe(tick(0.1, protocol::ServerState::kIdle));
+  summary.observe(tick(0, ServerState::kIdle));
+  summary.observe(tick(0.1, ServerState::kIdle));
   CHECK_THAT(summary.text(99), ContainsSubstring("1000.00 Hz; 0 missed, 99 not recorded"));
 }
 

@@ -30,7 +30,7 @@ std::size_t occurrences(const std::string& text, const std::string& part) {
 TEST_CASE("the line names state, rate, datagrams, contacts, force and drift") {
   TickRecord r;
   r.time = 12.04;
-  r.server = protocol::ServerState::kRunning;
+  r.server = ServerState::kRunning;
   r.overruns = 2;
   r.datagrams = 420;
   r.dropped = 1;
@@ -47,8 +47,8 @@ TEST_CASE("the line names state, rate, datagrams, contacts, force and drift") {
 
 TEST_CASE("a fault is named") {
   TickRecord r;
-  r.server = protocol::ServerState::kFault;
-  r.fault = protocol::Fault::kNonFinite;
+  r.server = ServerState::kFault;
+  r.fault = Fault::kNonFinite;
   CHECK_THAT(format_status(r, 1000), ContainsSubstring("fault (non_finite)"));
 }
 

@@ -84,6 +84,7 @@ TEST_CASE("random signals read back bit for bit from the column of their name") 
     CHECK(exact(columns["device_x_m"], r.X_WD.p.x()));
     CHECK(exact(columns["device_z_m"], r.X_WD.p.z()));
     CHECK(exact(columns["device_qw"], r.X_WD.R.w()));
+    CHECK(exact(columns["device_qy"], r.X_WD.R.y()));
     CHECK(exact(columns["device_qz"], r.X_WD.R.z()));
     CHECK(exact(columns["device_vy_m_per_s"], r.V_WD[1]));
     CHECK(exact(columns["device_wz_rad_per_s"], r.V_WD[5]));
@@ -111,9 +112,9 @@ TEST_CASE("counts and states are written as whole numbers and words") {
   TickRecord r;
   r.session = std::numeric_limits<std::uint64_t>::max();
   r.step = 12345;
-  r.server = protocol::ServerState::kFault;
-  r.fault = protocol::Fault::kOverrun;
-  r.contact_state = protocol::ProxyContactState::kResting;
+  r.server = ServerState::kFault;
+  r.fault = Fault::kOverrun;
+  r.contact_state = ProxyContactState::kResting;
   r.hand_measured = true;
   r.active_contacts = 4;
   r.predicted_contacts = 16;

@@ -122,7 +122,7 @@ TEST_CASE("A reset lets go and brings the settings back; what comes after it cou
   browser.send(R"({"type":"settings","damping":50})");
   REQUIRE(desk.soon([&] { return desk.settings.tuning.damping == 50; }));
   CHECK(desk.reset);
-  CHECK(desk.settings.tuning.stiffness == protocol::Tuning{}.stiffness);
+  CHECK(desk.settings.tuning.stiffness == Tuning{}.stiffness);
   CHECK_FALSE(desk.held());
 }
 

@@ -13,7 +13,6 @@
 #include "ve_client/web/methods.h"
 #include "ve_client/web/page_messages.h"
 #include "ve_client/web/page_requests.h"
-#include "ve_client/web/words.h"
 #include "ve_client/world/sdf_loader.h"
 
 namespace hlm::ve {
@@ -156,15 +155,23 @@ void check_messages(const std::string& name, const std::vector<std::string>& mes
 }
 
 /// The words that a row lists after "words:".
-template <std::size_t count>
 void check_words(const std::string& message, const std::string& field,
-                 const std::array<const char*, count>& words) {
+                 const std::vector<std::string_view>& words) {
   std::string expected = "words: ";
-  for (std::size_t i = 0; i < count; ++i) expected.append(i == 0 ? "" : ", ").append(words[i]);
+  for (const std::string_view word : words) {
+    expected.append(expected.ends_with(" ") ? "" : ", ").append(word);
+  }
   INFO(field);
   const Row& row = section(message).row(field);
   CHECK(std::any_of(row.begin(), row.end(),
                     [&](const std::string& c) { return c.ends_with(expected); }));
+}
+
+template <class Enum>
+std::vector<std::string_view> names() {
+  std::vector<std::string_view> all;
+  for (const Word<Enum>& word : kWords<Enum>) all.push_back(word.name);
+  return all;
 }
 
 /// A world with a tool in it, and a client that has no server.
@@ -221,15 +228,15 @@ TEST_CASE("Each message to a page has the documented fields and types") {
 }
 
 TEST_CASE("The documented words are those of the enumerations") {
-  check_words("frame", "limit", kLimits);
-  check_words("frame", "contacts[].state", kContactStates);
-  check_words("frame", "server", kServerStates);
-  check_words("frame", "fault", kFaults);
-  check_words("frame", "contact_state", kProxyStates);
-  check_words("settings", "update_rule", kUpdateRules);
-  check_words("settings", "controller", kControllers);
-  std::array<const char*, kMethods.size()> methods{};
-  for (std::size_t i = 0; i < methods.size(); ++i) methods[i] = kMethods[i].name;
+  check_words("frame", "limit", names<ForceLimit>());
+  check_words("frame", "contacts[].state", names<ContactState>());
+  check_words("frame", "server", names<ServerState>());
+  check_words("frame", "fault", names<Fault>());
+  check_words("frame", "contact_state", names<ProxyContactState>());
+  check_words("settings", "update_rule", names<UpdateRule>());
+  check_words("settings", "controller", names<ControllerKind>());
+  std::vector<std::string_view> methods;
+  for (const Method& method : kMethods) methods.push_back(method.name);
   check_words("method", "name", methods);
 }
 
@@ -242,7 +249,7 @@ TEST_CASE("Ticks have the documented header and columns") {
   }
   protocol::Ticks ticks;
   ticks.first_step = 0x100000002;
-  ticks.ticks.push_back({.F_env = {3, 0, 4}, .limit = protocol::ForceLimit::kRate});
+  ticks.ticks.push_back({.F_env = {3, 0, 4}, .limit = ForceLimit::kRate});
   TickBatch batch;
   batch.add(ticks);
   batch.add(ticks);
@@ -310,7 +317,7 @@ void check_ranges(const std::string& message, const Ranges& ranges) {
 }
 
 TEST_CASE("Settings have the documented units and ranges") {
-  check_ranges("settings", protocol::kTuningRanges);
+  check_ranges("settings", kTuningRanges);
   check_ranges("environment", kEnvironmentRanges);
 }
 

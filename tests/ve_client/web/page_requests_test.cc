@@ -37,7 +37,7 @@ TEST_CASE("Settings change what they name, and leave the rest") {
           .settings;
   CHECK(settings.tuning.stiffness == 8000);
   CHECK(settings.tuning.damping == 77);
-  CHECK(settings.tuning.controller == protocol::ControllerKind::kDirect);
+  CHECK(settings.tuning.controller == ControllerKind::kDirect);
 
   const auto environment =
       parsed<SettingsRequest>(R"({"type":"environment","loss":0.25,"epsilon":0.01})", present);
@@ -48,8 +48,8 @@ TEST_CASE("Settings change what they name, and leave the rest") {
 
 TEST_CASE("A method sets rule, controller and ε together") {
   const auto ir = parsed<SettingsRequest>(R"({"type":"method","name":"ir"})").settings;
-  CHECK(ir.tuning.update_rule == protocol::UpdateRule::kIntermediateRepresentation);
-  CHECK(ir.tuning.controller == protocol::ControllerKind::kDirect);
+  CHECK(ir.tuning.update_rule == UpdateRule::kIntermediateRepresentation);
+  CHECK(ir.tuning.controller == ControllerKind::kDirect);
   CHECK(ir.frame.epsilon == 0);
   const auto adaptive =
       parsed<SettingsRequest>(R"({"type":"method","name":"lm-adaptive"})").settings;
@@ -66,15 +66,15 @@ TEST_CASE("Each method is recognised by what it sets, and by nothing else") {
 }
 
 TEST_CASE("What a page changed stays changed when the server is another one, and nothing else") {
-  protocol::Tuning changed;
+  Tuning changed;
   changed.damping = 77;
-  protocol::Tuning other;
+  Tuning other;
   other.stiffness = 15000;
-  other.controller = protocol::ControllerKind::kThreeChannel;
-  const protocol::Tuning carried = carried_over(changed, {}, other);
+  other.controller = ControllerKind::kThreeChannel;
+  const Tuning carried = carried_over(changed, {}, other);
   CHECK(carried.damping == 77);
   CHECK(carried.stiffness == 15000);
-  CHECK(carried.controller == protocol::ControllerKind::kThreeChannel);
+  CHECK(carried.controller == ControllerKind::kThreeChannel);
 }
 
 TEST_CASE("A tool of several links is refused what puts the device in its place") {

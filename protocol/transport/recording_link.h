@@ -8,8 +8,8 @@
 
 #include <boost/lockfree/spsc_queue.hpp>
 
-#include "protocol/capture.h"
 #include "protocol/datagram_link.h"
+#include "protocol/transport/capture.h"
 
 namespace hlm::protocol {
 

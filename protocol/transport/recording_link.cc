@@ -1,4 +1,4 @@
-#include "protocol/recording_link.h"
+#include "protocol/transport/recording_link.h"
 
 #include <ctime>
 #include <utility>

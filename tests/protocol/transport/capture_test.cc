@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
-#include "protocol/ip_packet.h"
-#include "tests/protocol/capture_files.h"
+#include "protocol/transport/ip_packet.h"
+#include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

@@ -1,11 +1,11 @@
 // RecordingLink: what passes is recorded, and recording changes nothing of what passes.
-#include "protocol/recording_link.h"
+#include "protocol/transport/recording_link.h"
 
 #include <cstring>
 #include <deque>
 #include <thread>
 
-#include "tests/protocol/capture_files.h"
+#include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 

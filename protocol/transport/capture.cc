@@ -1,4 +1,4 @@
-#include "protocol/capture.h"
+#include "protocol/transport/capture.h"
 
 #include <array>
 #include <cassert>
@@ -7,7 +7,7 @@
 
 #include <pcap/pcap.h>
 
-#include "protocol/ip_packet.h"
+#include "protocol/transport/ip_packet.h"
 
 namespace hlm::protocol {
 namespace {

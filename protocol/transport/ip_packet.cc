@@ -1,4 +1,4 @@
-#include "protocol/ip_packet.h"
+#include "protocol/transport/ip_packet.h"
 
 #include <algorithm>
 #include <cassert>

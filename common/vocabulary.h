@@ -1,0 +1,226 @@
+// The words of the domain: each enumeration beside the one table of its names. Options, tick logs,
+// the live page, plots and experiments read these tables; the wire carries the values.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+namespace hlm {
+
+template <class Enum>
+struct Word {
+  Enum value;
+  std::string_view name;     ///< What files and options say.
+  std::string_view meaning;  ///< For a person, one clause.
+};
+
+/// The table of an enumeration, in the order of its values.
+template <class Enum>
+inline constexpr std::nullptr_t kWords = nullptr;
+
+/// The value's name; "unknown" for a value that a newer peer has sent.
+template <class Enum>
+constexpr std::string_view name_of(Enum value) noexcept {
+  for (const Word<Enum>& word : kWords<Enum>) {
+    if (word.value == value) return word.name;
+  }
+  return "unknown";
+}
+
+template <class Enum>
+constexpr std::string_view meaning_of(Enum value) noexcept {
+  for (const Word<Enum>& word : kWords<Enum>) {
+    if (word.value == value) return word.meaning;
+  }
+  return "not known to this version";
+}
+
+/// Whether the value is one that this version knows.
+template <class Enum>
+constexpr bool is_known(Enum value) noexcept {
+  for (const Word<Enum>& word : kWords<Enum>) {
+    if (word.value == value) return true;
+  }
+  return false;
+}
+
+/// The value of that name; empty if there is none.
+template <class Enum>
+constexpr std::optional<Enum> value_of(std::string_view name) noexcept {
+  for (const Word<Enum>& word : kWords<Enum>) {
+    if (word.name == name) return word.value;
+  }
+  return std::nullopt;
+}
+
+/// How a contact's separation carries over an update (docs/method.md 2).
+enum class UpdateRule : std::uint8_t {
+  kRetain = 0,
+  kPaper = 1,                       ///< Eqs. 4-6: s⁺ = max(σ, min(s_p, 0)).
+  kIntermediateRepresentation = 2,  ///< Berkelman et al. 1999: s⁺ = σ, active contacts only.
+  kPlaneRecovery = 3,               ///< Mark et al. 1996 (VRPN).
+};
+template <>
+inline constexpr std::array<Word<UpdateRule>, 4> kWords<UpdateRule>{{
+    {UpdateRule::kRetain, "retain",
+     "as paper, but load that would drop at once is released slowly"},
+    {UpdateRule::kPaper, "paper", "an update never raises a contact's force"},
+    {UpdateRule::kIntermediateRepresentation, "intermediate_representation",
+     "each update replaces the touching contacts"},
+    {UpdateRule::kPlaneRecovery, "plane_recovery",
+     "the depth is kept, then ramped to the reported one"},
+}};
+
+/// What stands between device and proxy (docs/method.md 6), and what others do.
+enum class ControllerKind : std::uint8_t {
+  kFourChannel = 0,
+  kThreeChannel = 1,
+  kVirtualCoupler = 2,
+  kDirect = 3,
+
+  // The rivals. The device takes the proxy's place, which the environment's tool T follows.
+  /// Berkelman et al. 1999: as direct, but contacts restrict translation only; a coupler to T
+  /// restricts rotation.
+  kRotationCoupler = 4,
+  /// Colgate et al. 1995: no local contacts; a coupler between device and T, evaluated each step.
+  kEngineCoupler = 5,
+  /// No local contacts; the spring by which the device draws T, as T's engine sees both, held until
+  /// the next update.
+  kEngineForce = 6,
+};
+template <>
+inline constexpr std::array<Word<ControllerKind>, 7> kWords<ControllerKind>{{
+    {ControllerKind::kFourChannel, "four_channel",
+     "positions and wrenches both ways; needs the hand's wrench"},
+    {ControllerKind::kThreeChannel, "three_channel",
+     "as four_channel, without the hand's wrench on the proxy"},
+    {ControllerKind::kVirtualCoupler, "virtual_coupler", "positions only"},
+    {ControllerKind::kDirect, "direct", "no coordination: the device takes the proxy's place"},
+    {ControllerKind::kRotationCoupler, "rotation_coupler",
+     "as direct, but a coupler to the environment's tool restricts rotation"},
+    {ControllerKind::kEngineCoupler, "engine_coupler",
+     "no local contacts: a coupler to the environment's tool"},
+    {ControllerKind::kEngineForce, "engine_force",
+     "no local contacts: the engine's force, held between updates"},
+}};
+
+/// What a controller does, for all who must know.
+struct ControllerTraits {
+  bool replaces_proxy = false;  ///< The device takes the proxy's place: needs a tool of one link.
+  bool uses_contacts = true;    ///< Contacts of the local model act.
+  bool couples_translation = true;  ///< K_c and B_c of translation are rendered.
+  bool couples_rotation = true;     ///< K_c and B_c of rotation are rendered.
+};
+
+constexpr ControllerTraits traits(ControllerKind kind) noexcept {
+  switch (kind) {
+    case ControllerKind::kFourChannel:
+    case ControllerKind::kThreeChannel:
+    case ControllerKind::kVirtualCoupler:
+      return {};
+    case ControllerKind::kDirect:
+      return {.replaces_proxy = true, .couples_translation = false, .couples_rotation = false};
+    case ControllerKind::kRotationCoupler:
+      return {.replaces_proxy = true, .couples_translation = false};
+    case ControllerKind::kEngineCoupler:
+    case ControllerKind::kEngineForce:
+      return {.replaces_proxy = true, .uses_contacts = false};
+  }
+  return {};
+}
+
+/// State of a local contact (docs/method.md 3, paper Sec. IV-A).
+enum class ContactState : std::uint8_t {
+  kImpending = 0,
+  kColliding = 1,
+  kPenetrating = 2,
+  kSeparating = 3,
+};
+template <>
+inline constexpr std::array<Word<ContactState>, 4> kWords<ContactState>{{
+    {ContactState::kImpending, "impending", "s > 0"},
+    {ContactState::kColliding, "colliding", "s <= 0, v_n <= 0, and impending at the step before"},
+    {ContactState::kPenetrating, "penetrating",
+     "s <= 0, v_n <= 0, and not impending at the step before"},
+    {ContactState::kSeparating, "separating", "s <= 0, v_n > 0"},
+}};
+
+/// State of the proxy as a whole (docs/method.md 3).
+enum class ProxyContactState : std::uint8_t { kFreeMotion = 0, kColliding = 1, kResting = 2 };
+template <>
+inline constexpr std::array<Word<ProxyContactState>, 3> kWords<ProxyContactState>{{
+    {ProxyContactState::kFreeMotion, "free_motion", "all contacts are impending"},
+    {ProxyContactState::kColliding, "colliding", "at least one contact collides"},
+    {ProxyContactState::kResting, "resting", "there is contact, and none collides"},
+}};
+
+/// What the server is doing with its force.
+enum class ServerState : std::uint8_t {
+  kIdle = 0,
+  kRunning = 1,
+  kSilent = 2,
+  kFault = 3,
+};
+template <>
+inline constexpr std::array<Word<ServerState>, 4> kWords<ServerState>{{
+    {ServerState::kIdle, "idle", "no session; the device is disabled"},
+    {ServerState::kRunning, "running", "a session with a live client"},
+    {ServerState::kSilent, "silent",
+     "the client was silent for too long or is leaving: force fades to zero"},
+    {ServerState::kFault, "fault", "force is zero until a new session"},
+}};
+
+enum class Fault : std::uint8_t {
+  kNone = 0,
+  kNonFinite = 1,
+  kOverrun = 2,
+  kDevice = 3,
+};
+template <>
+inline constexpr std::array<Word<Fault>, 4> kWords<Fault>{{
+    {Fault::kNone, "none", "no fault"},
+    {Fault::kNonFinite, "non_finite", "a value of the local model or the device is not finite"},
+    {Fault::kOverrun, "overrun", "the loop stood still for longer than allowed"},
+    {Fault::kDevice, "device", "the device failed"},
+}};
+
+/// What keeps the commanded wrench from being the wanted one.
+enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
+template <>
+inline constexpr std::array<Word<ForceLimit>, 5> kWords<ForceLimit>{{
+    {ForceLimit::kNone, "none", "nothing"},
+    {ForceLimit::kForce, "force", "the force limit"},
+    {ForceLimit::kTorque, "torque", "the torque limit"},
+    {ForceLimit::kRate, "rate", "the limit on the change of force"},
+    {ForceLimit::kFade, "fade", "a fade"},
+}};
+
+/// Why an update of contacts, or a contact of it, was not used.
+enum class UpdateError : std::uint8_t {
+  kNone = 0,
+  kLayout = 1,
+  kNonFinite = 2,
+  kTool = 3,
+  kQuaternion = 4,
+  kRange = 5,
+  kNormal = 6,
+  kSide = 7,
+  kDuplicate = 8,
+};
+template <>
+inline constexpr std::array<Word<UpdateError>, 9> kWords<UpdateError>{{
+    {UpdateError::kNone, "none", "no error"},
+    {UpdateError::kLayout, "layout", "its bytes are not laid out as the standard says"},
+    {UpdateError::kNonFinite, "non_finite", "a number is not finite"},
+    {UpdateError::kTool, "tool", "q or v does not have the tool's number of coordinates"},
+    {UpdateError::kQuaternion, "quaternion", "the quaternion in q is not of length 1 within 1e-3"},
+    {UpdateError::kRange, "range", "a number is outside its range"},
+    {UpdateError::kNormal, "normal", "the normal is not of length 1 within 1e-3"},
+    {UpdateError::kSide, "side", "side a is no link of the tool, or the link does not exist"},
+    {UpdateError::kDuplicate, "duplicate", "another contact of the update has the same identity"},
+}};
+
+}  // namespace hlm

@@ -1,0 +1,108 @@
+#include "haptic_server/loop/reporting.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace hlm::server {
+namespace {
+
+/// Every number of a message is finite: 0 where the device has no rating.
+double rating(double value) noexcept { return std::isfinite(value) ? value : 0; }
+
+protocol::DeviceReport report_of(const Device& device) noexcept {
+  const DeviceRatings& ratings = device.ratings();
+  protocol::DeviceReport report;
+  report.max_force = rating(ratings.max_force);
+  report.max_torque = rating(ratings.max_torque);
+  report.max_stiffness = rating(ratings.max_stiffness);
+  report.max_angular_stiffness = rating(ratings.max_angular_stiffness);
+  report.measures_hand = device.measures_hand_wrench();
+  report.guidable = device.guidable();
+  return report;
+}
+
+void replace_non_finite(protocol::ProxyState& state) noexcept {
+  const auto zero_unless_finite = [](auto& values) {
+    if (!values.allFinite()) values.setZero();
+  };
+  zero_unless_finite(state.v);
+  zero_unless_finite(state.X_WD.p);
+  zero_unless_finite(state.V_WD);
+  zero_unless_finite(state.F_env);
+  zero_unless_finite(state.F_hand);
+  if (!state.X_WD.R.coeffs().allFinite()) state.X_WD.R.setIdentity();
+  if (!std::isfinite(state.smallest_separation)) state.smallest_separation = 0;
+}
+
+}  // namespace
+
+void describe(const Timing& timing, const ServerStateMachine& machine,
+              const protocol::ServerSession& session, std::uint64_t step,
+              TickRecord& record) noexcept {
+  record.session = session.id();
+  record.step = machine.simulates() ? step : 0;
+  record.time = timing.begin;
+  record.lateness = timing.lateness;
+  record.overruns = timing.overruns;
+  record.server = machine.state();
+  record.fault = machine.fault();
+  record.datagrams = session.statistics().datagrams;
+  record.dropped = session.statistics().total_dropped();
+}
+
+void describe(const LocalModel& model, TickRecord& record) noexcept {
+  record.contact_state = model.state();
+  record.X_WP = model.proxy().X_WH();
+  record.V_WP = model.hand_twist();
+  record.X_WT = model.ve_tool().X_WH();
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const LocalContact& contact : model.contacts()) {
+    ++(contact.s > 0 ? record.predicted_contacts : record.active_contacts);
+    smallest = std::min(smallest, contact.s);
+  }
+  record.smallest_separation = model.contacts().empty() ? 0 : smallest;
+}
+
+protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configuration,
+                          const Device& device) noexcept {
+  return {.servo_rate = options.rate,
+          .configuration = configuration,
+          .tuning = tuning_of(options),
+          .silence_time = options.silence_time,
+          .fade_time = options.limits.fade_time,
+          .least_update_rate = 1 / options.silence_time,
+          .device = report_of(device)};
+}
+
+protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
+                                 std::uint64_t updates, const LocalModel* model) noexcept {
+  protocol::ProxyState state;
+  state.step = step;
+  state.age = record.age;
+  state.server = record.server;
+  state.fault = record.fault;
+  state.contact_state = record.contact_state;
+  state.active_contacts = static_cast<std::uint16_t>(record.active_contacts);
+  state.predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts);
+  state.smallest_separation = record.smallest_separation;
+  if (model != nullptr) {
+    // Where the proxy is nowhere, the environment's tool stands for it.
+    const Configuration& q = model->proxy().configuration();
+    state.q = q.allFinite() ? q : model->ve_tool().configuration();
+    state.v = model->velocity();
+  }
+  state.X_WD = record.X_WD;
+  state.V_WD = record.V_WD;
+  state.F_env = record.F_env;
+  state.F_command = record.F_command;
+  state.F_hand = record.F_hand;
+  state.hand_measured = record.hand_measured;
+  state.limit = record.limit;
+  state.overruns = record.overruns;
+  state.updates = updates;
+  if (record.fault == Fault::kNonFinite) replace_non_finite(state);
+  return state;
+}
+
+}  // namespace hlm::server

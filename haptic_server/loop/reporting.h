@@ -1,0 +1,34 @@
+// What the servo reports: a tick's record, and to the client the welcome and the proxy state.
+#pragma once
+
+#include <cstdint>
+
+#include "haptic_server/device/device.h"
+#include "haptic_server/local_model/local_model.h"
+#include "haptic_server/loop/periodic_loop.h"
+#include "haptic_server/loop/server_state.h"
+#include "haptic_server/loop/servo_options.h"
+#include "haptic_server/loop/tick_record.h"
+#include "protocol/server_session.h"
+
+namespace hlm::server {
+
+/// Fills in the record's timing, states and counts of datagrams. step: of the session.
+void describe(const Timing& timing, const ServerStateMachine& machine,
+              const protocol::ServerSession& session, std::uint64_t step,
+              TickRecord& record) noexcept;
+
+/// Fills in the record's proxy, the environment's tool and the contacts.
+void describe(const LocalModel& model, TickRecord& record) noexcept;
+
+/// The welcome that grants a session. configuration: fingerprint of the server's options.
+protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configuration,
+                          const Device& device) noexcept;
+
+/// The acknowledgement of the update adopted in the tick of `record`. step, updates: of the
+/// session; model: null without one. In a fault, what is not finite is replaced: a client refuses
+/// such numbers and would never learn of the fault.
+protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
+                                 std::uint64_t updates, const LocalModel* model) noexcept;
+
+}  // namespace hlm::server
