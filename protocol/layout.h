@@ -54,7 +54,7 @@ inline constexpr std::size_t kItemSize<MovableBody> = 292;
 template <>
 inline constexpr std::size_t kItemSize<ReportedContact> = 100;
 template <>
-inline constexpr std::size_t kItemSize<TickSignals> = 133;
+inline constexpr std::size_t kItemSize<TickSignals> = 134;
 template <>
 inline constexpr std::size_t kItemSize<LocalContactReport> = 124;
 template <>
@@ -275,6 +275,7 @@ void fields(Io& io, M& tick) requires std::same_as<const M, const TickSignals> {
   io.u16(tick.active_contacts);
   io.u16(tick.predicted_contacts);
   io.flag(tick.adopted);
+  io.enumeration(tick.limit);
 }
 
 template <class Io, class M>

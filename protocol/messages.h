@@ -192,7 +192,8 @@ struct TickSignals {
   double age = 0;                  ///< Of the newest contacts when they were taken, s.
   std::uint16_t active_contacts = 0;
   std::uint16_t predicted_contacts = 0;
-  bool adopted = false;  ///< An update was taken in this step.
+  bool adopted = false;                  ///< An update was taken in this step.
+  ForceLimit limit = ForceLimit::kNone;  ///< Of the commanded wrench.
 };
 
 inline constexpr std::size_t kTicksPerMessage = 8;

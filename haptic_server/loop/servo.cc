@@ -48,7 +48,8 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (local_model_) describe(*local_model_, record_);
   if (inbox.update != nullptr) acknowledge(timing.begin);
   if (machine_.state() == ServerState::kRunning) {
-    telemetry_.tick(timing.begin, record_, timing.previous_execution, session_);
+    telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),
+                    session_);
   }
   return record_;
 }

@@ -254,6 +254,10 @@ local contact = group("contact", "Contact", append(append({
   field(F32, "load", "Normal force of a contact without the tool", "N", NOT_NEGATIVE),
 }))
 
+local function force_limit()
+  return code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade"})
+end
+
 local tick = group("tick", "Tick", {
   vector("F_env", "Contact force on the hand", "N"),
   vector("F_command", "Force commanded to the device", "N"),
@@ -268,6 +272,7 @@ local tick = group("tick", "Tick", {
   field(U16, "active_contacts", "Local contacts with separation <= 0"),
   field(U16, "predicted_contacts", "Local contacts with separation > 0"),
   flag("adopted", "An update was taken"),
+  force_limit(),
 })
 
 local local_contact = group("local_contact", "Local contact", append(append({
@@ -380,7 +385,7 @@ local messages = {
     code("server", "Server", {[0] = "idle", "running", "silent", "fault"}),
     code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device"}),
     code("contact_state", "Proxy", {[0] = "free_motion", "colliding", "resting"}),
-    code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade"}),
+    force_limit(),
     field(U16, "active_contacts", "Local contacts with separation <= 0"),
     field(U16, "predicted_contacts", "Local contacts with separation > 0"),
     field(F64, "smallest_separation", "Smallest separation", "m"),

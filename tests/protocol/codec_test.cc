@@ -146,7 +146,8 @@ Ticks documented_ticks() {
                          0.0125,
                          2,
                          3,
-                         true});
+                         true,
+                         ForceLimit::kForce});
   return ticks;
 }
 

@@ -409,6 +409,7 @@ inline Expected expected_item(const protocol::TickSignals& tick) {
   fields.integer("active_contacts", tick.active_contacts);
   fields.integer("predicted_contacts", tick.predicted_contacts);
   fields.flag("adopted", tick.adopted);
+  fields.code("limit", tick.limit);
   return fields;
 }
 

@@ -221,7 +221,8 @@ inline protocol::Ticks random_ticks(Random& random) {
                            .age = random.uniform(0, 0.1),
                            .active_contacts = static_cast<std::uint16_t>(random.integer(0, 64)),
                            .predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64)),
-                           .adopted = random.integer(0, 1) == 1});
+                           .adopted = random.integer(0, 1) == 1,
+                           .limit = static_cast<ForceLimit>(random.integer(0, 4))});
   }
   return ticks;
 }
