@@ -49,6 +49,6 @@ endif()
 install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
 
 # The README's links hold between these, too.
-install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${documents})
+install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
 install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
 install(DIRECTORY docs examples DESTINATION ${documents})

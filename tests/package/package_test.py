@@ -155,6 +155,13 @@ class Package(unittest.TestCase):
         for part in FOREIGN:
             self.assertNotIn(part, headers)
 
+    def test_either_side_configures_without_what_only_the_other_needs(self):
+        for left_out, packages in (("HLM_SERVER", ["tomlplusplus"]),
+                                   ("HLM_VE_CLIENT", ["sdformat12", "ccd", "nlohmann_json"])):
+            hidden = [f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in packages]
+            run("cmake", "-G", "Ninja", "-S", SOURCE, "-B", self.folder / left_out,
+                f"-DCMAKE_CXX_COMPILER={cached('CMAKE_CXX_COMPILER')}", f"-D{left_out}=OFF", *hidden)
+
     def test_an_installed_program_serves_the_installed_page(self):
         mark = "<!-- the installed one -->"
         with (self.prefix / "share/haptic_local_model/page/index.html").open("a") as index:
