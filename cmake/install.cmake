@@ -26,8 +26,8 @@ if(HLM_VE_CLIENT)
   install(TARGETS ve_client)
   set(page ${PROJECT_SOURCE_DIR}/ve_client/page)
   install(CODE "
-    if(NOT EXISTS ${page}/node_modules/three OR NOT EXISTS ${page}/node_modules/uplot)
-      message(FATAL_ERROR \"${page}/node_modules is missing: run scripts/setup run, or npm ci there\")
+    if(NOT EXISTS \"${page}/node_modules/three\" OR NOT EXISTS \"${page}/node_modules/uplot\")
+      message(FATAL_ERROR \"${page}/node_modules lacks three or uplot: run scripts/setup run\")
     endif()")
   install(DIRECTORY ve_client/page DESTINATION ${share} FILES_MATCHING
     PATTERN "node_modules" EXCLUDE
