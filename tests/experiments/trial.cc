@@ -89,7 +89,7 @@ class ModelObserver {
   std::optional<ToolModel> proxy_;
 };
 
-bool couples_engine(const Method& method) { return !server::uses_contacts(method.controller); }
+bool couples_engine(const Method& method) { return !traits(method.controller).uses_contacts; }
 
 /// Nobody pushes exactly through the centre of mass.
 server::HandSegment off_centre(server::HandSegment hand, const Vector3& offset) {
