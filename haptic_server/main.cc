@@ -1,5 +1,6 @@
 // haptic_server: the local model and the device control as a process.
-#include <csignal>
+#include <atomic>
+#include <cstring>
 #include <iostream>
 #include <optional>
 #include <random>
@@ -10,10 +11,13 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include "haptic_server/loop/cpu_latency.h"
+#include "haptic_server/loop/event_log.h"
 #include "haptic_server/loop/run_summary.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
+#include "haptic_server/program.h"
 #include "protocol/transport/capture.h"
 #include "protocol/transport/recording_link.h"
 #include "protocol/transport/udp_socket.h"
@@ -21,19 +25,10 @@
 namespace hlm::server {
 namespace {
 
-PeriodicLoop* running_loop = nullptr;
+std::atomic<int> stop_signal = 0;  ///< Any thread may be the one that handles it.
+static_assert(std::atomic<int>::is_always_lock_free);
 
-void request_stop(int) {
-  if (running_loop != nullptr) running_loop->stop();
-}
-
-void install_signal_handlers(PeriodicLoop& loop) {
-  running_loop = &loop;
-  struct sigaction action {};
-  action.sa_handler = request_stop;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
+void request_stop(int signal) { stop_signal = signal; }
 
 void configure_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_server"));
@@ -42,32 +37,6 @@ void configure_logging(const std::string& level) {
   spdlog::set_pattern(clear + "%H:%M:%S.%e haptic_server %^%l%$: %v");
   spdlog::set_level(spdlog::level::from_str(level == "warn" ? "warning" : level));
 }
-
-/// Tells of what changes between ticks: sessions and faults.
-class EventLog {
- public:
-  void observe(const TickRecord& record) {
-    if (record.server == state_ && record.session == session_) return;
-    if (record.server == ServerState::kRunning && record.session != session_) {
-      spdlog::info("session {:016x} begins", record.session);
-    } else if (record.server == ServerState::kSilent) {
-      spdlog::warn("no news of the client, or its goodbye: force fades to zero");
-    } else if (record.server == ServerState::kRunning) {
-      spdlog::info("the client is back");
-    } else if (record.server == ServerState::kFault) {
-      spdlog::error("fault: {}; force is off until a client starts a new session",
-                    meaning_of(record.fault));
-    } else {
-      spdlog::info("session {:016x} is over", record.session);
-    }
-    state_ = record.server;
-    session_ = record.session;
-  }
-
- private:
-  ServerState state_ = ServerState::kIdle;
-  std::uint64_t session_ = 0;
-};
 
 /// A capture file, the link whose datagrams it gets, and the thread that writes it.
 class Recording {
@@ -79,29 +48,32 @@ class Recording {
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
           }
         }) {}
-  ~Recording() {
+
+  protocol::DatagramLink& link() { return link_; }
+
+  /// Writes what is left. Throws std::runtime_error if any of it could not be written.
+  void close() {
     thread_.request_stop();
     thread_.join();
     drain();
     if (link_.lost() > 0) spdlog::warn("{} datagrams are missing in the capture", link_.lost());
+    if (!failure_.empty()) throw std::runtime_error(failure_);
   }
-
-  protocol::DatagramLink& link() { return link_; }
 
  private:
   void drain() {
-    if (failed_) return;
+    if (!failure_.empty()) return;
     try {
       link_.drain(file_);
     } catch (const std::exception& error) {
-      failed_ = true;
-      spdlog::error("the capture ends here: {}", error.what());
+      failure_ = error.what();
+      spdlog::error("{}; the capture ends here, the session goes on", failure_);
     }
   }
 
   protocol::CaptureWriter file_;
   protocol::RecordingLink link_;
-  bool failed_ = false;
+  std::string failure_;
   std::jthread thread_;
 };
 
@@ -110,15 +82,29 @@ std::uint64_t random_session_id() {
   return (static_cast<std::uint64_t>(random()) << 32) | random() | 1;
 }
 
-/// Ticks until the end is asked for.
+/// Ticks until a signal or the duration ends it.
 void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
     TickRecord record = servo.tick(timing);
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
-    if (duration > 0 && timing.begin >= duration) loop.stop();
+    if (stop_signal != 0 || (duration > 0 && timing.begin >= duration)) loop.stop();
   });
   servo.shut_down(loop.elapsed());
+}
+
+/// Real-time rights for this thread; what is missing is logged.
+void prepare_thread(const RealtimeOptions& options) {
+  const RealtimeGrant grant = enter_realtime(options);
+  if (!grant.warning.empty()) spdlog::warn("{}", grant.warning);
+  if (options.policy == RealtimePolicy::kOff) return;
+  const std::string refusal = CpuLatencyLimit::find_refusal();
+  if (!refusal.empty()) spdlog::warn("{}", refusal);
+}
+
+void print(const std::string& summary) {
+  std::cout << summary << std::flush;
+  if (!std::cout) throw std::runtime_error("standard output takes no summary");
 }
 
 void run_server(const ServerOptions& options) {
@@ -126,13 +112,13 @@ void run_server(const ServerOptions& options) {
   PeriodicLoopOptions loop_options = options.loop;
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
-  install_signal_handlers(loop);
+  handle_signals(request_stop);
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
-  protocol::UdpSocket socket(protocol::resolve(options.listen));
+  protocol::UdpSocket socket(resolve_option(options.listen));
   std::optional<Recording> recording;
   if (!options.record.empty()) recording.emplace(options.record, socket);
   protocol::DatagramLink& link =
@@ -144,22 +130,31 @@ void run_server(const ServerOptions& options) {
   EventLog events;
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
+  CpuLatencyLimit latency;
+  const auto observe = [&](const TickRecord& record) {
+    events.observe(record);
+    if (options.status) status.observe(record);
+    summary.observe(record);
+    latency.set(options.realtime.policy != RealtimePolicy::kOff &&
+                record.server == ServerState::kRunning);
+  };
+  const auto report = [](const std::string& failure) {
+    spdlog::error("{}; the log ends here, the session goes on", failure);
+  };
   TickLog log(options.log, static_cast<std::size_t>(TickLog::kRingTime * loop_options.rate),
-              [&](const TickRecord& record) {
-                events.observe(record);
-                if (options.status) status.observe(record);
-                summary.observe(record);
-              });
+              observe, report);
   {
     TickLogThread writer(log);
     spdlog::info("listening on {}, {} Hz", protocol::to_string(socket.local()), loop_options.rate);
-    const RealtimeGrant grant = enter_realtime(options.realtime);
-    if (!grant.warning.empty()) spdlog::warn("{}", grant.warning);
+    prepare_thread(options.realtime);
     run_loop(loop, *servo, log, options.duration);
   }
-  log.close();
+  log.drain();
   if (options.status) status.close();
-  std::cout << summary.text(log.lost());
+  if (stop_signal != 0) spdlog::info("stopped by a signal: {}", strsignal(stop_signal));
+  print(summary.text(log.lost()));
+  if (recording) recording->close();
+  log.close();
 }
 
 const char* const kFooter =
@@ -170,7 +165,10 @@ const char* const kFooter =
   haptic_server --device list                             what is connected
   haptic_server --print-config > server.toml              a file to change and give with --config
 
-Exit codes: 0 finished; 1 failed while running; 2 wrong usage or configuration.
+SIGHUP, SIGINT, SIGQUIT and SIGTERM end it: zero force, device off, goodbye to the client.
+
+Exit codes: 0 finished; 1 failed, or could not write all of --log or --record; 2 wrong usage or
+configuration.
 )";
 
 }  // namespace
@@ -185,19 +183,10 @@ int main(int argc, char** argv) {
                   "contacts that a client sends over UDP.",
        .footer = server::kFooter});
   add_options(command_line, options);
-  try {
-    if (const auto code = command_line.parse(argc, argv, [&] { check(options); })) return *code;
-    if (const auto information = options.physics.device.information()) {
-      std::cout << *information;
-      return 0;
-    }
-    server::run_server(options);
-  } catch (const settings::UsageError& error) {
-    std::cerr << "haptic_server: " << error.what() << '\n';
-    return settings::kUsageError;
-  } catch (const std::exception& error) {
-    std::cerr << "haptic_server: " << error.what() << '\n';
-    return 1;
-  }
-  return 0;
+  return server::run_program(
+      "haptic_server", command_line, options.physics, argc, argv, [&] { check(options); },
+      [&] {
+        server::run_server(options);
+        return server::kOk;
+      });
 }

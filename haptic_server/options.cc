@@ -86,10 +86,16 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
   table.number("duration", options.duration, {0, 1e9, "s"}, "End after this long; 0 is never");
   add_options(command_line, options.physics);
   table.group("Real time");
-  table.choice("realtime", options.realtime.policy, "What happens without real-time rights");
+  table.choice("realtime", options.realtime.policy,
+               "What happens without real-time rights. Except with off, no core sleeps while a "
+               "session runs, "
+               "which costs power");
   table.whole("priority", options.realtime.priority, kPriorities, "SCHED_FIFO priority");
-  table.number("final-spin", options.loop.final_spin, {0, 0.5 / kServoRates.least, "s"},
-               "Last part of each wait that is spent spinning, at most half a period");
+  table.number(
+      "final-spin", options.loop.final_spin, {0, 0.5 / kServoRates.least, "s"},
+      "Last part of each wait that is spent spinning, at most half a period; costs its share "
+      "of one core. Unset: with real-time rights 0.0001, at most 0.4 periods (10 % of a core "
+      "at 1 kHz, 40 % from 4 kHz on); without them 0");
   table.group("Recording");
   table.file("record", options.record, "Write all datagrams to this capture file, pcap");
   table.file("log", options.log, "Write every tick's signals to this file, CSV");

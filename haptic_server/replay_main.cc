@@ -2,10 +2,14 @@
 #include <algorithm>
 #include <csignal>
 #include <iostream>
+#include <numbers>
 #include <stdexcept>
+
+#include <spdlog/fmt/fmt.h>
 
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
+#include "haptic_server/program.h"
 #include "haptic_server/replay/live_replay.h"
 #include "haptic_server/replay/offline_replay.h"
 #include "haptic_server/replay/recorded_session.h"
@@ -16,7 +20,10 @@ namespace {
 
 volatile std::sig_atomic_t stop_requested = 0;
 
-void request_stop(int) { stop_requested = 1; }
+/// Live, an answer within these of the recorded one is the same: the updates arrive a step earlier
+/// or later than they did.
+constexpr double kSameDistance = 2e-3;                     // m.
+constexpr double kSameAngle = 2 * std::numbers::pi / 180;  // rad.
 
 struct ReplayOptions {
   std::string capture;
@@ -33,66 +40,124 @@ std::vector<RecordedSession> chosen_sessions(const ReplayOptions& options) {
   if (options.session == 0) return sessions;
   const auto count = static_cast<int>(sessions.size());
   if (options.session < 1 || options.session > count) {
-    throw std::runtime_error("--session " + std::to_string(options.session) + " must be 1 to " +
-                             std::to_string(count) + ": " + options.capture + " holds " +
-                             std::to_string(count));
+    throw settings::UsageError("--session " + std::to_string(options.session) + " must be 1 to " +
+                               std::to_string(count) + ": " + options.capture + " holds " +
+                               std::to_string(count));
   }
   return {sessions[static_cast<std::size_t>(options.session - 1)]};
 }
 
-/// Exit code: 0 if all came back bit for bit.
-int run_offline(const ReplayOptions& options) {
+void warn(const std::string& text) { std::cerr << "haptic_replay: warning: " << text << '\n'; }
+
+/// Whether all came back bit for bit.
+bool run_offline(const ReplayOptions& options) {
   const PhysicsOptions& physics = options.physics;
   const std::unique_ptr<Device> device = physics.device.open(1 / physics.servo.rate);
-  const std::uint64_t configuration = fingerprint(physics, *device);
+  const std::uint64_t own = fingerprint(physics, *device);
   // Nobody else drains the log, so it must hold what comes between two drains.
   TickLog log(options.ticks, 2, [](const TickRecord&) {});
   bool all_equal = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
-    if (!made_with(session.welcome.configuration, physics, *device)) {
-      std::cerr << "haptic_replay: warning: the session was recorded with other options than these:"
-                   " give the server's with --config\n";
+    if (!made_with(session.welcome.fingerprint, physics, *device)) {
+      warn(
+          "the session was recorded with other options than these: give the server's with "
+          "--config");
     }
-    const OfflineResult result = replay_offline(session, physics.servo, configuration, *device,
-                                                [&](const TickRecord& record) {
-                                                  log.record(record);
-                                                  log.drain();
-                                                });
+    const OfflineResult result =
+        replay_offline(session, physics.servo, own, *device, [&](const TickRecord& record) {
+          log.record(record);
+          log.drain();
+        });
     std::cout << "replay of session " << std::hex << session.id << std::dec << ": " << result.steps
               << " steps, " << result.equal << " of " << result.compared
               << " acknowledged states equal bit for bit";
     if (result.first_difference)
       std::cout << ", first difference at step " << *result.first_difference;
+    if (result.incomplete > 0) {
+      std::cout << ", " << result.incomplete << " updates not whole in the capture";
+    }
     std::cout << '\n';
     all_equal &= result.equal == result.compared;
   }
   log.close();
-  return all_equal ? 0 : 1;
+  return all_equal;
 }
 
-int run_live(const ReplayOptions& options) {
-  const LiveOptions live{.server = protocol::resolve(options.server), .speed = options.speed};
-  for (const RecordedSession& session : chosen_sessions(options)) {
-    protocol::UdpSocket socket(protocol::Endpoint{});
-    const LiveResult result =
-        replay_live(session, socket, live, [] { return stop_requested != 0; });
-    std::cout << result.sent << " of " << session.updates.size() << " updates sent, "
-              << result.acknowledged << " states received, " << result.incomplete
-              << " not whole in the capture, round trip " << 1e3 * result.round_trip << " ms\n";
+/// What must make the answers differ, known before the first of them.
+void warn_of_differences(const RecordedSession& session, const protocol::Welcome& server,
+                         double speed) {
+  if (server.servo_rate != session.welcome.servo_rate) {
+    warn(fmt::format("the server runs at {} Hz, the recorded one ran at {} Hz", server.servo_rate,
+                     session.welcome.servo_rate));
+  } else if (server.fingerprint != session.welcome.fingerprint) {
+    warn("the server runs with other options or another hand than the recorded one");
   }
-  return 0;
+  if (speed != 1) {
+    warn(
+        fmt::format("at --speed {} the updates are not in step with the server's device and hand, "
+                    "which keep their own pace",
+                    speed));
+  }
+  if (!session.controls.empty()) {
+    warn("what the live page asked for in this session is not sent");
+  }
 }
 
-const char* const kFooter =
-    R"(Examples:
+/// Reports one session's replay; whether its answers are the recorded ones.
+bool report(const RecordedSession& session, const LiveResult& result) {
+  std::cout << fmt::format(
+      "{} of {} updates sent, {} states received, {} not whole in the capture, round trip {:.3f} "
+      "ms\nproxy against the recorded one in {} states: {}; up to {} steps apart\n",
+      result.sent, session.updates.size(), result.acknowledged, result.incomplete,
+      1e3 * result.round_trip, result.compared, describe(result.proxy), result.steps_apart);
+  if (result.compared == 0) {
+    warn("no answer could be compared: neither capture nor server has any to the same update");
+    return false;
+  }
+  const Drift& largest = result.proxy.largest;
+  const bool same = largest.distance <= kSameDistance && largest.angle <= kSameAngle;
+  if (!same) {
+    warn(
+        fmt::format("the server's answers are not the recorded ones: its proxy is up to {} away, "
+                    "its steps up to {}",
+                    describe(largest), result.steps_apart));
+  }
+  return same;
+}
+
+/// Whether the answers are the recorded ones.
+bool run_live(const ReplayOptions& options) {
+  const LiveOptions live{.server = resolve_option(options.server), .speed = options.speed};
+  bool all_same = true;
+  for (const RecordedSession& session : chosen_sessions(options)) {
+    if (stop_requested != 0) break;
+    protocol::UdpSocket socket(protocol::Endpoint{});
+    const auto compare_servers = [&](const protocol::Welcome& server) {
+      warn_of_differences(session, server, options.speed);
+    };
+    const LiveResult result =
+        replay_live(session, socket, live, compare_servers, [] { return stop_requested != 0; });
+    all_same &= report(session, result);
+    if (result.lost)
+      throw std::runtime_error("server " + options.server + " ended the session or fell silent");
+  }
+  return all_same;
+}
+
+std::string footer() {
+  return fmt::format(
+      R"(Examples:
   haptic_replay run.pcap --server HOST:47800 --speed 2     into a running server
   haptic_replay run.pcap --offline --config server.toml    on the local model, here
   haptic_replay run.pcap --offline --config server.toml --device replay --device-option log=t.csv
                                                            the same, with the device of a tick log
 
-Exit codes: 0 finished, and offline all states were equal; 1 failed, or states differed; 2 wrong
-usage or configuration.
-)";
+Exit codes: 0 played, and the answers are the recorded ones (offline bit for bit, otherwise the
+proxy within {} mm and {} deg); 1 failed; 2 wrong usage or configuration; 3 other answers than
+recorded.
+)",
+      1e3 * kSameDistance, 180 / std::numbers::pi * kSameAngle);
+}
 
 void add_replay_options(settings::CommandLine& command_line, ReplayOptions& options) {
   command_line.positional("CAPTURE", options.capture, "Capture file, pcap or pcapng");
@@ -120,25 +185,15 @@ int main(int argc, char** argv) {
       {.name = "haptic_replay",
        .purpose = "Plays a recorded stream of contact packets into a running server, or, with "
                   "--offline, on the local model in virtual time.",
-       .footer = server::kFooter});
+       .footer = server::footer()});
   server::add_replay_options(command_line, options);
-  try {
-    const auto check_all = [&] { server::check(options.physics); };
-    if (const auto code = command_line.parse(argc, argv, check_all)) return *code;
-    if (const auto information = options.physics.device.information()) {
-      std::cout << *information;
-      return 0;
-    }
-    struct sigaction action {};
-    action.sa_handler = server::request_stop;
-    sigaction(SIGINT, &action, nullptr);
-    sigaction(SIGTERM, &action, nullptr);
-    return options.offline ? server::run_offline(options) : server::run_live(options);
-  } catch (const settings::UsageError& error) {
-    std::cerr << "haptic_replay: " << error.what() << '\n';
-    return settings::kUsageError;
-  } catch (const std::exception& error) {
-    std::cerr << "haptic_replay: " << error.what() << '\n';
-    return 1;
-  }
+  return server::run_program(
+      "haptic_replay", command_line, options.physics, argc, argv,
+      [&] { server::check(options.physics); },
+      [&] {
+        server::handle_signals([](int) { server::stop_requested = 1; });
+        const bool same =
+            options.offline ? server::run_offline(options) : server::run_live(options);
+        return same ? server::kOk : server::kDiffers;
+      });
 }

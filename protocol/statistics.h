@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 namespace hlm::protocol {
@@ -40,5 +41,8 @@ struct ReceiveStatistics {
     return sum;
   }
 };
+
+/// For example "3 dropped (2 stale, 1 malformed)", or "0 dropped". `dropped`: counts by DropReason.
+std::string describe_drops(const std::array<std::uint64_t, kDropReasons>& dropped);
 
 }  // namespace hlm::protocol

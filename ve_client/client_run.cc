@@ -1,6 +1,7 @@
 #include "ve_client/client_run.h"
 
 #include <algorithm>
+#include <filesystem>
 
 #include <spdlog/spdlog.h>
 
@@ -35,6 +36,11 @@ WorldDescription usable_world(const Settings& settings) {
   }
 }
 
+/// The page's files stand at a fixed place beside the program, built or installed.
+std::filesystem::path page_beside_program() {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path() / HLM_PAGE;
+}
+
 /// The page's server, if one is asked for.
 std::unique_ptr<LivePage> open_page(const Settings& settings) {
   if (settings.page.empty()) return nullptr;
@@ -43,7 +49,8 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
   const std::string resolved = protocol::to_string(at);
   options.address = resolved.substr(0, resolved.rfind(':'));
   options.port = at.port;
-  options.root = settings.page_root.empty() ? HLM_PAGE : settings.page_root;
+  options.root = settings.page_root;
+  if (options.root.empty()) options.root = page_beside_program();
   auto page = std::make_unique<LivePage>(options);
   const bool everywhere = options.address == "0.0.0.0";
   spdlog::info("live page: http://{}:{}{}", everywhere ? "127.0.0.1" : options.address,

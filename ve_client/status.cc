@@ -60,19 +60,32 @@ void Connection::judge(const protocol::Reject& reject) {
   }
 }
 
+std::string describe(const protocol::Refusal& refusal) {
+  const std::string_view why = meaning_of(refusal.error);
+  if (refusal.whole) {
+    return fmt::format("the server refuses updates, {} so far: item {}: {}", refusal.count,
+                       refusal.item, why);
+  }
+  return fmt::format("the server leaves out contact {}: {}", refusal.item, why);
+}
+
 void Status::count(const FrameResult& frame) {
   ++frames_;
   active_ = frame.active;
   predicted_ = frame.predicted;
   if (frame.state_refused) ++refused_;
+  if (frame.inbox.refusal) refusal_ = frame.inbox.refusal;
 }
 
 void Status::report(double now, const HapticClient& client, const ProximityStatistics& proximity) {
   constexpr double kReportPeriod = 1;  // s.
   if (now - last_report_ < kReportPeriod) return;
-  spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {}",
+  spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {} | {}",
                frames_ / (now - last_report_), active_, predicted_, 1e3 * client.round_trip(),
-               client.connected() ? "connected" : "no session");
+               client.connected() ? "connected" : "no session",
+               protocol::describe_drops(client.statistics().dropped));
+  if (refusal_) spdlog::warn("{}", describe(*refusal_));
+  refusal_.reset();
   if (refused_ > warned_refused_) spdlog::warn("{} proxy states could not be followed", refused_);
   if (proximity.failures > warned_failures_) {
     spdlog::warn("{} of {} proximity queries failed", proximity.failures, proximity.queries);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -49,6 +50,9 @@ class Connection {
   double pause_ = kFirstPause;       ///< From that message to the one after, s.
 };
 
+/// The server's refusal of an update, or of one contact of it, in words.
+std::string describe(const protocol::Refusal& refusal);
+
 /// Logs one line a second.
 class Status {
  public:
@@ -61,6 +65,7 @@ class Status {
   int frames_ = 0;
   std::size_t active_ = 0;     ///< Of the latest frame.
   std::size_t predicted_ = 0;  ///< Of the latest frame.
+  std::optional<protocol::Refusal> refusal_;  ///< By the server, since the latest report.
   int refused_ = 0;            ///< Proxy states that could not be followed, since the start.
   int warned_refused_ = 0;     ///< As of the latest report.
   std::uint64_t warned_failures_ = 0;  ///< Of proximity queries, as of the latest report.

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <ctime>
 
+#include <sched.h>
+
 namespace hlm::server {
 namespace {
 
@@ -17,14 +19,24 @@ std::int64_t steady_now() noexcept {
   return time.tv_sec * kSecond + time.tv_nsec;
 }
 
+bool runs_under_fifo() noexcept {
+  return (sched_getscheduler(0) & ~SCHED_RESET_ON_FORK) == SCHED_FIFO;
+}
+
 }  // namespace
 
 std::optional<std::string> find_error(const PeriodicLoopOptions& options) {
   if (auto error = find_error("rate", options.rate, kServoRates)) return error;
   const Range spins{0, kMaxSpinShare / options.rate, "s"};
-  auto error = find_error("final spin", options.final_spin, spins);
+  auto error = find_error("final spin", options.final_spin.value_or(0), spins);
   if (error) *error += ", half a period";
   return error;
+}
+
+double default_final_spin(double rate) noexcept {
+  constexpr double kUsualSpin = 100e-6;  // s.
+  constexpr double kLargestShare = 0.4;
+  return std::min(kUsualSpin, kLargestShare / rate);
 }
 
 PeriodicLoop::PeriodicLoop(const PeriodicLoopOptions& options) noexcept : options_(options) {}
@@ -34,6 +46,8 @@ double PeriodicLoop::elapsed() const noexcept {
 }
 
 void PeriodicLoop::begin() noexcept {
+  final_spin_ =
+      options_.final_spin.value_or(runs_under_fifo() ? default_final_spin(options_.rate) : 0);
   origin_ = steady_now();
   next_ = 0;
   timing_ = Timing{};
@@ -41,7 +55,7 @@ void PeriodicLoop::begin() noexcept {
 
 void PeriodicLoop::wait() noexcept {
   const double due = static_cast<double>(next_) / options_.rate;
-  sleep_until(due - options_.final_spin);
+  sleep_until(due - final_spin_);
   double now = elapsed();
   while (now < due) now = elapsed();
 

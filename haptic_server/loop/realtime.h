@@ -11,7 +11,7 @@ namespace hlm::server {
 
 enum class RealtimePolicy {
   kRequire,  ///< Refuse to start without the rights.
-  kPrefer,   ///< Take what the system grants and tell what is missing.
+  kPrefer,   ///< Take what the system grants and report what is missing.
   kOff,      ///< An ordinary thread. For development only: lateness reaches milliseconds.
 };
 

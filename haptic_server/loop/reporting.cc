@@ -3,9 +3,31 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string_view>
 
 namespace hlm::server {
 namespace {
+
+/// Every number of a message is finite: 0 where the device has no rating.
+double rating(double value) noexcept { return std::isfinite(value) ? value : 0; }
+
+protocol::DeviceReport report_of(Device& device) noexcept {
+  const DeviceRatings& ratings = device.ratings();
+  protocol::DeviceReport report;
+  const std::string_view name = device.name().substr(0, protocol::kMaxText);
+  report.name.assign(name.begin(), name.end());
+  report.max_force = rating(ratings.max_force);
+  report.max_torque = rating(ratings.max_torque);
+  report.max_stiffness = rating(ratings.max_stiffness);
+  report.max_angular_stiffness = rating(ratings.max_angular_stiffness);
+  report.scale = ratings.scale;
+  report.buttons = ratings.buttons;
+  report.gripper = ratings.gripper;
+  report.renders_torque = ratings.max_torque > 0;
+  report.measures_hand = device.measures_hand_wrench();
+  report.guidable = device.guided_hand() != nullptr;
+  return report;
+}
 
 void replace_non_finite(protocol::ProxyState& state) noexcept {
   const auto zero_unless_finite = [](auto& values) {
@@ -34,6 +56,8 @@ void describe(const Timing& timing, const ServerStateMachine& machine,
   record.fault = machine.fault();
   record.datagrams = session.statistics().datagrams;
   record.dropped = session.statistics().total_dropped();
+  record.dropped_for = session.statistics().dropped;
+  record.session_open = session.active();
 }
 
 void describe(const LocalModel& model, TickRecord& record) noexcept {
@@ -49,12 +73,15 @@ void describe(const LocalModel& model, TickRecord& record) noexcept {
   record.smallest_separation = model.contacts().empty() ? 0 : smallest;
 }
 
-protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configuration,
+protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
                           Device& device) noexcept {
   return {.servo_rate = options.rate,
-          .configuration = configuration,
+          .fingerprint = fingerprint,
           .tuning = tuning_of(options),
-          .guidable = device.guided_hand() != nullptr};
+          .silence_time = options.silence_time,
+          .fade_time = options.limits.fade_time,
+          .least_update_rate = 1 / options.silence_time,
+          .device = report_of(device)};
 }
 
 protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
@@ -79,6 +106,8 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.F_env = record.F_env;
   state.F_command = record.F_command;
   state.F_hand = record.F_hand;
+  state.hand_measured = record.hand_measured;
+  state.limit = record.limit;
   state.overruns = record.overruns;
   state.updates = updates;
   if (record.fault == Fault::kNonFinite) replace_non_finite(state);

@@ -21,8 +21,8 @@ void describe(const Timing& timing, const ServerStateMachine& machine,
 /// Fills in the record's proxy, the environment's tool and the contacts.
 void describe(const LocalModel& model, TickRecord& record) noexcept;
 
-/// The welcome that grants a session. configuration: fingerprint of the server's options.
-protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configuration,
+/// The welcome that grants a session. fingerprint: of the server's options.
+protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
                           Device& device) noexcept;
 
 /// The acknowledgement of the update adopted in the tick of `record`. step, updates: of the

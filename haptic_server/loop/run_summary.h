@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "haptic_server/loop/drift.h"
 #include "haptic_server/loop/histogram.h"
 #include "haptic_server/loop/tick_record.h"
 
@@ -18,22 +19,6 @@ class RunSummary {
   std::string text(std::uint64_t lost) const;
 
  private:
-  /// Distance between two frames: m, and rad.
-  struct Drift {
-    double distance = 0;
-    double angle = 0;
-  };
-  static Drift drift(const Pose& X_WA, const Pose& X_WB) noexcept;
-
-  /// Drift between two frames over all ticks of sessions.
-  struct DriftRecord {
-    Drift largest;  ///< Largest distance, and largest angle.
-    Drift last;
-
-    void observe(const Pose& X_WA, const Pose& X_WB) noexcept;
-    std::string text() const;
-  };
-
   Histogram lateness_;
   Histogram execution_;
   double first_time_ = 0;  ///< s.

@@ -24,11 +24,11 @@ ForceBudget force_budget(const ServoOptions& options, const Device& device) noex
 
 }  // namespace
 
-Servo::Servo(const ServoOptions& options, std::uint64_t configuration,
+Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
              protocol::ServerSession& session, Device& device) noexcept
     : options_(options),
       dt_(1 / options.rate),
-      configuration_(configuration),
+      fingerprint_(fingerprint),
       session_(session),
       device_(device),
       controller_(options.controller, options.gains),
@@ -48,7 +48,8 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (local_model_) describe(*local_model_, record_);
   if (inbox.update != nullptr) acknowledge(timing.begin);
   if (machine_.state() == ServerState::kRunning) {
-    telemetry_.tick(timing.begin, record_, timing.previous_execution, session_);
+    telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),
+                    session_);
   }
   return record_;
 }
@@ -79,7 +80,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   updates_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
   telemetry_.begin();
-  session_.accept(now, welcome(options_, configuration_, device_));
+  session_.accept(now, welcome(options_, fingerprint_, device_));
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {
@@ -165,6 +166,7 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
   u += impulse;
   record_.F_env = felt.F + impulse;
   record_.F_command = limiter_.limit(u);
+  record_.limit = limiter_.limited_by();
   if (limiter_.met_non_finite()) return fail(Fault::kNonFinite);
   if (!device_.write(record_.F_command)) fail(Fault::kDevice);
 }
@@ -181,7 +183,7 @@ void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   const LocalModel* model = local_model_ ? &*local_model_ : nullptr;
   record_.adopted = session_.acknowledge(now, proxy_state(record_, step_, updates_, model));
-  if (model != nullptr) telemetry_.contacts(now, step_, *model, limiter_.limited_by(), session_);
+  if (model != nullptr) telemetry_.contacts(now, step_, *model, session_);
 }
 
 }  // namespace hlm::server

@@ -25,9 +25,9 @@ namespace hlm::server {
 
 class Servo {
  public:
-  /// `options` must be valid; session and device must outlive the servo. configuration: fingerprint
+  /// `options` must be valid; session and device must outlive the servo. fingerprint:
   /// of all options that shape the physics, for the welcome.
-  Servo(const ServoOptions& options, std::uint64_t configuration, protocol::ServerSession& session,
+  Servo(const ServoOptions& options, std::uint64_t fingerprint, protocol::ServerSession& session,
         Device& device) noexcept;
 
   /// One tick. Returns its signals except `execution`, which the caller measures.
@@ -52,7 +52,7 @@ class Servo {
 
   ServoOptions options_;  ///< As started. What a control has changed is in the members below.
   double dt_;
-  std::uint64_t configuration_;
+  std::uint64_t fingerprint_;
   protocol::ServerSession& session_;
   Device& device_;
   Controller controller_;

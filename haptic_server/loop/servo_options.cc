@@ -26,14 +26,15 @@ Tuning tuning_of(const ServoOptions& options) noexcept {
 
 ServoOptions tuned(ServoOptions options, const Tuning& tuning) noexcept {
   LocalModelParameters& local = options.local_model;
-  local.update_rule = tuning.update_rule;
+  // What a newer client asks for and this server does not know stays as it is.
+  if (is_known(tuning.update_rule)) local.update_rule = tuning.update_rule;
   local.stiffness = tuning.stiffness;
   local.damping = tuning.damping;
   if (tuning.friction != local.kinetic_friction) {
     local.static_friction = local.kinetic_friction = tuning.friction;
   }
   local.restitution = tuning.restitution;
-  options.controller = tuning.controller;
+  if (is_known(tuning.controller)) options.controller = tuning.controller;
   options.gains = {.stiffness = tuning.coupling_stiffness,
                    .damping = tuning.coupling_damping,
                    .angular_stiffness = tuning.coupling_angular_stiffness,

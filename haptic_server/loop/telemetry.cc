@@ -3,8 +3,8 @@
 namespace hlm::server {
 namespace {
 
-protocol::TickSignals signals(const TickRecord& record, double previous_execution,
-                              double age) noexcept {
+protocol::TickSignals signals(const TickRecord& record, double previous_execution, double age,
+                              ForceLimit limit) noexcept {
   return {.F_env = record.F_env.head<3>(),
           .F_command = record.F_command.head<3>(),
           .F_hand = record.F_hand.head<3>(),
@@ -17,16 +17,19 @@ protocol::TickSignals signals(const TickRecord& record, double previous_executio
           .age = age,
           .active_contacts = static_cast<std::uint16_t>(record.active_contacts),
           .predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts),
-          .adopted = record.adopted > 0};
+          .adopted = record.adopted > 0,
+          .limit = limit};
 }
 
 protocol::LocalContactReport report(const LocalContact& contact, const ToolModel& proxy) noexcept {
-  return {.link = contact.key.link,
+  return {.identity = contact.identity,
+          .a = contact.a,
+          .b = contact.b,
           .state = contact.state,
           .retained = contact.put_off > 0,
           .c_W = contact.c_W,
           .n_W = contact.n_W,
-          .p_W = proxy.X_WL(contact.key.link) * contact.p_L,
+          .p_W = proxy.X_WL(contact.link()) * contact.p_L,
           .s = separation(contact, proxy),
           .f_W = contact.f_W};
 }
@@ -34,21 +37,20 @@ protocol::LocalContactReport report(const LocalContact& contact, const ToolModel
 }  // namespace
 
 void Telemetry::tick(double now, const TickRecord& record, double previous_execution,
-                     protocol::ServerSession& session) noexcept {
+                     ForceLimit limit, protocol::ServerSession& session) noexcept {
   if (!on_) return;
   if (record.adopted > 0) age_ = record.age;
   if (batch_.ticks.empty()) batch_.first_step = record.step;
-  batch_.ticks.push_back(signals(record, previous_execution, age_));
+  batch_.ticks.push_back(signals(record, previous_execution, age_, limit));
   if (batch_.ticks.size() < protocol::kTicksPerMessage) return;
   session.inform(now, batch_);
   batch_.ticks.clear();
 }
 
-void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model, ForceLimit limit,
+void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model,
                          protocol::ServerSession& session) noexcept {
   if (!on_) return;
   state_.step = step;
-  state_.limit = limit;
   state_.contacts.clear();
   for (const LocalContact& contact : model.contacts()) {
     if (state_.contacts.size() == state_.contacts.capacity()) break;

@@ -22,12 +22,12 @@ class Telemetry {
     batch_.ticks.clear();
   }
 
-  /// One step with its signals. previous_execution: of the step before, s. Sends when a batch is
-  /// full.
-  void tick(double now, const TickRecord& record, double previous_execution,
+  /// One step with its signals. previous_execution: of the step before, s. limit: of the wrench
+  /// commanded in it. Sends when a batch is full.
+  void tick(double now, const TickRecord& record, double previous_execution, ForceLimit limit,
             protocol::ServerSession& session) noexcept;
   /// The contacts of this step.
-  void contacts(double now, std::uint64_t step, const LocalModel& model, ForceLimit limit,
+  void contacts(double now, std::uint64_t step, const LocalModel& model,
                 protocol::ServerSession& session) noexcept;
 
  private:

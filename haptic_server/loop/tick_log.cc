@@ -18,14 +18,15 @@ constexpr std::size_t kLongestLine = 2048;
 
 }  // namespace
 
-TickLog::TickLog(std::string file, std::size_t capacity, Observer observer)
+TickLog::TickLog(std::string file, std::size_t capacity, Observer observer, FailureReport report)
     : file_name_(std::move(file)), ring_(capacity), observer_(std::move(observer)) {
   if (file_name_.empty()) return;
   file_.open(file_name_, std::ios::binary | std::ios::trunc);
   text_.reserve(kPiece + kLongestLine);
   text_ = tick_csv_header();
   write_text();
-  throw_if_failed();
+  if (error_) throw std::runtime_error(failure());
+  report_ = std::move(report);
 }
 
 void TickLog::drain() {
@@ -41,7 +42,7 @@ void TickLog::drain() {
 void TickLog::close() {
   drain();
   if (file_.is_open()) file_.close();
-  throw_if_failed();
+  if (error_) throw std::runtime_error(failure());
 }
 
 void TickLog::write_text() {
@@ -49,13 +50,13 @@ void TickLog::write_text() {
   if (!file_.write(text_.data(), static_cast<std::streamsize>(text_.size())).flush()) {
     error_ = std::error_code(errno, std::generic_category());
     file_.close();
+    if (report_) report_(failure());
   }
   text_.clear();
 }
 
-void TickLog::throw_if_failed() const {
-  if (!error_) return;
-  throw std::runtime_error("tick log " + file_name_ + " cannot be written: " + error_.message());
+std::string TickLog::failure() const {
+  return "tick log " + file_name_ + " cannot be written: " + error_.message();
 }
 
 TickLogThread::TickLogThread(TickLog& log)

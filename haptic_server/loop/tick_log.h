@@ -20,12 +20,13 @@ namespace hlm::server {
 class TickLog {
  public:
   using Observer = std::function<void(const TickRecord&)>;
+  using FailureReport = std::function<void(const std::string& reason)>;
 
   /// file: the CSV to write, empty for none; an existing one is replaced. capacity: ticks that the
   /// ring holds; kRingTime times the servo rate is usual. observer: called for every record when it
-  /// is drained, in order; it feeds status line and summary. Throws std::runtime_error if the file
-  /// cannot be written.
-  TickLog(std::string file, std::size_t capacity, Observer observer);
+  /// is drained, in order; it feeds status line and summary. report: called while draining, once,
+  /// if the file can no longer be written. Throws std::runtime_error if it cannot be written now.
+  TickLog(std::string file, std::size_t capacity, Observer observer, FailureReport report = {});
 
   /// How long the draining side may pause before ticks are lost, s. Memory grows with it: 3 MB at
   /// 1 kHz.
@@ -39,7 +40,7 @@ class TickLog {
   std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 
   /// Draining thread: observes and writes all that was recorded. A file that can no longer be
-  /// written is given up; the observer goes on.
+  /// written is reported and given up; the observer goes on.
   void drain();
   /// Drains the rest, completes and closes the file. Throws std::runtime_error if any of it could
   /// not be written.
@@ -47,7 +48,7 @@ class TickLog {
 
  private:
   void write_text();
-  void throw_if_failed() const;
+  std::string failure() const;
 
   std::string file_name_;
   std::ofstream file_;
@@ -56,6 +57,7 @@ class TickLog {
   boost::lockfree::spsc_queue<TickRecord> ring_;
   std::atomic<std::uint64_t> lost_ = 0;
   Observer observer_;
+  FailureReport report_;
 };
 
 /// Drains a tick log from a thread of its own during its life.

@@ -1,11 +1,13 @@
 // Every signal of one servo tick, as written to the tick log.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/spatial.h"
 #include "common/tool_model.h"
 #include "common/vocabulary.h"
+#include "protocol/statistics.h"
 
 namespace hlm::server {
 
@@ -22,9 +24,10 @@ struct TickRecord {
   Wrench F_hand = Wrench::Zero();
   Pose X_WP;  ///< Hand frame of the proxy.
   Twist V_WP = Twist::Zero();
-  Pose X_WT;                          ///< Hand frame of the VE's tool, from the latest update.
-  Wrench F_env = Wrench::Zero();      ///< Contact wrench at the hand, impulses included.
-  Wrench F_command = Wrench::Zero();  ///< To the device, after limits.
+  Pose X_WT;                             ///< Hand frame of the VE's tool, from the latest update.
+  Wrench F_env = Wrench::Zero();         ///< Contact wrench at the hand, impulses included.
+  Wrench F_command = Wrench::Zero();     ///< To the device, after limits.
+  ForceLimit limit = ForceLimit::kNone;  ///< What keeps it from being the wanted wrench.
   int active_contacts = 0;
   int predicted_contacts = 0;
   double smallest_separation = 0;  ///< m; 0 without contacts.
@@ -35,6 +38,9 @@ struct TickRecord {
   std::uint64_t overruns = 0;      ///< Missed periods since the server started.
   std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
   std::uint64_t dropped = 0;       ///< Of these, dropped.
+  /// The same by DropReason; like session_open not in the tick log.
+  std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
+  bool session_open = false;  ///< A client holds the session and has not said goodbye.
 };
 
 }  // namespace hlm::server

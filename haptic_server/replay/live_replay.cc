@@ -1,10 +1,13 @@
 #include "haptic_server/replay/live_replay.h"
 
+#include <algorithm>
 #include <chrono>
 #include <random>
 #include <stdexcept>
 #include <thread>
+#include <unordered_map>
 
+#include "common/tool_model.h"
 #include "protocol/client_session.h"
 #include "protocol/transport/udp_socket.h"
 
@@ -18,22 +21,34 @@ class LiveReplay {
  public:
   LiveReplay(const RecordedSession& session, protocol::DatagramLink& link,
              const LiveOptions& options)
-      : session_(session), options_(options), client_(link, client_options()) {}
+      : session_(session),
+        options_(options),
+        client_(link, client_options()),
+        recorded_tool_(session.hello.tool),
+        answered_tool_(session.hello.tool) {
+    for (const protocol::ProxyState& state : session.acknowledgements) {
+      if (state.q.size() == recorded_tool_.configuration_size()) {
+        recorded_[state.acknowledged] = &state;
+      }
+    }
+  }
 
-  LiveResult run(const std::function<bool()>& stop) {
+  LiveResult run(const std::function<void(const protocol::Welcome&)>& welcomed,
+                 const std::function<bool()>& stop) {
     connect(stop);
     const double begin = now();
+    if (client_.active()) welcomed(client_.welcome());
+    const auto ended = [&] { return stop() || result_.lost; };
     for (const RecordedUpdate& update : session_.updates) {
       const double due =
-          begin + 1e-9 * static_cast<double>(update.time_ns - session_.updates.front().time_ns) /
-                      options_.speed;
-      while (now() < due && !stop()) listen();
-      if (stop()) break;
+          begin + 1e-9 * static_cast<double>(update.time_ns - session_.time_ns) / options_.speed;
+      while (now() < due && !ended()) listen();
+      if (ended()) break;
       send(update);
     }
     // The last acknowledgements are on their way.
     constexpr double kLastWait = 0.05;
-    for (const double end = now() + kLastWait; now() < end;) listen();
+    for (const double end = now() + kLastWait; now() < end && !result_.lost;) listen();
     client_.close(now());
     result_.round_trip = client_.round_trip();
     return result_;
@@ -69,8 +84,22 @@ class LiveReplay {
   }
 
   void listen() {
-    if (const auto inbox = client_.poll(now()); inbox.state != nullptr) ++result_.acknowledged;
+    const auto inbox = client_.poll(now());
+    if (inbox.lost) result_.lost = true;
+    if (inbox.state != nullptr) compare(*inbox.state);
     std::this_thread::sleep_for(std::chrono::duration<double>(kPollPeriod));
+  }
+
+  void compare(const protocol::ProxyState& answer) {
+    ++result_.acknowledged;
+    const auto recorded = expected_.find(answer.acknowledged);
+    if (recorded == expected_.end()) return;
+    ++result_.compared;
+    const auto [earlier, later] = std::minmax(answer.step, recorded->second->step);
+    result_.steps_apart = std::max(result_.steps_apart, later - earlier);
+    recorded_tool_.set_configuration(recorded->second->q);
+    answered_tool_.set_configuration(answer.q);
+    result_.proxy.observe(recorded_tool_.X_WH(), answered_tool_.X_WH());
   }
 
   void send(const RecordedUpdate& recorded) {
@@ -79,21 +108,32 @@ class LiveReplay {
       ++result_.incomplete;
       return;
     }
-    if (client_.send(now(), update) != 0) ++result_.sent;
+    const std::uint64_t sequence = client_.send(now(), update);
+    if (sequence == 0) return;
+    ++result_.sent;
+    const auto answer = recorded_.find(recorded.sequence);
+    if (answer != recorded_.end()) expected_[sequence] = answer->second;
   }
 
   const RecordedSession& session_;
   LiveOptions options_;
   std::chrono::steady_clock::time_point origin_ = std::chrono::steady_clock::now();
   protocol::ClientSession client_;
+  ToolModel recorded_tool_;
+  ToolModel answered_tool_;
+  /// Recorded answers by the sequence of the update they acknowledge: as recorded, and as sent now.
+  std::unordered_map<std::uint64_t, const protocol::ProxyState*> recorded_;
+  std::unordered_map<std::uint64_t, const protocol::ProxyState*> expected_;
   LiveResult result_;
 };
 
 }  // namespace
 
 LiveResult replay_live(const RecordedSession& session, protocol::DatagramLink& link,
-                       const LiveOptions& options, const std::function<bool()>& stop) {
-  return LiveReplay(session, link, options).run(stop);
+                       const LiveOptions& options,
+                       const std::function<void(const protocol::Welcome&)>& welcomed,
+                       const std::function<bool()>& stop) {
+  return LiveReplay(session, link, options).run(welcomed, stop);
 }
 
 }  // namespace hlm::server

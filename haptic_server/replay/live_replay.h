@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "haptic_server/loop/drift.h"
 #include "haptic_server/replay/recorded_session.h"
 #include "protocol/datagram_link.h"
 
@@ -14,6 +15,12 @@ struct LiveResult {
   std::uint64_t acknowledged = 0;  ///< Of these.
   std::uint64_t incomplete = 0;    ///< Updates that the capture does not hold whole: not sent.
   double round_trip = 0;           ///< Latest, s.
+  bool lost = false;           ///< The server ended the session or fell silent; no more was sent.
+  std::uint64_t compared = 0;  ///< Acknowledged updates whose recorded answer is known.
+  DriftRecord proxy;           ///< Hand frame of the proxy: as recorded against as answered now.
+  /// Largest difference between the steps that adopted an update then and now: a server that
+  /// missed periods, or updates that came at another pace.
+  std::uint64_t steps_apart = 0;
 };
 
 struct LiveOptions {
@@ -22,9 +29,13 @@ struct LiveOptions {
   double connect_timeout = 5;  ///< s.
 };
 
-/// Asks the server for a session with the recorded tool and sends the recorded updates at their
-/// pace. `stop` ends it early. Throws std::runtime_error if the server does not answer or refuses.
+/// Asks the server for a session with the recorded tool, sends the recorded updates at their pace
+/// and compares the answers. The controls of a live page are not sent. `welcomed` is called when
+/// the session begins; `stop` ends it early. Throws std::runtime_error if the server does not
+/// answer or refuses.
 LiveResult replay_live(const RecordedSession& session, protocol::DatagramLink& link,
-                       const LiveOptions& options, const std::function<bool()>& stop);
+                       const LiveOptions& options,
+                       const std::function<void(const protocol::Welcome&)>& welcomed,
+                       const std::function<bool()>& stop);
 
 }  // namespace hlm::server

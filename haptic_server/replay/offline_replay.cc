@@ -16,6 +16,11 @@ using protocol::Datagram;
 using protocol::DatagramBytes;
 using protocol::ProxyState;
 
+bool is_whole(const RecordedUpdate& recorded) {
+  protocol::ContactUpdate update;
+  return !decode(recorded.parts, update);
+}
+
 /// Delivers a session's datagrams in the step that took them when they were recorded, and keeps the
 /// acknowledgements.
 class ReplayLink final : public protocol::DatagramLink {
@@ -28,7 +33,10 @@ class ReplayLink final : public protocol::DatagramLink {
     std::uint64_t control_in_effect = 0;
     for (const ProxyState& state : session.acknowledgements) {
       const auto update = updates.find(state.acknowledged);
-      if (update == updates.end()) continue;
+      if (update == updates.end() || !is_whole(*update->second)) {
+        ++incomplete_;
+        continue;
+      }
       auto& due = due_[state.step];
       if (state.control != control_in_effect) {
         const auto control = session.controls.find(state.control);
@@ -59,12 +67,15 @@ class ReplayLink final : public protocol::DatagramLink {
   }
 
   const std::vector<ProxyState>& states() const { return states_; }
+  /// Acknowledged updates that are not delivered.
+  std::size_t incomplete() const { return incomplete_; }
 
  private:
   protocol::Endpoint client_;
   std::unordered_map<std::uint64_t, std::vector<DatagramBytes>> due_;  ///< By step.
   std::span<const DatagramBytes> waiting_;
   std::vector<ProxyState> states_;
+  std::size_t incomplete_ = 0;
 };
 
 template <class Vector>
@@ -82,15 +93,18 @@ bool same_bits(const ProxyState& a, const ProxyState& b) {
          same_bits(a.F_command, b.F_command);
 }
 
+/// Both are in the order of the updates that they acknowledge.
 OfflineResult compare(const std::vector<ProxyState>& recorded,
                       const std::vector<ProxyState>& replayed) {
   OfflineResult result;
   result.compared = recorded.size();
-  for (std::size_t i = 0; i < recorded.size(); ++i) {
-    if (i < replayed.size() && same_bits(recorded[i], replayed[i])) {
+  auto candidate = replayed.begin();
+  for (const ProxyState& state : recorded) {
+    while (candidate != replayed.end() && candidate->acknowledged < state.acknowledged) ++candidate;
+    if (candidate != replayed.end() && same_bits(state, *candidate)) {
       ++result.equal;
     } else if (!result.first_difference) {
-      result.first_difference = recorded[i].step;
+      result.first_difference = state.step;
     }
   }
   return result;
@@ -99,11 +113,11 @@ OfflineResult compare(const std::vector<ProxyState>& recorded,
 }  // namespace
 
 OfflineResult replay_offline(const RecordedSession& session, const ServoOptions& options,
-                             std::uint64_t configuration, Device& device,
+                             std::uint64_t fingerprint, Device& device,
                              const std::function<void(const TickRecord&)>& observe) {
   ReplayLink link(session);
   protocol::ServerSession server(link, {.first_session_id = session.id});
-  const auto servo = std::make_unique<Servo>(options, configuration, server, device);
+  const auto servo = std::make_unique<Servo>(options, fingerprint, server, device);
   const std::uint64_t steps =
       session.acknowledgements.empty() ? 1 : session.acknowledgements.back().step;
   Timing timing;
@@ -115,6 +129,7 @@ OfflineResult replay_offline(const RecordedSession& session, const ServoOptions&
   }
   OfflineResult result = compare(session.acknowledgements, link.states());
   result.steps = steps;
+  result.incomplete = link.incomplete();
   return result;
 }
 

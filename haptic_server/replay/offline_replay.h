@@ -16,15 +16,17 @@ struct OfflineResult {
   std::uint64_t steps = 0;   ///< Of the session.
   std::size_t compared = 0;  ///< Acknowledged states.
   std::size_t equal = 0;     ///< Of these, bit for bit as recorded.
+  /// Acknowledged updates that the capture does not hold whole: not played.
+  std::size_t incomplete = 0;
   /// Step of the first state that differs.
   std::optional<std::uint64_t> first_difference;
 };
 
 /// Plays each update at the step that adopted it when it was recorded, and compares the proxy's
-/// state in each acknowledgement. `options`, `configuration` and `device` must be as in the
+/// state in each acknowledgement. `options`, `fingerprint` and `device` must be as in the
 /// recording. observe: called with every tick's record.
 OfflineResult replay_offline(const RecordedSession& session, const ServoOptions& options,
-                             std::uint64_t configuration, Device& device,
+                             std::uint64_t fingerprint, Device& device,
                              const std::function<void(const TickRecord&)>& observe);
 
 }  // namespace hlm::server

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -28,7 +29,10 @@ class SessionReader {
  public:
   void take(const CapturedDatagram& datagram) {
     Header header;
-    if (decode_header(protocol::view(datagram.bytes), header)) return;
+    if (const auto reason = decode_header(protocol::view(datagram.bytes), header)) {
+      if (reason == protocol::DropReason::kVersion) other_version_ = read_version(datagram);
+      return;
+    }
     switch (header.type) {
       case MessageType::kHello:
         return take_hello(datagram, header);
@@ -44,78 +48,96 @@ class SessionReader {
       case MessageType::kGoodbye:
       case MessageType::kTicks:
       case MessageType::kLocalState:
+      case MessageType::kRefusal:
+      case MessageType::kImpulses:
         return;
     }
   }
 
   std::vector<RecordedSession> sessions() {
-    for (RecordedSession& session : sessions_) finish_update(session);
-    return std::move(sessions_);
+    std::vector<RecordedSession> sessions;
+    for (PendingSession& pending : sessions_) {
+      for (std::size_t i = 0; i < pending.parts.size(); ++i) {
+        pending.session.updates[i].parts = in_order(pending.parts[i]);
+      }
+      sessions.push_back(std::move(pending.session));
+    }
+    return sessions;
   }
+
+  /// Version of datagrams that were skipped because of it, if any.
+  std::optional<std::uint16_t> other_version() const { return other_version_; }
 
  private:
   struct PendingHello {
     std::uint64_t sequence = 0;
     Parts parts;
   };
+  /// Until the end of the capture, for the parts of an update may pass among those of another.
+  struct PendingSession {
+    RecordedSession session;
+    std::vector<Parts> parts;                 ///< Of each update.
+    std::map<std::uint64_t, std::size_t> at;  ///< Index of each update, by sequence.
+  };
+
+  static std::optional<std::uint16_t> read_version(const CapturedDatagram& datagram) {
+    const auto stable = protocol::read_stable_part(protocol::view(datagram.bytes));
+    return stable ? std::optional(stable->version) : std::nullopt;
+  }
 
   void take_hello(const CapturedDatagram& datagram, const Header& header) {
     PendingHello& hello = hellos_[{datagram.from.address, datagram.from.port}];
     if (hello.sequence != header.envelope.sequence) hello = {header.envelope.sequence, {}};
-    hello.parts.emplace(header.slice.part, datagram.bytes);
+    hello.parts.emplace(header.part, datagram.bytes);
   }
 
   void take_welcome(const CapturedDatagram& datagram, const Header& header) {
     if (find(header.envelope.session) != nullptr) return;
     RecordedSession session;
     session.id = header.envelope.session;
+    session.time_ns = datagram.time_ns;
     session.client = datagram.to;
     session.hello_parts = in_order(hellos_[{datagram.to.address, datagram.to.port}].parts);
     if (decode(session.hello_parts, session.hello)) return;
     if (decode(protocol::view(datagram.bytes), session.welcome)) return;
-    sessions_.push_back(std::move(session));
+    sessions_.push_back({std::move(session), {}, {}});
   }
 
   void take_update(const CapturedDatagram& datagram, const Header& header) {
-    RecordedSession* session = find(header.envelope.session);
-    if (session == nullptr) return;
+    PendingSession* pending = find(header.envelope.session);
+    if (pending == nullptr) return;
     const std::uint64_t sequence = header.envelope.sequence;
-    if (session->updates.empty() || session->updates.back().sequence != sequence) {
-      finish_update(*session);
-      session->updates.push_back({datagram.time_ns, sequence, {}});
+    const auto [at, is_new] = pending->at.try_emplace(sequence, pending->parts.size());
+    if (is_new) {
+      pending->session.updates.push_back({datagram.time_ns, sequence, {}});
+      pending->parts.emplace_back();
     }
-    parts_[session->id].emplace(header.slice.part, datagram.bytes);
+    pending->parts[at->second].emplace(header.part, datagram.bytes);
   }
 
   void take_control(const CapturedDatagram& datagram, const Header& header) {
-    RecordedSession* session = find(header.envelope.session);
-    if (session != nullptr) session->controls[header.envelope.sequence] = datagram.bytes;
+    PendingSession* pending = find(header.envelope.session);
+    if (pending != nullptr) pending->session.controls[header.envelope.sequence] = datagram.bytes;
   }
 
   void take_state(const CapturedDatagram& datagram, const Header& header) {
-    RecordedSession* session = find(header.envelope.session);
+    PendingSession* pending = find(header.envelope.session);
     protocol::ProxyState state;
-    if (session == nullptr || decode(protocol::view(datagram.bytes), state)) return;
-    auto& known = session->acknowledgements;
+    if (pending == nullptr || decode(protocol::view(datagram.bytes), state)) return;
+    auto& known = pending->session.acknowledgements;
     if (known.empty() || known.back().acknowledged < state.acknowledged) known.push_back(state);
   }
 
-  /// The parts that came for the session's latest update are all that will come.
-  void finish_update(RecordedSession& session) {
-    Parts& parts = parts_[session.id];
-    if (!session.updates.empty()) session.updates.back().parts = in_order(parts);
-    parts.clear();
-  }
-
-  RecordedSession* find(std::uint64_t id) {
-    const auto at = std::find_if(sessions_.begin(), sessions_.end(),
-                                 [id](const RecordedSession& session) { return session.id == id; });
+  PendingSession* find(std::uint64_t id) {
+    const auto at =
+        std::find_if(sessions_.begin(), sessions_.end(),
+                     [id](const PendingSession& pending) { return pending.session.id == id; });
     return at == sessions_.end() ? nullptr : &*at;
   }
 
   std::map<std::pair<std::uint32_t, std::uint16_t>, PendingHello> hellos_;  ///< By client.
-  std::map<std::uint64_t, Parts> parts_;  ///< Of each session's latest update.
-  std::vector<RecordedSession> sessions_;
+  std::vector<PendingSession> sessions_;
+  std::optional<std::uint16_t> other_version_;
 };
 
 }  // namespace
@@ -125,6 +147,12 @@ std::vector<RecordedSession> read_sessions(const std::filesystem::path& path) {
   SessionReader reader;
   while (const auto datagram = capture.next()) reader.take(*datagram);
   std::vector<RecordedSession> sessions = reader.sessions();
+  if (sessions.empty() && reader.other_version()) {
+    throw std::runtime_error(path.string() + ": holds version " +
+                             std::to_string(*reader.other_version()) +
+                             " of the protocol; this program replays version " +
+                             std::to_string(protocol::kProtocolVersion));
+  }
   if (sessions.empty()) {
     throw std::runtime_error(path.string() + ": holds no session: a hello and its welcome");
   }

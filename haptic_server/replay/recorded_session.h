@@ -19,18 +19,19 @@ struct RecordedUpdate {
 
 struct RecordedSession {
   std::uint64_t id = 0;
+  std::int64_t time_ns = 0;  ///< When it was granted, ns since the epoch.
   protocol::Endpoint client;
   protocol::Hello hello;
   std::vector<protocol::DatagramBytes> hello_parts;  ///< As on the wire.
   protocol::Welcome welcome;
-  std::vector<RecordedUpdate> updates;  ///< In the order in which they passed.
+  std::vector<RecordedUpdate> updates;  ///< In the order of their first parts.
   std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< As on the wire, by sequence.
   std::vector<protocol::ProxyState> acknowledgements;
 };
 
 /// All sessions of a capture that were granted, in order. Datagrams that are not of the protocol
-/// are passed over. Throws std::runtime_error naming the file if it cannot be read, is not a
-/// capture or holds no session.
+/// are skipped. Throws std::runtime_error naming the file if it cannot be read, is not a capture or
+/// holds no session.
 std::vector<RecordedSession> read_sessions(const std::filesystem::path& path);
 
 }  // namespace hlm::server

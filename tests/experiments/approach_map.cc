@@ -25,7 +25,7 @@ ve::WorldDescription world() {
 
 /// Where the hand's wrench reaches the proxy too, as much again draws the handle along.
 double share_of_hand(const Method& method) {
-  return method.controller == server::ControllerKind::kFourChannel ? 2 : 1;
+  return method.controller == ControllerKind::kFourChannel ? 2 : 1;
 }
 
 /// A constant push under which the device's damping lets it reach `speed`, with a run-up of three

@@ -51,7 +51,7 @@ Excursion excursion(const Trace& trace, const Pose& X_W0) {
 
 double generated_energy(const Trace& trace) {
   if (trace.broken) return std::numeric_limits<double>::infinity();
-  const bool hand_on_proxy = trace.controller == server::ControllerKind::kFourChannel;
+  const bool hand_on_proxy = trace.controller == ControllerKind::kFourChannel;
   const auto delay = static_cast<std::size_t>(trace.device_delay);
   std::vector<double> given{0};  // J, at each tick, since the first
   double work = 0;

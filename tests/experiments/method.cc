@@ -4,9 +4,6 @@
 
 namespace hlm::experiments {
 
-using server::ControllerKind;
-using server::UpdateRule;
-
 const std::vector<Method>& methods() {
   constexpr auto kIr = UpdateRule::kIntermediateRepresentation;
   constexpr auto kRetain = UpdateRule::kRetain;

@@ -13,8 +13,8 @@ namespace hlm::experiments {
 struct Method {
   std::string name;   ///< On the command line.
   std::string label;  ///< In figures.
-  server::UpdateRule rule = server::UpdateRule::kRetain;
-  server::ControllerKind controller = server::ControllerKind::kFourChannel;
+  UpdateRule rule = UpdateRule::kRetain;
+  ControllerKind controller = ControllerKind::kFourChannel;
   double epsilon = 0;          ///< m.
   double largest_epsilon = 0;  ///< m; above `epsilon`, ε adapts.
 };

@@ -57,7 +57,7 @@ struct UpdateEffect {
 
 /// Time zero is when the hand begins to act.
 struct Trace {
-  server::ControllerKind controller = server::ControllerKind::kFourChannel;
+  ControllerKind controller = ControllerKind::kFourChannel;
   int device_delay = 0;  ///< Ticks from a command to its effect.
   std::vector<server::TickRecord> ticks;
   /// At the end of each tick, J: kinetic energy of a proxy with dynamics, and all contact springs'.

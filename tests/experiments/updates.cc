@@ -49,11 +49,11 @@ void updates(Bench& bench) {
     for (const double jump : e.jump) noticeable += jump > kJustNoticeable;
     table.row(method.label, largest(e.jump), quantile(e.jump, 0.99),
               noticeable / static_cast<double>(e.jump.size()), largest(e.energy));
-    if (method.rule == server::UpdateRule::kIntermediateRepresentation ||
-        method.rule == server::UpdateRule::kPlaneRecovery) {
+    if (method.rule == UpdateRule::kIntermediateRepresentation ||
+        method.rule == UpdateRule::kPlaneRecovery) {
       continue;
     }
-    const bool retains = method.rule == server::UpdateRule::kRetain;
+    const bool retains = method.rule == UpdateRule::kRetain;
     // Retained load is released from the very step of the update on.
     const double bound = server::LocalModelParameters{}.release_step;
     std::string criterion =

@@ -6,13 +6,54 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "protocol/codec.h"
+#include "protocol/layout.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"
+
+// The names of what the vocabulary does not name.
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<JointType>, 5> kWords<JointType>{{
+    {JointType::kFixed, "fixed", ""},
+    {JointType::kRevolute, "revolute", ""},
+    {JointType::kPrismatic, "prismatic", ""},
+    {JointType::kPlanar, "planar", ""},
+    {JointType::kFree, "free", ""},
+}};
+template <>
+inline constexpr std::array<Word<protocol::MessageType>, 11> kWords<protocol::MessageType>{{
+    {protocol::MessageType::kHello, "hello", ""},
+    {protocol::MessageType::kWelcome, "welcome", ""},
+    {protocol::MessageType::kReject, "reject", ""},
+    {protocol::MessageType::kContactUpdate, "contact_update", ""},
+    {protocol::MessageType::kProxyState, "proxy_state", ""},
+    {protocol::MessageType::kGoodbye, "goodbye", ""},
+    {protocol::MessageType::kControl, "control", ""},
+    {protocol::MessageType::kTicks, "ticks", ""},
+    {protocol::MessageType::kLocalState, "local_state", ""},
+    {protocol::MessageType::kRefusal, "refusal", ""},
+    {protocol::MessageType::kImpulses, "impulses", ""},
+}};
+template <>
+inline constexpr std::array<Word<protocol::RejectReason>, 3> kWords<protocol::RejectReason>{{
+    {protocol::RejectReason::kVersion, "version", ""},
+    {protocol::RejectReason::kBusy, "busy", ""},
+    {protocol::RejectReason::kTool, "tool", ""},
+}};
+template <>
+inline constexpr std::array<Word<protocol::GoodbyeReason>, 2> kWords<protocol::GoodbyeReason>{{
+    {protocol::GoodbyeReason::kFinished, "finished", ""},
+    {protocol::GoodbyeReason::kShutdown, "shutdown", ""},
+}};
+
+}  // namespace hlm
 
 namespace hlm::test {
 
@@ -21,9 +62,11 @@ class Expected {
  public:
   explicit Expected(std::string prefix) : prefix_(std::move(prefix)) {}
 
-  void number(const std::string& name, double value) { add(name, value, ""); }
+  void number(const std::string& name, double value) { add(name, value, kDoubleDigits); }
+  /// Of single precision.
+  void short_number(const std::string& name, double value) { add(name, value, kFloatDigits); }
   void text(const std::string& name, const std::string& value) {
-    add(name, std::nan(""), ": " + value);
+    fields_.push_back({prefix_ + name, std::nan(""), 0, ": " + value});
   }
   template <class Integer>
   void integer(const std::string& name, Integer value) {
@@ -34,12 +77,12 @@ class Expected {
     std::snprintf(digits.data(), digits.size(), "0x%016lx", value);
     text(name, digits.data());
   }
-  /// A value with a name; `names` begins with that of the value 0.
+  /// A value that has a name, or is unknown.
   template <class Enum>
-  void code(const std::string& name, Enum value, const std::vector<std::string>& names) {
-    const auto number = static_cast<std::size_t>(value);
-    text(name, names.at(number) + " (" + std::to_string(number) + ")");
+  void code(const std::string& name, Enum value) {
+    text(name, std::string(name_of(value)) + " (" + std::to_string(static_cast<int>(value)) + ")");
   }
+  void flag(const std::string& name, bool value) { text(name, value ? "yes (1)" : "no (0)"); }
   template <class Vector>
   void coordinates(const std::string& name, const Vector& values) {
     for (const double value : values) number(name, value);
@@ -56,13 +99,19 @@ class Expected {
     number(name + ".R.y", X.R.y());
     number(name + ".R.z", X.R.z());
   }
-  void twist(const std::string& name, const Twist& V) {
-    vector(name + ".linear", V.head<3>());
-    vector(name + ".angular", V.tail<3>());
-  }
   void wrench(const std::string& name, const Wrench& F) {
     vector(name + ".force", F.head<3>());
     vector(name + ".torque", F.tail<3>());
+  }
+  void short_vector(const std::string& name, const Vector3& v) {
+    short_number(name + ".x", v.x());
+    short_number(name + ".y", v.y());
+    short_number(name + ".z", v.z());
+  }
+  /// A vector of a linear and an angular part.
+  void halves(const std::string& name, const Vector6& v) {
+    vector(name + ".linear", v.head<3>());
+    vector(name + ".angular", v.tail<3>());
   }
   void append(const Expected& other) {
     fields_.insert(fields_.end(), other.fields_.begin(), other.fields_.end());
@@ -77,8 +126,8 @@ class Expected {
       CHECK(shown[i].name == fields_[i].name);
       CHECK(shown[i].text.ends_with(fields_[i].ending));
       if (!std::isnan(fields_[i].number)) {
-        // Wireshark shows 15 digits.
-        CHECK(std::stod(shown[i].value) == Approx(fields_[i].number).epsilon(1e-14).margin(0));
+        const double tolerance = std::abs(fields_[i].number) * fields_[i].tolerance;
+        CHECK(std::abs(std::stod(shown[i].value) - fields_[i].number) <= tolerance);
       }
       CHECK(shown[i].position == position);
       position += shown[i].size;
@@ -89,13 +138,18 @@ class Expected {
  private:
   static constexpr std::size_t kIpAndUdpHeader = 28;  ///< Bytes before the datagram.
 
+  /// Relative error of the 15 and 6 digits that Wireshark shows.
+  static constexpr double kDoubleDigits = 1e-14;
+  static constexpr double kFloatDigits = 5e-6;
+
   struct Field {
     std::string name;
     double number;       ///< Not a number: only the text is compared.
+    double tolerance;    ///< Of the number, relative.
     std::string ending;  ///< Of the text, behind the label.
   };
-  void add(const std::string& name, double number, const std::string& ending) {
-    fields_.push_back({prefix_ + name, number, ending});
+  void add(const std::string& name, double number, double tolerance) {
+    fields_.push_back({prefix_ + name, number, tolerance, ""});
   }
 
   std::string prefix_;
@@ -103,30 +157,59 @@ class Expected {
 };
 
 /// The header of a datagram of `length` bytes.
-inline Expected expected_header(protocol::MessageType type, const protocol::Envelope& envelope,
-                                const protocol::Slice& slice, std::size_t length) {
+inline Expected expected_header(const protocol::Header& header, std::size_t length) {
   Expected fields("hlm.");
   fields.text("magic", "HLMI");
   fields.integer("version", protocol::kProtocolVersion);
-  fields.code("type", type,
-              {"", "hello", "welcome", "reject", "contact update", "proxy state", "goodbye",
-               "control", "ticks", "local state"});
+  fields.code("type", header.type);
   fields.integer("flags", 0);
-  fields.hexadecimal("session", envelope.session);
-  fields.integer("sequence", envelope.sequence);
-  fields.integer("send_time", envelope.send_time);
-  fields.integer("part", slice.part);
-  fields.integer("parts", slice.parts);
-  fields.integer("items", slice.items);
-  fields.integer("items_total", slice.items_total);
-  fields.integer("length", length);
+  fields.hexadecimal("session", header.envelope.session);
+  fields.integer("sequence", header.envelope.sequence);
+  fields.integer("send_time", header.envelope.send_time);
+  fields.integer("part", header.part);
+  fields.integer("parts", header.parts);
+  fields.integer("tool", 0);
   fields.integer("reserved", 0);
+  fields.integer("length", length);
+  fields.integer("block", header.block);
   return fields;
 }
 
-// The fields of each message without its list, and of the items of lists.
+/// What stands in front of a list.
+struct ListHeader {
+  std::uint16_t first = 0;
+  std::uint16_t count = 0;
+  std::uint16_t total = 0;
+  std::uint16_t item_size = 0;
+};
 
-inline Expected expected_body(const protocol::Hello& hello) {
+/// `list` is "<message>.<list>".
+inline Expected expected_list_header(const std::string& list, const ListHeader& header) {
+  Expected fields("hlm." + list + ".");
+  fields.integer("first", header.first);
+  fields.integer("count", header.count);
+  fields.integer("total", header.total);
+  fields.integer("item_size", header.item_size);
+  return fields;
+}
+
+/// The names of a message's lists.
+template <class Message>
+inline const std::vector<std::string> kListNames{};
+template <>
+inline const std::vector<std::string> kListNames<protocol::Hello>{"links"};
+template <>
+inline const std::vector<std::string> kListNames<protocol::ContactUpdate>{"bodies", "contacts"};
+template <>
+inline const std::vector<std::string> kListNames<protocol::Ticks>{"ticks"};
+template <>
+inline const std::vector<std::string> kListNames<protocol::LocalState>{"contacts"};
+template <>
+inline const std::vector<std::string> kListNames<protocol::Impulses>{"bodies"};
+
+// The fixed fields of each message, and the fields of the items of lists.
+
+inline Expected expected_block(const protocol::Hello& hello) {
   Expected fields("hlm.hello.");
   fields.hexadecimal("nonce", hello.nonce);
   fields.number("ve_rate", hello.ve_rate);
@@ -143,7 +226,7 @@ inline Expected expected_body(const protocol::Hello& hello) {
 inline Expected expected_item(const Link& link) {
   Expected fields("hlm.link.");
   fields.integer("parent", link.parent);
-  fields.code("joint", link.joint, {"fixed", "revolute", "prismatic", "planar", "free"});
+  fields.code("joint", link.joint);
   fields.pose("X_PJ", link.X_PJ);
   fields.vector("axis", link.axis);
   fields.number("mass", link.mass);
@@ -158,43 +241,59 @@ inline Expected expected_item(const Link& link) {
 }
 
 inline void add_tuning(Expected& fields, const Tuning& tuning) {
-  fields.code("update_rule", tuning.update_rule,
-              {"retain", "paper", "intermediate representation", "plane recovery"});
-  fields.code("controller", tuning.controller,
-              {"four-channel", "three-channel", "virtual coupler", "direct", "rotation coupler",
-               "engine coupler", "engine force"});
+  fields.code("update_rule", tuning.update_rule);
+  fields.code("controller", tuning.controller);
   for (const auto& range : kTuningRanges) {
     fields.number(range.name, tuning.*range.number);
   }
 }
 
-inline Expected expected_body(const protocol::Welcome& welcome) {
+inline Expected expected_block(const protocol::Welcome& welcome) {
   Expected fields("hlm.welcome.");
   fields.hexadecimal("nonce", welcome.nonce);
   fields.number("servo_rate", welcome.servo_rate);
-  fields.hexadecimal("configuration", welcome.configuration);
+  fields.hexadecimal("configuration", welcome.fingerprint);
   add_tuning(fields, welcome.tuning);
-  fields.code("guidable", welcome.guidable, {"no", "yes"});
+  fields.number("silence_time", welcome.silence_time);
+  fields.number("fade_time", welcome.fade_time);
+  fields.number("least_update_rate", welcome.least_update_rate);
+  fields.flag("capabilities.movable_bodies", welcome.capabilities.movable_bodies);
+  fields.flag("capabilities.axes", welcome.capabilities.axes);
+  fields.flag("capabilities.self_contacts", welcome.capabilities.self_contacts);
+  const protocol::DeviceReport& device = welcome.device;
+  fields.number("device.max_force", device.max_force);
+  fields.number("device.max_torque", device.max_torque);
+  fields.number("device.max_stiffness", device.max_stiffness);
+  fields.number("device.max_angular_stiffness", device.max_angular_stiffness);
+  fields.number("device.scale", device.scale);
+  fields.integer("device.buttons", device.buttons);
+  fields.flag("device.gripper", device.gripper);
+  fields.flag("device.renders_torque", device.renders_torque);
+  fields.flag("device.measures_hand", device.measures_hand);
+  fields.flag("device.guidable", device.guidable);
+  fields.integer("device.size_name", device.name.size());
+  if (!device.name.empty()) fields.text("device.name", {device.name.begin(), device.name.end()});
   return fields;
 }
 
-inline Expected expected_body(const protocol::Reject& reject) {
+inline Expected expected_block(const protocol::Reject& reject) {
   Expected fields("hlm.reject.");
   fields.hexadecimal("nonce", reject.nonce);
-  fields.code("reason", reject.reason, {"", "version", "busy", "tool"});
+  fields.code("reason", reject.reason);
   fields.integer("size_text", reject.text.size());
   fields.integer("version", reject.version);
   if (!reject.text.empty()) fields.text("text", {reject.text.begin(), reject.text.end()});
   return fields;
 }
 
-inline Expected expected_body(const protocol::ContactUpdate& update) {
+inline Expected expected_block(const protocol::ContactUpdate& update) {
   Expected fields("hlm.contact_update.");
   fields.number("ve_time", update.ve_time);
   fields.number("ve_period", update.ve_period);
   fields.number("compute_time", update.compute_time);
   fields.integer("echo_step", update.echo_step);
   fields.number("echo_hold", update.echo_hold);
+  fields.integer("impulse_step", update.impulse_step);
   fields.integer("size_q_VE", update.q_VE.size());
   fields.integer("size_v_VE", update.v_VE.size());
   fields.coordinates("q_VE", update.q_VE);
@@ -202,71 +301,94 @@ inline Expected expected_body(const protocol::ContactUpdate& update) {
   return fields;
 }
 
-inline void add_feature(Expected& fields, const std::string& name, const Feature& feature) {
-  fields.code(name + ".kind", feature.kind, {"vertex", "edge", "face"});
-  fields.integer(name + ".shape", feature.shape);
-  fields.integer(name + ".index", feature.index);
+inline Expected expected_item(const MovableBody& body) {
+  Expected fields("hlm.movable_body.");
+  fields.integer("id", body.id);
+  fields.vector("p_WCom", body.p_WCom);
+  fields.halves("V_W", body.V_W);
+  fields.halves("A_W", body.A_W);
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      fields.number("W." + std::to_string(row + 1) + std::to_string(column + 1),
+                    body.W(row, column));
+    }
+  }
+  return fields;
+}
+
+inline void add_sides(Expected& fields, const ContactSide& a, const ContactSide& b) {
+  fields.code("a.kind", a.kind);
+  fields.code("b.kind", b.kind);
+  fields.integer("a.index", a.index);
+  fields.integer("b.index", b.index);
 }
 
 inline Expected expected_item(const ReportedContact& contact) {
   Expected fields("hlm.contact.");
-  fields.integer("link", contact.key.link);
-  add_feature(fields, "tool_feature", contact.key.tool_feature);
-  fields.integer("body", contact.key.body);
-  add_feature(fields, "body_feature", contact.key.body_feature);
+  fields.hexadecimal("identity", contact.identity);
+  fields.integer("pair", contact.pair);
+  fields.integer("axis", contact.axis);
+  add_sides(fields, contact.a, contact.b);
   fields.vector("p_WC", contact.p_WC);
   fields.vector("n_W", contact.n_W);
   fields.number("separation", contact.separation);
-  fields.vector("v_WC", contact.v_WC);
+  fields.short_vector("v_WC", contact.v_WC);
+  fields.short_number("friction", contact.friction);
+  fields.short_number("load", contact.load);
   return fields;
 }
 
-inline Expected expected_body(const protocol::ProxyState& state) {
+inline Expected expected_block(const protocol::ProxyState& state) {
   Expected fields("hlm.proxy_state.");
   fields.integer("acknowledged", state.acknowledged);
   fields.integer("step", state.step);
   fields.number("age", state.age);
   fields.number("update_send_time", state.update_send_time);
   fields.number("hold", state.hold);
-  fields.code("server", state.server, {"idle", "running", "silent", "fault"});
-  fields.code("fault", state.fault, {"none", "not finite", "overrun", "device"});
-  fields.code("contact_state", state.contact_state, {"free motion", "colliding", "resting"});
-  fields.integer("size_q", state.q.size());
-  fields.integer("size_v", state.v.size());
+  fields.code("server", state.server);
+  fields.code("fault", state.fault);
+  fields.code("contact_state", state.contact_state);
+  fields.code("limit", state.limit);
   fields.integer("active_contacts", state.active_contacts);
   fields.integer("predicted_contacts", state.predicted_contacts);
   fields.number("smallest_separation", state.smallest_separation);
   fields.pose("X_WD", state.X_WD);
-  fields.twist("V_WD", state.V_WD);
+  fields.halves("V_WD", state.V_WD);
   fields.wrench("F_env", state.F_env);
   fields.wrench("F_command", state.F_command);
   fields.wrench("F_hand", state.F_hand);
+  fields.flag("hand_measured", state.hand_measured);
+  fields.integer("buttons", state.buttons);
+  fields.number("gripper", state.gripper);
+  fields.number("scale", state.scale);
   fields.integer("overruns", state.overruns);
   fields.integer("updates", state.updates);
   fields.integer("dropped", state.dropped);
   fields.integer("control", state.control);
+  fields.integer("size_q", state.q.size());
+  fields.integer("size_v", state.v.size());
   fields.coordinates("q", state.q);
   fields.coordinates("v", state.v);
   return fields;
 }
 
-inline Expected expected_body(const protocol::Goodbye& goodbye) {
+inline Expected expected_block(const protocol::Goodbye& goodbye) {
   Expected fields("hlm.goodbye.");
-  fields.code("reason", goodbye.reason, {"finished", "shutdown"});
+  fields.code("reason", goodbye.reason);
   return fields;
 }
 
-inline Expected expected_body(const protocol::Control& control) {
+inline Expected expected_block(const protocol::Control& control) {
   Expected fields("hlm.control.");
-  fields.code("telemetry", control.telemetry, {"no", "yes"});
-  fields.code("holds", control.holds, {"no", "yes"});
+  fields.flag("telemetry", control.telemetry);
+  fields.flag("holds", control.holds);
   fields.pose("X_WTarget", control.X_WTarget);
-  fields.code("tuned", control.tuned, {"no", "yes"});
+  fields.flag("tuned", control.tuned);
   add_tuning(fields, control.tuning);
   return fields;
 }
 
-inline Expected expected_body(const protocol::Ticks& ticks) {
+inline Expected expected_block(const protocol::Ticks& ticks) {
   Expected fields("hlm.ticks.");
   fields.integer("first_step", ticks.first_step);
   return fields;
@@ -286,27 +408,78 @@ inline Expected expected_item(const protocol::TickSignals& tick) {
   fields.number("age", tick.age);
   fields.integer("active_contacts", tick.active_contacts);
   fields.integer("predicted_contacts", tick.predicted_contacts);
-  fields.code("adopted", tick.adopted, {"no", "yes"});
+  fields.flag("adopted", tick.adopted);
+  fields.code("limit", tick.limit);
   return fields;
 }
 
-inline Expected expected_body(const protocol::LocalState& state) {
+inline Expected expected_block(const protocol::LocalState& state) {
   Expected fields("hlm.local_state.");
   fields.integer("step", state.step);
-  fields.code("limit", state.limit, {"nothing", "force", "torque", "rate", "fade"});
   return fields;
 }
 
 inline Expected expected_item(const protocol::LocalContactReport& contact) {
   Expected fields("hlm.local_contact.");
-  fields.integer("link", contact.link);
-  fields.code("state", contact.state, {"impending", "colliding", "penetrating", "separating"});
-  fields.code("retained", contact.retained, {"no", "yes"});
+  fields.hexadecimal("identity", contact.identity);
+  add_sides(fields, contact.a, contact.b);
+  fields.code("state", contact.state);
+  fields.flag("retained", contact.retained);
   fields.vector("c_W", contact.c_W);
   fields.vector("n_W", contact.n_W);
   fields.vector("p_W", contact.p_W);
   fields.number("s", contact.s);
   fields.vector("f_W", contact.f_W);
+  return fields;
+}
+
+inline Expected expected_block(const protocol::Refusal& refusal) {
+  Expected fields("hlm.refusal.");
+  fields.integer("refused", refusal.refused);
+  fields.code("error", refusal.error);
+  fields.flag("whole", refusal.whole);
+  fields.integer("item", refusal.item);
+  fields.integer("count", refusal.count);
+  return fields;
+}
+
+inline Expected expected_block(const protocol::Impulses& impulses) {
+  Expected fields("hlm.impulses.");
+  fields.integer("step", impulses.step);
+  return fields;
+}
+
+inline Expected expected_item(const protocol::BodyImpulse& impulse) {
+  Expected fields("hlm.body_impulse.");
+  fields.integer("body", impulse.body);
+  fields.halves("P_W", impulse.P_W);
+  return fields;
+}
+
+/// All that is shown of one part of a message.
+template <class Message>
+Expected expected_part(const Message& message, std::span<const std::byte> bytes) {
+  protocol::Header header;
+  REQUIRE_FALSE(protocol::decode_header(bytes, header));
+  Expected fields = expected_header(header, bytes.size());
+  fields.append(expected_block(message));
+  protocol::Reader reader(bytes, protocol::layout::kHeaderSize + header.block);
+  std::size_t i = 0;
+  protocol::layout::lists(message, [&](const auto& list) {
+    ListHeader share;
+    reader.u16(share.first);
+    reader.u16(share.count);
+    reader.u16(share.total);
+    reader.u16(share.item_size);
+    const std::string name(name_of(header.type));
+    fields.append(expected_list_header(name + "." + kListNames<Message>.at(i++), share));
+    const std::size_t end = std::size_t{share.first} + share.count;
+    for (std::size_t item = share.first; item < end; ++item) {
+      fields.append(expected_item(list[item]));
+    }
+    reader.skip_to(reader.position() + std::size_t{share.count} * share.item_size);
+  });
+  REQUIRE_FALSE(reader.error());
   return fields;
 }
 

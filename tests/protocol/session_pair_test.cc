@@ -39,7 +39,7 @@ TEST_CASE("on a network that delays, loses, reorders and duplicates, every updat
     const double now = 0.001 * step;
     network.set_time(now);
     const ServerSession::Inbox request = server.poll(now);
-    if (request.hello) server.accept(now, {.servo_rate = 1000, .configuration = 0});
+    if (request.hello) server.accept(now, {.servo_rate = 1000, .fingerprint = 0});
     if (request.update) {
       ++taken;
       CHECK(request.update->ve_time > latest);
@@ -84,7 +84,7 @@ TEST_CASE("a session over real sockets: hello, 64 contacts, acknowledgement, goo
   ServerSession server(server_socket, {.first_session_id = 9});
   ClientSession client(client_socket, {.server = server_socket.local(), .hello = planar_hello()});
   REQUIRE(happens([&] {
-    if (server.poll(0).hello) server.accept(0, {.servo_rate = 1000, .configuration = 5});
+    if (server.poll(0).hello) server.accept(0, {.servo_rate = 1000, .fingerprint = 5});
     return client.poll(0).welcomed;
   }));
   CHECK(server.id() == 9);
@@ -99,7 +99,7 @@ TEST_CASE("a session over real sockets: hello, 64 contacts, acknowledgement, goo
     const ClientSession::Inbox inbox = client.poll(1.5);
     return inbox.state && inbox.state->acknowledged == sequence;
   }));
-  CHECK(client.round_trip() == Approx(0.5).margin(1e-9));
+  CHECK(client.round_trip() == Approx(0.5).margin(0.1));  // less what it waited
 
   client.close(3);
   CHECK(happens([&] { return server.poll(3).goodbye; }));
@@ -115,7 +115,7 @@ TEST_CASE("a client finds a server that restarts at the same port") {
   const auto welcomed_by = [&](ServerSession& server) {
     return happens([&] {
       now += 0.01;
-      if (server.poll(now).hello) server.accept(now, {.servo_rate = 1000, .configuration = 0});
+      if (server.poll(now).hello) server.accept(now, {.servo_rate = 1000, .fingerprint = 0});
       return client.poll(now).welcomed;
     });
   };

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <memory>
+#include <map>
 #include <regex>
 #include <sstream>
 #include <stdexcept>
@@ -19,11 +19,8 @@ namespace hlm::test {
 
 inline bool tshark_is_installed() { return std::system("tshark --version > /dev/null 2>&1") == 0; }
 
-/// What `tshark <arguments>` prints about the capture. Throws if tshark fails.
-inline std::string tshark(const std::filesystem::path& capture, const std::string& arguments) {
-  // Names are not looked up (-n). As root tshark warns on stderr that it is.
-  const std::string command = "tshark -n -X lua_script:" HLM_DISSECTOR " -r " + capture.string() +
-                              " " + arguments + " 2> /dev/null";
+/// What a command prints. Throws if it fails.
+inline std::string output_of(const std::string& command) {
   std::FILE* const pipe = popen(command.c_str(), "r");
   if (pipe == nullptr) throw std::runtime_error("cannot run: " + command);
   std::string output;
@@ -33,6 +30,13 @@ inline std::string tshark(const std::filesystem::path& capture, const std::strin
   }
   if (pclose(pipe) != 0) throw std::runtime_error("failed: " + command);
   return output;
+}
+
+/// What `tshark <arguments>` prints about the capture. Throws if tshark fails.
+inline std::string tshark(const std::filesystem::path& capture, const std::string& arguments) {
+  // Names are not looked up (-n). As root tshark warns on stderr that it is.
+  return output_of("tshark -n -X lua_script:" HLM_DISSECTOR " -r " + capture.string() + " " +
+                   arguments + " 2> /dev/null");
 }
 
 inline std::vector<std::string> lines(const std::string& text) {
@@ -68,6 +72,26 @@ inline std::vector<std::vector<ShownField>> dissect(const std::filesystem::path&
                               .size = std::stoul(match[3])});
   }
   return packets;
+}
+
+/// The dissector's tables of names, by field: each name by its value. `configuration` is an empty
+/// folder, where tshark finds the dissector as a plugin.
+inline std::map<std::string, std::map<int, std::string>> dissector_names(
+    const std::filesystem::path& configuration) {
+  const std::filesystem::path plugins = configuration / "wireshark" / "plugins";
+  std::filesystem::create_directories(plugins);
+  std::filesystem::copy(HLM_DISSECTOR, plugins);
+  std::map<std::string, std::map<int, std::string>> tables;
+  const std::regex row(R"re(V\t(hlm\.[^\t]*)\t(\d+)\t(.*))re");
+  const std::string command =
+      "XDG_CONFIG_HOME=" + configuration.string() + " tshark -G values 2> /dev/null";
+  for (const std::string& line : lines(output_of(command))) {
+    std::smatch match;
+    // Most lines are other protocols'.
+    if (!line.starts_with("V\thlm.") || !std::regex_match(line, match, row)) continue;
+    tables[match[1]][std::stoi(match[2])] = match[3];
+  }
+  return tables;
 }
 
 }  // namespace hlm::test

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """The live page in headless Chromium, between the real haptic_server and ve_client.
 
-Usage: live_page_test.py SERVER CLIENT WORLDS
+Usage: live_page_test.py SERVER CLIENT WORLDS [TEST…]
 """
 
 import contextlib
@@ -19,6 +19,7 @@ try:
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
     from selenium.webdriver.common.actions.mouse_button import MouseButton
     from selenium.webdriver.common.actions.pointer_input import PointerInput
+    from selenium.webdriver.common.keys import Keys
 except ImportError:
     print("skipped: python3-selenium is not installed")
     sys.exit(SKIPPED)
@@ -29,12 +30,72 @@ SERVER, CLIENT, WORLDS = sys.argv[1:4]
 WALL = 0.124  # m: y of the peg on the bottom wall
 
 
-class LivePage(unittest.TestCase):
+# How many corners of the world's boxes are outside the scene.
+OUTSIDE = """
+  const { left, top, right, bottom } = document.getElementById('scene').getBoundingClientRect();
+  const signs = [-0.5, 0.5];
+  let outside = 0;
+  for (const body of haptic.world.bodies) {
+    for (const { size, pose } of body.shapes) {
+      for (const sx of signs) for (const sy of signs) for (const sz of signs) {
+        const corner = [sx, sy, sz].map((s, i) => body.pose[i] + pose[i] + s * size[i]);
+        const [x, y] = haptic.project(corner);
+        if (x < left - 1 || x > right + 1 || y < top - 1 || y > bottom + 1) ++outside;
+      }
+    }
+  }
+  return outside;"""
+
+# What is below the contrast of WCAG 2.1 AA: texts (1.4.3), and edges of buttons and entries (1.4.11).
+CONTRASTS = """
+  const channels = (color) => color.match(/[\\d.]+/g).map(Number);
+  const over = ([r, g, b, a = 1], below) => [r, g, b].map((c, i) => a * c + (1 - a) * below[i]);
+  const background = (element) => {
+    const color = channels(getComputedStyle(element).backgroundColor);
+    if (color[3] === undefined) return color;
+    return over(color, element.parentElement ? background(element.parentElement) : [255, 255, 255]);
+  };
+  const luminance = (color) => color.slice(0, 3).map((c) => c / 255)
+    .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
+  const contrast = (a, b) => {
+    const [low, high] = [luminance(a), luminance(b)].sort((x, y) => x - y);
+    return (high + 0.05) / (low + 0.05);
+  };
+  const faults = [];
+  const check = (element, color, below, least, what) => {
+    const ratio = contrast(over(channels(color), below), below);
+    if (ratio < least) faults.push(`${what} of ${element.tagName} "${element.textContent.slice(0, 30)}": ${ratio.toFixed(2)}`);
+  };
+  const shown = (element) => element.offsetWidth > 0;
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const element = texts.currentNode.parentElement;
+    if (!texts.currentNode.data.trim() || !shown(element) || element.closest('option, script, :disabled')) continue;
+    check(element, getComputedStyle(element).color, background(element), 4.5, 'text');
+  }
+  for (const control of document.querySelectorAll('button:enabled, select, input[type=text]')) {
+    if (!shown(control)) continue;
+    const { borderTopColor: edge, color } = getComputedStyle(control);
+    check(control, color, background(control), 4.5, 'text');
+    check(control, edge, background(control.parentElement), 3, 'edge');
+  }
+  return faults;"""
+
+
+class PageTest(unittest.TestCase):
+    """A browser of the class's own, on a session of its own."""
+
+    WORLD = "testbed"
+    CLIENT_OPTIONS = ()
+    SERVING = True   # whether haptic_server runs from the beginning
+
     @classmethod
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
-        cls.session = cls.stack.enter_context(live_session(SERVER, CLIENT, WORLDS, "--log-level",
-                                                           "off"))
+        cls.session = cls.stack.enter_context(live_session(
+            SERVER, CLIENT, WORLDS, "--log-level", "off", world=cls.WORLD, serving=cls.SERVING,
+            client_options=("--log-level", "off", *cls.CLIENT_OPTIONS)))
         cls.url = cls.session.url
         cls.driver = browser()
         cls.stack.callback(cls.driver.quit)
@@ -47,10 +108,6 @@ class LivePage(unittest.TestCase):
         self.let_go()
         errors = [entry for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
         self.assertEqual(errors, [])
-
-    def setUp(self):
-        show(self.driver, self.url)
-        begin(self.driver)
 
     def ask(self, expression):
         return self.driver.execute_script(f"return ({expression})")
@@ -89,6 +146,60 @@ class LivePage(unittest.TestCase):
 
     def let_go(self):
         ActionBuilder(self.driver).clear_actions()
+
+    def pull(self, x, y):
+        """The page's hand, from where the handle is to a place in the world within 0.5 s, m; it stays."""
+        self.driver.execute_script("haptic.hand.grab()")
+        here = self.frame()["device"]
+        for _ in range(10):
+            self.driver.execute_script(
+                f"haptic.hand.moveBy({(x - here[0]) / 10}, {(y - here[1]) / 10}, 0)")
+            time.sleep(0.05)
+
+    def device_at_rest(self):
+        """Its pose, once it has not moved by more than 0.05 mm in 0.1 s."""
+        last = self.frame()["device"]
+
+        def rests():
+            nonlocal last
+            time.sleep(0.1)
+            before, last = last, self.frame()["device"]
+            return math.dist(before[:3], last[:3]) < 5e-5
+
+        wait_for(rests, "the device to rest")
+        return last
+
+    def text(self, element):
+        return self.driver.find_element("id", element).text
+
+    def conclusion(self):
+        """The sentence below the chain of force, and how it is shown."""
+        sentence = self.driver.find_element("id", "chain-reason")
+        return sentence.text, sentence.get_attribute("class")
+
+    def pixels_of_the_device(self):
+        """How many pixels of the scene have the colour of handle and commanded force."""
+        picture = self.driver.find_element("id", "scene").screenshot_as_base64
+        return self.driver.execute_async_script(
+            """const [source, done] = arguments;
+            const image = new Image();
+            image.onload = () => {
+              const canvas = new OffscreenCanvas(image.width, image.height).getContext('2d');
+              canvas.drawImage(image, 0, 0);
+              const { data } = canvas.getImageData(0, 0, image.width, image.height);
+              let count = 0;
+              for (let i = 0; i < data.length; i += 4) {
+                if (Math.hypot(data[i] - 0x1d, data[i + 1] - 0x35, data[i + 2] - 0x57) < 12) ++count;
+              }
+              done(count);
+            };
+            image.src = 'data:image/png;base64,' + source;""", picture)
+
+
+class LivePage(PageTest):
+    def setUp(self):
+        show(self.driver, self.url)
+        begin(self.driver)
 
     def test_the_scene_moves(self):
         self.driver.find_element("id", "sound").click()
@@ -209,6 +320,244 @@ class LivePage(unittest.TestCase):
         begin(self.driver, "")
         self.assertLess(math.hypot(*self.frame()["device"][:2]), 1e-3)
 
+    def test_charts_find_every_column_by_its_name(self):
+        begin(self.driver, "hole")
+        names = [column["name"] for column in self.ask("haptic.world.tick_columns")]
+        self.assertEqual(len(names), len(set(names)))
+        for name in (*names, "round_trip"):
+            wait_for(lambda: self.ask(f"haptic.ticksOf('{name}').some((value) => value !== null)"), name)
+        for strip in self.driver.find_elements("css selector", ".strip"):
+            self.driver.execute_script("arguments[0].scrollIntoView()", strip)
+            wait_for(lambda: all(output.text not in ("", "–")
+                                 for output in strip.find_elements("css selector", "output")), strip.text)
+
+    def test_quantities_are_shown_and_taken_in_handy_units(self):
+        def enter(field, text):
+            entry = self.driver.find_element("id", f"field-{field}")
+            entry.send_keys(Keys.CONTROL, "a")
+            entry.send_keys(text, Keys.ENTER)
+            entry.send_keys(Keys.ESCAPE)
+
+        for kind, field, text, value, shown in (
+                ("environment", "epsilon", "7 mm", 0.007, "7"),
+                ("environment", "epsilon", "4", 0.004, "4"),
+                ("environment", "epsilon", "0.005 m", 0.005, "5"),
+                ("environment", "delay", "20 ms", 0.02, "20"),
+                ("environment", "delay", "0,01 s", 0.01, "10"),
+                ("environment", "loss", "5 %", 0.05, "5"),
+                ("environment", "rate", "50", 50, "50"),
+                ("settings", "stiffness", "15 kN/m", 15000, "15000"),
+                ("settings", "damping", "40 N s/m", 40, "40"),
+                ("settings", "friction", "50%", 0.5, "0.5")):
+            enter(field, text)
+            wait_for(lambda: self.frame()[kind][field] == value, f"{field} {text}")
+            wait_for(lambda: self.driver.find_element("id", f"field-{field}").get_property("value")
+                     == shown, f"{field} shown as {shown}")
+        for field, text, allowed in (("epsilon", "5 kg", "0 to 100 mm"), ("epsilon", "200 mm", "0 to 100 mm"),
+                                     ("delay", "soon", "0 to 200 ms"), ("loss", "60 %", "0 to 50 %"),
+                                     ("stiffness", "0", "1 to 1000000 N/m")):
+            before = self.frame()["environment"]
+            enter(field, text)
+            message = self.driver.find_element("css selector", f"[data-field={field}] p").text
+            self.assertEqual(message, f"“{text}” must be {allowed}")
+            self.assertEqual(self.frame()["environment"], before)
+        self.send({"type": "reset"})
+
+    def test_arrow_keys_move_the_tool_as_seen(self):
+        for key, axis, sign in ((Keys.ARROW_RIGHT, 0, 1), (Keys.ARROW_LEFT, 0, -1),
+                                (Keys.ARROW_DOWN, 1, 1), (Keys.ARROW_UP, 1, -1)):
+            before = self.device_at_rest()
+            ActionChains(self.driver).key_down(key).pause(0.5).key_up(key).perform()
+            wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
+            moved = [now - then for now, then in zip(self.frame()["device"], before)]
+            self.assertGreater(sign * moved[axis], 0.01)
+            self.assertLess(abs(moved[1 - axis]), 1e-3)
+
+    def test_enter_and_space_press_the_buttons_that_move_the_tool(self):
+        for key, move, part, sign in ((Keys.ENTER, "right", 0, 1), (Keys.SPACE, "left", 0, -1),
+                                      (Keys.ENTER, "turnRight", 6, 1)):
+            before = self.device_at_rest()
+            self.driver.execute_script(f"document.querySelector('[data-move={move}]').focus()")
+            ActionChains(self.driver).key_down(key).pause(0.5).key_up(key).perform()
+            wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
+            self.assertGreater(sign * (self.frame()["device"][part] - before[part]), 0.01)
+
+    def test_the_focus_is_seen_wherever_it_is(self):
+        self.driver.execute_script("document.activeElement.blur()")
+        seen = set()
+        for _ in range(80):
+            ActionChains(self.driver).send_keys(Keys.TAB).perform()
+            name, style, width = self.ask(
+                "(() => { const e = document.activeElement, s = getComputedStyle(e); return ["
+                "`${e.tagName} ${e.id} ${e.textContent.slice(0, 30)}`, s.outlineStyle,"
+                "parseFloat(s.outlineWidth)]; })()")
+            if name.startswith("BODY"):
+                break
+            seen.add(name)
+            self.assertEqual((style, width), ("solid", 2), name)
+        self.assertGreater(len(seen), 40)
+
+    def test_text_and_controls_have_the_contrast_of_wcag_aa(self):
+        self.pull(0.0, WALL + 0.01)
+        self.assertEqual(self.driver.execute_script(CONTRASTS), [])
+        self.driver.execute_script("haptic.hand.release()")
+        wait_for(lambda: self.conclusion()[1] == "stops", "a reason")
+        self.assertEqual(self.driver.execute_script(CONTRASTS), [])
+
+    def test_the_world_stays_in_the_picture_when_the_window_is_resized(self):
+        before = self.driver.get_window_size()
+        try:
+            for _ in range(2):   # plan and 3-D view
+                for width, height in ((850, 1300), (500, 900), (1600, 700), (1280, 943)):
+                    self.driver.set_window_size(width, height)
+                    wait_for(lambda: self.ask("innerWidth") == width, "the size")
+                    time.sleep(0.3)
+                    self.assertEqual(self.driver.execute_script(OUTSIDE), 0, f"at {width} x {height}")
+                self.driver.find_element("id", "view-toggle").click()
+        finally:
+            self.driver.set_window_size(before["width"], before["height"])
+
+    def test_a_second_page_is_told_that_another_holds_the_handle(self):
+        self.assertEqual(self.text("hint"), "Drag the handle")
+        holder = browser()
+        try:
+            show(holder, self.url)
+            holder.execute_script("haptic.hand.grab()")
+            wait_for(lambda: self.text("hint") == "Another page holds the handle", "the hint")
+            wait_for(lambda: "another page holds it" in self.conclusion()[0], "the reason")
+            self.drag(0.05, 0.0)
+            wait_for(lambda: "another page holds the hand" in self.ask("haptic.banner()"), "the refusal")
+            self.assertFalse(self.ask("haptic.hand.held"))
+        finally:
+            holder.quit()
+        wait_for(lambda: not self.frame()["held"], "the hand to be free")
+        self.driver.refresh()
+        wait_for(lambda: self.text("hint") == "Drag the handle", "the usual hint")
+
+    def shake_in_the_hole(self, method):
+        """[{kind, clipped, sentence, class}] while the peg is shaken at 2.5 Hz for 5 s."""
+        self.driver.find_element("css selector", f"[data-method={method}]").click()
+        wait_for(lambda: self.frame()["method"] == method, method)
+        return self.driver.execute_async_script(
+            """const done = arguments[0], seen = [], began = performance.now();
+            haptic.hand.grab();
+            let at = 0;
+            const timer = setInterval(() => {
+              const t = (performance.now() - began) / 1000, x = 0.015 * Math.sin(5 * Math.PI * t);
+              haptic.hand.moveBy(x - at, 0, 0);
+              at = x;
+              const sentence = document.getElementById('chain-reason');
+              const verdict = haptic.verdict();
+              if (t > 1) seen.push({ kind: verdict.kind, clipped: verdict.clipped,
+                                     sentence: sentence.textContent, shown: sentence.className });
+              if (t < 5) return;
+              clearInterval(timer);
+              haptic.hand.release();
+              done(seen);
+            }, 16);""")
+
+    def test_chatter_and_clipping_are_said_where_they_are(self):
+        begin(self.driver, "hole")
+        self.driver.find_element("css selector", ".situations button").click()   # stiff and late
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 15000, "a stiff wall")
+        local = self.shake_in_the_hole("lm5")
+        self.assertEqual({look["kind"] for look in local}, {"stable"})
+        self.assertNotIn("chatters", " ".join(look["sentence"] for look in local))
+        representation = self.shake_in_the_hole("ir")
+        self.assertIn("chattering", {look["kind"] for look in representation})
+        self.assertGreater(max(look["clipped"] for look in representation), 20)   # of 1000
+        said = [look for look in representation if "chatters" in look["sentence"]]
+        self.assertTrue(said)
+        self.assertEqual({look["shown"] for look in said}, {"stops"})
+        self.send({"type": "reset"})
+
+
+class WithoutServer(PageTest):
+    SERVING = False
+
+    def test_without_a_server_nothing_is_shown_of_the_device_and_the_page_says_why(self):
+        self.driver.get(self.url)
+        wait_for(lambda: self.ask("window.haptic && haptic.frame && haptic.drawn > 0"), "a picture")
+        wait_for(lambda: self.conclusion() == ("At “device”: haptic_server does not answer.", "stops"),
+                 "the reason")
+        self.assertEqual(self.pixels_of_the_device(), 0)
+        self.assertFalse(self.ask("haptic.hand.grab()"))
+
+
+class ServerThatDies(PageTest):
+    def test_a_dead_server_leaves_nothing_behind_and_a_hand_must_grab_again(self):
+        show(self.driver, self.url)
+        self.pull(0.0, WALL + 0.03)
+        wait_for(lambda: self.frame()["F_env"][1] < -0.5, "a force on the wall")
+        self.assertGreater(self.pixels_of_the_device(), 0)
+        self.assertEqual(self.conclusion()[1], "reaches")
+        self.session.kill_server()
+        wait_for(lambda: self.conclusion() == ("At “device”: haptic_server does not answer.", "stops"),
+                 "the reason")
+        self.assertEqual(self.text("verdict"), "")
+        self.assertEqual(self.pixels_of_the_device(), 0)
+        self.assertFalse(self.ask("haptic.hand.held"))
+        # Even a page that holds on regardless.
+        self.driver.execute_script(
+            "window.stubborn = setInterval(() => haptic.send({type: 'hand', hold: true,"
+            "target: [0, 0.2, 0, 1, 0, 0, 0]}), 50)")
+        self.session.start_server()
+        wait_for(lambda: self.frame().get("device"), "the device")
+        for _ in range(20):
+            self.assertEqual(self.frame()["F_hand"], [0, 0, 0, 0, 0, 0])
+            time.sleep(0.05)
+        self.driver.execute_script("clearInterval(window.stubborn)")
+        self.assertTrue(self.ask("haptic.hand.grab()"))
+        self.driver.execute_script("haptic.hand.moveBy(0, 0.01, 0)")
+        wait_for(lambda: math.hypot(*self.frame()["F_hand"][:2]) > 0.05, "the hand's force")
+
+
+class Linkage(PageTest):
+    WORLD = "linkage"
+    CLIENT_OPTIONS = ("--tool", "arm")
+
+    def setUp(self):
+        show(self.driver, self.url)
+        begin(self.driver)
+
+    def test_nothing_of_the_scene_covers_a_button(self):
+        self.pull(0.5, 0.0)
+        self.assertEqual(self.ask(
+            """(() => {
+              const box = (element) => element.getBoundingClientRect();
+              const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+              const scene = ['scene', 'hint', 'spring-force'].map((id) => document.getElementById(id))
+                .filter((element) => element.offsetWidth);
+              return [...document.querySelectorAll('button, select, label, summary')]
+                .filter((button) => button.offsetWidth && scene.some((part) => meet(box(button), box(part))))
+                .map((button) => button.textContent);
+            })()"""), [])
+
+    def test_arrows_are_no_longer_than_a_third_of_the_scene(self):
+        self.pull(0.5, 0.0)
+        force = math.hypot(*self.frame()["F_hand"][:3])
+        self.assertGreater(force, 1)
+        metres = force * self.ask("haptic.scene().metresPerNewton")
+        begin_at, end_at = (self.ask(f"haptic.project([{x}, 0, 0])") for x in (0, metres))
+        self.assertLess(math.dist(begin_at, end_at), self.ask("document.getElementById('scene').clientHeight") / 3)
+
+    def test_the_answer_is_not_cut_at_1280_pixels(self):
+        self.driver.execute_script("haptic.hand.grab(); haptic.hand.moveBy(0.05, 0.05, 0)")
+        wait_for(lambda: "farther than epsilon" in self.conclusion()[0], "a long sentence")
+        self.assertEqual(self.ask("innerWidth"), 1280)
+        self.assertEqual(self.ask(
+            """(() => {
+              const sentence = document.getElementById('chain-reason');
+              const { bottom } = sentence.getBoundingClientRect();
+              return [sentence.scrollWidth <= sentence.clientWidth, sentence.scrollHeight <= sentence.clientHeight,
+                      bottom <= innerHeight];
+            })()"""), [True, True, True])
+
+    def test_methods_that_do_not_suit_the_tool_cannot_be_chosen(self):
+        self.assertEqual(self.ask(
+            "[...document.querySelectorAll('#methods button:disabled')].map((b) => b.dataset.method)"),
+            ["ir", "coupler", "engine"])
+
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)

@@ -38,14 +38,21 @@ class Page:
             time.sleep(seconds / steps)
 
     def shake(self, amplitude, seconds):
-        """The hand to and fro along x at about the paper's 2.5 Hz; it ends aside."""
-        self.move(amplitude, 0, 0.1)
-        for i in range(round(seconds * 5)):
-            self.move((-2 if i % 2 == 0 else 2) * amplitude, 0, 0.2)
+        """The hand to and fro along x once a second."""
+        self.driver.execute_async_script(
+            """const [amplitude, seconds, done] = arguments, began = performance.now();
+            let at = 0;
+            const timer = setInterval(() => {
+              const t = (performance.now() - began) / 1000;
+              const x = amplitude * Math.sin(2 * Math.PI * t);
+              haptic.hand.moveBy(x - at, 0, 0);
+              at = x;
+              if (t > seconds) { clearInterval(timer); done(); }
+            }, 16);""", amplitude, seconds)
 
     def picture(self, name):
         print(f"{name}: F_env {math.hypot(*self.frame()['F_env'][:3]):.2f} N, "
-              f"proxy-tool {1e3 * max(self.do('return haptic.ticksOf(`proxy_tool_m`).slice(-2000)')):.2f} mm, "
+              f"proxy-tool {1e3 * max(self.do('return haptic.ticksOf(`proxy_tool`).slice(-2000)')):.2f} mm, "
               f"{self.do('return haptic.fps()'):.0f} frames/s, banner '{self.do('return haptic.banner()')}'")
         self.driver.save_screenshot(str(self.folder / f"{name}.png"))
 

@@ -1,7 +1,6 @@
 """The real haptic_server and ve_client with a live page, and Chromium to look at it."""
 
 import contextlib
-import dataclasses
 import pathlib
 import socket
 import subprocess
@@ -35,32 +34,55 @@ def listens(port):
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-@contextlib.contextmanager
-def running(*command):
-    process = subprocess.Popen([str(part) for part in command])
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.wait(timeout=PATIENCE)
+def start(command):
+    return subprocess.Popen([str(part) for part in command])
 
 
-@dataclasses.dataclass
 class Session:
-    url: str
-    server: subprocess.Popen
+    """Both programs: ve_client with its page, and haptic_server, which may come and go."""
+
+    def __init__(self, server, client, worlds, server_options, client_options, world):
+        udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        self.url = f"http://127.0.0.1:{tcp}/"
+        self.server = None
+        self._server = [server, "--listen", f"127.0.0.1:{udp}", "--status", "false",
+                        "--device-option", "friction=0", *server_options]
+        self.client = start([client, "--server", f"127.0.0.1:{udp}", "--world",
+                             pathlib.Path(worlds) / f"{world}.sdf", "--page", f"127.0.0.1:{tcp}",
+                             "--connect-timeout", "0", "--quiet", *client_options])
+        self._port = tcp
+
+    def wait_for_page(self):
+        wait_for(lambda: listens(self._port), "the page's server")
+
+    def start_server(self):
+        self.server = start(self._server)
+
+    def kill_server(self):
+        """Without a goodbye."""
+        if self.server:
+            self.server.kill()
+            self.server.wait()
+            self.server = None
+
+    def end(self):
+        for process in filter(None, (self.client, self.server)):
+            process.terminate()
+            process.wait(timeout=PATIENCE)
 
 
 @contextlib.contextmanager
-def live_session(server, client, worlds, *server_options):
-    """Both programs on the testbed until the end of the block."""
-    udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-    with running(server, "--listen", f"127.0.0.1:{udp}", "--status", "false", "--device-option",
-                 "friction=0", *server_options) as process, \
-         running(client, "--server", f"127.0.0.1:{udp}", "--world",
-                 pathlib.Path(worlds) / "testbed.sdf", "--page", f"127.0.0.1:{tcp}", "--quiet"):
-        wait_for(lambda: listens(tcp), "the page's server")
-        yield Session(f"http://127.0.0.1:{tcp}/", process)
+def live_session(server, client, worlds, *server_options, world="testbed", client_options=(),
+                 serving=True):
+    """Both programs until the end of the block; without haptic_server at first if not `serving`."""
+    session = Session(server, client, worlds, server_options, client_options, world)
+    try:
+        if serving:
+            session.start_server()
+        session.wait_for_page()
+        yield session
+    finally:
+        session.end()
 
 
 def browser():

@@ -19,16 +19,6 @@
 namespace hlm::test {
 namespace {
 
-template <class Condition>
-bool wait_until(double timeout, Condition condition) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return true;
-}
-
 std::string temporary_file() {
   char path[] = "/tmp/haptic_test_XXXXXX";
   const int file = mkstemp(path);
@@ -38,6 +28,15 @@ std::string temporary_file() {
 }
 
 }  // namespace
+
+bool wait_until(double timeout, const std::function<bool()>& condition) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return true;
+}
 
 Process::Process(const std::vector<std::string>& arguments)
     : output_file_(temporary_file()), error_file_(temporary_file()) {

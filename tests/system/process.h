@@ -1,12 +1,16 @@
 // A child process of a test: its output, its exit, and that it does not outlive the test.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
 #include <sys/types.h>
 
 namespace hlm::test {
+
+/// Waits up to `timeout` s until the condition holds; whether it does.
+bool wait_until(double timeout, const std::function<bool()>& condition);
 
 class Process {
  public:
@@ -17,6 +21,7 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
+  pid_t id() const { return pid_; }
   void send_signal(int signal) const;
   /// Waits up to `timeout` s; the exit code, 128 + the signal that ended it, or -1 if it still
   /// runs.

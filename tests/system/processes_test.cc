@@ -1,16 +1,21 @@
 // The real programs, over UDP on loopback.
 #include <csignal>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <thread>
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "protocol/codec.h"
+#include "protocol/transport/capture.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/system/process.h"
@@ -84,7 +89,7 @@ TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 
   CHECK(number(row, "dropped") == 0);
 }
 
-TEST_CASE("A recorded run replays offline bit for bit, and live into a running server") {
+TEST_CASE("A recorded run replays offline bit for bit") {
   const TemporaryDirectory directory;
   const int port = free_port();
   const Arguments physics{"--hand", HLM_WORLDS "/hands/session.toml"};
@@ -106,16 +111,47 @@ TEST_CASE("A recorded run replays offline bit for bit, and live into a running s
 
   const Finished different = run(Arguments{HLM_REPLAY, directory.file("run.pcap"), "--offline",
                                            "--rate", "500", "--stiffness", "3000"});
-  CHECK(different.exit_code == 1);
+  CHECK(different.exit_code == 3);
   CHECK_THAT(different.error, ContainsSubstring("recorded with other options"));
+}
 
-  Process haptic_server(server(port) + physics);
-  REQUIRE(haptic_server.wait_for_error("listening", 10));
-  const Finished live =
-      run({HLM_REPLAY, directory.file("run.pcap"), "--server", address(port), "--speed", "3"});
-  INFO(live.output << live.error);
-  CHECK(live.exit_code == 0);
-  CHECK_THAT(live.output, ContainsSubstring(" 0 not whole"));
+TEST_CASE("A live replay says whether the server's answers are the recorded ones") {
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  // So slow that a stall of the machine for 50 ms moves nothing by a millimetre.
+  std::ofstream(directory.file("slow.toml")) << "after = \"hold\"\n[[segment]]\nduration = 3.0\n"
+                                                "move_to = { position = [0.03, 0, 0] }\n";
+  const Arguments physics{"--hand", directory.file("slow.toml")};
+  {
+    Process haptic_server(server(port) + physics +
+                          Arguments{"--record", directory.file("run.pcap")});
+    REQUIRE(haptic_server.wait_for_error("listening", 10));
+    CHECK(run(client(port) + Arguments{"--duration", "3"}, 30).exit_code == 0);
+  }
+  const Arguments replay{HLM_REPLAY, directory.file("run.pcap"), "--server", address(port)};
+  {
+    Process same_server(server(port) + physics);
+    REQUIRE(same_server.wait_for_error("listening", 10));
+    const Finished live = run(replay);
+    INFO(live.output << live.error);
+    CHECK(live.exit_code == 0);
+    CHECK_THAT(live.output, ContainsSubstring(" 0 not whole"));
+    CHECK(live.error.empty());
+
+    const Finished hurried = run(replay + Arguments{"--speed", "2"});
+    INFO(hurried.output << hurried.error);
+    CHECK(hurried.exit_code == 3);
+    CHECK_THAT(hurried.error, ContainsSubstring("--speed 2") && ContainsSubstring("not in step"));
+    CHECK_THAT(hurried.error,
+               ContainsSubstring("not the recorded ones") && ContainsSubstring("mm"));
+  }
+  Process other_server({HLM_SERVER, "--listen", address(port), "--status", "false"});
+  REQUIRE(other_server.wait_for_error("listening", 10));
+  Process other(replay);
+  REQUIRE(other.wait_for_error("1000 Hz, the recorded one ran at 500 Hz", 10));
+  other_server.send_signal(SIGTERM);
+  CHECK(other.wait(10) == 1);
+  CHECK_THAT(other.error(), ContainsSubstring("ended the session"));
 }
 
 TEST_CASE("Either side starts first, and either may be restarted") {
@@ -132,7 +168,7 @@ TEST_CASE("Either side starts first, and either may be restarted") {
 
   haptic_client.send_signal(SIGKILL);  // It dies without a goodbye.
   haptic_client.wait(5);
-  REQUIRE(second_server.wait_for_error("no news of the client", 10));
+  REQUIRE(second_server.wait_for_error("warning: the client is silent", 10));
   Process next_client(client(port) + Arguments{"--duration", "2"});
   CHECK(next_client.wait(20) == 0);
   CHECK(second_server.running());
@@ -185,6 +221,8 @@ TEST_CASE("Garbage and floods change counters, not the session") {
   const auto row = last_session_tick(directory.file("ticks.csv"));
   CHECK(number(row, "dropped") > 100);
   CHECK(number(row, "step") > 500);
+  CHECK_THAT(haptic_server.output(), ContainsSubstring(" not ours"));
+  CHECK_THAT(haptic_client.error(), ContainsSubstring("connected | 0 dropped"));
 }
 
 TEST_CASE("A client whose duration ends before any server answers ends with status 3") {
@@ -206,39 +244,155 @@ TEST_CASE("A client whose terminal goes says goodbye") {
   CHECK(haptic_server.wait_for_error("is over", 10));
 }
 
-/// A program that must refuse: exit status 2 and one line on stderr with all these texts.
-void refuses(const Arguments& arguments, const std::vector<std::string>& texts, int exit_code = 2) {
+TEST_CASE("A client's goodbye is no warning") {
+  const int port = free_port();
+  Process haptic_server(server(port) + Arguments{"--realtime", "off"});
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  CHECK(run(client(port) + Arguments{"--duration", "1"}).exit_code == 0);
+  REQUIRE(haptic_server.wait_for_error("info: the client said goodbye", 10));
+  CHECK(haptic_server.wait_for_error("is over", 10));
+  CHECK_THAT(haptic_server.error(), !ContainsSubstring("warning"));
+}
+
+TEST_CASE("Every signal that ends the server says goodbye to the client first") {
+  const int signal = GENERATE(SIGHUP, SIGINT, SIGQUIT, SIGTERM);
+  INFO("signal " << signal);
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  Process haptic_server(server(port) + Arguments{"--record", directory.file("run.pcap")});
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  Process haptic_client(client(port) + Arguments{"--duration", "30"});
+  REQUIRE(haptic_server.wait_for_error("begins", 10));
+  haptic_server.send_signal(signal);
+  CHECK(haptic_server.wait(10) == 0);
+  CHECK_THAT(haptic_server.output(), ContainsSubstring("updates adopted"));
+
+  protocol::CaptureReader capture(directory.file("run.pcap"));
+  bool said_goodbye = false;
+  while (const auto datagram = capture.next()) {
+    protocol::Header header;
+    REQUIRE_FALSE(decode_header(protocol::view(datagram->bytes), header));
+    said_goodbye = datagram->from.port == port && header.type == protocol::MessageType::kGoodbye;
+  }
+  CHECK(said_goodbye);
+}
+
+TEST_CASE("A server started to outlive its terminal ignores the hang-up") {
+  const int port = free_port();
+  Process haptic_server(Arguments{"nohup"} + server(port));
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  haptic_server.send_signal(SIGHUP);
+  CHECK(haptic_server.wait(0.5) == -1);
+  haptic_server.send_signal(SIGTERM);
+  CHECK(haptic_server.wait(10) == 0);
+}
+
+TEST_CASE("A file that cannot grow is reported at once, the session goes on, the summary comes") {
+  const std::string option = GENERATE("--log", "--record");
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  Process haptic_server(Arguments{"prlimit", "--fsize=20000"} + server(port) +
+                        Arguments{option, directory.file("file")});
+  Process haptic_client(client(port) + Arguments{"--duration", "3"});
+  REQUIRE(haptic_server.wait_for_error("error: ", 10));
+  CHECK_THAT(haptic_server.error(),
+             ContainsSubstring(directory.file("file")) && ContainsSubstring("the session goes on"));
+  CHECK(haptic_client.wait(20) == 0);
+  REQUIRE(haptic_server.wait_for_error("said goodbye", 10));
+  haptic_server.send_signal(SIGTERM);
+  CHECK(haptic_server.wait(10) == 1);
+  CHECK_THAT(haptic_server.output(), ContainsSubstring("updates adopted"));
+}
+
+/// Whether a process has the file open that keeps processors awake.
+bool holds_cpu_latency(pid_t process) {
+  for (const auto& file :
+       std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/fd")) {
+    std::error_code gone;
+    if (std::filesystem::read_symlink(file.path(), gone) == "/dev/cpu_dma_latency") return true;
+  }
+  return false;
+}
+
+/// The machine's limit, µs.
+std::int32_t cpu_latency_limit() {
+  std::int32_t limit = -1;
+  const int file = open("/dev/cpu_dma_latency", O_RDONLY);
+  CHECK(read(file, &limit, sizeof limit) == sizeof limit);
+  close(file);
+  return limit;
+}
+
+TEST_CASE("Processors are kept awake while a session runs, and only then") {
+  if (access("/dev/cpu_dma_latency", W_OK) != 0) {
+    WARN("SKIPPED: /dev/cpu_dma_latency cannot be written");
+    return;
+  }
+  const int port = free_port();
+  Process haptic_server(server(port));
+  REQUIRE(haptic_server.wait_for_error("listening", 10));
+  CHECK_FALSE(wait_until(0.3, [&] { return holds_cpu_latency(haptic_server.id()); }));
+  Process haptic_client(client(port) + Arguments{"--duration", "2"});
+  REQUIRE(wait_until(10, [&] { return holds_cpu_latency(haptic_server.id()); }));
+  CHECK(cpu_latency_limit() == 0);
+  CHECK(haptic_client.wait(20) == 0);
+  REQUIRE(haptic_server.wait_for_error("is over", 10));
+  CHECK(wait_until(5, [&] { return !holds_cpu_latency(haptic_server.id()); }));
+}
+
+/// Exit statuses of a refusal.
+constexpr int kFailed = 1;
+constexpr int kUsage = 2;
+constexpr int kNeverAnswered = 3;
+
+/// A program that must refuse: its exit status, or any but 0, and one line on stderr with all these
+/// texts.
+void refuses(const Arguments& arguments, const std::vector<std::string>& texts,
+             std::optional<int> exit_code = {}) {
   const Finished finished = run(arguments);
   INFO(finished.error);
-  CHECK(finished.exit_code == exit_code);
+  CHECK(finished.exit_code != 0);
+  CHECK(finished.exit_code != -1);
+  if (exit_code) CHECK(finished.exit_code == *exit_code);
   CHECK(std::count(finished.error.begin(), finished.error.end(), '\n') == 1);
   for (const std::string& text : texts) CHECK_THAT(finished.error, ContainsSubstring(text));
 }
 
 TEST_CASE("Bad options of the server: one line that names the thing and what is allowed") {
-  refuses({HLM_SERVER, "--bogus"}, {"--bogus"});
-  refuses({HLM_SERVER, "--rate", "50"}, {"--rate 50 Hz must be 100 to 8000 Hz"});
-  refuses({HLM_SERVER, "--stiffness", "-1"}, {"--stiffness -1 N/m must be 1 to 1000000 N/m"});
-  refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"});
-  refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"});
-  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"}, 1);
-  refuses({HLM_SERVER, "--device", "replay"}, {"--device-option log="});
-  refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"});
-  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"}, 1);
+  refuses({HLM_SERVER, "--bogus"}, {"--bogus"}, kUsage);
+  refuses({HLM_SERVER, "--rate", "50"}, {"--rate 50 Hz must be 100 to 8000 Hz"}, kUsage);
+  refuses({HLM_SERVER, "--stiffness", "-1"}, {"--stiffness -1 N/m must be 1 to 1000000 N/m"},
+          kUsage);
+  refuses({HLM_SERVER, "--controller", "magic"}, {"--controller", "magic", "four_channel"}, kUsage);
+  refuses({HLM_SERVER, "--final-spin", "0.6e-3"}, {"final spin 0.0006", "0.0005 s"}, kUsage);
+  refuses({HLM_SERVER, "--hand", "/nowhere.toml"}, {"/nowhere.toml"}, kUsage);
+  refuses({HLM_SERVER, "--listen", "127.0.0.1"}, {"127.0.0.1"}, kUsage);
+  refuses({HLM_SERVER, "--device", "replay"}, {"--device-option log="}, kUsage);
+  refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"}, kUsage);
+  refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"}, kFailed);
+  refuses({HLM_SERVER, "--log", "/dev/full"}, {"/dev/full", "No space left"}, kFailed);
 
   const TemporaryDirectory directory;
   std::ofstream(directory.file("bad.toml")) << "stiffnes=4000\n";
   refuses({HLM_SERVER, "--config", directory.file("bad.toml")},
-          {"bad.toml:1: unknown key 'stiffnes'", "'stiffness'"});
+          {"bad.toml:1: unknown key 'stiffnes'", "'stiffness'"}, kUsage);
   std::ofstream(directory.file("broken.toml")) << "stiffness = 4000\ndamping = \n";
-  refuses({HLM_SERVER, "--config", directory.file("broken.toml")}, {"broken.toml:2: "});
+  refuses({HLM_SERVER, "--config", directory.file("broken.toml")}, {"broken.toml:2: "}, kUsage);
+}
+
+TEST_CASE("An address of many machines is refused by its kind") {
+  refuses({HLM_SERVER, "--listen", "239.1.2.3:47800"}, {"239.1.2.3:47800", "multicast"}, kFailed);
+  for (const char* broadcast : {"127.255.255.255:47800", "255.255.255.255:47800"}) {
+    refuses({HLM_SERVER, "--listen", broadcast, "--duration", "0.1"}, {broadcast, "broadcast"},
+            kFailed);
+  }
 }
 
 TEST_CASE("A port in use is named") {
   const int port = free_port();
   Process first(server(port));
   REQUIRE(first.wait_for_error("listening", 10));
-  refuses(server(port), {address(port)}, 1);
+  refuses(server(port), {address(port)}, kFailed);
 }
 
 TEST_CASE("Bad options of the client: one line that names the thing and what is allowed") {
@@ -248,7 +402,8 @@ TEST_CASE("Bad options of the client: one line that names the thing and what is 
   refuses({HLM_CLIENT, "--bogus"}, {"--bogus"});
   refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--epsilon", "2"}, {"epsilon"});
   const int nobody = free_port();
-  refuses(client(nobody) + Arguments{"--quiet", "--connect-timeout", "0.4"}, {address(nobody)}, 3);
+  refuses(client(nobody) + Arguments{"--quiet", "--connect-timeout", "0.4"}, {address(nobody)},
+          kNeverAnswered);
 
   const TemporaryDirectory directory;
   std::ofstream(directory.file("bad.toml")) << "epsilom=0.005\n";
@@ -259,8 +414,9 @@ TEST_CASE("Bad options of the client: one line that names the thing and what is 
 TEST_CASE("A capture of something else is refused") {
   const TemporaryDirectory directory;
   std::ofstream(directory.file("notes.txt")) << "not a capture\n";
-  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"}, 1);
-  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"}, 1);
+  refuses({HLM_REPLAY, directory.file("notes.txt"), "--offline"}, {"notes.txt"}, kFailed);
+  refuses({HLM_REPLAY, "/nowhere.pcap", "--offline"}, {"/nowhere.pcap"}, kFailed);
+  refuses({HLM_REPLAY}, {"CAPTURE is missing"}, kUsage);
 }
 
 TEST_CASE("The printed configuration is one that the program reads") {

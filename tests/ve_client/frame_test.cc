@@ -34,7 +34,7 @@ class ScriptedServer {
     const protocol::ServerSession::Inbox inbox = session_.poll(now);
     if (inbox.hello) {
       hellos.push_back(*inbox.hello);
-      session_.accept(now, {.servo_rate = 1000, .configuration = 0});
+      session_.accept(now, {.servo_rate = 1000, .fingerprint = 0});
       began_ = now;
     }
     if (inbox.update) {

@@ -1,17 +1,5 @@
 // The client library: a simulator gives its contacts and gets the proxy. It depends on no engine.
-//
-//   hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
-//   hlm::HapticClient haptic(socket, {.server = hlm::protocol::resolve("127.0.0.1:47800"),
-//                                     .tool = tool, .q = q, .ve_rate = 60, .epsilon = 0.005});
-//   while (running) {
-//     if (const auto* proxy = haptic.poll(now()).state) draw_tool_towards(proxy->q, proxy->v);
-//     simulator.step(1.0 / 60);
-//     haptic.sample(now(), simulator.q(), simulator.v(), 1.0 / 60);
-//     haptic.send(now(), contacts_within(0.005));
-//   }
-//   haptic.close(now());
-//
-// `now()` is any steady clock, s.
+// examples/client is a whole simulator on it.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +22,7 @@ struct HapticClientOptions {
 };
 
 /// The simulator's side of one haptic session at a time; it asks for a new one where the server is
-/// silent or restarted. Never waits. Not thread-safe.
+/// silent or restarted. Never waits. Not thread-safe. `now`: s, any steady origin.
 class HapticClient {
  public:
   using Inbox = protocol::ClientSession::Inbox;

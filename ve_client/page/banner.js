@@ -3,28 +3,36 @@
 const STALE_MS = 2000;
 
 const FAULTS = {
-  non_finite: 'the local model gave a value that is not finite: lower stiffness or choose LM, then Reset',
+  non_finite: 'the local model gave a value that is not finite: lower the stiffness or choose LM, then Reset',
   overrun: 'ticks took longer than their period for too long: give the server free cores or a lower '
     + 'rate, then Reset',
   device: 'the device reported an error: check its cable, power and enable switch, then Reset',
 };
 
-/** `link`: open, frameAt (ms, of the last frame). Returns {kind, text}, or null if all is well. */
+/**
+ * `link`: open, frameAt (ms, of the last frame). Returns {kind, text, cut}, or null if all is well;
+ * `cut` says in a few words why no force can reach the hand and the last frame is out of date, if so.
+ */
 export function troubleOf(link, frame, now) {
   if (!link.open) {
-    return { kind: 'disconnected', text: 'No ve_client: start it (scripts/run), or close one of the four pages that it serves at most. Trying again …' };
+    return { kind: 'disconnected', cut: 've_client does not answer',
+             text: 'No ve_client: start it (scripts/run), or close one of the pages that it already serves '
+               + '(four at most). Trying again …' };
   }
-  if (!frame || now - link.frameAt > STALE_MS) {
-    return { kind: 'stale', text: 've_client answers but sends no frames: its world stands still. Look at its terminal.' };
+  if (now - link.frameAt > STALE_MS) {
+    return { kind: 'stale', cut: 've_client sends no frames',
+             text: 've_client answers but sends no frames: its world stands still. See its terminal.' };
   }
+  if (!frame) return null;
   if (!frame.connected) {
-    return { kind: 'no_server', text: 'haptic_server does not answer: start it, or check --server.' };
+    return { kind: 'no_server', cut: 'haptic_server does not answer',
+             text: 'haptic_server does not answer: start it, or check --server.' };
   }
   if (frame.server === 'fault') {
     return { kind: 'fault', text: `Fault ${frame.fault}: ${FAULTS[frame.fault] ?? 'see the log of haptic_server, then Reset'}.` };
   }
   if (frame.server === 'silent') {
-    return { kind: 'silent', text: 'haptic_server hears nothing from the environment, and lets the force fade: '
+    return { kind: 'silent', text: 'haptic_server receives nothing from ve_client and lets the force fade: '
       + 'lower loss and delay, or raise the frame rate.' };
   }
   return null;

@@ -5,6 +5,7 @@ import { decimate } from './decimate.js';
 import { fixed, niceAbove } from './format.js';
 import { COLORS } from './overlays.js';
 import { csvParts } from './ticks.js';
+import { scaleOf } from './units.js';
 
 const REDRAW_MS = { usual: 67, longWindow: 250, busy: 250 };
 const LONG_WINDOW_SECONDS = 20;
@@ -12,31 +13,31 @@ const BUSY_BELOW_FPS = 38;
 const STRIPS_PER_PICTURE = 2;    // so that no picture of the scene waits for all charts
 const VALUES_MS = 200;
 const HEIGHT = 104;
-const DIM = '#6c757d';
+const DIM = '#59636c';
 
-// `column` is that of TickStore; `least` the smallest range shown; `floor` makes the axis logarithmic;
-// `write` says how values are written.
+// `column` is the name of a tick's column; `least` the smallest range shown; `floor` makes the axis
+// logarithmic; `write` says how values are written.
 const CHARTS = [
   { title: 'Force', unit: 'N', least: 0.5, series: [
-    { column: 2, scale: 1, label: 'hand', color: COLORS.F_hand, width: 2.5 },
-    { column: 0, scale: 1, label: 'F_env', color: COLORS.F_env },
-    { column: 1, scale: 1, label: 'command', color: COLORS.F_command }] },
+    { column: 'F_hand', label: 'hand', color: COLORS.F_hand, width: 2.5 },
+    { column: 'F_env', label: 'F_env', color: COLORS.F_env },
+    { column: 'F_command', label: 'command', color: COLORS.F_command }] },
   { title: 'Smallest separation', unit: 'mm', least: 0.2, series: [
-    { column: 4, scale: 1e3, label: 'separation', color: '#7b5ea7' }] },
+    { column: 'smallest_separation', label: 'separation', color: '#7b5ea7' }] },
   { title: 'Drift', unit: 'mm', least: 0.1, series: [
-    { column: 6, scale: 1e3, label: 'proxy–tool', color: COLORS.tool },
-    { column: 5, scale: 1e3, label: 'device–proxy', color: COLORS.device }] },
+    { column: 'proxy_tool', label: 'proxy–tool', color: COLORS.toolLine },
+    { column: 'device_proxy', label: 'device–proxy', color: COLORS.device }] },
   { title: 'Contacts', unit: '', least: 2, write: String, series: [
-    { column: 11, scale: 1, label: 'predicted', color: COLORS.predicted, stepped: true },
-    { column: 10, scale: 1, label: 'active', color: COLORS.active, stepped: true }] },
+    { column: 'predicted_contacts', label: 'predicted', color: COLORS.predicted, stepped: true },
+    { column: 'active_contacts', label: 'active', color: COLORS.active, stepped: true }] },
   { title: 'Torque', unit: 'mN·m', least: 5, series: [
-    { column: 3, scale: 1e3, label: 'command', color: COLORS.F_command }] },
+    { column: 'torque', label: 'command', color: COLORS.F_command }] },
   { title: 'Tick', unit: 'µs', least: 10, series: [
-    { column: 7, scale: 1e6, label: 'lateness', color: '#457b9d', floor: 1 },
-    { column: 8, scale: 1e6, label: 'execution', color: COLORS.proxy, floor: 1 }] },
+    { column: 'lateness', label: 'lateness', color: '#457b9d', floor: 1 },
+    { column: 'execution', label: 'execution', color: COLORS.proxy, floor: 1 }] },
   { title: 'Network', unit: 'ms', least: 1, series: [
-    { column: 9, scale: 1e3, label: 'age of contacts', color: '#bc6c25' },
-    { column: 16, scale: 1e3, label: 'round trip', color: '#606c38' }] },
+    { column: 'age', label: 'age of contacts', color: '#bc6c25' },
+    { column: 'round_trip', label: 'round trip', color: '#606c38' }] },
 ];
 
 export class Charts {
@@ -179,7 +180,9 @@ class Strip {
   redraw(now) {
     const { store, range: [from, to] } = this.charts;
     const pixels = Math.max(50, Math.floor(this.plot.bbox.width / devicePixelRatio));
-    const data = decimate(store, this.chart.series, from, to, pixels);
+    const series = this.chart.series.map((one) => (
+      { ...one, scale: scaleOf(store.unitOf(one.column), this.chart.unit) }));
+    const data = decimate(store, series, from, to, pixels);
     this.plot.batch(() => {
       this.plot.setData(data, false);
       this.plot.setScale('x', { min: from / store.rate, max: to / store.rate });

@@ -1,6 +1,5 @@
-// How the page talks with ve_client: one WebSocket, opened again when it closes.
-
-import { TICK_WIDTH } from './ticks.js';
+// How the page talks with ve_client: one WebSocket, opened again when it closes. The messages are
+// described in docs/page_messages.md.
 
 const TICK_MAGIC = 0x4b434954;
 const HEADER_BYTES = 16;
@@ -11,7 +10,7 @@ export class Connection {
   #socket = null;
   #failures = 0;
 
-  /** `handlers`: world, frame, refused (messages), ticks(firstStep, rows), opened(), closed(). */
+  /** `handlers`: world, frame, refused (messages), ticks(firstStep, count, rows), opened(), closed(). */
   constructor(url, handlers) {
     this.url = url;
     this.handlers = handlers;
@@ -66,8 +65,7 @@ export class Connection {
     const view = new DataView(buffer);
     if (buffer.byteLength < HEADER_BYTES || view.getUint32(0, true) !== TICK_MAGIC) return;
     const count = view.getUint32(4, true);
-    if (buffer.byteLength !== HEADER_BYTES + count * TICK_WIDTH * 4) return;
-    const rows = new Float32Array(buffer, HEADER_BYTES, count * TICK_WIDTH);
-    this.handlers.ticks(Number(view.getBigUint64(8, true)), rows);
+    const rows = new Float32Array(buffer, HEADER_BYTES);
+    this.handlers.ticks(Number(view.getBigUint64(8, true)), count, rows);
   }
 }

@@ -1,15 +1,7 @@
 // What the user can set: methods, numbers with their ranges, choices; and what is in effect.
 
 import { typed } from './format.js';
-
-const METHODS = [
-  ['lm5', 'LM 5 mm', 'Local model, contacts sent up to 5 mm before they are touched'],
-  ['lm-adaptive', 'LM adaptive', 'Local model, epsilon grows with speed and delay'],
-  ['lm0', 'LM 0', 'Local model without prediction: only touching contacts are sent'],
-  ['ir', 'IR', 'Intermediate representation: planes that stay until the next update'],
-  ['coupler', 'Coupler to engine', "A spring and damper to the engine's tool"],
-  ['engine', 'Direct to engine', "The engine's contact force, held between frames"],
-];
+import { fromSi, parseQuantity } from './units.js';
 
 // Conditions worth a try, as the messages that bring them about.
 const SITUATIONS = [
@@ -19,17 +11,18 @@ const SITUATIONS = [
    [{ type: 'environment', rate: 15, jitter: 0.02, loss: 0.1 }]],
 ];
 
-// Groups of fields: [name, label, whether it is a choice between words]. Others are numbers.
+// Groups of fields: [name, label, in which unit it is shown if not in SI, or CHOICE between words].
+const CHOICE = Symbol('choice');
 const GROUPS = [
   ['settings', 'Contact', [
     ['stiffness', 'Stiffness k'], ['damping', 'Damping b'], ['friction', 'Friction µ'],
     ['restitution', 'Restitution e']]],
   ['environment', 'Prediction', [
-    ['epsilon', 'Epsilon ε'], ['largest_epsilon', 'Largest (0: fixed)'], ['rate', 'Frame rate']]],
+    ['epsilon', 'Epsilon ε', 'mm'], ['largest_epsilon', 'Largest ε (0: fixed)', 'mm'], ['rate', 'Frame rate']]],
   ['environment', 'Injected on the network', [
-    ['delay', 'Delay, one way'], ['jitter', 'Jitter'], ['loss', 'Loss']]],
+    ['delay', 'Delay, one way', 'ms'], ['jitter', 'Jitter', 'ms'], ['loss', 'Loss', '%']]],
   ['settings', 'Controller', [
-    ['controller', 'Controller', true], ['update_rule', 'Update rule', true],
+    ['controller', 'Controller', CHOICE], ['update_rule', 'Update rule', CHOICE],
     ['coupling_stiffness', 'Coupling stiffness'], ['coupling_damping', 'Coupling damping'],
     ['coupling_angular_stiffness', 'Angular stiffness'], ['coupling_angular_damping', 'Angular damping']]],
 ];
@@ -45,12 +38,17 @@ export class Controls {
     this.fields = new Map();
     panel.append(this.#situations());
     for (const [kind, title, fields] of GROUPS) panel.append(this.#group(kind, title, fields));
-    this.methods = METHODS.map((method) => this.#methodButton(methodBar, method));
+    this.methodBar = methodBar;
+    this.methods = [];
   }
 
-  setRanges(ranges, words) {
-    for (const [name, range] of Object.entries(ranges)) this.fields.get(name)?.setRange(range);
-    for (const [name, choices] of Object.entries(words)) this.fields.get(name)?.setChoices(choices);
+  /** Ranges, words and methods of a `world` message. */
+  setWorld(world) {
+    for (const [name, range] of Object.entries(world.ranges)) this.fields.get(name)?.setRange(range);
+    this.fields.get('controller').setChoices(world.controllers);
+    this.fields.get('update_rule').setChoices(world.update_rules.map((name) => ({ name })));
+    this.methods = world.methods.map((method) => this.#methodButton(method));
+    this.methodBar.replaceChildren(...this.methods.map(({ button }) => button));
   }
 
   /** Shows what is in effect, except where the user is at work. */
@@ -94,18 +92,20 @@ export class Controls {
     group.open = true;
     const heading = group.appendChild(document.createElement('summary'));
     heading.textContent = title;
-    for (const [name, label, isChoice] of fields) {
+    for (const [name, label, shown] of fields) {
       const send = (value) => this.send({ type: kind, [name]: value });
-      const field = isChoice ? new ChoiceField(name, label, send) : new NumberField(name, label, send);
+      const field = shown === CHOICE ? new ChoiceField(name, label, send)
+        : new NumberField(name, label, send, shown);
       this.fields.set(name, field);
       group.append(field.element);
     }
     return group;
   }
 
-  #methodButton(bar, [name, label, title]) {
-    const button = bar.appendChild(document.createElement('button'));
-    Object.assign(button, { type: 'button', textContent: label, title });
+  #methodButton({ name, label, help, suits_tool }) {
+    const button = document.createElement('button');
+    const title = suits_tool ? help : `${help}. Not for a tool of several links.`;
+    Object.assign(button, { type: 'button', textContent: label, title, disabled: !suits_tool });
     button.dataset.method = name;
     button.onclick = () => this.choose(name);
     return { name, button };
@@ -156,12 +156,16 @@ class ChoiceField extends Field {
       this.refuse('');
       this.settle();
       send(this.select.value);
-      this.select.blur();
+      leaveToKeys(this.select);
     };
   }
 
   setChoices(choices) {
-    this.select.replaceChildren(...choices.map((choice) => new Option(choice.replaceAll('_', ' '), choice)));
+    this.select.replaceChildren(...choices.map(({ name, suits_tool }) => {
+      const option = new Option(name.replaceAll('_', ' '), name);
+      option.disabled = suits_tool === false;
+      return option;
+    }));
   }
 
   show(value) {
@@ -171,8 +175,10 @@ class ChoiceField extends Field {
 }
 
 class NumberField extends Field {
-  constructor(name, label, send) {
+  /** `shown`: the unit in which numbers are shown; none: the SI unit. */
+  constructor(name, label, send, shown) {
     super(name, label, send);
+    this.shown = shown;
     this.input = this.element.appendChild(document.createElement('input'));
     Object.assign(this.input, { type: 'text', inputMode: 'decimal', id: this.label.htmlFor, autocomplete: 'off' });
     this.unit = this.element.appendChild(document.createElement('span'));
@@ -185,19 +191,24 @@ class NumberField extends Field {
 
   setRange(range) {
     this.range = range;
-    this.unit.textContent = range.unit ?? '';
+    this.shown ??= range.unit;
+    this.unit.textContent = this.shown;
     this.slider.disabled = false;
-    const text = `${range.least} to ${range.most} ${range.unit ?? ''}`;
-    this.input.title = this.slider.title = text;
+    this.allowed = `${this.#inShown(range.least)} to ${this.#inShown(range.most)} ${this.shown}`.trim();
+    this.input.title = this.slider.title = this.allowed;
+  }
+
+  /** A number as it is shown, without its unit. */
+  #inShown(value) {
+    return typed(fromSi(value, this.range.unit, this.shown));
   }
 
   show(value) {
-    if (this.settling || this.sliding) return;
-    if (document.activeElement !== this.input) {
-      const text = typed(value);
-      if (this.input.value !== text) this.input.value = text;
-    }
-    if (this.range) this.slider.value = positionOf(value, this.range);
+    if (this.settling || this.sliding || !this.range) return;
+    const text = this.#inShown(value);
+    if (document.activeElement !== this.input && this.input.value !== text) this.input.value = text;
+    this.slider.value = positionOf(value, this.range);
+    this.slider.setAttribute('aria-valuetext', `${text} ${this.shown}`);
   }
 
   #listen() {
@@ -213,9 +224,9 @@ class NumberField extends Field {
   }
 
   #enter() {
-    const value = Number(this.input.value.trim().replace(',', '.') || NaN);
-    if (!Number.isFinite(value)) {
-      this.refuse(`“${this.input.value}” is not a number`);
+    const value = parseQuantity(this.input.value, this.range.unit, this.shown);
+    if (!(value >= this.range.least && value <= this.range.most)) {
+      this.refuse(`“${this.input.value}” must be ${this.allowed}`);
       return;
     }
     this.settle();
@@ -224,7 +235,7 @@ class NumberField extends Field {
 
   #slide(done) {
     const value = valueAt(Number(this.slider.value), this.range);
-    this.input.value = typed(value);
+    this.input.value = this.#inShown(value);
     this.refuse('');
     this.settle();
     const now = performance.now();
@@ -232,6 +243,11 @@ class NumberField extends Field {
     this.slidAt = now;
     this.send(value);
   }
+}
+
+/** After a choice with the pointer, keys move the tool again; after one with keys, the focus stays. */
+export function leaveToKeys(select) {
+  if (!select.matches(':focus-visible')) select.blur();
 }
 
 // Sliders: logarithmic where the range spans decades, cubic where it begins at 0 and has a unit.

@@ -1,7 +1,8 @@
 // Which points to draw of thousands of ticks: least and greatest of each pixel column, so that a
 // peak of one tick stays visible.
 
-/** uPlot's data ([x, y, y, …], null for gaps) of the steps [from, to) for about `pixels` columns. */
+/** uPlot's data ([x, y, y, …], null for gaps) of the steps [from, to) for about `pixels` columns.
+ *  `series`: [{column, scale, floor}], the column's name, its factor and its least value, if any. */
 export function decimate(store, series, from, to, pixels) {
   const bucket = Math.max(1, Math.ceil((to - from) / pixels));
   const begin = Math.max(store.oldest, Math.floor(from / bucket) * bucket);
@@ -27,13 +28,13 @@ function everyTick(store, series, begin, end) {
 
 /** Two values per bucket, in the order in which they occurred. */
 function extremes(store, one, begin, end, bucket) {
-  const values = store.columns[one.column];
+  const values = store.columns.get(one.column);
   const out = [];
   for (let step = begin; step < end;) {
     let least = Infinity, greatest = -Infinity, leastAt = 0, greatestAt = 0;
     const stop = Math.min(bucketEnd(step, bucket), end);
     for (let at = step % store.capacity; step < stop; ++step) {
-      const value = values[at];
+      const value = values?.[at];
       if (value < least) { least = value; leastAt = step; }
       if (value > greatest) { greatest = value; greatestAt = step; }
       if (++at === store.capacity) at = 0;

@@ -21,9 +21,9 @@ export class Meter {
   }
 }
 
-export function showStatus(element, { link, trouble, frame, meters, store }) {
+export function showStatus(element, { open, trouble, frame, meters, store }) {
   const entries = [[trouble ? trouble.kind.replace('_', ' ') : 'connected', Boolean(trouble)]];
-  if (link.open && frame) {
+  if (open && frame) {
     entries.push([`servo ${Math.round(meters.ticks.rate())} Hz`],
                  [`VE ${Math.round(meters.frames.rate())} Hz`],
                  [`page ${Math.round(meters.page.rate())} fps`],
@@ -45,22 +45,25 @@ export function showStatus(element, { link, trouble, frame, meters, store }) {
 export function showLegend(scene, frame) {
   const byId = (id) => document.getElementById(id);
   for (const name of ['F_env', 'F_hand', 'F_command']) {
-    byId(`value-${name}`).textContent = newtons(magnitude(frame[name]));
+    byId(`value-${name}`).textContent = scene.live ? newtons(magnitude(frame[name])) : '–';
   }
-  if (!scene.metresPerNewton || !frame.device) return;
+  if (!scene.metresPerNewton || !scene.live) return;
   const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;
   const force = niceAbove(14 / pixelsPerNewton);
   byId('arrow-bar').style.width = `${Math.min(90, force * pixelsPerNewton)}px`;
   byId('arrow-scale').textContent = `${Number(force.toPrecision(1))} N`;
 }
 
-/** The hand's force beside the middle of the spring; where nothing is held, a hint at the handle. */
+/** The hand's force beside the middle of the spring; where this page holds nothing, a hint at the handle. */
 export function showSpring(scene, hand, label, hint) {
-  const { frame } = scene;
-  const shown = frame?.device && scene.view;
-  label.hidden = !shown || !hand.held;
-  hint.hidden = !shown || hand.held || hand.known === true;
-  if (!shown) return;
+  const { frame, live } = scene;
+  const another = live && hand.heldByAnother;
+  label.hidden = !live || !hand.held;
+  hint.hidden = !live || hand.held || (hand.known === true && !another);
+  if (!live) return;
+  const text = another ? 'Another page holds the handle'
+    : scene.world.guidable ? 'Drag the handle' : 'This device has a hand of its own';
+  if (hint.textContent !== text) hint.textContent = text;
   if (hand.held) {
     hand.known = true;
     const middle = hand.target.slice(0, 3).map((value, i) => (value + frame.device[i]) / 2);
@@ -73,5 +76,8 @@ export function showSpring(scene, hand, label, hint) {
 
 function moveTo(element, scene, point, dx, dy) {
   const [x, y] = scene.projectInside(point);
-  element.style.transform = `translate(${Math.round(x + dx)}px, ${Math.round(y + dy)}px)`;
+  const inside = (at, end, size) => Math.round(Math.max(0, Math.min(at, end - size)));
+  const left = inside(x + dx, scene.width, element.offsetWidth);
+  const top = inside(y + dy, scene.height, element.offsetHeight);
+  element.style.transform = `translate(${left}px, ${top}px)`;
 }

@@ -5,12 +5,18 @@ import * as THREE from 'three';
 const SEND_MS = 1000 / 60;
 const REPEAT_MS = 200;
 const TURN_PER_SECOND = Math.PI / 2;
-const DEPTH_PER_SECOND = 0.12;   // m
+const MOVE_PER_SECOND = 0.08;   // m
+const SETTLE_MS = 500;          // how long frames may still show a hold that this page has ended
 const KEYS = { q: 'turnLeft', e: 'turnRight', w: 'tiltAway', s: 'tiltNear', a: 'swingLeft', d: 'swingRight',
-               r: 'away', f: 'near' };
-// About which axis of the view, and which way round it. A planar world has only the one along the view.
+               r: 'away', f: 'near', arrowleft: 'left', arrowright: 'right', arrowup: 'up', arrowdown: 'down' };
+// About which axis of the view, and which way round it.
 const TURNS = { turnLeft: ['away', -1], turnRight: ['away', 1], tiltAway: ['right', -1], tiltNear: ['right', 1],
                 swingLeft: ['up', -1], swingRight: ['up', 1] };
+// Along which axis of the view, and which way.
+const SHIFTS = { left: ['right', -1], right: ['right', 1], up: ['up', 1], down: ['up', -1],
+                 near: ['away', -1], away: ['away', 1] };
+// What moves the tool out of a planar world.
+const SPATIAL = ['tiltAway', 'tiltNear', 'swingLeft', 'swingRight', 'near', 'away'];
 
 export class Hand {
   /** `send(message)` says whether it could; `changed()` is called when held or let go. */
@@ -32,6 +38,10 @@ export class Hand {
     return this.position !== null;
   }
 
+  get heldByAnother() {
+    return !this.held && Boolean(this.scene.frame?.held) && !(performance.now() - this.releasedAt < SETTLE_MS);
+  }
+
   /** [x,y,z, w,x,y,z], or null when nothing is held. */
   get target() {
     const { x, y, z, w } = this.rotation;
@@ -40,12 +50,12 @@ export class Hand {
 
   /** Takes hold of the handle where it is, so that nothing jumps. */
   grab(holder = 'pointer') {
-    const device = this.scene.frame?.device;
-    if (!device || !this.scene.world.guidable) return false;
+    if (!this.scene.live || !this.scene.world.guidable) return false;
     if (!this.held) {
+      const { device } = this.scene.frame;
       this.position = device.slice(0, 3);
       this.rotation.set(device[4], device[5], device[6], device[3]);
-      if (!this.#sendTarget()) {
+      if (!this.#sendTarget(true)) {
         this.position = null;
         return false;
       }
@@ -75,6 +85,7 @@ export class Hand {
     if (!this.held || this.holders.size > 0) return;
     this.position = null;
     this.moves.clear();
+    this.releasedAt = performance.now();
     this.send({ type: 'hand', hold: false });
     this.changed();
   }
@@ -87,7 +98,7 @@ export class Hand {
     this.changed();
   }
 
-  /** Begins or ends one of the moves of KEYS, as keys and buttons do. */
+  /** Begins or ends one of the moves of KEYS. */
   press(move, on) {
     if (on && this.#isPossible(move) && this.grab('keys')) this.moves.add(move);
     if (!on) {
@@ -97,7 +108,7 @@ export class Hand {
   }
 
   #isPossible(move) {
-    return !this.scene.world?.planar || TURNS[move]?.[0] === 'away';
+    return !this.scene.world?.planar || !SPATIAL.includes(move);
   }
 
   #letGo(holder) {
@@ -120,15 +131,17 @@ export class Hand {
     for (const [move, [axis, sign]] of Object.entries(TURNS)) {
       if (this.moves.has(move)) this.turnBy(sign * TURN_PER_SECOND * elapsed, axes[axis]);
     }
-    const away = (this.moves.has('away') ? 1 : 0) - (this.moves.has('near') ? 1 : 0);
-    if (!away) return;
-    const step = axes.away.multiplyScalar(away * DEPTH_PER_SECOND * elapsed).toArray();
-    this.moveBy(...step);
-    this.under = this.under?.map((value, i) => value + step[i]);
+    for (const [move, [axis, sign]] of Object.entries(SHIFTS)) {
+      if (!this.moves.has(move)) continue;
+      const step = axes[axis].clone().multiplyScalar(sign * MOVE_PER_SECOND * elapsed).toArray();
+      this.moveBy(...step);
+      this.under = this.under?.map((value, i) => value + step[i]);
+    }
   }
 
-  #sendTarget() {
-    if (!this.send({ type: 'hand', hold: true, target: this.target })) return false;
+  /** `grab`: the hold begins; ve_client ends holds by itself, and then refuses to go on with them. */
+  #sendTarget(grab = false) {
+    if (!this.send({ type: 'hand', hold: true, grab, target: this.target })) return false;
     this.sent = this.target;
     this.sentAt = performance.now();
     return true;
@@ -178,15 +191,31 @@ export class Hand {
     if (event.buttons === 0) this.surface.style.cursor = over ? 'grab' : '';
   }
 
+  /** Makes a button a key of its move: held while it is pressed with pointer, Enter or Space. */
+  listenToButton(button, move) {
+    const presses = (event) => event.key === 'Enter' || event.key === ' ';
+    button.addEventListener('pointerdown', (event) => {
+      if (event.button !== 0) return;
+      button.setPointerCapture(event.pointerId);
+      this.press(move, true);
+    });
+    button.addEventListener('keydown', (event) => {
+      if (presses(event) && !event.repeat) this.press(move, true);
+    });
+    button.addEventListener('keyup', (event) => presses(event) && this.press(move, false));
+    for (const end of ['lostpointercapture', 'blur']) button.addEventListener(end, () => this.press(move, false));
+  }
+
   #listenToKeys() {
     const moveOf = (event) => KEYS[event.key?.toLowerCase()];    // autofill has no key
-    const typing = (event) => event.target.closest('input[type=text], select') || event.ctrlKey
+    const typing = (event) => event.target.closest('input:not([type=checkbox]), select') || event.ctrlKey
       || event.metaKey || event.altKey;
     window.addEventListener('keydown', (event) => {
-      if (typing(event) || event.repeat) return;
+      if (typing(event)) return;
       const move = moveOf(event);
-      if (move) this.press(move, true);
-      else if (event.key === 'Escape') this.release();
+      if (move && !event.repeat) this.press(move, true);
+      if (this.moves.has(move)) event.preventDefault();   // arrows scroll otherwise
+      if (event.key === 'Escape') this.release();
     });
     window.addEventListener('keyup', (event) => {
       const move = moveOf(event);

@@ -4,19 +4,21 @@ import { troubleOf } from './banner.js';
 import { Chain } from './chain.js';
 import { Charts } from './charts.js';
 import { Connection } from './connection.js';
-import { Controls } from './controls.js';
+import { Controls, leaveToKeys } from './controls.js';
 import { Meter, showLegend, showSpring, showStatus } from './display.js';
 import { magnitude } from './format.js';
 import { Hand } from './hand.js';
 import { Scene, graphics } from './scene.js';
 import { Sound } from './sound.js';
-import { TICK_WIDTH, TickStore } from './ticks.js';
+import { TickStore } from './ticks.js';
+import { judge } from './verdict.js';
 
 const TEXT_MS = 150;      // how often words and numbers change
+const NARROW = window.matchMedia('(max-width: 1100px)');
 const REFUSAL_MS = 6000;
 
 const byId = (id) => document.getElementById(id);
-const state = { world: null, frame: null, store: new TickStore(1000), frameAt: 0, notice: null };
+const state = { world: null, frame: null, store: new TickStore(1000, []), frameAt: 0, notice: null };
 const meters = { page: new Meter(), ticks: new Meter(), frames: new Meter() };
 
 const connection = new Connection(sessionUrl(), {
@@ -33,7 +35,7 @@ const send = (message) => connection.send(message);
 const scene = makeScene();
 const hand = scene && new Hand(byId('scene'), scene, send, showHold);
 const controls = new Controls(byId('panel'), byId('methods'), send);
-const chain = new Chain(byId('chain'), byId('chain-reason'));
+const chain = new Chain(byId('chain'), byId('chain-reason'), byId('verdict'));
 const charts = new Charts(byId('strips'), {
   pause: byId('pause'), window: byId('window'), back: byId('back'), export: byId('export') });
 const sound = new Sound();
@@ -64,18 +66,23 @@ function makeScene() {
 function takeWorld(world) {
   hand?.release();
   state.store.expectAnything();
-  const known = world.servo_rate > 0;    // 0: haptic_server has not answered yet
-  if (known && world.servo_rate !== state.store.rate) {
-    state.store = new TickStore(world.servo_rate);
-    charts.setStore(state.store);
-  }
+  renewStore(world);
   state.world = world;
   document.body.classList.toggle('planar', world.planar);
-  byId('hint').textContent = world.guidable ? 'Drag the handle' : 'This device has a hand of its own';
-  controls.setRanges(world.ranges, world.words);
+  controls.setWorld(world);
+  chain.controllers = world.controllers;
   scene?.setWorld(world);
   showViewMode();
   showStarts(world);
+}
+
+/** Another store where the ticks are of another kind than those that are kept. */
+function renewStore({ servo_rate: rate, tick_columns: columns }) {
+  const { store } = state;
+  const same = JSON.stringify(columns) === JSON.stringify(store.schema.slice(0, -1));
+  if (same && (rate === 0 || rate === store.rate)) return;   // 0: haptic_server has not answered yet
+  state.store = new TickStore(rate || store.rate, columns);
+  charts.setStore(state.store);
 }
 
 function takeFrame(frame) {
@@ -83,12 +90,13 @@ function takeFrame(frame) {
   state.frameAt = performance.now();
   meters.frames.count();
   scene?.setFrame(frame);
+  if (!frame.device) hand?.release();
   sound.update(magnitude(frame.F_env), frame.contact_state === 'colliding');
 }
 
-function takeTicks(firstStep, rows) {
-  state.store.append(firstStep, rows, state.frame?.round_trip ?? NaN);
-  meters.ticks.count(rows.length / TICK_WIDTH);
+function takeTicks(firstStep, count, rows) {
+  state.store.append(firstStep, count, rows, state.frame?.round_trip ?? NaN);
+  meters.ticks.count(count);
 }
 
 function takeRefusal({ field, text }) {
@@ -100,26 +108,40 @@ function drawPicture(now) {
   requestAnimationFrame(drawPicture);
   meters.page.count();
   if (scene) {
-    scene.draw(hand.target);
+    scene.draw(hand.target, !trouble(now)?.cut);
     showSpring(scene, hand, byId('spring-force'), byId('hint'));
   }
   charts.redraw(now, meters.page.rate());
 }
 
+function trouble(now = performance.now()) {
+  return troubleOf({ open: connection.open, frameAt: state.frameAt }, state.frame, now);
+}
+
 function showText() {
-  const now = performance.now();
-  const link = { open: connection.open, frameAt: state.frameAt };
-  const trouble = troubleOf(link, state.frame, now);
-  const notice = state.notice?.until > now ? state.notice.text : null;
-  const said = [trouble?.text, notice].filter(Boolean).join(' · ');
-  byId('banner').hidden = !said;
-  byId('banner').textContent = said;
-  byId('banner').dataset.kind = trouble?.kind ?? '';
-  showStatus(byId('status'), { link, trouble, frame: state.frame, meters, store: state.store });
-  if (!state.frame) return;
-  controls.show(state.frame);
-  chain.show(state.frame, Boolean(hand?.held));
-  if (scene) showLegend(scene, state.frame);
+  const { frame, store } = state;
+  const present = trouble();
+  if (present?.cut) hand?.release();
+  showBanner(present);
+  showStatus(byId('status'), { open: connection.open, trouble: present, frame, meters, store });
+  chain.show(frame, { trouble: present, holder: holder(), verdict: judge(store, state.world?.limits ?? []) });
+  if (!frame) return;
+  controls.show(frame);
+  if (scene) showLegend(scene, frame);
+}
+
+function showBanner(present) {
+  const banner = byId('banner');
+  const notice = state.notice?.until > performance.now() ? state.notice.text : null;
+  const text = [present?.text, notice].filter(Boolean).join(' · ');
+  banner.hidden = !text;
+  if (banner.textContent !== text) banner.textContent = text;
+  banner.dataset.kind = present?.kind ?? '';
+}
+
+function holder() {
+  if (hand?.held) return 'me';
+  return hand?.heldByAnother ? 'another' : null;
 }
 
 function showHold() {
@@ -141,25 +163,22 @@ function wireButtons() {
   byId('reset').onclick = () => send({ type: 'reset' });
   byId('start').onchange = ({ target }) => {
     send({ type: 'reset', start: target.value });
-    target.blur();
+    leaveToKeys(target);
   };
   byId('fit').onclick = () => scene.fit();
   byId('magnify').onchange = ({ target }) => { if (scene) scene.magnify = target.checked; };
   byId('sound').onchange = ({ target }) => sound.setOn(target.checked);
   byId('latch').onchange = ({ target }) => hand.setLatching(target.checked);
   byId('panel-toggle').onclick = () => byId('panel').classList.toggle('folded');
-  byId('panel').classList.toggle('folded', window.innerWidth <= 1100);
+  const foldIfNarrow = () => byId('panel').classList.toggle('folded', NARROW.matches);
+  NARROW.onchange = foldIfNarrow;
+  foldIfNarrow();
   byId('view-toggle').onclick = () => {
     scene.view?.show(scene.view.mode === 'plan' ? 'space' : 'plan');
     showViewMode();
   };
   for (const button of document.querySelectorAll('[data-move]')) {
-    button.onpointerdown = (event) => {
-      if (event.button !== 0) return;
-      button.setPointerCapture(event.pointerId);
-      hand.press(button.dataset.move, true);
-    };
-    button.onlostpointercapture = () => hand.press(button.dataset.move, false);
+    hand?.listenToButton(button, button.dataset.move);
   }
 }
 
@@ -167,13 +186,14 @@ function wireButtons() {
  * For tests and the curious:
  *   frame, world            the latest messages, or null
  *   ticks                   {received, lost, lastStep, rate}; rate in ticks/s as received
- *   ticksOf(name)           the kept ticks of one column, oldest first, see COLUMN_NAMES of ticks.js
+ *   ticksOf(name)           the kept ticks of one of world.tick_columns, or round_trip; oldest first
  *   fps(), drawn            frames/s of the page; scene frames drawn so far
  *   project([x,y,z])        [clientX, clientY] of a point of the world
  *   charts()                {count, visible, paused, seconds, from, to, redraws}
- *   scene()                 {mode, discs, proxyVisible, metresPerNewton}, or null without WebGL
+ *   scene()                 {mode, live, discs, proxyVisible, metresPerNewton}, or null without WebGL
  *   hand                    {held, target, grab(), moveBy(dx,dy,dz), turnBy(rad, axis), release()}
  *   chain()                 {link, reason} of the first link that stops the force, or null
+ *   verdict()               {kind, swings, clipped, ticks} of the last second, or null
  *   banner()                its text, or ''
  *   send(message)           to ve_client
  */
@@ -193,6 +213,7 @@ function exposeForTests() {
     scene: () => scene && scene.info(),
     hand,
     chain: () => chain.stops,
+    verdict: () => judge(state.store, state.world?.limits ?? []),
     banner: () => (byId('banner').hidden ? '' : byId('banner').textContent),
     send,
   };

@@ -3,8 +3,8 @@
 import * as THREE from 'three';
 
 export const COLORS = {
-  tool: '#f4a261', proxy: '#2a9d8f', device: '#1d3557',
-  F_env: '#e76f51', F_hand: '#8d99ae', F_command: '#1d3557',
+  tool: '#f4a261', toolLine: '#b8651b', proxy: '#23897d', device: '#1d3557',
+  F_env: '#d9532f', F_hand: '#6c7a96', F_command: '#1d3557',
   predicted: '#9b7fc4', active: '#d1495b',
 };
 

@@ -8,6 +8,7 @@ import { View } from './view.js';
 
 const PROXY_DIFFERS = { metres: 1e-4, radians: 2e-3 };
 const PICK_PIXELS = { mouse: 26, touch: 44 };
+const OVERLAY_SHARE = 0.12;   // of the world's radius that handle, contacts and arrows are sized by, at most
 const FORCES = ['F_env', 'F_hand', 'F_command'];
 
 /** What draws WebGL here: 'none', 'software' or 'hardware'. */
@@ -52,8 +53,9 @@ export class Scene {
     this.world = world;
     this.content = new THREE.Group();
     this.bodies = world.bodies.map((body) => this.#addBody(body));
-    this.proxies = world.tool_links.map((i) => this.#add(bodyObject(world.bodies[i].shapes, this.looks.proxy)));
     this.tools = world.tool_links.map((i) => this.bodies[i]);
+    this.overlays = this.#add(new THREE.Group());
+    this.overlays.visible = false;
     this.#addOverlays();
     this.root.add(this.content);
     if (!same) this.#newView(world.planar);
@@ -68,12 +70,19 @@ export class Scene {
     if (frame.device) place(this.handle, frame.device);
   }
 
-  /** Draws a picture if anything changed; `target` is where the hand pulls to, or null. */
-  draw(target) {
+  /** Whether the device is where the last frame says; otherwise nothing that depends on it is shown. */
+  get live() {
+    return Boolean(this.overlays?.visible && this.frame.device);
+  }
+
+  /** Draws a picture if anything changed; `target` is where the hand pulls to, or null; `live`: whether
+   *  the last frame is up to date. */
+  draw(target, live) {
+    if (this.world) this.#showOverlays(live && Boolean(this.frame?.device));
     if (!this.world || !(this.changed || target || this.view.moved || this.contacts.flashes.length)) return;
     this.changed = this.view.moved = false;
     const { camera } = this.view;
-    if (this.frame?.device) {
+    if (this.live) {
       this.contacts.update(this.frame.contacts ?? [], this.magnify, performance.now());
       this.#drawForces(this.frame);
       this.spring.update(this.frame.device, target, camera);
@@ -104,7 +113,7 @@ export class Scene {
 
   /** Whether a pointer there means the handle: near it, or on the tool. */
   picks(clientX, clientY, touch) {
-    if (!this.frame?.device) return false;
+    if (!this.live) return false;
     const [x, y] = this.project(this.frame.device);
     if (Math.hypot(x - clientX, y - clientY) < PICK_PIXELS[touch ? 'touch' : 'mouse']) return true;
     this.#aim(clientX, clientY);
@@ -120,13 +129,15 @@ export class Scene {
     return hit && hit.toArray();
   }
 
-  /** Unit vectors of the view in the world: right, up and away from the viewer; in a planar world only
-   *  that normal to the plane which points away. */
+  /** Unit vectors of the view in the world: right, up and away from the viewer. In a planar world away
+   *  is normal to the plane, and the others are in it. */
   viewAxes() {
     const { matrixWorld } = this.view.camera;
     const [right, up, near] = [0, 1, 2].map((i) => new THREE.Vector3().setFromMatrixColumn(matrixWorld, i));
-    if (this.world.planar) return { away: new THREE.Vector3(0, 0, -Math.sign(near.z) || 1) };
-    return { right, up, away: near.negate() };
+    if (!this.world.planar) return { right, up, away: near.negate() };
+    const away = new THREE.Vector3(0, 0, -Math.sign(near.z) || 1);
+    right.setZ(0).normalize();
+    return { right, up: right.clone().cross(away), away };
   }
 
   /** At the handle. */
@@ -139,7 +150,8 @@ export class Scene {
   }
 
   info() {
-    return { mode: this.view?.mode, discs: this.contacts?.drawn ?? 0, metresPerNewton: this.metresPerNewton,
+    return { mode: this.view?.mode, live: this.live, discs: this.contacts?.drawn ?? 0,
+             metresPerNewton: this.metresPerNewton,
              proxyVisible: Boolean(this.proxies?.some((proxy) => proxy.visible)) };
   }
 
@@ -167,15 +179,22 @@ export class Scene {
   }
 
   #addOverlays() {
-    const size = boundsOf(this.tools).getSize(new THREE.Vector3()).length() / 2;
-    this.toolSize = size;
-    this.handle = this.#add(handleObject(size));
+    const radius = (objects) => boundsOf(objects).getSize(new THREE.Vector3()).length() / 2;
+    const size = Math.min(radius(this.tools), OVERLAY_SHARE * radius(this.bodies));
+    this.overlaySize = size;
+    this.proxies = this.world.tool_links.map((i) => bodyObject(this.world.bodies[i].shapes, this.looks.proxy));
+    this.handle = handleObject(size);
     this.contacts = new Contacts(size);
     this.spring = new Spring(size);
     this.arrows = FORCES.map((name, i) => new Arrow(COLORS[name], size * [0.05, 0.05, 0.024][i], 15 + i));
-    for (const overlay of [this.contacts.group, this.spring.object, ...this.arrows.map((a) => a.object)]) {
-      this.#add(overlay);
-    }
+    this.overlays.add(...this.proxies, this.handle, this.contacts.group, this.spring.object,
+                      ...this.arrows.map((arrow) => arrow.object));
+  }
+
+  #showOverlays(on) {
+    if (this.overlays.visible === on) return;
+    this.overlays.visible = on;
+    this.changed = true;
   }
 
   #newView(planar) {
@@ -197,7 +216,7 @@ export class Scene {
   #drawForces(frame) {
     const largest = Math.max(...FORCES.map((name) => magnitude(frame[name])));
     this.peakForce = Math.max(largest, 0.995 * this.peakForce, 1);
-    this.metresPerNewton = (2.2 * this.toolSize) / niceAbove(this.peakForce);
+    this.metresPerNewton = (2.2 * this.overlaySize) / niceAbove(this.peakForce);
     this.arrows.forEach((arrow, i) => {
       const force = frame[FORCES[i]];
       arrow.object.visible = Boolean(force);

@@ -1,4 +1,4 @@
-// What a body looks like: meshes of the contract's shapes.
+// What a body looks like: meshes of the shapes of docs/page_messages.md.
 
 import * as THREE from 'three';
 

@@ -1,19 +1,16 @@
-// What every servo tick of the last 60 s was: a ring of float32 columns, addressed by step.
+// What every servo tick of the last 60 s was: a ring of float32 columns by name, addressed by step.
 
-export const TICK_WIDTH = 16;
-
-// The columns of a tick as it comes, then what only frames carry, noted with each tick.
-export const COLUMN_NAMES = [
-  'F_env_N', 'F_command_N', 'F_hand_N', 'command_torque_Nm', 'smallest_separation_m',
-  'device_proxy_m', 'proxy_tool_m', 'lateness_s', 'execution_of_tick_before_s', 'contacts_age_s',
-  'active', 'predicted', 'F_env_x_N', 'F_env_y_N', 'F_env_z_N', 'adopted', 'round_trip_s',
-];
+// What only frames carry, noted with each tick.
+const ROUND_TRIP = { name: 'round_trip', unit: 's' };
 
 export class TickStore {
-  constructor(rate, seconds = 60) {
+  /** `columns`: [{name, unit}] of a tick as it arrives. */
+  constructor(rate, columns, seconds = 60) {
     this.rate = rate;
     this.capacity = Math.round(rate * seconds);
-    this.columns = COLUMN_NAMES.map(() => new Float32Array(this.capacity));
+    this.arriving = columns.map(({ name }) => name);
+    this.schema = [...columns, ROUND_TRIP];
+    this.columns = new Map(this.schema.map(({ name }) => [name, new Float32Array(this.capacity)]));
     this.received = 0;
     this.lost = 0;
     this.oldest = 0;      // first step kept
@@ -25,42 +22,48 @@ export class TickStore {
     return this.next - 1;
   }
 
+  /** SI unit of a column; '' for numbers without one. */
+  unitOf(name) {
+    return this.schema.find((column) => column.name === name)?.unit ?? '';
+  }
+
   /** After a break that is nobody's fault: the next step may be any. */
   expectAnything() {
     this.expecting = false;
   }
 
-  /** Takes the rows of one packet; steps that never came are left as NaN. */
-  append(firstStep, rows, roundTrip) {
+  /** Takes `count` rows of consecutive steps; steps that never came are left as NaN. */
+  append(firstStep, count, rows, roundTrip) {
+    const width = this.arriving.length;
+    if (rows.length !== count * width) return;
     this.#skipTo(firstStep);
-    const count = rows.length / TICK_WIDTH;
-    for (let column = 0; column < TICK_WIDTH; ++column) {
-      const values = this.columns[column];
+    this.arriving.forEach((name, column) => {
+      const values = this.columns.get(name);
       for (let i = 0, at = firstStep % this.capacity; i < count; ++i) {
-        values[at] = rows[i * TICK_WIDTH + column];
+        values[at] = rows[i * width + column];
         if (++at === this.capacity) at = 0;
       }
-    }
-    this.#fill(this.columns[TICK_WIDTH], firstStep, firstStep + count, roundTrip);
+    });
+    this.#fill(this.columns.get(ROUND_TRIP.name), firstStep, firstStep + count, roundTrip);
     this.received += count;
     this.#advance(firstStep + count);
   }
 
-  at(column, step) {
+  /** NaN where there is no such step, or no such column. */
+  at(name, step) {
     return step >= this.oldest && step < this.next
-      ? this.columns[column][step % this.capacity] : NaN;
+      ? this.columns.get(name)?.[step % this.capacity] ?? NaN : NaN;
   }
 
-  /** The kept values of the column of that name, oldest first; NaN where ticks were lost. */
+  /** The kept values of a column, oldest first; NaN where ticks were lost. */
   valuesOf(name) {
-    const column = COLUMN_NAMES.indexOf(name);
-    return Array.from({ length: this.next - this.oldest }, (_, i) => this.at(column, this.oldest + i));
+    return Array.from({ length: this.next - this.oldest }, (_, i) => this.at(name, this.oldest + i));
   }
 
   /** A copy that no later tick overwrites. */
   snapshot() {
-    const copy = Object.create(TickStore.prototype);
-    return Object.assign(copy, this, { columns: this.columns.map((values) => values.slice()) });
+    const copies = [...this.columns].map(([name, values]) => [name, values.slice()]);
+    return Object.assign(Object.create(TickStore.prototype), this, { columns: new Map(copies) });
   }
 
   #skipTo(step) {
@@ -70,7 +73,7 @@ export class TickStore {
     if (gap < 0 || gap >= this.capacity || this.next === this.oldest) {
       this.oldest = this.next = step;
     } else if (gap > 0) {
-      for (const values of this.columns) this.#fill(values, this.next, step, NaN);
+      for (const values of this.columns.values()) this.#fill(values, this.next, step, NaN);
       this.#advance(step);
     }
   }
@@ -87,13 +90,14 @@ export class TickStore {
 
 /** All ticks of `store` as CSV, in parts for a Blob; lets the page breathe between parts. */
 export async function csvParts(store) {
-  const parts = [`step,time_s,${COLUMN_NAMES.join(',')}\n`];
+  const heading = ({ name, unit }) => (unit ? `${name}_${unit.replaceAll('·', '')}` : name);
+  const parts = [`step,time_s,${store.schema.map(heading).join(',')}\n`];
   const write = (value) => (Number.isNaN(value) ? '' : Number(value.toPrecision(7)));
   for (let from = store.oldest; from < store.next; from += 2000) {
     const lines = [];
     for (let step = from; step < Math.min(from + 2000, store.next); ++step) {
-      const row = store.columns.map((values) => values[step % store.capacity]);
-      if (Number.isNaN(row[0])) continue;  // lost
+      const row = [...store.columns.values()].map((values) => values[step % store.capacity]);
+      if (row.every(Number.isNaN)) continue;  // lost
       lines.push(`${step},${(step / store.rate).toFixed(6)},${row.map(write).join(',')}\n`);
     }
     parts.push(lines.join(''));

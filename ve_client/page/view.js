@@ -4,6 +4,7 @@ import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 
 const MARGIN = 1.06;
+const HALF_FIELD = Math.tan(THREE.MathUtils.degToRad(20));  // of the shorter side, in 3-D
 
 export class View {
   /** In planar worlds +z points away from the viewer, so that x points right and y down. */
@@ -38,18 +39,16 @@ export class View {
     this.spaceOrbit.enabled = mode === 'space';
   }
 
-  /** All of `bounds` in both cameras, for a picture of `aspect` (width / height). */
+  /** All of `bounds` in both cameras, for a picture of `aspect` (width / height), now and when it is resized. */
   fit(bounds, aspect) {
     const center = bounds.getCenter(new THREE.Vector3());
-    const size = bounds.getSize(new THREE.Vector3());
-    this.radius = size.length() / 2;
-    this.halfHeight = (Math.max(size.y, size.x / aspect) / 2) * MARGIN;
-    this.plan.position.copy(center).addScaledVector(this.planFrom, 4 * this.radius);
+    this.size = bounds.getSize(new THREE.Vector3());
+    const radius = this.size.length() / 2;
+    this.plan.position.copy(center).addScaledVector(this.planFrom, 4 * radius);
     this.plan.near = 0;
-    this.plan.far = 8 * this.radius;
+    this.plan.far = 8 * radius;
     this.plan.zoom = 1;
-    const half = Math.tan(THREE.MathUtils.degToRad(this.space.fov / 2)) * Math.min(1, aspect);
-    this.space.position.copy(center).addScaledVector(this.spaceFrom, (this.radius * 1.06) / half);
+    this.space.position.copy(center).addScaledVector(this.spaceFrom, (radius * MARGIN) / HALF_FIELD);
     this.planOrbit.target.copy(center);
     this.spaceOrbit.target.copy(center);
     this.resize(aspect);
@@ -59,11 +58,12 @@ export class View {
   }
 
   resize(aspect) {
-    if (this.halfHeight) {
-      Object.assign(this.plan, { top: this.halfHeight, bottom: -this.halfHeight,
-                                 left: -this.halfHeight * aspect, right: this.halfHeight * aspect });
+    if (this.size) {
+      const top = (Math.max(this.size.y, this.size.x / aspect) / 2) * MARGIN;
+      Object.assign(this.plan, { top, bottom: -top, left: -top * aspect, right: top * aspect });
     }
     this.space.aspect = aspect;
+    this.space.fov = THREE.MathUtils.radToDeg(2 * Math.atan(HALF_FIELD / Math.min(1, aspect)));
     this.plan.updateProjectionMatrix();
     this.space.updateProjectionMatrix();
   }

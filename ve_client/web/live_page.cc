@@ -15,14 +15,18 @@ std::optional<ResetRequest> LivePage::take_requests(double now, LiveSettings& se
 }
 
 void LivePage::take_hand(std::uint64_t page, const HandRequest& hand, double now) {
-  if (holding_page_ && holding_page_ != page) {
-    if (hand.X_WTarget) {
-      server_.answer(page, refused_message("hand", "", "another page holds the hand"));
-    }
+  const bool holds = holding_page_ == page;
+  if (!hand.X_WTarget) {
+    if (holds) holding_page_.reset();
     return;
   }
-  holding_page_.reset();
-  if (!hand.X_WTarget) return;
+  if (!holds && holding_page_) {
+    return server_.answer(page, refused_message("hand", "", "another page holds the hand"));
+  }
+  if (!holds && !hand.grab) {
+    return server_.answer(page,
+                          refused_message("hand", "", "the hand was released: grab it again"));
+  }
   holding_page_ = page;
   X_WTarget_ = *hand.X_WTarget;
   held_at_ = now;
@@ -44,7 +48,6 @@ void LivePage::take(const PageRequest& request, double now, LiveSettings& settin
   } else if (const auto* refusal = std::get_if<Refusal>(&parsed)) {
     server_.answer(request.page, refused_message(refusal->field, refusal->value, refusal->text));
   } else if (const auto* wanted = std::get_if<ResetRequest>(&parsed)) {
-    // Wherever the tool begins, nobody holds it there.
     holding_page_.reset();
     settings = at_start;
     if (!reset || wanted->start) reset = *wanted;
@@ -76,6 +79,7 @@ void LivePage::show_frame(FrameView view) {
   view.state = state_ ? &*state_ : nullptr;
   if (!server_.telemetry_wanted()) contacts_.reset();  // or old ones would be shown later
   view.contacts = contacts_ ? &*contacts_ : nullptr;
+  view.held = holding_page_.has_value();
   server_.publish(std::make_shared<const std::string>(frame_message(view)));
   if (!ticks_.empty()) server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));
 }
@@ -83,6 +87,7 @@ void LivePage::show_frame(FrameView view) {
 void LivePage::forget_session() {
   state_.reset();
   contacts_.reset();
+  holding_page_.reset();
 }
 
 void LivePage::observe(const protocol::Ticks& ticks) {

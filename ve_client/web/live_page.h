@@ -1,4 +1,4 @@
-// The live page: what it asks for, done; what there is to see, shown.
+// The live page: takes what pages ask for, and shows them the session (docs/page_messages.md).
 #pragma once
 
 #include <cstdint>
@@ -19,22 +19,20 @@ class LivePage final : public protocol::TelemetryObserver {
 
   std::uint16_t port() const noexcept { return server_.port(); }
 
-  /// Before a frame: does what pages have asked for, in the order in which they did; settings out
-  /// of range are refused with the range. Non-empty if the session shall begin anew, with the world
-  /// as it was at the start; the settings are then `at_start`, but for what was asked for
-  /// afterwards.
-  /// A page that holds the hand and says nothing of it for kLease has let go. now: a steady clock,
-  /// s.
+  /// Before a frame: grants the requests of pages in the order of arrival, and refuses settings out
+  /// of range with the range. Non-empty if the session has to begin anew, with the world as it was
+  /// at the start; the settings are then `at_start`, except those changed after the reset.
+  /// A hold that its page does not repeat for kLease ends. now: a steady clock, s.
   std::optional<ResetRequest> take_requests(double now, LiveSettings& settings,
                                             const LiveSettings& at_start);
-  /// What is asked of a haptic server whose own tuning is `own`.
+  /// The control for a haptic server that was started with the tuning `own`.
   protocol::Control control(const LiveSettings& settings, const Tuning& own) const;
 
   /// The world as built, for all pages, now and later.
   void show_world(const WorldView& view);
   /// After a frame. `view.state` may be null: the newest of the session is kept.
   void show_frame(FrameView view);
-  /// The session is over, or another began.
+  /// The session is over, or another began. Whoever held the hand has to grab it again.
   void forget_session();
 
   void observe(const protocol::Ticks& ticks) override;
@@ -51,7 +49,7 @@ class LivePage final : public protocol::TelemetryObserver {
   PageServer server_;
   ToolTraits tool_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
-  double held_at_ = 0;                         ///< When it last said so, s.
+  double held_at_ = 0;                         ///< When it last repeated the hold, s.
   Pose X_WTarget_;
   std::optional<protocol::ProxyState> state_;  ///< Newest of the session.
   std::optional<protocol::LocalState> contacts_;

@@ -1,11 +1,11 @@
 #include "ve_client/web/page_messages.h"
 
 #include <bit>
-#include <limits>
 
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
 
+#include "protocol/tick_columns.h"
 #include "ve_client/web/methods.h"
 
 namespace hlm::ve {
@@ -60,10 +60,39 @@ json ranges() {
   return all;
 }
 
+json tick_columns() {
+  json columns = json::array();
+  for (const protocol::TickColumn& column : protocol::kTickColumns) {
+    columns.push_back({{"name", column.name}, {"unit", column.unit}});
+  }
+  return columns;
+}
+
 template <class Enum>
 json names() {
   json all = json::array();
   for (const Word<Enum>& word : kWords<Enum>) all.push_back(word.name);
+  return all;
+}
+
+json controllers(std::size_t links) {
+  json all = json::array();
+  for (const Word<ControllerKind>& word : kWords<ControllerKind>) {
+    all.push_back({{"name", word.name},
+                   {"suits_tool", suits(word.value, links)},
+                   {"uses_contacts", traits(word.value).uses_contacts}});
+  }
+  return all;
+}
+
+json methods(std::size_t links) {
+  json all = json::array();
+  for (const Method& method : kMethods) {
+    all.push_back({{"name", method.name},
+                   {"label", method.label},
+                   {"help", method.help},
+                   {"suits_tool", suits(method.controller, links)}});
+  }
   return all;
 }
 
@@ -91,8 +120,7 @@ json contacts_json(const protocol::LocalState* state) {
                         {"p", to_json(c.p_W)},
                         {"s", c.s},
                         {"f", to_json(c.f_W)},
-                        {"state", name_of(c.state)},
-                        {"retained", c.retained}});
+                        {"state", name_of(c.state)}});
   }
   return contacts;
 }
@@ -117,11 +145,7 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["contact_state"] = name_of(state.contact_state);
   frame["smallest_separation"] = any ? json(state.smallest_separation) : json(nullptr);
   frame["active"] = state.active_contacts;
-  frame["predicted"] = state.predicted_contacts;
   frame["age"] = state.age;
-  frame["overruns"] = state.overruns;
-  frame["updates"] = state.updates;
-  frame["dropped"] = state.dropped;
 }
 
 void append(std::string& bytes, std::uint32_t value) {
@@ -145,22 +169,23 @@ std::string world_message(const WorldView& view) {
         std::find(assembly.bodies.begin(), assembly.bodies.end(), i) != assembly.bodies.end();
     described.push_back(to_json(bodies[static_cast<std::size_t>(i)], is_tool));
   }
-  const auto held = static_cast<std::size_t>(assembly.description.hand_link);
-  const Pose X_BH = assembly.X_LB[held].inverse() * assembly.description.X_LH;
+  const std::size_t links = assembly.description.links.size();
   json starts = json::array();
   for (const StartDescription& start : view.model.starts) starts.push_back(start.name);
-  return json{
-      {"type", "world"},
-      {"planar", assembly.planar_normal_W.has_value()},
-      {"bodies", std::move(described)},
-      {"tool_links", assembly.bodies},
-      {"hand_in_body", {{"body", assembly.bodies[held]}, {"pose", to_json(X_BH)}}},
-      {"starts", std::move(starts)},
-      {"start", view.start},
-      {"ranges", ranges()},
-      {"words", {{"update_rule", names<UpdateRule>()}, {"controller", names<ControllerKind>()}}},
-      {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
-      {"guidable", view.welcome == nullptr || view.welcome->guidable}}
+  return json{{"type", "world"},
+              {"planar", assembly.planar_normal_W.has_value()},
+              {"bodies", std::move(described)},
+              {"tool_links", assembly.bodies},
+              {"starts", std::move(starts)},
+              {"start", view.start},
+              {"ranges", ranges()},
+              {"methods", methods(links)},
+              {"update_rules", names<UpdateRule>()},
+              {"controllers", controllers(links)},
+              {"limits", names<ForceLimit>()},
+              {"tick_columns", tick_columns()},
+              {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
+              {"guidable", view.welcome == nullptr || view.welcome->device.guidable}}
       .dump();
 }
 
@@ -172,13 +197,13 @@ std::string frame_message(const FrameView& view) {
 
   const Method* const method = method_in_effect(view.settings);
   json frame{{"type", "frame"},
-             {"time", view.client.ve_time()},
              {"connected", view.client.connected()},
              {"bodies", std::move(bodies)},
+             {"held", view.held},
              {"reported", view.result.active + view.result.predicted},
              {"round_trip", view.client.round_trip()},
              {"epsilon", view.result.epsilon},
-             {"limit", view.contacts ? name_of(view.contacts->limit) : name_of(ForceLimit::kNone)},
+             {"limit", view.state ? name_of(view.state->limit) : name_of(ForceLimit::kNone)},
              {"contacts", contacts_json(view.contacts)},
              {"settings", settings_json(view.settings.tuning)},
              {"environment", environment_json(view.settings)},
@@ -197,14 +222,8 @@ void TickBatch::add(const protocol::Ticks& ticks) {
   if (count_ == 0) first_step_ = ticks.first_step;
   count_ += ticks.ticks.size();
   for (const protocol::TickSignals& tick : ticks.ticks) {
-    const bool any = tick.active_contacts + tick.predicted_contacts > 0;
-    for (const double value :
-         {tick.F_env.norm(), tick.F_command.norm(), tick.F_hand.norm(), tick.torque,
-          any ? tick.smallest_separation : std::numeric_limits<double>::quiet_NaN(),
-          tick.device_proxy, tick.proxy_tool, tick.lateness, tick.execution, tick.age,
-          static_cast<double>(tick.active_contacts), static_cast<double>(tick.predicted_contacts),
-          tick.F_env.x(), tick.F_env.y(), tick.F_env.z(), tick.adopted ? 1.0 : 0.0}) {
-      append(rows_, value);
+    for (const protocol::TickColumn& column : protocol::kTickColumns) {
+      append(rows_, column.value(tick));
     }
   }
 }

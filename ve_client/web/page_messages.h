@@ -1,4 +1,4 @@
-// What ve_client tells a page, as JSON or, for ticks, as bytes.
+// What ve_client sends to a page, as JSON or, for ticks, as bytes: docs/page_messages.md.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct WorldView {
   const std::string& start;       ///< One of its starts; empty: where the world places it.
   const protocol::Welcome* welcome = nullptr;  ///< Null before the server has answered.
 };
-/// Shapes, the tool, its starts, and what may be set within which bounds.
+/// The message `world`.
 std::string world_message(const WorldView& view);
 
 /// What a frame shows.
@@ -30,13 +30,14 @@ struct FrameView {
   const protocol::LocalState* contacts = nullptr;  ///< Newest, null without telemetry.
   const FrameResult& result;
   const LiveSettings& settings;
+  bool held = false;  ///< A page holds the hand.
 };
 std::string frame_message(const FrameView& view);
 
 std::string refused_message(const std::string& field, const std::string& value,
                             const std::string& text);
 
-/// Rows of consecutive steps, 16 float32 each after a header of 16 bytes.
+/// Rows of consecutive steps: a float32 for each of kTickColumns, after a header of 16 bytes.
 class TickBatch {
  public:
   void add(const protocol::Ticks& ticks);

@@ -1,5 +1,5 @@
-// What the thread of the page server and its caller's threads share: who is open, and what they
-// asked.
+// What the thread of the page server and its callers share: which pages are open, and their
+// requests.
 #pragma once
 
 #include <cstddef>
@@ -19,12 +19,12 @@ struct PageRequest {
 };
 
 /// Open pages and their requests, at most kMaxRequests and one notice for each page. Thread-safe;
-/// its lock is held for moments only.
+/// its lock is held briefly.
 class PageRegister {
  public:
   /// Messages kept until they are taken. A caller that takes them 30 times a second gets up to 7680
-  /// a second, far more than hands send. More lets a caller that was held up see older wishes; less
-  /// loses messages when it is held up shortly.
+  /// a second, far more than pages send. More gives a caller that was blocked older messages; less
+  /// loses messages when it is blocked briefly.
   static constexpr std::size_t kMaxRequests = 256;
 
   void open(std::uint64_t page);
@@ -39,7 +39,7 @@ class PageRegister {
   std::uint64_t dropped() const;
 
   std::size_t pages() const;
-  /// Passed over for a page that is not open.
+  /// Ignored for a page that is not open.
   void set_telemetry(std::uint64_t page, bool on);
   bool telemetry(std::uint64_t page) const;
   bool telemetry_wanted() const;

@@ -12,7 +12,7 @@ namespace {
 
 using nlohmann::json;
 
-std::string in_words(double value) {
+std::string number_text(double value) {
   std::ostringstream text;
   text << value;
   return text.str();
@@ -34,7 +34,7 @@ double number(const json& value, const Range& range) {
       value.is_number() && value.get<double>() >= range.least && value.get<double>() <= range.most;
   if (!fits) {
     refuse(range.name, value,
-           in_words(range.least) + " to " + in_words(range.most) + " " + range.unit);
+           number_text(range.least) + " to " + number_text(range.most) + " " + range.unit);
   }
   return value.get<double>();
 }
@@ -73,12 +73,7 @@ HandRequest hand(const json& message) {
   constexpr double kTolerance = 1e-3;
   if (std::abs(X.R.norm() - 1) > kTolerance) refuse("target", target, "a unit quaternion");
   X.R.normalize();
-  return {X};
-}
-
-/// Whether a tool of so many links can have the controller.
-bool suits(ControllerKind controller, const ToolTraits& tool) {
-  return tool.links == 1 || !traits(controller).replaces_proxy;
+  return {X, message.contains("grab") && flag(message, "grab")};
 }
 
 constexpr const char* kForLinkages = ": the tool has several links, the device cannot replace it";
@@ -86,7 +81,7 @@ constexpr const char* kForLinkages = ": the tool has several links, the device c
 LiveSettings with_method(const json& name, const LiveSettings& settings, const ToolTraits& tool) {
   std::string allowed;
   for (const Method& method : kMethods) {
-    if (!suits(method.controller, tool)) continue;
+    if (!suits(method.controller, tool.links)) continue;
     if (name == method.name) return with_method(method, settings);
     allowed.append(allowed.empty() ? "" : ", ").append(method.name);
   }
@@ -95,10 +90,10 @@ LiveSettings with_method(const json& name, const LiveSettings& settings, const T
 
 ControllerKind controller(const json& value, const ToolTraits& tool) {
   const auto wanted = choice<ControllerKind>("controller", value);
-  if (suits(wanted, tool)) return wanted;
+  if (suits(wanted, tool.links)) return wanted;
   std::string allowed;
   for (const Word<ControllerKind>& word : kWords<ControllerKind>) {
-    if (!suits(word.value, tool)) continue;
+    if (!suits(word.value, tool.links)) continue;
     allowed.append(allowed.empty() ? "" : ", ").append(word.name);
   }
   refuse("controller", value, allowed.append(kForLinkages));
@@ -120,7 +115,8 @@ LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolT
     }
     const auto range = std::find_if(kTuningRanges.begin(), kTuningRanges.end(),
                                     [&](const auto& r) { return field == r.name; });
-    if (range == kTuningRanges.end()) refuse(field, value, "a setting that there is");
+    if (range == kTuningRanges.end())
+      refuse(field, value, "one of the settings in docs/page_messages.md");
     tuning.*range->number = number(value, *range);
   }
   return settings;
@@ -133,7 +129,8 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
     if (field == "type") continue;
     const auto range = std::find_if(kEnvironmentRanges.begin(), kEnvironmentRanges.end(),
                                     [&](const auto& r) { return field == r.name; });
-    if (range == kEnvironmentRanges.end()) refuse(field, value, "a setting that there is");
+    if (range == kEnvironmentRanges.end())
+      refuse(field, value, "one of the settings in docs/page_messages.md");
     range->number(settings) = number(value, *range);
   }
   return settings;
@@ -173,7 +170,7 @@ ParsedRequest parse_request(const std::string& text, const LiveSettings& present
   } catch (const Refused& refused) {
     return refused.refusal;
   } catch (const json::exception&) {
-    return Refusal{"", text, "the message is not JSON as the page's contract has it"};
+    return Refusal{"", text, "the message must be JSON as docs/page_messages.md describes it"};
   }
 }
 

@@ -1,4 +1,4 @@
-// What a page asks for, read and checked.
+// What a page asks for, read and checked: docs/page_messages.md.
 #pragma once
 
 #include <optional>
@@ -10,11 +10,12 @@
 
 namespace hlm::ve {
 
-/// The hand of a simulated device is held at a target, or let go.
+/// The hand of a simulated device: held at a target, or released.
 struct HandRequest {
-  std::optional<Pose> X_WTarget;
+  std::optional<Pose> X_WTarget;  ///< None: released.
+  bool grab = false;              ///< A hold begins; otherwise one goes on.
 };
-/// These settings hold from now on.
+/// The settings from now on.
 struct SettingsRequest {
   LiveSettings settings;
 };
@@ -24,7 +25,7 @@ struct TelemetryRequest {
 struct ResetRequest {
   std::optional<std::string> start;  ///< Of the tool; none: the same as before.
 };
-/// Cannot be done: the field at fault, its value and what is allowed.
+/// The request cannot be granted: the field at fault, its value and what is allowed.
 struct Refusal {
   std::string field;
   std::string value;
@@ -34,14 +35,14 @@ struct Refusal {
 using ParsedRequest =
     std::variant<HandRequest, SettingsRequest, TelemetryRequest, ResetRequest, Refusal>;
 
-/// What of the tool decides whether a request can be met.
+/// The properties of the tool that decide whether a request can be granted.
 struct ToolTraits {
   std::size_t links = 1;
   std::vector<std::string> starts;  ///< Where it may begin, beside where the world places it.
 };
 
-/// Never throws: what is not as it should be becomes a Refusal. present: the settings in effect, of
-/// which a request changes some.
+/// Never throws: a malformed request or a value out of range becomes a Refusal. present: the
+/// settings in effect, some of which a request changes.
 ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
                             const ToolTraits& tool);
 

@@ -46,8 +46,8 @@ constexpr std::uint32_t kMaxHeader = 8 * 1024;
 /// occupy more memory: PageRegister::kMaxRequests times as much.
 constexpr std::size_t kMaxMessage = 4096;
 
-/// Messages waiting for one page, bytes: some 10 s of frames. Less drops a page that stood still
-/// shortly; more shows a slow page older frames before it is dropped.
+/// Messages waiting for one page, bytes: some 10 s of frames. Less drops a page that stalled
+/// briefly; more shows a slow page older frames before it is dropped.
 constexpr std::size_t kMaxBacklog = 2 * 1024 * 1024;
 
 /// What a waiting message counts besides its bytes, so that empty ones are bounded too, bytes.
@@ -67,15 +67,15 @@ constexpr std::chrono::seconds kHttpTimeout{30};
 /// For either handshake of a WebSocket.
 constexpr std::chrono::seconds kHandshakeTimeout{10};
 
-/// A page of which nothing is heard, not even the answer to the ping after half this time, is gone.
+/// A page that sends nothing, not even the answer to the ping after half this time, is gone.
 /// More keeps the hand of a page held longer whose machine vanished; less drops pages on a bad
 /// network.
 constexpr std::chrono::seconds kIdleTimeout{10};
 
-/// Until the next try when no connection can be accepted, for want of file descriptors as a rule.
+/// Until the next try when no connection can be accepted, usually for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptPause{100};
 
-/// Also the page's import map is inline, hence 'unsafe-inline' for scripts.
+/// The page's import map is inline, hence 'unsafe-inline' for scripts.
 constexpr const char* kContentSecurityPolicy =
     "default-src 'self'; connect-src 'self' ws: ; img-src 'self' data:; "
     "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'";
@@ -90,7 +90,7 @@ struct Message {
 
 class Page;
 
-/// What the connections of one server share; of the server's thread, but for the register.
+/// What the connections of one server share; of the server's thread, except the register.
 class Hub {
  public:
   Hub(std::filesystem::path root, std::size_t max_pages)
@@ -128,7 +128,7 @@ class Page : public std::enable_shared_from_this<Page> {
       : hub_(hub), id_(id), socket_(std::move(stream)) {}
 
   void start(const HttpRequest& request);
-  /// Passed over unless the page is open; closes it if too much waits for it.
+  /// Ignored unless the page is open; closes it if too much waits for it.
   void send(const Message& message);
 
  private:

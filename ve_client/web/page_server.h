@@ -24,7 +24,7 @@ namespace hlm::ve {
 
 struct PageServerOptions {
   /// IPv4 address to listen at. Other than loopback lets the network in: nothing is encrypted, and
-  /// whoever connects is obeyed.
+  /// anyone who connects can change settings and hold the hand.
   std::string address = "127.0.0.1";
   std::uint16_t port = 8080;   ///< 0: any free port.
   std::filesystem::path root;  ///< Folder of the files; has an index.html.
@@ -35,8 +35,8 @@ struct PageServerOptions {
 /// thread. A page is known by its number, which is never used again.
 ///
 /// Files: GET and HEAD of what find_static_file() allows. WebSocket: at /session, with a Host
-/// header of localhost:PORT, 127.0.0.1:PORT or the address of this machine that was asked, with
-/// PORT, and an Origin of http:// and one of these. What is refused gets a line of plain text that
+/// header of localhost:PORT, 127.0.0.1:PORT or the address of this machine that the request came
+/// to, with PORT, and an Origin of http:// and one of these. A refusal is a line of plain text that
 /// says why.
 ///
 /// A page is closed when it sends a message above 4096 bytes or a binary one, when it is silent for
@@ -58,14 +58,14 @@ class PageServer {
   /// The port that it listens at.
   std::uint16_t port() const noexcept;
 
-  /// Sends a text message (UTF-8) to all pages. Here and below, null is passed over.
+  /// Sends a text message (UTF-8) to all pages. Here and below, null is ignored.
   void publish(std::shared_ptr<const std::string> text);
   /// Sends a binary message to the pages whose telemetry is on.
   void publish_binary(std::shared_ptr<const std::string> bytes);
   /// The text message that each page gets first from now on; pages that are open get it now, unless
-  /// it says the same as the last one.
+  /// it equals the last one.
   void set_greeting(std::shared_ptr<const std::string> text);
-  /// Sends a text message to one page; passed over if that page is closed.
+  /// Sends a text message to one page; ignored if that page is closed.
   void answer(std::uint64_t page, std::string text);
 
   /// What pages sent since the last call, in the order of arrival, and which of them closed.
@@ -76,7 +76,7 @@ class PageServer {
 
   /// Pages that are open.
   std::size_t pages() const;
-  /// Turns telemetry on or off for one page (off at first); passed over if that page is closed.
+  /// Turns telemetry on or off for one page (off at first); ignored if that page is closed.
   void set_telemetry(std::uint64_t page, bool on);
   /// Whether any page has its telemetry on.
   bool telemetry_wanted() const;

@@ -28,7 +28,7 @@ constexpr int kMaxPairContacts = 8;
 void initialise_engine() {
   static const bool kInitialised = dInitODE2(0) != 0;
   (void)kInitialised;
-  dAllocateODEDataForThread(dAllocateMaskAll);
+  dAllocateODEDataForThread(static_cast<unsigned>(dAllocateMaskAll));
 }
 
 Vector3 to_vector(const dReal* v) { return {v[0], v[1], v[2]}; }

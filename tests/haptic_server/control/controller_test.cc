@@ -1,7 +1,6 @@
-// The controllers (METHOD 6).
+// The controllers (docs/method.md 6).
 #include "haptic_server/control/controller.h"
 
-#include "haptic_server/control/engine_view.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 
@@ -74,20 +73,6 @@ TEST_CASE("Couplings to the engine pull towards its tool, whatever the local con
       Controller(ControllerKind::kRotationCoupler, {}).to_device(device, {}, tool, wrench(-4, 1));
   CHECK(u[0] == Approx(-4));  // the contacts' force, not their torque
   CHECK(u[5] == Approx(-0.2));
-}
-
-TEST_CASE("The engine's force is of the device that it knew when it sent its tool") {
-  EngineView view;
-  Pose X_WD;
-  view.begin(X_WD);
-  for (std::uint64_t step = 1; step <= 100; ++step) {
-    X_WD.p.x() = 0.001 * static_cast<double>(step);
-    view.acknowledge(step, X_WD, Twist::Zero());
-  }
-  view.update(90, {});
-  CHECK(view.device().X_WD.p.x() == Approx(0.09));
-  view.update(7, {});  // forgotten
-  CHECK(view.device().X_WD.p.x() == Approx(0.09));
 }
 
 TEST_CASE("Directly coupled, a one-joint tool is where the device is") {

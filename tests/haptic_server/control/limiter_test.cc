@@ -71,6 +71,18 @@ TEST_CASE("Force changes by no more than the device's rate") {
   CHECK(limiter.limit(push(-5))[1] == Approx(1));
 }
 
+TEST_CASE("Torque changes by no more than the device's rate") {
+  DeviceRatings device;
+  device.max_torque_rate = 10;  // N·m/s: 0.01 N·m a step
+  Limiter limiter = faded_in(device);
+  Wrench turn = Wrench::Zero();
+  turn[5] = 0.05;
+  CHECK(limiter.limit(turn)[5] == Approx(0.01));
+  CHECK(limiter.limited_by() == ForceLimit::kRate);
+  CHECK(limiter.limit(turn)[5] == Approx(0.02));
+  CHECK(limiter.limit(-turn)[5] == Approx(0.01));
+}
+
 TEST_CASE("Force fades to zero in the fade time, and in again") {
   Limiter limiter = faded_in();
   limiter.allow(false);

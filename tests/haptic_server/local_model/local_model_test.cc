@@ -2,6 +2,7 @@
 #include "haptic_server/local_model/local_model.h"
 
 #include "tests/support/catch.h"
+#include "tests/support/contacts.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::server {
@@ -80,6 +81,66 @@ TEST_CASE("The intermediate representation answers the same contact with its ful
   CHECK(felt.F[2] == Approx(parameters.stiffness * 0.004).epsilon(1e-9));
 }
 
+TEST_CASE("Between updates a constraint goes on at its speed: 0.1 m/s are 10 mm in 100 ms") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, 1e-3);
+  ReportedContact wall;
+  wall.p_WC = {0, 0, -0.02};
+  wall.separation = 0.02;
+  wall.v_WC = {0.3, 0, 0.1};  // m/s; what it moves along itself does not matter
+  model.adopt({wall}, model.proxy().configuration(), 0);
+  for (int i = 0; i < 100; ++i) model.step({});
+  CHECK(model.contacts()[0].s == Approx(0.01).margin(1e-9));  // m
+}
+
+TEST_CASE("A tool that slides on a floor under an overhang is stopped by both, not driven in") {
+  LocalModelParameters frictionless;
+  frictionless.static_friction = frictionless.kinetic_friction = 0;
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), frictionless, 1e-3);
+  ReportedContacts contacts = test::distinct_contacts(2);
+  contacts[1].n_W = Vector3(-1, 0, -1).normalized();
+  contacts[1].separation = 0.014;
+  contacts[1].p_WC = -0.014 * contacts[1].n_W;
+  model.adopt(contacts, model.proxy().configuration(), 0);
+  // A press that grows keeps the floor's contact penetrating.
+  HandInput hand = push_down(1);
+  hand.F[0] = 1;
+  Velocity before = model.velocity();
+  ContactWrench felt;
+  for (int i = 0; i < 1000 && felt.impulse[0] == 0; ++i) {
+    hand.F[2] -= 0.01;
+    before = model.velocity();
+    felt = model.step(hand);
+  }
+  REQUIRE(before[0] == Approx(0.2).epsilon(0.02));  // m/s: 1 N on 1 kg over 20 mm
+  // Only the overhang would stop half of the speed and turn the other half into the floor.
+  CHECK(felt.impulse[0] == Approx(-before[0]).epsilon(1e-6));  // N·s
+  CHECK(felt.impulse[2] == Approx(-before[2]).epsilon(1e-6));  // N·s
+}
+
+TEST_CASE("A door's contact is felt at the handle as force and torque that its length weighs") {
+  const double length = GENERATE(0.05, 0.1, 0.2);  // m
+  const double handle = 0.1;                       // m from the hinge
+  ToolDescription door = test::rigid_tool(1, Matrix3::Identity() * 1e-3, JointType::kRevolute);
+  door.length = length;
+  door.X_LH.p = {handle, 0, 0};
+  LocalModel model(door, ToolModel(door).neutral(), {}, 1e-3);
+  ReportedContact stop;
+  stop.n_W = {0, -1, 0};
+  stop.p_WC = {0.2, 0, 0};
+  model.adopt({stop}, model.proxy().configuration(), 0);
+  HandInput hand;
+  hand.F[1] = 2;  // N at the handle: 0.2 N·m about the hinge
+  ContactWrench felt;
+  for (int i = 0; i < 2000; ++i) felt = model.step(hand);
+  const double moment = -2 * handle;  // N·m
+  // The least f² + (t/length)² with f handle + t = moment.
+  const double weight = handle * handle + length * length;
+  CHECK(felt.F[1] == Approx(moment * handle / weight).epsilon(1e-3));           // N
+  CHECK(felt.F[5] == Approx(moment * length * length / weight).epsilon(1e-3));  // N·m
+}
+
 TEST_CASE("The same inputs give the same bits") {
   const auto run = [] {
     LocalModel model = falling_tool({}, 0.002);
@@ -93,11 +154,9 @@ TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamic
   // A bar hinged by nothing: two floor contacts at its ends, pushed above one of them.
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
-  ReportedContacts contacts(2);
-  for (std::uint16_t i = 0; i < 2; ++i) {
-    contacts[i].key.tool_feature.index = i;
-    contacts[i].p_WC = {i == 0 ? -0.1 : 0.1, 0, 0};
-  }
+  ReportedContacts contacts = test::distinct_contacts(2);
+  contacts[0].p_WC = {-0.1, 0, 0};
+  contacts[1].p_WC = {0.1, 0, 0};
   model.adopt(contacts, model.proxy().configuration(), 0);
   HandInput hand = push_down(4);
   hand.F[4] = 4 * 0.05;  // N·m about y: as if pushed at x = +0.05 m

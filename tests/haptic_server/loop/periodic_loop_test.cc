@@ -1,11 +1,15 @@
 // Do ticks keep to their grid, and are missed periods counted?
 #include "haptic_server/loop/periodic_loop.h"
 
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <limits>
 #include <thread>
 #include <vector>
+
+#include <pthread.h>
+#include <sched.h>
 
 #include "tests/support/catch.h"
 
@@ -94,6 +98,27 @@ TEST_CASE("the loop sleeps between its ticks, with and without a final spin") {
   const double before = cpu_time();
   check_grid(run(loop, 20, [](std::size_t) {}));
   CHECK(cpu_time() - before < 0.5 * 20 * kPeriod);
+}
+
+TEST_CASE("without a choice the loop spins under SCHED_FIFO alone, and never for half a period") {
+  const double rate = GENERATE(500.0, 1000.0, 4000.0, 8000.0);
+  const double expected = std::min(100e-6, 0.4 / rate);
+  const auto spin = [](const PeriodicLoopOptions& options) {
+    PeriodicLoop loop(options);
+    loop.run([&](const Timing&) noexcept { loop.stop(); });
+    return loop.final_spin();
+  };
+  CHECK(spin({.rate = rate}) == 0);
+  CHECK(spin({.rate = rate, .final_spin = 20e-6}) == 20e-6);
+  std::thread([&] {
+    const sched_param lowest{1};
+    if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &lowest) != 0) {
+      WARN("skipped in part: no right to SCHED_FIFO");
+      return;
+    }
+    CHECK(spin({.rate = rate}) == expected);
+    CHECK(spin({.rate = rate, .final_spin = 0}) == 0);
+  }).join();
 }
 
 TEST_CASE("another thread ends the loop") {

@@ -14,6 +14,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "haptic_server/loop/cpu_latency.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {
@@ -89,6 +90,23 @@ TEST_CASE("`prefer` without rights says what is refused and how to get it") {
   });
   CHECK_THAT(answer, ContainsSubstring("SCHED_FIFO priority 40 (Operation not permitted)"));
   CHECK_THAT(answer, ContainsSubstring("setcap cap_sys_nice,cap_ipc_lock+ep /"));
+}
+
+TEST_CASE("`prefer` without rights has precise timers all the same") {
+  const std::string slack = without_rights([] {
+    enter_realtime({.policy = RealtimePolicy::kPrefer});
+    return std::to_string(prctl(PR_GET_TIMERSLACK));
+  });
+  CHECK(slack == "1");  // ns.
+}
+
+TEST_CASE("without rights processors may sleep, and it is said how to change that") {
+  const std::string answer = without_rights([] {
+    CpuLatencyLimit limit;
+    limit.set(true);
+    return limit.holds() ? std::string("held") : CpuLatencyLimit::find_refusal();
+  });
+  CHECK_THAT(answer, ContainsSubstring("/dev/cpu_dma_latency") && ContainsSubstring("udev"));
 }
 
 TEST_CASE("`require` without rights refuses to start and says what to do") {

@@ -31,14 +31,14 @@ TEST_CASE("rate, times, counts, peak force and drift of a session are summed up"
     r.X_WT.p.y() = i == 400 ? -1e-3 : 0.0;
     r.overruns = 4;
     r.datagrams = 60;
-    r.dropped = 2;
+    r.dropped_for[static_cast<std::size_t>(protocol::DropReason::kStale)] = 2;
     summary.observe(r);
   }
   CHECK(summary.text(0) ==
         "ticks          1001 in 1.00 s, 1000.00 Hz; 4 missed, 0 not recorded\n"
         "lateness       p50 30.2, p99 30.2, p99.9 30.2, max 150.0 us\n"
         "execution      p50 15.1, p99 15.1, p99.9 15.1, max 90.0 us\n"
-        "datagrams      60, 2 dropped; 51 updates adopted\n"
+        "datagrams      60, 2 dropped (2 stale); 51 updates adopted\n"
         "peak force     2.500 N\n"
         "device-proxy   largest 3.000 mm, 2.000 deg; last 0.250 mm, 0.000 deg\n"
         "proxy-tool     largest 1.000 mm, 0.000 deg; last 0.000 mm, 0.000 deg\n");

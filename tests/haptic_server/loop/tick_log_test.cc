@@ -147,16 +147,24 @@ class FileSizeLimit {
   rlimit before_{};
 };
 
-TEST_CASE("a disk that fills up ends the file, not the observation, and is reported at the end") {
+TEST_CASE("a disk that fills up ends the file, not the observation, and is reported at once") {
   TemporaryFile file;
   FileSizeLimit limit(10000);
   int observed = 0;
-  TickLog log(file.name(), 100, [&](const TickRecord&) { ++observed; });
+  std::vector<std::string> reports;
+  std::uint64_t reported_at = 0;
+  TickLog log(
+      file.name(), 100, [&](const TickRecord&) { ++observed; },
+      [&](const std::string& reason) { reports.push_back(reason); });
   for (int i = 0; i < 20; ++i) {
     for (std::uint64_t step = 0; step < 10; ++step) log.record(tick(step));
     log.drain();
+    if (reported_at == 0 && !reports.empty()) reported_at = static_cast<std::uint64_t>(observed);
   }
   CHECK(observed == 200);
+  CHECK(reported_at < 100);
+  REQUIRE(reports.size() == 1);
+  CHECK_THAT(reports.front(), EndsWith("cannot be written: File too large"));
   CHECK_THROWS_WITH(log.close(), EndsWith("cannot be written: File too large"));
 }
 

@@ -80,7 +80,7 @@ TEST_CASE("what is written to a capture is read back, stamps to the nanosecond")
   {
     CaptureWriter writer(path);
     std::int64_t time = 1'790'000'000'999'999'990;
-    for (const std::size_t size : {0, 1, 2, 39, 40, 41, 1199, 1200}) {
+    for (const std::size_t size : std::array<std::size_t, 8>{0, 1, 2, 39, 40, 41, 1199, 1200}) {
       written.emplace_back(time += 3, random_bytes(random, size));
       const bool from_client = written.size() % 2 == 0;
       writer.write(time, from_client ? kClient : kServer, from_client ? kServer : kClient,

@@ -15,7 +15,9 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 using test::PageClient;
 
-constexpr const char* kHold = R"({"type":"hand","hold":true,"target":[0.1,0,0,1,0,0,0]})";
+constexpr const char* kGrab =
+    R"({"type":"hand","hold":true,"grab":true,"target":[0.1,0,0,1,0,0,0]})";
+constexpr const char* kGoOn = R"({"type":"hand","hold":true,"target":[0.2,0,0,1,0,0,0]})";
 
 struct Desk {
   static PageServerOptions options(const test::WebRoot& root) {
@@ -46,13 +48,13 @@ struct Desk {
 TEST_CASE("A page holds the hand until it lets go, or is silent about it for a second") {
   Desk desk;
   PageClient browser(desk.page.port());
-  browser.send(kHold);
+  browser.send(kGrab);
   REQUIRE(desk.soon([&] { return desk.held(); }));
   CHECK(desk.page.control(desk.settings, {}).X_WTarget.p == Vector3(0.1, 0, 0));
   browser.send(R"({"type":"hand","hold":false})");
   REQUIRE(desk.soon([&] { return !desk.held(); }));
 
-  browser.send(kHold);
+  browser.send(kGrab);
   REQUIRE(desk.soon([&] { return desk.held(); }));
   desk.now += 0.9;
   desk.page.take_requests(desk.now, desk.settings, {});
@@ -66,19 +68,41 @@ TEST_CASE("A page that is gone holds nothing") {
   Desk desk;
   {
     PageClient browser(desk.page.port());
-    browser.send(kHold);
+    browser.send(kGrab);
     REQUIRE(desk.soon([&] { return desk.held(); }));
   }
   CHECK(desk.soon([&] { return !desk.held(); }));
+}
+
+TEST_CASE("A hold goes on only where it was begun, and ends with the session") {
+  Desk desk;
+  PageClient browser(desk.page.port());
+  browser.send(kGoOn);
+  browser.send(kGrab);
+  REQUIRE(desk.soon([&] { return desk.held(); }));
+  CHECK_THAT(browser.text(), ContainsSubstring("grab it again"));
+  browser.send(kGoOn);
+  REQUIRE(desk.soon(
+      [&] { return desk.page.control(desk.settings, {}).X_WTarget.p == Vector3(0.2, 0, 0); }));
+
+  desk.page.forget_session();
+  CHECK_FALSE(desk.held());
+  browser.send(kGoOn);
+  browser.send(R"({"type":"settings","damping":50})");
+  REQUIRE(desk.soon([&] { return desk.settings.tuning.damping == 50; }));
+  CHECK_FALSE(desk.held());
+  CHECK_THAT(browser.text(), ContainsSubstring("grab it again"));
+  browser.send(kGrab);
+  CHECK(desk.soon([&] { return desk.held(); }));
 }
 
 TEST_CASE("Of two pages the first has the hand, and the second is told") {
   Desk desk;
   PageClient first(desk.page.port());
   PageClient second(desk.page.port());
-  first.send(kHold);
+  first.send(kGrab);
   REQUIRE(desk.soon([&] { return desk.held(); }));
-  second.send(R"({"type":"hand","hold":true,"target":[-0.1,0,0,1,0,0,0]})");
+  second.send(R"({"type":"hand","hold":true,"grab":true,"target":[-0.1,0,0,1,0,0,0]})");
   second.send(R"({"type":"hand","hold":false})");
   second.send(R"({"type":"settings","damping":50})");
   REQUIRE(desk.soon([&] { return desk.settings.tuning.damping == 50; }));
@@ -90,7 +114,7 @@ TEST_CASE("Of two pages the first has the hand, and the second is told") {
 TEST_CASE("A reset lets go and brings the settings back; what comes after it counts") {
   Desk desk;
   PageClient browser(desk.page.port());
-  browser.send(kHold);
+  browser.send(kGrab);
   browser.send(R"({"type":"settings","stiffness":9000})");
   REQUIRE(desk.soon([&] { return desk.held() && desk.settings.tuning.stiffness == 9000; }));
   CHECK(desk.page.control(desk.settings, {}).tuned);

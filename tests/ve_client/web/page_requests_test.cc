@@ -22,6 +22,9 @@ TEST_CASE("A hand is held at a target and let go") {
       parsed<HandRequest>(R"({"type":"hand","hold":true,"target":[0.1,-0.2,0,1,0,0,0]})");
   REQUIRE(hand.X_WTarget);
   CHECK((hand.X_WTarget->p - Vector3(0.1, -0.2, 0)).norm() < 1e-15);
+  CHECK_FALSE(hand.grab);
+  CHECK(parsed<HandRequest>(R"({"type":"hand","hold":true,"grab":true,"target":[0,0,0,1,0,0,0]})")
+            .grab);
   CHECK_FALSE(parsed<HandRequest>(R"({"type":"hand","hold":false})").X_WTarget);
 }
 
@@ -104,17 +107,18 @@ TEST_CASE("What cannot be done is refused with the field, its value and what is 
       {R"({"type":"settings","stiffness":-1})", "stiffness", "-1 must be 1 to 1e+06 N/m"},
       {R"({"type":"settings","stiffness":"soft"})", "stiffness", "must be 1 to"},
       {R"({"type":"settings","controller":"magic"})", "controller", "four_channel, three_channel"},
-      {R"({"type":"settings","colour":1})", "colour", "a setting that there is"},
+      {R"({"type":"settings","colour":1})", "colour", "one of the settings"},
       {R"({"type":"environment","loss":1})", "loss", "0 to 0.5"},
       {R"({"type":"hand","hold":true})", "target", "7 numbers"},
       {R"({"type":"hand","hold":true,"target":[0,0,0,1,1,0,0]})", "target", "unit quaternion"},
       {R"({"type":"hand","hold":true,"target":[1e9,0,0,1,0,0,0]})", "target", "within 10 m"},
       {R"({"type":"hand","hold":7})", "hold", "true or false"},
+      {R"({"type":"hand","hold":true,"grab":1,"target":[0,0,0,1,0,0,0]})", "grab", "true or false"},
       {R"({"type":"method","name":"x"})", "name", "lm5, lm-adaptive"},
       {R"({"type":"dance"})", "type", "hand, settings"},
       {"[]", "type", "hand, settings"},
-      {"{", "", "not JSON"},
-      {"\xff", "", "not JSON"},
+      {"{", "", "must be JSON"},
+      {"\xff", "", "must be JSON"},
   }));
   INFO(text);
   const auto refusal = parsed<Refusal>(text);

@@ -1,0 +1,54 @@
+# What `cmake --install` puts where.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+set(headers ${CMAKE_INSTALL_INCLUDEDIR}/haptic_local_model)
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/haptic_local_model)
+set(share ${CMAKE_INSTALL_DATADIR}/haptic_local_model)
+set(documents ${CMAKE_INSTALL_DATADIR}/doc/haptic_local_model)
+
+# The client library, for find_package(haptic_local_model): hlm::client.
+foreach(library common protocol udp client)
+  set_target_properties(hlm_${library} PROPERTIES EXPORT_NAME ${library})
+  install(TARGETS hlm_${library} EXPORT haptic_local_model FILE_SET HEADERS DESTINATION ${headers})
+endforeach()
+install(EXPORT haptic_local_model NAMESPACE hlm:: FILE haptic_local_modelTargets.cmake
+  DESTINATION ${package})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES cmake/haptic_local_modelConfig.cmake
+  ${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake DESTINATION ${package})
+
+# The programs, and what they read.
+if(HLM_SERVER)
+  install(TARGETS haptic_server haptic_replay)
+endif()
+if(HLM_VE_CLIENT)
+  install(TARGETS ve_client)
+  set(page ${PROJECT_SOURCE_DIR}/ve_client/page)
+  install(CODE "
+    if(NOT EXISTS \"${page}/node_modules/three\" OR NOT EXISTS \"${page}/node_modules/uplot\")
+      message(FATAL_ERROR \"${page}/node_modules lacks three or uplot: run scripts/setup run\")
+    endif()")
+  install(DIRECTORY ve_client/page DESTINATION ${share} FILES_MATCHING
+    PATTERN "node_modules" EXCLUDE
+    PATTERN "*.html" PATTERN "*.css" PATTERN "*.js")
+  set(modules ${share}/page/node_modules)
+  install(FILES ${page}/node_modules/three/LICENSE DESTINATION ${modules}/three)
+  install(FILES ${page}/node_modules/uplot/LICENSE DESTINATION ${modules}/uplot)
+  install(FILES
+    ${page}/node_modules/three/build/three.core.js
+    ${page}/node_modules/three/build/three.module.js
+    DESTINATION ${modules}/three/build)
+  install(DIRECTORY ${page}/node_modules/three/examples/jsm/controls
+    DESTINATION ${modules}/three/examples/jsm)
+  install(FILES
+    ${page}/node_modules/uplot/dist/uPlot.esm.js
+    ${page}/node_modules/uplot/dist/uPlot.min.css
+    DESTINATION ${modules}/uplot/dist)
+endif()
+install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
+
+# The README's links hold between these, too.
+install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
+install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
+install(DIRECTORY docs examples DESTINATION ${documents})

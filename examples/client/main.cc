@@ -1,0 +1,88 @@
+// A simulator that lets a hand feel its world: a ball above a floor, in the plane. y points down.
+//
+//   haptic_server --hand worlds/hands/session.toml   # in another terminal
+//   simulator 127.0.0.1:47800                        # 10 s
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <thread>
+
+#include <protocol/transport/udp_socket.h>
+#include <ve_client/client/haptic_client.h>
+
+namespace {
+
+constexpr double kRadius = 0.015;  // m
+constexpr double kFloor = 0.03;    // y, m
+constexpr double kEpsilon =
+    0.005;  // Contacts are sent before they touch, from this separation on, m.
+constexpr double kPeriod = 1.0 / 60;  // s
+
+double now() {
+  using Seconds = std::chrono::duration<double>;
+  return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// What the hand holds: a ball of 0.1 kg with x, y and an angle.
+hlm::ToolDescription ball() {
+  hlm::Link link;
+  link.joint = hlm::JointType::kPlanar;
+  link.mass = 0.1;
+  link.I_LCom *= 0.4 * link.mass * kRadius * kRadius;
+  hlm::ToolDescription tool;
+  tool.links.push_back(link);
+  return tool;
+}
+
+/// The floor under the ball, if it is near.
+hlm::ReportedContacts contacts(const hlm::Configuration& q) {
+  hlm::ReportedContact contact;
+  contact.p_WC = {q[0], kFloor, 0};
+  contact.n_W = {0, -1, 0};
+  contact.separation = kFloor - kRadius - q[1];
+  hlm::ReportedContacts near;
+  if (contact.separation <= kEpsilon) near.push_back(contact);
+  return near;
+}
+
+void simulate(const char* server) {
+  hlm::Configuration q = hlm::Configuration::Zero(3);
+  hlm::Velocity v = hlm::Velocity::Zero(3);
+  hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
+  hlm::HapticClientOptions options;
+  options.server = hlm::protocol::resolve(server);
+  options.tool = ball();
+  options.q = q;
+  options.ve_rate = 1 / kPeriod;
+  options.epsilon = kEpsilon;
+  options.nonce = static_cast<std::uint64_t>(now() * 1e9);
+  hlm::HapticClient haptic(socket, options);
+
+  const auto start = std::chrono::steady_clock::now();
+  for (int step = 1; step <= 600; ++step) {
+    // A physics engine draws its tool towards the proxy and takes a step; here the tool is carried.
+    if (const hlm::protocol::ProxyState* proxy = haptic.poll(now()).state) {
+      q = proxy->q;
+      v = proxy->v;
+    }
+    haptic.sample(now(), q, v, kPeriod);
+    const hlm::ReportedContacts near = contacts(q);
+    haptic.send(now(), near);
+    if (step % 30 == 0) {
+      std::printf("%s, ball at (%.4f, %.4f) m, contacts: %zu\n",
+                  haptic.connected() ? "connected" : "no server", q[0], q[1], near.size());
+    }
+    std::this_thread::sleep_until(start + step * std::chrono::duration<double>(kPeriod));
+  }
+  haptic.close(now());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  simulate(argc > 1 ? argv[1] : "127.0.0.1:47800");
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "simulator: %s\n", error.what());
+  return 1;
+}

@@ -1,0 +1,27 @@
+#include "haptic_server/loop/event_log.h"
+
+#include <spdlog/spdlog.h>
+
+namespace hlm::server {
+void EventLog::observe(const TickRecord& record) {
+  const bool changes = record.server != state_;
+  if (open_ && !record.session_open) spdlog::info("the client said goodbye");
+  if (record.session_open && record.session != session_) {
+    spdlog::info("session {:016x} begins", record.session);
+  } else if (changes && record.server == ServerState::kRunning) {
+    spdlog::info("the client is back");
+  } else if (changes && record.server == ServerState::kSilent && record.session_open) {
+    spdlog::warn("the client is silent: force fades to zero");
+  } else if (changes && record.server == ServerState::kIdle) {
+    spdlog::info("session {:016x} is over", record.session);
+  }
+  if (changes && record.server == ServerState::kFault) {
+    spdlog::error("fault: {}; force is off until a client starts a new session",
+                  meaning_of(record.fault));
+  }
+  state_ = record.server;
+  session_ = record.session;
+  open_ = record.session_open;
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,55 @@
+#include "haptic_server/program.h"
+
+#include <csignal>
+#include <exception>
+#include <iostream>
+#include <stdexcept>
+
+#include "protocol/transport/udp_socket.h"
+
+namespace hlm::server {
+
+int run_program(const char* name, settings::CommandLine& command_line,
+                const PhysicsOptions& options, int argc, const char* const* argv,
+                const std::function<void()>& check, const std::function<int()>& body) {
+  const auto fail = [name](const std::exception& error, int status) {
+    std::cerr << name << ": " << error.what() << '\n';
+    return status;
+  };
+  try {
+    if (const auto code = command_line.parse(argc, argv, check)) return *code;
+    if (const auto information = options.device.information()) {
+      std::cout << *information;
+      return kOk;
+    }
+    return body();
+  } catch (const settings::UsageError& error) {
+    return fail(error, kUsage);
+  } catch (const std::exception& error) {
+    return fail(error, kFailed);
+  }
+}
+
+protocol::Endpoint resolve_option(const std::string& host_port) {
+  try {
+    return protocol::resolve(host_port);
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(error.what());
+  }
+}
+
+void handle_signals(void (*stop)(int)) {
+  struct sigaction stopping {};
+  stopping.sa_handler = stop;
+  for (const int signal : {SIGINT, SIGQUIT, SIGTERM}) sigaction(signal, &stopping, nullptr);
+
+  struct sigaction before {};
+  sigaction(SIGHUP, nullptr, &before);
+  if (before.sa_handler != SIG_IGN) sigaction(SIGHUP, &stopping, nullptr);
+
+  struct sigaction ignoring {};
+  ignoring.sa_handler = SIG_IGN;
+  for (const int signal : {SIGPIPE, SIGXFSZ}) sigaction(signal, &ignoring, nullptr);
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,120 @@
+// The server's state machine: each transition that its comment names, and no other.
+#include "haptic_server/loop/server_state.h"
+
+#include <iterator>
+#include <utility>
+
+#include "tests/support/catch.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kSilence = 0.25;  // s
+constexpr double kStep = 1e-3;     // s
+
+void pass(ServerStateMachine& machine, int ticks, bool faded = false) {
+  for (int i = 0; i < ticks; ++i) machine.tick(faded);
+}
+
+/// Events that leave a fresh machine in this state; the client's goodbye apart.
+ServerStateMachine in(ServerState state) {
+  ServerStateMachine machine(kSilence, kStep);
+  if (state == ServerState::kIdle) return machine;
+  machine.begin();
+  if (state == ServerState::kSilent) pass(machine, 300);
+  if (state == ServerState::kFault) machine.fail(Fault::kOverrun);
+  return machine;
+}
+
+struct Transition {
+  const char* event;
+  void (*happens)(ServerStateMachine&);
+  ServerState from_idle;
+  ServerState from_running;
+  ServerState from_silent;
+  ServerState from_fault;
+};
+
+constexpr auto kIdle = ServerState::kIdle;
+constexpr auto kRunning = ServerState::kRunning;
+constexpr auto kSilent = ServerState::kSilent;
+constexpr auto kFault = ServerState::kFault;
+
+const Transition kTransitions[] = {
+    {"begin", [](ServerStateMachine& m) { m.begin(); }, kRunning, kRunning, kRunning, kRunning},
+    {"update", [](ServerStateMachine& m) { m.update(); }, kIdle, kRunning, kRunning, kFault},
+    {"end", [](ServerStateMachine& m) { m.end(); }, kIdle, kSilent, kSilent, kFault},
+    {"end, faded",
+     [](ServerStateMachine& m) {
+       m.end();
+       m.tick(true);
+     },
+     kIdle, kIdle, kIdle, kFault},
+    {"fail", [](ServerStateMachine& m) { m.fail(Fault::kDevice); }, kFault, kFault, kFault, kFault},
+    {"a tick", [](ServerStateMachine& m) { m.tick(false); }, kIdle, kRunning, kSilent, kFault},
+    {"a tick, faded", [](ServerStateMachine& m) { m.tick(true); }, kIdle, kRunning, kSilent,
+     kFault},
+    {"silence", [](ServerStateMachine& m) { pass(m, 252, true); }, kIdle, kSilent, kSilent, kFault},
+};
+
+TEST_CASE("Each state answers each event as its comment says") {
+  const Transition& t = GENERATE(from_range(std::begin(kTransitions), std::end(kTransitions)));
+  INFO(t.event);
+  for (const auto& [from, to] :
+       {std::pair(kIdle, t.from_idle), std::pair(kRunning, t.from_running),
+        std::pair(kSilent, t.from_silent), std::pair(kFault, t.from_fault)}) {
+    INFO("from " << name_of(from));
+    ServerStateMachine machine = in(from);
+    REQUIRE(machine.state() == from);
+    t.happens(machine);
+    CHECK(name_of(machine.state()) == name_of(to));
+    CHECK(machine.wants_force() == (to == kRunning));
+    CHECK(machine.simulates() == (to == kRunning || to == kSilent));
+    CHECK((machine.fault() == Fault::kNone) == (to != kFault));
+  }
+}
+
+TEST_CASE("The first fault is the one that is kept, and a new session forgets it") {
+  ServerStateMachine machine = in(kRunning);
+  machine.fail(Fault::kNonFinite);
+  machine.fail(Fault::kDevice);
+  CHECK(machine.fault() == Fault::kNonFinite);
+  machine.begin();
+  CHECK(machine.fault() == Fault::kNone);
+}
+
+TEST_CASE("Silence counts from the latest update: 0.25 s are endured, 0.26 s are silence") {
+  ServerStateMachine machine = in(kRunning);
+  pass(machine, 249);
+  machine.update();
+  pass(machine, 249);
+  CHECK(machine.state() == kRunning);
+  pass(machine, 11);
+  CHECK(machine.state() == kSilent);
+}
+
+TEST_CASE("After goodbye no update brings force back, and a new session does") {
+  ServerStateMachine machine = in(kRunning);
+  machine.end();
+  machine.update();
+  CHECK(machine.state() == kSilent);
+  machine.begin();
+  CHECK(machine.state() == kRunning);
+  // The goodbye was of the session before: this one survives silence.
+  pass(machine, 300, true);
+  CHECK(machine.state() == kSilent);
+  machine.update();
+  CHECK(machine.state() == kRunning);
+}
+
+TEST_CASE("A session that ends stays silent until its force has faded") {
+  ServerStateMachine machine = in(kRunning);
+  machine.end();
+  pass(machine, 1000, false);
+  CHECK(machine.state() == kSilent);
+  machine.tick(true);
+  CHECK(machine.state() == kIdle);
+}
+
+}  // namespace
+}  // namespace hlm::server

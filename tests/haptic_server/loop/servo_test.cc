@@ -1,0 +1,380 @@
+// The tick: its order, its sessions, its faults, and what reaches proxy, device and client.
+#include "haptic_server/loop/servo.h"
+
+#include <cmath>
+#include <limits>
+
+#include "tests/haptic_server/loop/servo_bench.h"
+#include "tests/support/catch.h"
+
+namespace hlm::server {
+namespace {
+
+using test::Journal;
+using test::planar_wrench;
+using test::ServoBench;
+using test::wall_ahead;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// No spring ties proxy and device, and contacts have no friction.
+ServoOptions untied() {
+  ServoOptions options;
+  options.gains = {.stiffness = 0, .damping = 0, .angular_stiffness = 0, .angular_damping = 0};
+  options.local_model.static_friction = options.local_model.kinetic_friction = 0;
+  options.silence_time = 10;
+  return options;
+}
+
+/// A session in which the hand's 3 N are balanced by the coupling, so that the device feels them.
+void begin_under_load(ServoBench& bench) {
+  bench.device.state->F_hand = planar_wrench(3, 0, 0);
+  bench.begin();
+  REQUIRE(bench.ticks(240).F_command.norm() == Approx(3).epsilon(0.1));  // N
+}
+
+protocol::Control holding(bool holds) {
+  return {.telemetry = false, .holds = holds, .X_WTarget = {}, .tuned = false};
+}
+
+// The tick.
+
+TEST_CASE("A tick receives, reads the device, commands it, and then acknowledges") {
+  ServoBench bench;
+  bench.begin();
+  bench.tick_with(bench.update());
+  CHECK(bench.journal == Journal{"receive update", "read", "write", "send state"});
+  bench.tick();
+  CHECK(bench.journal == Journal{"read", "write"});
+}
+
+TEST_CASE("Without a session a tick touches no device") {
+  ServoBench bench;
+  const TickRecord& record = bench.ticks(3);
+  CHECK(bench.journal.empty());
+  CHECK(record.server == ServerState::kIdle);
+  CHECK(record.step == 0);
+  CHECK_FALSE(bench.servo->local_model());
+}
+
+TEST_CASE("Every step of a session counts, and its record says what was read and commanded") {
+  ServoBench bench;
+  bench.device.state->X_WD.p = {0.001, 0, 0};
+  bench.device.state->F_hand = planar_wrench(0.5, 0, 0);
+  CHECK(bench.begin().step == 1);
+  const TickRecord& record = bench.ticks(150);
+  CHECK(record.step == 151);
+  CHECK(record.session == bench.session.id());
+  CHECK(record.X_WD.p.x() == 0.001);
+  CHECK(record.hand_measured);
+  CHECK(record.F_hand == planar_wrench(0.5, 0, 0));
+  CHECK(record.F_command == bench.device.written);
+}
+
+// Sessions.
+
+TEST_CASE("A hello begins a session: device aligned to the tool's hand, enabled, client welcomed") {
+  ServoOptions options;
+  options.rate = 500;
+  options.local_model.stiffness = 2500;
+  ServoBench bench(options, /*configuration=*/77);
+  ToolDescription tool = test::planar_tool();
+  tool.X_LH.p = {0, 0.03, 0};
+  bench.say_hello(tool, Vector3(0.1, -0.05, 0.3));
+  const TickRecord& record = bench.tick();
+  CHECK(bench.journal ==
+        Journal{"receive hello", "align", "enable", "send welcome", "read", "write"});
+  CHECK(record.server == ServerState::kRunning);
+
+  const Vector3 hand(0.1 - 0.03 * std::sin(0.3), -0.05 + 0.03 * std::cos(0.3), 0);  // m
+  CHECK((bench.device.aligned_to.p - hand).norm() < 1e-12);
+  CHECK(rotation_vector(bench.device.aligned_to.R).z() == Approx(0.3));  // rad
+  const auto welcome = bench.last_sent<protocol::Welcome>();
+  CHECK(welcome.servo_rate == 500);
+  CHECK(welcome.fingerprint == 77);
+  CHECK(welcome.tuning.stiffness == 2500);
+  CHECK(welcome.guidable);
+}
+
+TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {
+  ServoBench bench;
+  begin_under_load(bench);
+  bench.device.state->X_WD.p = {0.01, 0, 0};
+  const std::uint64_t first = bench.session.id();
+  bench.say_hello(test::planar_tool(), Vector3(0.01, 0, 0));
+  const TickRecord& record = bench.tick();
+  CHECK(record.step == 1);
+  CHECK(record.session != first);
+  CHECK(record.F_command.norm() == 0);
+  CHECK((record.X_WP.p - Vector3(0.01, 0, 0)).norm() < 1e-5);  // m
+}
+
+TEST_CASE("Force fades in from a session's begin: 7.5 N begin with 0.075 N") {
+  ServoBench bench;
+  bench.device.state->X_WD.p = {0.005, 0, 0};  // 5 mm at 1500 N/m
+  CHECK(bench.begin().F_command.norm() == 0);
+  CHECK(bench.tick().F_command.norm() == Approx(0.075).epsilon(0.1));
+}
+
+TEST_CASE("A controller in the proxy's place takes a rigid tool, and refuses a linkage by name") {
+  ServoOptions options;
+  options.controller = ControllerKind::kDirect;
+  ServoBench bench(options);
+  CHECK(bench.begin(test::planar_linkage()).server == ServerState::kIdle);
+  CHECK(bench.journal == Journal{"receive hello", "send reject"});
+  const auto reject = bench.last_sent<protocol::Reject>();
+  CHECK(std::string(reject.text.begin(), reject.text.end()) ==
+        "this controller needs a tool of one link; use another one");
+  CHECK(bench.begin(test::planar_tool()).server == ServerState::kRunning);
+}
+
+TEST_CASE("Goodbye: force fades, the proxy goes on meanwhile, then the device is off") {
+  ServoBench bench;
+  begin_under_load(bench);
+  bench.send(protocol::Goodbye{});
+  double previous = bench.device.written.norm();
+  bench.tick();
+  int fading = 0;
+  while (bench.servo->local_model()) {
+    CHECK(bench.device.enabled);
+    CHECK(bench.device.written.norm() < previous);
+    previous = bench.device.written.norm();
+    bench.tick();
+    REQUIRE(++fading < 150);
+  }
+  CHECK(fading == Approx(100).margin(2));  // ms
+  CHECK(previous == 0);
+  CHECK(bench.journal == Journal{"disable"});
+  CHECK(bench.tick().server == ServerState::kIdle);
+  CHECK(bench.journal.empty());
+}
+
+TEST_CASE("A silent client: the session stays, and an update brings force back") {
+  ServoBench bench;
+  begin_under_load(bench);
+  CHECK(bench.ticks(8).server == ServerState::kRunning);
+  CHECK(bench.ticks(4).server == ServerState::kSilent);  // after 0.25 s
+  CHECK(bench.ticks(105).F_command.norm() == 0);
+  CHECK(bench.device.enabled);
+  bench.tick_with(bench.update());
+  const TickRecord& record = bench.ticks(120);
+  CHECK(record.server == ServerState::kRunning);
+  CHECK(record.F_command.norm() == Approx(3).epsilon(0.1));  // N
+}
+
+TEST_CASE("Shutting down commands zero, disables the device and says goodbye, in this order") {
+  ServoBench bench;
+  begin_under_load(bench);
+  bench.journal.clear();
+  bench.servo->shut_down(1);
+  CHECK(bench.journal == Journal{"write", "disable", "send goodbye"});
+  CHECK(bench.device.written.norm() == 0);
+  CHECK(bench.last_sent<protocol::Goodbye>().reason == protocol::GoodbyeReason::kShutdown);
+  CHECK(bench.tick().server == ServerState::kIdle);
+  CHECK(bench.journal.empty());
+}
+
+// Faults.
+
+struct Failure {
+  const char* name;
+  Fault fault;
+  void (*cause)(ServoBench&);
+};
+
+const Failure kFailures[] = {
+    {"the device cannot be read", Fault::kDevice, [](ServoBench& b) { b.device.state.reset(); }},
+    {"the device takes no wrench", Fault::kDevice,
+     [](ServoBench& b) { b.device.takes_wrenches = false; }},
+    {"a position is not finite", Fault::kNonFinite,
+     [](ServoBench& b) { b.device.state->X_WD.p.y() = kNaN; }},
+    {"an orientation is not finite", Fault::kNonFinite,
+     [](ServoBench& b) { b.device.state->X_WD.R.w() = kNaN; }},
+    {"a velocity is not finite", Fault::kNonFinite,
+     [](ServoBench& b) { b.device.state->V_WD[5] = kNaN; }},
+    {"the hand's wrench is not finite", Fault::kNonFinite,
+     [](ServoBench& b) { b.device.state->F_hand = planar_wrench(0, kNaN, 0); }},
+};
+
+TEST_CASE("A fault is no force, device off, in the same tick, until a new session") {
+  const Failure& failure = GENERATE(from_range(std::begin(kFailures), std::end(kFailures)));
+  INFO(failure.name);
+  ServoBench bench;
+  begin_under_load(bench);
+  const DeviceState healthy = *bench.device.state;
+  failure.cause(bench);
+  const TickRecord& record = bench.tick_with(bench.update());
+  CHECK(record.server == ServerState::kFault);
+  CHECK(record.fault == failure.fault);
+  CHECK(record.F_command.norm() == 0);
+  CHECK(bench.device.written.norm() == 0);
+  CHECK_FALSE(bench.device.enabled);
+  CHECK(record.X_WP.p.allFinite());
+
+  // Later ticks leave the device alone, and the client learns in finite numbers.
+  bench.device.state = healthy;
+  bench.device.takes_wrenches = true;
+  bench.tick_with(bench.update());
+  CHECK(bench.journal == Journal{"receive update", "send state"});
+  const auto state = bench.last_sent<protocol::ProxyState>();
+  CHECK(state.server == ServerState::kFault);
+  CHECK(state.fault == failure.fault);
+  CHECK(state.F_command.norm() == 0);
+
+  CHECK(bench.begin().server == ServerState::kRunning);
+  CHECK(bench.tick().fault == Fault::kNone);
+  CHECK(bench.device.enabled);
+}
+
+TEST_CASE("A proxy that leaves all bounds is a fault, and the client learns it in finite numbers") {
+  ServoBench bench;
+  bench.begin();
+  bench.device.state->F_hand = planar_wrench(0, 0, 1.7e308);  // N·m
+  const TickRecord* record = &bench.tick_with(bench.update());
+  while (record->fault == Fault::kNone) {
+    record = &bench.tick_with(bench.update());
+    REQUIRE(record->step < 10);
+  }
+  CHECK(record->fault == Fault::kNonFinite);
+  CHECK_FALSE(bench.device.enabled);
+  CHECK(bench.last_sent<protocol::ProxyState>().fault == Fault::kNonFinite);
+}
+
+TEST_CASE("A gap of 250 periods is endured, one of 251 is an overrun") {
+  ServoBench bench;
+  bench.begin();
+  CHECK(bench.tick(250).server == ServerState::kRunning);
+  CHECK(bench.tick(251).fault == Fault::kOverrun);
+  CHECK_FALSE(bench.device.enabled);
+}
+
+// Controls.
+
+TEST_CASE("A control takes effect with the next update, before it is adopted") {
+  ServoBench bench;
+  bench.begin();
+  bench.send(holding(true));
+  bench.tick();
+  CHECK(bench.journal == Journal{"receive control", "read", "write"});
+  bench.tick_with(bench.update());
+  CHECK(bench.journal == Journal{"receive update", "hold the hand", "read", "write", "send state"});
+  CHECK(bench.last_sent<protocol::ProxyState>().control == 1);
+  bench.send(holding(false));
+  bench.tick_with(bench.update());
+  CHECK(bench.journal[2] == "let go of the hand");
+}
+
+TEST_CASE("A control puts the device in the place of a rigid proxy, never of a linkage") {
+  const bool linkage = GENERATE(false, true);
+  ServoBench bench;
+  bench.begin(linkage ? test::planar_linkage() : test::planar_tool());
+  bench.device.state->X_WD.p = {0.01, 0, 0};
+  protocol::Control control = holding(false);
+  control.tuned = true;
+  control.tuning.controller = ControllerKind::kDirect;
+  bench.send(control);
+  const TickRecord& record = bench.tick_with(bench.update());
+  CHECK(record.fault == Fault::kNone);
+  // The spring of 1500 N/m moves 1 kg by 15 µm in 1 ms, direct control by all of 10 mm.
+  CHECK(record.X_WP.p.x() == Approx(linkage ? 0 : 0.01).margin(1e-4));
+}
+
+// The age of contacts.
+
+TEST_CASE("Contacts are as old as the client took to find them: their wall has come nearer") {
+  ServoBench bench;
+  bench.begin();
+  bench.ticks(10);
+  protocol::ContactUpdate update = bench.update({wall_ahead(0.020, 0, /*approach=*/0.1)});
+  update.compute_time = 0.02;  // s
+  const TickRecord& record = bench.tick_with(update);
+  CHECK(record.age == Approx(0.02));  // s
+  // 2 mm while the client computed, 0.1 mm in this step.
+  CHECK(record.smallest_separation == Approx(0.0179).margin(1e-9));  // m
+  CHECK(bench.last_sent<protocol::ProxyState>().age == Approx(0.02));
+}
+
+TEST_CASE("And half of the round trip older, without the time that the client held the echo") {
+  ServoBench bench;
+  bench.begin();
+  bench.ticks(40);
+  protocol::ContactUpdate update = bench.update({wall_ahead(0.020, 0, /*approach=*/0.1)});
+  update.echo_step = 1;     // 40 ms ago
+  update.echo_hold = 0.01;  // s
+  const TickRecord& record = bench.tick_with(update);
+  CHECK(record.age == Approx(0.015));                                // s
+  CHECK(record.smallest_separation == Approx(0.0184).margin(1e-9));  // m
+}
+
+TEST_CASE("An echo of no step, of one to come or held too long counts as no travel") {
+  ServoBench bench;
+  bench.begin();
+  bench.ticks(40);
+  protocol::ContactUpdate update = bench.update();
+  update.compute_time = 0.004;
+  const auto [step, hold] = GENERATE(table<std::uint64_t, double>({{0, 0}, {42, 0}, {1, 0.5}}));
+  update.echo_step = step;
+  update.echo_hold = hold;
+  CHECK(bench.tick_with(update).age == Approx(0.004));  // s
+}
+
+TEST_CASE("An age beyond a second comes from a broken clock: constraints go no further") {
+  ServoBench bench;
+  bench.begin();
+  protocol::ContactUpdate update = bench.update();
+  update.compute_time = 7;
+  CHECK(bench.tick_with(update).age == 1);  // s
+}
+
+// What the hand feels of a collision.
+
+struct Felt {
+  double speed = 0;                  ///< Of the proxy before the collision, m/s.
+  double speed_after = 0;            ///< m/s.
+  double force_momentum = 0;         ///< Commanded along x from the collision on, N·s.
+  double torque_momentum = 0;        ///< About z, N·m·s.
+  double largest_force = 0;          ///< Commanded, N.
+  static constexpr int kTicks = 25;  ///< After the collision; spreading ends within 20.
+};
+
+/// The hand pushes the proxy with 1 N into a wall 20 mm ahead, which it meets at height y.
+Felt fly_into_wall(double y) {
+  ServoBench bench(untied());
+  bench.device.state->F_hand = planar_wrench(1, 0, 0);
+  bench.begin();
+  bench.tick_with(bench.update({wall_ahead(0.02, y)}));
+  Felt felt;
+  const TickRecord* record = &bench.tick();
+  while (record->contact_state == ProxyContactState::kFreeMotion) {
+    felt.speed = record->V_WP[0];
+    record = &bench.tick();
+    REQUIRE(record->step < 1000);
+  }
+  for (int i = 0; i < Felt::kTicks; ++i) {
+    if (i > 0) record = &bench.tick();
+    felt.force_momentum += record->F_command[0] * 1e-3;
+    felt.torque_momentum += record->F_command[5] * 1e-3;
+    felt.largest_force = std::max(felt.largest_force, record->F_command.head<3>().norm());
+    felt.speed_after = record->V_WP[0];
+  }
+  return felt;
+}
+
+TEST_CASE("The momentum that a collision takes from the proxy reaches the hand, 12 N at most") {
+  const Felt felt = fly_into_wall(0);
+  REQUIRE(felt.speed == Approx(0.2).epsilon(0.01));  // m/s: 1 N on 1 kg over 20 mm
+  // The proxy's 0.2 N·s, and what the hand pushed meanwhile.
+  const double pushed = 1 * Felt::kTicks * 1e-3;  // N·s
+  CHECK(felt.force_momentum == Approx(felt.speed_after - felt.speed - pushed).margin(1e-3));
+  CHECK(felt.largest_force <= 12 + 1e-9);
+}
+
+TEST_CASE("A collision off centre reaches the hand with its torque: lever times momentum") {
+  const double lever = 0.03;  // m
+  const Felt felt = fly_into_wall(lever);
+  REQUIRE(felt.force_momentum < -0.1);                                                // N·s
+  CHECK(felt.torque_momentum == Approx(-lever * felt.force_momentum).epsilon(0.03));  // N·m·s
+}
+
+}  // namespace
+}  // namespace hlm::server
