@@ -238,7 +238,7 @@ TEST_CASE("A client whose terminal goes says goodbye") {
   Process haptic_server(server(port));
   REQUIRE(haptic_server.wait_for_error("listening", 10));
   Process haptic_client(client(port));
-  REQUIRE(haptic_server.wait_for_error("begins", 10));
+  REQUIRE(haptic_client.wait_for_error("began", 10));
   haptic_client.send_signal(SIGHUP);
   CHECK(haptic_client.wait(10) == 0);
   CHECK(haptic_server.wait_for_error("is over", 10));
