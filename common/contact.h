@@ -1,51 +1,76 @@
 // A contact between the virtual tool and the virtual environment, as the environment reports it.
 #pragma once
 
-#include <compare>
 #include <cstddef>
 #include <cstdint>
 
 #include "common/spatial.h"
 #include "common/static_vector.h"
+#include "common/vocabulary.h"
 
 namespace hlm {
 
-/// Largest number of contacts in one update.
-inline constexpr std::size_t kMaxContacts = 64;
+/// Largest number of contacts in one update: some 64 of the tool and those of the bodies near it.
+inline constexpr std::size_t kMaxContacts = 192;
+/// Largest number of movable bodies in one update.
+inline constexpr std::size_t kMaxBodies = 16;
 
-/// Part of a shape that takes part in a basic contact.
-enum class FeatureKind : std::uint8_t { kVertex = 0, kEdge = 1, kFace = 2 };
+/// What a side of a contact belongs to.
+enum class SideKind : std::uint8_t {
+  kWorld = 0,
+  kToolLink = 1,
+  kMovableBody = 2,
+};
+template <>
+inline constexpr std::array<Word<SideKind>, 3> kWords<SideKind>{{
+    {SideKind::kWorld, "world", "what does not move, or moves regardless of the tool"},
+    {SideKind::kToolLink, "tool_link", "a link of the virtual tool"},
+    {SideKind::kMovableBody, "movable_body", "a body that the tool can push"},
+}};
 
-/// A feature of a body. Stable from frame to frame: the same vertex of the same shape has the same
-/// value however the bodies move.
-struct Feature {
-  FeatureKind kind = FeatureKind::kVertex;
-  std::uint8_t shape = 0;   ///< Which convex shape of the body.
-  std::uint16_t index = 0;  ///< Which vertex, edge or face of that shape.
+/// One of the two sides of a contact.
+struct ContactSide {
+  SideKind kind = SideKind::kWorld;
+  std::uint32_t index = 0;  ///< Of the link; of a body, the environment's own number for it.
 
-  auto operator<=>(const Feature&) const = default;
+  bool operator==(const ContactSide&) const = default;
 };
 
-/// Identity of a contact: the feature pair. It is the same from frame to frame, whichever of the
-/// two bodies a collision detector takes as its reference.
-struct ContactKey {
-  std::uint16_t link = 0;  ///< Link of the virtual tool.
-  Feature tool_feature;    ///< Feature of that link.
-  std::uint32_t body = 0;  ///< Body of the virtual environment.
-  Feature body_feature;    ///< Feature of that body.
-
-  auto operator<=>(const ContactKey&) const = default;
-};
-
-/// One active (separation <= 0) or ε-active (0 < separation <= ε) contact.
+/// One active (separation <= 0) or ε-active (0 < separation <= ε) contact between two sides.
 struct ReportedContact {
-  ContactKey key;
-  Vector3 p_WC = Vector3::Zero();  ///< Point on the environment (the local constraint), world, m.
-  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal from the environment to the tool, world.
+  /// The same from update to update while the contact lasts, different for any two contacts of one
+  /// update. Whoever makes contacts chooses it: feature pairs, or a tracker's own numbers.
+  std::uint64_t identity = 0;
+  /// The pair of convex pieces that the contact belongs to, and which of the pair's separating axes
+  /// it lies on. Contacts of one axis share the normal.
+  std::uint32_t pair = 0;
+  std::uint16_t axis = 0;
+  ContactSide a{SideKind::kToolLink,
+                0};  ///< Whom the normal points to: the tool, if it takes part.
+  ContactSide b;
+  Vector3 p_WC = Vector3::Zero();  ///< Point on the surface of b (the local constraint), world, m.
+  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal from b to a, world.
   double separation = 0;  ///< True separation σ, m; negative when the true shapes overlap.
-  Vector3 v_WC = Vector3::Zero();  ///< Velocity of the environment's point, world, m/s.
+  Vector3 v_WC = Vector3::Zero();  ///< Velocity of b's point, world, m/s.
+  /// Coefficient of friction of the two materials; negative: the server's own coefficients.
+  double friction = -1;
+  double load = 0;  ///< Present normal force of a contact without the tool, N, >= 0.
 };
 
 using ReportedContacts = StaticVector<ReportedContact, kMaxContacts>;
+
+/// A body that the tool can push, at the environment's latest step. World axes, about its centre of
+/// mass.
+struct MovableBody {
+  std::uint32_t id = 0;              ///< ContactSide::index of its contacts.
+  Vector3 p_WCom = Vector3::Zero();  ///< Centre of mass, world, m.
+  Vector6 V_W = Vector6::Zero();     ///< Twist, m/s and rad/s.
+  /// Inverse inertia that its joints leave it, 1/kg and 1/(kg·m²): symmetric, no negative
+  /// eigenvalue.
+  Matrix6 W = Matrix6::Zero();
+  Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts, m/s², rad/s².
+};
+
+using MovableBodies = StaticVector<MovableBody, kMaxBodies>;
 
 }  // namespace hlm

@@ -1,5 +1,4 @@
-// Kinematics and dynamics of a virtual tool: D(q), G(q) and Jacobians (METHOD 1, Eq. 7 of the
-// paper).
+// Kinematics and dynamics of a virtual tool: D(q), G(q) and Jacobians (docs/method.md 1, Eq. 7).
 #pragma once
 
 #include <array>

@@ -198,4 +198,29 @@ inline constexpr std::array<Word<ForceLimit>, 5> kWords<ForceLimit>{{
     {ForceLimit::kFade, "fade", "a fade"},
 }};
 
+/// Why an update of contacts, or a contact of it, was not used.
+enum class UpdateError : std::uint8_t {
+  kNone = 0,
+  kLayout = 1,
+  kNonFinite = 2,
+  kTool = 3,
+  kQuaternion = 4,
+  kRange = 5,
+  kNormal = 6,
+  kSide = 7,
+  kDuplicate = 8,
+};
+template <>
+inline constexpr std::array<Word<UpdateError>, 9> kWords<UpdateError>{{
+    {UpdateError::kNone, "none", "no error"},
+    {UpdateError::kLayout, "layout", "its bytes are not laid out as the standard says"},
+    {UpdateError::kNonFinite, "non_finite", "a number is not finite"},
+    {UpdateError::kTool, "tool", "q or v does not have the tool's number of coordinates"},
+    {UpdateError::kQuaternion, "quaternion", "the quaternion in q is not of length 1 within 1e-3"},
+    {UpdateError::kRange, "range", "a number is outside its range"},
+    {UpdateError::kNormal, "normal", "the normal is not of length 1 within 1e-3"},
+    {UpdateError::kSide, "side", "side a is no link of the tool, or the link does not exist"},
+    {UpdateError::kDuplicate, "duplicate", "another contact of the update has the same identity"},
+}};
+
 }  // namespace hlm

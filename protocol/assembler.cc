@@ -4,29 +4,38 @@
 
 namespace hlm::protocol {
 
-static_assert(kMaxParts <= 32, "one bit of arrived_ per part");
+static_assert(kMaxParts <= 64, "one bit of arrived_ per part");
 
 std::optional<DropReason> Assembler::add(const Header& header, std::span<const std::byte> bytes,
                                          ReceiveStatistics& statistics) noexcept {
   const std::uint64_t sequence = header.envelope.sequence;
-  const std::uint32_t bit = 1u << header.slice.part;
-  if (sequence < newest_) return DropReason::kStale;
+  const std::uint64_t bit = std::uint64_t{1} << header.part;
+  if (sequence == refused_) return DropReason::kMalformed;
+  if (sequence < newest_ || sequence <= accepted_) return DropReason::kStale;
   if (sequence > newest_) {
     discard_incomplete(statistics);
     newest_ = sequence;
-    parts_ = header.slice.parts;
+    parts_ = header.parts;
     arrived_ = 0;
   }
-  if (header.slice.parts != parts_) return DropReason::kMalformed;
+  if (header.parts != parts_) return DropReason::kMalformed;
   if (arrived_ & bit) return DropReason::kStale;
-  bytes_[header.slice.part].assign(bytes.begin(), bytes.end());
+  bytes_[header.part].assign(bytes.begin(), bytes.end());
   arrived_ |= bit;
   return std::nullopt;
 }
 
+void Assembler::refuse(std::uint64_t sequence) noexcept {
+  refused_ = sequence;
+  if (newest_ != sequence) return;
+  newest_ = accepted_;
+  parts_ = 0;
+  arrived_ = 0;
+}
+
 void Assembler::restart(ReceiveStatistics& statistics) noexcept {
   discard_incomplete(statistics);
-  newest_ = 0;
+  accepted_ = newest_ = refused_ = 0;
   parts_ = 0;
   arrived_ = 0;
 }

@@ -16,11 +16,16 @@ namespace hlm::protocol {
 /// For the messages of one sender in one session. Never allocates or throws.
 class Assembler {
  public:
-  /// Adds a part whose header decode_header() accepted. Returns why it is dropped; empty if it was
+  /// Adds a part that was found good (decode_part()). Returns why it is dropped; empty if it was
   /// added. A part of a newer message discards an incomplete older one, whose parts are counted as
   /// incomplete.
   std::optional<DropReason> add(const Header& header, std::span<const std::byte> bytes,
                                 ReceiveStatistics& statistics) noexcept;
+  /// The complete message is used: only newer ones count from here on.
+  void accept() noexcept { accepted_ = newest_; }
+  /// The message of this sequence, complete or not, cannot be used: it leaves no trace, and no part
+  /// of it counts any more.
+  void refuse(std::uint64_t sequence) noexcept;
   /// Forgets everything: the next message may have any sequence.
   void restart(ReceiveStatistics& statistics) noexcept;
 
@@ -28,17 +33,17 @@ class Assembler {
   bool complete() const noexcept { return parts_ > 0 && arrived_count() == parts_; }
   /// All parts in order, if complete().
   std::span<const DatagramBytes> parts() const noexcept { return {bytes_.data(), parts_}; }
-  /// Sequence of the newest message of which a part has come; 0 if there is none.
-  std::uint64_t newest() const noexcept { return newest_; }
 
  private:
   std::size_t arrived_count() const noexcept;
   void discard_incomplete(ReceiveStatistics& statistics) noexcept;
 
   std::array<DatagramBytes, kMaxParts> bytes_;
-  std::uint64_t newest_ = 0;
+  std::uint64_t accepted_ = 0;  ///< Sequence of the newest message that was used.
+  std::uint64_t newest_ = 0;    ///< Of the newest message of which a part has come.
+  std::uint64_t refused_ = 0;   ///< Of the latest message that was refused.
   std::size_t parts_ = 0;
-  std::uint32_t arrived_ = 0;  ///< Bit i: part i has come.
+  std::uint64_t arrived_ = 0;  ///< Bit i: part i has come.
 };
 
 }  // namespace hlm::protocol

@@ -53,6 +53,10 @@ std::optional<DropReason> ClientSession::take_datagram(double now) {
       return take_ticks(header);
     case MessageType::kLocalState:
       return take_local_state(header);
+    case MessageType::kRefusal:
+      return take_refusal(header);
+    case MessageType::kImpulses:
+      return take_impulses(header);
     case MessageType::kHello:
     case MessageType::kContactUpdate:
     case MessageType::kControl:
@@ -73,7 +77,8 @@ std::optional<DropReason> ClientSession::take_welcome(double now, const Header& 
   received_ = header.envelope.sequence;
   unanswered_since_.reset();
   state_ = {};
-  state_received_at_ = now;
+  state_received_at_ = now - datagram_.waited;
+  impulses_ = {};
   control_sequence_ = 0;
   next_step_ = 1;
   local_state_parts_.restart(statistics_);
@@ -94,12 +99,13 @@ std::optional<DropReason> ClientSession::take_state(double now, const Header& he
   if (const auto reason = check_session(header)) return reason;
   ProxyState state;
   if (const auto reason = decode(view(datagram_.bytes), state)) return reason;
+  normalize(options_.hello.tool, state.q);
   if (!fits(options_.hello.tool, state)) return DropReason::kMalformed;
   received_ = header.envelope.sequence;
   unanswered_since_.reset();
   state_ = state;
-  state_received_at_ = now;
-  round_trip_ = std::max(0.0, now - state.update_send_time - state.hold);
+  state_received_at_ = now - datagram_.waited;
+  round_trip_ = std::max(0.0, state_received_at_ - state.update_send_time - state.hold);
   inbox_.state = &state_;
   return std::nullopt;
 }
@@ -126,16 +132,39 @@ std::optional<DropReason> ClientSession::take_ticks(const Header& header) {
 
 std::optional<DropReason> ClientSession::take_local_state(const Header& header) {
   if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  LocalState state;
+  if (const auto error = decode_part(view(datagram_.bytes), state)) return error->reason;
   if (const auto reason = local_state_parts_.add(header, view(datagram_.bytes), statistics_)) {
     return reason;
   }
   if (!local_state_parts_.complete()) return std::nullopt;
-  LocalState state;
   if (const auto reason = decode(local_state_parts_.parts(), state)) {
     statistics_.drop(*reason, local_state_parts_.parts().size() - 1);
+    local_state_parts_.refuse(header.envelope.sequence);
     return reason;
   }
+  local_state_parts_.accept();
   if (options_.telemetry) options_.telemetry->observe(state);
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::take_refusal(const Header& header) noexcept {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  Refusal refusal;
+  if (const auto reason = decode(view(datagram_.bytes), refusal)) return reason;
+  inbox_.refusal = refusal;
+  // The server lives, and would refuse in a new session what it refuses in this one.
+  unanswered_since_.reset();
+  return std::nullopt;
+}
+
+std::optional<DropReason> ClientSession::take_impulses(const Header& header) noexcept {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  Impulses impulses;
+  if (const auto reason = decode(view(datagram_.bytes), impulses)) return reason;
+  if (impulses.step < impulses_.step) return DropReason::kStale;
+  impulses_ = impulses;
+  inbox_.impulses = &impulses_;
   return std::nullopt;
 }
 

@@ -44,7 +44,9 @@ class ClientSession {
     bool welcomed = false;         ///< A session began in this poll: the proxy starts at hello.q.
     bool lost = false;             ///< The session ended in this poll (goodbye or silence).
     std::optional<Reject> reject;  ///< The server refuses; it is asked again all the same.
-    const ProxyState* state = nullptr;  ///< Newest proxy state, valid until the next poll.
+    const ProxyState* state = nullptr;   ///< Newest proxy state, valid until the next poll.
+    std::optional<Refusal> refusal;      ///< Why an update, or a contact of it, was not used.
+    const Impulses* impulses = nullptr;  ///< Newest totals, valid until the next poll.
   };
 
   /// Drains the link, says hello where there is no session. `now`: s, any steady origin.
@@ -75,6 +77,8 @@ class ClientSession {
   std::optional<DropReason> take_goodbye(const Header& header) noexcept;
   std::optional<DropReason> take_ticks(const Header& header);
   std::optional<DropReason> take_local_state(const Header& header);
+  std::optional<DropReason> take_refusal(const Header& header) noexcept;
+  std::optional<DropReason> take_impulses(const Header& header) noexcept;
   std::optional<DropReason> check_session(const Header& header) const noexcept;
 
   void say_hello(double now) noexcept;
@@ -97,13 +101,14 @@ class ClientSession {
   std::uint64_t received_ = 0;              ///< Sequence of the newest message received.
   std::optional<double> unanswered_since_;  ///< First update after the server was last heard, s.
   ProxyState state_;                        ///< Newest of the session.
-  double state_received_at_ = 0;            ///< s.
+  double state_received_at_ = 0;            ///< When it arrived, s.
   double round_trip_ = 0;
 
   std::optional<Control> control_;
   std::uint64_t control_sequence_ = 0;  ///< Of the first message with it in the session; 0: unsent.
   std::uint64_t next_step_ = 1;         ///< First step of the ticks that are not stale.
   Assembler local_state_parts_;
+  Impulses impulses_;  ///< Newest of the session.
 };
 
 }  // namespace hlm::protocol

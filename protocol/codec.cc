@@ -1,105 +1,72 @@
 #include "protocol/codec.h"
 
 #include <algorithm>
+#include <array>
 
 #include "protocol/layout.h"
 
 namespace hlm::protocol {
 namespace {
 
-using layout::kContactsPerPart;
 using layout::kHeaderSize;
-using layout::kLinksPerPart;
+using layout::kListHeaderSize;
 
 /// "HLMI" in the byte stream.
 constexpr std::uint32_t kMagic = 0x494D4C48;
 constexpr std::size_t kLengthPosition = 36;
+constexpr std::size_t kBlockPosition = 38;
+/// What a sender fills of a datagram.
+constexpr std::size_t kRoom = kMaxDatagram - kSealRoom;
+constexpr std::size_t kMaxLists = 2;
 
-/// How many items a message's list may have, and how many go into each part but the last.
-struct ListRule {
-  std::size_t smallest;
-  std::size_t largest;
-  std::size_t per_part;
+bool is_known(MessageType type) noexcept {
+  return type >= MessageType::kHello && type <= MessageType::kImpulses;
+}
+
+bool is_outside_sessions(MessageType type) noexcept {
+  return type == MessageType::kHello || type == MessageType::kReject;
+}
+
+/// Which items of each list one part holds.
+struct Share {
+  std::size_t first = 0;
+  std::size_t count = 0;
+  std::size_t total = 0;
 };
+using Shares = std::array<Share, kMaxLists>;
 
-constexpr ListRule list_rule(MessageType type) noexcept {
-  switch (type) {
-    case MessageType::kHello:
-      return {1, kMaxLinks, kLinksPerPart};
-    case MessageType::kContactUpdate:
-      return {0, kMaxContacts, kContactsPerPart};
-    case MessageType::kTicks:
-      return {1, kTicksPerMessage, kTicksPerMessage};
-    case MessageType::kLocalState:
-      return {0, kMaxContacts, layout::kLocalContactsPerPart};
-    case MessageType::kWelcome:
-    case MessageType::kReject:
-    case MessageType::kProxyState:
-    case MessageType::kGoodbye:
-    case MessageType::kControl:
-      break;
-  }
-  return {0, 0, 1};
+template <class List>
+constexpr std::size_t item_size(const List&) noexcept {
+  return layout::kItemSize<typename List::value_type>;
 }
 
-constexpr std::size_t parts_for(ListRule rule, std::size_t items_total) noexcept {
-  return std::max<std::size_t>(1, (items_total + rule.per_part - 1) / rule.per_part);
+/// Puts as many items as fit behind those of the part before; false if none are left.
+template <class Message>
+bool next_shares(const Message& message, std::size_t block, Shares& shares) noexcept {
+  std::size_t used = kHeaderSize + block;
+  layout::lists(message, [&](const auto&) { used += kListHeaderSize; });
+  bool any = false;
+  std::size_t i = 0;
+  layout::lists(message, [&](const auto& list) {
+    Share& share = shares[i++];
+    share.first += share.count;
+    share.count = std::min((kRoom - used) / item_size(list), list.size() - share.first);
+    used += share.count * item_size(list);
+    any |= share.count > 0;
+  });
+  return any;
 }
-static_assert(parts_for(list_rule(MessageType::kHello), kMaxLinks) <= kMaxParts);
-static_assert(parts_for(list_rule(MessageType::kContactUpdate), kMaxContacts) <= kMaxParts);
-static_assert(parts_for(list_rule(MessageType::kLocalState), kMaxContacts) <= kMaxParts);
-
-/// Precondition: part < parts_for(rule, items_total).
-Slice slice_of(ListRule rule, std::size_t items_total, std::size_t part) noexcept {
-  const std::size_t first = part * rule.per_part;
-  return {.part = static_cast<std::uint8_t>(part),
-          .parts = static_cast<std::uint8_t>(parts_for(rule, items_total)),
-          .items = static_cast<std::uint8_t>(std::min(rule.per_part, items_total - first)),
-          .items_total = static_cast<std::uint8_t>(items_total)};
-}
-
-bool is_valid(const Slice& slice, ListRule rule) noexcept {
-  const std::size_t total = slice.items_total;
-  if (total < rule.smallest || total > rule.largest) return false;
-  return slice.part < parts_for(rule, total) && slice == slice_of(rule, total, slice.part);
-}
-
-/// The list of a message; an empty one where the message has none.
-const auto& items_of(const Hello& hello) noexcept { return hello.tool.links; }
-const auto& items_of(const ContactUpdate& update) noexcept { return update.contacts; }
-auto& items_of(Hello& hello) noexcept { return hello.tool.links; }
-auto& items_of(ContactUpdate& update) noexcept { return update.contacts; }
-const auto& items_of(const Ticks& ticks) noexcept { return ticks.ticks; }
-auto& items_of(Ticks& ticks) noexcept { return ticks.ticks; }
-const auto& items_of(const LocalState& state) noexcept { return state.contacts; }
-auto& items_of(LocalState& state) noexcept { return state.contacts; }
 
 template <class Message>
-concept HasList = requires(Message message) {
-  items_of(message);
-};
+std::size_t block_size(const Message& message) noexcept {
+  DatagramBytes bytes;
+  Writer writer(bytes);
+  layout::block(writer, message);
+  return bytes.size();
+}
 
-template <class Message>
-constexpr MessageType kTypeOf = MessageType::kHello;
-template <>
-constexpr MessageType kTypeOf<Welcome> = MessageType::kWelcome;
-template <>
-constexpr MessageType kTypeOf<Reject> = MessageType::kReject;
-template <>
-constexpr MessageType kTypeOf<ContactUpdate> = MessageType::kContactUpdate;
-template <>
-constexpr MessageType kTypeOf<ProxyState> = MessageType::kProxyState;
-template <>
-constexpr MessageType kTypeOf<Goodbye> = MessageType::kGoodbye;
-template <>
-constexpr MessageType kTypeOf<Control> = MessageType::kControl;
-template <>
-constexpr MessageType kTypeOf<Ticks> = MessageType::kTicks;
-template <>
-constexpr MessageType kTypeOf<LocalState> = MessageType::kLocalState;
-
-void write_header(Writer& writer, MessageType type, const Envelope& envelope,
-                  const Slice& slice) noexcept {
+void write_header(Writer& writer, MessageType type, const Envelope& envelope, std::uint8_t part,
+                  std::uint8_t parts) noexcept {
   writer.u32(kMagic);
   writer.u16(kProtocolVersion);
   writer.u8(type);
@@ -107,156 +74,144 @@ void write_header(Writer& writer, MessageType type, const Envelope& envelope,
   writer.u64(envelope.session);
   writer.u64(envelope.sequence);
   writer.i64(envelope.send_time);
-  writer.u8(slice.part);
-  writer.u8(slice.parts);
-  writer.u8(slice.items);
-  writer.u8(slice.items_total);
+  writer.u8(part);
+  writer.u8(parts);
+  writer.u8(0);   // tool
+  writer.u8(0);   // reserved
   writer.u16(0);  // length, known at the end
-  writer.u16(0);  // reserved
+  writer.u16(0);  // block, known after it
 }
 
-void write_length(DatagramBytes& bytes) noexcept {
-  DatagramBytes length;
-  Writer(length).u16(static_cast<std::uint16_t>(bytes.size()));
-  std::copy(length.begin(), length.end(), bytes.begin() + kLengthPosition);
+void write_at(DatagramBytes& bytes, std::size_t position, std::size_t value) noexcept {
+  DatagramBytes number;
+  Writer(number).u16(static_cast<std::uint16_t>(value));
+  std::copy(number.begin(), number.end(), bytes.begin() + static_cast<std::ptrdiff_t>(position));
 }
 
-template <class Message>
-std::size_t item_count(const Message& message) noexcept {
-  if constexpr (HasList<const Message>) return items_of(message).size();
-  return 0;
+template <class List>
+void write_list(Writer& writer, const List& list, const Share& share) noexcept {
+  writer.u16(static_cast<std::uint16_t>(share.first));
+  writer.u16(static_cast<std::uint16_t>(share.count));
+  writer.u16(static_cast<std::uint16_t>(list.size()));
+  writer.u16(static_cast<std::uint16_t>(item_size(list)));
+  for (std::size_t i = 0; i < share.count; ++i) layout::fields(writer, list[share.first + i]);
 }
 
-template <class Message>
-DatagramBytes encode_part(const Envelope& envelope, const Message& message,
-                          std::size_t part) noexcept {
-  const ListRule rule = list_rule(kTypeOf<Message>);
-  const Slice slice = slice_of(rule, item_count(message), part);
-  DatagramBytes bytes;
-  Writer writer(bytes);
-  write_header(writer, kTypeOf<Message>, envelope, slice);
-  layout::body(writer, message);
-  if constexpr (HasList<const Message>) {
-    const std::size_t first = part * rule.per_part;
-    for (std::size_t i = 0; i < slice.items; ++i) {
-      layout::item(writer, items_of(message)[first + i]);
-    }
+/// Reads a list's header and its items, each as many bytes as the sender gave it.
+template <class List>
+Share read_list(Reader& reader, List& list, PartError& where) noexcept {
+  std::uint16_t first = 0;
+  std::uint16_t count = 0;
+  std::uint16_t total = 0;
+  std::uint16_t size = 0;
+  reader.u16(first);
+  reader.u16(count);
+  reader.u16(total);
+  reader.u16(size);
+  reader.require(total <= list.capacity() && first + count <= total);
+  reader.require(count == 0 || size >= item_size(list));
+  if (reader.error()) return {};
+  list.resize(total);
+  for (std::size_t i = first; i < std::size_t{first} + count && !reader.error(); ++i) {
+    where.in_item = true;
+    where.item = i;
+    const std::size_t end = reader.position() + size;
+    layout::fields(reader, list[i]);
+    reader.skip_to(end);
   }
-  write_length(bytes);
-  return bytes;
+  if (!reader.error()) where.in_item = false;
+  return {first, count, total};
 }
 
-bool is_known(MessageType type) noexcept {
-  return type >= MessageType::kHello && type <= MessageType::kLocalState;
-}
-
-bool is_outside_sessions(MessageType type) noexcept {
-  return type == MessageType::kHello || type == MessageType::kReject;
-}
-
-template <class Message>
-std::optional<DropReason> decode_body(std::span<const std::byte> bytes, Message& message) noexcept {
-  Reader reader(bytes, kHeaderSize);
-  layout::body(reader, message);
-  return reader.finish();
+/// The datagram's fixed fields.
+std::span<const std::byte> block_of(std::span<const std::byte> bytes,
+                                    const Header& header) noexcept {
+  return bytes.subspan(kHeaderSize, header.block);
 }
 
 template <class Message>
-std::optional<DropReason> decode_single(std::span<const std::byte> bytes,
-                                        Message& message) noexcept {
-  Header header;
-  if (const auto reason = decode_header(bytes, header)) return reason;
-  if (header.type != kTypeOf<Message>) return DropReason::kUnexpected;
-  return decode_body(bytes, message);
+std::optional<PartError> decode_body(std::span<const std::byte> bytes, const Header& header,
+                                     Message& message, Shares& shares) noexcept {
+  Reader reader(bytes.first(kHeaderSize + header.block), kHeaderSize);
+  layout::block(reader, message);
+  if (reader.error()) return PartError{*reader.error(), reader.update_error(), false, 0};
+
+  Reader lists(bytes, kHeaderSize + header.block);
+  PartError where;
+  std::size_t i = 0;
+  layout::lists(message, [&](auto& list) {
+    if (!lists.error()) shares[i++] = read_list(lists, list, where);
+  });
+  if (!lists.error()) return std::nullopt;
+  where.reason = *lists.error();
+  where.error = lists.update_error();
+  return where;
 }
 
-/// Reads one part's block and appends its items. `block` is set to the block's bytes.
+/// All parts, in order: of one message, and each list whole.
 template <class Message>
-std::optional<DropReason> decode_part(std::span<const std::byte> bytes, std::size_t items,
-                                      Message& message,
-                                      std::span<const std::byte>& block) noexcept {
-  Reader reader(bytes, kHeaderSize);
-  layout::body(reader, message);
-  block = bytes.subspan(kHeaderSize, reader.position() - kHeaderSize);
-  auto& list = items_of(message);
-  for (std::size_t i = 0; i < items && !reader.error(); ++i) {
-    list.emplace_back();
-    layout::item(reader, list.back());
-  }
-  return reader.finish();
-}
-
-template <class Message>
-std::optional<DropReason> decode_parts(std::span<const DatagramBytes> parts,
+std::optional<DropReason> decode_parts(std::span<const std::span<const std::byte>> parts,
                                        Message& message) noexcept {
-  if (parts.empty()) return DropReason::kMalformed;
-  items_of(message).clear();
   Header first;
-  std::span<const std::byte> first_block;
+  Shares before{};  // What the parts up to here hold.
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    const std::span<const std::byte> bytes = view(parts[i]);
     Header header;
-    if (const auto reason = decode_header(bytes, header)) return reason;
+    if (const auto reason = decode_header(parts[i], header)) return reason;
     if (header.type != kTypeOf<Message>) return DropReason::kUnexpected;
-    if (header.slice.part != i || header.slice.parts != parts.size()) return DropReason::kMalformed;
+    if (header.part != i || header.parts != parts.size()) return DropReason::kMalformed;
     if (i == 0) first = header;
     if (header.envelope != first.envelope) return DropReason::kMalformed;
-    if (header.slice.items_total != first.slice.items_total) return DropReason::kMalformed;
-
-    std::span<const std::byte> block;
-    if (const auto reason = decode_part(bytes, header.slice.items, message, block)) return reason;
-    if (i == 0) first_block = block;
-    if (!std::ranges::equal(block, first_block)) return DropReason::kMalformed;
+    if (!std::ranges::equal(block_of(parts[i], header), block_of(parts[0], first))) {
+      return DropReason::kMalformed;
+    }
+    Shares shares{};
+    if (const auto error = decode_body(parts[i], header, message, shares)) return error->reason;
+    for (std::size_t list = 0; list < kMaxLists; ++list) {
+      const Share& share = shares[list];
+      if (i > 0 && share.total != before[list].total) return DropReason::kMalformed;
+      if (share.first != before[list].count) return DropReason::kMalformed;
+      before[list].total = share.total;
+      before[list].count += share.count;
+    }
   }
-  return std::nullopt;
+  const auto is_whole = [](const Share& share) { return share.count == share.total; };
+  return std::ranges::all_of(before, is_whole) ? std::nullopt
+                                               : std::optional(DropReason::kMalformed);
+}
+
+/// A reject is the same in every version, so its header is not looked at.
+std::optional<DropReason> decode_reject(std::span<const std::byte> bytes, Reject& reject) noexcept {
+  Reader reader(bytes, kHeaderSize);
+  layout::block(reader, reject);
+  return reader.error();
 }
 
 }  // namespace
 
-std::uint8_t part_count(const Hello& hello) noexcept {
-  return static_cast<std::uint8_t>(
-      parts_for(list_rule(MessageType::kHello), hello.tool.links.size()));
+template <class Message>
+std::uint8_t part_count(const Message& message) noexcept {
+  const std::size_t block = block_size(message);
+  Shares shares{};
+  std::uint8_t parts = 0;
+  while (next_shares(message, block, shares)) ++parts;
+  return std::max<std::uint8_t>(1, parts);
 }
 
-std::uint8_t part_count(const LocalState& state) noexcept {
-  return static_cast<std::uint8_t>(
-      parts_for(list_rule(MessageType::kLocalState), state.contacts.size()));
-}
+template <class Message>
+DatagramBytes encode(const Envelope& envelope, const Message& message, std::uint8_t part) noexcept {
+  DatagramBytes bytes;
+  Writer writer(bytes);
+  write_header(writer, kTypeOf<Message>, envelope, part, part_count(message));
+  layout::block(writer, message);
+  const std::size_t block = bytes.size() - kHeaderSize;
+  write_at(bytes, kBlockPosition, block);
 
-std::uint8_t part_count(const ContactUpdate& update) noexcept {
-  return static_cast<std::uint8_t>(
-      parts_for(list_rule(MessageType::kContactUpdate), update.contacts.size()));
-}
-
-DatagramBytes encode(const Envelope& envelope, const Hello& hello, std::uint8_t part) noexcept {
-  return encode_part(envelope, hello, part);
-}
-DatagramBytes encode(const Envelope& envelope, const Welcome& welcome, std::uint8_t part) noexcept {
-  return encode_part(envelope, welcome, part);
-}
-DatagramBytes encode(const Envelope& envelope, const Reject& reject, std::uint8_t part) noexcept {
-  return encode_part(envelope, reject, part);
-}
-DatagramBytes encode(const Envelope& envelope, const ContactUpdate& update,
-                     std::uint8_t part) noexcept {
-  return encode_part(envelope, update, part);
-}
-DatagramBytes encode(const Envelope& envelope, const ProxyState& state,
-                     std::uint8_t part) noexcept {
-  return encode_part(envelope, state, part);
-}
-DatagramBytes encode(const Envelope& envelope, const Goodbye& goodbye, std::uint8_t part) noexcept {
-  return encode_part(envelope, goodbye, part);
-}
-DatagramBytes encode(const Envelope& envelope, const Control& control, std::uint8_t part) noexcept {
-  return encode_part(envelope, control, part);
-}
-DatagramBytes encode(const Envelope& envelope, const Ticks& ticks, std::uint8_t part) noexcept {
-  return encode_part(envelope, ticks, part);
-}
-DatagramBytes encode(const Envelope& envelope, const LocalState& state,
-                     std::uint8_t part) noexcept {
-  return encode_part(envelope, state, part);
+  Shares shares{};
+  for (std::size_t i = 0; i <= part; ++i) next_shares(message, block, shares);
+  std::size_t i = 0;
+  layout::lists(message, [&](const auto& list) { write_list(writer, list, shares[i++]); });
+  write_at(bytes, kLengthPosition, bytes.size());
+  return bytes;
 }
 
 std::optional<DropReason> decode_header(std::span<const std::byte> bytes, Header& header) noexcept {
@@ -264,8 +219,9 @@ std::optional<DropReason> decode_header(std::span<const std::byte> bytes, Header
   std::uint32_t magic = 0;
   std::uint16_t version = 0;
   std::uint16_t length = 0;
-  std::uint16_t reserved = 0;
   std::uint8_t flags = 0;
+  std::uint8_t tool = 0;
+  std::uint8_t reserved = 0;
   Reader reader(bytes);
   reader.u32(magic);
   reader.u16(version);
@@ -274,67 +230,52 @@ std::optional<DropReason> decode_header(std::span<const std::byte> bytes, Header
   reader.u64(header.envelope.session);
   reader.u64(header.envelope.sequence);
   reader.i64(header.envelope.send_time);
-  reader.u8(header.slice.part);
-  reader.u8(header.slice.parts);
-  reader.u8(header.slice.items);
-  reader.u8(header.slice.items_total);
+  reader.u8(header.part);
+  reader.u8(header.parts);
+  reader.u8(tool);
+  reader.u8(reserved);
   reader.u16(length);
-  reader.u16(reserved);
+  reader.u16(header.block);
 
   if (magic != kMagic) return DropReason::kNotOurs;
   if (version != kProtocolVersion) return DropReason::kVersion;
   if (length > bytes.size()) return DropReason::kTruncated;
-  reader.require(length == bytes.size() && flags == 0 && reserved == 0);
-  reader.require(is_known(header.type) && is_valid(header.slice, list_rule(header.type)));
+  if (!is_known(header.type)) return DropReason::kUnexpected;
+  reader.require(length == bytes.size() && kHeaderSize + header.block <= length);
+  reader.require(flags == 0 && tool == 0);
+  reader.require(header.part < header.parts && header.parts <= kMaxParts);
   reader.require((header.envelope.session == 0) == is_outside_sessions(header.type));
   reader.require(header.envelope.sequence != 0);
   return reader.error();
 }
 
-std::optional<DropReason> decode(std::span<const std::byte> bytes, Welcome& welcome) noexcept {
-  return decode_single(bytes, welcome);
-}
-
-std::optional<DropReason> decode(std::span<const std::byte> bytes, Reject& reject) noexcept {
-  const std::optional<StablePart> stable = read_stable_part(bytes);
-  if (!stable || stable->type != MessageType::kReject || stable->version == kProtocolVersion) {
-    return decode_single(bytes, reject);
-  }
-  return decode_body(bytes, reject);
-}
-
-std::optional<DropReason> decode(std::span<const std::byte> bytes, ProxyState& state) noexcept {
-  return decode_single(bytes, state);
-}
-
-std::optional<DropReason> decode(std::span<const std::byte> bytes, Goodbye& goodbye) noexcept {
-  return decode_single(bytes, goodbye);
-}
-
-std::optional<DropReason> decode(std::span<const std::byte> bytes, Control& control) noexcept {
-  return decode_single(bytes, control);
-}
-
-std::optional<DropReason> decode(std::span<const std::byte> bytes, Ticks& ticks) noexcept {
+template <class Message>
+std::optional<PartError> decode_part(std::span<const std::byte> bytes, Message& message) noexcept {
   Header header;
-  if (const auto reason = decode_header(bytes, header)) return reason;
-  if (header.type != MessageType::kTicks) return DropReason::kUnexpected;
-  ticks.ticks.clear();
-  std::span<const std::byte> block;
-  return decode_part(bytes, header.slice.items, ticks, block);
+  if (const auto reason = decode_header(bytes, header)) return PartError{.reason = *reason};
+  if (header.type != kTypeOf<Message>) return PartError{.reason = DropReason::kUnexpected};
+  Shares shares{};
+  return decode_body(bytes, header, message, shares);
 }
 
-std::optional<DropReason> decode(std::span<const DatagramBytes> parts, LocalState& state) noexcept {
-  return decode_parts(parts, state);
+template <class Message>
+std::optional<DropReason> decode(std::span<const std::byte> bytes, Message& message) noexcept {
+  if constexpr (std::is_same_v<Message, Reject>) {
+    const std::optional<StablePart> stable = read_stable_part(bytes);
+    if (stable && stable->type == MessageType::kReject && stable->version != kProtocolVersion) {
+      return decode_reject(bytes, message);
+    }
+  }
+  return decode_parts(std::span(&bytes, 1), message);
 }
 
-std::optional<DropReason> decode(std::span<const DatagramBytes> parts, Hello& hello) noexcept {
-  return decode_parts(parts, hello);
-}
-
-std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
-                                 ContactUpdate& update) noexcept {
-  return decode_parts(parts, update);
+template <class Message>
+std::optional<DropReason> decode(std::span<const DatagramBytes> parts, Message& message) noexcept {
+  StaticVector<std::span<const std::byte>, kMaxParts> views;
+  if (parts.empty() || parts.size() > kMaxParts) return DropReason::kMalformed;
+  for (const DatagramBytes& part : parts) views.push_back(view(part));
+  return decode_parts(std::span<const std::span<const std::byte>>(views.data(), views.size()),
+                      message);
 }
 
 std::optional<StablePart> read_stable_part(std::span<const std::byte> bytes) noexcept {
@@ -349,5 +290,24 @@ std::optional<StablePart> read_stable_part(std::span<const std::byte> bytes) noe
   if (reader.error() || nonce.error() || magic != kMagic) return std::nullopt;
   return stable;
 }
+
+#define HLM_INSTANTIATE(Message)                                                                \
+  template std::uint8_t part_count(const Message&) noexcept;                                    \
+  template DatagramBytes encode(const Envelope&, const Message&, std::uint8_t) noexcept;        \
+  template std::optional<PartError> decode_part(std::span<const std::byte>, Message&) noexcept; \
+  template std::optional<DropReason> decode(std::span<const std::byte>, Message&) noexcept;     \
+  template std::optional<DropReason> decode(std::span<const DatagramBytes>, Message&) noexcept;
+HLM_INSTANTIATE(Hello)
+HLM_INSTANTIATE(Welcome)
+HLM_INSTANTIATE(Reject)
+HLM_INSTANTIATE(ContactUpdate)
+HLM_INSTANTIATE(ProxyState)
+HLM_INSTANTIATE(Goodbye)
+HLM_INSTANTIATE(Control)
+HLM_INSTANTIATE(Ticks)
+HLM_INSTANTIATE(LocalState)
+HLM_INSTANTIATE(Refusal)
+HLM_INSTANTIATE(Impulses)
+#undef HLM_INSTANTIATE
 
 }  // namespace hlm::protocol

@@ -13,7 +13,7 @@
 namespace hlm::protocol {
 
 /// Largest number of parts of a message.
-inline constexpr std::size_t kMaxParts = 8;
+inline constexpr std::size_t kMaxParts = 64;
 
 /// What the sender puts on every message.
 struct Envelope {
@@ -24,47 +24,22 @@ struct Envelope {
   bool operator==(const Envelope&) const = default;
 };
 
-/// Which part of a message's list a datagram holds.
-struct Slice {
-  std::uint8_t part = 0;
-  std::uint8_t parts = 1;
-  std::uint8_t items = 0;        ///< In this part.
-  std::uint8_t items_total = 0;  ///< In all parts.
-
-  bool operator==(const Slice&) const = default;
-};
-
 struct Header {
   MessageType type = MessageType::kHello;
   Envelope envelope;
-  Slice slice;
+  std::uint8_t part = 0;    ///< Which part of the message this is.
+  std::uint8_t parts = 1;   ///< Of how many.
+  std::uint16_t block = 0;  ///< Bytes of the fixed fields after the header.
 };
 
 /// Number of datagrams that the message needs, 1 to kMaxParts.
-std::uint8_t part_count(const Hello& hello) noexcept;
-std::uint8_t part_count(const ContactUpdate& update) noexcept;
-std::uint8_t part_count(const LocalState& state) noexcept;
 template <class Message>
-std::uint8_t part_count(const Message&) noexcept {
-  return 1;
-}
+std::uint8_t part_count(const Message& message) noexcept;
 
-/// One part of a message, `part` < part_count(message).
-DatagramBytes encode(const Envelope& envelope, const Hello& hello, std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const Welcome& welcome,
-                     std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const Reject& reject,
-                     std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const ContactUpdate& update,
-                     std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const ProxyState& state,
-                     std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const Goodbye& goodbye,
-                     std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const Control& control,
-                     std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const Ticks& ticks, std::uint8_t part = 0) noexcept;
-DatagramBytes encode(const Envelope& envelope, const LocalState& state,
+/// One part of a message, `part` < part_count(message): header, fixed fields, and its share of the
+/// lists.
+template <class Message>
+DatagramBytes encode(const Envelope& envelope, const Message& message,
                      std::uint8_t part = 0) noexcept;
 
 /// Sends all parts of a message.
@@ -82,31 +57,32 @@ void send(DatagramLink& link, const Endpoint& to, const Envelope& envelope,
 [[nodiscard]] std::optional<DropReason> decode_header(std::span<const std::byte> bytes,
                                                       Header& header) noexcept;
 
-/// Reads a whole message of one datagram. Checks everything, the header too, but not whether it
-/// fits the session's tool (tool_fit.h). Returns why it is refused; the message's value then means
-/// nothing.
+/// Why a part is refused, and in a contact update, where.
+struct PartError {
+  DropReason reason = DropReason::kMalformed;
+  UpdateError error = UpdateError::kLayout;
+  bool in_item = false;
+  std::size_t item = 0;  ///< Index in its list, if in_item.
+};
+
+/// Reads one part: the fixed fields, and the part's items at their places in the lists, which are
+/// given the length of the whole. Checks everything except whether it fits the session's tool
+/// (tool_fit.h). What the message held before stays where the part says nothing.
+template <class Message>
+[[nodiscard]] std::optional<PartError> decode_part(std::span<const std::byte> bytes,
+                                                   Message& message) noexcept;
+
+/// Reads a whole message of one datagram. Returns why it is refused; the message's value then means
+/// nothing. A reject may be of any version of the protocol.
+template <class Message>
 [[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
-                                               Welcome& welcome) noexcept;
-/// A reject of any version of the protocol.
-[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
-                                               Reject& reject) noexcept;
-[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
-                                               ProxyState& state) noexcept;
-[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
-                                               Goodbye& goodbye) noexcept;
-[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
-                                               Control& control) noexcept;
-[[nodiscard]] std::optional<DropReason> decode(std::span<const std::byte> bytes,
-                                               Ticks& ticks) noexcept;
+                                               Message& message) noexcept;
 
 /// The same for a message in parts: all of them, in order. Parts that are not of one message are
 /// malformed. A hello's tool may still be unusable (find_error).
+template <class Message>
 [[nodiscard]] std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
-                                               Hello& hello) noexcept;
-[[nodiscard]] std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
-                                               ContactUpdate& update) noexcept;
-[[nodiscard]] std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
-                                               LocalState& state) noexcept;
+                                               Message& message) noexcept;
 
 /// What stands at the same place in every version of the protocol, so that a hello of any version
 /// can be answered and a reject of any version be understood.

@@ -28,6 +28,7 @@ inline std::span<const std::byte> view(const DatagramBytes& bytes) noexcept {
 struct Datagram {
   Endpoint peer;  ///< Sender of a received datagram, receiver of a sent one.
   DatagramBytes bytes;
+  double waited = 0;  ///< Between its arrival at this machine and receive(), s.
 };
 
 class DatagramLink {

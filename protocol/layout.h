@@ -1,6 +1,7 @@
-// The order of the fields in each message's body. PROTOCOL.md says the same in tables.
+// The order of the fields in each message. PROTOCOL.md says the same in tables.
 //
-// Each function serves Writer (M is const) and Reader.
+// For each message block() lists its fixed fields and lists() names its lists; for each item of a
+// list fields() lists the item's. All serve Writer (M is const) and Reader.
 #pragma once
 
 #include <cstddef>
@@ -8,45 +9,97 @@
 #include "protocol/messages.h"
 #include "protocol/wire.h"
 
+namespace hlm::protocol {
+
+template <class Message>
+inline constexpr MessageType kTypeOf{};
+template <>
+inline constexpr MessageType kTypeOf<Hello> = MessageType::kHello;
+template <>
+inline constexpr MessageType kTypeOf<Welcome> = MessageType::kWelcome;
+template <>
+inline constexpr MessageType kTypeOf<Reject> = MessageType::kReject;
+template <>
+inline constexpr MessageType kTypeOf<ContactUpdate> = MessageType::kContactUpdate;
+template <>
+inline constexpr MessageType kTypeOf<ProxyState> = MessageType::kProxyState;
+template <>
+inline constexpr MessageType kTypeOf<Goodbye> = MessageType::kGoodbye;
+template <>
+inline constexpr MessageType kTypeOf<Control> = MessageType::kControl;
+template <>
+inline constexpr MessageType kTypeOf<Ticks> = MessageType::kTicks;
+template <>
+inline constexpr MessageType kTypeOf<LocalState> = MessageType::kLocalState;
+template <>
+inline constexpr MessageType kTypeOf<Refusal> = MessageType::kRefusal;
+template <>
+inline constexpr MessageType kTypeOf<Impulses> = MessageType::kImpulses;
+
+}  // namespace hlm::protocol
+
 namespace hlm::protocol::layout {
 
-/// Links in each part of a hello but the last.
-inline constexpr std::size_t kLinksPerPart = 5;
-/// Contacts in each part of a contact update but the last.
-inline constexpr std::size_t kContactsPerPart = 9;
-
 inline constexpr std::size_t kHeaderSize = 40;
-inline constexpr std::size_t kDoubleSize = 8;
-inline constexpr std::size_t kLinkSize = 162;
-inline constexpr std::size_t kContactSize = 94;
-/// Body without the list, for the largest q and q̇.
-inline constexpr std::size_t kLargestHelloBlock = 114 + kDoubleSize * kMaxConfiguration;
-inline constexpr std::size_t kLargestUpdateBlock = 42 + kDoubleSize * (kMaxConfiguration + kMaxDof);
+/// In front of each list: first, count, total, item_size.
+inline constexpr std::size_t kListHeaderSize = 8;
 
-inline constexpr std::size_t kLargestHello =
-    kHeaderSize + kLargestHelloBlock + kLinksPerPart * kLinkSize;
-inline constexpr std::size_t kLargestUpdate =
-    kHeaderSize + kLargestUpdateBlock + kContactsPerPart * kContactSize;
-inline constexpr std::size_t kLargestProxyState =
-    kHeaderSize + 337 + kDoubleSize * (kMaxConfiguration + kMaxDof);
-inline constexpr std::size_t kTickSize = 16 * kDoubleSize + 5;
-inline constexpr std::size_t kLocalContactSize = 13 * kDoubleSize + 4;
-/// Local contacts in each part of a local state but the last.
-inline constexpr std::size_t kLocalContactsPerPart = 10;
-static_assert(kLargestHello <= kMaxDatagram);
-static_assert(kHeaderSize + 8 + kTicksPerMessage * kTickSize <= kMaxDatagram);
-static_assert(kHeaderSize + 9 + kLocalContactsPerPart * kLocalContactSize <= kMaxDatagram);
-static_assert(kLargestUpdate <= kMaxDatagram);
-static_assert(kLargestProxyState <= kMaxDatagram);
+/// Bytes of an item.
+template <class Item>
+inline constexpr std::size_t kItemSize = 0;
+template <>
+inline constexpr std::size_t kItemSize<Link> = 162;
+template <>
+inline constexpr std::size_t kItemSize<MovableBody> = 292;
+template <>
+inline constexpr std::size_t kItemSize<ReportedContact> = 100;
+template <>
+inline constexpr std::size_t kItemSize<TickSignals> = 133;
+template <>
+inline constexpr std::size_t kItemSize<LocalContactReport> = 124;
+template <>
+inline constexpr std::size_t kItemSize<BodyImpulse> = 52;
+
+/// No list; messages with lists have overloads of their own.
+template <class M, class Visit>
+void lists(M&, Visit&&) {}
+
+template <class M, class Visit>
+void lists(M& hello, Visit&& visit) requires std::same_as<const M, const Hello> {
+  visit(hello.tool.links);
+}
+template <class M, class Visit>
+void lists(M& update, Visit&& visit) requires std::same_as<const M, const ContactUpdate> {
+  visit(update.bodies);
+  visit(update.contacts);
+}
+template <class M, class Visit>
+void lists(M& ticks, Visit&& visit) requires std::same_as<const M, const Ticks> {
+  visit(ticks.ticks);
+}
+template <class M, class Visit>
+void lists(M& state, Visit&& visit) requires std::same_as<const M, const LocalState> {
+  visit(state.contacts);
+}
+template <class M, class Visit>
+void lists(M& impulses, Visit&& visit) requires std::same_as<const M, const Impulses> {
+  visit(impulses.bodies);
+}
+
+template <class Io, class T>
+void text(Io& io, T& text) {
+  io.text_size(text);
+  io.text(text);
+}
 
 template <class Io, class M>
-void body(Io& io, M& hello) requires std::same_as<const M, const Hello> {
+void block(Io& io, M& hello) requires std::same_as<const M, const Hello> {
   io.u64(hello.nonce);
   io.f64(hello.ve_rate, Range::kPositive);
   io.f64(hello.epsilon, Range::kNotNegative);
   io.vector(hello.tool.gravity_W);
   io.f64(hello.tool.length);
-  io.pose(hello.tool.X_LH);
+  io.nearly_unit_pose(hello.tool.X_LH);
   io.u8(hello.tool.hand_link);
   io.size(hello.q);
   io.vector(hello.q);
@@ -54,89 +107,116 @@ void body(Io& io, M& hello) requires std::same_as<const M, const Hello> {
 
 /// What the tool's description says wrongly is left to find_error(), which can tell the user.
 template <class Io, class M>
-void item(Io& io, M& link) requires std::same_as<const M, const Link> {
+void fields(Io& io, M& link) requires std::same_as<const M, const Link> {
   io.i8(link.parent);
-  io.enumeration(link.joint, JointType::kFixed, JointType::kFree);
-  io.pose(link.X_PJ);
+  io.enumeration(link.joint);
+  io.nearly_unit_pose(link.X_PJ);
   io.vector(link.axis);
+  io.normalize_if_near(link.axis);
   io.f64(link.mass);
   io.vector(link.p_LCom);
   auto& I = link.I_LCom;
   for (int i = 0; i < 3; ++i) io.f64(I(i, i));
-  io.f64(I(0, 1));
-  io.f64(I(0, 2));
-  io.f64(I(1, 2));
+  for (const auto& [row, column] : {std::pair{0, 1}, std::pair{0, 2}, std::pair{1, 2}}) {
+    io.f64(I(row, column));
+    io.mirror(I, row, column);
+  }
 }
 
 template <class Io, class M>
 void tuning(Io& io, M& tuning) {
-  io.enumeration(tuning.update_rule, UpdateRule::kRetain, UpdateRule::kPlaneRecovery);
-  io.enumeration(tuning.controller, ControllerKind::kFourChannel, ControllerKind::kEngineForce);
+  io.enumeration(tuning.update_rule);
+  io.enumeration(tuning.controller);
   for (const TuningRange& range : kTuningRanges) io.f64(tuning.*range.number);
 }
 
 template <class Io, class M>
-void body(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
+void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.u64(welcome.nonce);
   io.f64(welcome.servo_rate, Range::kPositive);
   io.u64(welcome.configuration);
   tuning(io, welcome.tuning);
-  io.flag(welcome.guidable);
+  io.f64(welcome.silence_time, Range::kPositive);
+  io.f64(welcome.fade_time, Range::kPositive);
+  io.f64(welcome.least_update_rate, Range::kPositive);
+  io.flag(welcome.capabilities.movable_bodies);
+  io.flag(welcome.capabilities.axes);
+  io.flag(welcome.capabilities.self_contacts);
+  auto& device = welcome.device;
+  io.f64(device.max_force, Range::kNotNegative);
+  io.f64(device.max_torque, Range::kNotNegative);
+  io.f64(device.max_stiffness, Range::kNotNegative);
+  io.f64(device.max_angular_stiffness, Range::kNotNegative);
+  io.f64(device.scale, Range::kPositive);
+  io.u8(device.buttons);
+  io.flag(device.gripper);
+  io.flag(device.renders_torque);
+  io.flag(device.measures_hand);
+  io.flag(device.guidable);
+  text(io, device.name);
 }
 
+/// The same in every version of the protocol.
 template <class Io, class M>
-void body(Io& io, M& reject) requires std::same_as<const M, const Reject> {
+void block(Io& io, M& reject) requires std::same_as<const M, const Reject> {
   io.u64(reject.nonce);
-  io.enumeration(reject.reason, RejectReason::kVersion, RejectReason::kTool);
+  io.enumeration(reject.reason);
   io.text_size(reject.text);
   io.u16(reject.version);
   io.text(reject.text);
 }
 
 template <class Io, class M>
-void body(Io& io, M& update) requires std::same_as<const M, const ContactUpdate> {
+void block(Io& io, M& update) requires std::same_as<const M, const ContactUpdate> {
   io.f64(update.ve_time);
   io.f64(update.ve_period, Range::kNotNegative);
   io.f64(update.compute_time, Range::kNotNegative);
   io.u64(update.echo_step);
   io.f64(update.echo_hold, Range::kNotNegative);
+  io.u64(update.impulse_step);
   io.size(update.q_VE);
   io.size(update.v_VE);
-  io.vector(update.q_VE);
-  io.vector(update.v_VE);
+  io.vector_within(update.q_VE, kLargestLength);
+  io.vector_within(update.v_VE, kLargestSpeed);
 }
 
 template <class Io, class M>
-void feature(Io& io, M& feature) {
-  io.enumeration(feature.kind, FeatureKind::kVertex, FeatureKind::kFace);
-  io.u8(feature.shape);
-  io.u16(feature.index);
+void fields(Io& io, M& body) requires std::same_as<const M, const MovableBody> {
+  io.u32(body.id);
+  io.vector_within(body.p_WCom, kLargestLength);
+  io.vector_within(body.V_W, kLargestSpeed);
+  io.vector_within(body.A_W, kLargestAcceleration);
+  io.symmetric(body.W);
 }
 
 template <class Io, class M>
-void item(Io& io, M& contact) requires std::same_as<const M, const ReportedContact> {
-  io.u16(contact.key.link);
-  feature(io, contact.key.tool_feature);
-  io.u32(contact.key.body);
-  feature(io, contact.key.body_feature);
-  io.vector(contact.p_WC);
+void fields(Io& io, M& contact) requires std::same_as<const M, const ReportedContact> {
+  io.u64(contact.identity);
+  io.u32(contact.pair);
+  io.u16(contact.axis);
+  io.enumeration(contact.a.kind);
+  io.enumeration(contact.b.kind);
+  io.u32(contact.a.index);
+  io.u32(contact.b.index);
+  io.vector_within(contact.p_WC, kLargestLength);
   io.unit_vector(contact.n_W);
-  io.f64(contact.separation);
-  io.vector(contact.v_WC);
+  io.f64(contact.separation, Within{kLargestLength});
+  io.short_vector_within(contact.v_WC, kLargestSpeed);
+  io.f32(contact.friction);
+  io.f32(contact.load, Range::kNotNegative);
 }
 
 template <class Io, class M>
-void body(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
+void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.u64(state.acknowledged);
   io.u64(state.step);
   io.f64(state.age, Range::kNotNegative);
   io.f64(state.update_send_time);
   io.f64(state.hold, Range::kNotNegative);
-  io.enumeration(state.server, ServerState::kIdle, ServerState::kFault);
-  io.enumeration(state.fault, Fault::kNone, Fault::kDevice);
-  io.enumeration(state.contact_state, ProxyContactState::kFreeMotion, ProxyContactState::kResting);
-  io.size(state.q);
-  io.size(state.v);
+  io.enumeration(state.server);
+  io.enumeration(state.fault);
+  io.enumeration(state.contact_state);
+  io.enumeration(state.limit);
   io.u16(state.active_contacts);
   io.u16(state.predicted_contacts);
   io.f64(state.smallest_separation);
@@ -145,21 +225,27 @@ void body(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.vector(state.F_env);
   io.vector(state.F_command);
   io.vector(state.F_hand);
+  io.flag(state.hand_measured);
+  io.u32(state.buttons);
+  io.f64(state.gripper);
+  io.f64(state.scale, Range::kPositive);
   io.u64(state.overruns);
   io.u64(state.updates);
   io.u64(state.dropped);
   io.u64(state.control);
+  io.size(state.q);
+  io.size(state.v);
   io.vector(state.q);
   io.vector(state.v);
 }
 
 template <class Io, class M>
-void body(Io& io, M& goodbye) requires std::same_as<const M, const Goodbye> {
-  io.enumeration(goodbye.reason, GoodbyeReason::kFinished, GoodbyeReason::kShutdown);
+void block(Io& io, M& goodbye) requires std::same_as<const M, const Goodbye> {
+  io.enumeration(goodbye.reason);
 }
 
 template <class Io, class M>
-void body(Io& io, M& control) requires std::same_as<const M, const Control> {
+void block(Io& io, M& control) requires std::same_as<const M, const Control> {
   io.flag(control.telemetry);
   io.flag(control.holds);
   io.unit_pose(control.X_WTarget);
@@ -169,13 +255,13 @@ void body(Io& io, M& control) requires std::same_as<const M, const Control> {
 }
 
 template <class Io, class M>
-void body(Io& io, M& ticks) requires std::same_as<const M, const Ticks> {
+void block(Io& io, M& ticks) requires std::same_as<const M, const Ticks> {
   io.u64(ticks.first_step);
   io.require(ticks.first_step > 0);
 }
 
 template <class Io, class M>
-void item(Io& io, M& tick) requires std::same_as<const M, const TickSignals> {
+void fields(Io& io, M& tick) requires std::same_as<const M, const TickSignals> {
   io.vector(tick.F_env);
   io.vector(tick.F_command);
   io.vector(tick.F_hand);
@@ -192,21 +278,44 @@ void item(Io& io, M& tick) requires std::same_as<const M, const TickSignals> {
 }
 
 template <class Io, class M>
-void body(Io& io, M& state) requires std::same_as<const M, const LocalState> {
+void block(Io& io, M& state) requires std::same_as<const M, const LocalState> {
   io.u64(state.step);
-  io.enumeration(state.limit, ForceLimit::kNone, ForceLimit::kFade);
 }
 
 template <class Io, class M>
-void item(Io& io, M& contact) requires std::same_as<const M, const LocalContactReport> {
-  io.u16(contact.link);
-  io.enumeration(contact.state, ContactState::kImpending, ContactState::kSeparating);
+void fields(Io& io, M& contact) requires std::same_as<const M, const LocalContactReport> {
+  io.u64(contact.identity);
+  io.enumeration(contact.a.kind);
+  io.enumeration(contact.b.kind);
+  io.u32(contact.a.index);
+  io.u32(contact.b.index);
+  io.enumeration(contact.state);
   io.flag(contact.retained);
   io.vector(contact.c_W);
   io.unit_vector(contact.n_W);
   io.vector(contact.p_W);
   io.f64(contact.s);
   io.vector(contact.f_W);
+}
+
+template <class Io, class M>
+void block(Io& io, M& refusal) requires std::same_as<const M, const Refusal> {
+  io.u64(refusal.refused);
+  io.enumeration(refusal.error);
+  io.flag(refusal.whole);
+  io.u16(refusal.item);
+  io.u64(refusal.count);
+}
+
+template <class Io, class M>
+void block(Io& io, M& impulses) requires std::same_as<const M, const Impulses> {
+  io.u64(impulses.step);
+}
+
+template <class Io, class M>
+void fields(Io& io, M& impulse) requires std::same_as<const M, const BodyImpulse> {
+  io.u32(impulse.body);
+  io.vector(impulse.P_W);
 }
 
 }  // namespace hlm::protocol::layout

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "common/contact.h"
+#include "common/static_vector.h"
 #include "common/tool_description.h"
 #include "common/tool_model.h"
 #include "common/tuning.h"
@@ -13,9 +14,14 @@
 
 namespace hlm::protocol {
 
-inline constexpr std::uint16_t kProtocolVersion = 1;
+inline constexpr std::uint16_t kProtocolVersion = 2;
 /// Largest UDP payload, bytes: below the smallest MTU in common use, so that no datagram fragments.
 inline constexpr std::size_t kMaxDatagram = 1200;
+/// Kept free in each datagram for sealing it: a counter, a tag, a receiver's index.
+inline constexpr std::size_t kSealRoom = 32;
+/// Longest text for a person, bytes of UTF-8.
+inline constexpr std::size_t kMaxText = 200;
+using Text = StaticVector<char, kMaxText>;
 
 enum class MessageType : std::uint8_t {
   kHello = 1,          ///< Client to server: asks for a session.
@@ -27,6 +33,8 @@ enum class MessageType : std::uint8_t {
   kControl = 7,        ///< Client to server: what the person there asks for.
   kTicks = 8,          ///< Server to client, if asked for: signals of consecutive steps.
   kLocalState = 9,     ///< Server to client, if asked for: the local contacts.
+  kRefusal = 10,       ///< Server to client: why an update, or a contact of it, was not used.
+  kImpulses = 11,      ///< Server to client: what the tool has done to movable bodies.
 };
 
 /// Client to server: the tool and where it is. Repeated until answered.
@@ -38,13 +46,43 @@ struct Hello {
   double epsilon = 0;   ///< Radius of the ε-active tool, m.
 };
 
+/// What a server makes of an update. A client need not send what a server does not use.
+struct Capabilities {
+  bool movable_bodies = false;  ///< Bodies of an update and their contacts; otherwise a contact's
+                                ///< point moves with its v_WC.
+  bool axes = false;            ///< Only one axis of each pair acts; otherwise all that are sent.
+  bool self_contacts = false;   ///< Contacts between two links of the tool.
+
+  bool operator==(const Capabilities&) const = default;
+};
+
+/// The haptic device, as far as a client may want to know it.
+struct DeviceReport {
+  Text name{};
+  /// Ratings: N, N·m, N/m, N·m/rad; 0 where the device has none.
+  double max_force = 0;
+  double max_torque = 0;
+  double max_stiffness = 0;
+  double max_angular_stiffness = 0;
+  double scale = 1;            ///< Metres in the world for each metre of the handle.
+  std::uint8_t buttons = 0;    ///< How many it has.
+  bool gripper = false;        ///< Whether it measures a gripper's opening.
+  bool renders_torque = true;  ///< False: a device of three degrees of freedom.
+  bool measures_hand = false;  ///< Whether F_hand is measured.
+  bool guidable = false;       ///< Whether a control can hold its hand.
+};
+
 /// Server to client.
 struct Welcome {
   std::uint64_t nonce = 0;          ///< Of the hello that is answered.
   double servo_rate = 1000;         ///< Rate of the local model, Hz.
   std::uint64_t configuration = 0;  ///< Fingerprint of the server's effective configuration.
   Tuning tuning{};                  ///< In effect as the session begins.
-  bool guidable = false;            ///< Whether a control can hold the hand of the device.
+  double silence_time = 0.25;       ///< Without an update for this long force fades, s.
+  double fade_time = 0.1;           ///< How long the fade from full force takes, s.
+  double least_update_rate = 4;     ///< Below this force comes and goes, Hz.
+  Capabilities capabilities{};
+  DeviceReport device{};
 };
 
 enum class RejectReason : std::uint8_t {
@@ -57,19 +95,43 @@ struct Reject {
   std::uint64_t nonce = 0;
   RejectReason reason = RejectReason::kBusy;
   std::uint16_t version = kProtocolVersion;  ///< The version that the server speaks.
-  StaticVector<char, 200> text;              ///< UTF-8, for a person.
+  Text text;                                 ///< UTF-8, for a person.
 };
 
 /// Client to server: the contacts near the tool, and the configuration for which they hold.
 struct ContactUpdate {
-  double ve_time = 0;           ///< Simulated time of the virtual environment, s.
-  double ve_period = 0;         ///< Length of its latest step, s.
-  double compute_time = 0;      ///< From sampling q_VE to sending this, s.
-  std::uint64_t echo_step = 0;  ///< `step` of the newest proxy state received, 0 if none.
-  double echo_hold = 0;         ///< From receiving that proxy state to sending this, s.
-  Configuration q_VE;           ///< Tool configuration for which the contacts were computed.
-  Velocity v_VE;                ///< Its generalised velocity.
+  double ve_time = 0;              ///< Simulated time of the virtual environment, s.
+  double ve_period = 0;            ///< Length of its latest step, s.
+  double compute_time = 0;         ///< From sampling q_VE to sending this, s.
+  std::uint64_t echo_step = 0;     ///< `step` of the newest proxy state received, 0 if none.
+  double echo_hold = 0;            ///< From the arrival of that proxy state to sending this, s.
+  std::uint64_t impulse_step = 0;  ///< `step` of the impulses that the bodies' state contains.
+  Configuration q_VE;              ///< Tool configuration for which the contacts were computed.
+  Velocity v_VE;                   ///< Its generalised velocity.
+  MovableBodies bodies;
   ReportedContacts contacts;
+};
+
+/// Server to client: an update, or one contact of it, was not used. At most one in 0.1 s.
+struct Refusal {
+  std::uint64_t refused = 0;  ///< Sequence of the update.
+  UpdateError error = UpdateError::kNone;
+  bool whole = true;        ///< The update as a whole; otherwise only contact `item` of it.
+  std::uint16_t item = 0;   ///< Index in the list that the error is in.
+  std::uint64_t count = 0;  ///< Updates refused as a whole in this session.
+};
+
+/// The impulse of the tool on one body since the session began: N·s and N·m·s about the body's
+/// centre of mass, world axes. A total, so that a lost datagram loses nothing.
+struct BodyImpulse {
+  std::uint32_t body = 0;
+  Vector6 P_W = Vector6::Zero();
+};
+
+/// Server to client, with an acknowledgement where there are bodies.
+struct Impulses {
+  std::uint64_t step = 0;  ///< Of the local model: the totals contain it.
+  StaticVector<BodyImpulse, kMaxBodies> bodies;
 };
 
 /// Server to client: the acknowledgement of an adopted update.
@@ -78,7 +140,7 @@ struct ProxyState {
   std::uint64_t step = 0;  ///< Steps of the local model since the session began, this one included.
   double age = 0;          ///< Age the server attributed to the update's contacts, s.
   double update_send_time = 0;  ///< Send time of the acknowledged update, client's clock, s.
-  double hold = 0;              ///< From receiving that update to sending this, s.
+  double hold = 0;              ///< From the arrival of that update to sending this, s.
   ServerState server = ServerState::kIdle;
   Fault fault = Fault::kNone;
   ProxyContactState contact_state = ProxyContactState::kFreeMotion;
@@ -96,6 +158,11 @@ struct ProxyState {
   std::uint64_t updates = 0;             ///< Updates adopted in this session.
   std::uint64_t dropped = 0;  ///< Datagrams dropped since the server started, all reasons.
   std::uint64_t control = 0;  ///< Sequence of the control in effect, 0 if none.
+  ForceLimit limit = ForceLimit::kNone;  ///< What keeps F_command from being the wanted wrench.
+  bool hand_measured = false;            ///< Whether F_hand is known.
+  std::uint32_t buttons = 0;             ///< Bit i: button i of the device is down.
+  double gripper = 0;                    ///< Opening of the device's gripper, 0 closed to 1 open.
+  double scale = 1;                      ///< Metres in the world for each metre of the handle.
 };
 
 /// Client to server: the whole of what the person at the environment asks for. It takes effect with
@@ -138,21 +205,25 @@ struct Ticks {
 
 /// A contact as the local model has it, world axes.
 struct LocalContactReport {
-  std::uint16_t link = 0;
+  std::uint64_t identity = 0;
+  ContactSide a;
+  ContactSide b;
   ContactState state = ContactState::kImpending;
   bool retained = false;           ///< Its load is being released.
   Vector3 c_W = Vector3::Zero();   ///< Point of the constraint, m.
-  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal, from the environment to the tool.
+  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal, from b to a.
   Vector3 p_W = Vector3::Zero();   ///< The local contact point, m.
   double s = 0;                    ///< Separation, m.
-  Vector3 f_W = Vector3::Zero();   ///< Force on the tool, N.
+  Vector3 f_W = Vector3::Zero();   ///< Force on a, N.
 };
 
-/// Server to client, with an acknowledgement: at most kMaxContacts of the local contacts.
+/// Largest number of local contacts that telemetry reports.
+inline constexpr std::size_t kMaxReportedContacts = 64;
+
+/// Server to client, with an acknowledgement: the local contacts.
 struct LocalState {
   std::uint64_t step = 0;
-  ForceLimit limit = ForceLimit::kNone;
-  StaticVector<LocalContactReport, kMaxContacts> contacts;
+  StaticVector<LocalContactReport, kMaxReportedContacts> contacts;
 };
 
 enum class GoodbyeReason : std::uint8_t { kFinished = 0, kShutdown = 1 };

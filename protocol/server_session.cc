@@ -1,7 +1,9 @@
 #include "protocol/server_session.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
+#include <cstdio>
 #include <string>
 
 #include "protocol/nanoseconds.h"
@@ -11,11 +13,15 @@
 namespace hlm::protocol {
 namespace {
 
-using RejectText = decltype(Reject::text);
+/// A sequence farther ahead than this is no client's: at 60 updates a second it has been silent for
+/// hours. Taken, it would make all that follow stale.
+constexpr std::uint64_t kLargestSequenceGap = 1 << 20;
+/// Between two refusals, s: often enough to be seen, seldom enough not to flood the client.
+constexpr double kRefusalPeriod = 0.1;
 
 /// As much of the text as a reject holds, cut between characters, without control characters.
-RejectText reject_text(std::string_view text) noexcept {
-  RejectText kept;
+Text reject_text(std::string_view text) noexcept {
+  Text kept;
   std::size_t length = std::min(text.size(), kept.capacity());
   const auto continues_character = [](char c) {
     return (static_cast<unsigned char>(c) & 0xC0u) == 0x80u;
@@ -67,6 +73,8 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
     case MessageType::kProxyState:
     case MessageType::kTicks:
     case MessageType::kLocalState:
+    case MessageType::kRefusal:
+    case MessageType::kImpulses:
       break;
   }
   return DropReason::kUnexpected;
@@ -75,27 +83,27 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
 std::optional<DropReason> ServerSession::take_hello(double now, const Header& header) noexcept {
   const std::optional<StablePart> stable = read_stable_part(view(datagram_.bytes));
   if (!stable) return DropReason::kMalformed;
-  const Asker asker{datagram_.peer, stable->nonce};
-  if (active_ && asker == client_) {
+  const Applicant applicant{datagram_.peer, stable->nonce};
+  if (active_ && applicant == client_) {
     last_heard_ = now;
     if (!answered_) send_welcome(now);
     return std::nullopt;
   }
-  if (active_ && asker.peer != client_.peer && now - last_heard_ <= options_.timeout) {
-    turn_away(now, asker, RejectReason::kBusy, "another client holds the session");
+  if (active_ && applicant.peer != client_.peer && now - last_heard_ <= options_.timeout) {
+    turn_away(now, applicant, RejectReason::kBusy, "another client holds the session");
     return DropReason::kForeignSession;
   }
   // A late copy of the hello of a session that is over must not begin it again.
   const bool ended_lately = ended_at_ && now - *ended_at_ <= options_.timeout;
-  if (ended_lately && asker == ended_) return DropReason::kStale;
-  return assemble_hello(now, header, asker);
+  if (ended_lately && applicant == ended_) return DropReason::kStale;
+  return assemble_hello(now, header, applicant);
 }
 
 std::optional<DropReason> ServerSession::assemble_hello(double now, const Header& header,
-                                                        const Asker& asker) noexcept {
-  if (asker != asker_) {
+                                                        const Applicant& applicant) noexcept {
+  if (applicant != applicant_) {
     hello_parts_.restart(statistics_);
-    asker_ = asker;
+    applicant_ = applicant;
   }
   if (const auto reason = hello_parts_.add(header, view(datagram_.bytes), statistics_))
     return reason;
@@ -104,35 +112,68 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
   const std::uint64_t other_parts = hello_parts_.parts().size() - 1;
   if (const auto reason = decode(hello_parts_.parts(), hello_)) {
     statistics_.drop(*reason, other_parts);
+    hello_parts_.refuse(header.envelope.sequence);
     return reason;
   }
+  normalize(hello_.tool, hello_.q);
   if (const auto error = find_error(hello_)) {
-    turn_away(now, asker, RejectReason::kTool, *error);
+    turn_away(now, applicant, RejectReason::kTool, *error);
     statistics_.drop(DropReason::kMalformed, other_parts);
+    hello_parts_.refuse(header.envelope.sequence);
     return DropReason::kMalformed;
   }
+  hello_parts_.accept();
   inbox_.hello = &hello_;
   return std::nullopt;
 }
 
 std::optional<DropReason> ServerSession::take_update(double now, const Header& header) noexcept {
   if (!from_client(header)) return DropReason::kForeignSession;
+  if (!is_plausible(header)) return DropReason::kMalformed;
+  ContactUpdate& scratch = updates_[1 - newest_update_];
+  if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
+    ++refused_;
+    update_parts_.refuse(header.envelope.sequence);
+    tell_refusal(now, {.refused = header.envelope.sequence,
+                       .error = error->error,
+                       .item = static_cast<std::uint16_t>(error->in_item ? error->item : 0)});
+    return error->reason;
+  }
   if (const auto reason = update_parts_.add(header, view(datagram_.bytes), statistics_))
     return reason;
   last_heard_ = now;
-  if (!update_parts_.complete()) return std::nullopt;
+  return update_parts_.complete() ? complete_update(now, header) : std::nullopt;
+}
 
+std::optional<DropReason> ServerSession::complete_update(double now,
+                                                         const Header& header) noexcept {
   ContactUpdate& update = updates_[1 - newest_update_];
   std::optional<DropReason> reason = decode(update_parts_.parts(), update);
-  if (!reason && !fits(tool_, update)) reason = DropReason::kMalformed;
+  Refusal refusal{.refused = header.envelope.sequence};
+  if (reason) {
+    refusal.error = UpdateError::kLayout;
+  } else {
+    normalize(tool_, update.q_VE);
+    if (const auto misfit = find_misfit(tool_, update)) {
+      refusal.error = misfit->error;
+      refusal.whole = misfit->whole;
+      refusal.item = static_cast<std::uint16_t>(misfit->contact);
+      if (misfit->whole) reason = DropReason::kMalformed;
+    }
+  }
+  if (reason) ++refused_;
+  if (refusal.error != UpdateError::kNone) tell_refusal(now, refusal);
   if (reason) {
     statistics_.drop(*reason, update_parts_.parts().size() - 1);
+    update_parts_.refuse(header.envelope.sequence);
     return reason;
   }
+  update_parts_.accept();
+  heard_ = std::max(heard_, header.envelope.sequence);
   newest_update_ = 1 - newest_update_;
   inbox_.update = &update;
   acknowledged_ = header.envelope;
-  received_at_ = now;
+  received_at_ = now - datagram_.waited;
   const std::uint64_t newest = newest_control_sequence_;
   if (newest > control_sequence_ && newest < header.envelope.sequence) {
     // A copy: another control may come in the same poll, for a later update.
@@ -143,13 +184,22 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   return std::nullopt;
 }
 
+void ServerSession::tell_refusal(double now, Refusal refusal) noexcept {
+  if (refusal_told_ && now - *refusal_told_ < kRefusalPeriod) return;
+  refusal_told_ = now;
+  refusal.count = refused_;
+  send(link_, client_.peer, next_envelope(now), refusal);
+}
+
 std::optional<DropReason> ServerSession::take_control(double now, const Header& header) noexcept {
   if (!from_client(header)) return DropReason::kForeignSession;
+  if (!is_plausible(header)) return DropReason::kMalformed;
   if (header.envelope.sequence <= newest_control_sequence_) return DropReason::kStale;
   Control control;
   if (const auto reason = decode(view(datagram_.bytes), control)) return reason;
   newest_control_ = control;
   newest_control_sequence_ = header.envelope.sequence;
+  heard_ = std::max(heard_, header.envelope.sequence);
   last_heard_ = now;
   return std::nullopt;
 }
@@ -161,6 +211,10 @@ std::optional<DropReason> ServerSession::take_goodbye(double now, const Header& 
   inbox_.goodbye = true;
   end(now);
   return std::nullopt;
+}
+
+bool ServerSession::is_plausible(const Header& header) const noexcept {
+  return header.envelope.sequence <= heard_ + kLargestSequenceGap;
 }
 
 bool ServerSession::from_client(const Header& header) const noexcept {
@@ -178,14 +232,16 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   assert(inbox_.hello);
   if (active_) end(now);
   active_ = true;
-  client_ = asker_;
+  client_ = applicant_;
   id_ = id_ == 0 ? options_.first_session_id : next_number(id_);
   tool_ = hello_.tool;
   welcome_ = welcome;
-  welcome_.nonce = asker_.nonce;
+  welcome_.nonce = applicant_.nonce;
   sent_ = 0;
   last_heard_ = now;
   acknowledged_ = {.sequence = 0};
+  heard_ = refused_ = 0;
+  refusal_told_.reset();
   newest_control_sequence_ = control_sequence_ = 0;
   send_welcome(now);
 }
@@ -193,7 +249,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
 void ServerSession::reject(double now, RejectReason reason, std::string_view text) noexcept {
   assert(inbox_.hello);
   answered_ = false;
-  turn_away(now, asker_, reason, text);
+  turn_away(now, applicant_, reason, text);
 }
 
 std::uint64_t ServerSession::acknowledge(double now, ProxyState state) noexcept {
@@ -216,19 +272,23 @@ void ServerSession::close(double now, GoodbyeReason reason) noexcept {
 void ServerSession::answer_other_version(double now) noexcept {
   const std::optional<StablePart> stable = read_stable_part(view(datagram_.bytes));
   if (!stable || stable->type != MessageType::kHello) return;
-  turn_away(now, {datagram_.peer, stable->nonce}, RejectReason::kVersion,
-            "the server speaks another version of the protocol");
+  std::array<char, kMaxText> text{};
+  std::snprintf(text.data(), text.size(),
+                "the server speaks version %d of the protocol, the client version %d",
+                int{kProtocolVersion}, int{stable->version});
+  turn_away(now, {datagram_.peer, stable->nonce}, RejectReason::kVersion, text.data());
 }
 
-void ServerSession::turn_away(double now, const Asker& asker, RejectReason reason,
+void ServerSession::turn_away(double now, const Applicant& applicant, RejectReason reason,
                               std::string_view text) noexcept {
   if (answered_) return;
   answered_ = true;
   Reject reject;
-  reject.nonce = asker.nonce;
+  reject.nonce = applicant.nonce;
   reject.reason = reason;
   reject.text = reject_text(text);
-  send(link_, asker.peer, {.sequence = ++sent_outside_, .send_time = to_nanoseconds(now)}, reject);
+  send(link_, applicant.peer, {.sequence = ++sent_outside_, .send_time = to_nanoseconds(now)},
+       reject);
 }
 
 void ServerSession::send_welcome(double now) noexcept {

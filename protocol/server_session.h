@@ -41,9 +41,10 @@ class ServerSession {
     const Control* control = nullptr;       ///< Takes effect with `update`, before it.
   };
 
-  /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, and keeps the
-  /// newest complete update. Turns away by itself: hellos of another version, of a second client,
-  /// or with an error (find_error). `now`: s, any steady origin.
+  /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, tells a
+  /// client why its update was refused, and keeps the newest complete update. What is refused
+  /// leaves no trace except its count. Turns away by itself: hellos of another version, of a second
+  /// client, or with an error (find_error). `now`: s, any steady origin.
   Inbox poll(double now) noexcept;
 
   /// Grants the session asked for by the latest Inbox::hello. Ends the one before, if any.
@@ -70,26 +71,29 @@ class ServerSession {
   const ReceiveStatistics& statistics() const noexcept { return statistics_; }
 
  private:
-  /// Who asked for a session.
-  struct Asker {
+  /// Who asks for a session.
+  struct Applicant {
     Endpoint peer;
     std::uint64_t nonce = 0;
 
-    bool operator==(const Asker&) const = default;
+    bool operator==(const Applicant&) const = default;
   };
 
   std::optional<DropReason> take_datagram(double now) noexcept;
   std::optional<DropReason> take_hello(double now, const Header& header) noexcept;
   std::optional<DropReason> assemble_hello(double now, const Header& header,
-                                           const Asker& asker) noexcept;
+                                           const Applicant& applicant) noexcept;
   std::optional<DropReason> take_update(double now, const Header& header) noexcept;
+  std::optional<DropReason> complete_update(double now, const Header& header) noexcept;
+  void tell_refusal(double now, Refusal refusal) noexcept;
   std::optional<DropReason> take_control(double now, const Header& header) noexcept;
   std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
   bool from_client(const Header& header) const noexcept;
+  bool is_plausible(const Header& header) const noexcept;
   void end(double now) noexcept;
 
   void answer_other_version(double now) noexcept;
-  void turn_away(double now, const Asker& asker, RejectReason reason,
+  void turn_away(double now, const Applicant& applicant, RejectReason reason,
                  std::string_view text) noexcept;
   void send_welcome(double now) noexcept;
   Envelope next_envelope(double now) noexcept;
@@ -102,12 +106,12 @@ class ServerSession {
   bool answered_ = false;  ///< A hello was answered in this poll; one answer per poll is enough.
 
   Assembler hello_parts_;
-  Asker asker_;  ///< Of `hello_parts_` and `hello_`.
+  Applicant applicant_;  ///< Of `hello_parts_` and `hello_`.
   Hello hello_;
   std::uint64_t sent_outside_ = 0;  ///< Sequence of the latest message outside sessions.
 
   bool active_ = false;
-  Asker client_;  ///< Of the present session or of the latest; so are the following.
+  Applicant client_;  ///< Of the present session or of the latest; so are the following.
   std::uint64_t id_ = 0;
   ToolDescription tool_;
   Welcome welcome_;
@@ -116,14 +120,17 @@ class ServerSession {
   Assembler update_parts_;
   std::array<ContactUpdate, 2> updates_;  ///< The newest, and room to decode the next.
   std::size_t newest_update_ = 0;
-  Envelope acknowledged_;   ///< Of the newest update; sequence 0 if there is none.
-  double received_at_ = 0;  ///< When it came, s.
+  Envelope acknowledged_;               ///< Of the newest update; sequence 0 if there is none.
+  double received_at_ = 0;              ///< When it arrived, s.
+  std::uint64_t heard_ = 0;             ///< Largest sequence taken from the client.
+  std::uint64_t refused_ = 0;           ///< Updates refused as a whole.
+  std::optional<double> refusal_told_;  ///< s.
   Control newest_control_;
   std::uint64_t newest_control_sequence_ = 0;  ///< 0 if there is none.
   Control control_;                            ///< In effect.
   std::uint64_t control_sequence_ = 0;         ///< 0 if none is in effect.
 
-  Asker ended_;                     ///< Of the latest session that ended.
+  Applicant ended_;                 ///< Of the latest session that ended.
   std::optional<double> ended_at_;  ///< s.
 };
 

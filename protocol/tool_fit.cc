@@ -7,18 +7,67 @@
 
 namespace hlm::protocol {
 
-bool fits(const ToolDescription& tool, const Configuration& q) noexcept {
-  if (q.size() != tool.configuration_size() || !q.allFinite()) return false;
-  if (tool.links.front().joint != JointType::kFree) return true;
-  constexpr int kQuaternion = 3;  // After the position.
-  return std::abs(q.segment<4>(kQuaternion).norm() - 1) <= kUnitTolerance;
+namespace {
+
+/// Where the quaternion of a free root begins: after its position.
+constexpr int kQuaternion = 3;
+
+bool has_free_root(const ToolDescription& tool) noexcept {
+  return tool.links.front().joint == JointType::kFree;
 }
 
-bool fits(const ToolDescription& tool, const ContactUpdate& update) noexcept {
-  if (!fits(tool, update.q_VE) || update.v_VE.size() != tool.dof()) return false;
-  return std::ranges::all_of(update.contacts, [&](const ReportedContact& contact) {
-    return contact.key.link < tool.links.size();
-  });
+/// A contact with side a on the tool names a link that there is.
+bool has_known_side(const ToolDescription& tool, const ReportedContact& contact) noexcept {
+  switch (contact.a.kind) {
+    case SideKind::kToolLink:
+      return contact.a.index < tool.links.size();
+    case SideKind::kMovableBody:
+      return true;
+    case SideKind::kWorld:
+      return false;
+  }
+  return false;
+}
+
+/// The first contact whose identity one before it has too.
+std::optional<std::size_t> find_duplicate(const ReportedContacts& contacts) noexcept {
+  using Named = std::pair<std::uint64_t, std::size_t>;
+  StaticVector<Named, kMaxContacts> sorted;
+  for (std::size_t i = 0; i < contacts.size(); ++i) sorted.push_back({contacts[i].identity, i});
+  std::sort(sorted.begin(), sorted.end());
+  const auto same = [](const Named& a, const Named& b) { return a.first == b.first; };
+  const auto found = std::adjacent_find(sorted.begin(), sorted.end(), same);
+  if (found == sorted.end()) return std::nullopt;
+  return std::next(found)->second;
+}
+
+}  // namespace
+
+void normalize(const ToolDescription& tool, Configuration& q) noexcept {
+  if (has_free_root(tool) && q.size() == tool.configuration_size()) {
+    normalize_if_near(q.segment<4>(kQuaternion));
+  }
+}
+
+bool fits(const ToolDescription& tool, const Configuration& q) noexcept {
+  if (q.size() != tool.configuration_size() || !q.allFinite()) return false;
+  return !has_free_root(tool) || std::abs(q.segment<4>(kQuaternion).norm() - 1) <= kUnitTolerance;
+}
+
+std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
+                                        const ContactUpdate& update) noexcept {
+  if (update.q_VE.size() != tool.configuration_size() || update.v_VE.size() != tool.dof()) {
+    return UpdateMisfit{.error = UpdateError::kTool};
+  }
+  if (!fits(tool, update.q_VE)) return UpdateMisfit{.error = UpdateError::kQuaternion};
+  for (std::size_t i = 0; i < update.contacts.size(); ++i) {
+    if (has_known_side(tool, update.contacts[i])) continue;
+    return UpdateMisfit{UpdateError::kSide, false, i};
+  }
+  if (const auto duplicate = find_duplicate(update.contacts)) {
+    return UpdateMisfit{UpdateError::kDuplicate, false, *duplicate};
+  }
+  return std::nullopt;
 }
 
 bool fits(const ToolDescription& tool, const ProxyState& state) noexcept {

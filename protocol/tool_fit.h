@@ -10,10 +10,19 @@
 
 namespace hlm::protocol {
 
+/// Makes the quaternion in q of a free root exactly unit where it nearly is.
+void normalize(const ToolDescription& tool, Configuration& q) noexcept;
 /// Whether q has the tool's length and, of a free root, a unit quaternion.
 bool fits(const ToolDescription& tool, const Configuration& q) noexcept;
-/// Whether configuration, velocity and the contacts' links are possible with the tool.
-bool fits(const ToolDescription& tool, const ContactUpdate& update) noexcept;
+/// What of an update does not fit the tool: its q or v as a whole, or one contact, which the local
+/// model then leaves out.
+struct UpdateMisfit {
+  UpdateError error = UpdateError::kNone;
+  bool whole = true;
+  std::size_t contact = 0;  ///< The first one, if not `whole`.
+};
+std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
+                                        const ContactUpdate& update) noexcept;
 bool fits(const ToolDescription& tool, const ProxyState& state) noexcept;
 
 /// Why a hello cannot be used, naming the value and what is allowed; empty if it can. Allocates

@@ -17,17 +17,40 @@
 #include <boost/endian/conversion.hpp>
 
 #include "common/spatial.h"
+#include "common/vocabulary.h"
 #include "protocol/datagram_link.h"
 #include "protocol/statistics.h"
 
 namespace hlm::protocol {
 
-/// Allowed deviation of a unit vector's or quaternion's length from 1: what survives rounding to
-/// single precision, far below what a wrong unit would give.
-inline constexpr double kUnitTolerance = 1e-6;
+/// Allowed deviation of a unit vector's or quaternion's length from 1, which is then made 1: what
+/// single precision and a few operations leave, far below what a wrong unit would give.
+inline constexpr double kUnitTolerance = 1e-3;
+/// Bounds beyond which a number is a mistake, not a place: lengths, m; speeds, m/s and rad/s;
+/// accelerations, m/s² and rad/s²; times, s. Without them one absurd number moves the proxy there.
+inline constexpr double kLargestLength = 1e4;
+inline constexpr double kLargestSpeed = 1e3;
+inline constexpr double kLargestAcceleration = 1e6;
+inline constexpr double kLargestTime = 1e3;
+
+/// Makes a vector that is of length 1 within kUnitTolerance exactly so; false for any other. What
+/// is exact to rounding stays as it was sent, bit for bit.
+template <class Vector>
+bool normalize_if_near(Vector&& v) noexcept {
+  constexpr double kRounding = 1e-15;
+  const double error = std::abs(v.norm() - 1);
+  if (!(error <= kUnitTolerance)) return false;
+  if (error > kRounding) v /= v.norm();
+  return true;
+}
 
 /// What a number may be.
 enum class Range { kFinite, kNotNegative, kPositive };
+
+/// A number within ±bound.
+struct Within {
+  double bound;
+};
 
 /// The fields that are made of others, for Writer and Reader.
 template <class Self>
@@ -46,15 +69,40 @@ class CompoundFields {
     self().f64(X.R.y());
     self().f64(X.R.z());
   }
+  /// A pose whose quaternion is of length 1 within the tolerance, and then made so.
   template <class P>
   void unit_pose(P& X) noexcept {
     pose(X);
-    self().require(std::abs(X.R.norm() - 1) <= kUnitTolerance);
+    self().normalize(X.R.coeffs());
+  }
+  /// A pose whose quaternion is made to be of length 1 if it nearly is, and otherwise left alone.
+  template <class P>
+  void nearly_unit_pose(P& X) noexcept {
+    pose(X);
+    self().normalize_if_near(X.R.coeffs());
   }
   template <class Vector>
   void unit_vector(Vector& n) noexcept {
     vector(n);
-    self().require(std::abs(n.norm() - 1) <= kUnitTolerance);
+    self().normalize(n);
+  }
+  template <class Vector>
+  void vector_within(Vector& values, double bound) noexcept {
+    for (auto& value : values) self().f64(value, Within{bound});
+  }
+  template <class Vector>
+  void short_vector_within(Vector& values, double bound) noexcept {
+    for (auto& value : values) self().f32(value, Within{bound});
+  }
+  /// A symmetric matrix: its upper triangle, row by row.
+  template <class Matrix>
+  void symmetric(Matrix& M) noexcept {
+    for (int row = 0; row < M.rows(); ++row) {
+      for (int column = row; column < M.cols(); ++column) {
+        self().f64(M(row, column));
+        self().mirror(M, row, column);
+      }
+    }
   }
 
  private:
@@ -81,10 +129,21 @@ class Writer : public CompoundFields<Writer> {
   void f64(double value, Range = Range::kFinite) noexcept {
     append(std::bit_cast<std::uint64_t>(value));
   }
+  void f64(double value, Within) noexcept { append(std::bit_cast<std::uint64_t>(value)); }
+  void f32(double value, Range = Range::kFinite) noexcept {
+    append(std::bit_cast<std::uint32_t>(static_cast<float>(value)));
+  }
+  void f32(double value, Within) noexcept { f32(value); }
   template <class Enum>
-  void enumeration(Enum value, Enum, Enum) noexcept {
+  void enumeration(Enum value) noexcept {
     append(static_cast<std::uint8_t>(value));
   }
+  template <class Vector>
+  void normalize(const Vector&) noexcept {}
+  template <class Vector>
+  void normalize_if_near(const Vector&) noexcept {}
+  template <class Matrix>
+  void mirror(const Matrix&, int, int) noexcept {}
   /// Number of a vector's coordinates.
   template <class Vector>
   void size(const Vector& values) noexcept {
@@ -99,7 +158,7 @@ class Writer : public CompoundFields<Writer> {
     for (const char c : text) append(static_cast<std::uint8_t>(c));
   }
   void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
-  void require(bool) noexcept {}
+  void require(bool, UpdateError = UpdateError::kLayout) noexcept {}
 
  private:
   template <std::unsigned_integral T>
@@ -138,17 +197,33 @@ class Reader : public CompoundFields<Reader> {
     value = static_cast<std::int64_t>(take<std::uint64_t>());
   }
   void f64(double& value, Range range = Range::kFinite) noexcept {
-    value = std::bit_cast<double>(take<std::uint64_t>());
-    if (!std::isfinite(value)) return refuse(DropReason::kNonFinite);
-    require(range == Range::kFinite || value > 0 || (range == Range::kNotNegative && value == 0));
+    check(value = std::bit_cast<double>(take<std::uint64_t>()), range);
   }
+  void f64(double& value, Within within) noexcept {
+    check(value = std::bit_cast<double>(take<std::uint64_t>()), within);
+  }
+  void f32(double& value, Range range = Range::kFinite) noexcept {
+    check(value = std::bit_cast<float>(take<std::uint32_t>()), range);
+  }
+  void f32(double& value, Within within) noexcept {
+    check(value = std::bit_cast<float>(take<std::uint32_t>()), within);
+  }
+  /// Any value: one that this version does not know is for whoever uses it to skip.
   template <class Enum>
-  void enumeration(Enum& value, Enum first, Enum last) noexcept {
-    const auto code = take<std::uint8_t>();
-    const bool known =
-        code >= static_cast<std::uint8_t>(first) && code <= static_cast<std::uint8_t>(last);
-    require(known);
-    value = known ? static_cast<Enum>(code) : first;
+  void enumeration(Enum& value) noexcept {
+    value = static_cast<Enum>(take<std::uint8_t>());
+  }
+  template <class Vector>
+  void normalize(Vector&& v) noexcept {
+    require(hlm::protocol::normalize_if_near(v), UpdateError::kNormal);
+  }
+  template <class Vector>
+  void normalize_if_near(Vector&& v) noexcept {
+    hlm::protocol::normalize_if_near(v);
+  }
+  template <class Matrix>
+  void mirror(Matrix& M, int row, int column) noexcept {
+    M(column, row) = M(row, column);
   }
   /// Gives a vector of bounded length as many coordinates as were sent.
   template <class Vector>
@@ -175,28 +250,46 @@ class Reader : public CompoundFields<Reader> {
       c = static_cast<char>(code);
     }
   }
-  void require(bool condition) noexcept {
-    if (!condition) refuse(DropReason::kMalformed);
+  void require(bool condition, UpdateError error = UpdateError::kLayout) noexcept {
+    if (!condition) refuse(DropReason::kMalformed, error);
   }
 
   std::size_t position() const noexcept { return position_; }
   /// Why the bytes are refused; the first reason counts. Empty if all is well so far.
   std::optional<DropReason> error() const noexcept { return error_; }
-  /// The same after the last field: bytes must not be left over.
-  std::optional<DropReason> finish() noexcept {
-    require(position_ == bytes_.size());
-    return error_;
+  /// The same, in the words of a refusal.
+  UpdateError update_error() const noexcept { return update_error_; }
+  /// Goes on at `position`, past what this version does not know; refuses if it has been passed or
+  /// lies beyond the end.
+  void skip_to(std::size_t position) noexcept {
+    require(position_ <= position && position <= bytes_.size());
+    position_ = position;
   }
 
  private:
-  void refuse(DropReason reason) noexcept {
-    if (!error_) error_ = reason;
+  void refuse(DropReason reason, UpdateError error) noexcept {
+    if (error_) return;
+    error_ = reason;
+    update_error_ = error;
+  }
+  bool check_finite(double value) noexcept {
+    if (std::isfinite(value)) return true;
+    refuse(DropReason::kNonFinite, UpdateError::kNonFinite);
+    return false;
+  }
+  void check(double value, Range range) noexcept {
+    if (!check_finite(value)) return;
+    require(range == Range::kFinite || value > 0 || (range == Range::kNotNegative && value == 0),
+            UpdateError::kRange);
+  }
+  void check(double value, Within within) noexcept {
+    if (check_finite(value)) require(std::abs(value) <= within.bound, UpdateError::kRange);
   }
 
   template <std::unsigned_integral T>
   T take() noexcept {
     if (position_ > bytes_.size() || bytes_.size() - position_ < sizeof(T)) {
-      refuse(DropReason::kMalformed);
+      refuse(DropReason::kMalformed, UpdateError::kLayout);
       return 0;
     }
     std::array<std::byte, sizeof(T)> raw;
@@ -208,6 +301,7 @@ class Reader : public CompoundFields<Reader> {
   std::span<const std::byte> bytes_;
   std::size_t position_;
   std::optional<DropReason> error_;
+  UpdateError update_error_ = UpdateError::kNone;
 };
 
 }  // namespace hlm::protocol

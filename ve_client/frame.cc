@@ -40,13 +40,13 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clo
   server.sample(sampled_at, tool.q(), tool.v(), period);
   const double delay = server.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
-  const ReportedContacts contacts =
+  const std::vector<FoundContact> contacts =
       select_contacts(proximity.query(tool, result.epsilon), assembly.planar_normal_W);
 
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
-  server.send(clock.now(), contacts);
+  server.send(clock.now(), reports_of(contacts));
 
-  for (const ReportedContact& contact : contacts) {
+  for (const FoundContact& contact : contacts) {
     ++(contact.separation <= 0 ? result.active : result.predicted);
   }
   return result;

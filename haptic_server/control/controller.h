@@ -1,5 +1,5 @@
-// The controller between device and proxy (METHOD 6, paper Sec. II), and the couplings of other
-// methods, to compare with.
+// The controller between device and proxy (docs/method.md 6, paper Sec. II), and the couplings of
+// other methods, to compare with.
 #pragma once
 
 #include <optional>

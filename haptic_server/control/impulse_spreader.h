@@ -1,4 +1,4 @@
-// Renders collision impulses within the force budget (METHOD 5, Eq. 12).
+// Renders collision impulses within the force budget (docs/method.md 5.4, Eq. 12).
 #pragma once
 
 #include "common/spatial.h"

@@ -1,4 +1,5 @@
-// Simultaneous frictionless collisions of the proxy with static constraints (METHOD 5, Eqs. 9-11).
+// Simultaneous frictionless collisions of the proxy with static constraints (docs/method.md 5,
+// Eqs. 9-11).
 #pragma once
 
 #include <Eigen/Cholesky>

@@ -11,6 +11,8 @@ namespace {
 /// Rounds of the contact solver. Two are typical; what is undecided after the last is clamped.
 constexpr int kMaxPasses = 4;
 
+constexpr std::size_t at(int link) noexcept { return static_cast<std::size_t>(link); }
+
 Vector3 tangential(const Vector3& v, const Vector3& n) noexcept { return v - n.dot(v) * n; }
 
 Vector3 point_velocity(const Twist& twist, const Vector3& arm) noexcept {
@@ -32,6 +34,14 @@ RelativeVelocity relative_velocity(const LocalContact& contact, const Twist& twi
 double penalty(const LocalContact& contact, double v_n, const ContactLaw& law) noexcept {
   const double moved = law.step == ContactStep::kImplicit ? law.dt * v_n : 0;
   return -law.stiffness * (contact.s + moved) - law.damping * v_n;
+}
+
+/// μ_s, μ_k: the materials' own where the environment gives it.
+double static_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
+  return contact.friction >= 0 ? contact.friction : law.static_friction;
+}
+double kinetic_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
+  return contact.friction >= 0 ? contact.friction : law.kinetic_friction;
 }
 
 /// f*: what the tangential spring and damper ask for, N, on the tool.
@@ -57,7 +67,8 @@ Trials first_trials(const LocalContacts& contacts, const LinkMotion& links,
     Trial& trial = trials.emplace_back();
     if (contact.s > 0) continue;
     trial.arm = links.arm(contact);
-    trial.mode = contact.slipping || law.static_friction == 0 ? Mode::kSlip : Mode::kStick;
+    trial.mode =
+        contact.slipping || static_friction(contact, law) == 0 ? Mode::kSlip : Mode::kStick;
     if (contact.slipping) trial.slip_force = tangential(contact.f_W, contact.n_W);
   }
   return trials;
@@ -100,15 +111,15 @@ System assemble(const LocalContacts& contacts, const Trials& trials, const LinkM
   StaticVector<Wrench, kMaxLinks> wrench(static_cast<std::size_t>(links.count()), Wrench::Zero());
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (trials[i].mode == Mode::kOff) continue;
-    const std::size_t link = contacts[i].key.link;
+    const auto link = at(contacts[i].link());
     add_contact(contacts[i], trials[i], law, impedance[link], wrench[link]);
   }
   System system{E, r};
   for (int i = 0; i < links.count(); ++i) {
     const Jacobian& J = links.jacobian(i);
-    const Jacobian ZJ = impedance[static_cast<std::size_t>(i)].lazyProduct(J);
+    const Jacobian ZJ = impedance[at(i)].lazyProduct(J);
     system.A += law.dt * J.transpose().lazyProduct(ZJ);
-    system.r += law.dt * J.transpose().lazyProduct(wrench[static_cast<std::size_t>(i)]);
+    system.r += law.dt * J.transpose().lazyProduct(wrench[at(i)]);
   }
   return system;
 }
@@ -121,17 +132,17 @@ bool revise(const LocalContacts& contacts, const LinkTwists& twists, const Conta
     const LocalContact& contact = contacts[i];
     Trial& trial = trials[i];
     if (contact.s > 0) continue;
-    const RelativeVelocity v = relative_velocity(contact, twists[contact.key.link], trial.arm);
+    const RelativeVelocity v = relative_velocity(contact, twists[at(contact.link())], trial.arm);
     const double f_n = penalty(contact, v.normal, law);
     Mode mode = Mode::kOff;
     if (f_n > 0) {
       const Vector3 f = elastic_friction(contact, v.tangential, law);
       const double size = f.norm();
       const bool slipped = trial.mode == Mode::kSlip;
-      mode = size > (slipped ? law.kinetic_friction : law.static_friction) * f_n ? Mode::kSlip
-                                                                                 : Mode::kStick;
+      const double mu = slipped ? kinetic_friction(contact, law) : static_friction(contact, law);
+      mode = size > mu * f_n ? Mode::kSlip : Mode::kStick;
       if (mode == Mode::kSlip && size > 0) {
-        trial.slip_force = (law.kinetic_friction * f_n / size) * f;
+        trial.slip_force = (kinetic_friction(contact, law) * f_n / size) * f;
       }
     }
     changed |= mode != trial.mode;
@@ -160,8 +171,8 @@ void evaluate_contacts(LocalContacts& contacts, const LinkMotion& links,
   for (LocalContact& contact : contacts) {
     const bool was_impending = contact.state == ContactState::kImpending;
     const Vector3 arm = links.arm(contact);
-    contact.s = contact.n_W.dot(links.pose(contact.key.link).p + arm - contact.c_W);
-    contact.v_n = relative_velocity(contact, twists[contact.key.link], arm).normal;
+    contact.s = contact.n_W.dot(links.pose(contact.link()).p + arm - contact.c_W);
+    contact.v_n = relative_velocity(contact, twists[at(contact.link())], arm).normal;
     if (contact.s > 0) {
       contact.state = ContactState::kImpending;
     } else if (contact.v_n > 0) {
@@ -184,24 +195,25 @@ GeneralisedForce apply_contact_forces(LocalContacts& contacts, const LinkMotion&
       continue;
     }
     const Vector3 arm = links.arm(contact);
-    const RelativeVelocity v = relative_velocity(contact, twists[contact.key.link], arm);
+    const RelativeVelocity v = relative_velocity(contact, twists[at(contact.link())], arm);
     const double f_n = std::max(0.0, penalty(contact, v.normal, law));
     Vector3 f_t = elastic_friction(contact, v.tangential, law);
     const double size = f_t.norm();
-    const double limit = contact.slipping ? law.kinetic_friction : law.static_friction;
-    contact.slipping = size > limit * f_n;
-    if (contact.slipping) f_t *= law.kinetic_friction * f_n / size;
+    const double mu =
+        contact.slipping ? kinetic_friction(contact, law) : static_friction(contact, law);
+    contact.slipping = size > mu * f_n;
+    if (contact.slipping) f_t *= kinetic_friction(contact, law) * f_n / size;
     // Backward Euler of the elasto-plastic anchor: exact in stick, and in slip it follows.
     contact.z_W =
         (-law.dt * f_t + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
     contact.loaded = f_n > 0;
     contact.f_W = f_n * contact.n_W + f_t;
-    wrench[contact.key.link].head<3>() += contact.f_W;
-    wrench[contact.key.link].tail<3>() += arm.cross(contact.f_W);
+    wrench[at(contact.link())].head<3>() += contact.f_W;
+    wrench[at(contact.link())].tail<3>() += arm.cross(contact.f_W);
   }
   GeneralisedForce tau = GeneralisedForce::Zero(links.dof());
   for (int i = 0; i < links.count(); ++i) {
-    tau += links.jacobian(i).transpose().lazyProduct(wrench[static_cast<std::size_t>(i)]);
+    tau += links.jacobian(i).transpose().lazyProduct(wrench[at(i)]);
   }
   return tau;
 }
@@ -224,12 +236,12 @@ MassMatrix unit_stiffness(const LocalContacts& contacts, const LinkMotion& links
   for (const LocalContact& contact : contacts) {
     Vector6 row;
     row << contact.n_W, links.arm(contact).cross(contact.n_W);
-    sum[contact.key.link].noalias() += row * row.transpose();
+    sum[at(contact.link())].noalias() += row * row.transpose();
   }
   MassMatrix K = MassMatrix::Zero(links.dof(), links.dof());
   for (int i = 0; i < links.count(); ++i) {
     const Jacobian& J = links.jacobian(i);
-    const Jacobian product = sum[static_cast<std::size_t>(i)].lazyProduct(J);
+    const Jacobian product = sum[at(i)].lazyProduct(J);
     K += J.transpose().lazyProduct(product);
   }
   return K;

@@ -1,5 +1,5 @@
-// Penalty and friction forces of the local contacts, and the step that they take part in (METHOD
-// 4).
+// Penalty and friction forces of the local contacts, and the step that they take part in
+// (docs/method.md 4.1 to 4.3).
 #pragma once
 
 #include <array>
@@ -32,7 +32,7 @@ class LinkMotion {
 
   /// The contact's point from the link's origin, world axes, m.
   Vector3 arm(const LocalContact& contact) const noexcept {
-    return pose(contact.key.link).R * contact.p_L;
+    return pose(contact.link()).R * contact.p_L;
   }
 
  private:

@@ -5,23 +5,31 @@
 namespace hlm::server {
 namespace {
 
-using ReportsByKey = StaticVector<const ReportedContact*, kMaxContacts>;
+using ReportsByIdentity = StaticVector<const ReportedContact*, kMaxContacts>;
 
-/// The reports that a rule uses, sorted by key, of equal keys the first.
-ReportsByKey sorted_reports(const ReportedContacts& reported, UpdateRule rule) noexcept {
+/// Whether the local model has a place for the contact: the tool on side a, and not on both.
+bool is_usable(const ReportedContact& contact, const ToolModel& tool) noexcept {
+  return contact.a.kind == SideKind::kToolLink && contact.b.kind != SideKind::kToolLink &&
+         contact.a.index < static_cast<std::uint32_t>(tool.links());
+}
+
+/// The reports that a rule uses, sorted by identity, of equal ones the first.
+ReportsByIdentity sorted_reports(const ReportedContacts& reported, const ToolModel& tool,
+                                 UpdateRule rule) noexcept {
   const bool only_active = rule == UpdateRule::kIntermediateRepresentation;
-  ReportsByKey sorted;
+  ReportsByIdentity sorted;
   for (const ReportedContact& contact : reported) {
+    if (!is_usable(contact, tool)) continue;
     if (!only_active || contact.separation <= 0) sorted.push_back(&contact);
   }
-  const auto by_key = [](const auto* a, const auto* b) {
-    return a->key != b->key ? a->key < b->key : a < b;
+  const auto before = [](const auto* a, const auto* b) {
+    return a->identity != b->identity ? a->identity < b->identity : a < b;
   };
-  if (!std::is_sorted(sorted.begin(), sorted.end(), by_key)) {
-    std::sort(sorted.begin(), sorted.end(), by_key);
+  if (!std::is_sorted(sorted.begin(), sorted.end(), before)) {
+    std::sort(sorted.begin(), sorted.end(), before);
   }
-  const auto same_key = [](const auto* a, const auto* b) { return a->key == b->key; };
-  sorted.erase(std::unique(sorted.begin(), sorted.end(), same_key), sorted.end());
+  const auto same = [](const auto* a, const auto* b) { return a->identity == b->identity; };
+  sorted.erase(std::unique(sorted.begin(), sorted.end(), same), sorted.end());
   return sorted;
 }
 
@@ -59,14 +67,18 @@ void put_off(LocalContact& contact, std::optional<double> s_p, double& s_plus,
 void set_local_contact(LocalContact& contact, const ReportedContact& reported,
                        const LocalContact* existing, const ToolModel& ve_tool,
                        const ToolModel& proxy, double age, const UpdatePolicy& policy) noexcept {
-  const Pose& X_WL = proxy.X_WL(reported.key.link);
-  contact.key = reported.key;
+  const auto link = static_cast<int>(reported.a.index);
+  const Pose& X_WL = proxy.X_WL(link);
+  contact.identity = reported.identity;
+  contact.a = reported.a;
+  contact.b = reported.b;
+  contact.friction = reported.friction;
   contact.n_W = reported.n_W;
   contact.v_WC = reported.v_WC;
   contact.v_constr = reported.n_W.dot(reported.v_WC);
   contact.c_W = reported.p_WC + contact.v_constr * age * contact.n_W;
 
-  const Pose& X_WL_VE = ve_tool.X_WL(reported.key.link);
+  const Pose& X_WL_VE = ve_tool.X_WL(link);
   const Vector3 p_true =
       X_WL_VE.R.conjugate() * (reported.p_WC + reported.separation * reported.n_W - X_WL_VE.p);
   const Vector3 x_W = X_WL * p_true;
@@ -113,7 +125,7 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
 void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                   const ToolModel& ve_tool, const ToolModel& proxy, double age,
                   const UpdatePolicy& policy, LocalContacts& updated) noexcept {
-  const ReportsByKey reports = sorted_reports(reported, policy.rule);
+  const ReportsByIdentity reports = sorted_reports(reported, proxy, policy.rule);
   updated.clear();
   std::size_t room = policy.rule == UpdateRule::kRetain ? updated.capacity() - reports.size() : 0;
   const auto pass_unreported = [&](const LocalContact& contact) {
@@ -125,8 +137,8 @@ void adopt_update(const LocalContacts& existing, const ReportedContacts& reporte
 
   auto old = existing.begin();
   for (const ReportedContact* report : reports) {
-    while (old != existing.end() && old->key < report->key) pass_unreported(*old++);
-    const bool known = old != existing.end() && old->key == report->key;
+    while (old != existing.end() && old->identity < report->identity) pass_unreported(*old++);
+    const bool known = old != existing.end() && old->identity == report->identity;
     set_local_contact(updated.emplace_back(), *report, known ? &*old++ : nullptr, ve_tool, proxy,
                       age, policy);
   }
@@ -142,7 +154,7 @@ void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt
     const double given =
         open ? contact.put_off
              : std::clamp(contact.put_off, -contact.put_off_step, contact.put_off_step);
-    contact.p_L += proxy.X_WL(contact.key.link).R.conjugate() * (given * contact.n_W);
+    contact.p_L += proxy.X_WL(contact.link()).R.conjugate() * (given * contact.n_W);
     contact.put_off -= given;
   }
   erase_if(contacts, [&](const LocalContact& contact) {

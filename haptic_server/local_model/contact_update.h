@@ -1,4 +1,4 @@
-// How an update from the virtual environment becomes local contacts (METHOD 2, Eqs. 1-6).
+// How an update from the virtual environment becomes local contacts (docs/method.md 2, Eqs. 1-6).
 #pragma once
 
 #include <optional>
@@ -22,11 +22,12 @@ struct UpdatePolicy {
   int recovery_steps = 10;  ///< `plane_recovery`: N.
 };
 
-/// The local contacts after an update, sorted by key, into `updated` (another object than
+/// The local contacts after an update, sorted by identity, into `updated` (another object than
 /// `existing`: contacts are large, so callers keep two sets and swap roles).
-/// existing: the contacts before, sorted by key, their constraints advanced to now.
-/// reported: contacts of the environment for the tool at `ve_tool`, `age` seconds old.
-/// proxy: the tool at the proxy's present configuration.
+/// existing: the contacts before, sorted by identity, their constraints advanced to now.
+/// reported: contacts of the environment for the tool at `ve_tool`, `age` seconds old. Those
+/// without the tool on side a, between two links, or with the identity of one before them are left
+/// out. proxy: the tool at the proxy's present configuration.
 void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                   const ToolModel& ve_tool, const ToolModel& proxy, double age,
                   const UpdatePolicy& policy, LocalContacts& updated) noexcept;
@@ -37,7 +38,7 @@ void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt
 
 /// Eq. 3: separation of the contact at the proxy's configuration, m.
 inline double separation(const LocalContact& contact, const ToolModel& proxy) noexcept {
-  return contact.n_W.dot(proxy.X_WL(contact.key.link) * contact.p_L - contact.c_W);
+  return contact.n_W.dot(proxy.X_WL(contact.link()) * contact.p_L - contact.c_W);
 }
 
 }  // namespace hlm::server

@@ -1,4 +1,4 @@
-// How generalised contact forces are felt at the hand (METHOD 4, Eq. 8).
+// How generalised contact forces are felt at the hand (docs/method.md 4.4, Eq. 8).
 #pragma once
 
 #include <Eigen/Cholesky>

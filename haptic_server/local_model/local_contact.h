@@ -1,5 +1,5 @@
-// One contact of the local model: an infinite plane, the proxy's point that it stops, and its
-// state.
+// One contact of the local model: an infinite plane on side b, the point of side a that it stops,
+// and its state.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,21 @@
 namespace hlm::server {
 
 struct LocalContact {
-  ContactKey key;
+  std::uint64_t identity = 0;
+  /// The sides: a is a link of the tool, whose point p_L is; b is the world, or moves regardless of
+  /// the tool. Other sides have a Jacobian block each, and are left out at an update so far.
+  ContactSide a;
+  ContactSide b;
+  double friction = -1;  ///< Of the two materials; negative: the local model's own.
 
   // The local constraint: the plane through c with normal n, moving along n.
   Vector3 c_W = Vector3::Zero();  ///< Point on the environment, world, m.
   Vector3 n_W = Vector3::UnitZ();
   Vector3 v_WC = Vector3::Zero();  ///< Velocity of the environment's point, world, m/s.
   double v_constr = 0;             ///< Eq. 2: nᵀ v_c, m/s.
+
+  /// Link of the tool on side a.
+  int link() const noexcept { return static_cast<int>(a.index); }
 
   /// The local contact point: the tool's own point where the proxy is not deformed. Link frame, m.
   Vector3 p_L = Vector3::Zero();

@@ -115,7 +115,7 @@ GeneralisedForce LocalModel::collide(const Eigen::LLT<MassMatrix>& D,
     }
     Vector6 row;
     row << contact.n_W, links.arm(contact).cross(contact.n_W);
-    normals.col(count++) = links.jacobian(contact.key.link).transpose().lazyProduct(row);
+    normals.col(count++) = links.jacobian(contact.link()).transpose().lazyProduct(row);
   }
   normals.conservativeResize(Eigen::NoChange, count);
   return collision_impulse(parameters_.collision_rule, D, normals, v_, parameters_.restitution);

@@ -9,7 +9,7 @@
 
 namespace hlm::server {
 
-/// How simultaneous collisions are resolved (METHOD 5).
+/// How simultaneous collisions are resolved (docs/method.md 5).
 enum class CollisionRule {
   kNonnegative,  ///< Impulses never pull: the LCP with Newton's restitution.
   kNewton,       ///< Eq. 11 as printed.
@@ -29,7 +29,7 @@ inline constexpr std::array<Word<server::CollisionRule>, 2> kWords<server::Colli
 
 namespace hlm::server {
 
-/// How contact forces enter the integration (METHOD 4).
+/// How contact forces enter the integration (docs/method.md 4.3).
 enum class ContactStep {
   kImplicit,  ///< Forces at the end of the step: stable for any stiffness.
   kExplicit,  ///< Forces at its start: stable while (2bΔt + kΔt²) λ_max(J D⁻¹ Jᵀ) < 4.

@@ -1,4 +1,4 @@
-// How far the contacts' stiffness is scaled so that together they stay renderable (METHOD 4).
+// How far stiffness is scaled so that all contacts together stay renderable (docs/method.md 4.5).
 #pragma once
 
 #include <Eigen/Cholesky>

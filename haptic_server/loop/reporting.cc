@@ -7,6 +7,21 @@
 namespace hlm::server {
 namespace {
 
+/// Every number of a message is finite: 0 where the device has no rating.
+double rating(double value) noexcept { return std::isfinite(value) ? value : 0; }
+
+protocol::DeviceReport report_of(const Device& device) noexcept {
+  const DeviceRatings& ratings = device.ratings();
+  protocol::DeviceReport report;
+  report.max_force = rating(ratings.max_force);
+  report.max_torque = rating(ratings.max_torque);
+  report.max_stiffness = rating(ratings.max_stiffness);
+  report.max_angular_stiffness = rating(ratings.max_angular_stiffness);
+  report.measures_hand = device.measures_hand_wrench();
+  report.guidable = device.guidable();
+  return report;
+}
+
 void replace_non_finite(protocol::ProxyState& state) noexcept {
   const auto zero_unless_finite = [](auto& values) {
     if (!values.allFinite()) values.setZero();
@@ -54,7 +69,10 @@ protocol::Welcome welcome(const ServoOptions& options, std::uint64_t configurati
   return {.servo_rate = options.rate,
           .configuration = configuration,
           .tuning = tuning_of(options),
-          .guidable = device.guidable()};
+          .silence_time = options.silence_time,
+          .fade_time = options.limits.fade_time,
+          .least_update_rate = 1 / options.silence_time,
+          .device = report_of(device)};
 }
 
 protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
@@ -79,6 +97,8 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.F_env = record.F_env;
   state.F_command = record.F_command;
   state.F_hand = record.F_hand;
+  state.hand_measured = record.hand_measured;
+  state.limit = record.limit;
   state.overruns = record.overruns;
   state.updates = updates;
   if (record.fault == Fault::kNonFinite) replace_non_finite(state);

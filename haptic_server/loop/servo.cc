@@ -163,6 +163,7 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
   u += impulse;
   record_.F_env = felt.F + impulse;
   record_.F_command = limiter_.limit(u);
+  record_.limit = limiter_.limited_by();
   if (limiter_.met_non_finite()) return fail(Fault::kNonFinite);
   if (!device_.write(record_.F_command)) fail(Fault::kDevice);
 }
@@ -179,7 +180,7 @@ void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   const LocalModel* model = local_model_ ? &*local_model_ : nullptr;
   record_.adopted = session_.acknowledge(now, proxy_state(record_, step_, updates_, model));
-  if (model != nullptr) telemetry_.contacts(now, step_, *model, limiter_.limited_by(), session_);
+  if (model != nullptr) telemetry_.contacts(now, step_, *model, session_);
 }
 
 }  // namespace hlm::server

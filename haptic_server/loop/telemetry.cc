@@ -21,12 +21,14 @@ protocol::TickSignals signals(const TickRecord& record, double previous_executio
 }
 
 protocol::LocalContactReport report(const LocalContact& contact, const ToolModel& proxy) noexcept {
-  return {.link = contact.key.link,
+  return {.identity = contact.identity,
+          .a = contact.a,
+          .b = contact.b,
           .state = contact.state,
           .retained = contact.put_off > 0,
           .c_W = contact.c_W,
           .n_W = contact.n_W,
-          .p_W = proxy.X_WL(contact.key.link) * contact.p_L,
+          .p_W = proxy.X_WL(contact.link()) * contact.p_L,
           .s = separation(contact, proxy),
           .f_W = contact.f_W};
 }
@@ -44,11 +46,10 @@ void Telemetry::tick(double now, const TickRecord& record, double previous_execu
   batch_.ticks.clear();
 }
 
-void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model, ForceLimit limit,
+void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model,
                          protocol::ServerSession& session) noexcept {
   if (!on_) return;
   state_.step = step;
-  state_.limit = limit;
   state_.contacts.clear();
   for (const LocalContact& contact : model.contacts()) {
     if (state_.contacts.size() == state_.contacts.capacity()) break;

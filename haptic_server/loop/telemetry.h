@@ -27,7 +27,7 @@ class Telemetry {
   void tick(double now, const TickRecord& record, double previous_execution,
             protocol::ServerSession& session) noexcept;
   /// The contacts of this step.
-  void contacts(double now, std::uint64_t step, const LocalModel& model, ForceLimit limit,
+  void contacts(double now, std::uint64_t step, const LocalModel& model,
                 protocol::ServerSession& session) noexcept;
 
  private:

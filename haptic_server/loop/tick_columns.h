@@ -56,6 +56,7 @@ constexpr void visit_signals(Visit&& visit) {
   visit("tool", &TickRecord::X_WT, kPose);
   visit("env", &TickRecord::F_env, kWrench);
   visit("command", &TickRecord::F_command, kWrench);
+  visit("force_limit", &TickRecord::limit, kPlain);
   visit("active_contacts", &TickRecord::active_contacts, kPlain);
   visit("predicted_contacts", &TickRecord::predicted_contacts, kPlain);
   visit("smallest_separation", &TickRecord::smallest_separation, kMetres);

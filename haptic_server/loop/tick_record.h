@@ -22,9 +22,10 @@ struct TickRecord {
   Wrench F_hand = Wrench::Zero();
   Pose X_WP;  ///< Hand frame of the proxy.
   Twist V_WP = Twist::Zero();
-  Pose X_WT;                          ///< Hand frame of the VE's tool, from the latest update.
-  Wrench F_env = Wrench::Zero();      ///< Contact wrench at the hand, impulses included.
-  Wrench F_command = Wrench::Zero();  ///< To the device, after limits.
+  Pose X_WT;                             ///< Hand frame of the VE's tool, from the latest update.
+  Wrench F_env = Wrench::Zero();         ///< Contact wrench at the hand, impulses included.
+  Wrench F_command = Wrench::Zero();     ///< To the device, after limits.
+  ForceLimit limit = ForceLimit::kNone;  ///< What keeps it from being the wanted wrench.
   int active_contacts = 0;
   int predicted_contacts = 0;
   double smallest_separation = 0;  ///< m; 0 without contacts.

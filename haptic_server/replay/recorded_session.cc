@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -28,7 +29,10 @@ class SessionReader {
  public:
   void take(const CapturedDatagram& datagram) {
     Header header;
-    if (decode_header(protocol::view(datagram.bytes), header)) return;
+    if (const auto reason = decode_header(protocol::view(datagram.bytes), header)) {
+      if (reason == protocol::DropReason::kVersion) other_version_ = read_version(datagram);
+      return;
+    }
     switch (header.type) {
       case MessageType::kHello:
         return take_hello(datagram, header);
@@ -44,6 +48,8 @@ class SessionReader {
       case MessageType::kGoodbye:
       case MessageType::kTicks:
       case MessageType::kLocalState:
+      case MessageType::kRefusal:
+      case MessageType::kImpulses:
         return;
     }
   }
@@ -59,6 +65,9 @@ class SessionReader {
     return sessions;
   }
 
+  /// Version of datagrams that were skipped because of it, if any.
+  std::optional<std::uint16_t> other_version() const { return other_version_; }
+
  private:
   struct PendingHello {
     std::uint64_t sequence = 0;
@@ -71,10 +80,15 @@ class SessionReader {
     std::map<std::uint64_t, std::size_t> at;  ///< Index of each update, by sequence.
   };
 
+  static std::optional<std::uint16_t> read_version(const CapturedDatagram& datagram) {
+    const auto stable = protocol::read_stable_part(protocol::view(datagram.bytes));
+    return stable ? std::optional(stable->version) : std::nullopt;
+  }
+
   void take_hello(const CapturedDatagram& datagram, const Header& header) {
     PendingHello& hello = hellos_[{datagram.from.address, datagram.from.port}];
     if (hello.sequence != header.envelope.sequence) hello = {header.envelope.sequence, {}};
-    hello.parts.emplace(header.slice.part, datagram.bytes);
+    hello.parts.emplace(header.part, datagram.bytes);
   }
 
   void take_welcome(const CapturedDatagram& datagram, const Header& header) {
@@ -97,7 +111,7 @@ class SessionReader {
       pending->session.updates.push_back({datagram.time_ns, sequence, {}});
       pending->parts.emplace_back();
     }
-    pending->parts[at->second].emplace(header.slice.part, datagram.bytes);
+    pending->parts[at->second].emplace(header.part, datagram.bytes);
   }
 
   void take_control(const CapturedDatagram& datagram, const Header& header) {
@@ -122,6 +136,7 @@ class SessionReader {
 
   std::map<std::pair<std::uint32_t, std::uint16_t>, PendingHello> hellos_;  ///< By client.
   std::vector<PendingSession> sessions_;
+  std::optional<std::uint16_t> other_version_;
 };
 
 }  // namespace
@@ -131,6 +146,12 @@ std::vector<RecordedSession> read_sessions(const std::filesystem::path& path) {
   SessionReader reader;
   while (const auto datagram = capture.next()) reader.take(*datagram);
   std::vector<RecordedSession> sessions = reader.sessions();
+  if (sessions.empty() && reader.other_version()) {
+    throw std::runtime_error(path.string() + ": holds version " +
+                             std::to_string(*reader.other_version()) +
+                             " of the protocol; this program replays version " +
+                             std::to_string(protocol::kProtocolVersion));
+  }
   if (sessions.empty()) {
     throw std::runtime_error(path.string() + ": holds no session: a hello and its welcome");
   }

@@ -31,6 +31,7 @@ class DatagramQueue {
   bool take(double now, Datagram& datagram) noexcept {
     if (!has_due(now)) return false;
     datagram = waiting_.front().datagram;
+    datagram.waited = now - waiting_.front().due;
     waiting_.erase(waiting_.begin());
     return true;
   }

@@ -2,11 +2,17 @@
 #include "protocol/transport/udp_socket.h"
 
 #include <array>
+#include <cerrno>
 #include <charconv>
+#include <cstring>
+#include <ctime>
 #include <stdexcept>
 #include <utility>
 
+#include <arpa/inet.h>
 #include <boost/asio/ip/udp.hpp>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
 namespace hlm::protocol {
 namespace {
@@ -20,9 +26,9 @@ using boost::system::error_code;
 /// is held up for tens of milliseconds.
 constexpr int kReceiveBuffer = 256 * 1024;
 
-/// Errors passed over in one receive: each is a late report about a datagram sent before, such as
+/// Errors skipped in one receive: each is a late report about a datagram sent before, such as
 /// an unreachable port.
-constexpr int kErrorsPassedOver = 8;
+constexpr int kErrorsSkipped = 8;
 
 udp::endpoint to_asio(const Endpoint& endpoint) noexcept {
   return {asio::ip::address_v4(endpoint.address), endpoint.port};
@@ -45,6 +51,24 @@ std::uint16_t parse_port(const std::string& host_port, const std::string& port,
   return static_cast<std::uint16_t>(value);
 }
 
+/// Seconds since the kernel stamped the datagram's arrival; 0 where it did not, or where the clock
+/// was set since.
+double waited_since_arrival(msghdr& message) noexcept {
+  for (cmsghdr* item = CMSG_FIRSTHDR(&message); item != nullptr;
+       item = CMSG_NXTHDR(&message, item)) {
+    if (item->cmsg_level != SOL_SOCKET || item->cmsg_type != SCM_TIMESTAMPNS) continue;
+    timespec arrival{};
+    std::memcpy(&arrival, CMSG_DATA(item), sizeof arrival);
+    timespec now{};
+    clock_gettime(CLOCK_REALTIME, &now);
+    const double waited = static_cast<double>(now.tv_sec - arrival.tv_sec) +
+                          1e-9 * static_cast<double>(now.tv_nsec - arrival.tv_nsec);
+    constexpr double kLongest = 1.0;  // Longer waits are a clock that was set.
+    return waited >= 0 && waited <= kLongest ? waited : 0;
+  }
+  return 0;
+}
+
 }  // namespace
 
 struct UdpSocket::Socket {
@@ -52,7 +76,6 @@ struct UdpSocket::Socket {
   udp::socket socket{context};
   /// One byte longer than any of ours, to tell what is too long.
   std::array<std::byte, kMaxDatagram + 1> buffer;
-  udp::endpoint sender;
 };
 
 UdpSocket::UdpSocket(const Endpoint& local) : socket_(std::make_unique<Socket>()) {
@@ -68,21 +91,34 @@ UdpSocket::UdpSocket(const Endpoint& local) : socket_(std::make_unique<Socket>()
   // Where the system allows less, less will do.
   error_code ignored;
   socket.set_option(asio::socket_base::receive_buffer_size(kReceiveBuffer), ignored);
+  const int on = 1;
+  setsockopt(socket.native_handle(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   local_ = from_asio(socket.local_endpoint());
 }
 
 UdpSocket::~UdpSocket() = default;
 
 bool UdpSocket::receive(Datagram& datagram) noexcept {
-  for (int errors = 0; errors < kErrorsPassedOver; ++errors) {
-    error_code error;
-    const std::size_t size =
-        socket_->socket.receive_from(asio::buffer(socket_->buffer), socket_->sender, 0, error);
-    if (error == asio::error::would_block) return false;
-    if (error) continue;
-    datagram.peer = from_asio(socket_->sender);
-    const std::size_t kept = size <= kMaxDatagram ? size : 0;
+  // Asio gives no control messages, and so no time of arrival.
+  alignas(cmsghdr) std::array<char, 128> control;
+  sockaddr_in sender{};
+  iovec part{socket_->buffer.data(), socket_->buffer.size()};
+  for (int errors = 0; errors < kErrorsSkipped; ++errors) {
+    msghdr message{};
+    message.msg_name = &sender;
+    message.msg_namelen = sizeof sender;
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    const ssize_t size = recvmsg(socket_->socket.native_handle(), &message, MSG_DONTWAIT);
+    if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
+    if (size < 0) continue;
+    datagram.peer = {ntohl(sender.sin_addr.s_addr), ntohs(sender.sin_port)};
+    const auto received = static_cast<std::size_t>(size);
+    const std::size_t kept = received <= kMaxDatagram ? received : 0;
     datagram.bytes.assign(socket_->buffer.begin(), socket_->buffer.begin() + kept);
+    datagram.waited = waited_since_arrival(message);
     return true;
   }
   return false;

@@ -41,8 +41,8 @@ ReportedContacts contacts_of(const ToolModel& tool, int count) {
   for (int i = 0; i < count; ++i) {
     const double angle = 1.5707963267948966 * (i % 4);
     ReportedContact contact;
-    contact.key.link = static_cast<std::uint16_t>(link);
-    contact.key.tool_feature.index = static_cast<std::uint16_t>(i);
+    contact.a.index = static_cast<std::uint32_t>(link);
+    contact.identity = static_cast<std::uint64_t>(i);
     contact.n_W = {std::cos(angle), std::sin(angle), 0};
     contact.p_WC =
         tool.X_WL(link).p - 0.02 * contact.n_W + Vector3(0, 0, 0.002 * (i / 4 - count / 8));

@@ -31,9 +31,9 @@ double spring_energy(const LocalContacts& contacts, const ToolModel& proxy, doub
   return sum;
 }
 
-const server::LocalContact* find(const LocalContacts& contacts, const ContactKey& key) {
+const server::LocalContact* find(const LocalContacts& contacts, std::uint64_t identity) {
   for (const server::LocalContact& contact : contacts) {
-    if (contact.key == key) return &contact;
+    if (contact.identity == identity) return &contact;
   }
   return nullptr;
 }
@@ -48,7 +48,7 @@ UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
     effect.fall = std::max(effect.fall, from - to);
   };
   for (const server::LocalContact& contact : after) {
-    const server::LocalContact* old = find(before, contact.key);
+    const server::LocalContact* old = find(before, contact.identity);
     const double force = spring_force(contact, proxy, stiffness);
     resultant += force * contact.n_W;
     change(old != nullptr ? spring_force(*old, proxy, stiffness) : 0, force);
@@ -57,7 +57,7 @@ UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
   for (const server::LocalContact& contact : before) {
     const double force = spring_force(contact, proxy, stiffness);
     resultant -= force * contact.n_W;
-    if (find(after, contact.key) == nullptr) change(force, 0);
+    if (find(after, contact.identity) == nullptr) change(force, 0);
   }
   effect.force = resultant.norm();
   effect.energy = spring_energy(after, proxy, stiffness) - spring_energy(before, proxy, stiffness);

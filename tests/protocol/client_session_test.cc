@@ -19,17 +19,24 @@ constexpr Endpoint kServer{.address = 0x0A000001, .port = 47800};
 constexpr Endpoint kOther{.address = 0x0A000009, .port = 47800};
 constexpr std::uint64_t kSession = 7;
 
+Welcome welcome(std::uint64_t nonce) {
+  Welcome welcome;
+  welcome.nonce = nonce;
+  welcome.configuration = 5;
+  return welcome;
+}
+
 struct Client {
   /// Nonce of the latest hello.
   std::uint64_t nonce() const {
     Hello hello;
-    const std::vector<DatagramBytes> parts{link.sent().back().bytes};
-    if (decode(parts, hello)) throw std::logic_error("the latest datagram is not a hello");
+    if (decode(view(link.sent().back().bytes), hello))
+      throw std::logic_error("the latest datagram is not a hello");
     return hello.nonce;
   }
   void begin(double now = 0) {
     session.poll(now);
-    link.deliver(kServer, {.session = kSession}, Welcome{nonce(), 1000, 5});
+    link.deliver(kServer, {.session = kSession}, welcome(nonce()));
     REQUIRE(session.poll(now).welcomed);
     link.forget_sent();
   }
@@ -56,8 +63,8 @@ TEST_CASE("a client says hello at once and then in every period, with one nonce"
 TEST_CASE("only a welcome from the server with the nonce begins the session, and hellos end") {
   Client client;
   client.session.poll(0);
-  client.link.deliver(kServer, {.session = 3}, Welcome{12, 1000, 5});
-  client.link.deliver(kOther, {.session = 4}, Welcome{11, 1000, 5});
+  client.link.deliver(kServer, {.session = 3}, welcome(12));
+  client.link.deliver(kOther, {.session = 4}, welcome(11));
   CHECK_FALSE(client.session.poll(0.01).welcomed);
   CHECK(client.dropped(DropReason::kForeignSession) == 2);
   client.link.deliver(kServer, {.session = kSession}, Welcome{11, 500, 5});
@@ -81,7 +88,7 @@ TEST_CASE("updates are numbered from 1 and echo the newest proxy state and its h
   client.begin(1);
   const auto sent_update = [&] {
     ContactUpdate update;
-    REQUIRE_FALSE(decode(std::vector{client.link.sent().back().bytes}, update));
+    REQUIRE_FALSE(decode(view(client.link.sent().back().bytes), update));
     return update;
   };
   CHECK(client.session.send(1.5, planar_update(0)) == 1);
@@ -92,10 +99,51 @@ TEST_CASE("updates are numbered from 1 and echo the newest proxy state and its h
   client.deliver_state(2, planar_state(400));
   client.session.poll(1.6);
   CHECK(client.session.send(1.625, planar_update(kMaxContacts)) == 2);
-  CHECK(client.link.sent().size() == 1 + 8);
+  CHECK(client.link.sent().size() == 1u + part_count(planar_update(kMaxContacts)));
   CHECK(client.session.send(1.65, planar_update(0)) == 3);
   CHECK(sent_update().echo_step == 400);
   CHECK(sent_update().echo_hold == Approx(0.05).margin(1e-12));
+}
+
+TEST_CASE("the echo's hold and the round trip count from arrival, not from the frame's poll") {
+  Client client;
+  client.begin();
+  client.session.send(1.5, planar_update(0));
+  ProxyState state = planar_state(400);
+  state.update_send_time = 1.5;
+  state.hold = 0.002;
+  client.link.set_waited(0.015);
+  client.deliver_state(2, state);
+  client.session.poll(1.52);
+  CHECK(client.session.round_trip() == Approx(0.003).margin(1e-9));  // s
+  client.session.send(1.53, planar_update(0));
+  ContactUpdate update;
+  REQUIRE_FALSE(decode(view(client.link.sent().back().bytes), update));
+  CHECK(update.echo_hold == Approx(0.025).margin(1e-9));  // s
+}
+
+TEST_CASE("a refusal reaches the caller and keeps the session alive; totals of impulses too") {
+  Client client;
+  client.begin();
+  client.session.send(0.1, planar_update(1));
+  client.link.deliver(kServer, {.session = kSession, .sequence = 2},
+                      Refusal{1, UpdateError::kNormal, true, 0, 1});
+  ClientSession::Inbox inbox = client.session.poll(0.3);
+  REQUIRE(inbox.refusal);
+  CHECK(inbox.refusal->error == UpdateError::kNormal);
+  CHECK_FALSE(client.session.poll(0.7).lost);
+
+  Impulses impulses;
+  impulses.step = 40;
+  impulses.bodies.push_back({5, Vector6::Constant(0.1)});
+  client.link.deliver(kServer, {.session = kSession, .sequence = 3}, impulses);
+  inbox = client.session.poll(0.7);
+  REQUIRE(inbox.impulses != nullptr);
+  CHECK(inbox.impulses->bodies[0].body == 5);
+  impulses.step = 39;
+  client.link.deliver(kServer, {.session = kSession, .sequence = 4}, impulses);
+  CHECK(client.session.poll(0.8).impulses == nullptr);
+  CHECK(client.dropped(DropReason::kStale) == 1);
 }
 
 TEST_CASE("of the proxy states of one poll the newest is shown, and never an older one again") {

@@ -8,8 +8,9 @@ import re
 import struct
 import sys
 
-FORMATS = {"u8": "B", "i8": "b", "u16": "H", "u32": "I", "u64": "Q", "i64": "q", "f64": "d"}
-MAX_DATAGRAM = 1200
+FORMATS = {"u8": "B", "i8": "b", "u16": "H", "u32": "I", "u64": "Q", "i64": "q", "f32": "f", "f64": "d"}
+MAX_DATAGRAM = 1168  # of what a sender fills
+HEADER = 40
 
 
 def read_tables(document):
@@ -37,35 +38,51 @@ def read_examples(document):
 
 
 def encode_fields(tables, fields, values, prefix, data):
+    """Appends the fields; returns where the first list begins, None without one."""
+    lists = None
     for offset, kind, count, field in fields:
         if offset is not None and offset != len(data):
             sys.exit(f"field {field} is at {len(data)}, its table says {offset}")
         if kind in tables:
-            for i in range(int(values[count])):
-                encode_fields(tables, tables[kind][1], values, f"{prefix}{field}.{i}.", data)
+            lists = lists or len(data)
+            encode_list(tables, kind, values, prefix + field, data)
             continue
-        text = values.pop(prefix + field) if prefix else values[field]
+        text = values[prefix + field]
         if kind == "char":
             data += text.encode()
             continue
-        number = float if kind == "f64" else int
+        number = float if kind.startswith("f") else int
         numbers = [number(part) for part in text.split()]
         expected = 1 if count is None else int(values.get(count, count))
         if len(numbers) != expected:
             sys.exit(f"field {field} has {len(numbers)} values, its table says {expected}")
         data += struct.pack(f"<{expected}{FORMATS[kind]}", *numbers)
+    return lists
+
+
+def encode_list(tables, kind, values, name, data):
+    items = []
+    for i in range(int(values[f"{name}.count"])):
+        item = bytearray()
+        encode_fields(tables, tables[kind][1], values, f"{name}.{i}.", item)
+        items.append(item)
+    values = dict(values, **{f"{name}.item_size": str(len(items[0]) if items else 0)})
+    encode_fields(tables, tables["list"][1], values, f"{name}.", data)
+    for item in items:
+        data += item
 
 
 def encode(tables, message, values):
-    values = dict(values, magic="HLMI", version="1", flags="0", reserved="0", length="0")
-    values["type"] = str(tables[message][0])
+    values = dict(values, magic="HLMI", version="2", flags="0", tool="0", reserved="0")
+    values.update(type=str(tables[message][0]), length="0", block="0")
     data = bytearray()
     encode_fields(tables, tables["header"][1], values, "", data)
-    encode_fields(tables, tables[message][1], values, "", data)
+    lists = encode_fields(tables, tables[message][1], values, "", data)
     if len(data) > MAX_DATAGRAM:
         sys.exit(f"{message} has {len(data)} bytes")
-    length_offset = next(o for o, _, _, field in tables["header"][1] if field == "length")
-    struct.pack_into("<H", data, length_offset, len(data))
+    offsets = {field: offset for offset, _, _, field in tables["header"][1]}
+    struct.pack_into("<H", data, offsets["length"], len(data))
+    struct.pack_into("<H", data, offsets["block"], (lists or len(data)) - HEADER)
     return bytes(data)
 
 
@@ -79,8 +96,8 @@ def main():
     tables = read_tables(document)
     examples = read_examples(document)
     described = {name for name, (number, _) in tables.items() if number is not None}
-    if {name for name, _, _ in examples} != described or len(described) != 9:
-        sys.exit("each of the nine messages must have an example")
+    if {name for name, _, _ in examples} != described or len(described) != 11:
+        sys.exit("each of the eleven messages must have an example")
     for name, values, written in examples:
         computed = hex_lines(encode(tables, name, values))
         if sys.argv[1] == "--write":

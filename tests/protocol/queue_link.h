@@ -23,15 +23,16 @@ class QueueLink final : public protocol::DatagramLink {
   bool receive(protocol::Datagram& datagram) noexcept override {
     if (waiting_.empty()) return false;
     datagram = waiting_.front();
+    datagram.waited = waited_;
     waiting_.pop_front();
     return true;
   }
   void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override {
-    sent_.push_back({to, {bytes.begin(), bytes.end()}});
+    sent_.push_back({.peer = to, .bytes = {bytes.begin(), bytes.end()}});
   }
 
   void deliver(const protocol::Endpoint& from, const protocol::DatagramBytes& bytes) {
-    waiting_.push_back({from, bytes});
+    waiting_.push_back({.peer = from, .bytes = bytes});
   }
   /// All parts of a message.
   template <class Message>
@@ -42,6 +43,8 @@ class QueueLink final : public protocol::DatagramLink {
     }
   }
 
+  /// How long every datagram has waited when it is received, s.
+  void set_waited(double waited) { waited_ = waited; }
   std::size_t waiting() const { return waiting_.size(); }
   const std::vector<protocol::Datagram>& sent() const { return sent_; }
   /// Header of a sent datagram; the test fails elsewhere if it is refused.
@@ -62,6 +65,7 @@ class QueueLink final : public protocol::DatagramLink {
   void forget_sent() { sent_.clear(); }
 
  private:
+  double waited_ = 0;
   std::deque<protocol::Datagram> waiting_;
   std::vector<protocol::Datagram> sent_;
 };

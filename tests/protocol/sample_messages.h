@@ -19,7 +19,7 @@ inline protocol::Hello planar_hello(std::uint64_t nonce = 1) {
   return hello;
 }
 
-/// An update of the planar tool; each contact is told from the others by its body and p_WC.
+/// An update of the planar tool; each contact is told from the others by its identity and p_WC.
 inline protocol::ContactUpdate planar_update(std::size_t contacts, double ve_time = 1.5) {
   protocol::ContactUpdate update;
   update.ve_time = ve_time;
@@ -29,7 +29,7 @@ inline protocol::ContactUpdate planar_update(std::size_t contacts, double ve_tim
   update.v_VE = Vector3(0, -0.2, 0.1);
   for (std::size_t i = 0; i < contacts; ++i) {
     ReportedContact contact;
-    contact.key.body = static_cast<std::uint32_t>(i);
+    contact.identity = i;
     contact.p_WC = {0.001 * static_cast<double>(i), ve_time, 0};
     update.contacts.push_back(contact);
   }
@@ -44,12 +44,6 @@ inline protocol::ProxyState planar_state(std::uint64_t step = 1500) {
   return state;
 }
 
-inline Feature random_feature(Random& random) {
-  return {static_cast<FeatureKind>(random.integer(0, 2)),
-          static_cast<std::uint8_t>(random.integer(0, 255)),
-          static_cast<std::uint16_t>(random.integer(0, 65535))};
-}
-
 inline protocol::Hello random_hello(Random& random) {
   protocol::Hello hello;
   hello.nonce = random.engine()();
@@ -59,6 +53,12 @@ inline protocol::Hello random_hello(Random& random) {
   hello.ve_rate = random.uniform(1, 100);
   hello.epsilon = random.uniform(0, 0.02);
   return hello;
+}
+
+inline Vector6 random_vector6(Random& random, double size) {
+  Vector6 vector;
+  vector << random.vector(size), random.vector(size);
+  return vector;
 }
 
 inline protocol::ContactUpdate random_update(Random& random, const ToolDescription& tool) {
@@ -74,23 +74,33 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
   const int count = random.integer(0, static_cast<int>(kMaxContacts));
   for (int i = 0; i < count; ++i) {
     ReportedContact contact;
-    contact.key.link = static_cast<std::uint16_t>(random.integer(0, model.links() - 1));
-    contact.key.tool_feature = random_feature(random);
-    contact.key.body = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
-    contact.key.body_feature = random_feature(random);
+    contact.identity = random.engine()();
+    contact.pair = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+    contact.axis = static_cast<std::uint16_t>(random.integer(0, 65535));
+    contact.a.index = static_cast<std::uint32_t>(random.integer(0, model.links() - 1));
+    contact.b = {static_cast<SideKind>(2 * random.integer(0, 1)),
+                 static_cast<std::uint32_t>(random.integer(0, 1 << 30))};
     contact.p_WC = random.vector(1);
     contact.n_W = random.direction();
     contact.separation = random.uniform(-0.02, 0.02);
-    contact.v_WC = random.vector(1);
+    contact.v_WC = random.vector(1).cast<float>().cast<double>();
+    contact.friction = static_cast<float>(random.uniform(-1, 1));
+    contact.load = static_cast<float>(random.uniform(0, 10));
     update.contacts.push_back(contact);
   }
+  update.impulse_step = random.engine()();
+  const int bodies = random.integer(0, static_cast<int>(kMaxBodies));
+  for (int i = 0; i < bodies; ++i) {
+    MovableBody body;
+    body.id = static_cast<std::uint32_t>(i);
+    body.p_WCom = random.vector(1);
+    body.V_W = random_vector6(random, 1);
+    body.A_W = random_vector6(random, 10);
+    const Vector6 w = random_vector6(random, 1);
+    body.W = Matrix6::Identity() + w * w.transpose();
+    update.bodies.push_back(body);
+  }
   return update;
-}
-
-inline Vector6 random_vector6(Random& random, double size) {
-  Vector6 vector;
-  vector << random.vector(size), random.vector(size);
-  return vector;
 }
 
 inline protocol::ProxyState random_state(Random& random, const ToolDescription& tool) {
@@ -118,6 +128,11 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.updates = random.engine()();
   state.dropped = random.engine()();
   state.control = random.engine()();
+  state.limit = static_cast<ForceLimit>(random.integer(0, 4));
+  state.hand_measured = random.integer(0, 1) == 1;
+  state.buttons = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+  state.gripper = random.uniform(0, 1);
+  state.scale = random.uniform(0.1, 10);
   return state;
 }
 
@@ -131,12 +146,54 @@ inline Tuning random_tuning(Random& random) {
   return tuning;
 }
 
+inline protocol::Text text(std::string_view words) {
+  protocol::Text text;
+  text.assign(words.begin(), words.end());
+  return text;
+}
+
 inline protocol::Welcome random_welcome(Random& random) {
-  return {.nonce = random.engine()(),
-          .servo_rate = random.uniform(1, 8000),
-          .configuration = random.engine()(),
-          .tuning = random_tuning(random),
-          .guidable = random.integer(0, 1) == 1};
+  protocol::Welcome welcome;
+  welcome.nonce = random.engine()();
+  welcome.servo_rate = random.uniform(1, 8000);
+  welcome.configuration = random.engine()();
+  welcome.tuning = random_tuning(random);
+  welcome.silence_time = random.uniform(0.01, 1);
+  welcome.fade_time = random.uniform(0.01, 1);
+  welcome.least_update_rate = random.uniform(1, 100);
+  const auto flip = [&] { return random.integer(0, 1) == 1; };
+  welcome.capabilities = {flip(), flip(), flip()};
+  protocol::DeviceReport& device = welcome.device;
+  device.name = text("a device");
+  device.max_force = random.uniform(0, 20);
+  device.max_torque = random.uniform(0, 1);
+  device.max_stiffness = random.uniform(0, 1e4);
+  device.max_angular_stiffness = random.uniform(0, 10);
+  device.scale = random.uniform(0.1, 10);
+  device.buttons = static_cast<std::uint8_t>(random.integer(0, 4));
+  device.gripper = flip();
+  device.renders_torque = flip();
+  device.measures_hand = flip();
+  device.guidable = flip();
+  return welcome;
+}
+
+inline protocol::Refusal random_refusal(Random& random) {
+  return {.refused = random.engine()(),
+          .error = static_cast<UpdateError>(random.integer(0, 8)),
+          .whole = random.integer(0, 1) == 1,
+          .item = static_cast<std::uint16_t>(random.integer(0, 65535)),
+          .count = random.engine()()};
+}
+
+inline protocol::Impulses random_impulses(Random& random) {
+  protocol::Impulses impulses;
+  impulses.step = random.engine()();
+  const int bodies = random.integer(0, static_cast<int>(kMaxBodies));
+  for (int i = 0; i < bodies; ++i) {
+    impulses.bodies.push_back({static_cast<std::uint32_t>(i), random_vector6(random, 1)});
+  }
+  return impulses;
 }
 
 inline protocol::Control random_control(Random& random) {
@@ -172,17 +229,19 @@ inline protocol::Ticks random_ticks(Random& random) {
 inline protocol::LocalState random_local_state(Random& random) {
   protocol::LocalState state;
   state.step = random.engine()();
-  state.limit = static_cast<ForceLimit>(random.integer(0, 4));
-  const int count = random.integer(0, static_cast<int>(kMaxContacts));
+  const int count = random.integer(0, static_cast<int>(protocol::kMaxReportedContacts));
   for (int i = 0; i < count; ++i) {
-    state.contacts.push_back({.link = static_cast<std::uint16_t>(random.integer(0, 15)),
-                              .state = static_cast<ContactState>(random.integer(0, 3)),
-                              .retained = random.integer(0, 1) == 1,
-                              .c_W = random.vector(1),
-                              .n_W = random.direction(),
-                              .p_W = random.vector(1),
-                              .s = random.uniform(-0.01, 0.01),
-                              .f_W = random.vector(10)});
+    state.contacts.push_back(
+        {.identity = random.engine()(),
+         .a = {SideKind::kToolLink, static_cast<std::uint32_t>(random.integer(0, 15))},
+         .b = {SideKind::kWorld, 3},
+         .state = static_cast<ContactState>(random.integer(0, 3)),
+         .retained = random.integer(0, 1) == 1,
+         .c_W = random.vector(1),
+         .n_W = random.direction(),
+         .p_W = random.vector(1),
+         .s = random.uniform(-0.01, 0.01),
+         .f_W = random.vector(10)});
   }
   return state;
 }
@@ -190,7 +249,7 @@ inline protocol::LocalState random_local_state(Random& random) {
 inline protocol::Reject reject_message(std::string_view text) {
   protocol::Reject reject;
   reject.nonce = 1;
-  reject.text.assign(text.begin(), text.end());
+  reject.text = test::text(text);
   return reject;
 }
 

@@ -233,13 +233,118 @@ TEST_CASE("an update that does not fit the tool is refused, and the one before i
   Server server;
   server.begin();
   server.deliver_update(1);
-  ContactUpdate wrong = planar_update(12);
-  wrong.contacts.back().key.link = 1;
+  ContactUpdate wrong = planar_update(20);
+  wrong.q_VE = Vector6::Zero();
   server.link.deliver(kClient, {.session = kFirstId, .sequence = 2}, wrong);
   const ServerSession::Inbox inbox = server.poll(0.1);
   REQUIRE(inbox.update != nullptr);
   CHECK(inbox.update->ve_time == 1);
-  CHECK(server.dropped(DropReason::kMalformed) == 2);
+  CHECK(server.dropped(DropReason::kMalformed) == part_count(wrong));
+  const auto refusal = server.link.last_sent<Refusal>();
+  CHECK(refusal.refused == 2);
+  CHECK(refusal.error == UpdateError::kTool);
+  CHECK(refusal.whole);
+  CHECK(refusal.count == 1);
+}
+
+TEST_CASE("nothing refused leaves a trace: later updates of smaller sequences are taken") {
+  constexpr std::uint64_t kLargest = ~std::uint64_t{0};
+  Server server;
+  server.begin();
+  server.deliver_update(1);
+  server.poll(0.1);
+  SECTION("a number that is not finite") {
+    ContactUpdate bad = planar_update(0);
+    bad.ve_time = std::numeric_limits<double>::quiet_NaN();
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = 1000}, bad);
+  }
+  SECTION("cut short") {
+    DatagramBytes bytes = encode({.session = kFirstId, .sequence = 1000}, planar_update(0));
+    bytes.resize(41);
+    bytes[36] = std::byte{41};
+    bytes[37] = std::byte{0};
+    server.link.deliver(kClient, bytes);
+  }
+  SECTION("a second part that is wrong") {
+    ContactUpdate bad = planar_update(20);
+    bad.contacts.back().n_W.setZero();
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = 1000}, bad);
+  }
+  SECTION("a quaternion, a length, a tool that is not the session's") {
+    ContactUpdate bad = planar_update(0);
+    bad.v_VE = Vector6::Zero();
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = 1000}, bad);
+  }
+  SECTION("a sequence that no client reaches, of an update and of a control") {
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = kLargest}, planar_update(0));
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = kLargest}, Control{});
+  }
+  server.poll(0.2);
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 2}, Control{});
+  server.deliver_update(3);
+  const ServerSession::Inbox inbox = server.poll(0.3);
+  REQUIRE(inbox.update != nullptr);
+  CHECK(inbox.update->ve_time == 3);
+  CHECK(inbox.control != nullptr);
+}
+
+TEST_CASE("a client is told why its update is refused, and ten times a second at most") {
+  Server server;
+  server.begin();
+  ContactUpdate bad = planar_update(20);
+  bad.contacts[13].n_W = {0, 0, 1.01};
+  for (std::uint64_t sequence = 1; sequence <= 200; ++sequence) {
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = sequence}, bad);
+    CHECK(server.poll(0.005 * static_cast<double>(sequence)).update == nullptr);
+  }
+  CHECK(server.link.sent().size() == Approx(10).margin(1));  // in 1 s
+  const auto refusal = server.link.last_sent<Refusal>();
+  CHECK(refusal.error == UpdateError::kNormal);
+  CHECK(refusal.item == 13);
+  CHECK(refusal.count > 100);
+}
+
+TEST_CASE("one wrong contact is left out and named, the others are taken") {
+  Server server;
+  server.begin();
+  ContactUpdate update = planar_update(3);
+  UpdateError error = UpdateError::kNone;
+  SECTION("a link that the tool does not have") {
+    update.contacts[1].a.index = 7;
+    error = UpdateError::kSide;
+  }
+  SECTION("an identity that another has") {
+    update.contacts[1].identity = 0;
+    error = UpdateError::kDuplicate;
+  }
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, update);
+  REQUIRE(server.poll(0.1).update != nullptr);
+  const auto refusal = server.link.last_sent<Refusal>();
+  CHECK(refusal.error == error);
+  CHECK_FALSE(refusal.whole);
+  CHECK(refusal.item == 1);
+  CHECK(refusal.count == 0);
+}
+
+TEST_CASE("normals and quaternions off by what single precision leaves are made unit") {
+  Server server;
+  server.begin();
+  ContactUpdate update = planar_update(1);
+  update.contacts[0].n_W = Vector3(0, 0.6, 0.8) * (1 + 3e-6);
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, update);
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.update != nullptr);
+  CHECK((inbox.update->contacts[0].n_W - Vector3(0, 0.6, 0.8)).norm() < 1e-15);
+}
+
+TEST_CASE("the hold counts from the arrival of the update, not from the poll that takes it") {
+  Server server;
+  server.begin();
+  server.link.set_waited(0.02);
+  server.deliver_update(1);
+  server.poll(0.1);
+  server.session.acknowledge(0.101, test::planar_state());
+  CHECK(server.link.last_sent<ProxyState>().hold == Approx(0.021).margin(1e-12));  // s
 }
 
 TEST_CASE("a poll that brings a hello or a goodbye brings no update of the session it ends") {
@@ -287,6 +392,8 @@ TEST_CASE("a hello of another version is told which version is spoken; garbage i
   CHECK(reject.reason == RejectReason::kVersion);
   CHECK(reject.version == kProtocolVersion);
   CHECK(reject.nonce == 99);
+  const std::string text(reject.text.begin(), reject.text.end());
+  CHECK(text == "the server speaks version 2 of the protocol, the client version 9");
 
   server.link.forget_sent();
   DatagramBytes update = encode({.session = 7}, planar_update(0));
@@ -385,7 +492,7 @@ TEST_CASE("each reason for a drop is counted as itself") {
   other[0] = std::byte{0};
   only(DropReason::kNotOurs, kClient, other);
   other = update;
-  other[4] = std::byte{2};
+  other[4] = std::byte{3};
   only(DropReason::kVersion, kClient, other);
   only(DropReason::kUnexpected, kClient, encode(own, test::planar_state()));
   only(DropReason::kForeignSession, kOther, update);
@@ -398,7 +505,7 @@ TEST_CASE("each reason for a drop is counted as itself") {
   server.link.deliver(kClient, update);
   server.poll(0.1);
   only(DropReason::kStale, kClient, update);
-  server.link.deliver(kClient, encode({kFirstId, 11, 0}, planar_update(10), 0));
+  server.link.deliver(kClient, encode({kFirstId, 11, 0}, planar_update(20), 0));
   only(DropReason::kIncomplete, kClient, encode({kFirstId, 12, 0}, planar_update(0)));
 }
 

@@ -25,7 +25,7 @@ struct Scene {
         tool(world, assembly, {.mode = FollowMode::kKinematic}),
         proximity(world, assembly) {}
 
-  ReportedContacts contacts_at(const Configuration& q, double epsilon) {
+  std::vector<FoundContact> contacts_at(const Configuration& q, double epsilon) {
     constexpr double kStep = 1.0 / 60;
     tool.set_target(q, Velocity::Zero(tool.v().size()));
     const double reach = tool.follow(kStep);
@@ -50,18 +50,19 @@ constexpr std::uint8_t kHoleFloor = 5;
 constexpr double kRightAngle = std::numbers::pi / 2;
 
 /// Contacts with one shape of the enclosure.
-ReportedContacts with_shape(const ReportedContacts& contacts, std::uint8_t shape) {
-  ReportedContacts found;
-  for (const ReportedContact& contact : contacts) {
+std::vector<FoundContact> with_shape(const std::vector<FoundContact>& contacts,
+                                     std::uint8_t shape) {
+  std::vector<FoundContact> found;
+  for (const FoundContact& contact : contacts) {
     if (contact.key.body_feature.shape == shape) found.push_back(contact);
   }
   return found;
 }
 
 /// Two contacts, `length` apart, with this normal, at separation 0.
-void check_side(const ReportedContacts& contacts, const Vector3& normal, double length) {
+void check_side(const std::vector<FoundContact>& contacts, const Vector3& normal, double length) {
   REQUIRE(contacts.size() == 2);
-  for (const ReportedContact& contact : contacts) {
+  for (const FoundContact& contact : contacts) {
     CHECK((contact.n_W - normal).norm() < 1e-9);
     CHECK(contact.separation == Approx(0).margin(1e-6));
   }
@@ -72,14 +73,15 @@ void check_side(const ReportedContacts& contacts, const Vector3& normal, double 
 
 TEST_CASE("the lying peg at y = 124 mm touches the bottom wall at its two lower corners") {
   Testbed testbed;
-  const ReportedContacts contacts = testbed.contacts_at(Vector3(0, 0.124, 0), 0.005);
+  const std::vector<FoundContact> contacts = testbed.contacts_at(Vector3(0, 0.124, 0), 0.005);
   CHECK(contacts.size() == 2);
   check_side(with_shape(contacts, kBottomLeft), -Vector3::UnitY(), 0.08);
 }
 
 TEST_CASE("the standing peg fills the hole: two contacts on each of its three walls") {
   Testbed testbed;
-  const ReportedContacts contacts = testbed.contacts_at(Vector3(0.1, 0.184, kRightAngle), 0.005);
+  const std::vector<FoundContact> contacts =
+      testbed.contacts_at(Vector3(0.1, 0.184, kRightAngle), 0.005);
   CHECK(contacts.size() == 6);
   check_side(with_shape(contacts, kBottomLeft), Vector3::UnitX(), 0.08);
   check_side(with_shape(contacts, kBottomRight), -Vector3::UnitX(), 0.08);
@@ -89,7 +91,7 @@ TEST_CASE("the standing peg fills the hole: two contacts on each of its three wa
 TEST_CASE("a contact appears where its separation falls to ε, and then has the true separation") {
   Testbed testbed;
   CHECK(testbed.contacts_at(Vector3(0, 0.124 - 0.00501, 0), 0.005).empty());
-  const ReportedContacts near = testbed.contacts_at(Vector3(0, 0.124 - 0.00499, 0), 0.005);
+  const std::vector<FoundContact> near = testbed.contacts_at(Vector3(0, 0.124 - 0.00499, 0), 0.005);
   REQUIRE(near.size() == 2);
   CHECK(near[0].separation == Approx(0.00499).margin(1e-6));
 }
@@ -103,7 +105,8 @@ TEST_CASE("with ε = 0 there are contacts only where shapes touch") {
 TEST_CASE("a separation is exact for every depth up to 20 mm") {
   Testbed testbed;
   for (double depth = -0.005; depth <= 0.02; depth += 0.0025) {
-    const ReportedContacts contacts = testbed.contacts_at(Vector3(0, 0.124 + depth, 0), 0.0051);
+    const std::vector<FoundContact> contacts =
+        testbed.contacts_at(Vector3(0, 0.124 + depth, 0), 0.0051);
     REQUIRE(contacts.size() == 2);
     CHECK(contacts[0].separation == Approx(-depth).margin(1e-6));
     CHECK(contacts[1].separation == Approx(-depth).margin(1e-6));
@@ -138,7 +141,7 @@ TEST_CASE("the velocity of a contact is that of the environment's material there
   scene.world.set_velocity(1, V);
   const auto contacts = scene.proximity.query(scene.tool, 0.005);
   REQUIRE(contacts.size() == 4);
-  for (const ReportedContact& contact : contacts) {
+  for (const FoundContact& contact : contacts) {
     const Vector3 arm = contact.p_WC - Vector3(0, 0, -0.1);
     const Vector3 expected = V.head<3>() + Vector3(0, 0, 2).cross(arm);
     CHECK((contact.v_WC - expected).norm() < 1e-12);
@@ -150,9 +153,9 @@ TEST_CASE("a contact names link, shapes and body; fixed bodies stand still") {
   Scene scene(description, "arm");
   // The forearm, a capsule of radius 10 mm, folded back to lie 2 mm from the post's mantle.
   const double bend = std::atan2(-0.1, -0.1) + std::asin(0.042 / std::hypot(0.1, 0.1));
-  const ReportedContacts contacts = scene.contacts_at(Eigen::Vector2d(0, bend), 0.005);
+  const std::vector<FoundContact> contacts = scene.contacts_at(Eigen::Vector2d(0, bend), 0.005);
   const auto forearm = std::ranges::find_if(
-      contacts, [](const ReportedContact& contact) { return contact.key.link == 1; });
+      contacts, [](const FoundContact& contact) { return contact.key.link == 1; });
   REQUIRE(forearm != contacts.end());
   CHECK(description.bodies[forearm->key.body].name == "post::body");
   CHECK(forearm->v_WC.isZero(0));
@@ -170,7 +173,7 @@ TEST_CASE("shapes of one link are told apart") {
               "tool");
   const auto contacts = scene.proximity.query(scene.tool, 0.005);
   REQUIRE(contacts.size() == 8);
-  CHECK(std::ranges::count_if(contacts, [](const ReportedContact& contact) {
+  CHECK(std::ranges::count_if(contacts, [](const FoundContact& contact) {
           return contact.key.tool_feature.shape == 1;
         }) == 4);
 }

@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
-#include "common/contact.h"
 #include "common/spatial.h"
 #include "common/static_vector.h"
+#include "ve_client/contacts/feature.h"
 #include "ve_client/contacts/shape.h"
 
 namespace hlm::ve {

@@ -1,10 +1,10 @@
-// All basic contacts of one pair of convex shapes within ε (METHOD 2, SUBSTRATE).
+// All basic contacts of one pair of convex shapes within ε (docs/method.md 8.3).
 #pragma once
 
 #include <cstdint>
 
-#include "common/contact.h"
 #include "ve_client/contacts/convex.h"
+#include "ve_client/contacts/feature.h"
 
 namespace hlm::ve {
 

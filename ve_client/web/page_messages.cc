@@ -160,7 +160,7 @@ std::string world_message(const WorldView& view) {
       {"ranges", ranges()},
       {"words", {{"update_rule", names<UpdateRule>()}, {"controller", names<ControllerKind>()}}},
       {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
-      {"guidable", view.welcome == nullptr || view.welcome->guidable}}
+      {"guidable", view.welcome == nullptr || view.welcome->device.guidable}}
       .dump();
 }
 
@@ -178,7 +178,7 @@ std::string frame_message(const FrameView& view) {
              {"reported", view.result.active + view.result.predicted},
              {"round_trip", view.client.round_trip()},
              {"epsilon", view.result.epsilon},
-             {"limit", view.contacts ? name_of(view.contacts->limit) : name_of(ForceLimit::kNone)},
+             {"limit", view.state ? name_of(view.state->limit) : name_of(ForceLimit::kNone)},
              {"contacts", contacts_json(view.contacts)},
              {"settings", settings_json(view.settings.tuning)},
              {"environment", environment_json(view.settings)},

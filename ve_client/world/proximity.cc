@@ -31,7 +31,7 @@ const CollisionDescription& Proximity::collision(int body, int shape) const {
   return world_.description().bodies[at(body)].collisions[at(shape)];
 }
 
-std::span<const ReportedContact> Proximity::query(const VirtualTool& tool, double epsilon) {
+std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon) {
   contacts_.clear();
   for (const ToolShape& tool_shape : tool_shapes_) {
     const Pose X_WG = tool.X_WB(tool_shape.link) * tool_shape.X_BG;
@@ -50,7 +50,7 @@ void Proximity::query_pair(const ToolShape& tool_shape, const Pose& X_WG, Collis
   const Convex& convex = body_shapes_[at(other.body)][at(other.shape)];
   for (const ManifoldPoint& point :
        find_contacts(tool_shape.convex, X_WG, convex, X_WO, epsilon, statistics_)) {
-    ReportedContact& contact = contacts_.emplace_back();
+    FoundContact& contact = contacts_.emplace_back();
     contact.key.link = static_cast<std::uint16_t>(tool_shape.link);
     contact.key.tool_feature = point.tool_feature;
     contact.key.tool_feature.shape = static_cast<std::uint8_t>(tool_shape.shape);
@@ -66,7 +66,7 @@ void Proximity::query_pair(const ToolShape& tool_shape, const Pose& X_WG, Collis
 
 std::span<const ToolContact> Proximity::within_reach(const VirtualTool& tool, double reach) {
   within_reach_.clear();
-  for (const ReportedContact& found : query(tool, reach)) {
+  for (const FoundContact& found : query(tool, reach)) {
     ToolContact& contact = within_reach_.emplace_back();
     contact.tool_body = tool_bodies_[found.key.link];
     contact.body = static_cast<int>(found.key.body);

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "common/contact.h"
 #include "ve_client/contacts/convex.h"
+#include "ve_client/contacts/feature.h"
 #include "ve_client/contacts/manifold.h"
 #include "ve_client/world/virtual_tool.h"
 #include "ve_client/world/world.h"
@@ -22,7 +22,7 @@ class Proximity {
   /// All contacts with σ <= epsilon (m, >= 0) in the present poses, in an order that depends on the
   /// world alone; the velocities are those of the bodies. Bodies and shapes are named by their
   /// index in the world's description. Valid until the next call.
-  std::span<const ReportedContact> query(const VirtualTool& tool, double epsilon);
+  std::span<const FoundContact> query(const VirtualTool& tool, double epsilon);
   /// The contacts for the world's next step, in which no point of the tool moves farther than
   /// `reach` (m, >= 0). Valid until the next call.
   std::span<const ToolContact> within_reach(const VirtualTool& tool, double reach);
@@ -45,7 +45,7 @@ class Proximity {
   std::vector<ToolShape> tool_shapes_;
   std::vector<std::vector<Convex>> body_shapes_;  ///< [body][shape].
   std::vector<CollisionId> near_;
-  std::vector<ReportedContact> contacts_;
+  std::vector<FoundContact> contacts_;
   std::vector<ToolContact> within_reach_;
   ProximityStatistics statistics_;
 };

@@ -1,4 +1,4 @@
-// The controllers (METHOD 6).
+// The controllers (docs/method.md 6).
 #include "haptic_server/control/controller.h"
 
 #include "tests/support/catch.h"

@@ -1,4 +1,4 @@
-// Impulses within the device's limits (METHOD 5).
+// Impulses within the device's limits (docs/method.md 5.4).
 #include "haptic_server/control/impulse_spreader.h"
 
 #include "tests/support/catch.h"

@@ -1,4 +1,4 @@
-// Simultaneous collisions (METHOD 5 and 7).
+// Simultaneous collisions (docs/method.md 5).
 #include "haptic_server/local_model/collision.h"
 
 #include <Eigen/QR>

@@ -1,4 +1,4 @@
-// Penalty and friction (METHOD 4), on the whole local model.
+// Penalty and friction (docs/method.md 4), on the whole local model.
 #include "haptic_server/local_model/contact_forces.h"
 
 #include "haptic_server/local_model/local_model.h"
@@ -13,7 +13,7 @@ constexpr double kStep = 1e-3;  // s
 /// The plane z = 0 under a tool point at p_L, for a tool whose frame is the world's.
 ReportedContact floor_contact(const Vector3& p_L, std::uint16_t index = 0) {
   ReportedContact contact;
-  contact.key.tool_feature.index = index;
+  contact.identity = index;
   contact.p_WC = {p_L.x(), p_L.y(), 0};
   contact.separation = p_L.z();
   return contact;
@@ -118,7 +118,7 @@ TEST_CASE("The friction anchor survives an update of the same contact") {
   ReportedContacts again;
   for (const LocalContact& contact : model.contacts()) {
     ReportedContact reported;
-    reported.key = contact.key;
+    reported.identity = contact.identity;
     const Vector3 x_W = model.proxy().X_WL(0) * contact.p_L;
     reported.p_WC = {x_W.x(), x_W.y(), 0};
     reported.separation = x_W.z();

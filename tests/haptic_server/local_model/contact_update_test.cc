@@ -1,4 +1,4 @@
-// Updates of the local contacts: the case table, and a random 3-D stress (METHOD 2 and 7).
+// Updates of the local contacts: the case table, and a random 3-D stress (docs/method.md 2).
 #include "haptic_server/local_model/contact_update.h"
 
 #include <algorithm>
@@ -66,7 +66,7 @@ class Stress {
     for (std::uint32_t body = 0; body < 8; ++body) {
       if (random_.uniform(0, 1) < 0.3) continue;
       ReportedContact contact;
-      contact.key.body = body;
+      contact.identity = body;
       contact.n_W = random_.direction();
       contact.separation = random_.uniform(-0.02, 0.005);
       contact.p_WC = ve_tool_.X_WL(0) * random_.vector(0.05) - contact.separation * contact.n_W;
@@ -111,7 +111,7 @@ Change change(const LocalContacts& before, const LocalContacts& after, const Too
   Change result;
   const auto s_of = [&](const LocalContacts& contacts, std::uint32_t body) {
     for (const LocalContact& c : contacts) {
-      if (c.key.body == body) return separation(c, proxy);
+      if (c.identity == body) return separation(c, proxy);
     }
     return std::numeric_limits<double>::infinity();
   };
@@ -204,14 +204,14 @@ TEST_CASE(
 TEST_CASE("An update may come in any order, and name a contact twice") {
   ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
   ReportedContacts reported(3);
-  reported[0].key.body = 7;
-  reported[1].key.body = 3;
-  reported[2].key.body = 7;
+  reported[0].identity = 7;
+  reported[1].identity = 3;
+  reported[2].identity = 7;
   reported[2].separation = 0.001;
   const LocalContacts contacts = adopted({}, reported, proxy, proxy, 0, UpdateRule::kRetain);
   REQUIRE(contacts.size() == 2);
-  CHECK(contacts[0].key.body == 3);
-  CHECK(contacts[1].key.body == 7);
+  CHECK(contacts[0].identity == 3);
+  CHECK(contacts[1].identity == 7);
   CHECK(std::abs(separation(contacts[1], proxy)) < 1e-12);  // m: the first of the two
 }
 
@@ -219,14 +219,14 @@ TEST_CASE("Released contacts leave room for all that are reported") {
   ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
   LocalContacts existing(kMaxLocalContacts);
   for (std::uint32_t i = 0; i < existing.size(); ++i) {
-    existing[i].key.body = i;
+    existing[i].identity = i;
     existing[i].p_L = Vector3(0, 0, -0.001);
   }
   ReportedContacts reported(kMaxContacts);
-  for (std::uint32_t i = 0; i < reported.size(); ++i) reported[i].key.body = 1000 + i;
+  for (std::uint32_t i = 0; i < reported.size(); ++i) reported[i].identity = 1000 + i;
   const LocalContacts contacts = adopted(existing, reported, proxy, proxy, 0, UpdateRule::kRetain);
   REQUIRE(contacts.size() == kMaxLocalContacts);
-  CHECK(contacts.back().key.body == 1000 + kMaxContacts - 1);
+  CHECK(contacts.back().identity == 1000 + kMaxContacts - 1);
 }
 
 TEST_CASE("Predicted contacts keep their true separation, however late they arrive") {
@@ -237,8 +237,9 @@ TEST_CASE("Predicted contacts keep their true separation, however late they arri
     const LocalContacts contacts =
         adopted({}, reported, stress.ve_tool(), stress.proxy(), stress.age(), UpdateRule::kRetain);
     for (const LocalContact& contact : contacts) {
-      const auto& source = *std::find_if(reported.begin(), reported.end(),
-                                         [&](const auto& r) { return r.key == contact.key; });
+      const auto& source = *std::find_if(reported.begin(), reported.end(), [&](const auto& r) {
+        return r.identity == contact.identity;
+      });
       const Vector3 tool_point =
           stress.proxy().X_WL(0) *
           (stress.ve_tool().X_WL(0).inverse() * (source.p_WC + source.separation * source.n_W));

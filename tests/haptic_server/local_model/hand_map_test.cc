@@ -1,4 +1,4 @@
-// The wrench at the hand (METHOD 4, Eq. 8).
+// The wrench at the hand (docs/method.md 4.4, Eq. 8).
 #include "haptic_server/local_model/hand_map.h"
 
 #include "tests/support/catch.h"

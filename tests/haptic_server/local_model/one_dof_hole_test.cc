@@ -1,4 +1,4 @@
-// The paper's one-dimensional peg in an exactly fitting hole (Figs. 5, 6 and 9; METHOD 7).
+// The paper's one-dimensional peg in an exactly fitting hole (Figs. 5, 6 and 9; docs/method.md 7).
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -39,7 +39,7 @@ ReportedContacts walls(double x, const HoleOptions& options) {
   ReportedContacts contacts;
   for (const double side : {-1.0, 1.0}) {
     ReportedContact contact;
-    contact.key.body = side < 0 ? 0 : 1;
+    contact.identity = side < 0 ? 0 : 1;
     contact.n_W = {-side, 0, 0};
     contact.p_WC = {side * options.clearance, 0, 0};
     contact.separation = options.clearance - side * x;
@@ -63,7 +63,7 @@ void note_arrivals(const LocalModel& model, const ReportedContacts& reported,
   for (const ReportedContact& contact : reported) {
     const bool known =
         std::any_of(model.contacts().begin(), model.contacts().end(),
-                    [&](const LocalContact& local) { return local.key == contact.key; });
+                    [&](const LocalContact& local) { return local.identity == contact.identity; });
     const double sigma = options.clearance + contact.n_W.x() * x;
     if (!known && sigma < 0) run.arrival_depth.push_back(-sigma);
   }

@@ -1,4 +1,4 @@
-// Limited stiffness (METHOD 4).
+// Limited stiffness (docs/method.md 4.5).
 #include "haptic_server/local_model/stiffness_limit.h"
 
 #include "haptic_server/local_model/local_model.h"
@@ -13,7 +13,7 @@ double felt_stiffness(const LocalModelParameters& parameters, std::uint16_t coun
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
   ReportedContacts contacts(count);
-  for (std::uint16_t i = 0; i < count; ++i) contacts[i].key.tool_feature.index = i;
+  for (std::uint16_t i = 0; i < count; ++i) contacts[i].identity = i;
   model.adopt(contacts, model.proxy().configuration(), 0);
   HandInput hand;
   hand.F[2] = -5;

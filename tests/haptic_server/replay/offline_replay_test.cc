@@ -136,7 +136,7 @@ TEST_CASE("An update not whole in the capture is counted, and the first differen
   // The tool is in contact: without this update the local contacts are older.
   record(directory / "run.pcap", [&](const protocol::Header& header) {
     return header.type != protocol::MessageType::kContactUpdate || header.envelope.sequence != 30 ||
-           header.slice.part < missing_from;
+           header.part < missing_from;
   });
   const OfflineResult result = replay(directory / "run.pcap");
   CHECK(result.compared == kUpdates);

@@ -39,6 +39,18 @@ TEST_CASE("a datagram arrives with its bytes and its sender") {
   CHECK_FALSE(b.receive(datagram));
 }
 
+TEST_CASE("a datagram says how long it has waited since it arrived") {
+  UdpSocket a(kLoopback);
+  UdpSocket b(kLoopback);
+  const DatagramBytes sent(10, std::byte{1});
+  a.send(b.local(), view(sent));
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  Datagram datagram;
+  REQUIRE(receive_soon(b, datagram));
+  CHECK(datagram.waited >= 0.045);  // s
+  CHECK(datagram.waited < 1);
+}
+
 TEST_CASE("a datagram longer than allowed is consumed and has no bytes") {
   UdpSocket a(kLoopback);
   UdpSocket b(kLoopback);

@@ -14,9 +14,9 @@ using hlm::test::Random;
 
 const Vector3 kPlane = Vector3::UnitZ();
 
-ReportedContact contact(std::uint16_t vertex, const Vector3& p_W, const Vector3& n_W,
-                        double separation) {
-  ReportedContact result;
+FoundContact contact(std::uint16_t vertex, const Vector3& p_W, const Vector3& n_W,
+                     double separation) {
+  FoundContact result;
   result.key.tool_feature = {FeatureKind::kVertex, 0, vertex};
   result.key.body_feature = {FeatureKind::kFace, 0, 0};
   result.p_WC = p_W;
@@ -25,8 +25,8 @@ ReportedContact contact(std::uint16_t vertex, const Vector3& p_W, const Vector3&
   return result;
 }
 
-std::vector<ReportedContact> random_contacts(int count, Random& random) {
-  std::vector<ReportedContact> contacts;
+std::vector<FoundContact> random_contacts(int count, Random& random) {
+  std::vector<FoundContact> contacts;
   for (int i = 0; i < count; ++i) {
     contacts.push_back(contact(static_cast<std::uint16_t>(i), random.vector(1), random.direction(),
                                random.uniform(-0.02, 0.005)));
@@ -35,7 +35,7 @@ std::vector<ReportedContact> random_contacts(int count, Random& random) {
   return contacts;
 }
 
-bool is_sorted_by_key(const ReportedContacts& contacts) {
+bool is_sorted_by_key(const std::vector<FoundContact>& contacts) {
   return std::is_sorted(contacts.begin(), contacts.end(),
                         [](const auto& a, const auto& b) { return a.key < b.key; });
 }
@@ -45,34 +45,60 @@ bool is_sorted_by_key(const ReportedContacts& contacts) {
 TEST_CASE("A spatial tool's contacts are all reported, sorted by key") {
   Random random;
   const auto candidates = random_contacts(40, random);
-  const ReportedContacts reported = select_contacts(candidates, std::nullopt);
+  const std::vector<FoundContact> reported = select_contacts(candidates, std::nullopt);
   CHECK(reported.size() == 40);
   CHECK(is_sorted_by_key(reported));
+}
+
+TEST_CASE(
+    "Of too many contacts of equal depth those farthest apart stay: no side of a face is cut") {
+  // A plate on 5x5 boxes: four contacts on each, all of one separation.
+  std::vector<FoundContact> candidates;
+  for (std::uint16_t i = 0; i < 100; ++i) {
+    const double x = 0.02 * (i / 10);
+    const double y = 0.02 * (i % 10);
+    candidates.push_back(contact(i, {x, y, 0}, Vector3::UnitZ(), 1e-6 * i));
+  }
+  const std::vector<FoundContact> kept = select_contacts(candidates, std::nullopt);
+  REQUIRE(kept.size() == kMaxSelected);
+  Vector3 centre = Vector3::Zero();
+  for (const FoundContact& c : kept) centre += c.p_WC / kMaxSelected;
+  CHECK((centre - Vector3(0.09, 0.09, 0)).norm() < 0.01);  // m
+  for (const double x : {0.0, 0.18}) {
+    for (const double y : {0.0, 0.18}) {
+      CHECK(std::ranges::any_of(
+          kept, [&](const auto& c) { return (c.p_WC - Vector3(x, y, 0)).norm() < 1e-12; }));
+    }
+  }
 }
 
 TEST_CASE("Of too many contacts those of the smallest separations are reported, in any order") {
   Random random;
   auto candidates = random_contacts(200, random);
-  const ReportedContacts reported = select_contacts(candidates, std::nullopt);
-  REQUIRE(reported.size() == kMaxContacts);
+  const std::vector<FoundContact> reported = select_contacts(candidates, std::nullopt);
+  REQUIRE(reported.size() == kMaxSelected);
   CHECK(is_sorted_by_key(reported));
   double largest = -1;
   for (const auto& c : reported) largest = std::max(largest, c.separation);
-  CHECK(std::count_if(candidates.begin(), candidates.end(),
-                      [&](const auto& c) { return c.separation <= largest; }) == kMaxContacts);
+  const double similar = 1e-3;  // m
+  const auto deeper = std::ranges::count_if(
+      candidates, [&](const auto& c) { return c.separation < largest - 2 * similar; });
+  const auto kept = std::ranges::count_if(
+      reported, [&](const auto& c) { return c.separation < largest - 2 * similar; });
+  CHECK(deeper == kept);
 
   std::shuffle(candidates.begin(), candidates.end(), random.engine());
-  const ReportedContacts again = select_contacts(candidates, std::nullopt);
+  const std::vector<FoundContact> again = select_contacts(candidates, std::nullopt);
   REQUIRE(again.size() == reported.size());
   for (std::size_t i = 0; i < again.size(); ++i) CHECK(again[i].key == reported[i].key);
 }
 
 TEST_CASE("Contacts of a planar tool one above the other are one constraint, of the smallest key") {
-  const std::vector<ReportedContact> candidates = {
+  const std::vector<FoundContact> candidates = {
       contact(5, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001),
       contact(1, {0.1, 0.2, -0.02}, Vector3::UnitX(), -0.001),
       contact(2, {0.1, 0.3, -0.02}, Vector3::UnitX(), -0.001)};
-  const ReportedContacts reported = select_contacts(candidates, kPlane);
+  const std::vector<FoundContact> reported = select_contacts(candidates, kPlane);
   REQUIRE(reported.size() == 2);
   CHECK(reported[0].key.tool_feature.index == 1);
   CHECK(reported[1].key.tool_feature.index == 2);
@@ -80,25 +106,25 @@ TEST_CASE("Contacts of a planar tool one above the other are one constraint, of 
 }
 
 TEST_CASE("Contacts of a planar tool that differ in the plane, or by link or body, all stay") {
-  const ReportedContact first = contact(1, {0.1, 0.2, 0}, Vector3::UnitX(), -0.001);
-  ReportedContact other_normal = contact(2, {0.1, 0.2, 0.02}, Vector3::UnitY(), -0.001);
-  ReportedContact other_separation = contact(3, {0.1, 0.2, 0.02}, Vector3::UnitX(), 0.001);
-  ReportedContact other_body = contact(4, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
+  const FoundContact first = contact(1, {0.1, 0.2, 0}, Vector3::UnitX(), -0.001);
+  FoundContact other_normal = contact(2, {0.1, 0.2, 0.02}, Vector3::UnitY(), -0.001);
+  FoundContact other_separation = contact(3, {0.1, 0.2, 0.02}, Vector3::UnitX(), 0.001);
+  FoundContact other_body = contact(4, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
   other_body.key.body = 7;
-  ReportedContact other_link = contact(5, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
+  FoundContact other_link = contact(5, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
   other_link.key.link = 1;
-  const std::vector<ReportedContact> candidates = {first, other_normal, other_separation,
-                                                   other_body, other_link};
+  const std::vector<FoundContact> candidates = {first, other_normal, other_separation, other_body,
+                                                other_link};
   CHECK(select_contacts(candidates, kPlane).size() == 5);
 }
 
 TEST_CASE(
     "A contact whose normal leaves a planar tool's plane constrains nothing and is left out") {
   const Vector3 steep = Vector3(0.1, 0, 1).normalized();
-  const std::vector<ReportedContact> candidates = {contact(1, {0, 0, 0}, kPlane, -0.001),
-                                                   contact(2, {0, 0, 0}, -kPlane, -0.001),
-                                                   contact(3, {0, 0, 0}, steep, -0.001)};
-  const ReportedContacts reported = select_contacts(candidates, kPlane);
+  const std::vector<FoundContact> candidates = {contact(1, {0, 0, 0}, kPlane, -0.001),
+                                                contact(2, {0, 0, 0}, -kPlane, -0.001),
+                                                contact(3, {0, 0, 0}, steep, -0.001)};
+  const std::vector<FoundContact> reported = select_contacts(candidates, kPlane);
   REQUIRE(reported.size() == 1);
   CHECK(reported[0].key.tool_feature.index == 3);
   CHECK(select_contacts(candidates, std::nullopt).size() == 3);

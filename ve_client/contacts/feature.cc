@@ -1,0 +1,51 @@
+#include "ve_client/contacts/feature.h"
+
+namespace hlm::ve {
+namespace {
+
+/// SplitMix64's finaliser (Steele, Lea, Flood 2014).
+std::uint64_t mixed(std::uint64_t x) noexcept {
+  x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9u;
+  x = (x ^ (x >> 27)) * 0x94D049BB133111EBu;
+  return x ^ (x >> 31);
+}
+
+std::uint64_t hash(std::initializer_list<std::uint64_t> words) noexcept {
+  std::uint64_t value = 0x9E3779B97F4A7C15u;
+  for (const std::uint64_t word : words) value = mixed(value + word) + 0x9E3779B97F4A7C15u;
+  return mixed(value);
+}
+
+std::uint64_t packed(const Feature& feature) noexcept {
+  return std::uint64_t{static_cast<std::uint8_t>(feature.kind)} << 24 |
+         std::uint64_t{feature.shape} << 16 | feature.index;
+}
+
+}  // namespace
+
+std::uint64_t identity_of(const ContactKey& key) noexcept {
+  return hash({key.link, packed(key.tool_feature), key.body, packed(key.body_feature)});
+}
+
+std::uint32_t pair_of(const ContactKey& key) noexcept {
+  return static_cast<std::uint32_t>(
+      hash({key.link, key.tool_feature.shape, key.body, key.body_feature.shape}));
+}
+
+ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
+  ReportedContacts reports;
+  for (const FoundContact& contact : contacts) {
+    ReportedContact& report = reports.emplace_back();
+    report.identity = identity_of(contact.key);
+    report.pair = pair_of(contact.key);
+    report.a = {SideKind::kToolLink, contact.key.link};
+    report.b = {SideKind::kWorld, contact.key.body};
+    report.p_WC = contact.p_WC;
+    report.n_W = contact.n_W;
+    report.separation = contact.separation;
+    report.v_WC = contact.v_WC;
+  }
+  return reports;
+}
+
+}  // namespace hlm::ve
