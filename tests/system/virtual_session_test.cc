@@ -154,7 +154,7 @@ TEST_CASE("A control holds the hand of the simulated device, and lets go") {
   VirtualSessionOptions options;
   VirtualSession session(options);
   session.run(0.5);
-  REQUIRE(session.client().welcome().guidable);
+  REQUIRE(session.client().welcome().device.guidable);
   protocol::Control control;
   control.holds = true;
   control.X_WTarget.p = {0.05, -0.05, 0};
