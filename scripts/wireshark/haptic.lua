@@ -326,7 +326,7 @@ local messages = {
   [WELCOME] = message("welcome", "Welcome", append(append({
     field(HEX64, "nonce", "Nonce of the hello that is answered"),
     field(F64, "servo_rate", "Rate of the local model", "Hz", POSITIVE),
-    field(HEX64, "configuration", "Fingerprint of the server's configuration"),
+    field(HEX64, "fingerprint", "Of the server's options"),
   }, tuning_fields(false)), {
     field(F64, "silence_time", "Without an update for this long force fades", "s", POSITIVE),
     field(F64, "fade_time", "How long the fade from full force takes", "s", POSITIVE),
@@ -591,7 +591,6 @@ local function find_header_error(head, message, length)
                          length)
   end
   if length > LARGEST_DATAGRAM then return "Longer than " .. LARGEST_DATAGRAM .. " bytes" end
-  if HEADER_SIZE + head.block > length then return "The fixed fields exceed the datagram" end
   if head.flags ~= 0 or head.tool ~= 0 then return "Flags or tool are not 0" end
   if head.part >= head.parts then return "Part beyond the last" end
   if head.parts > MOST_PARTS then return "More than " .. MOST_PARTS .. " parts" end

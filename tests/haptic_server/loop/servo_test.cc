@@ -93,7 +93,7 @@ TEST_CASE("A hello begins a session: device aligned to the tool's hand, enabled,
   CHECK(welcome.servo_rate == 500);
   CHECK(welcome.fingerprint == 77);
   CHECK(welcome.tuning.stiffness == 2500);
-  CHECK(welcome.guidable);
+  CHECK(welcome.device.guidable);
 }
 
 TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {

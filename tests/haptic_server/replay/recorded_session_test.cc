@@ -21,7 +21,7 @@ using test::planar_update;
 constexpr Endpoint kServer{.address = 0x0A000001, .port = 47800};
 constexpr Endpoint kClient{.address = 0x0A000002, .port = 50000};
 constexpr Endpoint kOther{.address = 0x0A000003, .port = 50000};
-constexpr std::size_t kManyContacts = 20;  // more than two datagrams hold
+constexpr std::size_t kManyContacts = 40;  // more than two datagrams hold
 const int kParts = part_count(planar_update(kManyContacts));
 
 /// A capture as the test writes it, a millisecond between datagrams.
