@@ -103,6 +103,7 @@ TEST_CASE("the dissector's names are those of the vocabulary") {
       {"hlm.proxy_state.fault", names<Fault>()},
       {"hlm.proxy_state.contact_state", names<ProxyContactState>()},
       {"hlm.proxy_state.limit", names<ForceLimit>()},
+      {"hlm.tick.limit", names<ForceLimit>()},
       {"hlm.goodbye.reason", names<GoodbyeReason>()},
       {"hlm.local_contact.a.kind", names<SideKind>()},
       {"hlm.local_contact.b.kind", names<SideKind>()},

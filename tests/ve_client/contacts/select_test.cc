@@ -63,7 +63,7 @@ TEST_CASE(
   REQUIRE(kept.size() == kMaxSelected);
   Vector3 centre = Vector3::Zero();
   for (const FoundContact& c : kept) centre += c.p_WC / kMaxSelected;
-  CHECK((centre - Vector3(0.09, 0.09, 0)).norm() < 0.01);  // m
+  CHECK((centre - Vector3(0.09, 0.09, 0)).norm() < 0.02);  // m; the first 64 by key: 0.027
   for (const double x : {0.0, 0.18}) {
     for (const double y : {0.0, 0.18}) {
       CHECK(std::ranges::any_of(
