@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "protocol/identifier_sequence.h"
 #include "protocol/nanoseconds.h"
-#include "protocol/number_sequence.h"
 #include "protocol/tool_fit.h"
 
 namespace hlm::protocol {
@@ -209,7 +209,7 @@ void ClientSession::say_hello(double now) noexcept {
 void ClientSession::end() noexcept {
   active_ = false;
   inbox_.lost = true;
-  options_.hello.nonce = next_number(options_.hello.nonce);
+  options_.hello.nonce = next_identifier(options_.hello.nonce);
 }
 
 Envelope ClientSession::next_envelope(double now) noexcept {

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <string>
 
+#include "protocol/identifier_sequence.h"
 #include "protocol/nanoseconds.h"
-#include "protocol/number_sequence.h"
 #include "protocol/tool_fit.h"
 
 namespace hlm::protocol {
@@ -94,8 +94,8 @@ std::optional<DropReason> ServerSession::take_hello(double now, const Header& he
     return DropReason::kForeignSession;
   }
   // A late copy of the hello of a session that is over must not begin it again.
-  const bool ended_lately = ended_at_ && now - *ended_at_ <= options_.timeout;
-  if (ended_lately && applicant == ended_) return DropReason::kStale;
+  const bool ended_recently = ended_at_ && now - *ended_at_ <= options_.timeout;
+  if (ended_recently && applicant == ended_) return DropReason::kStale;
   return assemble_hello(now, header, applicant);
 }
 
@@ -233,7 +233,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   if (active_) end(now);
   active_ = true;
   client_ = applicant_;
-  id_ = id_ == 0 ? options_.first_session_id : next_number(id_);
+  id_ = id_ == 0 ? options_.first_session_id : next_identifier(id_);
   tool_ = hello_.tool;
   welcome_ = welcome;
   welcome_.nonce = applicant_.nonce;

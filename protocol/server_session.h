@@ -21,7 +21,7 @@ struct ServerSessionOptions {
   double timeout = 1.0;
 };
 
-/// Not thread-safe; no function waits or throws. None allocates, but for the text that tells a
+/// Not thread-safe; no function waits or throws. None allocates, except the text that tells a
 /// client what is wrong with its hello; that never happens while another client is live.
 class ServerSession {
  public:

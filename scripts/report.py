@@ -55,7 +55,7 @@ INTRODUCTION = {
     "coupled directly; k = 10 kN/m, b = 15 N·s/m; each report of the walls takes 20 ms and is repeated "
     "every 20 ms. The intermediate representation (IR) renders the full depth of a wall that arrives "
     "late; the local model (LM₀) deforms its proxy so that the wall begins where the peg is.",
-    "fig09": "The same hole. LM₅ is told of walls within 5 mm before they are touched: then the delay of "
+    "fig09": "The same hole. LM₅ gets walls within 5 mm before they are touched: then the delay of "
     "the environment cannot be felt at all.",
     "fig14": "The peg is pushed with 0.5 N onto a wall at y = 124 mm, up to 0.2 mm off its centre. With "
     "IR it never comes to rest: a corner that loses contact comes back late and deep, which turns the peg, "
@@ -393,7 +393,7 @@ def page(folder, commit):
     findings = read_table(folder / "findings.csv")
     parameters = read_table(folder / "parameters.csv")
     rerun = next(row["value"] for row in parameters if row["name"] == "arguments")
-    # Which experiments were run is told by what they wrote.
+    # Which experiments were run shows in what they wrote.
     run = [name for name in SECTIONS if has_rows(folder, name)]
     held = sum(claim["holds"] == "1" for claim in claims)
     lines = ["<!doctype html><html lang='en'><head><meta charset='utf-8'>",

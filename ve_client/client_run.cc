@@ -120,7 +120,7 @@ void ClientRun::begin() {
 }
 
 void ClientRun::frame(double period) {
-  if (page_) obey_page();
+  if (page_) take_page_requests();
   const FrameResult result = run_frame(*environment_, *client_, clock_, period, live_.frame);
   connection_.watch(clock_.now(), result.inbox, client_->connected());
   status_.count(result);
@@ -129,7 +129,7 @@ void ClientRun::frame(double period) {
   if (recording_) recording_->link.drain(recording_->file);
 }
 
-void ClientRun::obey_page() {
+void ClientRun::take_page_requests() {
   if (const auto reset = page_->take_requests(clock_.now(), live_, settings_at_start())) {
     start_ = reset->start.value_or(start_);
     begin();
@@ -173,10 +173,10 @@ FramePeriods& ClientRun::periods() {
 }
 
 void ClientRun::wait_until(double time) {
-  constexpr double kTurn = 1e-3;  // s
-  while (live_.network != NetworkConditions{} && clock_.now() + kTurn < time) {
+  constexpr double kPumpPeriod = 1e-3;  // s
+  while (live_.network != NetworkConditions{} && clock_.now() + kPumpPeriod < time) {
     link_.pump();
-    clock_.sleep_until(clock_.now() + kTurn);
+    clock_.sleep_until(clock_.now() + kPumpPeriod);
   }
   clock_.sleep_until(time);
 }

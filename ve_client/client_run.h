@@ -46,7 +46,7 @@ class ClientRun {
   /// The world as it was at the start, and a session on it.
   void begin();
   void frame(double period);
-  void obey_page();
+  void take_page_requests();
   /// welcome: null before the server has answered.
   void show_world(const protocol::Welcome* welcome);
   void show(const FrameResult& result);

@@ -21,12 +21,12 @@ double adapted_epsilon(const FrameOptions& options, double speed, double delay, 
   return std::clamp(travel, options.epsilon, std::max(options.epsilon, options.largest_epsilon));
 }
 
-FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clock& clock,
+FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
                       double period, const FrameOptions& options) {
   auto& [assembly, world, tool, proximity] = environment;
   FrameResult result;
 
-  result.inbox = server.poll(clock.now());
+  result.inbox = client.poll(clock.now());
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
@@ -37,14 +37,14 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clo
   tool.read_back();
 
   const double sampled_at = clock.now();
-  server.sample(sampled_at, tool.q(), tool.v(), period);
-  const double delay = server.round_trip() + options.delay;
+  client.sample(sampled_at, tool.q(), tool.v(), period);
+  const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
   const std::vector<FoundContact> contacts =
       select_contacts(proximity.query(tool, result.epsilon), assembly.planar_normal_W);
 
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
-  server.send(clock.now(), reports_of(contacts));
+  client.send(clock.now(), reports_of(contacts));
 
   for (const FoundContact& contact : contacts) {
     ++(contact.separation <= 0 ? result.active : result.predicted);

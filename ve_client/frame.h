@@ -54,7 +54,7 @@ double adapted_epsilon(const FrameOptions& options, double speed, double delay, 
 
 /// One frame of `period` simulated seconds. `server` and `clock` decide whether it runs on UDP and
 /// real time or in memory and virtual time.
-FrameResult run_frame(VirtualEnvironment& environment, HapticClient& server, Clock& clock,
+FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
                       double period, const FrameOptions& options);
 
 /// Periods of frames: rates drawn uniformly, repeatable from a seed.

@@ -19,6 +19,12 @@ double portion_within(const Vector3& f, const Vector3& g, double limit) noexcept
   return root <= 0 ? 0 : std::clamp((std::sqrt(root) - fg) / gg, 0.0, 1.0);
 }
 
+/// Largest portion of an impulse that `limit` renders within kLongestRendering.
+double portion_in_time(const Vector3& impulse, double limit) noexcept {
+  const double size = impulse.norm();
+  return size > limit * kLongestRendering ? limit * kLongestRendering / size : 1;
+}
+
 }  // namespace
 
 ImpulseSpreader::ImpulseSpreader(const ForceBudget& budget, double dt) noexcept
@@ -26,9 +32,10 @@ ImpulseSpreader::ImpulseSpreader(const ForceBudget& budget, double dt) noexcept
 
 Wrench ImpulseSpreader::render(const Wrench& impulse, const Wrench& F) noexcept {
   pending_ += impulse;
-  const double longest =
-      std::min({1.0, budget_.max_force * kLongestRendering / pending_.head<3>().norm(),
-                budget_.max_torque * kLongestRendering / pending_.tail<3>().norm()});
+  // What a device without torque cannot render must not hold back what it can.
+  if (budget_.max_torque == 0) pending_.tail<3>().setZero();
+  const double longest = std::min(portion_in_time(pending_.head<3>(), budget_.max_force),
+                                  portion_in_time(pending_.tail<3>(), budget_.max_torque));
   if (longest < 1) pending_ *= longest;
 
   const Wrench whole = pending_ / dt_;

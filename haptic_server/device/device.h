@@ -26,7 +26,7 @@ namespace hlm {
 
 template <>
 inline constexpr std::array<Word<server::DeviceHealth>, 4> kWords<server::DeviceHealth>{{
-    {server::DeviceHealth::kGood, "good", "it does what it is told"},
+    {server::DeviceHealth::kGood, "good", "it works"},
     {server::DeviceHealth::kSaturated, "saturated", "its motors give less than was commanded"},
     {server::DeviceHealth::kLate, "late", "commands reach it too late or too seldom"},
     {server::DeviceHealth::kForceOff, "force_off", "its own safety holds the motors off"},

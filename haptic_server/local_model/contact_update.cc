@@ -49,18 +49,18 @@ void inherit(LocalContact& contact, const LocalContact& existing) noexcept {
   contact.state = existing.state;
 }
 
-/// What of the change from s_p to s_plus the rule puts off: s_plus stays behind by as much.
-void put_off(LocalContact& contact, std::optional<double> s_p, double& s_plus,
-             const UpdatePolicy& policy) noexcept {
+/// What of the change from s_p to s_plus the rule defers: s_plus stays behind by as much.
+void defer(LocalContact& contact, std::optional<double> s_p, double& s_plus,
+           const UpdatePolicy& policy) noexcept {
   const double held = std::min(s_p.value_or(0.0), 0.0);
   if (policy.rule == UpdateRule::kRetain && held < std::min(s_plus, 0.0)) {
-    contact.put_off_step = policy.release_step;
+    contact.deferred_step = policy.release_step;
   } else if (policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0)) {
-    contact.put_off_step = std::abs(s_plus - held) / policy.recovery_steps;
+    contact.deferred_step = std::abs(s_plus - held) / policy.recovery_steps;
   } else {
     return;
   }
-  contact.put_off = s_plus - held;
+  contact.deferred = s_plus - held;
   s_plus = held;
 }
 
@@ -87,7 +87,7 @@ void set_local_contact(LocalContact& contact, const ReportedContact& reported,
   std::optional<double> s_p;
   if (existing != nullptr) s_p = separation(*existing, proxy);
   double s_plus = updated_separation(policy.rule, sigma, s_p);
-  put_off(contact, s_p, s_plus, policy);
+  defer(contact, s_p, s_plus, policy);
   place_contact_point(contact, X_WL, x_W, s_plus);
 
   if (existing != nullptr) {
@@ -103,8 +103,8 @@ void set_local_contact(LocalContact& contact, const ReportedContact& reported,
 LocalContact released(const LocalContact& contact, double s, const UpdatePolicy& policy) noexcept {
   LocalContact retained = contact;
   retained.orphaned = true;
-  retained.put_off = -s;
-  retained.put_off_step = policy.release_step;
+  retained.deferred = -s;
+  retained.deferred_step = policy.release_step;
   return retained;
 }
 
@@ -148,17 +148,17 @@ void adopt_update(const LocalContacts& existing, const ReportedContacts& reporte
 void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt) noexcept {
   for (LocalContact& contact : contacts) {
     contact.c_W += contact.v_constr * dt * contact.n_W;
-    if (contact.put_off == 0) continue;
+    if (contact.deferred == 0) continue;
     // Once the contact is open, giving back the rest changes no force.
-    const bool open = contact.put_off > 0 && separation(contact, proxy) >= 0;
+    const bool open = contact.deferred > 0 && separation(contact, proxy) >= 0;
     const double given =
-        open ? contact.put_off
-             : std::clamp(contact.put_off, -contact.put_off_step, contact.put_off_step);
+        open ? contact.deferred
+             : std::clamp(contact.deferred, -contact.deferred_step, contact.deferred_step);
     contact.p_L += proxy.X_WL(contact.link()).R.conjugate() * (given * contact.n_W);
-    contact.put_off -= given;
+    contact.deferred -= given;
   }
   erase_if(contacts, [&](const LocalContact& contact) {
-    return contact.orphaned && (contact.put_off <= 0 || separation(contact, proxy) >= 0);
+    return contact.orphaned && (contact.deferred <= 0 || separation(contact, proxy) >= 0);
   });
 }
 

@@ -32,7 +32,7 @@ void adopt_update(const LocalContacts& existing, const ReportedContacts& reporte
                   const ToolModel& ve_tool, const ToolModel& proxy, double age,
                   const UpdatePolicy& policy, LocalContacts& updated) noexcept;
 
-/// Moves constraints with their v_constr, and separations by what updates have put off, for a step
+/// Moves constraints with their v_constr, and separations by what updates have deferred, for a step
 /// of dt seconds. Contacts that are released and no longer reported go.
 void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt) noexcept;
 

@@ -31,10 +31,10 @@ struct LocalContact {
   /// The local contact point: the tool's own point where the proxy is not deformed. Link frame, m.
   Vector3 p_L = Vector3::Zero();
 
-  /// Change of the separation that an update has put off, m, and the most of it that one step
+  /// Change of the separation that an update has deferred, m, and the most of it that one step
   /// applies, m >= 0. Rule `retain` releases load (> 0), `plane_recovery` goes either way.
-  double put_off = 0;
-  double put_off_step = 0;
+  double deferred = 0;
+  double deferred_step = 0;
   /// The environment no longer reports the contact; it goes once released.
   bool orphaned = false;
 

@@ -26,7 +26,7 @@ protocol::LocalContactReport report(const LocalContact& contact, const ToolModel
           .a = contact.a,
           .b = contact.b,
           .state = contact.state,
-          .retained = contact.put_off > 0,
+          .retained = contact.deferred > 0,
           .c_W = contact.c_W,
           .n_W = contact.n_W,
           .p_W = proxy.X_WL(contact.link()) * contact.p_L,

@@ -61,7 +61,7 @@ std::map<std::string, Outcomes> shake_all(Bench& bench, const std::string& figur
   return outcomes;
 }
 
-std::string in_words(const Outcomes& o) {
+std::string described(const Outcomes& o) {
   return fmt::format("x {} mm, θ {}°, y {} mm, {} of {} unstable, {} mJ", spread(o.x, 1e3),
                      spread(o.theta, kDegree), spread(o.y, 1e3), o.unstable, o.trials,
                      spread(o.energy, 1e3));
@@ -77,7 +77,7 @@ void tight_hole(Bench& bench) {
     bench.claim({.what = fmt::format("16, {}", method(name).label),
                  .paper = "held by the hole: moves by what its stiffness allows",
                  .criterion = "x < 0.75 mm, θ < 1°, y < 0.5 mm peak to peak, all seeds",
-                 .measured = in_words(o),
+                 .measured = described(o),
                  .holds = largest(o.x) < 0.75e-3 && largest(o.theta) * kDegree < 1 &&
                           largest(o.y) < 0.5e-3});
   }
@@ -85,7 +85,7 @@ void tight_hole(Bench& bench) {
     bench.claim({.what = "16, LM₀",
                  .paper = "several mm, up to 20°",
                  .criterion = "median x > 3 mm, median θ > 3°",
-                 .measured = in_words(o),
+                 .measured = described(o),
                  .holds = median(o.x) > 3e-3 && median(o.theta) * kDegree > 3});
   }
   if (!bench.complete()) return;
@@ -94,7 +94,7 @@ void tight_hole(Bench& bench) {
                .criterion = "median x at least 10 times as large",
                .measured = fmt::format("{:.1f} times", median(of["lm0"].x) / median(of["lm5"].x)),
                .holds = median(of["lm0"].x) >= 10 * median(of["lm5"].x)});
-  bench.find(fmt::format("IR, Fig. 16: {}.", in_words(of["ir"])));
+  bench.find(fmt::format("IR, Fig. 16: {}.", described(of["ir"])));
 }
 
 void stiff_hole(Bench& bench) {
@@ -104,7 +104,7 @@ void stiff_hole(Bench& bench) {
     bench.claim({.what = "17, IR",
                  .paper = "unstable",
                  .criterion = "unstable in all runs: gives out > 10 mJ in 2 s",
-                 .measured = in_words(o),
+                 .measured = described(o),
                  .holds = o.unstable == o.trials});
   }
   for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
@@ -113,7 +113,7 @@ void stiff_hole(Bench& bench) {
     bench.claim({.what = fmt::format("17, {}", method(name).label),
                  .paper = "stable",
                  .criterion = "unstable in no run",
-                 .measured = in_words(o),
+                 .measured = described(o),
                  .holds = o.unstable == 0});
   }
   const auto out =

@@ -69,8 +69,8 @@ void stiffness_limits(Bench& bench) {
     bench.claim({.what = fmt::format("k_max, {}", method(name).label),
                  .paper = paper,
                  .criterion = "at least 4 times that of IR in the same run",
-                 .measured = fmt::format("{} against {}: {}{:.1f} times", in_words(ideal[name]),
-                                         in_words(ideal["ir"]), ideal[name].beyond ? "> " : "",
+                 .measured = fmt::format("{} against {}: {}{:.1f} times", described(ideal[name]),
+                                         described(ideal["ir"]), ideal[name].beyond ? "> " : "",
                                          gain(ideal, name)),
                  .holds = ideal["ir"].k_max > 0 && gain(ideal, name) >= 4});
   };
@@ -86,8 +86,8 @@ void stiffness_limits(Bench& bench) {
       "(IR four-channel) gains {:.2f} times. The paper puts the gain down to the controller's "
       "damping. Its own gain shows on a device with one tick of delay and a filtered velocity: "
       "LM₅ direct {}, LM₅ four-channel {}.",
-      in_words(ideal["lm5-direct"]), gain(ideal, "lm5-direct"), in_words(ideal["ir"]),
-      gain(ideal, "ir-four"), in_words(real["lm5-direct"]), in_words(real["lm5"])));
+      described(ideal["lm5-direct"]), gain(ideal, "lm5-direct"), described(ideal["ir"]),
+      gain(ideal, "ir-four"), described(real["lm5-direct"]), described(real["lm5"])));
 }
 
 }  // namespace hlm::experiments

@@ -40,7 +40,7 @@ StiffnessLimit find_stiffness_limit(Trial trial, int seeds) {
   return limit;
 }
 
-std::string in_words(const StiffnessLimit& limit) {
+std::string described(const StiffnessLimit& limit) {
   if (limit.k_max == 0) return fmt::format("< {:.3g} kN/m", kLeastStiffness / 1000);
   return fmt::format("{}{:.3g} kN/m{}", limit.beyond ? "> " : "", limit.k_max / 1000,
                      limit.monotonous ? "" : "*");

@@ -25,6 +25,6 @@ inline constexpr double kMostStiffness = 256'000;
 StiffnessLimit find_stiffness_limit(Trial trial, int seeds);
 
 /// "12.3 kN/m", with ">" beyond the scan and "*" where it is not monotonous.
-std::string in_words(const StiffnessLimit& limit);
+std::string described(const StiffnessLimit& limit);
 
 }  // namespace hlm::experiments

@@ -31,7 +31,7 @@ struct Receiver {
   ReceiveStatistics statistics;
 };
 
-/// Contacts of planar_update() are told apart by their identity: 0, 1, 2, …
+/// Contacts of planar_update() differ in identity: 0, 1, 2, …
 void check_whole(const Assembler& assembler, std::uint64_t sequence) {
   REQUIRE(assembler.complete());
   ContactUpdate update;
@@ -60,7 +60,7 @@ TEST_CASE("192 contacts come whole, whatever the order of their parts and with d
   }
 }
 
-TEST_CASE("a message with a lost part is never complete and gives way to a newer one") {
+TEST_CASE("A message with a lost part is never complete and gives way to a newer one") {
   for (std::size_t lost = 0; lost < parts_of(3).size(); ++lost) {
     Receiver receiver;
     const std::vector<DatagramBytes> older = parts_of(3);
@@ -76,7 +76,7 @@ TEST_CASE("a message with a lost part is never complete and gives way to a newer
   }
 }
 
-TEST_CASE("parts of two messages that come mixed give the newer one") {
+TEST_CASE("Parts of two messages that come mixed give the newer one") {
   Receiver receiver;
   const std::vector<DatagramBytes> older = parts_of(3);
   const std::vector<DatagramBytes> newer = parts_of(4);
@@ -87,13 +87,13 @@ TEST_CASE("parts of two messages that come mixed give the newer one") {
   check_whole(receiver.assembler, 4);
 }
 
-TEST_CASE("a part that names another number of parts is malformed") {
+TEST_CASE("A part that names another number of parts is malformed") {
   Receiver receiver;
   CHECK_FALSE(receiver.add(parts_of(3)[0]));
   CHECK(receiver.add(parts_of(3, 20)[1]) == DropReason::kMalformed);
 }
 
-TEST_CASE("a refused message leaves no trace, its sequence neither") {
+TEST_CASE("A refused message leaves no trace, its sequence neither") {
   Receiver receiver;
   for (const DatagramBytes& part : parts_of(3)) CHECK_FALSE(receiver.add(part));
   receiver.assembler.accept();
@@ -105,7 +105,7 @@ TEST_CASE("a refused message leaves no trace, its sequence neither") {
   check_whole(receiver.assembler, 4);
 }
 
-TEST_CASE("after a restart any sequence may come") {
+TEST_CASE("After a restart any sequence may come") {
   Receiver receiver;
   CHECK_FALSE(receiver.add(parts_of(3)[0]));
   receiver.assembler.restart(receiver.statistics);

@@ -50,7 +50,7 @@ struct Client {
       link, {.server = kServer, .hello = planar_hello(11), .hello_period = 0.1, .timeout = 0.5}};
 };
 
-TEST_CASE("a client says hello at once and then in every period, with one nonce") {
+TEST_CASE("A client says hello at once and then in every period, with one nonce") {
   Client client;
   for (int i = 0; i <= 100; ++i) client.session.poll(0.01 * i + 1e-9 * i);
   CHECK(client.link.sent().size() == 11);
@@ -60,7 +60,7 @@ TEST_CASE("a client says hello at once and then in every period, with one nonce"
   CHECK(client.link.sent_header(10).envelope.sequence == 11);
 }
 
-TEST_CASE("only a welcome from the server with the nonce begins the session, and hellos end") {
+TEST_CASE("Only a welcome from the server with the nonce begins the session, and hellos end") {
   Client client;
   client.session.poll(0);
   client.link.deliver(kServer, {.session = 3}, welcome(12));
@@ -76,14 +76,14 @@ TEST_CASE("only a welcome from the server with the nonce begins the session, and
   CHECK(client.link.sent().empty());
 }
 
-TEST_CASE("without a session nothing is sent") {
+TEST_CASE("Without a session nothing is sent") {
   Client client;
   CHECK(client.session.send(0, planar_update(1)) == 0);
   client.session.close(0);
   CHECK(client.link.sent().empty());
 }
 
-TEST_CASE("updates are numbered from 1 and echo the newest proxy state and its hold") {
+TEST_CASE("Updates are numbered from 1 and echo the newest proxy state and its hold") {
   Client client;
   client.begin(1);
   const auto sent_update = [&] {
@@ -105,7 +105,7 @@ TEST_CASE("updates are numbered from 1 and echo the newest proxy state and its h
   CHECK(sent_update().echo_hold == Approx(0.05).margin(1e-12));
 }
 
-TEST_CASE("the echo's hold and the round trip count from arrival, not from the frame's poll") {
+TEST_CASE("The echo's hold and the round trip count from arrival, not from the frame's poll") {
   Client client;
   client.begin();
   client.session.send(1.5, planar_update(0));
@@ -122,7 +122,7 @@ TEST_CASE("the echo's hold and the round trip count from arrival, not from the f
   CHECK(update.echo_hold == Approx(0.025).margin(1e-9));  // s
 }
 
-TEST_CASE("a refusal reaches the caller and keeps the session alive; totals of impulses too") {
+TEST_CASE("A refusal reaches the caller and keeps the session alive; totals of impulses too") {
   Client client;
   client.begin();
   client.session.send(0.1, planar_update(1));
@@ -146,7 +146,7 @@ TEST_CASE("a refusal reaches the caller and keeps the session alive; totals of i
   CHECK(client.dropped(DropReason::kStale) == 1);
 }
 
-TEST_CASE("of the proxy states of one poll the newest is shown, and never an older one again") {
+TEST_CASE("Of the proxy states of one poll the newest is shown, and never an older one again") {
   Client client;
   client.begin();
   for (const std::uint64_t sequence : {3u, 5u, 4u}) {
@@ -160,7 +160,7 @@ TEST_CASE("of the proxy states of one poll the newest is shown, and never an old
   CHECK(client.session.poll(0.2).state == nullptr);
 }
 
-TEST_CASE("states of another session, another peer or another tool are dropped") {
+TEST_CASE("States of another session, another peer or another tool are dropped") {
   Client client;
   client.begin();
   client.link.deliver(kServer, {.session = kSession + 1, .sequence = 2}, planar_state());
@@ -175,7 +175,7 @@ TEST_CASE("states of another session, another peer or another tool are dropped")
   CHECK(client.dropped(DropReason::kUnexpected) == 1);
 }
 
-TEST_CASE("the round trip leaves out the server's hold") {
+TEST_CASE("The round trip leaves out the server's hold") {
   Client client;
   client.begin();
   client.session.send(10.0, planar_update(0));
@@ -187,7 +187,7 @@ TEST_CASE("the round trip leaves out the server's hold") {
   CHECK(client.session.round_trip() == Approx(0.022).margin(1e-9));
 }
 
-TEST_CASE("a server that is silent after an update is lost and asked again with a new nonce") {
+TEST_CASE("A server that is silent after an update is lost and asked again with a new nonce") {
   Client client;
   client.begin(0);
   CHECK_FALSE(client.session.poll(100).lost);  // Nothing was sent, so nothing is missing.
@@ -202,7 +202,7 @@ TEST_CASE("a server that is silent after an update is lost and asked again with 
   CHECK(client.nonce() != 11);
 }
 
-TEST_CASE("the server's goodbye ends the session") {
+TEST_CASE("The server's goodbye ends the session") {
   Client client;
   client.begin();
   client.link.deliver(kServer, {.session = kSession, .sequence = 2},
@@ -212,7 +212,7 @@ TEST_CASE("the server's goodbye ends the session") {
   CHECK(client.nonce() != 11);
 }
 
-TEST_CASE("closing says goodbye once") {
+TEST_CASE("Closing says goodbye once") {
   Client client;
   client.begin();
   client.session.close(1);
@@ -222,7 +222,7 @@ TEST_CASE("closing says goodbye once") {
   CHECK(client.link.sent().size() == 1);
 }
 
-TEST_CASE("a refusal is shown, of another version of the protocol too, and the client asks on") {
+TEST_CASE("A refusal is shown, of another version of the protocol too, and the client asks on") {
   Client client;
   client.session.poll(0);
   Reject reject = test::reject_message("busy");
@@ -250,7 +250,7 @@ TEST_CASE("a refusal is shown, of another version of the protocol too, and the c
   CHECK(client.nonce() == 11);
 }
 
-TEST_CASE("hellos carry the tool's present configuration") {
+TEST_CASE("Hellos carry the tool's present configuration") {
   Client client;
   client.session.set_initial_configuration(Vector3(1, 2, 3));
   client.session.poll(0);
@@ -259,7 +259,7 @@ TEST_CASE("hellos carry the tool's present configuration") {
   CHECK(hello.q == Vector3(1, 2, 3));
 }
 
-TEST_CASE("a hello that no server could use is refused at once with what is wrong") {
+TEST_CASE("A hello that no server could use is refused at once with what is wrong") {
   test::QueueLink link;
   const auto message = [&](const Hello& hello) -> std::string {
     try {

@@ -190,7 +190,7 @@ Impulses documented_impulses() {
   return impulses;
 }
 
-TEST_CASE("each message has the bytes of its example in PROTOCOL.md") {
+TEST_CASE("Each message has the bytes of its example in PROTOCOL.md") {
   CHECK(hex(encode({0, 3, 2500000000}, documented_hello())) == documented_hex("hello"));
   CHECK(hex(encode({7, 1, -5}, documented_welcome())) == documented_hex("welcome"));
   Reject reject = test::reject_message("busy");
@@ -239,7 +239,7 @@ void check_round_trip(const Message& message) {
   CHECK(all_parts(envelope_for<Message>(), decoded) == parts);
 }
 
-TEST_CASE("a decoded message is the encoded one, bit for bit") {
+TEST_CASE("A decoded message is the encoded one, bit for bit") {
   Random random;
   for (int i = 0; i < 200; ++i) {
     const Hello hello = test::random_hello(random);
@@ -257,7 +257,7 @@ TEST_CASE("a decoded message is the encoded one, bit for bit") {
   }
 }
 
-TEST_CASE("the largest messages fit their datagrams and leave room for sealing") {
+TEST_CASE("The largest messages fit their datagrams and leave room for sealing") {
   Random random;
   Hello hello;
   hello.tool = test::largest_tool(random);
@@ -290,7 +290,7 @@ TEST_CASE("the largest messages fit their datagrams and leave room for sealing")
   check(test::reject_message(std::string(kMaxText, 'x')), 1);
 }
 
-TEST_CASE("every item has the bytes that its table says") {
+TEST_CASE("Every item has the bytes that its table says") {
   const auto size = [](const auto& item) {
     DatagramBytes bytes;
     Writer writer(bytes);
@@ -363,7 +363,7 @@ void set_length(DatagramBytes& bytes) {
   bytes[37] = static_cast<std::byte>(bytes.size() >> 8);
 }
 
-TEST_CASE("every truncation of every message is refused") {
+TEST_CASE("Every truncation of every message is refused") {
   for_each_type([](DatagramBytes bytes) {
     while (!bytes.empty()) {
       bytes.pop_back();
@@ -376,7 +376,7 @@ TEST_CASE("every truncation of every message is refused") {
   });
 }
 
-TEST_CASE("what a newer version appends to fixed fields, items and lists is skipped") {
+TEST_CASE("What a newer version appends to fixed fields, items and lists is skipped") {
   const Refusal refusal{13, UpdateError::kNormal, true, 2, 1};
   DatagramBytes bytes = encode(envelope_for<Refusal>(), refusal);
   bytes.insert(bytes.end(), 5, std::byte{0xEE});
@@ -400,7 +400,7 @@ TEST_CASE("what a newer version appends to fixed fields, items and lists is skip
   CHECK(impulses.bodies[0].P_W[5] == 0.001);
 }
 
-TEST_CASE("a value that this version has no name for is kept, not refused") {
+TEST_CASE("A value that this version has no name for is kept, not refused") {
   ProxyState state = documented_state();
   state.server = static_cast<ServerState>(9);
   Welcome welcome = documented_welcome();
@@ -412,7 +412,7 @@ TEST_CASE("a value that this version has no name for is kept, not refused") {
   CHECK(name_of(decoded.tuning.update_rule) == "unknown");
 }
 
-TEST_CASE("a part of an update is checked by itself, and says what is wrong with which contact") {
+TEST_CASE("A part of an update is checked by itself, and says what is wrong with which contact") {
   ContactUpdate update = test::planar_update(20);
   update.contacts[13].n_W = {0, 0, 1.01};
   const auto parts = all_parts(envelope_for<ContactUpdate>(), update);
@@ -458,12 +458,12 @@ void check_corruptions(const Message& message) {
   }
 }
 
-TEST_CASE("every single-byte corruption is refused or leaves every value in its range") {
+TEST_CASE("Every single-byte corruption is refused or leaves every value in its range") {
   check_corruptions(documented_state());
   check_corruptions(test::planar_update(2));
 }
 
-TEST_CASE("random mutations never decode to a value out of its range") {
+TEST_CASE("Random mutations never decode to a value out of its range") {
   Random random;
   const auto state = encode(envelope_for<ProxyState>(), documented_state());
   const auto update = encode(envelope_for<ContactUpdate>(), test::planar_update(5));
@@ -492,7 +492,7 @@ DatagramBytes with(DatagramBytes bytes, std::size_t position, int value) {
   return bytes;
 }
 
-TEST_CASE("a header with any field out of its range is refused") {
+TEST_CASE("A header with any field out of its range is refused") {
   const DatagramBytes good = encode({.session = 7, .sequence = 1}, Goodbye{});
   REQUIRE(decode_whatever(good) == std::nullopt);
   CHECK(decode_whatever(with(good, 0, 'h')) == DropReason::kNotOurs);
@@ -512,7 +512,7 @@ TEST_CASE("a header with any field out of its range is refused") {
   CHECK(decode_whatever(with(encode({}, documented_hello()), 8, 1)) == DropReason::kMalformed);
 }
 
-TEST_CASE("parts that do not make one list are refused") {
+TEST_CASE("Parts that do not make one list are refused") {
   const auto parts = all_parts(envelope_for<ContactUpdate>(), test::planar_update(20));
   REQUIRE(parts.size() == 2);
   ContactUpdate update;
@@ -548,7 +548,7 @@ std::optional<DropReason> refusal(Message message, Change change) {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-TEST_CASE("numbers that are not finite are refused as such") {
+TEST_CASE("Numbers that are not finite are refused as such") {
   const auto update = test::planar_update(1);
   using U = ContactUpdate;
   CHECK(refusal(update, [](U& u) { u.ve_time = kNan; }) == DropReason::kNonFinite);
@@ -562,7 +562,7 @@ TEST_CASE("numbers that are not finite are refused as such") {
         DropReason::kNonFinite);
 }
 
-TEST_CASE("values out of their range are refused") {
+TEST_CASE("Values out of their range are refused") {
   const auto update = test::planar_update(1);
   using U = ContactUpdate;
   CHECK(refusal(update, [](U& u) { u.ve_period = -1e-9; }) == DropReason::kMalformed);
@@ -588,7 +588,7 @@ TEST_CASE("values out of their range are refused") {
         DropReason::kNonFinite);
 }
 
-TEST_CASE("parts of different messages do not make one") {
+TEST_CASE("Parts of different messages do not make one") {
   const auto whole = [](double first_time, double second_time, std::uint64_t second_sequence) {
     const Envelope first{.session = 7, .sequence = 1};
     const Envelope second{.session = 7, .sequence = second_sequence};
@@ -602,7 +602,7 @@ TEST_CASE("parts of different messages do not make one") {
   CHECK(whole(1, 1, 2) == DropReason::kMalformed);
 }
 
-TEST_CASE("a message that does not belong to the session's tool is recognised") {
+TEST_CASE("A message that does not belong to the session's tool is recognised") {
   const ToolDescription planar = test::planar_hello().tool;
   const ToolDescription free = test::rigid_tool(1, Matrix3::Identity());
   ContactUpdate update = test::planar_update(3);
@@ -635,7 +635,7 @@ TEST_CASE("a message that does not belong to the session's tool is recognised") 
   CHECK(q.segment<4>(3).norm() == Approx(1).epsilon(1e-15));
 }
 
-TEST_CASE("a reject of another version is understood") {
+TEST_CASE("A reject of another version is understood") {
   Reject reject = test::reject_message("busy");
   reject.version = 3;
   DatagramBytes bytes = with(encode({}, reject), 4, 3);

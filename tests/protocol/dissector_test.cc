@@ -53,7 +53,7 @@ void add_every_message(Recording& recording) {
   recording.add(Goodbye{GoodbyeReason::kShutdown});
 }
 
-TEST_CASE("the dissector shows every field of every message, and no byte is left out") {
+TEST_CASE("The dissector shows every field of every message, and no byte is left out") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "messages.pcap";
@@ -62,7 +62,7 @@ TEST_CASE("the dissector shows every field of every message, and no byte is left
   recording.check(test::dissect(path));
 }
 
-TEST_CASE("tshark finds all checksums right and no message of ours malformed") {
+TEST_CASE("Tshark finds all checksums right and no message of ours malformed") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "messages.pcap";
@@ -87,7 +87,7 @@ std::map<int, std::string> names() {
   return table;
 }
 
-TEST_CASE("the dissector's names are those of the vocabulary") {
+TEST_CASE("The dissector's names are those of the vocabulary") {
   if (is_skipped()) return;
   const std::map<std::string, std::map<int, std::string>> vocabulary = {
       {"hlm.type", names<MessageType>()},
@@ -122,7 +122,7 @@ TEST_CASE("the dissector's names are those of the vocabulary") {
   CHECK(found == vocabulary.size());
 }
 
-TEST_CASE("the information column says which message it is, and how long its lists are") {
+TEST_CASE("The information column says which message it is, and how long its lists are") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "messages.pcap";
@@ -150,7 +150,7 @@ std::string shown_text(const std::vector<test::ShownField>& fields, const std::s
   return field == fields.end() ? "" : field->text;
 }
 
-TEST_CASE("a value without a name is shown as unknown, and not marked") {
+TEST_CASE("A value without a name is shown as unknown, and not marked") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "unknown.pcap";
@@ -170,7 +170,7 @@ TEST_CASE("a value without a name is shown as unknown, and not marked") {
   CHECK(test::tshark(path, "-T fields -e _ws.expert.message") == "\n\n\n");
 }
 
-TEST_CASE("what a newer version appends is shown as such, and not marked") {
+TEST_CASE("What a newer version appends is shown as such, and not marked") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "newer.pcap";
@@ -201,7 +201,7 @@ TEST_CASE("what a newer version appends is shown as such, and not marked") {
 }
 
 TEST_CASE(
-    "the dissector knows its messages on any port, and leaves other things on its own port alone") {
+    "The dissector knows its messages on any port, and leaves other things on its own port alone") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "ports.pcap";
@@ -217,7 +217,7 @@ TEST_CASE(
                                               "raw:ip:udp:data", "raw:ip:udp"});
 }
 
-TEST_CASE("of another version the dissector shows what never changes, and of a reject everything") {
+TEST_CASE("Of another version the dissector shows what never changes, and of a reject everything") {
   if (is_skipped()) return;
   const test::TemporaryDirectory directory;
   const auto path = directory / "versions.pcap";

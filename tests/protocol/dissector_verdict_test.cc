@@ -202,7 +202,7 @@ void add_wrong_numbers(Verdicts& verdicts) {
   }
 }
 
-TEST_CASE("the dissector marks what a receiver must refuse as malformed") {
+TEST_CASE("The dissector marks what a receiver must refuse as malformed") {
   if (is_skipped()) return;
   Verdicts verdicts;
   add_wrong_headers(verdicts);
@@ -214,7 +214,7 @@ TEST_CASE("the dissector marks what a receiver must refuse as malformed") {
   verdicts.check(directory / "refused.pcap");
 }
 
-TEST_CASE("the dissector does not mark what is just within its range") {
+TEST_CASE("The dissector does not mark what is just within its range") {
   if (is_skipped()) return;
   Verdicts verdicts;
   verdicts.add_changed("update", test::planar_update(1), [](ContactUpdate& u) {
@@ -243,7 +243,7 @@ TEST_CASE("the dissector does not mark what is just within its range") {
   verdicts.check(directory / "accepted.pcap");
 }
 
-TEST_CASE("the dissector and the codec agree on messages with a few random bytes") {
+TEST_CASE("The dissector and the codec agree on messages with a few random bytes") {
   if (is_skipped()) return;
   test::Random random;
   Verdicts verdicts;

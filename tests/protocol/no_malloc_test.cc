@@ -22,7 +22,7 @@ std::size_t allocations_of(Action action) {
 /// Keeps the compiler from leaving an allocation out.
 void* volatile kept = nullptr;
 
-TEST_CASE("the guard sees every way to allocate, in its own scope and thread only") {
+TEST_CASE("The guard sees every way to allocate, in its own scope and thread only") {
   CHECK(allocations_of([] {}) == 0);
   CHECK(allocations_of([] {
           kept = ::operator new(100);

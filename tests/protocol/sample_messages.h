@@ -19,7 +19,7 @@ inline protocol::Hello planar_hello(std::uint64_t nonce = 1) {
   return hello;
 }
 
-/// An update of the planar tool; each contact is told from the others by its identity and p_WC.
+/// An update of the planar tool; each contact differs from the others by its identity and p_WC.
 inline protocol::ContactUpdate planar_update(std::size_t contacts, double ve_time = 1.5) {
   protocol::ContactUpdate update;
   update.ve_time = ve_time;

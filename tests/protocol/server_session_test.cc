@@ -48,7 +48,7 @@ struct Server {
   std::uint64_t hellos = 0;
 };
 
-TEST_CASE("a hello is shown to the caller, and accept answers it with a welcome") {
+TEST_CASE("A hello is shown to the caller, and accept answers it with a welcome") {
   Server server;
   server.say_hello(kClient, 42);
   const ServerSession::Inbox inbox = server.session.poll(2.5);
@@ -69,7 +69,7 @@ TEST_CASE("a hello is shown to the caller, and accept answers it with a welcome"
   CHECK(envelope == Envelope{.session = kFirstId, .sequence = 1, .send_time = 2500000000});
 }
 
-TEST_CASE("session ids begin at the given one and follow from it") {
+TEST_CASE("Session ids begin at the given one and follow from it") {
   const auto ids = [] {
     Server server;
     std::vector<std::uint64_t> drawn;
@@ -87,7 +87,7 @@ TEST_CASE("session ids begin at the given one and follow from it") {
   CHECK(std::adjacent_find(drawn.begin(), drawn.end()) == drawn.end());
 }
 
-TEST_CASE("a repeated hello repeats the welcome and begins no new session") {
+TEST_CASE("A repeated hello repeats the welcome and begins no new session") {
   Server server;
   server.begin();
   server.say_hello(kClient, 1);
@@ -96,7 +96,9 @@ TEST_CASE("a repeated hello repeats the welcome and begins no new session") {
   CHECK(server.link.last_sent<Welcome>().nonce == 1);
 }
 
-TEST_CASE("a second client is told busy while the first is live, and served after its timeout") {
+TEST_CASE(
+    "A second client hears that the server is busy while the first is live, and served after its "
+    "timeout") {
   Server server;
   server.begin(0);
   server.deliver_update(1);
@@ -114,7 +116,7 @@ TEST_CASE("a second client is told busy while the first is live, and served afte
   CHECK(server.session.id() != kFirstId);
 }
 
-TEST_CASE("after a goodbye another client is served at once") {
+TEST_CASE("After a goodbye another client is served at once") {
   Server server;
   server.begin();
   server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, Goodbye{});
@@ -124,7 +126,7 @@ TEST_CASE("after a goodbye another client is served at once") {
   CHECK(server.poll(0.1).hello != nullptr);
 }
 
-TEST_CASE("the same client with a new nonce gets a new session") {
+TEST_CASE("The same client with a new nonce gets a new session") {
   Server server;
   server.begin();
   server.say_hello(kClient, 2);
@@ -132,7 +134,7 @@ TEST_CASE("the same client with a new nonce gets a new session") {
   CHECK(server.session.id() != kFirstId);
 }
 
-TEST_CASE("a late copy of the hello of an ended session does not begin it again") {
+TEST_CASE("A late copy of the hello of an ended session does not begin it again") {
   Server server;
   server.begin();
   SECTION("ended by goodbye") {
@@ -157,7 +159,7 @@ Control held_at(double x) {
   return control;
 }
 
-TEST_CASE("a control waits for an update after it, and the acknowledgement names it") {
+TEST_CASE("A control waits for an update after it, and the acknowledgement names it") {
   Server server;
   server.begin();
   server.link.deliver(kClient, {.session = kFirstId, .sequence = 3}, held_at(0.3));
@@ -176,7 +178,7 @@ TEST_CASE("a control waits for an update after it, and the acknowledgement names
   CHECK(server.poll(0.3).control == nullptr);  // in effect already
 }
 
-TEST_CASE("a control that comes after the update of the same poll does not take its place") {
+TEST_CASE("A control that comes after the update of the same poll does not take its place") {
   Server server;
   server.begin();
   server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, held_at(0.1));
@@ -191,7 +193,7 @@ TEST_CASE("a control that comes after the update of the same poll does not take 
   CHECK(next.control->X_WTarget.p.x() == 0.3);
 }
 
-TEST_CASE("older and foreign controls are dropped, and a new session begins without one") {
+TEST_CASE("Older and foreign controls are dropped, and a new session begins without one") {
   Server server;
   server.begin();
   server.link.deliver(kClient, {.session = kFirstId, .sequence = 5}, held_at(0.5));
@@ -208,7 +210,7 @@ TEST_CASE("older and foreign controls are dropped, and a new session begins with
   CHECK(server.poll(0.3).control == nullptr);
 }
 
-TEST_CASE("of the updates of one poll the newest is taken, whatever their order") {
+TEST_CASE("Of the updates of one poll the newest is taken, whatever their order") {
   Server server;
   server.begin();
   for (const std::uint64_t sequence : {2u, 5u, 3u, 5u, 4u}) server.deliver_update(sequence);
@@ -220,7 +222,7 @@ TEST_CASE("of the updates of one poll the newest is taken, whatever their order"
   CHECK(server.poll(0.2).update == nullptr);
 }
 
-TEST_CASE("updates of another session or another peer are foreign") {
+TEST_CASE("Updates of another session or another peer are foreign") {
   Server server;
   server.begin();
   server.link.deliver(kClient, {.session = kFirstId + 1, .sequence = 1}, planar_update(0));
@@ -229,7 +231,7 @@ TEST_CASE("updates of another session or another peer are foreign") {
   CHECK(server.dropped(DropReason::kForeignSession) == 2);
 }
 
-TEST_CASE("an update that does not fit the tool is refused, and the one before it stays") {
+TEST_CASE("An update that does not fit the tool is refused, and the one before it stays") {
   Server server;
   server.begin();
   server.deliver_update(1);
@@ -247,7 +249,7 @@ TEST_CASE("an update that does not fit the tool is refused, and the one before i
   CHECK(refusal.count == 1);
 }
 
-TEST_CASE("nothing refused leaves a trace: later updates of smaller sequences are taken") {
+TEST_CASE("Nothing refused leaves a trace: later updates of smaller sequences are taken") {
   constexpr std::uint64_t kLargest = ~std::uint64_t{0};
   Server server;
   server.begin();
@@ -288,7 +290,7 @@ TEST_CASE("nothing refused leaves a trace: later updates of smaller sequences ar
   CHECK(inbox.control != nullptr);
 }
 
-TEST_CASE("a client is told why its update is refused, and ten times a second at most") {
+TEST_CASE("A client learns why its update is refused, and ten times a second at most") {
   Server server;
   server.begin();
   ContactUpdate bad = planar_update(20);
@@ -304,7 +306,7 @@ TEST_CASE("a client is told why its update is refused, and ten times a second at
   CHECK(refusal.count > 100);
 }
 
-TEST_CASE("one wrong contact is left out and named, the others are taken") {
+TEST_CASE("One wrong contact is left out and named, the others are taken") {
   Server server;
   server.begin();
   ContactUpdate update = planar_update(3);
@@ -326,7 +328,7 @@ TEST_CASE("one wrong contact is left out and named, the others are taken") {
   CHECK(refusal.count == 0);
 }
 
-TEST_CASE("normals and quaternions off by what single precision leaves are made unit") {
+TEST_CASE("Normals and quaternions off by what single precision leaves are made unit") {
   Server server;
   server.begin();
   ContactUpdate update = planar_update(1);
@@ -337,7 +339,7 @@ TEST_CASE("normals and quaternions off by what single precision leaves are made 
   CHECK((inbox.update->contacts[0].n_W - Vector3(0, 0.6, 0.8)).norm() < 1e-15);
 }
 
-TEST_CASE("the hold counts from the arrival of the update, not from the poll that takes it") {
+TEST_CASE("The hold counts from the arrival of the update, not from the poll that takes it") {
   Server server;
   server.begin();
   server.link.set_waited(0.02);
@@ -347,7 +349,7 @@ TEST_CASE("the hold counts from the arrival of the update, not from the poll tha
   CHECK(server.link.last_sent<ProxyState>().hold == Approx(0.021).margin(1e-12));  // s
 }
 
-TEST_CASE("a poll that brings a hello or a goodbye brings no update of the session it ends") {
+TEST_CASE("A poll that brings a hello or a goodbye brings no update of the session it ends") {
   Server server;
   server.begin();
   server.deliver_update(1);
@@ -363,7 +365,7 @@ TEST_CASE("a poll that brings a hello or a goodbye brings no update of the sessi
   CHECK(inbox.update == nullptr);
 }
 
-TEST_CASE("a flood neither stalls a poll nor keeps the update away for long") {
+TEST_CASE("A flood neither stalls a poll nor keeps the update away for long") {
   Server server;
   server.begin();
   for (int i = 0; i < 1000; ++i) server.link.deliver(kOther, DatagramBytes(30, std::byte{7}));
@@ -380,7 +382,7 @@ TEST_CASE("a flood neither stalls a poll nor keeps the update away for long") {
   CHECK(server.dropped(DropReason::kTruncated) == 1000);
 }
 
-TEST_CASE("a hello of another version is told which version is spoken; garbage is not answered") {
+TEST_CASE("A hello of another version is answered with both versions; garbage is not answered") {
   Server server;
   DatagramBytes hello = encode({}, planar_hello(99));
   hello[4] = std::byte{9};
@@ -405,7 +407,7 @@ TEST_CASE("a hello of another version is told which version is spoken; garbage i
   CHECK(server.link.sent().empty());
 }
 
-TEST_CASE("a tool that cannot be used is refused with the reason in words") {
+TEST_CASE("A tool that cannot be used is refused with the reason in words") {
   Server server;
   Hello hello = planar_hello(3);
   hello.tool.links[0].mass = -1;
@@ -417,7 +419,7 @@ TEST_CASE("a tool that cannot be used is refused with the reason in words") {
              Catch::Matchers::ContainsSubstring("mass"));
 }
 
-TEST_CASE("an initial configuration that does not fit the tool is refused with the reason") {
+TEST_CASE("An initial configuration that does not fit the tool is refused with the reason") {
   Server server;
   Hello hello = planar_hello(3);
   hello.q = Eigen::Vector2d(0, 0);
@@ -428,7 +430,7 @@ TEST_CASE("an initial configuration that does not fit the tool is refused with t
              Catch::Matchers::ContainsSubstring("configuration"));
 }
 
-TEST_CASE("the caller's refusal reaches the client, cut to what fits between characters") {
+TEST_CASE("The caller's refusal reaches the client, cut to what fits between characters") {
   Server server;
   server.say_hello(kClient, 3);
   REQUIRE(server.session.poll(0).hello != nullptr);
@@ -440,7 +442,7 @@ TEST_CASE("the caller's refusal reaches the client, cut to what fits between cha
   CHECK_FALSE(server.session.active());
 }
 
-TEST_CASE("an acknowledgement names the update, echoes its time and tells how long it was held") {
+TEST_CASE("An acknowledgement names the update, echoes its time and tells how long it was held") {
   Server server;
   server.begin();
   server.session.acknowledge(0, test::planar_state());
@@ -460,7 +462,7 @@ TEST_CASE("an acknowledgement names the update, echoes its time and tells how lo
   CHECK(server.link.sent_header(0).envelope.sequence == 2);
 }
 
-TEST_CASE("closing says goodbye to the client and ends the session") {
+TEST_CASE("Closing says goodbye to the client and ends the session") {
   Server server;
   server.begin();
   server.session.close(1, GoodbyeReason::kShutdown);
@@ -471,7 +473,7 @@ TEST_CASE("closing says goodbye to the client and ends the session") {
   CHECK(server.link.sent().empty());
 }
 
-TEST_CASE("each reason for a drop is counted as itself") {
+TEST_CASE("Each reason for a drop is counted as itself") {
   Server server;
   server.begin();
   const Envelope own{.session = kFirstId, .sequence = 10};
@@ -509,7 +511,7 @@ TEST_CASE("each reason for a drop is counted as itself") {
   only(DropReason::kIncomplete, kClient, encode({kFirstId, 12, 0}, planar_update(0)));
 }
 
-TEST_CASE("polling and acknowledging allocate nothing, whatever comes") {
+TEST_CASE("Polling and acknowledging allocate nothing, whatever comes") {
   Server server;
   server.begin();
   std::size_t allocations = 0;
@@ -529,7 +531,7 @@ TEST_CASE("polling and acknowledging allocate nothing, whatever comes") {
   CHECK(allocations == 0);
 }
 
-TEST_CASE("beginning a session allocates nothing") {
+TEST_CASE("Beginning a session allocates nothing") {
   Server server;
   server.say_hello(kClient, 1);
   const test::NoMalloc guard;

@@ -20,7 +20,7 @@ using test::planar_update;
 
 constexpr Endpoint kLoopback{.address = 0x7F000001, .port = 0};
 
-TEST_CASE("on a network that delays, loses, reorders and duplicates, every update taken is whole") {
+TEST_CASE("On a network that delays, loses, reorders and duplicates, every update taken is whole") {
   test::MemoryNetwork network({.delay = 0.01,
                                .jitter = 0.02,
                                .loss = 0.02,
@@ -78,7 +78,7 @@ bool happens(Step step) {
   return false;
 }
 
-TEST_CASE("a session over real sockets: hello, 64 contacts, acknowledgement, goodbye") {
+TEST_CASE("A session over real sockets: hello, 64 contacts, acknowledgement, goodbye") {
   UdpSocket server_socket(kLoopback);
   UdpSocket client_socket(kLoopback);
   ServerSession server(server_socket, {.first_session_id = 9});
@@ -106,7 +106,7 @@ TEST_CASE("a session over real sockets: hello, 64 contacts, acknowledgement, goo
   CHECK(server.statistics().total_dropped() == 0);
 }
 
-TEST_CASE("a client finds a server that restarts at the same port") {
+TEST_CASE("A client finds a server that restarts at the same port") {
   UdpSocket client_socket(kLoopback);
   auto server_socket = std::make_unique<UdpSocket>(kLoopback);
   const Endpoint address = server_socket->local();

@@ -18,15 +18,15 @@ def free_port(kind):
         return probe.getsockname()[1]
 
 
-def wait_for(condition, what):
-    """What condition() is once it is true. Raises AssertionError after PATIENCE."""
-    end = time.monotonic() + PATIENCE
+def wait_for(condition, what, patience=PATIENCE):
+    """What condition() is once it is true. Raises AssertionError after `patience` seconds."""
+    end = time.monotonic() + patience
     while time.monotonic() < end:
         value = condition()
         if value:
             return value
         time.sleep(0.05)
-    raise AssertionError(f"waited {PATIENCE} s for {what}")
+    raise AssertionError(f"waited {patience} s for {what}")
 
 
 def listens(port):

@@ -14,7 +14,7 @@
 namespace hlm::ve {
 namespace {
 
-TEST_CASE("ε grows with speed and delay between its bounds") {
+TEST_CASE("Ε grows with speed and delay between its bounds") {
   FrameOptions options{.epsilon = 0.005};
   CHECK(adapted_epsilon(options, 10, 1, 1) == 0.005);  // fixed unless a largest one is given
   options.largest_epsilon = 0.08;
@@ -101,7 +101,7 @@ struct Setup {
   test::VirtualClock clock;
 };
 
-TEST_CASE("the tool follows the proxy to the wall and stops there") {
+TEST_CASE("The tool follows the proxy to the wall and stops there") {
   Setup setup;
   setup.run(1);
   CHECK(setup.client.connected());
@@ -110,7 +110,7 @@ TEST_CASE("the tool follows the proxy to the wall and stops there") {
   CHECK(setup.environment.tool.q().y() == Approx(0.124).margin(2e-4));
 }
 
-TEST_CASE("each update has the contacts of the very configuration that it carries") {
+TEST_CASE("Each update has the contacts of the very configuration that it carries") {
   Setup setup;
   setup.run(2);
   int with_contacts = 0;
@@ -125,7 +125,7 @@ TEST_CASE("each update has the contacts of the very configuration that it carrie
   CHECK(with_contacts > 10);
 }
 
-TEST_CASE("a tool that approaches fast is told of a wall from farther away") {
+TEST_CASE("A tool that approaches fast gets a wall from farther away") {
   const auto farthest = [](const FrameOptions& options) {
     Setup setup({.delay = 0.02}, 1, Vector3(0, 0.3, 0));
     setup.run(1, options);
@@ -142,7 +142,7 @@ TEST_CASE("a tool that approaches fast is told of a wall from farther away") {
   CHECK(farthest({.epsilon = 0.005, .largest_epsilon = 0.08}) > 0.3 * (0.04 + 0.017));
 }
 
-TEST_CASE("an update tells simulated time, the step's length and the time since sampling") {
+TEST_CASE("An update tells simulated time, the step's length and the time since sampling") {
   Setup setup;
   setup.run(1, {.delay = 0.012});
   const auto& updates = setup.server->updates;
@@ -171,7 +171,7 @@ std::vector<std::uint64_t> trace(const ScriptedServer& server) {
 }
 
 TEST_CASE(
-    "two runs with one seed are equal bit for bit, on a bad network too; other seeds differ") {
+    "Two runs with one seed are equal bit for bit, on a bad network too; other seeds differ") {
   const test::LinkConditions bad{.delay = 0.02, .jitter = 0.03, .loss = 0.1, .duplication = 0.05};
   const auto run = [&](std::uint64_t seed) {
     Setup setup(bad, seed);
@@ -184,7 +184,7 @@ TEST_CASE(
   CHECK(run(8) != first);
 }
 
-TEST_CASE("when the server falls silent the client goes on simulating and finds its successor") {
+TEST_CASE("When the server falls silent the client goes on simulating and finds its successor") {
   Setup setup;
   setup.run(0.8);
   REQUIRE(setup.client.connected());
@@ -204,7 +204,7 @@ TEST_CASE("when the server falls silent the client goes on simulating and finds 
   CHECK((setup.environment.tool.q() - present).norm() < 1e-9);
 }
 
-TEST_CASE("a proxy state that cannot be followed is refused and the tool stays") {
+TEST_CASE("A proxy state that cannot be followed is refused and the tool stays") {
   Setup setup({}, 1, Vector3(0, 0, 0));
   setup.run(0.5);
   setup.server->forced_q = Vector3(1e12, 0, 0);
@@ -214,7 +214,7 @@ TEST_CASE("a proxy state that cannot be followed is refused and the tool stays")
   CHECK(setup.environment.tool.q().norm() < 1e-9);
 }
 
-TEST_CASE("closing tells the server") {
+TEST_CASE("Closing tells the server") {
   Setup setup;
   setup.run(0.5);
   setup.client.close(setup.clock.now());
@@ -222,7 +222,7 @@ TEST_CASE("closing tells the server") {
   CHECK(setup.server->goodbye);
 }
 
-TEST_CASE("drawn rates stay in their range, cover it, and a single rate is exact") {
+TEST_CASE("Drawn rates stay in their range, cover it, and a single rate is exact") {
   FramePeriods drawn(30, 60, 5);
   double low = 60;
   double high = 30;

@@ -71,14 +71,14 @@ void check_side(const std::vector<FoundContact>& contacts, const Vector3& normal
   CHECK(contacts[0].key != contacts[1].key);
 }
 
-TEST_CASE("the lying peg at y = 124 mm touches the bottom wall at its two lower corners") {
+TEST_CASE("The lying peg at y = 124 mm touches the bottom wall at its two lower corners") {
   Testbed testbed;
   const std::vector<FoundContact> contacts = testbed.contacts_at(Vector3(0, 0.124, 0), 0.005);
   CHECK(contacts.size() == 2);
   check_side(with_shape(contacts, kBottomLeft), -Vector3::UnitY(), 0.08);
 }
 
-TEST_CASE("the standing peg fills the hole: two contacts on each of its three walls") {
+TEST_CASE("The standing peg fills the hole: two contacts on each of its three walls") {
   Testbed testbed;
   const std::vector<FoundContact> contacts =
       testbed.contacts_at(Vector3(0.1, 0.184, kRightAngle), 0.005);
@@ -88,7 +88,7 @@ TEST_CASE("the standing peg fills the hole: two contacts on each of its three wa
   check_side(with_shape(contacts, kHoleFloor), -Vector3::UnitY(), 0.04);
 }
 
-TEST_CASE("a contact appears where its separation falls to ε, and then has the true separation") {
+TEST_CASE("A contact appears where its separation falls to ε, and then has the true separation") {
   Testbed testbed;
   CHECK(testbed.contacts_at(Vector3(0, 0.124 - 0.00501, 0), 0.005).empty());
   const std::vector<FoundContact> near = testbed.contacts_at(Vector3(0, 0.124 - 0.00499, 0), 0.005);
@@ -96,13 +96,13 @@ TEST_CASE("a contact appears where its separation falls to ε, and then has the 
   CHECK(near[0].separation == Approx(0.00499).margin(1e-6));
 }
 
-TEST_CASE("with ε = 0 there are contacts only where shapes touch") {
+TEST_CASE("With ε = 0 there are contacts only where shapes touch") {
   Testbed testbed;
   CHECK(testbed.contacts_at(Vector3(0, 0.124 - 1e-5, 0), 0).empty());
   CHECK(testbed.contacts_at(Vector3(0, 0.124 + 1e-5, 0), 0).size() == 2);
 }
 
-TEST_CASE("a separation is exact for every depth up to 20 mm") {
+TEST_CASE("A separation is exact for every depth up to 20 mm") {
   Testbed testbed;
   for (double depth = -0.005; depth <= 0.02; depth += 0.0025) {
     const std::vector<FoundContact> contacts =
@@ -113,7 +113,7 @@ TEST_CASE("a separation is exact for every depth up to 20 mm") {
   }
 }
 
-TEST_CASE("contacts keep their identities while the peg slides, sinks and tilts a little") {
+TEST_CASE("Contacts keep their identities while the peg slides, sinks and tilts a little") {
   Testbed testbed;
   const auto keys = [&](double x, double y, double heading) {
     std::vector<ContactKey> result;
@@ -131,7 +131,7 @@ TEST_CASE("contacts keep their identities while the peg slides, sinks and tilts 
   CHECK(keys(0, 0.123, -0.02) == first);
 }
 
-TEST_CASE("the velocity of a contact is that of the environment's material there") {
+TEST_CASE("The velocity of a contact is that of the environment's material there") {
   const WorldDescription description =
       world_of(model("tool", "0 0 0 0 0 0", box("0.1 0.1 0.1")) +
                model("disc", "0 0 -0.1 0 0 0", box("0.4 0.4 0.1")));
@@ -148,7 +148,7 @@ TEST_CASE("the velocity of a contact is that of the environment's material there
   }
 }
 
-TEST_CASE("a contact names link, shapes and body; fixed bodies stand still") {
+TEST_CASE("A contact names link, shapes and body; fixed bodies stand still") {
   const WorldDescription description = test::repository_world("linkage.sdf");
   Scene scene(description, "arm");
   // The forearm, a capsule of radius 10 mm, folded back to lie 2 mm from the post's mantle.
@@ -162,7 +162,7 @@ TEST_CASE("a contact names link, shapes and body; fixed bodies stand still") {
   CHECK(forearm->separation == Approx(0.002).margin(1e-6));
 }
 
-TEST_CASE("shapes of one link are told apart") {
+TEST_CASE("Shapes of one link are distinguished") {
   const std::string second =
       "<collision name='second'><pose>0.3 0 0 0 0 0</pose><geometry><box><size>0.1 0.1 0.1</size>"
       "</box></geometry></collision>";
@@ -178,7 +178,7 @@ TEST_CASE("shapes of one link are told apart") {
         }) == 4);
 }
 
-TEST_CASE("the world's step gets all basic contacts within reach, with the smaller friction") {
+TEST_CASE("The world's step gets all basic contacts within reach, with the smaller friction") {
   const std::string slippery =
       "<collision name='c'><geometry><box><size>0.1 0.1 0.1</size></box></geometry><surface>"
       "<friction><ode><mu>0.2</mu></ode></friction></surface></collision>";

@@ -30,7 +30,7 @@ std::string with_geometry(const std::string& geometry) {
                      "<collision name='c'><geometry>" + geometry + "</geometry></collision>");
 }
 
-TEST_CASE("the testbed is an enclosure of six boxes and a planar peg of 80 x 40 mm, 1 kg") {
+TEST_CASE("The testbed is an enclosure of six boxes and a planar peg of 80 x 40 mm, 1 kg") {
   const WorldDescription world = test::repository_world("testbed.sdf");
   REQUIRE(world.bodies.size() == 2);
   CHECK(world.gravity_W.isZero(0));
@@ -44,7 +44,7 @@ TEST_CASE("the testbed is an enclosure of six boxes and a planar peg of 80 x 40 
   CHECK(world.models.at(1).tool_joint == JointType::kPlanar);
 }
 
-TEST_CASE("the other worlds of the repository load") {
+TEST_CASE("The other worlds of the repository load") {
   CHECK(test::repository_world("playground.sdf").bodies.size() == 8);
   const WorldDescription linkage = test::repository_world("linkage.sdf");
   CHECK(linkage.joints.size() == 3);
@@ -52,7 +52,7 @@ TEST_CASE("the other worlds of the repository load") {
   CHECK(linkage.models[0].X_SH.p == Vector3(0.2, 0, 0));
 }
 
-TEST_CASE("poses of nested models, links, centres of mass and collisions compose") {
+TEST_CASE("Poses of nested models, links, centres of mass and collisions compose") {
   const WorldDescription world = world_of(
       "<model name='outer'><pose>1 0 0 0 0 1.5707963267948966</pose>"
       "<link name='base'>" +
@@ -72,7 +72,7 @@ TEST_CASE("poses of nested models, links, centres of mass and collisions compose
   CHECK(arm.collisions.at(0).X_BG.p.isApprox(Vector3(0, 0, 1), 1e-12));
 }
 
-TEST_CASE("poses relative to a frame are resolved") {
+TEST_CASE("Poses relative to a frame are resolved") {
   const WorldDescription world = world_of(
       "<frame name='shelf'><pose>0 0 1 0 0 0</pose></frame>"
       "<model name='m'><pose relative_to='shelf'>1 0 0 0 0 0</pose><link name='l'>" +
@@ -80,7 +80,7 @@ TEST_CASE("poses relative to a frame are resolved") {
   CHECK(world.bodies.at(0).X_WB.p.isApprox(Vector3(1, 0, 1), 1e-12));
 }
 
-TEST_CASE("a rotated inertial frame turns the inertia, not the body's axes") {
+TEST_CASE("A rotated inertial frame turns the inertia, not the body's axes") {
   const WorldDescription world = world_of(
       "<model name='m'><link name='l'><inertial><pose>0 0 0 0 0 1.5707963267948966</pose>"
       "<mass>1</mass><inertia><ixx>1</ixx><iyy>2</iyy><izz>2.5</izz></inertia></inertial>"
@@ -89,14 +89,14 @@ TEST_CASE("a rotated inertial frame turns the inertia, not the body's axes") {
   CHECK(world.bodies[0].I_B.isApprox(Matrix3(Vector3(2, 1, 2.5).asDiagonal()), 1e-12));
 }
 
-TEST_CASE("a plane's normal is its shape's z axis") {
+TEST_CASE("A plane's normal is its shape's z axis") {
   const WorldDescription world = world_of(with_geometry("<plane><normal>1 0 0</normal></plane>"));
   const CollisionDescription& plane = world.bodies.at(0).collisions.at(0);
   CHECK(std::holds_alternative<HalfSpace>(plane.shape));
   CHECK((plane.X_BG.R * Vector3::UnitZ()).isApprox(Vector3::UnitX(), 1e-12));
 }
 
-TEST_CASE("a joint has its frame, axis and limits") {
+TEST_CASE("A joint has its frame, axis and limits") {
   const WorldDescription world =
       world_of("<model name='m'><pose>0 0 1 0 0 0</pose><link name='a'>" + kInertial +
                "</link>"
@@ -116,7 +116,7 @@ TEST_CASE("a joint has its frame, axis and limits") {
   CHECK(joint.upper == 1.5);
 }
 
-TEST_CASE("what this program does not support is an error that names the element") {
+TEST_CASE("What this program does not support is an error that names the element") {
   CHECK_THAT(error_of(with_geometry("<mesh><uri>peg.dae</uri></mesh>")),
              ContainsSubstring("test.sdf") && ContainsSubstring("<mesh>") &&
                  ContainsSubstring("model 'wall' link 'body' collision 'c'") &&
@@ -136,7 +136,7 @@ TEST_CASE("what this program does not support is an error that names the element
              ContainsSubstring("<haptic:tool_join>"));
 }
 
-TEST_CASE("a value out of range is an error that names it and what is allowed") {
+TEST_CASE("A value out of range is an error that names it and what is allowed") {
   CHECK_THAT(error_of(with_geometry("<sphere><radius>-0.1</radius></sphere>")),
              ContainsSubstring("collision 'c' radius -0.1 m") && ContainsSubstring("> 0"));
   CHECK_THAT(error_of(with_geometry("<box><size>1 0 1</size></box>")),
@@ -172,7 +172,7 @@ TEST_CASE("a value out of range is an error that names it and what is allowed") 
              ContainsSubstring("<haptic:start> 'a'") && ContainsSubstring("name of its own"));
 }
 
-TEST_CASE("a missing or broken file is one line that names it") {
+TEST_CASE("A missing or broken file is one line that names it") {
   CHECK_THROWS_WITH(load_world("/nonexistent/w.sdf"), ContainsSubstring("/nonexistent/w.sdf"));
   CHECK_THROWS_WITH(parse_world("<sdf version='1.9'><world", "broken.sdf"),
                     ContainsSubstring("broken.sdf") && !ContainsSubstring("\n"));

@@ -44,7 +44,7 @@ std::string error_of(std::vector<const char*> options) {
   return parsed.err;
 }
 
-TEST_CASE("options without a value have their defaults") {
+TEST_CASE("Options without a value have their defaults") {
   const auto settings = parse({"--world", "w.sdf"}).arguments.settings;
   REQUIRE(settings);
   CHECK(settings->server == "127.0.0.1:47800");
@@ -55,7 +55,7 @@ TEST_CASE("options without a value have their defaults") {
   CHECK(settings->connect_timeout == 0);  // For ever: either side starts first.
 }
 
-TEST_CASE("options set what they name") {
+TEST_CASE("Options set what they name") {
   const auto settings = parse({"--world", "w.sdf", "--rate-range", "30", "60", "--epsilon", "0",
                                "--follow", "kinematic", "--delay", "0.01", "--quiet"})
                             .arguments.settings;
@@ -68,7 +68,7 @@ TEST_CASE("options set what they name") {
   CHECK(settings->log_level == "warn");
 }
 
-TEST_CASE("a mistake is one line that names the option, its value and what is allowed") {
+TEST_CASE("A mistake is one line that names the option, its value and what is allowed") {
   CHECK_THAT(error_of({"--epsilon", "-1"}),
              ContainsSubstring("--epsilon") && ContainsSubstring("-1") && ContainsSubstring("0.1"));
   CHECK_THAT(error_of({"--epsilon", "wide"}), ContainsSubstring("wide"));
@@ -89,7 +89,7 @@ TEST_CASE("a mistake is one line that names the option, its value and what is al
   CHECK_THAT(no_world.err, ContainsSubstring("--world"));
 }
 
-TEST_CASE("what --print-config prints is a configuration file with the same effect") {
+TEST_CASE("What --print-config prints is a configuration file with the same effect") {
   const Parsed printed = parse({"--world", "w.sdf", "--rate-range", "25", "50", "--epsilon",
                                 "0.003", "--follow", "kinematic", "--print-config"});
   CHECK_FALSE(printed.arguments.settings);
@@ -109,7 +109,7 @@ TEST_CASE("what --print-config prints is a configuration file with the same effe
   CHECK(read.arguments.settings->follow.mode == FollowMode::kKinematic);
 }
 
-TEST_CASE("help names the units") {
+TEST_CASE("Help names the units") {
   const Parsed help = parse({"--help"});
   CHECK(help.arguments.exit_code == 0);
   CHECK_THAT(help.out, ContainsSubstring("--delay s") && ContainsSubstring("0 to 1 s") &&

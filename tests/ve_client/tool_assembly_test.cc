@@ -27,7 +27,7 @@ void check_initial_poses(const WorldDescription& world, const ToolAssembly& tool
   }
 }
 
-TEST_CASE("a tool begins at a start that its model names") {
+TEST_CASE("A tool begins at a start that its model names") {
   const WorldDescription world =
       world_of(model("t", "0.3 0.2 0 0 0 0.4", "",
                      "<haptic:tool_joint>planar</haptic:tool_joint>"
@@ -40,7 +40,7 @@ TEST_CASE("a tool begins at a start that its model names") {
                     ContainsSubstring("start 'c'") && ContainsSubstring("it has: a, b"));
 }
 
-TEST_CASE("a linkage moves to another place as one, and its joints with it") {
+TEST_CASE("A linkage moves to another place as one, and its joints with it") {
   const WorldDescription& world = test::repository_world("linkage.sdf");
   const ModelDescription& arm = find_model(world, "arm");
   const Pose X{{0.1, -0.2, 0.3}, rotation_from_vector({0, 0, 0.7})};
@@ -60,7 +60,7 @@ TEST_CASE("a linkage moves to another place as one, and its joints with it") {
   }
 }
 
-TEST_CASE("a free tool's configuration is the pose of its centre of mass") {
+TEST_CASE("A free tool's configuration is the pose of its centre of mass") {
   const WorldDescription world = world_of(
       "<model name='t'><pose>1 2 3 0 0 0.5</pose><link name='l'><inertial>"
       "<pose>0.1 0 0 0 0 0</pose><mass>2</mass></inertial></link></model>",
@@ -74,7 +74,7 @@ TEST_CASE("a free tool's configuration is the pose of its centre of mass") {
   check_initial_poses(world, tool);
 }
 
-TEST_CASE("a planar tool's configuration is the centre of mass in world coordinates and heading") {
+TEST_CASE("A planar tool's configuration is the centre of mass in world coordinates and heading") {
   const WorldDescription world = world_of(
       "<model name='t'><pose>0.3 0.2 0.7 0 0 0.4</pose>"
       "<haptic:tool_joint>planar</haptic:tool_joint><link name='l'><inertial>"
@@ -88,7 +88,7 @@ TEST_CASE("a planar tool's configuration is the centre of mass in world coordina
   check_initial_poses(world, tool);
 }
 
-TEST_CASE("a planar tool may stand on its side: its link's axes need not be the plane's") {
+TEST_CASE("A planar tool may stand on its side: its link's axes need not be the plane's") {
   const WorldDescription world = world_of(
       model("t", "0.3 0.2 0 1.2 0.3 0.4", "", "<haptic:tool_joint>planar</haptic:tool_joint>"));
   const ToolAssembly tool = assemble_tool(world, "t");
@@ -96,7 +96,7 @@ TEST_CASE("a planar tool may stand on its side: its link's axes need not be the 
   check_initial_poses(world, tool);
 }
 
-TEST_CASE("the linkage is a chain of two revolute links at q = 0, held at its tip") {
+TEST_CASE("The linkage is a chain of two revolute links at q = 0, held at its tip") {
   const WorldDescription world = test::repository_world("linkage.sdf");
   const ToolAssembly tool = assemble_tool(world, "arm");
   REQUIRE(tool.description.dof() == 2);
@@ -109,7 +109,7 @@ TEST_CASE("the linkage is a chain of two revolute links at q = 0, held at its ti
   CHECK(kinematics.X_WH().p.isApprox(Vector3(0.2, 0.2, 0), 1e-12));
 }
 
-TEST_CASE("joint frames and link frames of a tree may lie anywhere") {
+TEST_CASE("Joint frames and link frames of a tree may lie anywhere") {
   const WorldDescription world = world_of(
       "<model name='t'><pose>0.1 0.2 0.3 0.4 0.5 0.6</pose>"
       "<link name='tip'><pose>1 0 0 0.3 0 0</pose>" +
@@ -131,13 +131,13 @@ TEST_CASE("joint frames and link frames of a tree may lie anywhere") {
   check_initial_poses(world, tool);
 }
 
-TEST_CASE("the tool's length is its largest reach from the hand") {
+TEST_CASE("The tool's length is its largest reach from the hand") {
   const WorldDescription world = test::repository_world("testbed.sdf");
   CHECK(assemble_tool(world, "peg").description.length ==
         Approx(Vector3(0.04, 0.02, 0.02).norm()).margin(1e-12));
 }
 
-TEST_CASE("a model that cannot be a tool is an error that says why") {
+TEST_CASE("A model that cannot be a tool is an error that says why") {
   const WorldDescription world = world_of(
       fixed_model("wall", "0 0 0 0 0 0", box("1 1 1")) + model("ball", "0 0 0 0 0 0", "") +
       "<model name='pair'><link name='a'/><link name='b'/></model>"

@@ -80,7 +80,7 @@ const std::string kTree =
     "<joint name='b' type='continuous'><pose>0 0.1 0 0 0.3 0</pose><parent>slide</parent>"
     "<child>tip</child><axis><xyz>0 0.6 0.8</xyz></axis></joint></model>";
 
-TEST_CASE("a kinematic tool is exactly where the proxy was told to be, with its velocity") {
+TEST_CASE("A kinematic tool is exactly where the proxy is, with its velocity") {
   const std::string models = GENERATE(kFree, kPlanar, kTree);
   Scene scene(world_of(models), "tool", {.mode = FollowMode::kKinematic});
   test::Random random;
@@ -96,7 +96,7 @@ TEST_CASE("a kinematic tool is exactly where the proxy was told to be, with its 
   }
 }
 
-TEST_CASE("a following tool is within 6 % of a still proxy after 3 frames and at rest soon after") {
+TEST_CASE("A following tool is within 6 % of a still proxy after 3 frames and at rest soon after") {
   const std::string models = GENERATE(kFree, kPlanar, kTree);
   const double rate = GENERATE(30.0, 60.0);
   Scene scene(world_of(models), "tool", {.max_force = 1e6});
@@ -115,7 +115,7 @@ TEST_CASE("a following tool is within 6 % of a still proxy after 3 frames and at
   CHECK(scene.tool.v().norm() < 1e-5);
 }
 
-TEST_CASE("a following tool ends each frame where a steadily moving proxy last was") {
+TEST_CASE("A following tool ends each frame where a steadily moving proxy last was") {
   Scene scene(world_of(kFree), "tool");
   Velocity v(6);
   v << 0.1, -0.05, 0.02, 0, 0, 0;
@@ -129,7 +129,7 @@ TEST_CASE("a following tool ends each frame where a steadily moving proxy last w
   CHECK((scene.tool.v() - v).norm() < 1e-6);
 }
 
-TEST_CASE("without news of the proxy the tool comes to rest at its latest configuration") {
+TEST_CASE("Without news of the proxy the tool comes to rest at its latest configuration") {
   Scene scene(world_of(kFree), "tool");
   Velocity v(6);
   v << 0.5, 0, 0, 0, 0, 0;
@@ -139,7 +139,7 @@ TEST_CASE("without news of the proxy the tool comes to rest at its latest config
   CHECK((scene.tool.q() - q).norm() < 1e-6);
 }
 
-TEST_CASE("the force that draws the tool is bounded") {
+TEST_CASE("The force that draws the tool is bounded") {
   Scene scene(world_of(kFree), "tool", {.max_force = 2});
   Configuration far = scene.tool.q();
   far[0] += 1;
@@ -147,7 +147,7 @@ TEST_CASE("the force that draws the tool is bounded") {
   CHECK(scene.tool.v().head<3>().norm() == Approx(2.0 * kStep).epsilon(1e-6));  // 1 kg.
 }
 
-TEST_CASE("angles go on counting beyond a turn") {
+TEST_CASE("Angles go on counting beyond a turn") {
   Scene scene(world_of(kPlanar), "tool", {.mode = FollowMode::kKinematic});
   Configuration q = scene.tool.q();
   for (int i = 0; i < 40; ++i) {
@@ -157,7 +157,7 @@ TEST_CASE("angles go on counting beyond a turn") {
   CHECK(scene.tool.q()[2] == Approx(q[2]).margin(1e-9));
 }
 
-TEST_CASE("a linkage that is dragged by one link stays a linkage") {
+TEST_CASE("A linkage that is dragged by one link stays a linkage") {
   Scene scene(test::repository_world("linkage.sdf"), "arm");
   const int forearm = scene.assembly.bodies[1];
   for (int i = 0; i < 60; ++i) {
@@ -172,7 +172,7 @@ TEST_CASE("a linkage that is dragged by one link stays a linkage") {
   CHECK(scene.tool.q().norm() > 0.5);
 }
 
-TEST_CASE("a configuration that cannot be followed is refused") {
+TEST_CASE("A configuration that cannot be followed is refused") {
   Scene scene(world_of(kFree), "tool");
   const Configuration q = scene.tool.q();
   const Velocity v = Velocity::Zero(6);
@@ -193,7 +193,7 @@ TEST_CASE("a configuration that cannot be followed is refused") {
 // With contacts: a 100 mm cube as tool, a wall whose face is at x = 0.2.
 const std::string kCube = model("tool", "0 0 0 0 0 0", box("0.1 0.1 0.1"));
 
-TEST_CASE("a wall stops the tool with less than 0.1 mm of steady penetration") {
+TEST_CASE("A wall stops the tool with less than 0.1 mm of steady penetration") {
   Scene scene(world_of(kCube + fixed_model("wall", "0.3 0 0 0 0 0", box("0.2 1 1"))), "tool");
   Configuration beyond = scene.tool.q();
   beyond[0] = 0.16;  // 10 mm into the wall.
@@ -207,7 +207,7 @@ TEST_CASE("a wall stops the tool with less than 0.1 mm of steady penetration") {
   }
 }
 
-TEST_CASE("a wall stops a fast tool without penetration") {
+TEST_CASE("A wall stops a fast tool without penetration") {
   Scene scene(world_of(kCube + fixed_model("wall", "0.3 0 0 0 0 0", box("0.2 1 1"))), "tool",
               {.max_force = 1e6});
   Configuration beyond = scene.tool.q();
@@ -221,7 +221,7 @@ TEST_CASE("a wall stops a fast tool without penetration") {
   CHECK(deepest < 1e-4);
 }
 
-TEST_CASE("a linkage is stopped by a post") {
+TEST_CASE("A linkage is stopped by a post") {
   Scene scene(test::repository_world("linkage.sdf"), "arm");
   scene.follow(Eigen::Vector2d(-M_PI / 2, 0), 90);
   // The upper arm's box, 20 mm wide, passes the post of radius 30 mm at (0.1, -0.1) at 45 degrees,
@@ -230,7 +230,7 @@ TEST_CASE("a linkage is stopped by a post") {
         Approx(-M_PI / 4 + std::asin(0.04 / std::hypot(0.1, 0.1))).margin(0.02));
 }
 
-TEST_CASE("the tool pushes a loose body in front of it") {
+TEST_CASE("The tool pushes a loose body in front of it") {
   const FollowMode mode = GENERATE(FollowMode::kImplicit, FollowMode::kKinematic);
   const std::string floor =
       "<collision name='c'><geometry><plane><normal>0 0 1</normal></plane></geometry></collision>";

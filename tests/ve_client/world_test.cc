@@ -22,7 +22,7 @@ void run(World& world, double duration) {
   for (int i = 0; i < static_cast<int>(std::lround(duration / kStep)); ++i) world.step(kStep, {});
 }
 
-TEST_CASE("a body falls with the world's gravity unless it is weightless or the tool") {
+TEST_CASE("A body falls with the world's gravity unless it is weightless or the tool") {
   const WorldDescription description =
       world_of(model("stone", "0 0 0 0 0 0", "") +
                    model("balloon", "1 0 0 0 0 0", "<gravity>false</gravity>") +
@@ -45,7 +45,7 @@ std::string shape_collision(const std::string& shape) {
   return "<collision name='c'><geometry>" + geometry + "</geometry></collision>";
 }
 
-TEST_CASE("a body of each shape comes to rest upon a fixed body of each shape") {
+TEST_CASE("A body of each shape comes to rest upon a fixed body of each shape") {
   const std::string lower =
       GENERATE(as<std::string>{}, "plane", "box", "sphere", "cylinder", "capsule");
   const std::string upper = GENERATE(as<std::string>{}, "box", "sphere", "cylinder", "capsule");
@@ -64,7 +64,7 @@ TEST_CASE("a body of each shape comes to rest upon a fixed body of each shape") 
   CHECK(world.X_WB(1).p.z() == Approx(touching).margin(2e-3));
 }
 
-TEST_CASE("a box on a slope slides if its friction is below the slope's, and stays if above") {
+TEST_CASE("A box on a slope slides if its friction is below the slope's, and stays if above") {
   const auto drift = [](double mu) {
     const std::string collision =
         "<collision name='c'><geometry><box><size>0.1 0.1 0.1</size></box></geometry><surface>"
@@ -90,7 +90,7 @@ std::string jointed(const std::string& type, const std::string& axis) {
          "</xyz><limit><lower>-0.2</lower><upper>0.7</upper></limit></axis></joint></model>";
 }
 
-TEST_CASE("a revolute joint turns about its axis between its limits") {
+TEST_CASE("A revolute joint turns about its axis between its limits") {
   World world(world_of(jointed("revolute", "0 0 1")), {});
   const double direction = GENERATE(1.0, -1.0);
   for (int i = 0; i < 120; ++i) {
@@ -103,7 +103,7 @@ TEST_CASE("a revolute joint turns about its axis between its limits") {
   CHECK((X_WB * Vector3(-0.1, 0, 0)).norm() < 1e-3);
 }
 
-TEST_CASE("a prismatic joint slides along its axis between its limits") {
+TEST_CASE("A prismatic joint slides along its axis between its limits") {
   World world(world_of(jointed("prismatic", "0 1 0")), {});
   const double direction = GENERATE(1.0, -1.0);
   for (int i = 0; i < 120; ++i) {
@@ -115,7 +115,7 @@ TEST_CASE("a prismatic joint slides along its axis between its limits") {
   CHECK(std::hypot(moved.x(), moved.z()) < 1e-3);
 }
 
-TEST_CASE("a fixed joint holds a body at another") {
+TEST_CASE("A fixed joint holds a body at another") {
   World world(world_of("<model name='m'><link name='a'>" + kInertial +
                        "</link><link name='b'><pose>0.1 0 0 0 0 0</pose>" + kInertial +
                        "</link><joint name='j' type='fixed'><parent>a</parent><child>b</child>"
@@ -129,7 +129,7 @@ TEST_CASE("a fixed joint holds a body at another") {
   CHECK((X_AB.p - Vector3(0.1, 0, 0)).norm() < 1e-3);
 }
 
-TEST_CASE("a planar body neither leaves its plane nor tilts") {
+TEST_CASE("A planar body neither leaves its plane nor tilts") {
   World world(world_of(model("m", "0 0 0.3 0 0 0", "")), {});
   world.keep_planar(0);
   for (int i = 0; i < 60; ++i) {
@@ -143,7 +143,7 @@ TEST_CASE("a planar body neither leaves its plane nor tilts") {
   CHECK(rotation_vector(X_WB.R).z() > 0.4);
 }
 
-TEST_CASE("the velocity of a body's point includes its rotation") {
+TEST_CASE("The velocity of a body's point includes its rotation") {
   World world(world_of(model("m", "1 0 0 0 0 0", "")), {});
   Twist V;
   V << 0.1, 0.2, 0.3, 0, 0, 2;
@@ -151,7 +151,7 @@ TEST_CASE("the velocity of a body's point includes its rotation") {
   CHECK(world.velocity_at(0, {1.5, 0, 0}).isApprox(Vector3(0.1, 1.2, 0.3), 1e-12));
 }
 
-TEST_CASE("shapes near a box are found in order; the tool's own are not") {
+TEST_CASE("Shapes near a box are found in order; the tool's own are not") {
   World world(world_of(model("tool", "0 0 0 0 0 0", shape_collision("box")) +
                        fixed_model("floor", "0 0 -1 0 0 0", shape_collision("plane")) +
                        model("far", "5 0 0 0 0 0", shape_collision("sphere")) +
@@ -169,7 +169,7 @@ TEST_CASE("shapes near a box are found in order; the tool's own are not") {
   CHECK(found == std::vector<CollisionId>{{2, 0}});
 }
 
-TEST_CASE("two equal worlds stay equal bit for bit, whatever is stepped between them") {
+TEST_CASE("Two equal worlds stay equal bit for bit, whatever is stepped between them") {
   const WorldDescription description = test::repository_world("playground.sdf");
   World first(description, std::vector<int>{1});
   World second(description, std::vector<int>{1});
@@ -186,7 +186,7 @@ TEST_CASE("two equal worlds stay equal bit for bit, whatever is stepped between 
   }
 }
 
-TEST_CASE("the playground's objects stay where its file puts them") {
+TEST_CASE("The playground's objects stay where its file puts them") {
   const WorldDescription description = test::repository_world("playground.sdf");
   World world(description, std::vector<int>{1});
   run(world, 2);
@@ -197,7 +197,7 @@ TEST_CASE("the playground's objects stay where its file puts them") {
   }
 }
 
-TEST_CASE("worlds of two threads do not disturb each other: both as if alone, bit for bit") {
+TEST_CASE("Worlds of two threads do not disturb each other: both as if alone, bit for bit") {
   const auto fall = [] {
     const WorldDescription description =
         test::world_of(test::fixed_model("floor", "0 0 -0.5 0 0 0", test::box("2 2 1")) +

@@ -20,8 +20,8 @@ void ImpairedLink::pump() {
   while (outgoing_.take(now_(), datagram))
     link_.send(datagram.peer, protocol::view(datagram.bytes));
   // As many as a client takes at a time; a flood waits in the system's buffer.
-  constexpr int kMost = 256;
-  for (int i = 0; i < kMost && link_.receive(datagram); ++i) hold(incoming_, datagram);
+  constexpr int kDatagramsPerPump = 256;
+  for (int i = 0; i < kDatagramsPerPump && link_.receive(datagram); ++i) hold(incoming_, datagram);
 }
 
 bool ImpairedLink::receive(protocol::Datagram& datagram) noexcept {

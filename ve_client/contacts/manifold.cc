@@ -42,7 +42,7 @@ bool is_aligned_face(const Patch& patch, const Vector3& direction) {
 
 /// The features that meet along n: those of a face of either shape if n is normal to it, else those
 /// of parallel edges, else none. The body's face is preferred as the reference: the set is the same
-/// otherwise but for corners on a common border.
+/// otherwise except corners on a common border.
 FeaturePairs facing_features(const CorePair& pair, const Vector3& n) {
   const Vector3 n_T = pair.R_BT.transpose() * n;
   const Patch tool = in_body_frame(pair.tool.facing(-n_T), pair);

@@ -19,8 +19,8 @@ inline constexpr std::size_t kMaxSelected = 64;
 ///
 /// `planar_normal_W`: unit normal of the plane of motion of a planar tool, none for other tools.
 /// For such a tool a contact whose normal is that of the plane constrains nothing and is left out,
-/// and contacts of one link with one body that are equal but for a shift along the plane's normal
-/// are one constraint: the one with the smallest key stays.
+/// and contacts of one link with one body that are equal except for a shift along the plane's
+/// normal are one constraint: the one with the smallest key stays.
 std::vector<FoundContact> select_contacts(std::span<const FoundContact> candidates,
                                           const std::optional<Vector3>& planar_normal_W);
 

@@ -51,7 +51,7 @@ class VirtualTool {
   /// the engine).
   bool can_follow(const Configuration& q, const Velocity& v) const noexcept;
   /// Sets what follow() follows: the proxy's configuration, and its velocity during the next step
-  /// (after it the target is at rest until told otherwise). Requires can_follow(q, v).
+  /// (after it the target is at rest until the next target). Requires can_follow(q, v).
   void set_target(const Configuration& q, const Velocity& v);
   /// Upper bound on the speed of any point of the latest target, m/s.
   double target_speed() const noexcept { return target_speed_; }

@@ -51,6 +51,17 @@ TEST_CASE("The budget is the smaller of what the user allows and the device is r
   CHECK(momentum == Approx(0.05).epsilon(1e-12));
 }
 
+TEST_CASE("On a device without torque the force of an impulse is rendered all the same") {
+  ImpulseSpreader spreader(ForceBudget::of(12, 0.6, {.max_torque = 0}, kStep), kStep);
+  Wrench impulse = Wrench::Zero();
+  impulse[0] = 0.01;   // N·s
+  impulse[5] = 0.001;  // N·m·s
+  const Wrench F = spreader.render(impulse, Wrench::Zero());
+  CHECK(F[0] == Approx(0.01 / kStep));
+  CHECK(F[5] == 0);
+  CHECK(spreader.render(Wrench::Zero(), Wrench::Zero()).norm() == 0);
+}
+
 TEST_CASE("Impulses leave room for the wrench beside them") {
   Wrench impulse = Wrench::Zero();
   impulse[1] = 0.06;

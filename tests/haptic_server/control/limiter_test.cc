@@ -37,7 +37,7 @@ TEST_CASE("Force is limited in magnitude, its direction kept") {
   CHECK(limited[5] == Approx(0.6));  // N·m
 }
 
-TEST_CASE("What limits the force is told: fade, force, torque or rate, or nothing") {
+TEST_CASE("What limits the force is reported: fade, force, torque or rate, or nothing") {
   Limiter limiter = limiter_for({.max_force_rate = 5e3});
   limiter.allow(true);
   limiter.limit(push(1));

@@ -16,7 +16,7 @@ namespace {
 constexpr double kNanosecond = 1e-9;
 constexpr double kResolution = 1.0 / 32;
 
-TEST_CASE("quantiles are above the exact ones by at most 1/32 of the value or 1 ns") {
+TEST_CASE("Quantiles are above the exact ones by at most 1/32 of the value or 1 ns") {
   test::Random random;
   std::lognormal_distribution<double> draw(std::log(20e-6), 2.0);
   Histogram histogram;
@@ -38,7 +38,7 @@ TEST_CASE("quantiles are above the exact ones by at most 1/32 of the value or 1 
   CHECK(histogram.quantile(1) == values.back());
 }
 
-TEST_CASE("every size of value is resolved, on either side of each power of two") {
+TEST_CASE("Every size of value is resolved, on either side of each power of two") {
   for (int bits = 0; bits < 36; ++bits) {
     for (const double offset : {-1.0, 0.0, 1.0}) {
       const double value = kNanosecond * (std::ldexp(1.0, bits) + offset + 0.5);
@@ -52,14 +52,14 @@ TEST_CASE("every size of value is resolved, on either side of each power of two"
   }
 }
 
-TEST_CASE("a quantile never exceeds the largest value") {
+TEST_CASE("A quantile never exceeds the largest value") {
   Histogram histogram;
   histogram.record(100.3e-6);
   CHECK(histogram.quantile(0.5) == 100.3e-6);
   CHECK(histogram.quantile(0.999) == 100.3e-6);
 }
 
-TEST_CASE("the rare late tick shows at p99.9 and in the maximum only") {
+TEST_CASE("The rare late tick shows at p99.9 and in the maximum only") {
   Histogram histogram;
   for (int i = 0; i < 998; ++i) histogram.record(10e-6);
   histogram.record(5e-3);
@@ -69,7 +69,7 @@ TEST_CASE("the rare late tick shows at p99.9 and in the maximum only") {
   CHECK(histogram.max() == 50e-3);
 }
 
-TEST_CASE("values outside the range are counted at its ends") {
+TEST_CASE("Values outside the range are counted at its ends") {
   Histogram histogram;
   CHECK(histogram.quantile(0.5) == 0);
   histogram.record(-1e-3);

@@ -52,7 +52,7 @@ void check_grid(const std::vector<Timing>& timings) {
   }
 }
 
-TEST_CASE("ticks begin on the grid, none before its time") {
+TEST_CASE("Ticks begin on the grid, none before its time") {
   PeriodicLoop loop({.rate = kRate});
   std::vector<double> began;
   const std::vector<Timing> timings =
@@ -64,7 +64,7 @@ TEST_CASE("ticks begin on the grid, none before its time") {
   }
 }
 
-TEST_CASE("an overrun skips whole periods, counts them and keeps the phase") {
+TEST_CASE("An overrun skips whole periods, counts them and keeps the phase") {
   PeriodicLoop loop({.rate = kRate});
   constexpr std::size_t kSlow = 3;
   const std::vector<Timing> timings = run(loop, 8, [](std::size_t i) {
@@ -76,7 +76,7 @@ TEST_CASE("an overrun skips whole periods, counts them and keeps the phase") {
   CHECK(timings.back().overruns >= 2);
 }
 
-TEST_CASE("a tick that ends late by less than a period misses none") {
+TEST_CASE("A tick that ends late by less than a period misses none") {
   PeriodicLoop loop({.rate = kRate});
   const std::vector<Timing> timings = run(loop, 4, [](std::size_t i) {
     if (i == 1) std::this_thread::sleep_for(std::chrono::milliseconds(12));
@@ -87,7 +87,7 @@ TEST_CASE("a tick that ends late by less than a period misses none") {
   if (timings[2].lateness < kPeriod) CHECK(timings[2].missed == 0);
 }
 
-TEST_CASE("the loop sleeps between its ticks, with and without a final spin") {
+TEST_CASE("The loop sleeps between its ticks, with and without a final spin") {
   const double spin = GENERATE(0.0, 0.1 * kPeriod);
   PeriodicLoop loop({.rate = kRate, .final_spin = spin});
   const auto cpu_time = [] {
@@ -100,7 +100,7 @@ TEST_CASE("the loop sleeps between its ticks, with and without a final spin") {
   CHECK(cpu_time() - before < 0.5 * 20 * kPeriod);
 }
 
-TEST_CASE("without a choice the loop spins under SCHED_FIFO alone, and never for half a period") {
+TEST_CASE("Without a choice the loop spins under SCHED_FIFO alone, and never for half a period") {
   const double rate = GENERATE(500.0, 1000.0, 4000.0, 8000.0);
   const double expected = std::min(100e-6, 0.4 / rate);
   const auto spin = [](const PeriodicLoopOptions& options) {
@@ -121,7 +121,7 @@ TEST_CASE("without a choice the loop spins under SCHED_FIFO alone, and never for
   }).join();
 }
 
-TEST_CASE("another thread ends the loop") {
+TEST_CASE("Another thread ends the loop") {
   PeriodicLoop loop({.rate = kRate});
   std::atomic<int> ticks = 0;
   std::thread servo([&] { loop.run([&](const Timing&) noexcept { ++ticks; }); });
@@ -131,7 +131,7 @@ TEST_CASE("another thread ends the loop") {
   CHECK(ticks >= 3);
 }
 
-TEST_CASE("a loop stopped beforehand does not tick") {
+TEST_CASE("A loop stopped beforehand does not tick") {
   PeriodicLoop loop({.rate = kRate});
   loop.stop();
   int ticks = 0;
@@ -139,7 +139,7 @@ TEST_CASE("a loop stopped beforehand does not tick") {
   CHECK(ticks == 0);
 }
 
-TEST_CASE("rates and spins out of range are refused by name, value and range") {
+TEST_CASE("Rates and spins out of range are refused by name, value and range") {
   CHECK_FALSE(find_error(PeriodicLoopOptions{}));
   CHECK_FALSE(find_error(PeriodicLoopOptions{.rate = 8000, .final_spin = 62.5e-6}));
   CHECK(*find_error(PeriodicLoopOptions{.rate = 99}) == "rate 99 Hz must be 100 to 8000 Hz");

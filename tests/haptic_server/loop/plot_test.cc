@@ -68,7 +68,7 @@ std::string log_text() {
   return text;
 }
 
-TEST_CASE("a tick log, a world and a hand script become a picture") {
+TEST_CASE("A tick log, a world and a hand script become a picture") {
   const TemporaryDirectory directory;
   const std::string log = directory.write("ticks.csv", log_text());
   const std::string picture = directory.file("session.png");
@@ -83,7 +83,7 @@ TEST_CASE("a tick log, a world and a hand script become a picture") {
   CHECK(signature == "\x89PNG");
 }
 
-TEST_CASE("what is no tick log is refused by name and place") {
+TEST_CASE("What is no tick log is refused by name and place") {
   const TemporaryDirectory directory;
   const std::string picture = directory.file("session.png");
   std::string broken = log_text();

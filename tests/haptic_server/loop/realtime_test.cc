@@ -1,4 +1,4 @@
-// Does the servo thread get what it asks for, and is it told what it does not get?
+// Does the servo thread get what it asks for, and does it learn what it does not get?
 #include "haptic_server/loop/realtime.h"
 
 #include <array>
@@ -100,7 +100,7 @@ TEST_CASE("`prefer` without rights has precise timers all the same") {
   CHECK(slack == "1");  // ns.
 }
 
-TEST_CASE("without rights processors may sleep, and it is said how to change that") {
+TEST_CASE("Without rights processors may sleep, and it is said how to change that") {
   const std::string answer = without_rights([] {
     CpuLatencyLimit limit;
     limit.set(true);
@@ -124,7 +124,7 @@ TEST_CASE("`require` without rights refuses to start and says what to do") {
   CHECK_THAT(answer, ContainsSubstring("--realtime=prefer"));
 }
 
-TEST_CASE("priorities out of range are refused by name, value and range") {
+TEST_CASE("Priorities out of range are refused by name, value and range") {
   CHECK_FALSE(find_error(RealtimeOptions{}));
   CHECK(*find_error(RealtimeOptions{.priority = 0}) == "priority 0 must be 1 to 99");
   CHECK(find_error(RealtimeOptions{.priority = 100}));

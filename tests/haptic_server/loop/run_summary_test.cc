@@ -18,7 +18,7 @@ TickRecord tick(double time, ServerState server) {
   return record;
 }
 
-TEST_CASE("rate, times, counts, peak force and drift of a session are summed up") {
+TEST_CASE("Rate, times, counts, peak force and drift of a session are summed up") {
   RunSummary summary;
   for (int i = 0; i <= 1000; ++i) {
     TickRecord r = tick(1e-3 * i, ServerState::kRunning);
@@ -44,7 +44,7 @@ TEST_CASE("rate, times, counts, peak force and drift of a session are summed up"
         "proxy-tool     largest 1.000 mm, 0.000 deg; last 0.000 mm, 0.000 deg\n");
 }
 
-TEST_CASE("drift counts only while a session runs") {
+TEST_CASE("Drift counts only while a session runs") {
   RunSummary summary;
   for (const auto server : {ServerState::kIdle, ServerState::kSilent, ServerState::kFault}) {
     TickRecord r = tick(0, server);
@@ -54,14 +54,14 @@ TEST_CASE("drift counts only while a session runs") {
   CHECK_THAT(summary.text(0), ContainsSubstring("device-proxy   largest 0.000 mm"));
 }
 
-TEST_CASE("ticks that were not recorded still count for the rate") {
+TEST_CASE("Ticks that were not recorded still count for the rate") {
   RunSummary summary;
   summary.observe(tick(0, ServerState::kIdle));
   summary.observe(tick(0.1, ServerState::kIdle));
   CHECK_THAT(summary.text(99), ContainsSubstring("1000.00 Hz; 0 missed, 99 not recorded"));
 }
 
-TEST_CASE("a run without ticks says so") {
+TEST_CASE("A run without ticks says so") {
   CHECK(RunSummary().text(0) == "no tick was recorded\n");
 }
 

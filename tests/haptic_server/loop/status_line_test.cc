@@ -27,7 +27,7 @@ std::size_t occurrences(const std::string& text, const std::string& part) {
   return count;
 }
 
-TEST_CASE("the line names state, rate, datagrams, contacts, force and drift") {
+TEST_CASE("The line names state, rate, datagrams, contacts, force and drift") {
   TickRecord r;
   r.time = 12.04;
   r.server = ServerState::kRunning;
@@ -47,14 +47,14 @@ TEST_CASE("the line names state, rate, datagrams, contacts, force and drift") {
         "0.10 mm");
 }
 
-TEST_CASE("a fault is named") {
+TEST_CASE("A fault is named") {
   TickRecord r;
   r.server = ServerState::kFault;
   r.fault = Fault::kNonFinite;
   CHECK_THAT(format_status(r, 1000), ContainsSubstring("fault (non_finite)"));
 }
 
-TEST_CASE("off a terminal there is one line a second with the rate since the line before") {
+TEST_CASE("Off a terminal there is one line a second with the rate since the line before") {
   std::ostringstream out;
   StatusLine status(out, false);
   observe(status, 0, 3400, 1200, 1701);
@@ -65,7 +65,7 @@ TEST_CASE("off a terminal there is one line a second with the rate since the lin
   CHECK(occurrences(out.str(), "\r") == 0);
 }
 
-TEST_CASE("on a terminal one line is rewritten four times a second and ended once") {
+TEST_CASE("On a terminal one line is rewritten four times a second and ended once") {
   std::ostringstream out;
   StatusLine status(out, true);
   observe(status, 0, 2100);
@@ -77,7 +77,7 @@ TEST_CASE("on a terminal one line is rewritten four times a second and ended onc
   CHECK(out.str().back() == '\n');
 }
 
-TEST_CASE("a run shorter than one interval shows nothing") {
+TEST_CASE("A run shorter than one interval shows nothing") {
   std::ostringstream out;
   StatusLine status(out, true);
   observe(status, 0, 100);

@@ -45,7 +45,7 @@ bool exact(const std::string& cell, double expected) {
          std::bit_cast<std::uint64_t>(value) == std::bit_cast<std::uint64_t>(expected);
 }
 
-TEST_CASE("the columns are those that readers of the log rely on") {
+TEST_CASE("The columns are those that readers of the log rely on") {
   CHECK(tick_csv_header() ==
         "session,step,time_s,server_state,fault,contact_state,"
         "device_x_m,device_y_m,device_z_m,device_qw,device_qx,device_qy,device_qz,"
@@ -65,7 +65,7 @@ TEST_CASE("the columns are those that readers of the log rely on") {
         "lateness_s,execution_s,overruns,datagrams,dropped\n");
 }
 
-TEST_CASE("random signals read back bit for bit from the column of their name") {
+TEST_CASE("Random signals read back bit for bit from the column of their name") {
   test::Random random;
   for (int i = 0; i < 100; ++i) {
     TickRecord r;
@@ -100,7 +100,7 @@ TEST_CASE("random signals read back bit for bit from the column of their name") 
   }
 }
 
-TEST_CASE("special numbers read back bit for bit") {
+TEST_CASE("Special numbers read back bit for bit") {
   const double value = GENERATE(0.0, -0.0, 1.0 / 3, 5e-324, 1e308, -1e-308, 0.1 + 0.2,
                                 std::numeric_limits<double>::infinity());
   TickRecord r;
@@ -108,7 +108,7 @@ TEST_CASE("special numbers read back bit for bit") {
   CHECK(exact(written(r)["age_s"], value));
 }
 
-TEST_CASE("counts and states are written as whole numbers and words") {
+TEST_CASE("Counts and states are written as whole numbers and words") {
   TickRecord r;
   r.session = std::numeric_limits<std::uint64_t>::max();
   r.step = 12345;

@@ -50,7 +50,7 @@ TickRecord tick(std::uint64_t step) {
   return record;
 }
 
-TEST_CASE("the file holds the header and every tick in order") {
+TEST_CASE("The file holds the header and every tick in order") {
   TemporaryFile file;
   std::string expected = tick_csv_header();
   TickLog log(file.name(), 10, {});
@@ -64,7 +64,7 @@ TEST_CASE("the file holds the header and every tick in order") {
   CHECK(file.text() == expected);
 }
 
-TEST_CASE("a log without a file feeds its observer") {
+TEST_CASE("A log without a file feeds its observer") {
   std::vector<std::uint64_t> steps;
   TickLog log("", 10, [&](const TickRecord& record) { steps.push_back(record.step); });
   log.record(tick(1));
@@ -77,7 +77,7 @@ TEST_CASE("a log without a file feeds its observer") {
   CHECK(steps == std::vector<std::uint64_t>{1, 2, 3});
 }
 
-TEST_CASE("a full ring loses the newest ticks and counts them") {
+TEST_CASE("A full ring loses the newest ticks and counts them") {
   std::vector<std::uint64_t> steps;
   TickLog log("", 4, [&](const TickRecord& record) { steps.push_back(record.step); });
   for (std::uint64_t step = 0; step < 7; ++step) log.record(tick(step));
@@ -89,14 +89,14 @@ TEST_CASE("a full ring loses the newest ticks and counts them") {
   CHECK(steps.back() == 7);
 }
 
-TEST_CASE("recording allocates nothing, with room in the ring and without") {
+TEST_CASE("Recording allocates nothing, with room in the ring and without") {
   TickLog log("", 4, {});
   const test::NoMalloc guard;
   for (std::uint64_t step = 0; step < 10; ++step) log.record(tick(step));
   CHECK(guard.allocations() == 0);
 }
 
-TEST_CASE("ticks recorded while a thread drains arrive complete and in order") {
+TEST_CASE("Ticks recorded while a thread drains arrive complete and in order") {
   constexpr std::uint64_t kTicks = 20000;
   TemporaryFile file;
   std::uint64_t observed = 0;
@@ -120,7 +120,7 @@ TEST_CASE("ticks recorded while a thread drains arrive complete and in order") {
   CHECK(lines - 1 + log.lost() == kTicks);
 }
 
-TEST_CASE("a file that cannot be created is refused by name and reason") {
+TEST_CASE("A file that cannot be created is refused by name and reason") {
   CHECK_THROWS_WITH(TickLog("/nowhere/ticks.csv", 10, {}),
                     "tick log /nowhere/ticks.csv cannot be written: No such file or directory");
   CHECK_THROWS_WITH(TickLog("/dev/full", 10, {}),
@@ -147,7 +147,7 @@ class FileSizeLimit {
   rlimit before_{};
 };
 
-TEST_CASE("a disk that fills up ends the file, not the observation, and is reported at once") {
+TEST_CASE("A disk that fills up ends the file, not the observation, and is reported at once") {
   TemporaryFile file;
   FileSizeLimit limit(10000);
   int observed = 0;

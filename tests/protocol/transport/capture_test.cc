@@ -72,7 +72,7 @@ unsigned folded_sum(const ByteVector& bytes) {
   return sum;
 }
 
-TEST_CASE("what is written to a capture is read back, stamps to the nanosecond") {
+TEST_CASE("What is written to a capture is read back, stamps to the nanosecond") {
   const test::TemporaryDirectory directory;
   const auto path = directory / "written.pcap";
   test::Random random;
@@ -101,7 +101,7 @@ TEST_CASE("what is written to a capture is read back, stamps to the nanosecond")
   CHECK(reader.skipped() == 0);
 }
 
-TEST_CASE("a datagram is written as these bytes of an IPv4 packet") {
+TEST_CASE("A datagram is written as these bytes of an IPv4 packet") {
   const test::TemporaryDirectory directory;
   const auto path = directory / "golden.pcap";
   CaptureWriter(path).write(5'000'000'006, kClient, kServer, kPayload);
@@ -112,7 +112,7 @@ TEST_CASE("a datagram is written as these bytes of an IPv4 packet") {
   CHECK(test::read_file(path) == headers + kPacket);
 }
 
-TEST_CASE("the IPv4 and UDP checksums of any datagram are right") {
+TEST_CASE("The IPv4 and UDP checksums of any datagram are right") {
   test::Random random;
   for (int i = 0; i < 200; ++i) {
     const ByteVector bytes =
@@ -128,7 +128,7 @@ TEST_CASE("the IPv4 and UDP checksums of any datagram are right") {
   }
 }
 
-TEST_CASE("a UDP checksum of zero is sent as its complement, because zero means none") {
+TEST_CASE("A UDP checksum of zero is sent as its complement, because zero means none") {
   ByteVector bytes = from_hex("0000");
   const auto header = ip_udp_header(kClient, kServer, bytes);
   // With its own checksum as contents the sum of the datagram is all ones.
@@ -137,7 +137,7 @@ TEST_CASE("a UDP checksum of zero is sent as its complement, because zero means 
   CHECK(ByteVector(full.end() - 2, full.end()) == from_hex("ffff"));
 }
 
-TEST_CASE("what was flushed can be read while the writer is still open") {
+TEST_CASE("What was flushed can be read while the writer is still open") {
   const test::TemporaryDirectory directory;
   const auto path = directory / "open.pcap";
   CaptureWriter writer(path);
@@ -151,7 +151,7 @@ TEST_CASE("what was flushed can be read while the writer is still open") {
   CHECK(reader.next());
 }
 
-TEST_CASE("a capture of any known link type yields the same datagram") {
+TEST_CASE("A capture of any known link type yields the same datagram") {
   struct LinkType {
     const char* name;
     int dlt;
@@ -188,7 +188,7 @@ TEST_CASE("a capture of any known link type yields the same datagram") {
   }
 }
 
-TEST_CASE("a pcapng capture is read, stamps to the nanosecond") {
+TEST_CASE("A pcapng capture is read, stamps to the nanosecond") {
   const ByteVector section =
       from_hex("0a0d0d0a 1c000000 4d3c2b1a 0100 0000 ffffffffffffffff 1c000000");
   const ByteVector interface = from_hex(  // Raw IP; stamps count 10^-9 s.
@@ -207,7 +207,7 @@ TEST_CASE("a pcapng capture is read, stamps to the nanosecond") {
   CHECK_FALSE(reader.next());
 }
 
-TEST_CASE("packets that are not whole UDP datagrams are skipped and counted") {
+TEST_CASE("Packets that are not whole UDP datagrams are skipped and counted") {
   const std::vector<CapturedFrame> others = {
       {changed(0, "65")},                      // IPv6.
       {changed(9, "06")},                      // TCP.
@@ -237,7 +237,7 @@ TEST_CASE("packets that are not whole UDP datagrams are skipped and counted") {
   }
 }
 
-TEST_CASE("frames that hold no IPv4 packet are skipped and counted") {
+TEST_CASE("Frames that hold no IPv4 packet are skipped and counted") {
   const std::vector<std::pair<int, std::string>> others = {
       {DLT_EN10MB, "020000000001 020000000002 0806"},       // ARP.
       {DLT_EN10MB, "020000000001 020000000002 8100 0064"},  // Ends in its VLAN tag.
@@ -258,7 +258,7 @@ TEST_CASE("frames that hold no IPv4 packet are skipped and counted") {
   }
 }
 
-TEST_CASE("options of the IPv4 header and padding of the frame are no part of the datagram") {
+TEST_CASE("Options of the IPv4 header and padding of the frame are no part of the datagram") {
   ByteVector packet = changed(0, "46");
   packet.insert(packet.begin() + 20, 4, std::byte{1});
   packet[3] = std::byte{0x25};
@@ -269,7 +269,7 @@ TEST_CASE("options of the IPv4 header and padding of the frame are no part of th
   CHECK(same_bytes(udp->payload, kPayload));
 }
 
-TEST_CASE("a datagram longer than the protocol allows is read as an empty one") {
+TEST_CASE("A datagram longer than the protocol allows is read as an empty one") {
   const ByteVector bytes(kMaxDatagram + 1);
   const auto header = ip_udp_header(kClient, kServer, bytes);
   const test::TemporaryDirectory directory;
@@ -281,7 +281,7 @@ TEST_CASE("a datagram longer than the protocol allows is read as an empty one") 
   CHECK(datagram->bytes.empty());
 }
 
-TEST_CASE("a capture whose writer was interrupted yields all whole packets") {
+TEST_CASE("A capture whose writer was interrupted yields all whole packets") {
   const test::TemporaryDirectory directory;
   const auto whole = directory / "whole.pcap";
   test::write_frames(whole, DLT_RAW, {{kPacket}, {kPacket}});
@@ -297,7 +297,7 @@ TEST_CASE("a capture whose writer was interrupted yields all whole packets") {
   }
 }
 
-TEST_CASE("a file that is no capture is refused with a line that names it") {
+TEST_CASE("A file that is no capture is refused with a line that names it") {
   const test::TemporaryDirectory directory;
   const auto text = directory / "text.pcap";
   test::write_file(text, std::as_bytes(std::span("this is a text of some length, not packets")));
@@ -314,7 +314,7 @@ TEST_CASE("a file that is no capture is refused with a line that names it") {
                                              ContainsSubstring("allowed are"));
 }
 
-TEST_CASE("a capture file that cannot be written is refused with a line that names it") {
+TEST_CASE("A capture file that cannot be written is refused with a line that names it") {
   CHECK_THAT(
       error_of_writing("/nonexistent/directory/a.pcap"),
       ContainsSubstring("/nonexistent/directory/a.pcap") && ContainsSubstring("No such file"));
@@ -322,7 +322,7 @@ TEST_CASE("a capture file that cannot be written is refused with a line that nam
   CHECK_THAT(error_of_writing("/dev/full"), ContainsSubstring("/dev/full"));
 }
 
-TEST_CASE("a corrupt capture is read or refused, and nothing else") {
+TEST_CASE("A corrupt capture is read or refused, and nothing else") {
   const test::TemporaryDirectory directory;
   const auto path = directory / "corrupt.pcap";
   test::write_frames(path, DLT_EN10MB,

@@ -59,7 +59,7 @@ std::function<std::int64_t()> counting_clock() {
   return [time = std::int64_t{0}]() mutable { return time += 1'000'000'000; };
 }
 
-TEST_CASE("both directions are recorded, in order, with their stamps") {
+TEST_CASE("Both directions are recorded, in order, with their stamps") {
   const test::TemporaryDirectory directory;
   PlainLink plain;
   plain.waiting = {numbered(1), numbered(2)};
@@ -88,7 +88,7 @@ TEST_CASE("both directions are recorded, in order, with their stamps") {
   CHECK(link.lost() == 0);
 }
 
-TEST_CASE("datagrams pass a recording link unchanged") {
+TEST_CASE("Datagrams pass a recording link unchanged") {
   PlainLink plain;
   plain.waiting = {numbered(5)};
   RecordingLink link(plain, kLocal);
@@ -103,7 +103,7 @@ TEST_CASE("datagrams pass a recording link unchanged") {
   CHECK(number_of(plain.sent[0].bytes) == 6);
 }
 
-TEST_CASE("an over-long datagram, received as an empty one, is recorded as such") {
+TEST_CASE("An over-long datagram, received as an empty one, is recorded as such") {
   const test::TemporaryDirectory directory;
   PlainLink plain;
   plain.waiting = {Datagram{.peer = kPeer, .bytes = {}}};
@@ -118,7 +118,7 @@ TEST_CASE("an over-long datagram, received as an empty one, is recorded as such"
   CHECK(datagram->bytes.empty());
 }
 
-TEST_CASE("a full ring loses the newest datagrams, counts them, and still lets them pass") {
+TEST_CASE("A full ring loses the newest datagrams, counts them, and still lets them pass") {
   const test::TemporaryDirectory directory;
   constexpr std::size_t kCapacity = 4;
   PlainLink plain;
@@ -139,7 +139,7 @@ TEST_CASE("a full ring loses the newest datagrams, counts them, and still lets t
   CHECK(numbers == std::vector<std::uint32_t>{0, 1, 2, 3, 6});
 }
 
-TEST_CASE("recording allocates nothing, whether or not the ring is full") {
+TEST_CASE("Recording allocates nothing, whether or not the ring is full") {
   NullLink null;
   constexpr std::size_t kCapacity = 4;
   RecordingLink link(null, kLocal, wall_clock_ns, kCapacity);
@@ -154,7 +154,7 @@ TEST_CASE("recording allocates nothing, whether or not the ring is full") {
   CHECK(link.lost() == 10 - kCapacity);
 }
 
-TEST_CASE("while one thread sends and another drains, each datagram is recorded or counted lost") {
+TEST_CASE("While one thread sends and another drains, each datagram is recorded or counted lost") {
   const test::TemporaryDirectory directory;
   constexpr std::uint32_t kSent = 20'000;
   constexpr std::size_t kCapacity = 64;
@@ -191,7 +191,7 @@ TEST_CASE("while one thread sends and another drains, each datagram is recorded 
   CHECK(read == recorded);
 }
 
-TEST_CASE("the wall clock counts nanoseconds since 1970") {
+TEST_CASE("The wall clock counts nanoseconds since 1970") {
   constexpr std::int64_t kStartOf2020 = 1'577'836'800'000'000'000;
   constexpr std::int64_t kStartOf2200 = 7'258'118'400'000'000'000;
   CHECK(wall_clock_ns() > kStartOf2020);

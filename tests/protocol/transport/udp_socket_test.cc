@@ -25,7 +25,7 @@ bool receive_soon(UdpSocket& socket, Datagram& datagram) {
   return false;
 }
 
-TEST_CASE("a datagram arrives with its bytes and its sender") {
+TEST_CASE("A datagram arrives with its bytes and its sender") {
   UdpSocket a(kLoopback);
   UdpSocket b(kLoopback);
   CHECK(a.local().port != 0);
@@ -39,7 +39,7 @@ TEST_CASE("a datagram arrives with its bytes and its sender") {
   CHECK_FALSE(b.receive(datagram));
 }
 
-TEST_CASE("a datagram says how long it has waited since it arrived") {
+TEST_CASE("A datagram says how long it has waited since it arrived") {
   UdpSocket a(kLoopback);
   UdpSocket b(kLoopback);
   const DatagramBytes sent(10, std::byte{1});
@@ -51,7 +51,7 @@ TEST_CASE("a datagram says how long it has waited since it arrived") {
   CHECK(datagram.waited < 1);
 }
 
-TEST_CASE("a datagram longer than allowed is consumed and has no bytes") {
+TEST_CASE("A datagram longer than allowed is consumed and has no bytes") {
   UdpSocket a(kLoopback);
   UdpSocket b(kLoopback);
   const std::vector<std::byte> too_long(1201);
@@ -63,7 +63,7 @@ TEST_CASE("a datagram longer than allowed is consumed and has no bytes") {
   CHECK_FALSE(b.receive(datagram));
 }
 
-TEST_CASE("a peer that is gone disturbs neither sending nor receiving") {
+TEST_CASE("A peer that is gone disturbs neither sending nor receiving") {
   UdpSocket a(kLoopback);
   const Endpoint gone = UdpSocket(kLoopback).local();
   const DatagramBytes bytes(10, std::byte{1});
@@ -75,7 +75,7 @@ TEST_CASE("a peer that is gone disturbs neither sending nor receiving") {
   CHECK(datagram.peer == b.local());
 }
 
-TEST_CASE("sending and receiving allocate nothing") {
+TEST_CASE("Sending and receiving allocate nothing") {
   UdpSocket a(kLoopback);
   UdpSocket b(kLoopback);
   const DatagramBytes bytes(100, std::byte{1});
@@ -90,7 +90,7 @@ TEST_CASE("sending and receiving allocate nothing") {
   CHECK(allocations == 0);
 }
 
-TEST_CASE("an address in use or of another machine is refused by name") {
+TEST_CASE("An address in use or of another machine is refused by name") {
   const UdpSocket first(kLoopback);
   CHECK_THROWS_WITH(UdpSocket(first.local()), ContainsSubstring(to_string(first.local())));
   CHECK_THROWS_WITH(UdpSocket({.address = 0xC0000201, .port = 47800}),
@@ -104,7 +104,7 @@ TEST_CASE("HOST:PORT names an endpoint") {
   CHECK(to_string(Endpoint{0x0A0000FE, 65535}) == "10.0.0.254:65535");
 }
 
-TEST_CASE("what does not name an endpoint is refused with what is allowed") {
+TEST_CASE("What does not name an endpoint is refused with what is allowed") {
   for (const char* text : {"", "127.0.0.1", ":47800", "127.0.0.1:"}) {
     CHECK_THROWS_WITH(resolve(text), ContainsSubstring("HOST:PORT"));
   }

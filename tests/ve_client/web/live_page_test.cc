@@ -96,7 +96,7 @@ TEST_CASE("A hold goes on only where it was begun, and ends with the session") {
   CHECK(desk.soon([&] { return desk.held(); }));
 }
 
-TEST_CASE("Of two pages the first has the hand, and the second is told") {
+TEST_CASE("Of two pages the first has the hand, and the second learns it") {
   Desk desk;
   PageClient first(desk.page.port());
   PageClient second(desk.page.port());

@@ -6,7 +6,7 @@
 namespace hlm::ve {
 namespace {
 
-TEST_CASE("requests are taken once and in order, the notice of the end last") {
+TEST_CASE("Requests are taken once and in order, the notice of the end last") {
   PageRegister pages;
   pages.open(7);
   pages.add(7, "a");
@@ -22,7 +22,7 @@ TEST_CASE("requests are taken once and in order, the notice of the end last") {
   CHECK(pages.take().empty());
 }
 
-TEST_CASE("requests that nobody takes are dropped and counted, the notice of the end is not") {
+TEST_CASE("Requests that nobody takes are dropped and counted, the notice of the end is not") {
   PageRegister pages;
   pages.open(1);
   for (std::size_t i = 0; i < PageRegister::kMaxRequests; ++i) {
@@ -39,7 +39,7 @@ TEST_CASE("requests that nobody takes are dropped and counted, the notice of the
   CHECK_FALSE(pages.full());
 }
 
-TEST_CASE("telemetry is wanted while an open page wants it") {
+TEST_CASE("Telemetry is wanted while an open page wants it") {
   PageRegister pages;
   pages.set_telemetry(1, true);
   CHECK_FALSE(pages.telemetry_wanted());
@@ -58,7 +58,7 @@ TEST_CASE("telemetry is wanted while an open page wants it") {
   CHECK(pages.pages() == 1);
 }
 
-TEST_CASE("a page closes once") {
+TEST_CASE("A page closes once") {
   PageRegister pages;
   pages.open(1);
   pages.close(1);

@@ -69,7 +69,7 @@ std::string request(const std::string& line, const std::string& host) {
   return line + " HTTP/1.1\r\nHost: " + host + "\r\n\r\n";
 }
 
-TEST_CASE("the root is index.html, with the headers that keep strangers out") {
+TEST_CASE("The root is index.html, with the headers that keep strangers out") {
   Site site;
   for (const char* target : {"/", "/index.html", "/?x=1"}) {
     const test::Reply reply = test::ask(site.port, test::get_request(site.port, target));
@@ -99,7 +99,7 @@ TEST_CASE("HEAD says what GET would, without the body, on a connection that stay
   }
 }
 
-TEST_CASE("a file of some megabytes comes whole") {
+TEST_CASE("A file of some megabytes comes whole") {
   Site site;
   std::string text;
   while (text.size() < 3000000) text += std::to_string(text.size()) + '\n';
@@ -110,7 +110,7 @@ TEST_CASE("a file of some megabytes comes whole") {
   CHECK(reply.body == text);
 }
 
-TEST_CASE("what is no file of the page is not found") {
+TEST_CASE("What is no file of the page is not found") {
   Site site;
   site.root.write("secret.txt", "secret");
   site.root.write("sub/a.js", "a");
@@ -126,7 +126,7 @@ TEST_CASE("what is no file of the page is not found") {
   }
 }
 
-TEST_CASE("other methods are not allowed") {
+TEST_CASE("Other methods are not allowed") {
   Site site;
   for (const char* method : {"PUT", "DELETE", "OPTIONS", "TRACE", "BREW"}) {
     CAPTURE(method);
@@ -141,7 +141,7 @@ TEST_CASE("other methods are not allowed") {
   CHECK_THAT(post.header, ContainsSubstring("Connection: close"));
 }
 
-TEST_CASE("a request must name this server") {
+TEST_CASE("A request must name this server") {
   Site site;
   const std::string port = std::string(":") + std::to_string(site.port);
   for (const std::string& host : {"localhost" + port, "127.0.0.1" + port, "LocalHost" + port}) {
@@ -163,7 +163,7 @@ TEST_CASE("a request must name this server") {
             .status == 403);
 }
 
-TEST_CASE("the address that was asked is one of its names") {
+TEST_CASE("The address that was asked is one of its names") {
   const Site site;
   const PageServer server({.address = "127.0.0.2", .port = 0, .root = site.root.path()});
   // The client connects to 127.0.0.1; another server there would answer.
@@ -175,7 +175,7 @@ TEST_CASE("the address that was asked is one of its names") {
   CHECK(test::ask(all.port(), request("GET /", "127.0.0.2" + port)).status == 403);
 }
 
-TEST_CASE("a header is at most 8 KiB") {
+TEST_CASE("A header is at most 8 KiB") {
   Site site;
   const auto with_cookie = [&](std::size_t size) {
     return "GET / HTTP/1.1\r\nHost: " + site.local() + "\r\nCookie: " + std::string(size, 'x') +
@@ -187,7 +187,7 @@ TEST_CASE("a header is at most 8 KiB") {
   CHECK(test::ask(site.port, with_cookie(1000000)).status != 200);
 }
 
-TEST_CASE("a WebSocket must come from a page of this server") {
+TEST_CASE("A WebSocket must come from a page of this server") {
   Site site;
   const std::string port = std::string(":") + std::to_string(site.port);
   for (const std::string& origin : {"http://localhost" + port, "http://127.0.0.1" + port}) {
@@ -216,7 +216,7 @@ TEST_CASE("WebSockets are at one path only") {
   CHECK(site.server->pages() == 0);
 }
 
-TEST_CASE("the greeting comes first, and again when it changes") {
+TEST_CASE("The greeting comes first, and again when it changes") {
   Site site;
   site.server->set_greeting(shared("scene 1"));
   site.server->publish(shared("to nobody"));
@@ -232,7 +232,7 @@ TEST_CASE("the greeting comes first, and again when it changes") {
   CHECK(second.text() == "scene 2");
 }
 
-TEST_CASE("what is published reaches all pages in order") {
+TEST_CASE("What is published reaches all pages in order") {
   Site site;
   PageClient a(site.port);
   PageClient b(site.port);
@@ -249,7 +249,7 @@ TEST_CASE("what is published reaches all pages in order") {
   }
 }
 
-TEST_CASE("telemetry goes to those who asked for it") {
+TEST_CASE("Telemetry goes to those who asked for it") {
   Site site;
   PageClient with(site.port);
   PageClient without(site.port);
@@ -274,7 +274,7 @@ TEST_CASE("telemetry goes to those who asked for it") {
   CHECK(soon([&] { return !site.server->telemetry_wanted(); }));
 }
 
-TEST_CASE("a request arrives, and its answer goes to that page alone") {
+TEST_CASE("A request arrives, and its answer goes to that page alone") {
   Site site;
   PageClient a(site.port);
   PageClient b(site.port);
@@ -296,7 +296,7 @@ TEST_CASE("a request arrives, and its answer goes to that page alone") {
   CHECK(b.text() == "for all");
 }
 
-TEST_CASE("requests that nobody takes are dropped and counted") {
+TEST_CASE("Requests that nobody takes are dropped and counted") {
   Site site;
   PageClient page(site.port);
   for (int i = 0; i < 300; ++i) page.send(std::to_string(i));
@@ -309,7 +309,7 @@ TEST_CASE("requests that nobody takes are dropped and counted") {
   CHECK(PageClient(site.port).status() == 101);
 }
 
-TEST_CASE("a message of 4096 bytes arrives, a larger one closes the page") {
+TEST_CASE("A message of 4096 bytes arrives, a larger one closes the page") {
   Site site;
   PageClient page(site.port);
   page.send(std::string(4096, 'x'));
@@ -324,7 +324,7 @@ TEST_CASE("a message of 4096 bytes arrives, a larger one closes the page") {
   CHECK(site.server->pages() == 0);
 }
 
-TEST_CASE("a binary message closes the page") {
+TEST_CASE("A binary message closes the page") {
   Site site;
   PageClient page(site.port);
   page.send_binary("x");
@@ -332,7 +332,7 @@ TEST_CASE("a binary message closes the page") {
   CHECK(site.next_request().closed);
 }
 
-TEST_CASE("a page that does not read is dropped while another goes on") {
+TEST_CASE("A page that does not read is dropped while another goes on") {
   Site site;
   PageClient lazy(site.port);
   const std::uint64_t lazy_number = site.number_of(lazy);
@@ -353,7 +353,7 @@ TEST_CASE("a page that does not read is dropped while another goes on") {
   CHECK(diligent.text() == "after");
 }
 
-TEST_CASE("publishing returns though no page reads") {
+TEST_CASE("Publishing returns though no page reads") {
   Site site;
   PageClient lazy(site.port);
   REQUIRE(soon([&] { return site.server->pages() == 1; }));
@@ -363,7 +363,7 @@ TEST_CASE("publishing returns though no page reads") {
   CHECK(site.next_request().closed);
 }
 
-TEST_CASE("a message that can never fit closes the page") {
+TEST_CASE("A message that can never fit closes the page") {
   Site site;
   PageClient page(site.port);
   REQUIRE(soon([&] { return site.server->pages() == 1; }));
@@ -371,7 +371,7 @@ TEST_CASE("a message that can never fit closes the page") {
   CHECK_FALSE(page.read());
 }
 
-TEST_CASE("a page too many is told to come back") {
+TEST_CASE("A page too many is asked to come back") {
   Site site(2);
   std::optional<PageClient> first(site.port);
   const PageClient second(site.port);
@@ -387,7 +387,7 @@ TEST_CASE("a page too many is told to come back") {
   CHECK(PageClient(site.port).status() == 101);
 }
 
-TEST_CASE("a page that closes, or whose connection ends, is reported once") {
+TEST_CASE("A page that closes, or whose connection ends, is reported once") {
   Site site;
   std::optional<PageClient> page(site.port);
   const std::uint64_t number = site.number_of(*page);
@@ -403,7 +403,7 @@ TEST_CASE("a page that closes, or whose connection ends, is reported once") {
   CHECK(site.requests.empty());
 }
 
-TEST_CASE("it ends with pages open and messages waiting, and its port is free at once") {
+TEST_CASE("It ends with pages open and messages waiting, and its port is free at once") {
   Site site;
   PageClient reading(site.port);
   PageClient lazy(site.port);
@@ -417,7 +417,7 @@ TEST_CASE("it ends with pages open and messages waiting, and its port is free at
   CHECK(PageClient(site.port).status() == 101);
 }
 
-TEST_CASE("what cannot be served is refused by name") {
+TEST_CASE("What cannot be served is refused by name") {
   const Site site;
   const auto& root = site.root.path();
   CHECK_THROWS_WITH(PageServer({.port = site.port, .root = root}),

@@ -13,7 +13,7 @@ std::string found(const test::WebRoot& root, const std::string& target) {
   return file ? file->path.filename().string() : "none";
 }
 
-TEST_CASE("files below the root are found with their kinds") {
+TEST_CASE("Files below the root are found with their kinds") {
   const test::WebRoot root;
   root.write("index.html", "");
   CHECK(found(root, "/") == "index.html");
@@ -39,7 +39,7 @@ TEST_CASE("files below the root are found with their kinds") {
   }
 }
 
-TEST_CASE("nothing else is found") {
+TEST_CASE("Nothing else is found") {
   const test::WebRoot root;
   root.write("index.html", "");
   root.write("below/secret.json", "");
@@ -80,7 +80,7 @@ TEST_CASE("nothing else is found") {
   CHECK_FALSE(find_static_file(web, std::string(8000, '/').replace(1, 7999, 7999, 'a') + ".js"));
 }
 
-TEST_CASE("a symbolic link does not lead out of the root") {
+TEST_CASE("A symbolic link does not lead out of the root") {
   const test::WebRoot root;
   const test::WebRoot elsewhere;
   elsewhere.write("secret.json", "");
@@ -99,7 +99,7 @@ TEST_CASE("a symbolic link does not lead out of the root") {
   CHECK(found(root, "/loop.js") == "none");
 }
 
-TEST_CASE("node_modules may be a link, and its packages links within") {
+TEST_CASE("Node_modules may be a link, and its packages links within") {
   const test::WebRoot root;
   const test::WebRoot elsewhere;
   const test::WebRoot third;
