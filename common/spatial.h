@@ -16,6 +16,10 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Quaternion = Eigen::Quaterniond;
 
+/// Allowed deviation of a unit vector's or quaternion's length from 1 where it comes from outside:
+/// what single precision and a few operations leave, far below what a wrong unit would give.
+inline constexpr double kUnitTolerance = 1e-3;
+
 /// Velocity of a body: [linear velocity of the named point, m/s; angular velocity, rad/s].
 using Twist = Vector6;
 /// Force on a body: [force, N; torque about the named point, N·m].

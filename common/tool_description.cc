@@ -9,9 +9,6 @@
 namespace hlm {
 namespace {
 
-/// Allowed deviation of a unit vector's or quaternion's length from 1: what survives rounding to
-/// single precision, far below what a wrong unit would give.
-constexpr double kUnitTolerance = 1e-6;
 /// Allowed asymmetry and negative eigenvalue of an inertia, relative to its largest entry.
 constexpr double kInertiaTolerance = 1e-9;
 
@@ -23,10 +20,24 @@ bool needs_axis(JointType joint) {
   return joint == JointType::kRevolute || joint == JointType::kPrismatic;
 }
 
+// Bounds far beyond any tool: what exceeds them is a mistake, and would carry the proxy to nowhere.
+constexpr double kLargestLength = 1e4;   ///< m.
+constexpr double kLargestMass = 1e4;     ///< kg.
+constexpr double kLargestInertia = 1e6;  ///< kg·m².
+constexpr double kLargestGravity = 1e3;  ///< m/s².
+
+/// Why a vector is not finite and within ±bound; empty if it is.
+template <class Values>
+std::optional<std::string> find_error(const char* name, const Values& values, double bound,
+                                      const char* unit) {
+  if (values.allFinite() && values.cwiseAbs().maxCoeff() <= bound) return std::nullopt;
+  return std::string(name) + " must be finite and within ±" + shortest_text(bound) + ' ' + unit;
+}
+
 std::optional<std::string> find_inertia_error(const Link& link) {
-  if (auto error = find_error("mass", link.mass, from_zero("kg"))) return error;
-  if (!link.p_LCom.allFinite()) return "centre of mass must be finite";
-  if (!link.I_LCom.allFinite()) return "inertia must be finite";
+  if (auto error = find_error("mass", link.mass, Range{0, kLargestMass, "kg"})) return error;
+  if (auto error = find_error("centre of mass", link.p_LCom, kLargestLength, "m")) return error;
+  if (auto error = find_error("inertia", link.I_LCom, kLargestInertia, "kg·m²")) return error;
   const double tolerance = kInertiaTolerance * link.I_LCom.cwiseAbs().maxCoeff();
   if ((link.I_LCom - link.I_LCom.transpose()).cwiseAbs().maxCoeff() > tolerance) {
     return "inertia must be symmetric";
@@ -46,6 +57,7 @@ std::optional<std::string> find_joint_error(const Link& link, int index) {
   }
   if (index > 0 && link.joint == JointType::kFree) return "only the root may have a free joint";
   if (!is_finite(link.X_PJ)) return "joint frame must be finite";
+  if (auto error = find_error("joint frame", link.X_PJ.p, kLargestLength, "m")) return error;
   if (!is_unit(link.X_PJ.R.norm())) return "joint frame's quaternion must have length 1";
   if (!link.axis.allFinite()) return "axis must be finite";
   if (needs_axis(link.joint) && !is_unit(link.axis.norm())) return "axis must have length 1";
@@ -126,9 +138,12 @@ std::optional<std::string> find_error(const ToolDescription& tool) {
            std::to_string(tool.links.size() - 1);
   }
   if (!is_finite(tool.X_LH)) return "hand frame must be finite";
+  if (auto error = find_error("hand frame", tool.X_LH.p, kLargestLength, "m")) return error;
   if (!is_unit(tool.X_LH.R.norm())) return "hand frame's quaternion must have length 1";
-  if (!tool.gravity_W.allFinite()) return "gravity must be finite";
-  if (auto error = find_error("length", tool.length, above_zero("m"))) return error;
+  if (auto error = find_error("gravity", tool.gravity_W, kLargestGravity, "m/s²")) return error;
+  if (auto error = find_error("length", tool.length, Range{0, kLargestLength, "m", true})) {
+    return error;
+  }
   return find_massless_error(tool);
 }
 

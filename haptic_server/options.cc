@@ -55,7 +55,7 @@ std::string ratings_text(const Device& device) {
   std::string text = device.measures_hand_wrench() ? "measured" : "";
   for (const double rating :
        {r.max_force, r.max_torque, r.max_force_rate, r.max_torque_rate, r.max_stiffness,
-        r.max_angular_stiffness, r.mass, r.inertia, r.damping}) {
+        r.max_angular_stiffness, r.mass, r.inertia, r.damping, r.scale}) {
     text += ' ' + shortest_text(rating);
   }
   return text;

@@ -11,7 +11,7 @@ std::optional<DropReason> Assembler::add(const Header& header, std::span<const s
   const std::uint64_t sequence = header.envelope.sequence;
   const std::uint64_t bit = std::uint64_t{1} << header.part;
   if (sequence == refused_) return DropReason::kMalformed;
-  if (sequence < newest_ || sequence <= accepted_) return DropReason::kStale;
+  if (is_stale(header)) return DropReason::kStale;
   if (sequence > newest_) {
     discard_incomplete(statistics);
     newest_ = sequence;
@@ -25,9 +25,10 @@ std::optional<DropReason> Assembler::add(const Header& header, std::span<const s
   return std::nullopt;
 }
 
-void Assembler::refuse(std::uint64_t sequence) noexcept {
+void Assembler::refuse(std::uint64_t sequence, ReceiveStatistics& statistics) noexcept {
   refused_ = sequence;
   if (newest_ != sequence) return;
+  discard_incomplete(statistics);
   newest_ = accepted_;
   parts_ = 0;
   arrived_ = 0;

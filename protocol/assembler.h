@@ -24,8 +24,12 @@ class Assembler {
   /// The complete message is used: only newer ones count from here on.
   void accept() noexcept { accepted_ = newest_; }
   /// The message of this sequence, complete or not, cannot be used: it leaves no trace, and no part
-  /// of it counts any more.
-  void refuse(std::uint64_t sequence) noexcept;
+  /// of it counts any more. Parts of it that wait for others are counted as incomplete.
+  void refuse(std::uint64_t sequence, ReceiveStatistics& statistics) noexcept;
+  /// Whether the part's message is older than what was used or is being put together.
+  bool is_stale(const Header& header) const noexcept {
+    return header.envelope.sequence < newest_ || header.envelope.sequence <= accepted_;
+  }
   /// Forgets everything: the next message may have any sequence.
   void restart(ReceiveStatistics& statistics) noexcept;
 

@@ -111,7 +111,7 @@ std::optional<DropReason> ClientSession::take_state(double now, const Header& he
 }
 
 std::optional<DropReason> ClientSession::take_goodbye(const Header& header) noexcept {
-  if (const auto reason = check_session(header)) return reason;
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
   Goodbye goodbye;
   if (const auto reason = decode(view(datagram_.bytes), goodbye)) return reason;
   end();
@@ -140,7 +140,7 @@ std::optional<DropReason> ClientSession::take_local_state(const Header& header) 
   if (!local_state_parts_.complete()) return std::nullopt;
   if (const auto reason = decode(local_state_parts_.parts(), state)) {
     statistics_.drop(*reason, local_state_parts_.parts().size() - 1);
-    local_state_parts_.refuse(header.envelope.sequence);
+    local_state_parts_.refuse(header.envelope.sequence, statistics_);
     return reason;
   }
   local_state_parts_.accept();

@@ -95,8 +95,8 @@ void text(Io& io, T& text) {
 template <class Io, class M>
 void block(Io& io, M& hello) requires std::same_as<const M, const Hello> {
   io.u64(hello.nonce);
-  io.f64(hello.ve_rate, Range::kPositive);
-  io.f64(hello.epsilon, Range::kNotNegative);
+  io.f64(hello.ve_rate);
+  io.f64(hello.epsilon);
   io.vector(hello.tool.gravity_W);
   io.f64(hello.tool.length);
   io.nearly_unit_pose(hello.tool.X_LH);
@@ -105,7 +105,7 @@ void block(Io& io, M& hello) requires std::same_as<const M, const Hello> {
   io.vector(hello.q);
 }
 
-/// What the tool's description says wrongly is left to find_error(), which can tell the user.
+/// What a hello says wrongly is left to find_error(), whose answer the user can read.
 template <class Io, class M>
 void fields(Io& io, M& link) requires std::same_as<const M, const Link> {
   io.i8(link.parent);
@@ -133,21 +133,21 @@ void tuning(Io& io, M& tuning) {
 template <class Io, class M>
 void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.u64(welcome.nonce);
-  io.f64(welcome.servo_rate, Range::kPositive);
+  io.f64(welcome.servo_rate, Sign::kPositive);
   io.u64(welcome.fingerprint);
   tuning(io, welcome.tuning);
-  io.f64(welcome.silence_time, Range::kPositive);
-  io.f64(welcome.fade_time, Range::kPositive);
-  io.f64(welcome.least_update_rate, Range::kPositive);
+  io.f64(welcome.silence_time, Sign::kPositive);
+  io.f64(welcome.fade_time, Sign::kPositive);
+  io.f64(welcome.least_update_rate, Sign::kPositive);
   io.flag(welcome.capabilities.movable_bodies);
   io.flag(welcome.capabilities.axes);
   io.flag(welcome.capabilities.self_contacts);
   auto& device = welcome.device;
-  io.f64(device.max_force, Range::kNotNegative);
-  io.f64(device.max_torque, Range::kNotNegative);
-  io.f64(device.max_stiffness, Range::kNotNegative);
-  io.f64(device.max_angular_stiffness, Range::kNotNegative);
-  io.f64(device.scale, Range::kPositive);
+  io.f64(device.max_force, Sign::kNotNegative);
+  io.f64(device.max_torque, Sign::kNotNegative);
+  io.f64(device.max_stiffness, Sign::kNotNegative);
+  io.f64(device.max_angular_stiffness, Sign::kNotNegative);
+  io.f64(device.scale, Sign::kPositive);
   io.u8(device.buttons);
   io.flag(device.gripper);
   io.flag(device.renders_torque);
@@ -169,10 +169,10 @@ void block(Io& io, M& reject) requires std::same_as<const M, const Reject> {
 template <class Io, class M>
 void block(Io& io, M& update) requires std::same_as<const M, const ContactUpdate> {
   io.f64(update.ve_time);
-  io.f64(update.ve_period, Range::kNotNegative);
-  io.f64(update.compute_time, Range::kNotNegative);
+  io.f64(update.ve_period, Sign::kNotNegative);
+  io.f64(update.compute_time, Sign::kNotNegative);
   io.u64(update.echo_step);
-  io.f64(update.echo_hold, Range::kNotNegative);
+  io.f64(update.echo_hold, Sign::kNotNegative);
   io.u64(update.impulse_step);
   io.size(update.q_VE);
   io.size(update.v_VE);
@@ -203,16 +203,16 @@ void fields(Io& io, M& contact) requires std::same_as<const M, const ReportedCon
   io.f64(contact.separation, Within{kLargestLength});
   io.short_vector_within(contact.v_WC, kLargestSpeed);
   io.f32(contact.friction);
-  io.f32(contact.load, Range::kNotNegative);
+  io.f32(contact.load, Sign::kNotNegative);
 }
 
 template <class Io, class M>
 void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.u64(state.acknowledged);
   io.u64(state.step);
-  io.f64(state.age, Range::kNotNegative);
+  io.f64(state.age, Sign::kNotNegative);
   io.f64(state.update_send_time);
-  io.f64(state.hold, Range::kNotNegative);
+  io.f64(state.hold, Sign::kNotNegative);
   io.enumeration(state.server);
   io.enumeration(state.fault);
   io.enumeration(state.contact_state);
@@ -228,7 +228,7 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.flag(state.hand_measured);
   io.u32(state.buttons);
   io.f64(state.gripper);
-  io.f64(state.scale, Range::kPositive);
+  io.f64(state.scale, Sign::kPositive);
   io.u64(state.overruns);
   io.u64(state.updates);
   io.u64(state.dropped);

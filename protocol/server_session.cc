@@ -8,31 +8,17 @@
 
 #include "protocol/identifier_sequence.h"
 #include "protocol/nanoseconds.h"
+#include "protocol/text.h"
 #include "protocol/tool_fit.h"
 
 namespace hlm::protocol {
 namespace {
 
-/// A sequence farther ahead than this is no client's: at 60 updates a second it has been silent for
-/// hours. Taken, it would make all that follow stale.
-constexpr std::uint64_t kLargestSequenceGap = 1 << 20;
+/// A sequence farther ahead than this is no client's: at 60 messages a second so many were lost for
+/// 16 s, and the session is long over. Taken, it would make all that follow stale.
+constexpr std::uint64_t kLargestSequenceGap = 1000;
 /// Between two refusals, s: often enough to be seen, seldom enough not to flood the client.
 constexpr double kRefusalPeriod = 0.1;
-
-/// As much of the text as a reject holds, cut between characters, without control characters.
-Text reject_text(std::string_view text) noexcept {
-  Text kept;
-  std::size_t length = std::min(text.size(), kept.capacity());
-  const auto continues_character = [](char c) {
-    return (static_cast<unsigned char>(c) & 0xC0u) == 0x80u;
-  };
-  while (length > 0 && length < text.size() && continues_character(text[length])) --length;
-  for (const char c : text.substr(0, length)) {
-    const auto code = static_cast<unsigned char>(c);
-    kept.push_back(code < 0x20 || code == 0x7F ? ' ' : c);
-  }
-  return kept;
-}
 
 }  // namespace
 
@@ -49,7 +35,10 @@ ServerSession::Inbox ServerSession::poll(double now) noexcept {
     ++statistics_.datagrams;
     if (const auto reason = take_datagram(now)) statistics_.drop(*reason);
   }
-  if (inbox_.hello || inbox_.goodbye) inbox_.update = nullptr;
+  if (inbox_.hello || inbox_.goodbye) {
+    inbox_.update = nullptr;
+    inbox_.control = nullptr;
+  }
   return inbox_;
 }
 
@@ -105,6 +94,7 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
     hello_parts_.restart(statistics_);
     applicant_ = applicant;
   }
+  if (const auto error = decode_part(view(datagram_.bytes), hello_)) return error->reason;
   if (const auto reason = hello_parts_.add(header, view(datagram_.bytes), statistics_))
     return reason;
   if (!hello_parts_.complete()) return std::nullopt;
@@ -112,14 +102,14 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
   const std::uint64_t other_parts = hello_parts_.parts().size() - 1;
   if (const auto reason = decode(hello_parts_.parts(), hello_)) {
     statistics_.drop(*reason, other_parts);
-    hello_parts_.refuse(header.envelope.sequence);
+    hello_parts_.refuse(header.envelope.sequence, statistics_);
     return reason;
   }
   normalize(hello_.tool, hello_.q);
   if (const auto error = find_error(hello_)) {
     turn_away(now, applicant, RejectReason::kTool, *error);
     statistics_.drop(DropReason::kMalformed, other_parts);
-    hello_parts_.refuse(header.envelope.sequence);
+    hello_parts_.refuse(header.envelope.sequence, statistics_);
     return DropReason::kMalformed;
   }
   hello_parts_.accept();
@@ -130,19 +120,21 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
 std::optional<DropReason> ServerSession::take_update(double now, const Header& header) noexcept {
   if (!from_client(header)) return DropReason::kForeignSession;
   if (!is_plausible(header)) return DropReason::kMalformed;
+  if (update_parts_.is_stale(header)) return DropReason::kStale;
   ContactUpdate& scratch = updates_[1 - newest_update_];
   if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
     ++refused_;
-    update_parts_.refuse(header.envelope.sequence);
-    tell_refusal(now, {.refused = header.envelope.sequence,
-                       .error = error->error,
-                       .item = static_cast<std::uint16_t>(error->in_item ? error->item : 0)});
+    update_parts_.refuse(header.envelope.sequence, statistics_);
+    report_refusal(now, {.refused = header.envelope.sequence,
+                         .error = error->error,
+                         .item = static_cast<std::uint16_t>(error->in_item ? error->item : 0)});
     return error->reason;
   }
   if (const auto reason = update_parts_.add(header, view(datagram_.bytes), statistics_))
     return reason;
+  if (update_parts_.complete()) return complete_update(now, header);
   last_heard_ = now;
-  return update_parts_.complete() ? complete_update(now, header) : std::nullopt;
+  return std::nullopt;
 }
 
 std::optional<DropReason> ServerSession::complete_update(double now,
@@ -162,13 +154,14 @@ std::optional<DropReason> ServerSession::complete_update(double now,
     }
   }
   if (reason) ++refused_;
-  if (refusal.error != UpdateError::kNone) tell_refusal(now, refusal);
+  if (refusal.error != UpdateError::kNone) report_refusal(now, refusal);
   if (reason) {
     statistics_.drop(*reason, update_parts_.parts().size() - 1);
-    update_parts_.refuse(header.envelope.sequence);
+    update_parts_.refuse(header.envelope.sequence, statistics_);
     return reason;
   }
   update_parts_.accept();
+  last_heard_ = now;
   heard_ = std::max(heard_, header.envelope.sequence);
   newest_update_ = 1 - newest_update_;
   inbox_.update = &update;
@@ -184,9 +177,9 @@ std::optional<DropReason> ServerSession::complete_update(double now,
   return std::nullopt;
 }
 
-void ServerSession::tell_refusal(double now, Refusal refusal) noexcept {
-  if (refusal_told_ && now - *refusal_told_ < kRefusalPeriod) return;
-  refusal_told_ = now;
+void ServerSession::report_refusal(double now, Refusal refusal) noexcept {
+  if (refusal_sent_ && now - *refusal_sent_ < kRefusalPeriod) return;
+  refusal_sent_ = now;
   refusal.count = refused_;
   send(link_, client_.peer, next_envelope(now), refusal);
 }
@@ -241,7 +234,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   last_heard_ = now;
   acknowledged_ = {.sequence = 0};
   heard_ = refused_ = 0;
-  refusal_told_.reset();
+  refusal_sent_.reset();
   newest_control_sequence_ = control_sequence_ = 0;
   send_welcome(now);
 }
@@ -286,7 +279,7 @@ void ServerSession::turn_away(double now, const Applicant& applicant, RejectReas
   Reject reject;
   reject.nonce = applicant.nonce;
   reject.reason = reason;
-  reject.text = reject_text(text);
+  reject.text = to_text(text);
   send(link_, applicant.peer, {.sequence = ++sent_outside_, .send_time = to_nanoseconds(now)},
        reject);
 }

@@ -85,7 +85,7 @@ class ServerSession {
                                            const Applicant& applicant) noexcept;
   std::optional<DropReason> take_update(double now, const Header& header) noexcept;
   std::optional<DropReason> complete_update(double now, const Header& header) noexcept;
-  void tell_refusal(double now, Refusal refusal) noexcept;
+  void report_refusal(double now, Refusal refusal) noexcept;
   std::optional<DropReason> take_control(double now, const Header& header) noexcept;
   std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
   bool from_client(const Header& header) const noexcept;
@@ -124,7 +124,7 @@ class ServerSession {
   double received_at_ = 0;              ///< When it arrived, s.
   std::uint64_t heard_ = 0;             ///< Largest sequence taken from the client.
   std::uint64_t refused_ = 0;           ///< Updates refused as a whole.
-  std::optional<double> refusal_told_;  ///< s.
+  std::optional<double> refusal_sent_;  ///< s.
   Control newest_control_;
   std::uint64_t newest_control_sequence_ = 0;  ///< 0 if there is none.
   Control control_;                            ///< In effect.

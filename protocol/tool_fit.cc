@@ -84,8 +84,11 @@ std::optional<std::string> find_error(const Hello& hello) {
   if (!fits(hello.tool, hello.q)) {
     return "initial configuration must be finite and its quaternion of length 1";
   }
-  if (auto error = find_error("VE rate", hello.ve_rate, above_zero("Hz"))) return error;
-  return find_error("epsilon", hello.epsilon, from_zero("m"));
+  if (hello.q.cwiseAbs().maxCoeff() > kLargestLength) {
+    return "initial configuration must be within ±" + shortest_text(kLargestLength) + " m or rad";
+  }
+  if (auto error = find_error("VE rate", hello.ve_rate, Range{0, 1e5, "Hz", true})) return error;
+  return find_error("epsilon", hello.epsilon, Range{0, 10, "m"});
 }
 
 }  // namespace hlm::protocol

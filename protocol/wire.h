@@ -23,15 +23,11 @@
 
 namespace hlm::protocol {
 
-/// Allowed deviation of a unit vector's or quaternion's length from 1, which is then made 1: what
-/// single precision and a few operations leave, far below what a wrong unit would give.
-inline constexpr double kUnitTolerance = 1e-3;
 /// Bounds beyond which a number is a mistake, not a place: lengths, m; speeds, m/s and rad/s;
-/// accelerations, m/s² and rad/s²; times, s. Without them one absurd number moves the proxy there.
+/// accelerations, m/s² and rad/s². Without them one absurd number moves the proxy there.
 inline constexpr double kLargestLength = 1e4;
 inline constexpr double kLargestSpeed = 1e3;
 inline constexpr double kLargestAcceleration = 1e6;
-inline constexpr double kLargestTime = 1e3;
 
 /// Makes a vector that is of length 1 within kUnitTolerance exactly so; false for any other. What
 /// is exact to rounding stays as it was sent, bit for bit.
@@ -44,8 +40,8 @@ bool normalize_if_near(Vector&& v) noexcept {
   return true;
 }
 
-/// What a number may be.
-enum class Range { kFinite, kNotNegative, kPositive };
+/// What sign a number may have.
+enum class Sign { kAny, kNotNegative, kPositive };
 
 /// A number within ±bound.
 struct Within {
@@ -126,11 +122,11 @@ class Writer : public CompoundFields<Writer> {
   void u32(std::uint32_t value) noexcept { append(value); }
   void u64(std::uint64_t value) noexcept { append(value); }
   void i64(std::int64_t value) noexcept { append(static_cast<std::uint64_t>(value)); }
-  void f64(double value, Range = Range::kFinite) noexcept {
+  void f64(double value, Sign = Sign::kAny) noexcept {
     append(std::bit_cast<std::uint64_t>(value));
   }
   void f64(double value, Within) noexcept { append(std::bit_cast<std::uint64_t>(value)); }
-  void f32(double value, Range = Range::kFinite) noexcept {
+  void f32(double value, Sign = Sign::kAny) noexcept {
     append(std::bit_cast<std::uint32_t>(static_cast<float>(value)));
   }
   void f32(double value, Within) noexcept { f32(value); }
@@ -196,14 +192,14 @@ class Reader : public CompoundFields<Reader> {
   void i64(std::int64_t& value) noexcept {
     value = static_cast<std::int64_t>(take<std::uint64_t>());
   }
-  void f64(double& value, Range range = Range::kFinite) noexcept {
-    check(value = std::bit_cast<double>(take<std::uint64_t>()), range);
+  void f64(double& value, Sign sign = Sign::kAny) noexcept {
+    check(value = std::bit_cast<double>(take<std::uint64_t>()), sign);
   }
   void f64(double& value, Within within) noexcept {
     check(value = std::bit_cast<double>(take<std::uint64_t>()), within);
   }
-  void f32(double& value, Range range = Range::kFinite) noexcept {
-    check(value = std::bit_cast<float>(take<std::uint32_t>()), range);
+  void f32(double& value, Sign sign = Sign::kAny) noexcept {
+    check(value = std::bit_cast<float>(take<std::uint32_t>()), sign);
   }
   void f32(double& value, Within within) noexcept {
     check(value = std::bit_cast<float>(take<std::uint32_t>()), within);
@@ -277,9 +273,9 @@ class Reader : public CompoundFields<Reader> {
     refuse(DropReason::kNonFinite, UpdateError::kNonFinite);
     return false;
   }
-  void check(double value, Range range) noexcept {
+  void check(double value, Sign sign) noexcept {
     if (!check_finite(value)) return;
-    require(range == Range::kFinite || value > 0 || (range == Range::kNotNegative && value == 0),
+    require(sign == Sign::kAny || value > 0 || (sign == Sign::kNotNegative && value == 0),
             UpdateError::kRange);
   }
   void check(double value, Within within) noexcept {

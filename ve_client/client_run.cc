@@ -41,10 +41,20 @@ std::filesystem::path page_beside_program() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path() / HLM_PAGE;
 }
 
+/// The endpoint that an option gives; `example` is one.
+protocol::Endpoint resolved(const char* option, const std::string& value, const char* example) {
+  try {
+    return protocol::resolve(value);
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(
+        fmt::format("{} {}: {}; for example {}", option, value, error.what(), example));
+  }
+}
+
 /// The page's server, if one is asked for.
 std::unique_ptr<LivePage> open_page(const Settings& settings) {
   if (settings.page.empty()) return nullptr;
-  const protocol::Endpoint at = protocol::resolve(settings.page);
+  const protocol::Endpoint at = resolved("--page", settings.page, "127.0.0.1:8080");
   PageServerOptions options;
   const std::string resolved = protocol::to_string(at);
   options.address = resolved.substr(0, resolved.rfind(':'));
@@ -66,7 +76,7 @@ ClientRun::ClientRun(const Settings& settings)
       start_(settings.start),
       environment_(std::in_place, with_start(world_, settings.tool, start_), settings.tool,
                    settings.follow),
-      server_(protocol::resolve(settings.server)),
+      server_(resolved("--server", settings.server, "127.0.0.1:47800")),
       page_(open_page(settings)),
       link_(
           wire(), [this] { return clock_.now(); }, settings.seed),

@@ -28,6 +28,7 @@ class Arguments {
     Found& found = found_.emplace_back(Found{option, key, {}, nullptr});
     if (count == 0) {
       found.option = app_.add_flag((option == "help" ? "-h,--" : "--") + option);
+      found.option->disable_flag_override();
       return;
     }
     found.option = app_.add_option("--" + option, found.values)->type_name(placeholder);

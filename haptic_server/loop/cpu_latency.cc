@@ -32,15 +32,17 @@ std::string CpuLatencyLimit::find_refusal() {
 }
 
 void CpuLatencyLimit::set(bool wanted) noexcept {
-  if (wanted == holds()) return;
-  if (!wanted) {
-    close(file_);
-    file_ = -1;
-    return;
-  }
+  if (wanted == wanted_) return;
+  wanted_ = wanted;
+  if (file_ >= 0) close(file_);
+  file_ = -1;
+  if (!wanted) return;
   const std::int32_t limit = 0;  // µs.
   file_ = open_file();
-  if (file_ >= 0 && write(file_, &limit, sizeof limit) != sizeof limit) set(false);
+  if (file_ >= 0 && write(file_, &limit, sizeof limit) != sizeof limit) {
+    close(file_);
+    file_ = -1;
+  }
 }
 
 }  // namespace hlm::server

@@ -28,6 +28,7 @@ class CpuLatencyLimit {
   bool holds() const noexcept { return file_ >= 0; }
 
  private:
+  bool wanted_ = false;
   int file_ = -1;  ///< Open while the limit holds.
 };
 

@@ -19,6 +19,12 @@ void EventLog::observe(const TickRecord& record) {
     spdlog::error("fault: {}; force is off until a client starts a new session",
                   meaning_of(record.fault));
   }
+  if (record.health != health_ && record.server == ServerState::kRunning) {
+    const bool good = record.health == DeviceHealth::kGood;
+    spdlog::log(good ? spdlog::level::info : spdlog::level::warn, "the device: {}",
+                meaning_of(record.health));
+    health_ = record.health;
+  }
   state_ = record.server;
   session_ = record.session;
   open_ = record.session_open;

@@ -15,6 +15,7 @@ class EventLog {
 
  private:
   ServerState state_ = ServerState::kIdle;
+  DeviceHealth health_ = DeviceHealth::kGood;
   std::uint64_t session_ = 0;
   bool open_ = false;
 };

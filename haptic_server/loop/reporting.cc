@@ -5,6 +5,8 @@
 #include <limits>
 #include <string_view>
 
+#include "protocol/text.h"
+
 namespace hlm::server {
 namespace {
 
@@ -14,8 +16,7 @@ double rating(double value) noexcept { return std::isfinite(value) ? value : 0; 
 protocol::DeviceReport report_of(Device& device) noexcept {
   const DeviceRatings& ratings = device.ratings();
   protocol::DeviceReport report;
-  const std::string_view name = device.name().substr(0, protocol::kMaxText);
-  report.name.assign(name.begin(), name.end());
+  report.name = protocol::to_text(device.name());
   report.max_force = rating(ratings.max_force);
   report.max_torque = rating(ratings.max_torque);
   report.max_stiffness = rating(ratings.max_stiffness);
@@ -40,6 +41,7 @@ void replace_non_finite(protocol::ProxyState& state) noexcept {
   zero_unless_finite(state.F_hand);
   if (!state.X_WD.R.coeffs().allFinite()) state.X_WD.R.setIdentity();
   if (!std::isfinite(state.smallest_separation)) state.smallest_separation = 0;
+  if (!std::isfinite(state.gripper)) state.gripper = 0;
 }
 
 }  // namespace
@@ -96,7 +98,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts);
   state.smallest_separation = record.smallest_separation;
   if (model != nullptr) {
-    // Where the proxy is nowhere, the environment's tool stands for it.
+    // A proxy that is not finite is reported where the environment's tool is.
     const Configuration& q = model->proxy().configuration();
     state.q = q.allFinite() ? q : model->ve_tool().configuration();
     state.v = model->velocity();
@@ -108,6 +110,9 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.F_hand = record.F_hand;
   state.hand_measured = record.hand_measured;
   state.limit = record.limit;
+  state.buttons = record.buttons;
+  state.gripper = record.gripper;
+  state.scale = record.scale;
   state.overruns = record.overruns;
   state.updates = updates;
   if (record.fault == Fault::kNonFinite) replace_non_finite(state);

@@ -1,6 +1,7 @@
 #include "haptic_server/loop/servo.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "haptic_server/loop/reporting.h"
 
@@ -14,7 +15,8 @@ const ReportedContacts kNoContacts;
 
 bool is_finite(const DeviceState& device) noexcept {
   return device.X_WD.p.allFinite() && device.X_WD.R.coeffs().allFinite() &&
-         device.V_WD.allFinite() && (!device.F_hand || device.F_hand->allFinite());
+         device.V_WD.allFinite() && std::isfinite(device.gripper.value_or(0)) &&
+         (!device.F_hand || device.F_hand->allFinite());
 }
 
 ForceBudget force_budget(const ServoOptions& options, const Device& device) noexcept {
@@ -136,6 +138,10 @@ void Servo::simulate() noexcept {
   record_.V_WD = device->V_WD;
   record_.hand_measured = device->F_hand.has_value();
   record_.F_hand = device->F_hand.value_or(Wrench::Zero());
+  record_.buttons = device->buttons;
+  record_.gripper = device->gripper.value_or(0);
+  record_.scale = device_.ratings().scale;
+  record_.health = device->health;
 
   ++step_;
   const ContactWrench felt = move_proxy(*device);

@@ -52,10 +52,15 @@ void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model
   if (!on_) return;
   state_.step = step;
   state_.contacts.clear();
-  for (const LocalContact& contact : model.contacts()) {
-    if (state_.contacts.size() == state_.contacts.capacity()) break;
-    state_.contacts.push_back(report(contact, model.proxy()));
-  }
+  const auto add = [&](bool touching) {
+    for (const LocalContact& contact : model.contacts()) {
+      if ((contact.s <= 0) != touching) continue;
+      if (state_.contacts.size() == state_.contacts.capacity()) return;
+      state_.contacts.push_back(report(contact, model.proxy()));
+    }
+  };
+  add(true);
+  add(false);
   session.inform(now, state_);
 }
 

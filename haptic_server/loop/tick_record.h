@@ -7,6 +7,7 @@
 #include "common/spatial.h"
 #include "common/tool_model.h"
 #include "common/vocabulary.h"
+#include "haptic_server/device/device.h"
 #include "protocol/statistics.h"
 
 namespace hlm::server {
@@ -40,6 +41,10 @@ struct TickRecord {
   std::uint64_t dropped = 0;       ///< Of these, dropped.
   /// The same by DropReason; like session_open not in the tick log.
   std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
+  std::uint32_t buttons = 0;  ///< Bit i: button i of the device is pressed. Not in the tick log.
+  double gripper = 0;         ///< Its opening, 0 closed to 1 open. Not in the tick log.
+  double scale = 1;           ///< Metres in the world per metre of the handle. Not in the tick log.
+  DeviceHealth health = DeviceHealth::kGood;  ///< Not in the tick log.
   bool session_open = false;  ///< A client holds the session and has not said goodbye.
 };
 

@@ -151,8 +151,7 @@ void UdpSocket::send(const Endpoint& to, std::span<const std::byte> bytes) noexc
 Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port) {
   const std::size_t colon = host_port.rfind(':');
   if (colon == std::string::npos || colon == 0 || colon + 1 == host_port.size()) {
-    throw std::runtime_error("\"" + host_port + "\" must be HOST:PORT, for example " +
-                             "127.0.0.1:47800");
+    throw std::runtime_error("\"" + host_port + "\" must be HOST:PORT");
   }
   const std::string host = host_port.substr(0, colon);
   const std::uint16_t port = parse_port(host_port, host_port.substr(colon + 1), lowest_port);

@@ -313,8 +313,8 @@ end
 local messages = {
   [HELLO] = message("hello", "Hello", {
     field(HEX64, "nonce", "Nonce of the session asked for"),
-    field(F64, "ve_rate", "Nominal step rate of the virtual environment", "Hz", POSITIVE),
-    field(F64, "epsilon", "Radius of the ε-active tool", "m", NOT_NEGATIVE),
+    field(F64, "ve_rate", "Nominal step rate of the virtual environment", "Hz"),
+    field(F64, "epsilon", "Radius of the ε-active tool", "m"),
     vector("gravity_W", "Acceleration of gravity, world", "m/s²"),
     field(F64, "length", "Characteristic length of the tool", "m"),
     pose("X_LH", "Hand frame in the hand link's frame"),

@@ -136,7 +136,8 @@ TEST_CASE("The replay device needs its log, and keeps the ratings that the file 
              ContainsSubstring("freedon: device replay has no such key"));
 }
 
-TEST_CASE("--device list names each driver and what is connected, --device-help its keys") {
+TEST_CASE(
+    "The option --device list names each driver and what is connected, --device-help its keys") {
   const Parsed list({"--device", "list"});
   REQUIRE_FALSE(list.code);
   CHECK_THAT(*list.options.physics.device.information(),
@@ -227,7 +228,7 @@ TEST_CASE("A limit above the device's rating is doubtful, and says which is in e
 
 TEST_CASE("Options that do not go together are refused") {
   CHECK_THAT(error_of({"--static-friction", "0.1"}),
-             ContainsSubstring("static friction 0.1 must be 0.3 to 10"));
+             ContainsSubstring("static friction 0.1 (--static-friction) must be at least kinetic"));
   CHECK_THAT(error_of({"--rate", "8000", "--final-spin", "0.0001"}),
              ContainsSubstring("final spin 0.0001 s must be 0 to"));
 }

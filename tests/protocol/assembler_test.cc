@@ -98,7 +98,7 @@ TEST_CASE("A refused message leaves no trace, its sequence neither") {
   for (const DatagramBytes& part : parts_of(3)) CHECK_FALSE(receiver.add(part));
   receiver.assembler.accept();
   for (const DatagramBytes& part : parts_of(~std::uint64_t{0})) CHECK_FALSE(receiver.add(part));
-  receiver.assembler.refuse(~std::uint64_t{0});
+  receiver.assembler.refuse(~std::uint64_t{0}, receiver.statistics);
   CHECK_FALSE(receiver.assembler.complete());
   CHECK(receiver.add(parts_of(3)[0]) == DropReason::kStale);
   for (const DatagramBytes& part : parts_of(4)) CHECK_FALSE(receiver.add(part));

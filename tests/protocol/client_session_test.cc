@@ -105,6 +105,14 @@ TEST_CASE("Updates are numbered from 1 and echo the newest proxy state and its h
   CHECK(sent_update().echo_hold == Approx(0.05).margin(1e-12));
 }
 
+TEST_CASE("A goodbye counts whenever it comes, also overtaken by a proxy state") {
+  Client client;
+  client.begin();
+  client.deliver_state(9, planar_state());
+  client.link.deliver(kServer, {.session = kSession, .sequence = 5}, Goodbye{});
+  CHECK(client.session.poll(0.1).lost);
+}
+
 TEST_CASE("The echo's hold and the round trip count from arrival, not from the frame's poll") {
   Client client;
   client.begin();

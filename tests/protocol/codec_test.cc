@@ -576,8 +576,6 @@ TEST_CASE("Values out of their range are refused") {
   CHECK(refusal(update, [](U& u) { u.contacts[0].load = -1; }) == DropReason::kMalformed);
   CHECK(refusal(documented_state(), [](ProxyState& s) { s.X_WD.R.w() = 0.998; }) ==
         DropReason::kMalformed);
-  CHECK(refusal(documented_hello(), [](Hello& h) { h.ve_rate = 0; }) == DropReason::kMalformed);
-  CHECK(refusal(documented_hello(), [](Hello& h) { h.epsilon = -1e-9; }) == DropReason::kMalformed);
   CHECK(refusal(test::reject_message("a\nb"), [](Reject&) {}) == DropReason::kMalformed);
   CHECK(refusal(Welcome{}, [](Welcome& w) { w.servo_rate = 0; }) == DropReason::kMalformed);
   CHECK(refusal(Control{}, [](Control& c) { c.tuning.stiffness = 0.5; }) == DropReason::kMalformed);
@@ -586,6 +584,24 @@ TEST_CASE("Values out of their range are refused") {
   CHECK(refusal(Control{}, [](Control& c) { c.X_WTarget.R.w() = 2; }) == DropReason::kMalformed);
   CHECK(refusal(Control{}, [](Control& c) { c.X_WTarget.p.x() = std::nan(""); }) ==
         DropReason::kNonFinite);
+}
+
+TEST_CASE("A hello that a user could have meant otherwise is read, and said to be wrong") {
+  const auto error = [](auto change) {
+    Hello hello = documented_hello();
+    change(hello);
+    Hello decoded;
+    REQUIRE_FALSE(decode(view(encode({}, hello)), decoded));
+    return find_error(decoded).value_or("");
+  };
+  CHECK(error([](Hello&) {}).empty());
+  CHECK(error([](Hello& h) { h.ve_rate = 0; }) == "VE rate 0 Hz must be above 0 to 100000 Hz");
+  CHECK_FALSE(error([](Hello& h) { h.epsilon = -1; }).empty());
+  CHECK_FALSE(error([](Hello& h) { h.q[0] = 1e5; }).empty());
+  CHECK_FALSE(error([](Hello& h) { h.tool.X_LH.p.x() = 1e200; }).empty());
+  CHECK_FALSE(error([](Hello& h) { h.tool.gravity_W.y() = -1e6; }).empty());
+  CHECK_FALSE(error([](Hello& h) { h.tool.links[0].mass = 1e300; }).empty());
+  CHECK_FALSE(error([](Hello& h) { h.tool.length = 1e300; }).empty());
 }
 
 TEST_CASE("Parts of different messages do not make one") {

@@ -175,9 +175,6 @@ void add_wrong_numbers(Verdicts& verdicts) {
   verdicts.add<U>("too many coordinates", with(bytes, kSizes, 1, kMaxConfiguration + 1));
   verdicts.add<U>("too many velocities", with(bytes, kSizes + 1, 1, kMaxDof + 1));
 
-  const auto hello = test::planar_hello();
-  verdicts.add_changed("no rate", hello, [](Hello& h) { h.ve_rate = 0; });
-  verdicts.add_changed("negative radius", hello, [](Hello& h) { h.epsilon = -1e-9; });
   verdicts.add_changed("no scale", Welcome{}, [](Welcome& w) { w.device.scale = 0; });
   verdicts.add_changed("no fade", Welcome{}, [](Welcome& w) { w.fade_time = 0; });
   verdicts.add_changed("negative force", Welcome{}, [](Welcome& w) { w.device.max_force = -1; });

@@ -306,6 +306,19 @@ TEST_CASE("A client learns why its update is refused, and ten times a second at 
   CHECK(refusal.count > 100);
 }
 
+TEST_CASE("Refused updates keep no session alive") {
+  Server server;
+  server.begin(0);
+  ContactUpdate bad = planar_update(0);
+  bad.v_VE = Vector6::Zero();
+  for (std::uint64_t sequence = 1; sequence <= 20; ++sequence) {
+    server.link.deliver(kClient, {.session = kFirstId, .sequence = sequence}, bad);
+    server.poll(0.1 * static_cast<double>(sequence));
+  }
+  server.say_hello(kOther, 2);
+  CHECK(server.poll(2.05).hello != nullptr);
+}
+
 TEST_CASE("One wrong contact is left out and named, the others are taken") {
   Server server;
   server.begin();

@@ -44,6 +44,17 @@ TEST_CASE("Without conditions datagrams pass at once, both ways") {
   CHECK(datagram.bytes.size() == 2);
 }
 
+TEST_CASE("How long a datagram has waited is known behind the link too") {
+  Setup setup;
+  const std::array<std::byte, 2> bytes{};
+  setup.network.server().send(MemoryNetwork::kClient, bytes);
+  setup.now = 0.015;  // It arrived at 0; only now is the link read.
+  setup.network.set_time(setup.now);
+  protocol::Datagram datagram;
+  REQUIRE(setup.link.receive(datagram));
+  CHECK(datagram.waited == Approx(0.015).margin(1e-12));  // s
+}
+
 TEST_CASE("A delay holds each datagram that long, both ways") {
   Setup setup;
   setup.link.set_conditions({.delay = 0.05});

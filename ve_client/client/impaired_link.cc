@@ -35,12 +35,13 @@ void ImpairedLink::send(const protocol::Endpoint& to, std::span<const std::byte>
 }
 
 void ImpairedLink::hold(protocol::DatagramQueue& queue, const protocol::Datagram& datagram) {
+  const double arrival = now_() - datagram.waited;
   if (is_telemetry(protocol::view(datagram.bytes))) {
-    queue.hold(now_(), datagram);
+    queue.hold(arrival, datagram);
     return;
   }
   if (conditions_.loss > 0 && uniform(engine_) < conditions_.loss) return;
-  queue.hold(now_() + conditions_.delay + conditions_.jitter * uniform(engine_), datagram);
+  queue.hold(arrival + conditions_.delay + conditions_.jitter * uniform(engine_), datagram);
 }
 
 }  // namespace hlm

@@ -1,5 +1,7 @@
 #include "ve_client/contacts/feature.h"
 
+#include <algorithm>
+
 namespace hlm::ve {
 namespace {
 
@@ -21,6 +23,19 @@ std::uint64_t packed(const Feature& feature) noexcept {
          std::uint64_t{feature.shape} << 16 | feature.index;
 }
 
+/// Number of the contact's normal among those of its pair that came before it.
+std::uint16_t axis_of(const FoundContact& contact, std::span<const FoundContact> before,
+                      const ReportedContacts& reports) noexcept {
+  constexpr double kSameNormal = 1e-9;  // Difference of unit vectors: rounding.
+  std::uint16_t next = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (reports[i].pair != pair_of(contact.key)) continue;
+    if ((before[i].n_W - contact.n_W).norm() < kSameNormal) return reports[i].axis;
+    next = std::max<std::uint16_t>(next, reports[i].axis + 1);
+  }
+  return next;
+}
+
 }  // namespace
 
 std::uint64_t identity_of(const ContactKey& key) noexcept {
@@ -38,6 +53,7 @@ ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
     ReportedContact& report = reports.emplace_back();
     report.identity = identity_of(contact.key);
     report.pair = pair_of(contact.key);
+    report.axis = axis_of(contact, contacts.first(reports.size() - 1), reports);
     report.a = {SideKind::kToolLink, contact.key.link};
     report.b = {SideKind::kWorld, contact.key.body};
     report.p_WC = contact.p_WC;

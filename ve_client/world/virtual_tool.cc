@@ -48,7 +48,6 @@ VirtualTool::VirtualTool(World& world, const ToolAssembly& assembly, const Follo
 bool VirtualTool::can_follow(const Configuration& q, const Velocity& v) const noexcept {
   constexpr double kLargestCoordinate = 1e3;  // m or rad.
   constexpr double kLargestVelocity = 1e3;    // m/s or rad/s.
-  constexpr double kUnitTolerance = 1e-3;
   if (q.size() != model_.configuration_size() || v.size() != model_.dof()) return false;
   if (assembly_.description.links[0].joint == JointType::kFree) {
     const double length = q.segment<4>(kFreeQuaternion).norm();

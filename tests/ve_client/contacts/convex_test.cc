@@ -98,11 +98,11 @@ TEST_CASE("The corners of a cylinder's cap lie on its rim, at angles fixed to th
 TEST_CASE("Sizes that are not finite and positive are refused with the name and the value") {
   using Catch::Matchers::ContainsSubstring;
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  CHECK_THROWS_WITH(Convex(Sphere{0}), ContainsSubstring("sphere radius is 0 m"));
-  CHECK_THROWS_WITH(Convex(Sphere{nan}), ContainsSubstring("sphere radius is nan m"));
-  CHECK_THROWS_WITH(Convex(Capsule{0.1, -1}), ContainsSubstring("capsule length is -1 m"));
-  CHECK_THROWS_WITH(Convex(Cylinder{-2, 1}), ContainsSubstring("cylinder radius is -2 m"));
-  CHECK_THROWS_WITH(Convex(Box{Vector3(1, 0, 1)}), ContainsSubstring("box size y is 0 m"));
+  CHECK_THROWS_WITH(Convex(Sphere{0}), ContainsSubstring("sphere radius 0 m"));
+  CHECK_THROWS_WITH(Convex(Sphere{nan}), ContainsSubstring("sphere radius nan m"));
+  CHECK_THROWS_WITH(Convex(Capsule{0.1, -1}), ContainsSubstring("capsule length -1 m"));
+  CHECK_THROWS_WITH(Convex(Cylinder{-2, 1}), ContainsSubstring("cylinder radius -2 m"));
+  CHECK_THROWS_WITH(Convex(Box{Vector3(1, 0, 1)}), ContainsSubstring("box size y 0 m"));
   CHECK_THROWS_AS(Convex(Box{Vector3(1, 1, std::numeric_limits<double>::infinity())}),
                   std::invalid_argument);
 }

@@ -1,0 +1,14 @@
+// Text for a person, as messages hold it.
+#pragma once
+
+#include <string_view>
+
+#include "protocol/messages.h"
+
+namespace hlm::protocol {
+
+/// As much of the text as a message holds, cut between characters of UTF-8, a space for each
+/// control character.
+Text to_text(std::string_view text) noexcept;
+
+}  // namespace hlm::protocol
