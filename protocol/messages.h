@@ -74,13 +74,13 @@ struct DeviceReport {
 
 /// Server to client.
 struct Welcome {
-  std::uint64_t nonce = 0;          ///< Of the hello that is answered.
-  double servo_rate = 1000;         ///< Rate of the local model, Hz.
-  std::uint64_t fingerprint = 0;    ///< Of the server's effective options.
-  Tuning tuning{};                  ///< In effect as the session begins.
-  double silence_time = 0.25;       ///< Without an update for this long force fades, s.
-  double fade_time = 0.1;           ///< How long the fade from full force takes, s.
-  double least_update_rate = 4;     ///< Below this force comes and goes, Hz.
+  std::uint64_t nonce = 0;        ///< Of the hello that is answered.
+  double servo_rate = 1000;       ///< Rate of the local model, Hz.
+  std::uint64_t fingerprint = 0;  ///< Of the server's effective options.
+  Tuning tuning{};                ///< In effect as the session begins.
+  double silence_time = 0.25;     ///< Without an update for this long force fades, s.
+  double fade_time = 0.1;         ///< How long the fade from full force takes, s.
+  double least_update_rate = 4;   ///< Below this force comes and goes, Hz.
   Capabilities capabilities{};
   DeviceReport device{};
 };

@@ -63,11 +63,11 @@ class Status {
  private:
   double last_report_ = 0;
   int frames_ = 0;
-  std::size_t active_ = 0;     ///< Of the latest frame.
-  std::size_t predicted_ = 0;  ///< Of the latest frame.
+  std::size_t active_ = 0;                    ///< Of the latest frame.
+  std::size_t predicted_ = 0;                 ///< Of the latest frame.
   std::optional<protocol::Refusal> refusal_;  ///< By the server, since the latest report.
-  int refused_ = 0;            ///< Proxy states that could not be followed, since the start.
-  int warned_refused_ = 0;     ///< As of the latest report.
+  int refused_ = 0;         ///< Proxy states that could not be followed, since the start.
+  int warned_refused_ = 0;  ///< As of the latest report.
   std::uint64_t warned_failures_ = 0;  ///< Of proximity queries, as of the latest report.
 };
 
