@@ -48,6 +48,25 @@ if(HLM_VE_CLIENT)
 endif()
 install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
 
+# Manual pages, from the programs' own --help.
+find_program(HELP2MAN help2man)
+function(manual_page program purpose)
+  if(NOT HELP2MAN OR HLM_SANITIZE OR NOT TARGET ${program})
+    return()
+  endif()
+  set(page ${PROJECT_BINARY_DIR}/man/${program}.1)
+  add_custom_command(OUTPUT ${page}
+    COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
+    COMMAND ${HELP2MAN} --no-info --locale C.UTF-8 --name ${purpose} --output ${page}
+      $<TARGET_FILE:${program}>
+    DEPENDS ${program} VERBATIM)
+  add_custom_target(${program}_man ALL DEPENDS ${page})
+  install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+endfunction()
+manual_page(haptic_server "runs the local model of interaction with a haptic device")
+manual_page(haptic_replay "plays a recorded session of the haptic server")
+manual_page(ve_client "simulates a virtual environment for the haptic server")
+
 # The README's links hold between these, too.
 install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
 install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
