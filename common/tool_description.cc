@@ -31,7 +31,9 @@ template <class Values>
 std::optional<std::string> find_error(const char* name, const Values& values, double bound,
                                       const char* unit) {
   if (values.allFinite() && values.cwiseAbs().maxCoeff() <= bound) return std::nullopt;
-  return std::string(name) + " must be finite and within ±" + shortest_text(bound) + ' ' + unit;
+  std::string text = name;
+  text.append(" must be finite and within ±").append(shortest_text(bound));
+  return text.append(" ").append(unit);
 }
 
 std::optional<std::string> find_inertia_error(const Link& link) {
