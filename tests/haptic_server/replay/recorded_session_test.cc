@@ -92,6 +92,15 @@ bool is_whole(const RecordedUpdate& update) {
   return !decode(update.parts, decoded);
 }
 
+TEST_CASE("A capture of another version of the protocol is refused with both versions") {
+  Capture capture;
+  protocol::DatagramBytes bytes = protocol::encode({}, planar_hello(1));
+  bytes[4] = std::byte{1};  // version
+  capture.pass(kClient, kServer, view(bytes));
+  CHECK(capture.error() ==
+        capture.path() + ": holds version 1 of the protocol; this program replays version 2");
+}
+
 TEST_CASE("A session is its hello, welcome, updates, controls and acknowledgements") {
   Capture capture;
   capture.begin(5);
