@@ -27,6 +27,17 @@ TEST_CASE("A control with the tuning that the welcome reported changes nothing")
   CHECK(tuned(unusual(), reported).local_model.static_friction == 0.6);
 }
 
+TEST_CASE("A rule or controller that this version does not know leaves the one in effect") {
+  Tuning newer = tuning_of(unusual());
+  newer.update_rule = static_cast<UpdateRule>(200);
+  newer.controller = static_cast<ControllerKind>(200);
+  newer.stiffness = 3000;
+  const ServoOptions options = tuned(unusual(), newer);
+  CHECK(options.local_model.update_rule == UpdateRule::kPaper);
+  CHECK(options.controller == ControllerKind::kVirtualCoupler);
+  CHECK(options.local_model.stiffness == 3000);
+}
+
 TEST_CASE("Every value of a tuning reaches the options") {
   const Tuning wanted{.update_rule = UpdateRule::kPlaneRecovery,
                       .controller = ControllerKind::kDirect,

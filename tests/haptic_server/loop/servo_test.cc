@@ -96,6 +96,20 @@ TEST_CASE("A hello begins a session: device aligned to the tool's hand, enabled,
   CHECK(welcome.device.guidable);
 }
 
+TEST_CASE("Buttons, gripper, scale and health of the device are reported") {
+  ServoBench bench;
+  bench.device.rated.scale = 2;
+  bench.begin();
+  bench.device.state->buttons = 0b101;
+  bench.device.state->gripper = 0.25;
+  bench.device.state->health = DeviceHealth::kSaturated;
+  CHECK(bench.tick_with(bench.update()).health == DeviceHealth::kSaturated);
+  const auto state = bench.last_sent<protocol::ProxyState>();
+  CHECK(state.buttons == 0b101);
+  CHECK(state.gripper == 0.25);
+  CHECK(state.scale == 2);
+}
+
 TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {
   ServoBench bench;
   begin_under_load(bench);
