@@ -33,7 +33,7 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
   }
 
   const double reach = tool.follow(period);
-  world.step(period, proximity.within_reach(tool, reach));
+  world.step(period, proximity.within_reach(tool, reach), [&](double h) { tool.pull(h); });
   tool.read_back();
 
   const double sampled_at = clock.now();
