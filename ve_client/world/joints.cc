@@ -1,5 +1,7 @@
 #include "ve_client/world/joints.h"
 
+#include <cmath>
+
 namespace hlm::ve {
 namespace {
 
@@ -51,16 +53,21 @@ Joints::Joints(dWorldID world, const WorldDescription& description,
   const auto body = [&](int index) {
     return index < 0 ? nullptr : bodies[static_cast<std::size_t>(index)];
   };
+  joints_.reserve(description.joints.size());  // The engine keeps pointers to their feedback.
   for (const JointDescription& joint : description.joints) {
     const dBodyID child = body(joint.child);
     const dBodyID parent = body(joint.parent);
     const bool moves = child != nullptr || parent != nullptr;
     joints_.push_back({joint, moves ? create(world, joint, child, parent) : nullptr});
+    if (moves && joint.limited()) {
+      dJointSetFeedback(joints_.back().handle, &joints_.back().feedback);
+    }
   }
 }
 
 double Joints::position(int joint) const {
-  const auto& [description, handle] = at(joint);
+  const JointDescription& description = at(joint).description;
+  const dJointID handle = at(joint).handle;
   if (handle == nullptr) return 0;
   if (description.type == JointType::kRevolute) return dJointGetHingeAngle(handle);
   if (description.type == JointType::kPrismatic) return dJointGetSliderPosition(handle);
@@ -68,7 +75,8 @@ double Joints::position(int joint) const {
 }
 
 double Joints::velocity(int joint) const {
-  const auto& [description, handle] = at(joint);
+  const JointDescription& description = at(joint).description;
+  const dJointID handle = at(joint).handle;
   if (handle == nullptr) return 0;
   if (description.type == JointType::kRevolute) return dJointGetHingeAngleRate(handle);
   if (description.type == JointType::kPrismatic) return dJointGetSliderPositionRate(handle);
@@ -76,10 +84,30 @@ double Joints::velocity(int joint) const {
 }
 
 double Joints::spring_force(int joint) const {
-  const auto& [description, handle] = at(joint);
+  const JointDescription& description = at(joint).description;
+  const dJointID handle = at(joint).handle;
   if (handle == nullptr || !description.sprung()) return 0;
   return -description.stiffness * (position(joint) - description.rest) -
          description.damping * velocity(joint);
+}
+
+double Joints::limit_force(int joint) const {
+  const dJointID handle = at(joint).handle;
+  if (handle == nullptr || !at(joint).description.limited()) return 0;
+  const auto vector = [](const dReal* v) { return Vector3(v[0], v[1], v[2]); };
+  const Vector3 force = vector(at(joint).feedback.f1);
+  dVector3 axis;
+  if (at(joint).description.type == JointType::kPrismatic) {
+    dJointGetSliderAxis(handle, axis);
+    return std::abs(force.dot(vector(axis)));
+  }
+  // Forces of the bearing pass through the anchor.
+  dVector3 anchor;
+  dJointGetHingeAnchor(handle, anchor);
+  dJointGetHingeAxis(handle, axis);
+  const Vector3 arm = vector(dBodyGetPosition(dJointGetBody(handle, 0))) - vector(anchor);
+  const Vector3 torque = vector(at(joint).feedback.t1) + arm.cross(force);
+  return std::abs(torque.dot(vector(axis)));
 }
 
 void Joints::push_springs() {

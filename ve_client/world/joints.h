@@ -23,6 +23,8 @@ class Joints {
   /// What its spring and damping do along its axis: torque or force on the child, N·m or N; the
   /// parent gets the opposite.
   double spring_force(int joint) const;
+  /// What the joint's limit bore along its axis in the latest step of the solver, N·m or N, >= 0.
+  double limit_force(int joint) const;
   /// Applies the springs' forces of the present state during the next step of the solver.
   void push_springs();
   /// All joints of a body end.
@@ -32,6 +34,7 @@ class Joints {
   struct Joint {
     JointDescription description;
     dJointID handle = nullptr;  ///< Null between two fixed bodies, and after its end.
+    dJointFeedback feedback{};
   };
   const Joint& at(int joint) const { return joints_[static_cast<std::size_t>(joint)]; }
 

@@ -67,9 +67,11 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   }
 }
 
-std::span<const ToolContact> Proximity::within_reach(const VirtualTool& tool, double reach) {
+std::span<const ToolContact> Proximity::within_reach(
+    const VirtualTool& tool, double reach, const std::function<bool(int body)>& stops_tool) {
   within_reach_.clear();
   for (const FoundContact& found : query(tool, reach)) {
+    if (!stops_tool(static_cast<int>(found.key.b.index))) continue;
     ToolContact& contact = within_reach_.emplace_back();
     contact.tool_body = tool_bodies_[found.key.a.index];
     contact.body = static_cast<int>(found.key.b.index);

@@ -1,6 +1,7 @@
 // Which contacts are there within ε, of the virtual tool or of a body, with the rest of the world?
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -26,8 +27,10 @@ class Proximity {
   /// the engine lets it touch. Valid until the next call.
   std::span<const FoundContact> query(int body, double epsilon);
   /// The contacts for the world's next step, in which no point of the tool moves farther than
-  /// `reach` (m, >= 0). Valid until the next call.
-  std::span<const ToolContact> within_reach(const VirtualTool& tool, double reach);
+  /// `reach` (m, >= 0), with the bodies that stop the tool. Valid until the next call.
+  std::span<const ToolContact> within_reach(
+      const VirtualTool& tool, double reach,
+      const std::function<bool(int body)>& stops_tool = [](int) { return true; });
 
   const ProximityStatistics& statistics() const noexcept { return statistics_; }
 
