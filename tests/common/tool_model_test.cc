@@ -47,10 +47,16 @@ class MujocoTool {
     return T.transpose() * full * T;
   }
 
-  GeneralisedForce gravity() const {
+  /// c + G: MuJoCo's bias at q̇. Our quasi-velocities differ from its own by a rotation of ω into
+  /// the body's axes, whose rate, -ω×ω, is zero.
+  GeneralisedForce bias_force(const Velocity& v) {
+    const Velocity v_mujoco = to_mujoco() * v;
+    std::copy(v_mujoco.begin(), v_mujoco.end(), data_->qvel);
+    mj_forward(model_.get(), data_.get());
     return to_mujoco().transpose() *
            Eigen::Map<const Eigen::VectorXd>(data_->qfrc_bias, model_->nv);
   }
+  GeneralisedForce gravity() { return bias_force(Velocity::Zero(model_->nv)); }
 
   Jacobian jacobian(int link, const Vector3& p_W) const {
     const int d = model_->nv;
@@ -153,6 +159,70 @@ TEST_CASE("Mass matrix, gravity and Jacobians equal MuJoCo's for every kind of r
     CHECK((model.jacobian(link, p_W) - reference.jacobian(link, p_W)).cwiseAbs().maxCoeff() <
           tolerance);
   }
+}
+
+TEST_CASE("The bias force equals MuJoCo's for every kind of root") {
+  Random random;
+  const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute,
+                                  JointType::kPrismatic, JointType::kFixed);
+  const int count = GENERATE(2, 3, 7);
+  const ToolDescription tool = random_chain(random, count, root);
+  ToolModel model(tool);
+  MujocoTool reference(tool);
+
+  for (int trial = 0; trial < 5; ++trial) {
+    const Configuration q = test::random_configuration(random, model);
+    const Velocity v = test::random_velocity(random, model.dof(), 5.0);  // m/s, rad/s
+    model.set_configuration(q);
+    reference.set_configuration(q);
+    const GeneralisedForce expected = reference.bias_force(v) - reference.gravity();
+    // N and N·m, values up to 1000; the tolerance of inertias above, times |q̇|².
+    CHECK((model.bias_force(v) - expected).norm() < 1e-7 * (1 + expected.norm()));
+  }
+}
+
+/// Σ_jk (∂D_ij/∂q_k - ½ ∂D_jk/∂q_i) q̇_j q̇_k: Christoffel's symbols from differences of D(q). Only
+/// for coordinates whose rates are the velocities, that is without a free root.
+GeneralisedForce christoffel_force(ToolModel model, const Velocity& v) {
+  const double h = 1e-5;
+  const Configuration q = model.configuration();
+  GeneralisedForce c = GeneralisedForce::Zero(model.dof());
+  for (int k = 0; k < model.dof(); ++k) {
+    const auto mass_at = [&](double offset) {
+      model.set_configuration(q + offset * Configuration::Unit(model.dof(), k));
+      return model.mass_matrix();
+    };
+    const MassMatrix slope = (mass_at(h) - mass_at(-h)) / (2 * h);
+    c += v[k] * (slope * v);
+    c[k] -= 0.5 * v.dot(slope * v);
+  }
+  return c;
+}
+
+TEST_CASE("The bias force is that of Christoffel's symbols of D(q)") {
+  Random random;
+  const JointType root = GENERATE(JointType::kPlanar, JointType::kRevolute, JointType::kFixed);
+  ToolModel model(test::random_tool(random, GENERATE(2, 5, 8), root));
+  model.set_configuration(test::random_configuration(random, model));
+  const Velocity v = test::random_velocity(random, model.dof(), 3.0);
+  const GeneralisedForce expected = christoffel_force(model, v);
+  CHECK((model.bias_force(v) - expected).norm() < 1e-7 * (1 + expected.norm()));  // N, N·m
+}
+
+TEST_CASE("The bias force takes as much power as a change of D(q) gives: q̇ᵀc = ½ q̇ᵀḊq̇") {
+  Random random;
+  const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute);
+  ToolModel model(test::random_tool(random, GENERATE(1, 2, 7), root));
+  const Configuration q = test::random_configuration(random, model);
+  const Velocity v = test::random_velocity(random, model.dof(), 3.0);
+  const double h = 1e-6;
+  const auto energy_at = [&](double time) {
+    model.set_configuration(model.integrate(q, v, time));
+    return 0.5 * v.dot(model.mass_matrix() * v);
+  };
+  const double expected = (energy_at(h) - energy_at(-h)) / (2 * h);
+  model.set_configuration(q);
+  CHECK(v.dot(model.bias_force(v)) == Approx(expected).epsilon(1e-6).margin(1e-6));  // W
 }
 
 TEST_CASE("The hand Jacobian is the rate of the hand's pose") {
