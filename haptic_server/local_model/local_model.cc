@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "haptic_server/local_model/free_motion.h"
 #include "haptic_server/local_model/stiffness_limit.h"
 
 namespace hlm::server {
@@ -79,7 +80,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     tau = apply_contact_forces(present(), links, link_twists(links, v), law);
   }
   v_ = E.llt().solve(r + dt_ * tau);
-  proxy_.set_configuration(proxy_.integrate(proxy_.configuration(), v_, dt_));
+  move_freely(proxy_, v_, dt_);
   felt.F = H.lazyProduct(tau);
   return felt;
 }
