@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "haptic_server/local_model/collision.h"
+#include "haptic_server/local_model/free_motion.h"
 #include "haptic_server/local_model/stiffness_limit.h"
 
 namespace hlm::server {
@@ -184,8 +185,8 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     tau = apply_explicitly(frames, law, x);
   }
   v_ = E.llt().solve(r + dt_ * tau);
+  move_freely(proxy_, v_, dt_);
   felt.F = H.lazyProduct(GeneralisedForce(tau - weight));
-  proxy_.set_configuration(proxy_.integrate(proxy_.configuration(), v_, dt_));
   end_step(frames, x);
   return felt;
 }

@@ -111,8 +111,6 @@ void World::add_bodies(std::span<const int> tool_bodies) {
                          I(1, 2));
       dBodySetMass(handle(i), &mass);
       dBodySetGravityMode(handle(i), !is_tool && !body.weightless);
-      // The local model neglects these terms too (paper, footnote 2).
-      dBodySetGyroscopicMode(handle(i), !is_tool);
       set_pose(i, body.X_WB);
     }
     if (!is_tool) add_geometries(i);
