@@ -87,7 +87,11 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   LocalBodies bodies;
   for (const MovableBody& reported : update.bodies) {
     if (bodies.size() == bodies.capacity()) break;
-    if (impulses_.has_room_for(reported.id)) bodies.emplace_back(reported);
+    if (!impulses_.has_room_for(reported.id)) continue;
+    LocalBody& body = bodies.emplace_back(reported);
+    body.pending_W = impulses_.total(body.id) - reported.P_W -
+                     impulses_.between(body.id, static_cast<std::uint64_t>(update.impulse_step),
+                                       impulses_.step());
   }
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies,
@@ -106,17 +110,21 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
 
 /// Brings bodies and their own contacts from the step that an update is about to the present, under
 /// the impulses that came since.
-void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports,
-                        std::uint64_t from) const noexcept {
+void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept {
   if (bodies.empty()) return;
   const std::uint64_t now = impulses_.step();
-  std::uint64_t done = std::clamp(from, impulses_.oldest(), now);
+  const double start = std::clamp(from, static_cast<double>(impulses_.oldest()),
+                                  static_cast<double>(now));
+  auto done = static_cast<std::uint64_t>(start);
+  double into_step = start - static_cast<double>(done);
   const std::uint64_t stride = (now - done + kReplaySteps - 1) / kReplaySteps;
   while (done < now) {
     const std::uint64_t next = std::min(done + stride, now);
-    const double dt = static_cast<double>(next - done) * dt_;
+    const double dt = (static_cast<double>(next - done) - into_step) * dt_;
+    into_step = 0;
     for (LocalBody& body : bodies) {
-      const Vector6 P = impulses_.between(body.id, done, next);
+      const Vector6 P = body.pending_W + impulses_.between(body.id, done, next);
+      body.pending_W.setZero();
       body.V_W += body.B * body.B.transpose().lazyProduct(P);
     }
     const FrameMotions frames(proxy_, nullptr, bodies, dt);

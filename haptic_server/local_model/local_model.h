@@ -42,7 +42,7 @@ struct ModelUpdate {
   const Configuration& q_VE;  ///< Of the tool, for which the contacts hold.
   double age = 0;             ///< Of the contacts with constraints of the world, s.
   const MovableBodies& bodies = kNoBodies;
-  std::uint64_t impulse_step = 0;  ///< The bodies' state contains the impulses up to this step.
+  double impulse_step = 0;  ///< The bodies' state is that of this step; parts of a step count.
   double period = 0;               ///< Of the environment's frames, s.
 };
 
@@ -89,7 +89,7 @@ class LocalModel {
   ContactLaw contact_law(ContactStep step) const noexcept;
   ContactLaw support_law(double dt) const noexcept;
 
-  void replay(LocalBodies& bodies, LocalContacts& supports, std::uint64_t from) const noexcept;
+  void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
   void evaluate(const FrameMotions& frames) noexcept;
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
