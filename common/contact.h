@@ -70,6 +70,9 @@ struct MovableBody {
   /// eigenvalue.
   Matrix6 W = Matrix6::Zero();
   Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts, m/s², rad/s².
+  /// Total impulse of the tool that this state contains, of those that the server has reported
+  /// since the session began: N·s and N·m·s.
+  Vector6 P_W = Vector6::Zero();
 };
 
 using MovableBodies = StaticVector<MovableBody, kMaxBodies>;

@@ -5,6 +5,25 @@ namespace {
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
+/// Velocity or acceleration of a rigid body, or force on it, about a point fixed in the world.
+struct Spatial {
+  Vector3 linear = Vector3::Zero();
+  Vector3 angular = Vector3::Zero();
+};
+
+/// Force and torque about the point, for a body whose centre of mass is at `com` from it, that give
+/// it the spatial acceleration A at the spatial velocity V.
+Spatial inertial_force(const Link& link, const Matrix3& R_WL, const Vector3& com, const Spatial& V,
+                       const Spatial& A) noexcept {
+  const Vector3& omega = V.angular;
+  const Vector3 force =
+      link.mass * (A.linear + A.angular.cross(com) + omega.cross(V.linear + omega.cross(com)));
+  const auto inertia = [&](const Vector3& x) -> Vector3 {
+    return R_WL * (link.I_LCom * (R_WL.transpose() * x));
+  };
+  return {force, com.cross(force) + inertia(A.angular) + omega.cross(inertia(omega))};
+}
+
 }  // namespace
 
 ToolModel::ToolModel(const ToolDescription& tool) noexcept
@@ -169,6 +188,51 @@ GeneralisedForce ToolModel::gravity() const noexcept {
     G -= point_jacobian(i, com).transpose() * (link.mass * tool_.gravity_W);
   }
   return G;
+}
+
+/// Outwards the accelerations with q̈ = 0, inwards the forces that they take, all about the point
+/// where the root link's origin is now, which stays where it is while the root moves on.
+GeneralisedForce ToolModel::bias_force(const Velocity& v) const noexcept {
+  std::array<Spatial, kMaxLinks> V;
+  std::array<Spatial, kMaxLinks> A;
+  std::array<Spatial, kMaxLinks> force;
+  int first = 0;
+  for (int i = 0; i < links(); ++i) {
+    const Link& link = tool_.links[at(i)];
+    const Spatial parent_V = link.parent < 0 ? Spatial{} : V[at(link.parent)];
+    const Spatial parent_A = link.parent < 0 ? Spatial{} : A[at(link.parent)];
+    Spatial joint;
+    Vector3 translation = Vector3::Zero();  // Of the axes that the joint's rotations turn about.
+    for (const int end = first + joint_dof(link.joint); first < end; ++first) {
+      const Vector3 linear = v[first] * axes_.col(first).head<3>();
+      const Vector3 angular = v[first] * axes_.col(first).tail<3>();
+      joint.linear += linear;
+      joint.angular += angular;
+      if (angular.isZero(0)) translation += linear;
+    }
+    V[at(i)] = {parent_V.linear + joint.linear, parent_V.angular + joint.angular};
+    // The joint's axes are carried along by the parent, those of its rotations by its translations
+    // too.
+    A[at(i)] = {parent_A.linear + parent_V.angular.cross(joint.linear) +
+                    (parent_V.linear + translation).cross(joint.angular),
+                parent_A.angular + parent_V.angular.cross(joint.angular)};
+    force[at(i)] = inertial_force(link, X_WL(i).R.toRotationMatrix(),
+                                  X_WL(i) * link.p_LCom - X_WL_[0].p, V[at(i)], A[at(i)]);
+  }
+
+  GeneralisedForce c(dof_);
+  for (int i = links() - 1; i >= 0; --i) {
+    const Link& link = tool_.links[at(i)];
+    for (const int end = first - joint_dof(link.joint); first > end; --first) {
+      c[first - 1] = axes_.col(first - 1).head<3>().dot(force[at(i)].linear) +
+                     axes_.col(first - 1).tail<3>().dot(force[at(i)].angular);
+    }
+    if (i > 0) {
+      force[at(link.parent)].linear += force[at(i)].linear;
+      force[at(link.parent)].angular += force[at(i)].angular;
+    }
+  }
+  return c;
 }
 
 }  // namespace hlm

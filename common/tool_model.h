@@ -1,4 +1,5 @@
-// Kinematics and dynamics of a virtual tool: D(q), G(q) and Jacobians (docs/method.md 1, Eq. 7).
+// Kinematics and dynamics of a virtual tool: D(q), c(q, q̇), G(q) and Jacobians (docs/method.md 1,
+// Eq. 7).
 #pragma once
 
 #include <array>
@@ -21,7 +22,8 @@ using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMaxDof>;
 /// 3×d: velocity (world axes) of a point from q̇.
 using PointJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDof>;
 
-/// All quantities of a tool that depend on its configuration alone. No function allocates.
+/// A tool at one configuration: where its links are, how they move and what moves them. No function
+/// allocates.
 class ToolModel {
  public:
   /// `tool` must be valid (find_error). Starts at neutral().
@@ -54,8 +56,12 @@ class ToolModel {
 
   /// D(q), d×d, symmetric positive definite.
   MassMatrix mass_matrix() const noexcept;
-  /// G(q), N or N·m: the generalised force of weight stands on the left of Eq. 7, D q̈ + G = ….
+  /// G(q), N or N·m: the generalised force of weight stands on the left of Eq. 7, D q̈ + c + G = ….
   GeneralisedForce gravity() const noexcept;
+  /// c(q, q̇), N or N·m: Coriolis, centripetal and gyroscopic terms, on the left of Eq. 7 too. What
+  /// D q̈ would have to be balanced by if no coordinate accelerated; quadratic in q̇. By recursive
+  /// Newton-Euler (Featherstone, Rigid Body Dynamics Algorithms, 2008, 5.3).
+  GeneralisedForce bias_force(const Velocity& v) const noexcept;
 
  private:
   Pose joint_transform(const Link& link, int first) const noexcept;

@@ -39,6 +39,11 @@ void BodyImpulses::end_step() noexcept {
   at(step_ + 1).clear();
 }
 
+Vector6 BodyImpulses::total(std::uint32_t body) const noexcept {
+  const auto total = find(totals_, body);
+  return total != totals_.end() ? total->P_W : Vector6(Vector6::Zero());
+}
+
 Vector6 BodyImpulses::between(std::uint32_t body, std::uint64_t from,
                               std::uint64_t to) const noexcept {
   Vector6 sum = Vector6::Zero();

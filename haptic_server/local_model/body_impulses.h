@@ -40,6 +40,9 @@ class BodyImpulses {
   /// First step from which between() is complete.
   std::uint64_t oldest() const noexcept { return step_ < kHistory ? 0 : step_ - kHistory + 1; }
 
+  /// Since the session began; zero for a body that was never touched.
+  Vector6 total(std::uint32_t body) const noexcept;
+
   using Totals = StaticVector<Total, kMaxTouched>;
   const Totals& totals() const noexcept { return totals_; }
 

@@ -32,6 +32,9 @@ struct LocalBody {
   /// body has unit mass, and moves only as its joints allow.
   Jacobian B;
   Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts.
+  /// Impulse of the tool that the environment had yet to apply in the step that the update is
+  /// about.
+  Vector6 pending_W = Vector6::Zero();
 
   /// What an update found V_W to be wrong by; it enters over the steps of one frame.
   Twist correction = Twist::Zero();

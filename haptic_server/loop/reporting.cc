@@ -120,7 +120,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   return state;
 }
 
-protocol::Impulses impulses_of(const LocalModel& model, std::uint64_t contained) noexcept {
+protocol::Impulses impulses_of(const LocalModel& model, double contained) noexcept {
   protocol::Impulses impulses;
   impulses.step = model.impulses().step();
   const auto is_near = [&](std::uint32_t id) {
@@ -129,7 +129,7 @@ protocol::Impulses impulses_of(const LocalModel& model, std::uint64_t contained)
   };
   for (const BodyImpulses::Total& total : model.impulses().totals()) {
     if (impulses.bodies.size() == impulses.bodies.capacity()) break;
-    if (total.last_step <= contained && !is_near(total.body)) continue;
+    if (static_cast<double>(total.last_step) <= contained && !is_near(total.body)) continue;
     impulses.bodies.push_back({total.body, total.P_W});
   }
   return impulses;

@@ -33,6 +33,6 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
 
 /// What the tool has done to bodies: those of the latest update, and those that it has touched after
 /// `contained`, the step up to which the environment has the impulses.
-protocol::Impulses impulses_of(const LocalModel& model, std::uint64_t contained) noexcept;
+protocol::Impulses impulses_of(const LocalModel& model, double contained) noexcept;
 
 }  // namespace hlm::server

@@ -1,16 +1,8 @@
 // The tool model against MuJoCo, and against its own definitions by finite differences.
 #include "common/tool_model.h"
 
-#include <cstdio>
-#include <fstream>
-#include <memory>
-#include <sstream>
-
-#include <mujoco/mujoco.h>
-#include <stdlib.h>
-#include <unistd.h>
-
 #include "tests/support/catch.h"
+#include "tests/support/mujoco_tool.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
@@ -19,126 +11,15 @@ namespace {
 
 using test::Random;
 
-/// The same tool as a MuJoCo model.
-class MujocoTool {
- public:
-  explicit MujocoTool(const ToolDescription& tool) : tool_(tool) {
-    char path[] = "/tmp/haptic_tool_XXXXXX";
-    close(mkstemp(path));
-    std::ofstream(path) << xml();
-    char error[500] = "";
-    model_.reset(mj_loadXML(path, nullptr, error, sizeof error));
-    std::remove(path);
-    INFO(error << xml());
-    REQUIRE(model_ != nullptr);
-    data_.reset(mj_makeData(model_.get()));
-  }
-
-  void set_configuration(const Configuration& q) {
-    std::copy(q.begin(), q.end(), data_->qpos);
-    mj_forward(model_.get(), data_.get());
-  }
-
-  MassMatrix mass_matrix() const {
-    const int d = model_->nv;
-    Eigen::Matrix<double, -1, -1, Eigen::RowMajor> full(d, d);
-    mj_fullM(model_.get(), full.data(), data_->qM);
-    const MassMatrix T = to_mujoco();
-    return T.transpose() * full * T;
-  }
-
-  GeneralisedForce gravity() const {
-    return to_mujoco().transpose() *
-           Eigen::Map<const Eigen::VectorXd>(data_->qfrc_bias, model_->nv);
-  }
-
-  Jacobian jacobian(int link, const Vector3& p_W) const {
-    const int d = model_->nv;
-    Eigen::Matrix<double, 6, -1, Eigen::RowMajor> J(6, d);
-    mj_jac(model_.get(), data_.get(), J.data(), J.data() + 3 * d, p_W.data(), link + 1);
-    return J * to_mujoco();
-  }
-
- private:
-  /// MuJoCo gives a free joint's angular velocity in the body's axes, ours is in the joint's.
-  MassMatrix to_mujoco() const {
-    MassMatrix T = MassMatrix::Identity(model_->nv, model_->nv);
-    if (tool_.links[0].joint == JointType::kFree) {
-      const double* q = data_->qpos;
-      T.block<3, 3>(3, 3) = Quaternion(q[3], q[4], q[5], q[6]).toRotationMatrix().transpose();
-    }
-    return T;
-  }
-
-  std::string xml() const {
-    std::ostringstream out;
-    out.precision(17);
-    out << "<mujoco><compiler angle='radian' inertiafromgeom='false' balanceinertia='false'/>"
-        << "<option gravity='" << tool_.gravity_W.transpose() << "'/><worldbody>";
-    write_body(out, 0);
-    out << "</worldbody></mujoco>";
-    return out.str();
-  }
-
-  void write_body(std::ostream& out, int index) const {
-    const Link& link = tool_.links[static_cast<std::size_t>(index)];
-    const Quaternion& R = link.X_PJ.R;
-    const Matrix3& I = link.I_LCom;
-    out << "<body name='" << index << "' pos='" << link.X_PJ.p.transpose() << "' quat='" << R.w()
-        << ' ' << R.vec().transpose() << "'>";
-    write_joint(out, link);
-    out << "<inertial pos='" << link.p_LCom.transpose() << "' mass='" << link.mass
-        << "' fullinertia='" << I(0, 0) << ' ' << I(1, 1) << ' ' << I(2, 2) << ' ' << I(0, 1) << ' '
-        << I(0, 2) << ' ' << I(1, 2) << "'/>";
-    for (std::size_t i = 0; i < tool_.links.size(); ++i) {
-      if (tool_.links[i].parent == index) write_body(out, static_cast<int>(i));
-    }
-    out << "</body>";
-  }
-
-  static void write_joint(std::ostream& out, const Link& link) {
-    switch (link.joint) {
-      case JointType::kFixed:
-        return;
-      case JointType::kFree:
-        out << "<freejoint/>";
-        return;
-      case JointType::kPlanar:
-        out << "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/>"
-            << "<joint type='hinge' axis='0 0 1'/>";
-        return;
-      case JointType::kRevolute:
-      case JointType::kPrismatic:
-        out << "<joint type='" << (link.joint == JointType::kRevolute ? "hinge" : "slide")
-            << "' axis='" << link.axis.transpose() << "'/>";
-    }
-  }
-
-  ToolDescription tool_;
-  std::unique_ptr<mjModel, decltype(&mj_deleteModel)> model_{nullptr, &mj_deleteModel};
-  std::unique_ptr<mjData, decltype(&mj_deleteData)> data_{nullptr, &mj_deleteData};
-};
-
-/// A tree whose links keep their depth-first order, as MuJoCo numbers its bodies and joints.
-ToolDescription random_chain(Random& random, int count, JointType root) {
-  ToolDescription tool = test::random_tool(random, count, root);
-  for (int i = 1; i < count; ++i) tool.links[static_cast<std::size_t>(i)].parent = i - 1;
-  // A branch: the last link hangs on the root.
-  if (count > 2) tool.links.back().parent = 0;
-  // MuJoCo places a free joint in the world whatever its body's frame.
-  if (root == JointType::kFree) tool.links[0].X_PJ = Pose{};
-  return tool;
-}
-
 TEST_CASE("Mass matrix, gravity and Jacobians equal MuJoCo's for every kind of root") {
   Random random;
   const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute,
                                   JointType::kPrismatic, JointType::kFixed);
   const int count = GENERATE(2, 3, 7);
-  const ToolDescription tool = random_chain(random, count, root);
+  const ToolDescription tool = test::random_chain(random, count, root);
   REQUIRE(find_error(tool) == std::nullopt);
   ToolModel model(tool);
-  MujocoTool reference(tool);
+  test::MujocoTool reference(tool);
 
   for (int trial = 0; trial < 5; ++trial) {
     const Configuration q = test::random_configuration(random, model);
@@ -153,6 +34,70 @@ TEST_CASE("Mass matrix, gravity and Jacobians equal MuJoCo's for every kind of r
     CHECK((model.jacobian(link, p_W) - reference.jacobian(link, p_W)).cwiseAbs().maxCoeff() <
           tolerance);
   }
+}
+
+TEST_CASE("The bias force equals MuJoCo's for every kind of root") {
+  Random random;
+  const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute,
+                                  JointType::kPrismatic, JointType::kFixed);
+  const int count = GENERATE(2, 3, 7);
+  const ToolDescription tool = test::random_chain(random, count, root);
+  ToolModel model(tool);
+  test::MujocoTool reference(tool);
+
+  for (int trial = 0; trial < 5; ++trial) {
+    const Configuration q = test::random_configuration(random, model);
+    const Velocity v = test::random_velocity(random, model.dof(), 5.0);  // m/s, rad/s
+    model.set_configuration(q);
+    reference.set_configuration(q);
+    const GeneralisedForce expected = reference.bias_force(v) - reference.gravity();
+    // N and N·m, values up to 1000; the tolerance of inertias above, times |q̇|².
+    CHECK((model.bias_force(v) - expected).norm() < 1e-7 * (1 + expected.norm()));
+  }
+}
+
+/// Σ_jk (∂D_ij/∂q_k - ½ ∂D_jk/∂q_i) q̇_j q̇_k: Christoffel's symbols from differences of D(q). Only
+/// for coordinates whose rates are the velocities, that is without a free root.
+GeneralisedForce christoffel_force(ToolModel model, const Velocity& v) {
+  const double h = 1e-5;
+  const Configuration q = model.configuration();
+  GeneralisedForce c = GeneralisedForce::Zero(model.dof());
+  for (int k = 0; k < model.dof(); ++k) {
+    const auto mass_at = [&](double offset) {
+      model.set_configuration(q + offset * Configuration::Unit(model.dof(), k));
+      return model.mass_matrix();
+    };
+    const MassMatrix slope = (mass_at(h) - mass_at(-h)) / (2 * h);
+    c += v[k] * (slope * v);
+    c[k] -= 0.5 * v.dot(slope * v);
+  }
+  return c;
+}
+
+TEST_CASE("The bias force is that of Christoffel's symbols of D(q)") {
+  Random random;
+  const JointType root = GENERATE(JointType::kPlanar, JointType::kRevolute, JointType::kFixed);
+  ToolModel model(test::random_tool(random, GENERATE(2, 5, 8), root));
+  model.set_configuration(test::random_configuration(random, model));
+  const Velocity v = test::random_velocity(random, model.dof(), 3.0);
+  const GeneralisedForce expected = christoffel_force(model, v);
+  CHECK((model.bias_force(v) - expected).norm() < 1e-7 * (1 + expected.norm()));  // N, N·m
+}
+
+TEST_CASE("The bias force takes as much power as a change of D(q) gives: q̇ᵀc = ½ q̇ᵀḊq̇") {
+  Random random;
+  const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute);
+  ToolModel model(test::random_tool(random, GENERATE(1, 2, 7), root));
+  const Configuration q = test::random_configuration(random, model);
+  const Velocity v = test::random_velocity(random, model.dof(), 3.0);
+  const double h = 1e-6;
+  const auto energy_at = [&](double time) {
+    model.set_configuration(model.integrate(q, v, time));
+    return 0.5 * v.dot(model.mass_matrix() * v);
+  };
+  const double expected = (energy_at(h) - energy_at(-h)) / (2 * h);
+  model.set_configuration(q);
+  CHECK(v.dot(model.bias_force(v)) == Approx(expected).epsilon(1e-6).margin(1e-6));  // W
 }
 
 TEST_CASE("The hand Jacobian is the rate of the hand's pose") {

@@ -147,8 +147,6 @@ void World::add_bodies() {
                          I(1, 2));
       dBodySetMass(handle(i), &mass);
       dBodySetGravityMode(handle(i), !is_tool && !body.weightless);
-      // The local model neglects these terms too (paper, footnote 2).
-      dBodySetGyroscopicMode(handle(i), !is_tool);
       set_pose(i, body.X_WB);
     }
     std::vector<Convex>& convexes = shapes_.emplace_back();
