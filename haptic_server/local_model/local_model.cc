@@ -52,7 +52,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   const MassMatrix mass = proxy_.mass_matrix();
   const Eigen::LLT<MassMatrix> D(mass);
   const Jacobian J_h = proxy_.hand_jacobian();
-  const HandMap H = hand_map(D, J_h, proxy_.description().length);
+  const HandMap H = hand_map(proxy_, D, J_h);
   limit_stiffness(D, links, H);
   evaluate(links);
 
@@ -92,7 +92,7 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
 
   const LinkMotion links(proxy_);
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
-  const HandMap H = hand_map(D, proxy_.hand_jacobian(), proxy_.description().length);
+  const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
   limit_stiffness(D, links, H);
   evaluate(links);
 
