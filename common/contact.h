@@ -1,6 +1,7 @@
 // A contact between the virtual tool and the virtual environment, as the environment reports it.
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 
@@ -33,7 +34,7 @@ struct ContactSide {
   SideKind kind = SideKind::kWorld;
   std::uint32_t index = 0;  ///< Of the link; of a body, the environment's own number for it.
 
-  bool operator==(const ContactSide&) const = default;
+  auto operator<=>(const ContactSide&) const = default;
 };
 
 /// One active (separation <= 0) or ε-active (0 < separation <= ε) contact between two sides.
@@ -69,6 +70,9 @@ struct MovableBody {
   /// eigenvalue.
   Matrix6 W = Matrix6::Zero();
   Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts, m/s², rad/s².
+  /// Total impulse of the tool that this state contains, of those that the server has reported
+  /// since the session began: N·s and N·m·s.
+  Vector6 P_W = Vector6::Zero();
 };
 
 using MovableBodies = StaticVector<MovableBody, kMaxBodies>;

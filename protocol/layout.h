@@ -50,7 +50,7 @@ inline constexpr std::size_t kItemSize = 0;
 template <>
 inline constexpr std::size_t kItemSize<Link> = 162;
 template <>
-inline constexpr std::size_t kItemSize<MovableBody> = 292;
+inline constexpr std::size_t kItemSize<MovableBody> = 340;
 template <>
 inline constexpr std::size_t kItemSize<ReportedContact> = 100;
 template <>
@@ -173,7 +173,7 @@ void block(Io& io, M& update) requires std::same_as<const M, const ContactUpdate
   io.f64(update.compute_time, Sign::kNotNegative);
   io.u64(update.echo_step);
   io.f64(update.echo_hold, Sign::kNotNegative);
-  io.u64(update.impulse_step);
+  io.f64(update.impulse_step, Sign::kNotNegative);
   io.size(update.q_VE);
   io.size(update.v_VE);
   io.vector_within(update.q_VE, kLargestLength);
@@ -187,6 +187,7 @@ void fields(Io& io, M& body) requires std::same_as<const M, const MovableBody> {
   io.vector_within(body.V_W, kLargestSpeed);
   io.vector_within(body.A_W, kLargestAcceleration);
   io.symmetric(body.W);
+  io.vector(body.P_W);
 }
 
 template <class Io, class M>

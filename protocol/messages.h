@@ -105,7 +105,8 @@ struct ContactUpdate {
   double compute_time = 0;         ///< From sampling q_VE to sending this, s.
   std::uint64_t echo_step = 0;     ///< `step` of the newest proxy state received, 0 if none.
   double echo_hold = 0;            ///< From the arrival of that proxy state to sending this, s.
-  std::uint64_t impulse_step = 0;  ///< `step` of the impulses that the bodies' state contains.
+  /// The bodies' state contains the impulses up to this step; it may lie between two.
+  double impulse_step = 0;
   Configuration q_VE;              ///< Tool configuration for which the contacts were computed.
   Velocity v_VE;                   ///< Its generalised velocity.
   MovableBodies bodies;

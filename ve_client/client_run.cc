@@ -115,6 +115,7 @@ void ClientRun::go(const std::function<bool()>& stop) {
 }
 
 void ClientRun::begin() {
+  fault_reported_ = false;
   if (client_) {
     client_->close(clock_.now());
     environment_.emplace(with_start(world_, settings_.tool, start_), settings_.tool,
@@ -131,12 +132,28 @@ void ClientRun::begin() {
 
 void ClientRun::frame(double period) {
   if (page_) take_page_requests();
+  // Friction that a person has set holds instead of the materials'.
+  live_.frame.report_friction = live_.tuning.friction == own_tuning_.friction;
   const FrameResult result = run_frame(*environment_, *client_, clock_, period, live_.frame);
+  if (result.fault != nullptr) report(*result.fault);
   connection_.watch(clock_.now(), result.inbox, client_->connected());
   status_.count(result);
   status_.report(clock_.now(), *client_, environment_->proximity.statistics());
   if (page_) show(result);
   if (recording_) recording_->link.drain(recording_->file);
+}
+
+/// The world stands still. A page can reset it, and show it until then.
+void ClientRun::report(const std::string& fault) {
+  if (!page_) {
+    client_->close(clock_.now());
+    throw std::runtime_error(fault + ": the simulation went wrong");
+  }
+  if (!fault_reported_) {
+    spdlog::error("{}: the world stands still and force fades; Reset on the page starts it anew",
+                  fault);
+  }
+  fault_reported_ = true;
 }
 
 void ClientRun::take_page_requests() {

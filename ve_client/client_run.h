@@ -46,6 +46,7 @@ class ClientRun {
   /// The world as it was at the start, and a session on it.
   void begin();
   void frame(double period);
+  void report(const std::string& fault);
   void take_page_requests();
   /// welcome: null before the server has answered.
   void show_world(const protocol::Welcome* welcome);
@@ -73,6 +74,7 @@ class ClientRun {
   std::optional<HapticClient> client_;
   Connection connection_;
   Status status_;
+  bool fault_reported_ = false;  ///< Of the present environment.
 };
 
 }  // namespace hlm::ve

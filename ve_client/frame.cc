@@ -12,7 +12,8 @@ VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
     : assembly(assemble_tool(description, tool_name)),
       world(description, assembly.bodies),
       tool(world, assembly, follow),
-      proximity(world, assembly) {}
+      proximity(world, assembly),
+      surroundings(world, proximity) {}
 
 double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period) {
   // 1 covers steady speed and equal periods only; 2 nearly doubles the ghosts past edges.
@@ -21,34 +22,72 @@ double adapted_epsilon(const FrameOptions& options, double speed, double delay, 
   return std::clamp(travel, options.epsilon, std::max(options.epsilon, options.largest_epsilon));
 }
 
-FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
-                      double period, const FrameOptions& options) {
-  auto& [assembly, world, tool, proximity] = environment;
-  FrameResult result;
+namespace {
 
-  result.inbox = client.poll(clock.now());
+/// Takes over what the server says: where the tool goes, and its impulses on bodies.
+void follow_server(VirtualEnvironment& environment, const HapticClient& client, double period,
+                   FrameResult& result) {
+  auto& [assembly, world, tool, proximity, surroundings] = environment;
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
   }
+  for (const auto& [body, P_W] : client.impulses()) {
+    if (body < world.description().bodies.size() && world.is_movable(static_cast<int>(body))) {
+      world.add_wrench(static_cast<int>(body), P_W / period);
+    } else {
+      result.state_refused = true;
+    }
+  }
+}
 
+}  // namespace
+
+FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
+                      double period, const FrameOptions& options) {
+  auto& [assembly, world, tool, proximity, surroundings] = environment;
+  FrameResult result;
+  const auto stands_still = [&] {
+    result.fault = world.fault() ? &*world.fault() : nullptr;
+    return result.fault != nullptr;
+  };
+
+  result.inbox = client.poll(clock.now());
+  if (stands_still()) return result;
+  follow_server(environment, client, period, result);
+
+  // The tool pushes bodies by the impulses that the hand felt, and in no other way.
+  const bool by_impulses = client.connected() && client.welcome().capabilities.movable_bodies &&
+                           !options.push_by_following;
+  const auto stops_tool = [&](int body) { return !by_impulses || surroundings.is_obstacle(body); };
   const double reach = tool.follow(period);
-  world.step(period, proximity.within_reach(tool, reach));
+  world.step(period, proximity.within_reach(tool, reach, stops_tool),
+             [&](double h) { tool.pull(h); });
+  if (stands_still()) return result;
   tool.read_back();
 
   const double sampled_at = clock.now();
   client.sample(sampled_at, tool.q(), tool.v(), period);
   const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
-  const std::vector<FoundContact> contacts =
+  std::vector<FoundContact> contacts =
       select_contacts(proximity.query(tool, result.epsilon), assembly.planar_normal_W);
-
-  if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
-  client.send(clock.now(), reports_of(contacts));
-
   for (const FoundContact& contact : contacts) {
     ++(contact.separation <= 0 ? result.active : result.predicted);
   }
+  if (!options.report_friction) {
+    for (FoundContact& contact : contacts) contact.friction = -1;
+  }
+  if (by_impulses) {
+    surroundings.find(contacts, result.epsilon);
+    result.bodies = surroundings.bodies().size();
+    result.supports = surroundings.contacts().size();
+    contacts.insert(contacts.end(), surroundings.contacts().begin(), surroundings.contacts().end());
+  }
+
+  if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
+  client.send(clock.now(), reports_of(contacts),
+              by_impulses ? surroundings.bodies() : MovableBodies{});
   return result;
 }
 

@@ -9,6 +9,7 @@
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/clock.h"
 #include "ve_client/world/proximity.h"
+#include "ve_client/world/surroundings.h"
 #include "ve_client/world/virtual_tool.h"
 #include "ve_client/world/world.h"
 
@@ -24,6 +25,7 @@ struct VirtualEnvironment {
   World world;
   VirtualTool tool;
   Proximity proximity;
+  Surroundings surroundings;
 };
 
 inline constexpr Range kEpsilons{0, 0.1, "m"};
@@ -36,15 +38,28 @@ struct FrameOptions {
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
   double delay = 0;
+  /// Contacts of the tool carry the friction of the materials where the world states it; otherwise
+  /// the server's own holds everywhere.
+  bool report_friction = true;
+  /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
+  /// moving constraints: what a server without movable bodies gets. For comparisons.
+  bool push_by_following = false;
 };
 
 /// What a frame brought, for the caller to report.
 struct FrameResult {
-  HapticClient::Inbox inbox;   ///< `state` is valid until the next frame.
-  bool state_refused = false;  ///< The proxy state could not be followed (VirtualTool::can_follow).
-  std::size_t active = 0;      ///< Contacts sent with σ <= 0.
-  std::size_t predicted = 0;   ///< Contacts sent with σ > 0.
-  double epsilon = 0;          ///< ε of this frame, m.
+  HapticClient::Inbox inbox;  ///< `state` is valid until the next frame.
+  /// The proxy state could not be followed (VirtualTool::can_follow), or an impulse was on a body
+  /// that there is not.
+  bool state_refused = false;
+  /// Why the world stands still (World::fault); nothing is sent any more, so force fades. Null as
+  /// long as it moves.
+  const std::string* fault = nullptr;
+  std::size_t active = 0;     ///< Contacts of the tool sent with σ <= 0.
+  std::size_t predicted = 0;  ///< Contacts of the tool sent with σ > 0.
+  std::size_t bodies = 0;     ///< Movable bodies sent.
+  std::size_t supports = 0;   ///< Contacts sent of bodies without the tool.
+  double epsilon = 0;         ///< ε of this frame, m.
 };
 
 /// ε for a tool whose fastest point moves at `speed` (m/s): what it travels until contacts found

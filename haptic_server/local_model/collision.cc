@@ -2,51 +2,69 @@
 
 #include <algorithm>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 
 namespace hlm::server {
 namespace {
 
-/// Eigenvalues of L⁻¹ J_cᵀ J_c L⁻ᵀ below this part of the largest count as rounding of zero. Larger
-/// would let constraints at a small angle to each other through, smaller would invert noise.
+/// Eigenvalues of A Aᵀ below this part of the largest count as rounding of zero. Larger would let
+/// constraints at a small angle to each other through, smaller would invert noise.
 constexpr double kRankTolerance = 1e-12;
-/// Approach speeds below this part of the total are left unresolved. Smaller admits columns that
+/// Approach speeds below this part of the largest are left unresolved. Smaller admits columns that
 /// depend on those already chosen.
 constexpr double kApproachTolerance = 1e-9;
 
-/// (1+e) times the projection of u on the span of the columns of A, negated.
-Velocity newton(const ContactNormals& A, const Velocity& u, double restitution) noexcept {
-  const MassMatrix gram = A * A.transpose();
-  const Eigen::SelfAdjointEigenSolver<MassMatrix> eigen(gram);
+/// -(Aᵀ A)⁺ w = -Aᵀ (A Aᵀ)⁺² A w.
+ContactNumbers newton(const ImpulseColumns& A, const ContactNumbers& w) noexcept {
+  const SystemMatrix gram = A.lazyProduct(A.transpose());
+  const Eigen::SelfAdjointEigenSolver<SystemMatrix> eigen(gram);
   const double smallest = kRankTolerance * eigen.eigenvalues().maxCoeff();
-  Velocity change = Velocity::Zero(u.size());
-  for (Eigen::Index i = 0; i < u.size(); ++i) {
-    if (eigen.eigenvalues()[i] <= smallest) continue;
+  const Unknowns sum = A * w;
+  Unknowns twice_inverted = Unknowns::Zero(A.rows());
+  for (Eigen::Index i = 0; i < A.rows(); ++i) {
+    const double value = eigen.eigenvalues()[i];
+    if (value <= smallest) continue;
     const auto axis = eigen.eigenvectors().col(i);
-    change -= (1 + restitution) * axis.dot(u) * axis;
+    twice_inverted -= axis.dot(sum) / (value * value) * axis;
   }
-  return change;
+  return A.transpose() * twice_inverted;
 }
 
-/// Least squares min |A p - b| over p >= 0 by active sets (Lawson and Hanson 1974). The passive
-/// columns are independent, hence at most d.
-class NonnegativeLeastSquares {
+/// min |A p|²/2 + w·p over p >= 0 by active sets (after Lawson and Hanson 1974). The passive
+/// columns are independent, hence at most n.
+class NonnegativeImpulses {
  public:
-  NonnegativeLeastSquares(const ContactNormals& A, const Velocity& b) noexcept : A_(A), b_(b) {}
+  NonnegativeImpulses(const ImpulseColumns& A, const ContactNumbers& w,
+                      double independence) noexcept
+      : A_(A), w_(w), independence_(independence) {
+    for (Eigen::Index i = 0; i < A.cols(); ++i) {
+      const double length = A.col(i).norm();
+      lengths_.push_back(length);
+      if (length > 0) largest_approach_ = std::max(largest_approach_, std::abs(w[i]) / length);
+    }
+  }
 
-  /// A p.
-  Velocity solve() noexcept {
-    // Each round lowers the residual; the bound only guards against cycling by rounding.
-    const Eigen::Index most_rounds = 2 * kMaxDof + A_.cols();
+  ContactNumbers solve() noexcept {
+    // Each round lowers the objective; the bound only guards against cycling by rounding.
+    const Eigen::Index most_rounds = 2 * A_.rows() + A_.cols();
     for (Eigen::Index round = 0; round < most_rounds; ++round) {
       const Eigen::Index entering = most_violated();
       if (entering < 0 || passive_.size() == passive_.capacity()) break;
       passive_.push_back({entering, 0.0});
-      while (!step_towards_least_squares()) {
+      if (!factorise()) {
+        left_out_.push_back(entering);
+        passive_.pop_back();
+        factorise();
+        continue;
+      }
+      while (!step_towards_minimum()) {
+        factorise();
       }
     }
-    return image();
+    ContactNumbers p = ContactNumbers::Zero(A_.cols());
+    for (const Passive& passive : passive_) p[passive.column] = passive.p;
+    return p;
   }
 
  private:
@@ -54,45 +72,53 @@ class NonnegativeLeastSquares {
     Eigen::Index column;
     double p;
   };
-  using Columns = MassMatrix;
-
-  Velocity image() const noexcept {
-    Velocity sum = Velocity::Zero(b_.size());
-    for (const Passive& passive : passive_) sum += passive.p * A_.col(passive.column);
-    return sum;
-  }
 
   Eigen::Index most_violated() const noexcept {
-    const Velocity residual = b_ - image();
+    Unknowns change = Unknowns::Zero(A_.rows());
+    for (const Passive& passive : passive_) change += passive.p * A_.col(passive.column);
     Eigen::Index most = -1;
-    double largest = kApproachTolerance * b_.norm();
+    double largest = kApproachTolerance * largest_approach_;
     for (Eigen::Index i = 0; i < A_.cols(); ++i) {
-      const double gain = A_.col(i).dot(residual);
-      const double length = A_.col(i).norm();
-      if (gain > largest * length && !is_passive(i)) {
-        largest = gain / length;
+      const double approach = -(A_.col(i).dot(change) + w_[i]);
+      const double length = lengths_[static_cast<std::size_t>(i)];
+      if (approach > largest * length && !is_decided(i)) {
+        largest = approach / length;
         most = i;
       }
     }
     return most;
   }
 
-  bool is_passive(Eigen::Index column) const noexcept {
-    for (const Passive& passive : passive_) {
-      if (passive.column == column) return true;
-    }
-    return false;
+  bool is_decided(Eigen::Index column) const noexcept {
+    const auto is_column = [&](const Passive& passive) { return passive.column == column; };
+    return std::any_of(passive_.begin(), passive_.end(), is_column) ||
+           std::find(left_out_.begin(), left_out_.end(), column) != left_out_.end();
   }
 
-  /// Moves p to the least squares solution over the passive columns, or as far as it stays
-  /// non-negative; then the columns that reached zero leave, and false is returned.
-  bool step_towards_least_squares() noexcept {
+  /// Factorises the passive columns' Gram matrix. False if the last of them repeats the others.
+  bool factorise() noexcept {
     const auto count = static_cast<Eigen::Index>(passive_.size());
-    Columns columns(A_.rows(), count);
+    if (count == 0) return true;
+    SystemMatrix columns(A_.rows(), count);
     for (Eigen::Index i = 0; i < count; ++i) {
       columns.col(i) = A_.col(passive_[static_cast<std::size_t>(i)].column);
     }
-    const Velocity target = Eigen::ColPivHouseholderQR<Columns>(columns).solve(b_);
+    gram_.compute(columns.transpose().lazyProduct(columns));
+    const double length = lengths_[static_cast<std::size_t>(passive_.back().column)];
+    return gram_.info() == Eigen::Success &&
+           gram_.matrixLLT()(count - 1, count - 1) > independence_ * length;
+  }
+
+  /// Moves p to the minimum over the passive columns, or as far as it stays non-negative; then the
+  /// columns that reached zero leave, and false is returned.
+  bool step_towards_minimum() noexcept {
+    const auto count = static_cast<Eigen::Index>(passive_.size());
+    if (count == 0) return true;
+    Unknowns target(count);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      target[i] = -w_[passive_[static_cast<std::size_t>(i)].column];
+    }
+    gram_.solveInPlace(target);
 
     double portion = 1;
     for (Eigen::Index i = 0; i < count; ++i) {
@@ -110,28 +136,27 @@ class NonnegativeLeastSquares {
     return false;
   }
 
-  const ContactNormals& A_;
-  const Velocity& b_;
-  StaticVector<Passive, kMaxDof> passive_;
+  const ImpulseColumns& A_;
+  const ContactNumbers& w_;
+  double independence_;
+  double largest_approach_ = 0;
+  StaticVector<double, kMaxCollisions> lengths_;
+  Eigen::LLT<SystemMatrix> gram_;
+  StaticVector<Passive, kMaxUnknowns> passive_;
+  StaticVector<Eigen::Index, kMaxCollisions> left_out_;
 };
 
 }  // namespace
 
-GeneralisedForce collision_impulse(CollisionRule rule, const Eigen::LLT<MassMatrix>& D,
-                                   const ContactNormals& normals, const Velocity& v,
-                                   double restitution) noexcept {
-  // In u = Lᵀ q̇ kinetic energy is |u|²/2 and an impulse J_cᵀ p changes u by A p, A = L⁻¹ J_cᵀ.
-  const ContactNormals A = D.matrixL().solve(normals);
-  const Velocity u = D.matrixU() * v;
+ContactNumbers collision_impulses(CollisionRule rule, const ImpulseColumns& A,
+                                  const ContactNumbers& w, double independence) noexcept {
   switch (rule) {
     case CollisionRule::kNewton:
-      return D.matrixL() * newton(A, u, restitution);
-    case CollisionRule::kNonnegative: {
-      const Velocity b = -(1 + restitution) * u;
-      return D.matrixL() * NonnegativeLeastSquares(A, b).solve();
-    }
+      return newton(A, w);
+    case CollisionRule::kNonnegative:
+      return NonnegativeImpulses(A, w, independence).solve();
   }
-  return GeneralisedForce::Zero(v.size());
+  return ContactNumbers::Zero(A.cols());
 }
 
 }  // namespace hlm::server

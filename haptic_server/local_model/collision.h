@@ -1,26 +1,37 @@
-// Simultaneous frictionless collisions of the proxy with static constraints (docs/method.md 5,
+// Simultaneous frictionless collisions of tool, bodies and constraints (docs/method.md 5,
 // Eqs. 9-11).
 #pragma once
 
-#include <Eigen/Cholesky>
-
-#include "common/tool_model.h"
+#include "haptic_server/local_model/frames.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
 
 namespace hlm::server {
 
-/// d×m: column i is J_iᵀ n_i, so that J_c is its transpose.
-using ContactNormals =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDof, kMaxLocalContacts>;
+/// Contacts that are resolved at once; the penalty stops the others.
+inline constexpr std::size_t kMaxCollisions = 256;
 
-/// J_cᵀ p, the generalised impulse (N·s, N·m·s) that resolves the collisions, length d.
-/// D: Cholesky factor of the mass matrix; normals: of all colliding and penetrating contacts;
-/// v: q̇₀ before the collision; restitution: e.
-/// kNewton gives Eq. 11, p = -(1+e)(J_c D⁻¹ J_cᵀ)⁺ J_c q̇₀; kNonnegative the p >= 0 for which
-/// p ⟂ J_c D⁻¹ J_cᵀ p + (1+e) J_c q̇₀ >= 0. Neither adds kinetic energy.
-GeneralisedForce collision_impulse(CollisionRule rule, const Eigen::LLT<MassMatrix>& D,
-                                   const ContactNormals& normals, const Velocity& v,
-                                   double restitution) noexcept;
+/// n×m: how a unit impulse of each contact changes u, the velocities in coordinates of unit mass
+/// (u = Lᵀ q̇ for D = L Lᵀ): kinetic energy is |u|²/2.
+using ImpulseColumns =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxCollisions>;
+/// One number for each contact.
+using ContactNumbers = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxCollisions, 1>;
+
+/// Sine of the angle at which two contacts are told apart where constraints are at rest: below it
+/// their impulses are the inverse of rounding.
+inline constexpr double kDistinctAngle = 1e-6;
+/// How far, in radians, a contact whose constraint moves must lean from those already resolved to
+/// be resolved with them. Two moving walls that close on a tool like a wedge have impulses of the
+/// inverse of their angle; left out, such a contact is stopped by its penalty alone.
+inline constexpr double kWedgeAngle = 0.05;
+
+/// The impulses p (N·s) that resolve the collisions. w: for each contact (1 + e) times its normal
+/// velocity before the collision, m/s.
+/// kNewton gives Eq. 11, p = -(Aᵀ A)⁺ w; kNonnegative the p >= 0 for which p ⟂ Aᵀ A p + w >= 0.
+/// Neither adds kinetic energy where constraints are at rest, w = (1 + e) Aᵀ u. `independence`:
+/// sine of the angle below which kNonnegative leaves a contact to those that it nearly repeats.
+ContactNumbers collision_impulses(CollisionRule rule, const ImpulseColumns& A,
+                                  const ContactNumbers& w, double independence) noexcept;
 
 }  // namespace hlm::server

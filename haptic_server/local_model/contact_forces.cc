@@ -1,6 +1,7 @@
 #include "haptic_server/local_model/contact_forces.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <Eigen/Cholesky>
@@ -10,24 +11,52 @@ namespace {
 
 /// Rounds of the contact solver. Two are typical; what is undecided after the last is clamped.
 constexpr int kMaxPasses = 4;
-
-constexpr std::size_t at(int link) noexcept { return static_cast<std::size_t>(link); }
+/// Groups of contacts in one step: the tool's, and those of movable bodies among themselves.
+constexpr std::size_t kMaxGroups = 2;
 
 Vector3 tangential(const Vector3& v, const Vector3& n) noexcept { return v - n.dot(v) * n; }
 
-Vector3 point_velocity(const Twist& twist, const Vector3& arm) noexcept {
-  return twist.head<3>() + Vector3(twist.tail<3>()).cross(arm);
+Vector3 point_velocity(const Twist& V, const Vector3& arm) noexcept {
+  return V.head<3>() + V.tail<3>().cross(arm);
 }
 
-/// Velocity of the proxy's contact point against the constraint, along n and across it.
+/// Velocity of a contact's point on a against the one on b, along n and across it.
 struct RelativeVelocity {
   double normal;       ///< v_n, m/s.
   Vector3 tangential;  ///< m/s.
 };
-RelativeVelocity relative_velocity(const LocalContact& contact, const Twist& twist,
-                                   const Vector3& arm) noexcept {
-  const Vector3 v = point_velocity(twist, arm) - contact.v_WC;
+/// V: twist of frame a less that of frame b, about O; arm: of the point from O.
+inline RelativeVelocity relative_velocity(const LocalContact& contact, const Twist& V,
+                                          const Vector3& arm) noexcept {
+  const Vector3 v = point_velocity(V, arm) - contact.v_WC;
   return {contact.n_W.dot(v), tangential(v, contact.n_W)};
+}
+
+/// The twist of frame a less that of frame b; most contacts follow one of the same two frames.
+class RelativeTwists {
+ public:
+  explicit RelativeTwists(const FrameTwists& twists) noexcept : twists_(twists) {}
+
+  const Twist& of(const LocalContact& contact) noexcept {
+    if (contact.frame_a != a_ || contact.frame_b != b_) {
+      a_ = contact.frame_a;
+      b_ = contact.frame_b;
+      V_ = twists_[a_] - twists_[b_];
+    }
+    return V_;
+  }
+
+ private:
+  const FrameTwists& twists_;
+  FrameIndex a_ = kWorldFrame;
+  FrameIndex b_ = kWorldFrame;
+  Twist V_ = Twist::Zero();
+};
+
+/// Whether the contact may bear in this step: it is closed, or closes before the step ends.
+bool takes_part(const LocalContact& contact, const ContactLaw& law) noexcept {
+  if (contact.s <= 0) return true;
+  return law.step == ContactStep::kImplicit && contact.s + law.dt * contact.v_n < 0;
 }
 
 /// -k s - b v_n: the normal force before it is clamped, N.
@@ -38,141 +67,214 @@ double penalty(const LocalContact& contact, double v_n, const ContactLaw& law) n
 
 /// μ_s, μ_k: the materials' own where the environment gives it.
 double static_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  return contact.friction >= 0 ? contact.friction : law.static_friction;
+  return contact.friction >= 0 ? law.friction_scale * contact.friction : law.static_friction;
 }
 double kinetic_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  return contact.friction >= 0 ? contact.friction : law.kinetic_friction;
+  return contact.friction >= 0 ? law.friction_scale * contact.friction : law.kinetic_friction;
 }
 
-/// f*: what the tangential spring and damper ask for, N, on the tool.
+/// f*: what the tangential spring and damper ask for, N, on a.
 Vector3 elastic_friction(const LocalContact& contact, const Vector3& v_t,
                          const ContactLaw& law) noexcept {
   return -law.stiffness * (contact.z_W + law.dt * v_t) - law.damping * v_t;
 }
 
 /// How a contact takes part in one round of the solver.
-enum class Mode : std::uint8_t { kOff, kStick, kSlip };
+enum class Mode : std::uint8_t {
+  kOff,
+  kStick,
+  kSlip,    ///< Friction is at its limit.
+  kCapped,  ///< So is the normal force.
+};
 
 struct Trial {
   Mode mode = Mode::kOff;
-  Vector3 slip_force = Vector3::Zero();  ///< N, in mode kSlip.
-  Vector3 arm = Vector3::Zero();
+  std::uint16_t pair = 0;           ///< Index of its PairLoad.
+  Vector3 force = Vector3::Zero();  ///< What does not depend on the velocity in the mode: friction
+                                    ///< in kSlip, all in kCapped, N.
+  Vector3 arm = Vector3::Zero();    ///< Of the contact point from O, m.
 };
 using Trials = StaticVector<Trial, kMaxLocalContacts>;
 
-Trials first_trials(const LocalContacts& contacts, const LinkMotion& links,
-                    const ContactLaw& law) noexcept {
+/// What the contacts between two frames do in one round, about O: wrench on a less Z times the
+/// difference of the frames' twists.
+struct PairLoad {
+  FrameIndex a = kWorldFrame;
+  FrameIndex b = kWorldFrame;
+  Matrix6 impedance;
+  Wrench wrench;
+};
+using PairLoads = StaticVector<PairLoad, kMaxGroups * kMaxLocalContacts>;
+
+std::uint16_t pair_of(const LocalContact& contact, PairLoads& pairs) noexcept {
+  for (std::size_t i = pairs.size(); i-- > 0;) {
+    if (pairs[i].a == contact.frame_a && pairs[i].b == contact.frame_b) {
+      return static_cast<std::uint16_t>(i);
+    }
+  }
+  PairLoad& pair = pairs.emplace_back();
+  pair.a = contact.frame_a;
+  pair.b = contact.frame_b;
+  return static_cast<std::uint16_t>(pairs.size() - 1);
+}
+
+Trials first_trials(const ContactGroup& group, const FrameMotions& frames,
+                    PairLoads& pairs) noexcept {
   Trials trials;
-  for (const LocalContact& contact : contacts) {
+  for (const LocalContact& contact : group.contacts) {
     Trial& trial = trials.emplace_back();
-    if (contact.s > 0) continue;
-    trial.arm = links.arm(contact);
-    trial.mode =
-        contact.slipping || static_friction(contact, law) == 0 ? Mode::kSlip : Mode::kStick;
-    if (contact.slipping) trial.slip_force = tangential(contact.f_W, contact.n_W);
+    if (!takes_part(contact, group.law)) continue;
+    trial.pair = pair_of(contact, pairs);
+    trial.arm = contact.p_W - frames.reference_W();
+    const bool slips = contact.slipping || static_friction(contact, group.law) == 0;
+    trial.mode = slips ? Mode::kSlip : Mode::kStick;
+    if (contact.slipping) trial.force = tangential(contact.f_W, contact.n_W);
   }
   return trials;
 }
 
-/// Generalised impedance and force of the contacts in one round.
-struct System {
-  MassMatrix A;
-  GeneralisedForce r;
-};
-
-/// Adds the contact's force, f = f_0 - Z v_point, to its link's 6×6 impedance and wrench.
+/// Adds the contact's force, f = f_0 - Z v_point, to the load of its pair.
 void add_contact(const LocalContact& contact, const Trial& trial, const ContactLaw& law,
-                 Matrix6& impedance, Wrench& wrench) noexcept {
+                 PairLoad& load) noexcept {
   const double beta = law.damping + law.stiffness * law.dt;
   const Vector3& n = contact.n_W;
-  Vector3 f_0 = (-law.stiffness * contact.s + beta * contact.v_constr) * n;
-  Vector6 row;
-  row << n, trial.arm.cross(n);
+  Vector3 f_0 = trial.force;
+  if (trial.mode != Mode::kCapped) {
+    f_0 += (-law.stiffness * contact.s + beta * n.dot(contact.v_WC)) * n;
+  }
   if (trial.mode == Mode::kStick) {
     // Z = β I: the normal and both tangential directions share one impedance.
     f_0 += -law.stiffness * contact.z_W + beta * tangential(contact.v_WC, n);
     const Matrix3 arm = beta * skew(trial.arm);
-    impedance.topLeftCorner<3, 3>().diagonal().array() += beta;
-    impedance.topRightCorner<3, 3>() -= arm;
-    impedance.bottomLeftCorner<3, 3>() += arm;
-    impedance.bottomRightCorner<3, 3>().noalias() -= arm * skew(trial.arm);
-  } else {
-    f_0 += trial.slip_force;
-    impedance.noalias() += (beta * row) * row.transpose();
+    load.impedance.topLeftCorner<3, 3>().diagonal().array() += beta;
+    load.impedance.topRightCorner<3, 3>() -= arm;
+    load.impedance.bottomLeftCorner<3, 3>() += arm;
+    load.impedance.bottomRightCorner<3, 3>().noalias() -= arm * skew(trial.arm);
+  } else if (trial.mode == Mode::kSlip) {
+    Vector6 row;
+    row << n, trial.arm.cross(n);
+    load.impedance.noalias() += (beta * row) * row.transpose();
   }
-  wrench.head<3>() += f_0;
-  wrench.tail<3>() += trial.arm.cross(f_0);
+  load.wrench.head<3>() += f_0;
+  load.wrench.tail<3>() += trial.arm.cross(f_0);
 }
 
-System assemble(const LocalContacts& contacts, const Trials& trials, const LinkMotion& links,
-                const MassMatrix& E, const GeneralisedForce& r, const ContactLaw& law) noexcept {
-  StaticVector<Matrix6, kMaxLinks> impedance(static_cast<std::size_t>(links.count()),
-                                             Matrix6::Zero());
-  StaticVector<Wrench, kMaxLinks> wrench(static_cast<std::size_t>(links.count()), Wrench::Zero());
-  for (std::size_t i = 0; i < contacts.size(); ++i) {
-    if (trials[i].mode == Mode::kOff) continue;
-    const auto link = at(contacts[i].link());
-    add_contact(contacts[i], trials[i], law, impedance[link], wrench[link]);
+/// Adds J_relᵀ Z J_rel and J_relᵀ F of a pair, J_rel the Jacobian of a less that of b.
+void add_pair(const PairLoad& load, const FrameMotions& frames, double dt,
+              StepSystem& system) noexcept {
+  const FrameMotion& a = frames[load.a];
+  const FrameMotion& b = frames[load.b];
+  const Wrench F = dt * (load.wrench - load.impedance * (a.V_bias - b.V_bias));
+  const auto add = [&](const FrameMotion& frame, const Jacobian& J, double sign) {
+    const Jacobian ZJ = load.impedance.lazyProduct(J);
+    system.E.block(frame.first, frame.first, J.cols(), J.cols()) +=
+        dt * J.transpose().lazyProduct(ZJ);
+    system.r.segment(frame.first, J.cols()) += sign * J.transpose().lazyProduct(F);
+    return ZJ;
+  };
+  if (a.J.cols() > 0 && b.J.cols() > 0 && a.first == b.first) {
+    add(a, a.J - b.J, 1);
+    return;
   }
-  System system{E, r};
-  for (int i = 0; i < links.count(); ++i) {
-    const Jacobian& J = links.jacobian(i);
-    const Jacobian ZJ = impedance[at(i)].lazyProduct(J);
-    system.A += law.dt * J.transpose().lazyProduct(ZJ);
-    system.r += law.dt * J.transpose().lazyProduct(wrench[at(i)]);
-  }
-  return system;
+  if (a.J.cols() > 0) add(a, a.J, 1);
+  if (b.J.cols() == 0) return;
+  const Jacobian ZJ_b = add(b, b.J, -1);
+  if (a.J.cols() == 0) return;
+  const auto across = dt * a.J.transpose().lazyProduct(ZJ_b);
+  system.E.block(a.first, b.first, a.J.cols(), b.J.cols()) -= across;
+  system.E.block(b.first, a.first, b.J.cols(), a.J.cols()) -= across.transpose();
 }
 
-/// Decides each contact's mode anew for the velocity that a round gave. True if any changed.
-bool revise(const LocalContacts& contacts, const LinkTwists& twists, const ContactLaw& law,
-            Trials& trials) noexcept {
-  bool changed = false;
-  for (std::size_t i = 0; i < contacts.size(); ++i) {
-    const LocalContact& contact = contacts[i];
-    Trial& trial = trials[i];
-    if (contact.s > 0) continue;
-    const RelativeVelocity v = relative_velocity(contact, twists[at(contact.link())], trial.arm);
-    const double f_n = penalty(contact, v.normal, law);
-    Mode mode = Mode::kOff;
-    if (f_n > 0) {
-      const Vector3 f = elastic_friction(contact, v.tangential, law);
-      const double size = f.norm();
-      const bool slipped = trial.mode == Mode::kSlip;
-      const double mu = slipped ? kinetic_friction(contact, law) : static_friction(contact, law);
-      mode = size > mu * f_n ? Mode::kSlip : Mode::kStick;
-      if (mode == Mode::kSlip && size > 0) {
-        trial.slip_force = (kinetic_friction(contact, law) * f_n / size) * f;
-      }
+/// Decides a contact's mode anew for the velocity that a round gave. True if it changed.
+bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
+            Trial& trial) noexcept {
+  const RelativeVelocity v = relative_velocity(contact, V, trial.arm);
+  const double wanted = penalty(contact, v.normal, law);
+  const double f_n = std::min(wanted, contact.cap);
+  Mode mode = Mode::kOff;
+  if (f_n > 0) {
+    const Vector3 f = elastic_friction(contact, v.tangential, law);
+    const double size = f.norm();
+    const bool slipped = trial.mode == Mode::kSlip || trial.mode == Mode::kCapped;
+    const double mu = slipped ? kinetic_friction(contact, law) : static_friction(contact, law);
+    mode = size > mu * f_n ? Mode::kSlip : Mode::kStick;
+    trial.force.setZero();
+    if (mode == Mode::kSlip && size > 0) {
+      trial.force = (kinetic_friction(contact, law) * f_n / size) * f;
     }
-    changed |= mode != trial.mode;
-    trial.mode = mode;
+    if (wanted > contact.cap) {
+      if (mode == Mode::kStick) trial.force = f;
+      trial.force += f_n * contact.n_W;
+      mode = Mode::kCapped;
+    }
   }
+  const bool changed = mode != trial.mode;
+  trial.mode = mode;
   return changed;
 }
 
+/// One round: the loads of the pairs in the present modes, and the velocities that follow.
+class ContactSolver {
+ public:
+  ContactSolver(ContactGroups groups, const FrameMotions& frames, const StepSystem& given) noexcept
+      : groups_(groups), frames_(frames), given_(given) {
+    for (const ContactGroup& group : groups_) {
+      trials_.push_back(first_trials(group, frames_, pairs_));
+    }
+  }
+
+  Unknowns solve() noexcept {
+    for (PairLoad& pair : pairs_) {
+      pair.impedance.setZero();
+      pair.wrench.setZero();
+    }
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      for (std::size_t i = 0; i < trials_[g].size(); ++i) {
+        const Trial& trial = trials_[g][i];
+        if (trial.mode == Mode::kOff) continue;
+        add_contact(groups_[g].contacts[i], trial, groups_[g].law, pairs_[trial.pair]);
+      }
+    }
+    system_.E = given_.E;
+    system_.r = given_.r;
+    for (const PairLoad& pair : pairs_) add_pair(pair, frames_, groups_[0].law.dt, system_);
+    return system_.E.llt().solve(system_.r);
+  }
+
+  bool revise_modes(const Unknowns& x) noexcept {
+    const FrameTwists twists = frames_.twists(x);
+    RelativeTwists relative(twists);
+    bool changed = false;
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      const ContactGroup& group = groups_[g];
+      for (std::size_t i = 0; i < group.contacts.size(); ++i) {
+        const LocalContact& contact = group.contacts[i];
+        if (!takes_part(contact, group.law)) continue;
+        changed |= revise(contact, relative.of(contact), group.law, trials_[g][i]);
+      }
+    }
+    return changed;
+  }
+
+ private:
+  ContactGroups groups_;
+  const FrameMotions& frames_;
+  const StepSystem& given_;
+  StepSystem system_;
+  PairLoads pairs_;
+  StaticVector<Trials, kMaxGroups> trials_;
+};
+
 }  // namespace
 
-LinkMotion::LinkMotion(const ToolModel& proxy) noexcept {
-  for (int i = 0; i < proxy.links(); ++i) {
-    X_WL_.push_back(proxy.X_WL(i));
-    J_.push_back(proxy.jacobian(i, proxy.X_WL(i).p));
-  }
-}
-
-LinkTwists link_twists(const LinkMotion& links, const Velocity& v) noexcept {
-  LinkTwists twists;
-  for (int i = 0; i < links.count(); ++i) twists.push_back(links.jacobian(i).lazyProduct(v));
-  return twists;
-}
-
-void evaluate_contacts(LocalContacts& contacts, const LinkMotion& links,
-                       const LinkTwists& twists) noexcept {
+void evaluate_contacts(LocalContacts& contacts, const FrameMotions& frames) noexcept {
+  const FrameTwists twists = frames.twists();
+  RelativeTwists relative(twists);
   for (LocalContact& contact : contacts) {
     const bool was_impending = contact.state == ContactState::kImpending;
-    const Vector3 arm = links.arm(contact);
-    contact.s = contact.n_W.dot(links.pose(contact.link()).p + arm - contact.c_W);
-    contact.v_n = relative_velocity(contact, twists[at(contact.link())], arm).normal;
+    locate(contact, frames[contact.frame_a].X_W, frames[contact.frame_b].X_W);
+    const Vector3 arm = contact.p_W - frames.reference_W();
+    contact.v_n = contact.n_W.dot(point_velocity(relative.of(contact), arm) - contact.v_WC);
     if (contact.s > 0) {
       contact.state = ContactState::kImpending;
     } else if (contact.v_n > 0) {
@@ -183,20 +285,23 @@ void evaluate_contacts(LocalContacts& contacts, const LinkMotion& links,
   }
 }
 
-GeneralisedForce apply_contact_forces(LocalContacts& contacts, const LinkMotion& links,
-                                      const LinkTwists& twists, const ContactLaw& law) noexcept {
-  StaticVector<Wrench, kMaxLinks> wrench(static_cast<std::size_t>(links.count()), Wrench::Zero());
-  for (LocalContact& contact : contacts) {
+Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& frames,
+                              const Unknowns& x) noexcept {
+  const ContactLaw& law = group.law;
+  const FrameTwists twists = frames.twists(x);
+  RelativeTwists relative(twists);
+  StaticVector<Wrench, kMaxFrames> wrenches(frames.count(), Wrench::Zero());
+  for (LocalContact& contact : group.contacts) {
     contact.f_W.setZero();
     contact.loaded = false;
-    if (contact.s > 0) {
+    if (!takes_part(contact, law)) {
       contact.z_W.setZero();
       contact.slipping = false;
       continue;
     }
-    const Vector3 arm = links.arm(contact);
-    const RelativeVelocity v = relative_velocity(contact, twists[at(contact.link())], arm);
-    const double f_n = std::max(0.0, penalty(contact, v.normal, law));
+    const Vector3 arm = contact.p_W - frames.reference_W();
+    const RelativeVelocity v = relative_velocity(contact, relative.of(contact), arm);
+    const double f_n = std::clamp(penalty(contact, v.normal, law), 0.0, contact.cap);
     Vector3 f_t = elastic_friction(contact, v.tangential, law);
     const double size = f_t.norm();
     const double mu =
@@ -208,41 +313,43 @@ GeneralisedForce apply_contact_forces(LocalContacts& contacts, const LinkMotion&
         (-law.dt * f_t + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
     contact.loaded = f_n > 0;
     contact.f_W = f_n * contact.n_W + f_t;
-    wrench[at(contact.link())].head<3>() += contact.f_W;
-    wrench[at(contact.link())].tail<3>() += arm.cross(contact.f_W);
+    Wrench F;
+    F << contact.f_W, arm.cross(contact.f_W);
+    wrenches[contact.frame_a] += F;
+    wrenches[contact.frame_b] -= F;
   }
-  GeneralisedForce tau = GeneralisedForce::Zero(links.dof());
-  for (int i = 0; i < links.count(); ++i) {
-    tau += links.jacobian(i).transpose().lazyProduct(wrench[at(i)]);
+  Unknowns tau = Unknowns::Zero(frames.unknowns());
+  for (std::size_t i = 0; i < frames.count(); ++i) {
+    const FrameMotion& frame = frames[static_cast<FrameIndex>(i)];
+    if (frame.J.cols() == 0) continue;
+    tau.segment(frame.first, frame.J.cols()) += frame.J.transpose().lazyProduct(wrenches[i]);
   }
   return tau;
 }
 
-Velocity solve_contact_step(const LocalContacts& contacts, const LinkMotion& links,
-                            const MassMatrix& E, const GeneralisedForce& r,
-                            const ContactLaw& law) noexcept {
-  Trials trials = first_trials(contacts, links, law);
-  Velocity v;
+Unknowns solve_contact_step(ContactGroups groups, const FrameMotions& frames,
+                            const StepSystem& system) noexcept {
+  ContactSolver solver(groups, frames, system);
+  Unknowns x;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
-    const System system = assemble(contacts, trials, links, E, r, law);
-    v = system.A.llt().solve(system.r);
-    if (!revise(contacts, link_twists(links, v), law, trials)) break;
+    x = solver.solve();
+    if (!solver.revise_modes(x)) break;
   }
-  return v;
+  return x;
 }
 
-MassMatrix unit_stiffness(const LocalContacts& contacts, const LinkMotion& links) noexcept {
-  StaticVector<Matrix6, kMaxLinks> sum(static_cast<std::size_t>(links.count()), Matrix6::Zero());
+MassMatrix unit_stiffness(const LocalContacts& contacts, const ToolModel& tool) noexcept {
+  MassMatrix K = MassMatrix::Zero(tool.dof(), tool.dof());
   for (const LocalContact& contact : contacts) {
-    Vector6 row;
-    row << contact.n_W, links.arm(contact).cross(contact.n_W);
-    sum[at(contact.link())].noalias() += row * row.transpose();
-  }
-  MassMatrix K = MassMatrix::Zero(links.dof(), links.dof());
-  for (int i = 0; i < links.count(); ++i) {
-    const Jacobian& J = links.jacobian(i);
-    const Jacobian product = sum[at(i)].lazyProduct(J);
-    K += J.transpose().lazyProduct(product);
+    Velocity along = Velocity::Zero(tool.dof());
+    const auto add = [&](const ContactSide& side, double sign) {
+      if (side.kind != SideKind::kToolLink) return;
+      const PointJacobian J = tool.point_jacobian(static_cast<int>(side.index), contact.p_W);
+      along += sign * J.transpose().lazyProduct(contact.n_W);
+    };
+    add(contact.a, 1);
+    add(contact.b, -1);
+    K.noalias() += along * along.transpose();
   }
   return K;
 }

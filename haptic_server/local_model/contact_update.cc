@@ -5,40 +5,103 @@
 namespace hlm::server {
 namespace {
 
-using ReportsByIdentity = StaticVector<const ReportedContact*, kMaxContacts>;
+bool is_tool(const ContactSide& side) noexcept { return side.kind == SideKind::kToolLink; }
 
-/// Whether the local model has a place for the contact: the tool on side a, and not on both.
-bool is_usable(const ReportedContact& contact, const ToolModel& tool) noexcept {
-  return contact.a.kind == SideKind::kToolLink && contact.b.kind != SideKind::kToolLink &&
-         contact.a.index < static_cast<std::uint32_t>(tool.links());
+/// The frame of a side: the world's for a body that the local model does not have. Empty for a link
+/// that the tool does not have.
+std::optional<FrameIndex> frame_of(const ContactSide& side, const ToolModel& tool,
+                                   const LocalBodies& bodies) noexcept {
+  switch (side.kind) {
+    case SideKind::kWorld:
+      return kWorldFrame;
+    case SideKind::kToolLink:
+      if (side.index >= static_cast<std::uint32_t>(tool.links())) return std::nullopt;
+      return frame_of_link(side.index);
+    case SideKind::kMovableBody:
+      for (std::size_t slot = 0; slot < bodies.size(); ++slot) {
+        if (bodies[slot].id == side.index) return frame_of_body(tool, slot);
+      }
+      return kWorldFrame;
+  }
+  return std::nullopt;
 }
 
-/// The reports that a rule uses, sorted by identity, of equal ones the first.
-ReportsByIdentity sorted_reports(const ReportedContacts& reported, const ToolModel& tool,
-                                 UpdateRule rule) noexcept {
-  const bool only_active = rule == UpdateRule::kIntermediateRepresentation;
-  ReportsByIdentity sorted;
-  for (const ReportedContact& contact : reported) {
-    if (!is_usable(contact, tool)) continue;
-    if (!only_active || contact.separation <= 0) sorted.push_back(&contact);
+/// A report and the frames of its sides.
+struct Placed {
+  const ReportedContact* report;
+  FrameIndex a;
+  FrameIndex b;
+};
+using PlacedReports = StaticVector<Placed, kMaxContacts>;
+
+/// The reports that are wanted and have a place, sorted by identity, of equal ones the first.
+template <class Wanted>
+PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrames& frames,
+                             Wanted wanted) noexcept {
+  PlacedReports sorted;
+  for (const ReportedContact& report : reported) {
+    if (!wanted(report)) continue;
+    const auto a = frame_of(report.a, frames.tool, frames.bodies);
+    const auto b = frame_of(report.b, frames.tool, frames.bodies);
+    if (!a || !b || *a == kWorldFrame || *a == *b) continue;
+    sorted.push_back({&report, *a, *b});
   }
-  const auto before = [](const auto* a, const auto* b) {
-    return a->identity != b->identity ? a->identity < b->identity : a < b;
+  const auto before = [](const Placed& x, const Placed& y) {
+    if (x.report->identity != y.report->identity) return x.report->identity < y.report->identity;
+    return x.report < y.report;
   };
   if (!std::is_sorted(sorted.begin(), sorted.end(), before)) {
     std::sort(sorted.begin(), sorted.end(), before);
   }
-  const auto same = [](const auto* a, const auto* b) { return a->identity == b->identity; };
+  const auto same = [](const Placed& x, const Placed& y) {
+    return x.report->identity == y.report->identity;
+  };
   sorted.erase(std::unique(sorted.begin(), sorted.end(), same), sorted.end());
   return sorted;
 }
 
-/// Deforms the proxy: places the local contact point so that Eq. 3 gives s_plus now, over the foot
-/// of the tool's true point x_W on the constraint.
-void place_contact_point(LocalContact& contact, const Pose& X_WL, const Vector3& x_W,
+/// Fills in the contact as reported, its constraint `age` older; without its point on a.
+void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
+              double age) noexcept {
+  const ReportedContact& report = *placed.report;
+  contact.identity = report.identity;
+  contact.a = report.a;
+  contact.b = report.b;
+  contact.frame_a = placed.a;
+  contact.frame_b = placed.b;
+  contact.friction = report.friction;
+  if (placed.b == kWorldFrame) {
+    contact.v_constr = report.n_W.dot(report.v_WC);
+    contact.v_WC = contact.v_reported_W = report.v_WC;
+    contact.c_B = report.p_WC + contact.v_constr * age * report.n_W;
+    contact.n_B = report.n_W;
+  } else {
+    const Pose X_BW = frames.reported[placed.b].inverse();
+    contact.c_B = X_BW * report.p_WC;
+    contact.n_B = X_BW.R * report.n_W;
+  }
+}
+
+/// Where a's true point was when the contact was found, world, m.
+Vector3 reported_point(const Placed& placed) noexcept {
+  return placed.report->p_WC + placed.report->separation * placed.report->n_W;
+}
+
+/// Evaluates the constraint with its frame at X_WB. Returns σ for a's true point at x_W.
+double true_separation(LocalContact& contact, const Pose& X_WB, const Vector3& x_W) noexcept {
+  const bool in_world = contact.frame_b == kWorldFrame;
+  contact.c_W = in_world ? contact.c_B : X_WB * contact.c_B;
+  contact.n_W = in_world ? contact.n_B : X_WB.R * contact.n_B;
+  return contact.n_W.dot(x_W - contact.c_W);
+}
+
+/// Places the local contact point so that Eq. 3 gives s_plus with the frame of a at X_WA, over the
+/// foot of a's true point x_W on the constraint: deforms the proxy.
+void place_contact_point(LocalContact& contact, const Pose& X_WA, const Vector3& x_W, double sigma,
                          double s_plus) noexcept {
-  const Vector3 foot = x_W - contact.n_W.dot(x_W - contact.c_W) * contact.n_W;
-  contact.p_L = X_WL.R.conjugate() * (foot + s_plus * contact.n_W - X_WL.p);
+  contact.p_W = x_W + (s_plus - sigma) * contact.n_W;
+  contact.p_A = X_WA.R.conjugate() * (contact.p_W - X_WA.p);
+  contact.s = s_plus;
 }
 
 /// The friction anchor and the history of an existing contact survive its update.
@@ -47,6 +110,7 @@ void inherit(LocalContact& contact, const LocalContact& existing) noexcept {
   contact.slipping = existing.slipping;
   contact.loaded = existing.loaded;
   contact.state = existing.state;
+  contact.f_W = existing.f_W;
 }
 
 /// What of the change from s_p to s_plus the rule defers: s_plus stays behind by as much.
@@ -54,7 +118,7 @@ void defer(LocalContact& contact, std::optional<double> s_p, double& s_plus,
            const UpdatePolicy& policy) noexcept {
   const double held = std::min(s_p.value_or(0.0), 0.0);
   if (policy.rule == UpdateRule::kRetain && held < std::min(s_plus, 0.0)) {
-    contact.deferred_step = policy.release_step;
+    contact.deferred_step = policy.release_step();
   } else if (policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0)) {
     contact.deferred_step = std::abs(s_plus - held) / policy.recovery_steps;
   } else {
@@ -64,34 +128,22 @@ void defer(LocalContact& contact, std::optional<double> s_p, double& s_plus,
   s_plus = held;
 }
 
-void set_local_contact(LocalContact& contact, const ReportedContact& reported,
-                       const LocalContact* existing, const ToolModel& ve_tool,
-                       const ToolModel& proxy, double age, const UpdatePolicy& policy) noexcept {
-  const auto link = static_cast<int>(reported.a.index);
-  const Pose& X_WL = proxy.X_WL(link);
-  contact.identity = reported.identity;
-  contact.a = reported.a;
-  contact.b = reported.b;
-  contact.friction = reported.friction;
-  contact.n_W = reported.n_W;
-  contact.v_WC = reported.v_WC;
-  contact.v_constr = reported.n_W.dot(reported.v_WC);
-  contact.c_W = reported.p_WC + contact.v_constr * age * contact.n_W;
-
-  const Pose& X_WL_VE = ve_tool.X_WL(link);
-  const Vector3 p_true =
-      X_WL_VE.R.conjugate() * (reported.p_WC + reported.separation * reported.n_W - X_WL_VE.p);
-  const Vector3 x_W = X_WL * p_true;
-  const double sigma = contact.n_W.dot(x_W - contact.c_W);
-
+void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalContact* existing,
+                      const UpdateFrames& frames, double age, const UpdatePolicy& policy) noexcept {
+  describe(contact, placed, frames, age);
+  const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
+  const double sigma = true_separation(contact, frames.now[placed.b], x_W);
   std::optional<double> s_p;
-  if (existing != nullptr) s_p = separation(*existing, proxy);
+  if (existing != nullptr) s_p = separation(*existing, frames.before);
   double s_plus = updated_separation(policy.rule, sigma, s_p);
   defer(contact, s_p, s_plus, policy);
-  place_contact_point(contact, X_WL, x_W, s_plus);
+  place_contact_point(contact, frames.now[placed.a], x_W, sigma, s_plus);
 
   if (existing != nullptr) {
     inherit(contact, *existing);
+    if (contact.loaded && contact.frame_b == kWorldFrame && existing->frame_b == kWorldFrame) {
+      contact.v_WC = existing->v_WC;
+    }
   } else if (policy.rule == UpdateRule::kIntermediateRepresentation && sigma <= 0) {
     // Without history a contact that arrives penetrating is no collision: it would be one at every
     // update.
@@ -99,16 +151,74 @@ void set_local_contact(LocalContact& contact, const ReportedContact& reported,
   }
 }
 
+/// A contact among bodies and world, which begins with its load.
+void set_support(LocalContact& contact, const Placed& placed, const LocalContact* existing,
+                 const UpdateFrames& frames, double stiffness) noexcept {
+  describe(contact, placed, frames, 0);
+  const Vector3 x_W = reported_point(placed);
+  const double sigma = true_separation(contact, frames.reported[placed.b], x_W);
+  const double load = placed.report->load;
+  const double s_plus = load > 0 ? -load / stiffness : std::max(sigma, 0.0);
+  place_contact_point(contact, frames.reported[placed.a], x_W, sigma, s_plus);
+  if (existing != nullptr) inherit(contact, *existing);
+}
+
 /// Rule `retain`: a contact that carries load but is no longer reported is released, not dropped.
-LocalContact released(const LocalContact& contact, double s, const UpdatePolicy& policy) noexcept {
-  LocalContact retained = contact;
-  retained.orphaned = true;
-  retained.deferred = -s;
-  retained.deferred_step = policy.release_step;
-  return retained;
+/// Where its body is no longer in the update its constraint stays in the world. Empty if it carries
+/// none, or if its point's body is gone.
+std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
+                                     const UpdatePolicy& policy) noexcept {
+  locate(contact, frames.before[contact.frame_a], frames.before[contact.frame_b]);
+  const double f_n = std::max(contact.f_W.dot(contact.n_W), -policy.stiffness * contact.s);
+  const auto a = frame_of(contact.a, frames.tool, frames.bodies);
+  if (contact.s >= 0 || f_n <= 0 || !a || *a == kWorldFrame) return std::nullopt;
+  contact.frame_a = *a;
+  contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
+  contact.p_A = frames.now[contact.frame_a].inverse() * contact.p_W;
+  const Pose X_BW = frames.now[contact.frame_b].inverse();
+  contact.c_B = X_BW * contact.c_W;
+  contact.n_B = X_BW.R * contact.n_W;
+  contact.cap = std::min(contact.cap, f_n);
+  contact.deferred = 0;
+  return contact;
+}
+
+double load(const LocalContact& contact) noexcept { return contact.cap; }
+
+/// Adds what fits of the released contacts: the most loaded.
+void add_released(LocalContacts& contacts, LocalContacts& orphans) noexcept {
+  const std::size_t room = contacts.capacity() - contacts.size();
+  if (orphans.size() > room) {
+    std::nth_element(orphans.begin(), orphans.begin() + static_cast<std::ptrdiff_t>(room),
+                     orphans.end(), [](const auto& x, const auto& y) { return load(x) > load(y); });
+    orphans.resize(room);
+  }
+  contacts.insert(contacts.end(), orphans.begin(), orphans.end());
+  std::sort(contacts.begin(), contacts.end(),
+            [](const auto& x, const auto& y) { return x.identity < y.identity; });
+}
+
+/// Walks along the reports with the existing contact of the same identity or null, and along the
+/// existing contacts that are not reported.
+template <class Reported, class Unreported>
+void match(const PlacedReports& reports, const LocalContacts& existing, Reported reported,
+           Unreported unreported) noexcept {
+  auto old = existing.begin();
+  for (const Placed& placed : reports) {
+    while (old != existing.end() && old->identity < placed.report->identity) unreported(*old++);
+    const bool known = old != existing.end() && old->identity == placed.report->identity;
+    reported(placed, known ? &*old++ : nullptr);
+  }
+  while (old != existing.end()) unreported(*old++);
 }
 
 }  // namespace
+
+void UpdateFrames::set_now(const FramePoses& poses) noexcept {
+  now = poses;
+  moved.clear();
+  for (std::size_t i = 0; i < now.size(); ++i) moved.push_back(now[i] * reported[i].inverse());
+}
 
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept {
   switch (rule) {
@@ -123,42 +233,65 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
 }
 
 void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
-                  const ToolModel& ve_tool, const ToolModel& proxy, double age,
-                  const UpdatePolicy& policy, LocalContacts& updated) noexcept {
-  const ReportsByIdentity reports = sorted_reports(reported, proxy, policy.rule);
+                  const UpdateFrames& frames, double age, const UpdatePolicy& policy,
+                  LocalContacts& updated) noexcept {
+  const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
+  const PlacedReports reports =
+      sorted_reports(reported, frames, [&](const ReportedContact& report) {
+        return (is_tool(report.a) || is_tool(report.b)) && (!only_active || report.separation <= 0);
+      });
   updated.clear();
-  std::size_t room = policy.rule == UpdateRule::kRetain ? updated.capacity() - reports.size() : 0;
-  const auto pass_unreported = [&](const LocalContact& contact) {
-    const double s = separation(contact, proxy);
-    if (room == 0 || s >= 0) return;
-    --room;
-    updated.push_back(released(contact, s, policy));
-  };
-
-  auto old = existing.begin();
-  for (const ReportedContact* report : reports) {
-    while (old != existing.end() && old->identity < report->identity) pass_unreported(*old++);
-    const bool known = old != existing.end() && old->identity == report->identity;
-    set_local_contact(updated.emplace_back(), *report, known ? &*old++ : nullptr, ve_tool, proxy,
-                      age, policy);
-  }
-  while (old != existing.end()) pass_unreported(*old++);
+  LocalContacts orphans;
+  match(
+      reports, existing,
+      [&](const Placed& placed, const LocalContact* known) {
+        set_tool_contact(updated.emplace_back(), placed, known, frames, age, policy);
+      },
+      [&](const LocalContact& contact) {
+        if (policy.rule != UpdateRule::kRetain) return;
+        if (const auto orphan = released(contact, frames, policy)) orphans.push_back(*orphan);
+      });
+  if (!orphans.empty()) add_released(updated, orphans);
 }
 
-void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt) noexcept {
+void adopt_supports(const LocalContacts& existing, const ReportedContacts& reported,
+                    const UpdateFrames& frames, double stiffness, LocalContacts& updated) noexcept {
+  const PlacedReports reports = sorted_reports(reported, frames, [](const ReportedContact& report) {
+    return !is_tool(report.a) && !is_tool(report.b);
+  });
+  updated.clear();
+  match(
+      reports, existing,
+      [&](const Placed& placed, const LocalContact* known) {
+        set_support(updated.emplace_back(), placed, known, frames, stiffness);
+      },
+      [](const LocalContact&) {});
+}
+
+void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
+                      double damping, double dt) noexcept {
+  const double largest_change = policy.release_force / damping;  // m/s; infinite without damping
   for (LocalContact& contact : contacts) {
-    contact.c_W += contact.v_constr * dt * contact.n_W;
+    if (contact.frame_b == kWorldFrame) {
+      contact.c_B += contact.v_constr * dt * contact.n_B;
+      const Vector3 change = contact.v_reported_W - contact.v_WC;
+      const double size = contact.loaded ? change.norm() : 0;
+      contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
+    }
+    contact.cap -= policy.release_force;
     if (contact.deferred == 0) continue;
     // Once the contact is open, giving back the rest changes no force.
-    const bool open = contact.deferred > 0 && separation(contact, proxy) >= 0;
+    const bool open = contact.deferred > 0 && separation(contact, poses) >= 0;
     const double given =
         open ? contact.deferred
              : std::clamp(contact.deferred, -contact.deferred_step, contact.deferred_step);
-    contact.p_L += proxy.X_WL(contact.link()).R.conjugate() * (given * contact.n_W);
+    const Vector3 n_A =
+        poses[contact.frame_a].R.conjugate() * (poses[contact.frame_b].R * contact.n_B);
+    contact.p_A += given * n_A;
     contact.deferred -= given;
   }
   erase_if(contacts, [&](const LocalContact& contact) {
-    return contact.orphaned && (contact.deferred <= 0 || separation(contact, proxy) >= 0);
+    return contact.orphaned() && (contact.cap <= 0 || separation(contact, poses) >= 0);
   });
 }
 

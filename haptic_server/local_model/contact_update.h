@@ -5,40 +5,65 @@
 
 #include "common/contact.h"
 #include "common/tool_model.h"
+#include "haptic_server/local_model/frames.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
 
 namespace hlm::server {
 
 /// s⁺, the local separation that a contact is given at an update, m.
-/// sigma: true separation at the present proxy pose; s_p: separation of the existing local contact
-/// with the same identity, empty for a new one.
+/// sigma: true separation at the present poses; s_p: separation of the existing local contact with
+/// the same identity, empty for a new one.
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept;
 
 /// How adopt_update() changes separations.
 struct UpdatePolicy {
   UpdateRule rule = UpdateRule::kRetain;
-  double release_step = 0;  ///< `retain`: largest change of s in a step, m: Δf / k.
-  int recovery_steps = 10;  ///< `plane_recovery`: N.
+  double release_force = 0.5;  ///< `retain`: largest change of a force in a step, N.
+  double stiffness = 4000;     ///< k, N/m.
+  int recovery_steps = 10;     ///< `plane_recovery`: N.
+
+  /// Largest change of s in a step, m.
+  double release_step() const noexcept { return release_force / stiffness; }
 };
 
-/// The local contacts after an update, sorted by identity, into `updated` (another object than
-/// `existing`: contacts are large, so callers keep two sets and swap roles).
-/// existing: the contacts before, sorted by identity, their constraints advanced to now.
-/// reported: contacts of the environment for the tool at `ve_tool`, `age` seconds old. Those
-/// without the tool on side a, between two links, or with the identity of one before them are left
-/// out. proxy: the tool at the proxy's present configuration.
+/// Where the frames are that an update is about.
+struct UpdateFrames {
+  const ToolModel& tool;      ///< Tells which links there are.
+  const LocalBodies& bodies;  ///< Of the update; a body that is not among them is the world's.
+  FramePoses reported;        ///< As the environment had them when it found the contacts.
+  FramePoses before;          ///< Now, with the bodies that the existing contacts refer to.
+  FramePoses now{};           ///< With those of the update.
+  FramePoses moved{};         ///< From where they were reported to now.
+
+  void set_now(const FramePoses& poses) noexcept;
+};
+
+/// The contacts of the tool after an update, sorted by identity, into `updated` (another object
+/// than `existing`: contacts are large, so callers keep two sets and swap roles). existing: the
+/// contacts before, sorted by identity, their constraints advanced to now. reported: contacts of
+/// the environment, `age` seconds old where their constraint is the world's. Those without the
+/// tool, of links that it does not have, or with the identity of one before them are left out.
 void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
-                  const ToolModel& ve_tool, const ToolModel& proxy, double age,
-                  const UpdatePolicy& policy, LocalContacts& updated) noexcept;
+                  const UpdateFrames& frames, double age, const UpdatePolicy& policy,
+                  LocalContacts& updated) noexcept;
+
+/// The contacts of the bodies without the tool, as they were when the environment found them.
+/// Nobody feels them, so they begin with the load that is reported, on a penalty of `stiffness`
+/// (N/m).
+void adopt_supports(const LocalContacts& existing, const ReportedContacts& reported,
+                    const UpdateFrames& frames, double stiffness, LocalContacts& updated) noexcept;
 
 /// Moves constraints with their v_constr, and separations by what updates have deferred, for a step
-/// of dt seconds. Contacts that are released and no longer reported go.
-void advance_contacts(LocalContacts& contacts, const ToolModel& proxy, double dt) noexcept;
+/// of dt seconds. poses: at the end of the step. Contacts that are released and no longer reported
+/// go.
+void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
+                      double damping, double dt) noexcept;
 
-/// Eq. 3: separation of the contact at the proxy's configuration, m.
-inline double separation(const LocalContact& contact, const ToolModel& proxy) noexcept {
-  return contact.n_W.dot(proxy.X_WL(contact.link()) * contact.p_L - contact.c_W);
+/// Eq. 3: separation of the contact with the frames at these poses, m.
+inline double separation(LocalContact contact, const FramePoses& poses) noexcept {
+  locate(contact, poses[contact.frame_a], poses[contact.frame_b]);
+  return contact.s;
 }
 
 }  // namespace hlm::server

@@ -3,51 +3,71 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "common/contact.h"
 #include "common/spatial.h"
 #include "common/static_vector.h"
 #include "common/vocabulary.h"
+#include "haptic_server/local_model/frames.h"
 
 namespace hlm::server {
 
 struct LocalContact {
   std::uint64_t identity = 0;
-  /// The sides: a is a link of the tool, whose point p_L is; b is the world, or moves regardless of
-  /// the tool. Other sides have a Jacobian block each, and are left out at an update so far.
-  ContactSide a;
+  /// The sides as reported. a is a link of the tool or a movable body, whose point p_A is; b may
+  /// also be the world, which moves regardless of the tool.
+  ContactSide a{SideKind::kToolLink, 0};
   ContactSide b;
+  /// The frames that the sides move with. A body that the local model does not have is the world's.
+  FrameIndex frame_a = kFirstLinkFrame;
+  FrameIndex frame_b = kWorldFrame;
   double friction = -1;  ///< Of the two materials; negative: the local model's own.
 
-  // The local constraint: the plane through c with normal n, moving along n.
-  Vector3 c_W = Vector3::Zero();  ///< Point on the environment, world, m.
-  Vector3 n_W = Vector3::UnitZ();
-  Vector3 v_WC = Vector3::Zero();  ///< Velocity of the environment's point, world, m/s.
-  double v_constr = 0;             ///< Eq. 2: nᵀ v_c, m/s.
+  // The local constraint: the plane through c with normal n, fixed in the frame of b. In the world
+  // it moves along n at v_n of its own.
+  Vector3 c_B = Vector3::Zero();  ///< m.
+  Vector3 n_B = Vector3::UnitZ();
+  double v_constr = 0;  ///< Eq. 2: nᵀ v_c of a constraint in the world's frame, m/s.
+  /// Velocity of the point of a constraint in the world's frame as damping and friction meet it,
+  /// and as last reported, m/s: an update's change enters gradually.
+  Vector3 v_WC = Vector3::Zero();
+  Vector3 v_reported_W = Vector3::Zero();
 
-  /// Link of the tool on side a.
-  int link() const noexcept { return static_cast<int>(a.index); }
-
-  /// The local contact point: the tool's own point where the proxy is not deformed. Link frame, m.
-  Vector3 p_L = Vector3::Zero();
+  /// The local contact point: a's own point where the proxy is not deformed. Frame of a, m.
+  Vector3 p_A = Vector3::Zero();
 
   /// Change of the separation that an update has deferred, m, and the most of it that one step
   /// applies, m >= 0. Rule `retain` releases load (> 0), `plane_recovery` goes either way.
   double deferred = 0;
   double deferred_step = 0;
-  /// The environment no longer reports the contact; it goes once released.
-  bool orphaned = false;
+  /// Largest normal force of a contact that the environment no longer reports, N: it falls step by
+  /// step, and the contact goes when it is zero. Infinite while the contact is reported.
+  double cap = std::numeric_limits<double>::infinity();
+  bool orphaned() const noexcept { return cap < std::numeric_limits<double>::infinity(); }
 
+  // At the latest evaluation, in the world.
+  Vector3 p_W = Vector3::Zero();  ///< The local contact point, m.
+  Vector3 c_W = Vector3::Zero();  ///< m.
+  Vector3 n_W = Vector3::UnitZ();
+  double s = 0;    ///< Eq. 3, m.
+  double v_n = 0;  ///< Normal velocity of a's point against the constraint, m/s.
   ContactState state = ContactState::kImpending;
-  double s = 0;    ///< Eq. 3, at the latest evaluation, m.
-  double v_n = 0;  ///< Normal velocity of the proxy's point against the constraint, m/s.
 
   // Dry friction.
   Vector3 z_W = Vector3::Zero();  ///< Elastic deflection of the tangential anchor, world, m.
   bool slipping = false;
   bool loaded = false;            ///< Whether the normal force was > 0 in the latest step.
-  Vector3 f_W = Vector3::Zero();  ///< Contact force on the tool in the latest step, world, N.
+  Vector3 f_W = Vector3::Zero();  ///< Contact force on a in the latest step, world, N.
 };
+
+/// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.
+inline void locate(LocalContact& contact, const Pose& X_WA, const Pose& X_WB) noexcept {
+  contact.p_W = X_WA * contact.p_A;
+  contact.c_W = contact.frame_b == kWorldFrame ? contact.c_B : X_WB * contact.c_B;
+  contact.n_W = contact.frame_b == kWorldFrame ? contact.n_B : X_WB.R * contact.n_B;
+  contact.s = contact.n_W.dot(contact.p_W - contact.c_W);
+}
 
 /// Contacts of one update and the released rest of the update before.
 inline constexpr std::size_t kMaxLocalContacts = 2 * kMaxContacts;

@@ -1,7 +1,9 @@
 #include "haptic_server/local_model/local_model.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/free_motion.h"
 #include "haptic_server/local_model/stiffness_limit.h"
 
@@ -11,6 +13,16 @@ namespace {
 /// How fast the stiffness factor may change, 1/s. Faster is felt as a jump where contacts come or
 /// go under load; slower leaves the stiffness above its limit for longer.
 constexpr double kStiffnessScaleRate = 10;
+/// Stiffness and damping of contacts without the tool, N/m and N·s/m. Nobody feels them, so they
+/// may be as good as rigid: softer, a jammed body yields under the tool; much stiffer, rounding of
+/// their separation is felt.
+constexpr double kSupportStiffness = 1e6;
+constexpr double kSupportDamping = 1e3;
+/// On the friction of contacts without the tool. With 1, a body that slides in the environment
+/// sticks here now and then: it is lost and hit again.
+constexpr double kSupportFriction = 0.9;
+/// Most steps in which an update is brought to the present; longer loops take longer steps.
+constexpr std::uint64_t kReplaySteps = 60;
 
 ProxyContactState proxy_state(const LocalContacts& contacts) noexcept {
   ProxyContactState state = ProxyContactState::kFreeMotion;
@@ -19,6 +31,42 @@ ProxyContactState proxy_state(const LocalContacts& contacts) noexcept {
     if (contact.state != ContactState::kImpending) state = ProxyContactState::kResting;
   }
   return state;
+}
+
+bool is_closed(const LocalContact& contact) noexcept {
+  return contact.state == ContactState::kColliding || contact.state == ContactState::kPenetrating;
+}
+
+/// Jᵀ of a unit impulse along n, over all unknowns.
+Unknowns along_normal(const LocalContact& contact, const FrameMotions& frames) noexcept {
+  Vector6 row;
+  row << contact.n_W, (contact.p_W - frames.reference_W()).cross(contact.n_W);
+  Unknowns direction = Unknowns::Zero(frames.unknowns());
+  const auto add = [&](const FrameMotion& frame, double sign) {
+    if (frame.J.cols() == 0) return;
+    direction.segment(frame.first, frame.J.cols()) += sign * frame.J.transpose().lazyProduct(row);
+  };
+  add(frames[contact.frame_a], 1);
+  add(frames[contact.frame_b], -1);
+  return direction;
+}
+
+/// A step in which nothing acts but contacts: unit mass in all unknowns.
+StepSystem unit_system(const FrameMotions& frames) noexcept {
+  StepSystem system;
+  system.E.setIdentity(frames.unknowns(), frames.unknowns());
+  system.r.setZero(frames.unknowns());
+  return system;
+}
+
+void advance_bodies(LocalBodies& bodies, const FrameMotions& frames, std::size_t first_frame,
+                    const Unknowns& x, double dt) noexcept {
+  for (std::size_t slot = 0; slot < bodies.size(); ++slot) {
+    LocalBody& body = bodies[slot];
+    const FrameMotion& frame = frames[static_cast<FrameIndex>(first_frame + slot)];
+    const Twist change = body.B.lazyProduct(x.segment(frame.first, frame.J.cols()));
+    body.advance(body.free_twist(dt) + change, dt);
+  }
 }
 
 }  // namespace
@@ -34,106 +82,247 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
   ve_tool_.set_configuration(q);
 }
 
-void LocalModel::adopt(const ReportedContacts& reported, const Configuration& q_VE,
-                       double age) noexcept {
-  ve_tool_.set_configuration(q_VE);
-  const UpdatePolicy policy{.rule = parameters_.update_rule,
-                            .release_step = parameters_.release_step / parameters_.stiffness,
-                            .recovery_steps = parameters_.recovery_steps};
-  const LocalContacts& existing = present();
+void LocalModel::adopt(const ModelUpdate& update) noexcept {
+  ve_tool_.set_configuration(update.q_VE);
+  LocalBodies bodies;
+  for (const MovableBody& reported : update.bodies) {
+    if (bodies.size() == bodies.capacity()) break;
+    if (!impulses_.has_room_for(reported.id)) continue;
+    LocalBody& body = bodies.emplace_back(reported);
+    body.pending_W = impulses_.total(body.id) - reported.P_W -
+                     impulses_.between(body.id, static_cast<std::uint64_t>(update.impulse_step),
+                                       impulses_.step());
+  }
+  UpdateFrames frames{.tool = proxy_,
+                      .bodies = bodies,
+                      .reported = poses_of(ve_tool_, bodies),
+                      .before = poses_of(proxy_, bodies_)};
+  const LocalContacts& existing = contacts();
+  const LocalContacts& existing_supports = supports();
   current_ = 1 - current_;
-  adopt_update(existing, reported, ve_tool_, proxy_, age, policy, present());
+  adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
+  replay(bodies, present_supports(), update.impulse_step);
+  frames.set_now(poses_of(proxy_, bodies));
+  adopt_update(existing, update.contacts, frames, update.age, policy(), present());
+  correct_gradually(bodies, update.period);
+  bodies_ = bodies;
+}
+
+/// Brings bodies and their own contacts from the step that an update is about to the present, under
+/// the impulses that came since.
+void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept {
+  if (bodies.empty()) return;
+  const std::uint64_t now = impulses_.step();
+  const double start = std::clamp(from, static_cast<double>(impulses_.oldest()),
+                                  static_cast<double>(now));
+  auto done = static_cast<std::uint64_t>(start);
+  double into_step = start - static_cast<double>(done);
+  const std::uint64_t stride = (now - done + kReplaySteps - 1) / kReplaySteps;
+  while (done < now) {
+    const std::uint64_t next = std::min(done + stride, now);
+    const double dt = (static_cast<double>(next - done) - into_step) * dt_;
+    into_step = 0;
+    for (LocalBody& body : bodies) {
+      const Vector6 P = body.pending_W + impulses_.between(body.id, done, next);
+      body.pending_W.setZero();
+      body.V_W += body.B * body.B.transpose().lazyProduct(P);
+    }
+    const FrameMotions frames(proxy_, nullptr, bodies, dt);
+    evaluate_contacts(supports, frames);
+    const ContactGroup group{supports, support_law(dt)};
+    const Unknowns x = solve_contact_step({&group, 1}, frames, unit_system(frames));
+    apply_contact_forces(group, frames, x);
+    advance_bodies(bodies, frames, frame_of_body(proxy_, 0), x, dt);
+    done = next;
+  }
+}
+
+/// Bodies go on at the velocity that they have; what the update has found it to be wrong by enters
+/// over one frame, so that no damping force jumps.
+void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
+  for (LocalBody& body : updated) {
+    for (const LocalBody& known : bodies_) {
+      if (known.id != body.id) continue;
+      body.correction = body.V_W - known.V_W;
+      body.correction_steps = std::max(1, static_cast<int>(period / dt_));
+      body.V_W = known.V_W;
+    }
+  }
 }
 
 ContactWrench LocalModel::step(const HandInput& hand) noexcept {
-  advance_contacts(present(), proxy_, dt_);
-
-  const LinkMotion links(proxy_);
   const MassMatrix mass = proxy_.mass_matrix();
   const Eigen::LLT<MassMatrix> D(mass);
   const Jacobian J_h = proxy_.hand_jacobian();
   const HandMap H = hand_map(proxy_, D, J_h);
-  limit_stiffness(D, links, H);
-  evaluate(links);
+  FrameMotions frames(proxy_, &v_, bodies_, dt_);
+  evaluate(frames);
+  limit_stiffness(D, H);
 
   ContactWrench felt;
   if (state_ == ProxyContactState::kColliding) {
-    const GeneralisedForce impulse = collide(D, links);
-    v_ += D.solve(impulse);
-    felt.impulse = H.lazyProduct(impulse);
+    felt.impulse = H.lazyProduct(collide(frames, D));
+    frames = FrameMotions(proxy_, &v_, bodies_, dt_);
   }
 
-  // E v⁺ = r + Δt Σ J_iᵀ f_i: Eq. 7 with the hand's wrench at the end of the step.
+  // E x = r + Δt Σ J_iᵀ f_i: Eq. 7 with the hand's wrench at the end of the step, and the bodies.
   const ContactLaw law = contact_law(parameters_.contact_step);
   const bool implicit = law.step == ContactStep::kImplicit;
+  const int d = proxy_.dof();
   MassMatrix E = mass;
-  GeneralisedForce r = mass * v_ + dt_ * (J_h.transpose().lazyProduct(hand.F) - proxy_.gravity());
+  const GeneralisedForce weight = proxy_.gravity();
+  GeneralisedForce r = mass * v_ + dt_ * (J_h.transpose().lazyProduct(hand.F) - weight);
   if (implicit) {
     const Twist V = J_h.lazyProduct(v_);
     const Vector6 impedance = hand.damping + dt_ * hand.stiffness;
     E += dt_ * (J_h.transpose() * impedance.asDiagonal() * J_h);
     r += dt_ * J_h.transpose().lazyProduct(Vector6(hand.damping.cwiseProduct(V)));
   }
-  GeneralisedForce tau = GeneralisedForce::Zero(proxy_.dof());
-  if (state_ != ProxyContactState::kFreeMotion) {
-    const Velocity v = implicit ? solve_contact_step(present(), links, E, r, law) : v_;
-    tau = apply_contact_forces(present(), links, link_twists(links, v), law);
+  GeneralisedForce tau;
+  Unknowns x;
+  if (implicit) {
+    StepSystem system = unit_system(frames);
+    system.E.topLeftCorner(d, d) = E;
+    system.r.head(d) = r;
+    const std::array<ContactGroup, 2> groups{
+        {{present(), law}, {present_supports(), support_law(dt_)}}};
+    x = solve_contact_step(groups, frames, system);
+    tau = apply_contact_forces(groups[0], frames, x).head(d);
+    apply_contact_forces(groups[1], frames, x);
+  } else {
+    tau = apply_explicitly(frames, law, x);
   }
   v_ = E.llt().solve(r + dt_ * tau);
   move_freely(proxy_, v_, dt_);
-  felt.F = H.lazyProduct(tau);
+  felt.F = H.lazyProduct(GeneralisedForce(tau - weight));
+  end_step(frames, x);
   return felt;
 }
 
 ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noexcept {
   proxy_.set_configuration(q);
   v_ = v;
-  advance_contacts(present(), proxy_, dt_);
-
-  const LinkMotion links(proxy_);
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
   const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
-  limit_stiffness(D, links, H);
-  evaluate(links);
+  const FrameMotions frames(proxy_, &v_, bodies_, dt_);
+  evaluate(frames);
+  limit_stiffness(D, H);
 
+  Unknowns x;
+  const GeneralisedForce tau = apply_explicitly(frames, contact_law(ContactStep::kExplicit), x);
   ContactWrench felt;
-  const GeneralisedForce tau = apply_contact_forces(present(), links, link_twists(links, v_),
-                                                    contact_law(ContactStep::kExplicit)) -
-                               proxy_.gravity();
-  felt.F = H.lazyProduct(tau);
+  felt.F = H.lazyProduct(GeneralisedForce(tau - proxy_.gravity()));
+  end_step(frames, x);
   return felt;
 }
 
-/// J_cᵀ p over all colliding and penetrating contacts. Constraints count as static: contacts are
-/// chosen by their relative velocity, but v_constr adds no momentum.
-GeneralisedForce LocalModel::collide(const Eigen::LLT<MassMatrix>& D,
-                                     const LinkMotion& links) const noexcept {
-  ContactNormals normals(proxy_.dof(), static_cast<Eigen::Index>(contacts().size()));
-  Eigen::Index count = 0;
-  for (const LocalContact& contact : contacts()) {
-    if (contact.state != ContactState::kColliding && contact.state != ContactState::kPenetrating) {
-      continue;
-    }
-    Vector6 row;
-    row << contact.n_W, links.arm(contact).cross(contact.n_W);
-    normals.col(count++) = links.jacobian(contact.link()).transpose().lazyProduct(row);
-  }
-  normals.conservativeResize(Eigen::NoChange, count);
-  return collision_impulse(parameters_.collision_rule, D, normals, v_, parameters_.restitution);
+/// The tool's contacts with their forces at the start of the step: returns what they do to the
+/// tool, and x with what that does to the bodies.
+GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
+                                              Unknowns& x) noexcept {
+  const int d = proxy_.dof();
+  x.setZero(frames.unknowns());
+  x.head(d) = v_;
+  const Unknowns tau = apply_contact_forces({present(), law}, frames, x);
+  const ContactGroup supports{present_supports(), support_law(dt_)};
+  StepSystem system = unit_system(frames);
+  system.r.tail(x.size() - d) = dt_ * tau.tail(x.size() - d);
+  x.tail(x.size() - d) = solve_contact_step({&supports, 1}, frames, system).tail(x.size() - d);
+  apply_contact_forces(supports, frames, x);
+  return tau.head(d);
 }
 
-void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const LinkMotion& links,
-                                 const HandMap& H) noexcept {
+/// Impulses are kept, bodies and constraints go on.
+void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcept {
+  for (const LocalContact& contact : contacts()) {
+    if (contact.loaded) add_impulse(contact, dt_ * contact.f_W);
+  }
+  impulses_.end_step();
+  advance_bodies(bodies_, frames, frame_of_body(proxy_, 0), x, dt_);
+  const FramePoses poses = poses_of(proxy_, bodies_);
+  advance_contacts(present(), poses, policy(), parameters_.damping, dt_);
+}
+
+/// Keeps an impulse (N·s, world, at the contact's point) on side a, of which a body on side b
+/// receives the opposite.
+void LocalModel::add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept {
+  const auto add = [&](FrameIndex frame, const Vector3& impulse) {
+    const auto first = frame_of_body(proxy_, 0);
+    if (frame < first) return;
+    const LocalBody& body = bodies_[static_cast<std::size_t>(frame - first)];
+    Vector6 P;
+    P << impulse, (contact.p_W - body.X_WB.p).cross(impulse);
+    impulses_.add(body.id, P);
+  };
+  add(contact.frame_a, P_W);
+  add(contact.frame_b, -P_W);
+}
+
+/// Resolves the collisions of all closed contacts. Returns the generalised impulse on the tool.
+GeneralisedForce LocalModel::collide(const FrameMotions& frames,
+                                     const Eigen::LLT<MassMatrix>& D) noexcept {
+  const int d = proxy_.dof();
+  StaticVector<const LocalContact*, kMaxCollisions> closed;
+  const auto collect = [&closed](const LocalContacts& contacts) {
+    for (const LocalContact& contact : contacts) {
+      if (is_closed(contact) && closed.size() < closed.capacity()) closed.push_back(&contact);
+    }
+    return closed.size();
+  };
+  const std::size_t felt = collect(contacts());
+  collect(supports());
+
+  const auto count = static_cast<Eigen::Index>(closed.size());
+  ImpulseColumns A(frames.unknowns(), count);
+  ContactNumbers w(count);
+  bool constraints_move = false;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    const LocalContact& contact = *closed[index];
+    A.col(i) = along_normal(contact, frames);
+    A.col(i).head(d) = D.matrixL().solve(A.col(i).head(d));
+    const double e = index < felt ? parameters_.restitution : 0;
+    const double v_n = contact.v_n + contact.n_W.dot(contact.v_WC - contact.v_reported_W);
+    w[i] = (1 + e) * v_n;
+    constraints_move |= !contact.v_reported_W.isZero(0);
+  }
+  const ContactNumbers p = collision_impulses(parameters_.collision_rule, A, w,
+                                              constraints_move ? kWedgeAngle : kDistinctAngle);
+
+  const Unknowns u = A.lazyProduct(p);
+  const GeneralisedForce on_tool = D.matrixL() * GeneralisedForce(u.head(d));
+  v_ += D.solve(on_tool);
+  const std::size_t first = frame_of_body(proxy_, 0);
+  for (std::size_t slot = 0; slot < bodies_.size(); ++slot) {
+    const FrameMotion& frame = frames[static_cast<FrameIndex>(first + slot)];
+    bodies_[slot].V_W += bodies_[slot].B.lazyProduct(u.segment(frame.first, frame.J.cols()));
+  }
+  for (std::size_t i = 0; i < felt; ++i) {
+    if (p[static_cast<Eigen::Index>(i)] == 0) continue;
+    add_impulse(*closed[i], p[static_cast<Eigen::Index>(i)] * closed[i]->n_W);
+  }
+  return on_tool;
+}
+
+void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept {
   if (!limits_stiffness(parameters_)) return;
   const double target =
-      server::stiffness_scale(unit_stiffness(contacts(), links), D, H, parameters_);
+      server::stiffness_scale(unit_stiffness(contacts(), proxy_), D, H, parameters_);
   const double change = kStiffnessScaleRate * dt_;
   stiffness_scale_ = std::clamp(target, stiffness_scale_ - change, stiffness_scale_ + change);
 }
 
-void LocalModel::evaluate(const LinkMotion& links) noexcept {
-  evaluate_contacts(present(), links, link_twists(links, v_));
+void LocalModel::evaluate(const FrameMotions& frames) noexcept {
+  evaluate_contacts(present(), frames);
+  evaluate_contacts(present_supports(), frames);
   state_ = proxy_state(contacts());
+}
+
+UpdatePolicy LocalModel::policy() const noexcept {
+  return {.rule = parameters_.update_rule,
+          .release_force = parameters_.release_step,
+          .stiffness = parameters_.stiffness,
+          .recovery_steps = parameters_.recovery_steps};
 }
 
 ContactLaw LocalModel::contact_law(ContactStep step) const noexcept {
@@ -143,6 +332,16 @@ ContactLaw LocalModel::contact_law(ContactStep step) const noexcept {
           .kinetic_friction = parameters_.kinetic_friction,
           .dt = dt_,
           .step = step};
+}
+
+ContactLaw LocalModel::support_law(double dt) const noexcept {
+  return {.stiffness = kSupportStiffness,
+          .damping = kSupportDamping,
+          .static_friction = parameters_.static_friction,
+          .kinetic_friction = parameters_.kinetic_friction,
+          .friction_scale = kSupportFriction,
+          .dt = dt,
+          .step = ContactStep::kImplicit};
 }
 
 }  // namespace hlm::server

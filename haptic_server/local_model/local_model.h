@@ -1,4 +1,5 @@
-// The local model of interaction: a dynamic proxy of the virtual tool among local contacts.
+// The local model of interaction: a dynamic proxy of the virtual tool among local contacts, and the
+// movable bodies near it.
 //
 // Between two updates of the virtual environment it answers, at the servo rate, what the hand
 // feels. It knows no socket, clock, thread or device. No function allocates, locks, throws or
@@ -6,10 +7,11 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 
 #include "common/tool_model.h"
 #include "common/vocabulary.h"
-#include "haptic_server/local_model/collision.h"
+#include "haptic_server/local_model/body_impulses.h"
 #include "haptic_server/local_model/contact_forces.h"
 #include "haptic_server/local_model/contact_update.h"
 #include "haptic_server/local_model/hand_map.h"
@@ -26,10 +28,22 @@ struct HandInput {
   Vector6 damping = Vector6::Zero();    ///< Diagonal of B: N·s/m, then N·m·s/rad.
 };
 
-/// What the contacts do to the hand in one step, world axes, at the hand's frame.
+/// What contacts and weight do to the hand in one step, world axes, at the hand's frame.
 struct ContactWrench {
-  Wrench F = Wrench::Zero();        ///< Eq. 8: penalty and friction, N and N·m.
+  Wrench F = Wrench::Zero();        ///< Eq. 8: penalty, friction and the tool's weight, N and N·m.
   Wrench impulse = Wrench::Zero();  ///< Eq. 12 before division by Δt: N·s and N·m·s.
+};
+
+inline const MovableBodies kNoBodies;
+
+/// What the environment reports.
+struct ModelUpdate {
+  const ReportedContacts& contacts;
+  const Configuration& q_VE;  ///< Of the tool, for which the contacts hold.
+  double age = 0;             ///< Of the contacts with constraints of the world, s.
+  const MovableBodies& bodies = kNoBodies;
+  double impulse_step = 0;  ///< The bodies' state is that of this step; parts of a step count.
+  double period = 0;               ///< Of the environment's frames, s.
 };
 
 class LocalModel {
@@ -42,22 +56,26 @@ class LocalModel {
   /// Other parameters from here on; they must be valid.
   void set_parameters(const LocalModelParameters& parameters) noexcept { parameters_ = parameters; }
 
-  /// Takes over an update of the virtual environment, `age` seconds old, for the tool at q_VE.
-  void adopt(const ReportedContacts& reported, const Configuration& q_VE, double age) noexcept;
+  void adopt(const ModelUpdate& update) noexcept;
 
-  /// Moves the proxy by one step under the hand's wrench, weight and contacts (Eqs. 7-12).
+  /// Moves the proxy and the bodies by one step under the hand's wrench, weight and contacts
+  /// (Eqs. 7-12).
   ContactWrench step(const HandInput& hand) noexcept;
 
   /// Without proxy dynamics: puts the proxy at q with velocity v and evaluates its contacts there.
-  /// Weight is felt too. There is no impulse: what collides is the device, whose own mass the
-  /// contacts' penalty stops.
+  /// There is no impulse: what collides is the device, whose own mass the contacts' penalty stops.
   ContactWrench follow(const Configuration& q, const Velocity& v) noexcept;
 
   const ToolModel& proxy() const noexcept { return proxy_; }
   const Velocity& velocity() const noexcept { return v_; }
   /// Twist of the hand's frame, world axes.
   Twist hand_twist() const noexcept { return proxy_.hand_jacobian().lazyProduct(v_); }
+  /// Contacts of the tool.
   const LocalContacts& contacts() const noexcept { return contacts_[current_]; }
+  /// Contacts of the bodies without the tool.
+  const LocalContacts& supports() const noexcept { return supports_[current_]; }
+  const LocalBodies& bodies() const noexcept { return bodies_; }
+  const BodyImpulses& impulses() const noexcept { return impulses_; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
   double stiffness_scale() const noexcept { return stiffness_scale_; }
@@ -66,11 +84,20 @@ class LocalModel {
 
  private:
   LocalContacts& present() noexcept { return contacts_[current_]; }
-  GeneralisedForce collide(const Eigen::LLT<MassMatrix>& D, const LinkMotion& links) const noexcept;
-  void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const LinkMotion& links,
-                       const HandMap& H) noexcept;
-  void evaluate(const LinkMotion& links) noexcept;
+  LocalContacts& present_supports() noexcept { return supports_[current_]; }
+  UpdatePolicy policy() const noexcept;
   ContactLaw contact_law(ContactStep step) const noexcept;
+  ContactLaw support_law(double dt) const noexcept;
+
+  void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
+  void correct_gradually(LocalBodies& updated, double period) const noexcept;
+  void evaluate(const FrameMotions& frames) noexcept;
+  GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
+                                    Unknowns& x) noexcept;
+  GeneralisedForce collide(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D) noexcept;
+  void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept;
+  void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
+  void end_step(const FrameMotions& frames, const Unknowns& x) noexcept;
 
   LocalModelParameters parameters_;
   double dt_;
@@ -78,7 +105,10 @@ class LocalModel {
   ToolModel ve_tool_;
   Velocity v_;
   std::array<LocalContacts, 2> contacts_;  ///< The present ones, and room for the next update.
+  std::array<LocalContacts, 2> supports_;  ///< Likewise.
   std::size_t current_ = 0;
+  LocalBodies bodies_;
+  BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   double stiffness_scale_ = 1;
 };

@@ -15,9 +15,9 @@
 namespace hlm::server {
 namespace {
 
-/// Stack that the tick may use without a page fault, bytes. Far above what it needs, far below the
-/// 8 MB that a thread has.
-constexpr std::size_t kStack = 256 * 1024;
+/// Stack that the tick may use without a page fault, bytes. Above what it needs with the most
+/// bodies and contacts, below the 8 MB that a thread has.
+constexpr std::size_t kStack = 2 * 1024 * 1024;
 constexpr std::size_t kPage = 4096;
 
 /// Touches the stack's next pages, so that they are in RAM.

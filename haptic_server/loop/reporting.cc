@@ -83,6 +83,7 @@ protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint
           .silence_time = options.silence_time,
           .fade_time = options.limits.fade_time,
           .least_update_rate = 1 / options.silence_time,
+          .capabilities = {.movable_bodies = true, .axes = false, .self_contacts = true},
           .device = report_of(device)};
 }
 
@@ -117,6 +118,21 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.updates = updates;
   if (record.fault == Fault::kNonFinite) replace_non_finite(state);
   return state;
+}
+
+protocol::Impulses impulses_of(const LocalModel& model, double contained) noexcept {
+  protocol::Impulses impulses;
+  impulses.step = model.impulses().step();
+  const auto is_near = [&](std::uint32_t id) {
+    const auto& bodies = model.bodies();
+    return std::any_of(bodies.begin(), bodies.end(), [id](const auto& b) { return b.id == id; });
+  };
+  for (const BodyImpulses::Total& total : model.impulses().totals()) {
+    if (impulses.bodies.size() == impulses.bodies.capacity()) break;
+    if (static_cast<double>(total.last_step) <= contained && !is_near(total.body)) continue;
+    impulses.bodies.push_back({total.body, total.P_W});
+  }
+  return impulses;
 }
 
 }  // namespace hlm::server

@@ -80,6 +80,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   machine_.begin();
   step_ = 0;
   updates_ = 0;
+  contained_impulses_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
   telemetry_.begin();
   session_.accept(now, welcome(options_, fingerprint_, device_));
@@ -123,8 +124,14 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
     travel = std::max(0.0, round_trip - update.echo_hold) / 2;
   }
   record_.age = std::min(update.compute_time + travel, kLargestAge);
-  local_model_->adopt(traits(controller_.kind()).uses_contacts ? update.contacts : kNoContacts,
-                      update.q_VE, record_.age);
+  const bool uses_contacts = traits(controller_.kind()).uses_contacts;
+  local_model_->adopt({.contacts = uses_contacts ? update.contacts : kNoContacts,
+                       .q_VE = update.q_VE,
+                       .age = record_.age,
+                       .bodies = uses_contacts ? update.bodies : kNoBodies,
+                       .impulse_step = update.impulse_step,
+                       .period = update.ve_period});
+  contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();
   engine_.update(update.echo_step, {tool.X_WH(), tool.hand_jacobian().lazyProduct(update.v_VE)});
   ++updates_;
@@ -189,7 +196,10 @@ void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   const LocalModel* model = local_model_ ? &*local_model_ : nullptr;
   record_.adopted = session_.acknowledge(now, proxy_state(record_, step_, updates_, model));
-  if (model != nullptr) telemetry_.contacts(now, step_, *model, session_);
+  if (model == nullptr) return;
+  telemetry_.contacts(now, step_, *model, session_);
+  const protocol::Impulses impulses = impulses_of(*model, contained_impulses_);
+  if (!impulses.bodies.empty()) session_.inform(now, impulses);
 }
 
 }  // namespace hlm::server

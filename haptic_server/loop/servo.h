@@ -65,6 +65,7 @@ class Servo {
   Telemetry telemetry_;
   std::uint64_t step_ = 0;     ///< Of the session.
   std::uint64_t updates_ = 0;  ///< Adopted in the session.
+  double contained_impulses_ = 0;         ///< Step of those in the state of the newest update.
   TickRecord record_;
 };
 

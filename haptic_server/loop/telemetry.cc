@@ -21,16 +21,16 @@ protocol::TickSignals signals(const TickRecord& record, double previous_executio
           .limit = limit};
 }
 
-protocol::LocalContactReport report(const LocalContact& contact, const ToolModel& proxy) noexcept {
+protocol::LocalContactReport report(const LocalContact& contact) noexcept {
   return {.identity = contact.identity,
           .a = contact.a,
           .b = contact.b,
           .state = contact.state,
-          .retained = contact.deferred > 0,
+          .retained = contact.deferred > 0 || contact.orphaned(),
           .c_W = contact.c_W,
           .n_W = contact.n_W,
-          .p_W = proxy.X_WL(contact.link()) * contact.p_L,
-          .s = separation(contact, proxy),
+          .p_W = contact.p_W,
+          .s = contact.s,
           .f_W = contact.f_W};
 }
 
@@ -52,15 +52,16 @@ void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model
   if (!on_) return;
   state_.step = step;
   state_.contacts.clear();
-  const auto add = [&](bool touching) {
-    for (const LocalContact& contact : model.contacts()) {
+  const auto add = [&](const LocalContacts& contacts, bool touching) {
+    for (const LocalContact& contact : contacts) {
       if ((contact.s <= 0) != touching) continue;
       if (state_.contacts.size() == state_.contacts.capacity()) return;
-      state_.contacts.push_back(report(contact, model.proxy()));
+      state_.contacts.push_back(report(contact));
     }
   };
-  add(true);
-  add(false);
+  add(model.contacts(), true);
+  add(model.supports(), true);
+  add(model.contacts(), false);
   session.inform(now, state_);
 }
 

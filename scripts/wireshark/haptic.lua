@@ -239,6 +239,7 @@ local movable_body = group("movable_body", "Movable body", {
   twist("V_W", "Twist of the centre of mass, world", SPEED),
   acceleration("A_W", "Acceleration by all forces except contacts, world"),
   symmetric("W", "Inverse inertia, world [1/kg, 1/(kg m²)]", 6),
+  impulse("P_W", "Total impulse of the tool that this state contains, world"),
 })
 
 local contact = group("contact", "Contact", append(append({
@@ -368,7 +369,8 @@ local messages = {
     field(U64, "echo_step", "Step of the newest proxy state received, 0 if none"),
     field(F64, "echo_hold", "From the arrival of that proxy state to sending this", "s",
           NOT_NEGATIVE),
-    field(U64, "impulse_step", "Step of the impulses that the bodies' state contains"),
+    field(F64, "impulse_step", "Step up to which the bodies' state contains the impulses", "",
+          NOT_NEGATIVE),
     size("q_VE", MOST_COORDINATES),
     size("v_VE", MOST_VELOCITIES),
     coordinates("q_VE", "Tool configuration q_VE of the contacts", "m, rad", LENGTH),

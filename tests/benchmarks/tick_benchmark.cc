@@ -65,9 +65,9 @@ void tick(benchmark::State& state, bool adopts) {
   DeviceState device;
   device.X_WD = model.proxy().X_WH();
   device.F_hand = Wrench::Constant(0.05);
-  model.adopt(contacts, start.configuration(), 0.02);
+  model.adopt({.contacts = contacts, .q_VE = start.configuration(), .age = 0.02});
   for (auto _ : state) {
-    if (adopts) model.adopt(contacts, start.configuration(), 0.02);
+    if (adopts) model.adopt({.contacts = contacts, .q_VE = start.configuration(), .age = 0.02});
     const ContactWrench felt =
         model.step(controller.to_proxy(device, {model.proxy().X_WH(), model.hand_twist()}));
     const HandMotion proxy{model.proxy().X_WH(), model.hand_twist()};

@@ -18,14 +18,16 @@ using server::LocalContacts;
 using server::LocalModel;
 using server::TickRecord;
 
-double spring_force(const server::LocalContact& contact, const ToolModel& proxy, double stiffness) {
-  return stiffness * std::max(0.0, -server::separation(contact, proxy));
+double spring_force(const server::LocalContact& contact, const server::FramePoses& poses,
+                    double stiffness) {
+  return stiffness * std::max(0.0, -server::separation(contact, poses));
 }
 
-double spring_energy(const LocalContacts& contacts, const ToolModel& proxy, double stiffness) {
+double spring_energy(const LocalContacts& contacts, const server::FramePoses& poses,
+                     double stiffness) {
   double sum = 0;
   for (const server::LocalContact& contact : contacts) {
-    const double force = spring_force(contact, proxy, stiffness);
+    const double force = spring_force(contact, poses, stiffness);
     sum += force * force / (2 * stiffness);
   }
   return sum;
@@ -40,7 +42,7 @@ const server::LocalContact* find(const LocalContacts& contacts, std::uint64_t id
 
 /// What an update made of the contacts, with the proxy where it was.
 UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
-                     const ToolModel& proxy, double stiffness) {
+                     const server::FramePoses& poses, double stiffness) {
   UpdateEffect effect;
   Vector3 resultant = Vector3::Zero();
   const auto change = [&](double from, double to) {
@@ -49,18 +51,18 @@ UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
   };
   for (const server::LocalContact& contact : after) {
     const server::LocalContact* old = find(before, contact.identity);
-    const double force = spring_force(contact, proxy, stiffness);
+    const double force = spring_force(contact, poses, stiffness);
     resultant += force * contact.n_W;
-    change(old != nullptr ? spring_force(*old, proxy, stiffness) : 0, force);
+    change(old != nullptr ? spring_force(*old, poses, stiffness) : 0, force);
     if (old == nullptr) effect.arrived_n_W = contact.n_W;
   }
   for (const server::LocalContact& contact : before) {
-    const double force = spring_force(contact, proxy, stiffness);
+    const double force = spring_force(contact, poses, stiffness);
     resultant -= force * contact.n_W;
     if (find(after, contact.identity) == nullptr) change(force, 0);
   }
   effect.force = resultant.norm();
-  effect.energy = spring_energy(after, proxy, stiffness) - spring_energy(before, proxy, stiffness);
+  effect.energy = spring_energy(after, poses, stiffness) - spring_energy(before, poses, stiffness);
   return effect;
 }
 
@@ -70,23 +72,23 @@ class ModelObserver {
   ModelObserver(double stiffness, bool dynamic) : stiffness_(stiffness), dynamic_(dynamic) {}
 
   void see(const LocalModel& model, const TickRecord& record, Trace& trace) {
-    if (record.adopted > 0 && proxy_) {
-      trace.updates.push_back(compare(contacts_, model.contacts(), *proxy_, stiffness_));
+    if (record.adopted > 0 && !poses_.empty()) {
+      trace.updates.push_back(compare(contacts_, model.contacts(), poses_, stiffness_));
       trace.updates.back().time = record.time;
     }
+    const server::FramePoses poses = server::poses_of(model.proxy(), model.bodies());
     const Velocity& v = model.velocity();
     const double kinetic = dynamic_ ? 0.5 * v.dot(model.proxy().mass_matrix() * v) : 0;
-    trace.internal_energy.push_back(kinetic +
-                                    spring_energy(model.contacts(), model.proxy(), stiffness_));
+    trace.internal_energy.push_back(kinetic + spring_energy(model.contacts(), poses, stiffness_));
     contacts_ = model.contacts();
-    proxy_ = model.proxy();
+    poses_ = poses;
   }
 
  private:
   double stiffness_;
   bool dynamic_;
   LocalContacts contacts_;
-  std::optional<ToolModel> proxy_;
+  server::FramePoses poses_;  ///< At the end of the tick before; empty before the first.
 };
 
 bool couples_engine(const Method& method) { return !traits(method.controller).uses_contacts; }

@@ -77,13 +77,14 @@ ContactUpdate documented_update() {
   last.separation = -0.0005;
   last.v_WC = {0.5, 0, 0};
   last.friction = 0.25;
-  update.impulse_step = 1470;
+  update.impulse_step = 1470.25;
   MovableBody body;
   body.id = 5;
   body.p_WCom = {0.03, 0.05, 0};
   body.V_W << 0.5, 0, 0, 0, 0, 0.1;
   body.A_W << 0, -9.81, 0, 0, 0, 0;
   body.W.diagonal() << 2, 2, 2, 500, 500, 400;
+  body.P_W << 0.24, 0, 0, 0, 0, 0.001;
   update.bodies.push_back(body);
   return update;
 }

@@ -151,7 +151,7 @@ inline Expected expected_block(const protocol::ContactUpdate& update) {
   fields.number("compute_time", update.compute_time);
   fields.integer("echo_step", update.echo_step);
   fields.number("echo_hold", update.echo_hold);
-  fields.integer("impulse_step", update.impulse_step);
+  fields.number("impulse_step", update.impulse_step);
   fields.integer("size_q_VE", update.q_VE.size());
   fields.integer("size_v_VE", update.v_VE.size());
   fields.coordinates("q_VE", update.q_VE);
@@ -171,6 +171,7 @@ inline Expected expected_item(const MovableBody& body) {
                     body.W(row, column));
     }
   }
+  fields.halves("P_W", body.P_W);
   return fields;
 }
 

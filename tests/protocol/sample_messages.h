@@ -88,7 +88,7 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     contact.load = static_cast<float>(random.uniform(0, 10));
     update.contacts.push_back(contact);
   }
-  update.impulse_step = random.engine()();
+  update.impulse_step = random.uniform(0, 1e6);
   const int bodies = random.integer(0, static_cast<int>(kMaxBodies));
   for (int i = 0; i < bodies; ++i) {
     MovableBody body;
@@ -98,6 +98,7 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     body.A_W = random_vector6(random, 10);
     const Vector6 w = random_vector6(random, 1);
     body.W = Matrix6::Identity() + w * w.transpose();
+    body.P_W = random_vector6(random, 1);
     update.bodies.push_back(body);
   }
   return update;

@@ -34,12 +34,21 @@ class ScriptedServer {
     const protocol::ServerSession::Inbox inbox = session_.poll(now);
     if (inbox.hello) {
       hellos.push_back(*inbox.hello);
-      session_.accept(now, {.servo_rate = 1000, .fingerprint = 0});
+      session_.accept(now, {.servo_rate = 1000,
+                            .fingerprint = 0,
+                            .capabilities = {.movable_bodies = movable_bodies}});
       began_ = now;
+      impulses = {};
+    }
+    if (push) {
+      if (impulses.bodies.empty()) impulses.bodies.push_back({pushed_body, Vector6::Zero()});
+      impulses.bodies[0].P_W += *push * 0.001;
     }
     if (inbox.update) {
       updates.push_back(*inbox.update);
       session_.acknowledge(now, state(now));
+      impulses.step = state(now).step;
+      if (!impulses.bodies.empty()) session_.inform(now, impulses);
     }
     if (inbox.goodbye) goodbye = true;
   }
@@ -48,6 +57,10 @@ class ScriptedServer {
   std::vector<protocol::ContactUpdate> updates;
   std::optional<Configuration> forced_q;  ///< Sent instead of the proxy's configuration.
   bool goodbye = false;
+  bool movable_bodies = false;
+  std::optional<Wrench> push;  ///< On a body.
+  std::uint32_t pushed_body = 0;
+  protocol::Impulses impulses;  ///< Of the session.
 
  private:
   protocol::ProxyState state(double now) const {
@@ -68,10 +81,11 @@ class ScriptedServer {
 /// Client and server on one network, on the testbed.
 struct Setup {
   explicit Setup(test::LinkConditions conditions = {}, std::uint64_t seed = 1,
-                 Velocity velocity = Vector3(0, 0.1, 0))
+                 Velocity velocity = Vector3(0, 0.1, 0),
+                 const WorldDescription& world = test::repository_world("testbed.sdf"))
       : network(conditions, seed),
         server(std::make_unique<ScriptedServer>(network.server(), velocity)),
-        environment(test::repository_world("testbed.sdf"), "peg", {}),
+        environment(world, "peg", {}),
         client(network.client(), {.server = test::MemoryNetwork::kServer,
                                   .tool = environment.assembly.description,
                                   .q = environment.assembly.q}),
@@ -212,6 +226,128 @@ TEST_CASE("A proxy state that cannot be followed is refused and the tool stays")
   for (int i = 0; i < 10; ++i) refused |= setup.frame().state_refused;
   CHECK(refused);
   CHECK(setup.environment.tool.q().norm() < 1e-9);
+}
+
+/// A planar peg, and a brick of 1 kg and 1e-3 kg·m² whose near face is at y = 0.04; no weight.
+const WorldDescription& peg_and_brick() {
+  static const WorldDescription kWorld =
+      test::world_of(test::model("peg", "0 0 0 0 0 0", test::box("0.04 0.04 0.04"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>") +
+                     test::model("brick", "0 0.06 0 0 0 0", test::box("0.04 0.04 0.04")));
+  return kWorld;
+}
+constexpr int kBrick = 1;
+
+TEST_CASE("A body gains the impulses that the hand felt, exactly, whatever is lost on the way") {
+  Setup setup({.delay = 0.01, .jitter = 0.02, .loss = 0.3, .duplication = 0.1}, 3, Vector3(0, 0, 0),
+              peg_and_brick());
+  setup.server->movable_bodies = true;
+  setup.server->pushed_body = kBrick;
+  for (const Wrench& F : {Wrench(0.3, -1, 0.2, 0, 0, 0.01), Wrench(2, 1, 0, 0, 0, -0.02),
+                          Wrench(-0.1, 0, 5, 0, 0, 0.005)}) {
+    setup.server->push = F;
+    setup.run(0.3);
+  }
+  setup.server->push.reset();
+  setup.network.set_conditions({});
+  setup.run(0.3);
+  REQUIRE(setup.client.connected());
+  const Vector6& given = setup.server->impulses.bodies.at(0).P_W;
+  CHECK(given.norm() > 1);  // N·s
+  Vector6 gained = setup.environment.world.V_WB(kBrick);
+  gained.tail<3>() *= 1e-3;
+  CHECK((gained - given).norm() < 1e-9);
+}
+
+TEST_CASE("An update says which impulses its bodies contain") {
+  Setup setup({.delay = 0.01, .loss = 0.2}, 1, Vector3(0, 0.01, 0), peg_and_brick());
+  setup.server->movable_bodies = true;
+  setup.server->pushed_body = kBrick;
+  setup.server->push = Wrench(0, 0, 0, 0, 0, 0.02);  // Turns the brick.
+  setup.run(3);
+  std::uint64_t before = 0;
+  int with_body = 0;
+  for (const protocol::ContactUpdate& update : setup.server->updates) {
+    CHECK(update.impulse_step >= before);
+    before = update.impulse_step;
+    if (update.bodies.empty()) continue;
+    ++with_body;
+    CHECK(update.bodies[0].id == kBrick);
+    // 1e-3 kg·m², 0.02 N·m since step 1.
+    const double turn = 20.0 * static_cast<double>(update.impulse_step) * 0.001;
+    CHECK(update.bodies[0].V_W[5] == Approx(turn).margin(0.025));
+  }
+  CHECK(with_body > 10);
+}
+
+TEST_CASE("Totals begin anew with a session") {
+  Setup setup({}, 1, Vector3(0, 0, 0), peg_and_brick());
+  const auto push_for = [&](double duration) {
+    setup.server->movable_bodies = true;
+    setup.server->pushed_body = kBrick;
+    setup.server->push = Wrench(1, 0, 0, 0, 0, 0);
+    setup.run(duration);
+    setup.server->push.reset();
+    setup.run(0.2);
+  };
+  push_for(0.5);
+  const double first = setup.server->impulses.bodies.at(0).P_W[0];
+  setup.server = std::make_unique<ScriptedServer>(setup.network.server(), Vector3(0, 0, 0), 99);
+  push_for(1.5);
+  const double second = setup.server->impulses.bodies.at(0).P_W[0];
+  CHECK(second > 0.3);
+  CHECK(setup.environment.world.V_WB(kBrick)[0] == Approx(first + second).margin(1e-9));
+}
+
+TEST_CASE("The tool pushes a body by impulses alone where the server has them, else by following") {
+  const bool movable = GENERATE(true, false);
+  const bool by_following = GENERATE(true, false);
+  CAPTURE(movable, by_following);
+  Setup setup({}, 1, Vector3(0, 0.05, 0), peg_and_brick());
+  setup.server->movable_bodies = movable;
+  setup.run(1.5, {.push_by_following = by_following});
+  CHECK(setup.environment.tool.q().y() > 0.06);
+  const auto& updates = setup.server->updates;
+  const auto touched = std::find_if(updates.rbegin(), updates.rend(),
+                                    [](const auto& each) { return !each.contacts.empty(); });
+  REQUIRE(touched != updates.rend());
+  const protocol::ContactUpdate& update = *touched;
+  if (movable && !by_following) {
+    CHECK(setup.environment.world.V_WB(kBrick).isZero(0));
+    CHECK(update.bodies.size() == 1);
+    CHECK(update.contacts[0].b == ContactSide{SideKind::kMovableBody, kBrick});
+  } else {
+    CHECK(setup.environment.world.X_WB(kBrick).p.y() > 0.07);
+    CHECK(update.bodies.empty());
+    CHECK(update.contacts[0].b == ContactSide{SideKind::kWorld, kBrick});
+  }
+}
+
+TEST_CASE("Contacts carry the friction of the materials unless the server's is to hold") {
+  const auto friction = [](bool report) {
+    Setup setup;
+    setup.run(2, {.report_friction = report});
+    return setup.server->updates.back().contacts.at(0).friction;
+  };
+  CHECK(friction(true) == Approx(0.3));
+  CHECK(friction(false) < 0);
+}
+
+TEST_CASE("A world that went wrong stands still, says why, and sends nothing any more") {
+  Setup setup({}, 1, Vector3(0, 0, 0), peg_and_brick());
+  setup.server->movable_bodies = true;
+  setup.server->pushed_body = kBrick;
+  setup.run(0.5);
+  setup.server->push = Wrench(1e6, 0, 0, 0, 0, 0);
+  const std::string* fault = nullptr;
+  for (int i = 0; i < 10; ++i) fault = setup.frame().fault;
+  REQUIRE(fault != nullptr);
+  CHECK(fault->find("'brick::body'") != std::string::npos);
+  const std::size_t updates = setup.server->updates.size();
+  const Pose X_WB = setup.environment.world.X_WB(kBrick);
+  for (int i = 0; i < 10; ++i) setup.frame();
+  CHECK(setup.server->updates.size() == updates);
+  CHECK(setup.environment.world.X_WB(kBrick) == X_WB);
 }
 
 TEST_CASE("Closing tells the server") {

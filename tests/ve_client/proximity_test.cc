@@ -29,7 +29,7 @@ struct Scene {
     constexpr double kStep = 1.0 / 60;
     tool.set_target(q, Velocity::Zero(tool.v().size()));
     const double reach = tool.follow(kStep);
-    world.step(kStep, proximity.within_reach(tool, reach));
+    world.step(kStep, proximity.within_reach(tool, reach), [&](double h) { tool.pull(h); });
     tool.read_back();
     return select_contacts(proximity.query(tool, epsilon), assembly.planar_normal_W);
   }
@@ -54,7 +54,7 @@ std::vector<FoundContact> with_shape(const std::vector<FoundContact>& contacts,
                                      std::uint8_t shape) {
   std::vector<FoundContact> found;
   for (const FoundContact& contact : contacts) {
-    if (contact.key.body_feature.shape == shape) found.push_back(contact);
+    if (contact.key.b_feature.shape == shape) found.push_back(contact);
   }
   return found;
 }
@@ -155,9 +155,9 @@ TEST_CASE("A contact names link, shapes and body; fixed bodies stand still") {
   const double bend = std::atan2(-0.1, -0.1) + std::asin(0.042 / std::hypot(0.1, 0.1));
   const std::vector<FoundContact> contacts = scene.contacts_at(Eigen::Vector2d(0, bend), 0.005);
   const auto forearm = std::ranges::find_if(
-      contacts, [](const FoundContact& contact) { return contact.key.link == 1; });
+      contacts, [](const FoundContact& contact) { return contact.key.a.index == 1; });
   REQUIRE(forearm != contacts.end());
-  CHECK(description.bodies[forearm->key.body].name == "post::body");
+  CHECK(description.bodies[forearm->key.b.index].name == "post::body");
   CHECK(forearm->v_WC.isZero(0));
   CHECK(forearm->separation == Approx(0.002).margin(1e-6));
 }
@@ -174,7 +174,7 @@ TEST_CASE("Shapes of one link are distinguished") {
   const auto contacts = scene.proximity.query(scene.tool, 0.005);
   REQUIRE(contacts.size() == 8);
   CHECK(std::ranges::count_if(contacts, [](const FoundContact& contact) {
-          return contact.key.tool_feature.shape == 1;
+          return contact.key.a_feature.shape == 1;
         }) == 4);
 }
 

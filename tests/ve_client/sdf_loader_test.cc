@@ -97,15 +97,17 @@ TEST_CASE("A plane's normal is its shape's z axis") {
 }
 
 TEST_CASE("A joint has its frame, axis and limits") {
-  const WorldDescription world =
-      world_of("<model name='m'><pose>0 0 1 0 0 0</pose><link name='a'>" + kInertial +
-               "</link>"
-               "<link name='b'><pose>1 0 0 0 0 1.5707963267948966</pose>" +
-               kInertial +
-               "</link>"
-               "<joint name='j' type='revolute'><pose>0.25 0 0 0 0 0</pose><parent>a</parent>"
-               "<child>b</child><axis><xyz expressed_in='__model__'>1 0 0</xyz>"
-               "<limit><lower>-0.5</lower><upper>1.5</upper></limit></axis></joint></model>");
+  const WorldDescription world = world_of(
+      "<model name='m'><pose>0 0 1 0 0 0</pose><link name='a'>" + kInertial +
+      "</link>"
+      "<link name='b'><pose>1 0 0 0 0 1.5707963267948966</pose>" +
+      kInertial +
+      "</link>"
+      "<joint name='j' type='revolute'><pose>0.25 0 0 0 0 0</pose><parent>a</parent>"
+      "<child>b</child><axis><xyz expressed_in='__model__'>1 0 0</xyz>"
+      "<limit><lower>-0.5</lower><upper>1.5</upper></limit><dynamics><damping>0.1</damping>"
+      "<spring_stiffness>2</spring_stiffness><spring_reference>0.3</spring_reference>"
+      "</dynamics></axis></joint></model>");
   const JointDescription& joint = world.joints.at(0);
   CHECK(joint.type == JointType::kRevolute);
   CHECK(joint.parent == 0);
@@ -114,6 +116,26 @@ TEST_CASE("A joint has its frame, axis and limits") {
   CHECK((joint.X_WJ.R * joint.axis_J).isApprox(Vector3::UnitX(), 1e-12));
   CHECK(joint.lower == -0.5);
   CHECK(joint.upper == 1.5);
+  CHECK(joint.stiffness == 2);
+  CHECK(joint.rest == 0.3);
+  CHECK(joint.damping == 0.1);
+}
+
+TEST_CASE("Of <physics> the step and the iterations count, where they are given") {
+  const WorldDescription plain = world_of("");
+  CHECK_FALSE(plain.solver.largest_step);
+  CHECK_FALSE(plain.solver.sweeps);
+  const auto physics = [](const std::string& step, const std::string& iterations) {
+    return "<physics type='ode'><max_step_size>" + step +
+           "</max_step_size><real_time_factor>1</real_time_factor><ode><solver><iters>" +
+           iterations + "</iters></solver></ode></physics>";
+  };
+  const WorldDescription given = world_of(physics("0.002", "70"));
+  CHECK(given.solver.largest_step == 0.002);
+  CHECK(given.solver.sweeps == 70);
+  CHECK_THAT(error_of(physics("0", "70")),
+             ContainsSubstring("max_step_size 0 s") && ContainsSubstring("0.0001 to 0.1 s"));
+  CHECK_THAT(error_of(physics("0.002", "0")), ContainsSubstring("iters 0"));
 }
 
 TEST_CASE("What this program does not support is an error that names the element") {
@@ -129,9 +151,9 @@ TEST_CASE("What this program does not support is an error that names the element
              ContainsSubstring("joint 'm::hip'") && ContainsSubstring("ball"));
   CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
                       "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
-                      "<axis><xyz>0 0 1</xyz><dynamics><damping>1</damping></dynamics></axis>"
+                      "<axis><xyz>0 0 1</xyz><dynamics><friction>1</friction></dynamics></axis>"
                       "</joint></model>"),
-             ContainsSubstring("<dynamics>") && ContainsSubstring("joint 'j'"));
+             ContainsSubstring("<friction>") && ContainsSubstring("joint 'j'"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", "<haptic:tool_join>planar</haptic:tool_join>")),
              ContainsSubstring("<haptic:tool_join>"));
 }

@@ -30,7 +30,7 @@ struct Scene {
 
   void step(double dt = kStep) {
     const double reach = tool.follow(dt);
-    world.step(dt, proximity.within_reach(tool, reach));
+    world.step(dt, proximity.within_reach(tool, reach), [&](double h) { tool.pull(h); });
     tool.read_back();
   }
   /// Follows a proxy that stands still at q.

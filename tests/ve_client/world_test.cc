@@ -2,6 +2,7 @@
 // repeatability.
 #include "ve_client/world/world.h"
 
+#include <cmath>
 #include <thread>
 
 #include "tests/support/catch.h"
@@ -195,6 +196,133 @@ TEST_CASE("The playground's objects stay where its file puts them") {
     CAPTURE(initial.name);
     CHECK((world.X_WB(body).p - initial.X_WB.p).norm() < 5e-3);
   }
+}
+
+/// A body of this mass (kg) with the inertia of a cube of 50 mm, and friction 0.5.
+std::string cube(const std::string& name, const std::string& pose, double mass) {
+  const std::string moment = std::to_string(mass * 0.05 * 0.05 / 6);
+  return "<model name='" + name + "'><pose>" + pose + "</pose><link name='body'><inertial><mass>" +
+         std::to_string(mass) + "</mass><inertia><ixx>" + moment + "</ixx><iyy>" + moment +
+         "</iyy><izz>" + moment +
+         "</izz></inertia></inertial><collision name='c'><geometry><box><size>0.05 0.05 0.05"
+         "</size></box></geometry><surface><friction><ode><mu>0.5</mu></ode></friction></surface>"
+         "</collision></link></model>";
+}
+
+const std::string kTable = fixed_model("table", "0 0 0 0 0 0",
+                                       "<collision name='c'><geometry><plane><normal>0 0 1</normal>"
+                                       "</plane></geometry></collision>");
+
+TEST_CASE("Six stacked cubes stand for a minute within a millimetre, each with its load") {
+  const double rate = GENERATE(30.0, 60.0);
+  constexpr int kCubes = 6;
+  std::string models = kTable;
+  for (int i = 0; i < kCubes; ++i) {
+    models +=
+        cube("cube" + std::to_string(i), "0 0 " + std::to_string(0.025 + 0.05 * i) + " 0 0 0", 0.3);
+  }
+  World world(world_of(models, kEarth), {});
+  double farthest = 0;
+  for (int frame = 0; frame < 60 * rate; ++frame) {
+    world.step(1 / rate, {});
+    for (int i = 0; i < kCubes; ++i) {
+      farthest = std::max(farthest, (world.X_WB(1 + i).p - Vector3(0, 0, 0.025 + 0.05 * i)).norm());
+    }
+  }
+  CHECK(farthest < 1e-3);
+  for (int i = 0; i < kCubes; ++i) {
+    CHECK(world.loads().load(i, i + 1) == Approx((kCubes - i) * 0.3 * 9.81).epsilon(0.01));
+  }
+}
+
+TEST_CASE("A wrench holds for the whole step: a free body gains its momentum exactly") {
+  World world(world_of(model("m", "0 0 0 0 0 0", "")), {});
+  const double rate = GENERATE(30.0, 47.0, 60.0);
+  Vector6 given = Vector6::Zero();
+  for (int i = 0; i < 60; ++i) {
+    const Wrench F = i % 7 == 0 ? Wrench(1, -2, 3, 0.01, 0, -0.02) : Wrench(0, 0.1, 0, 0, 0.01, 0);
+    world.add_wrench(0, F);
+    world.step(1 / rate, {});
+    given += F / rate;
+  }
+  Vector6 gained = world.V_WB(0);
+  gained.tail<3>() *= 1e-3;
+  CHECK((gained - given).norm() < 1e-9);
+}
+
+TEST_CASE("A body slides at its friction in every direction, and rests below it") {
+  const double direction = GENERATE(0.0, 0.4, 0.785, 1.3);
+  CAPTURE(direction);
+  constexpr double kWeight = 0.3 * 9.81;
+  const auto pushed = [&](double force) {
+    World world(world_of(kTable + cube("cube", "0 0 0.025 0 0 0.2", 0.3), kEarth), {});
+    run(world, 0.2);
+    for (int i = 0; i < 60; ++i) {
+      // Low, so that it does not tip over.
+      const double height = 0.005 - world.X_WB(1).p.z();
+      const Vector3 f(force * std::cos(direction), force * std::sin(direction), 0);
+      world.add_wrench(1, (Wrench() << f, Vector3(0, 0, height).cross(f)).finished());
+      world.step(kStep, {});
+    }
+    return world.X_WB(1).p.head<2>().norm();
+  };
+  CHECK(pushed(0.97 * 0.5 * kWeight) < 1e-3);
+  // a = 0.1 μ g = 0.49 m/s²: 0.245 m in 1 s.
+  CHECK(pushed(1.1 * 0.5 * kWeight) == Approx(0.245).epsilon(0.05));
+}
+
+TEST_CASE("A world in which only the tool moves is stepped once a frame; <physics> decides") {
+  const std::string wall = fixed_model("wall", "0 0 0 0 0 0", test::box("1 1 1"));
+  const std::string tool = model("tool", "2 0 0 0 0 0", "");
+  CHECK(World(world_of(wall + tool), std::vector<int>{1}).substeps(kStep) == 1);
+  CHECK(World(world_of(wall + tool), {}).substeps(kStep) == 16);
+  const std::string physics = "<physics type='ode'><max_step_size>0.005</max_step_size></physics>";
+  CHECK(World(world_of(physics + wall + tool), std::vector<int>{1}).substeps(kStep) == 4);
+}
+
+TEST_CASE("A body that goes where no body goes freezes the world, which says which body") {
+  World world(
+      world_of(model("brick", "0 0 0 0 0 0", "") + model("other", "1 0 0 0 0 0", ""), kEarth), {});
+  const Wrench F =
+      GENERATE(Wrench(1e6, 0, 0, 0, 0, 0), Wrench(0, 0, 0, 0, 1e4, 0), Wrench(0, NAN, 0, 0, 0, 0));
+  run(world, 0.1);
+  CHECK_FALSE(world.fault());
+  world.add_wrench(0, F);
+  world.step(kStep, {});
+  REQUIRE(world.fault());
+  CHECK_THAT(*world.fault(), Catch::Matchers::ContainsSubstring("body 'brick::body' "));
+  const Pose X_WB = world.X_WB(1);
+  run(world, 0.1);
+  CHECK(world.X_WB(1) == X_WB);
+}
+
+TEST_CASE("A body that falls out of the world is left behind, and the others go on") {
+  World world(world_of(model("stone", "0 0 0 0 0 0", "") +
+                           model("balloon", "1 0 0 0 0 0", "<gravity>false</gravity>"),
+                       kEarth),
+              {});
+  run(world, 10);
+  CHECK_FALSE(world.fault());
+  CHECK(world.X_WB(0).p.z() == Approx(-100).margin(2));
+  world.add_wrench(1, Wrench(1, 0, 0, 0, 0, 0));
+  run(world, 0.1);
+  CHECK(world.V_WB(1).x() > 0);
+}
+
+TEST_CASE("A door's spring turns it to its rest, with the period of its inertia") {
+  // 1 kg and 1e-3 kg·m², 0.1 m from the hinge: 0.011 kg·m².
+  World world(
+      world_of("<model name='door'><link name='leaf'><pose>0.1 0 0 0 0 0</pose>" + kInertial +
+               "</link><joint name='hinge' type='revolute'><pose>-0.1 0 0 0 0 0</pose>"
+               "<parent>world</parent><child>leaf</child><axis><xyz>0 0 1</xyz><dynamics>"
+               "<spring_stiffness>0.5</spring_stiffness><spring_reference>0.4"
+               "</spring_reference></dynamics></axis></joint></model>"),
+      {});
+  const double period = 2 * M_PI * std::sqrt(0.011 / 0.5);
+  run(world, period / 2);
+  CHECK(world.joints().position(0) == Approx(0.8).margin(0.02));
+  run(world, period / 2);
+  CHECK(world.joints().position(0) == Approx(0).margin(0.02));
 }
 
 TEST_CASE("Worlds of two threads do not disturb each other: both as if alone, bit for bit") {

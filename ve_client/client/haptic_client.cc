@@ -20,6 +20,14 @@ protocol::ClientSessionOptions session_options(const HapticClientOptions& option
 HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options)
     : session_(link, session_options(options)) {}
 
+HapticClient::Inbox HapticClient::poll(double now) {
+  const Inbox inbox = session_.poll(now);
+  if (inbox.welcomed || inbox.lost) ledger_.reset();
+  impulses_.clear();
+  if (inbox.impulses != nullptr) impulses_ = ledger_.take(*inbox.impulses);
+  return inbox;
+}
+
 void HapticClient::sample(double now, const Configuration& q, const Velocity& v, double period) {
   sampled_at_ = now;
   update_.ve_time += period;
@@ -29,8 +37,11 @@ void HapticClient::sample(double now, const Configuration& q, const Velocity& v,
   session_.set_initial_configuration(q);
 }
 
-std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts) {
+std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
+                                 const MovableBodies& bodies) {
   update_.compute_time = now - sampled_at_;
+  update_.impulse_step = ledger_.step();
+  update_.bodies = bodies;
   update_.contacts = contacts;
   return session_.send(now, update_);
 }

@@ -8,6 +8,7 @@
 #include "common/tool_description.h"
 #include "common/tool_model.h"
 #include "protocol/client_session.h"
+#include "ve_client/client/impulse_ledger.h"
 
 namespace hlm {
 
@@ -32,14 +33,21 @@ class HapticClient {
   /// Takes what arrived, and keeps asking where there is no session. Call once per step, before it.
   /// Inbox::state is the newest proxy state, null if none came since the last call; draw the tool
   /// toward its q (and q̇).
-  Inbox poll(double now) { return session_.poll(now); }
+  Inbox poll(double now);
+  /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) that
+  /// came with the latest poll(). The step until the next sample() must apply them, P/H as a wrench
+  /// over its H seconds: the update then says that its bodies contain them. Nothing else of the
+  /// tool may push those bodies.
+  const BodyImpulses& impulses() const noexcept { return impulses_; }
 
   /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
   /// the contacts of the next send() will be computed.
   void sample(double now, const Configuration& q, const Velocity& v, double period);
-  /// Sends the contacts within ε of the latest sample. Returns the update's sequence number, 0
-  /// without a session.
-  std::uint64_t send(double now, const ReportedContacts& contacts);
+  /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
+  /// body that a contact names and that is not among them moves as the contact's v_WC says. Returns
+  /// the update's sequence number, 0 without a session.
+  std::uint64_t send(double now, const ReportedContacts& contacts,
+                     const MovableBodies& bodies = {});
   /// What the person here asks of the server, from the next send() on: telemetry, the hand of a
   /// simulated device, other physics.
   void control(const protocol::Control& control) { session_.set_control(control); }
@@ -58,6 +66,8 @@ class HapticClient {
  private:
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Of the latest sample.
+  ImpulseLedger ledger_;
+  BodyImpulses impulses_;
   double sampled_at_ = 0;
 };
 

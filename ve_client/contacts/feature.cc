@@ -23,6 +23,14 @@ std::uint64_t packed(const Feature& feature) noexcept {
          std::uint64_t{feature.shape} << 16 | feature.index;
 }
 
+/// Tells a link of the tool from a body of the same index. `usual`: the kind that the side mostly
+/// is.
+std::uint64_t number_of(const ContactSide& side, SideKind usual) noexcept {
+  constexpr std::uint64_t kOther = std::uint64_t{1} << 32;
+  const bool is_link = side.kind == SideKind::kToolLink;
+  return side.index + (is_link == (usual == SideKind::kToolLink) ? 0 : kOther);
+}
+
 /// Number of the contact's normal among those of its pair that came before it.
 std::uint16_t axis_of(const FoundContact& contact, std::span<const FoundContact> before,
                       const ReportedContacts& reports) noexcept {
@@ -39,12 +47,14 @@ std::uint16_t axis_of(const FoundContact& contact, std::span<const FoundContact>
 }  // namespace
 
 std::uint64_t identity_of(const ContactKey& key) noexcept {
-  return hash({key.link, packed(key.tool_feature), key.body, packed(key.body_feature)});
+  return hash({number_of(key.a, SideKind::kToolLink), packed(key.a_feature),
+               number_of(key.b, SideKind::kWorld), packed(key.b_feature)});
 }
 
 std::uint32_t pair_of(const ContactKey& key) noexcept {
   return static_cast<std::uint32_t>(
-      hash({key.link, key.tool_feature.shape, key.body, key.body_feature.shape}));
+      hash({number_of(key.a, SideKind::kToolLink), key.a_feature.shape,
+            number_of(key.b, SideKind::kWorld), key.b_feature.shape}));
 }
 
 ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
@@ -54,12 +64,14 @@ ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
     report.identity = identity_of(contact.key);
     report.pair = pair_of(contact.key);
     report.axis = axis_of(contact, contacts.first(reports.size() - 1), reports);
-    report.a = {SideKind::kToolLink, contact.key.link};
-    report.b = {SideKind::kWorld, contact.key.body};
+    report.a = contact.key.a;
+    report.b = contact.key.b;
     report.p_WC = contact.p_WC;
     report.n_W = contact.n_W;
     report.separation = contact.separation;
     report.v_WC = contact.v_WC;
+    report.friction = contact.friction;
+    report.load = contact.load;
   }
   return reports;
 }

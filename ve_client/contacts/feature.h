@@ -25,16 +25,17 @@ struct Feature {
 /// The feature pair of a contact. It is the same from frame to frame, whichever of the two bodies a
 /// collision detector takes as its reference.
 struct ContactKey {
-  std::uint16_t link = 0;  ///< Link of the virtual tool.
-  Feature tool_feature;    ///< Feature of that link.
-  std::uint32_t body = 0;  ///< Body of the virtual environment.
-  Feature body_feature;    ///< Feature of that body.
+  /// Whom the normal points to: a link of the tool, or a body by its index in the world.
+  ContactSide a{SideKind::kToolLink, 0};
+  Feature a_feature;
+  ContactSide b;  ///< A body by its index in the world, or a link of the tool.
+  Feature b_feature;
 
   auto operator<=>(const ContactKey&) const = default;
 };
 
 /// The contact's identity on the wire: a hash of the pair, so that two pairs of a world have the
-/// same one with a probability of 1e-19 each.
+/// same one with a probability of 1e-19 each. It does not depend on whether a body is movable.
 std::uint64_t identity_of(const ContactKey& key) noexcept;
 /// The same of the two convex shapes alone.
 std::uint32_t pair_of(const ContactKey& key) noexcept;
@@ -42,10 +43,12 @@ std::uint32_t pair_of(const ContactKey& key) noexcept;
 /// A contact that was found.
 struct FoundContact {
   ContactKey key;
-  Vector3 p_WC = Vector3::Zero();  ///< Point on the environment, world, m.
-  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal from the environment to the tool, world.
+  Vector3 p_WC = Vector3::Zero();  ///< Point on b, world, m.
+  Vector3 n_W = Vector3::UnitZ();  ///< Unit normal from b to a, world.
   double separation = 0;           ///< True separation σ, m; negative when the shapes overlap.
-  Vector3 v_WC = Vector3::Zero();  ///< Velocity of the environment's point, world, m/s.
+  Vector3 v_WC = Vector3::Zero();  ///< Velocity of b's point, world, m/s.
+  double friction = -1;            ///< μ of the two materials; negative: neither says.
+  double load = 0;                 ///< Present normal force of a contact without the tool, N.
 };
 
 /// As they are reported to the server; at most kMaxContacts.

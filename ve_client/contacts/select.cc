@@ -22,8 +22,7 @@ Vector3 in_plane(const Vector3& a, const Vector3& planar_normal) {
 
 bool is_same_constraint(const FoundContact& a, const FoundContact& b,
                         const Vector3& planar_normal) {
-  return a.key.link == b.key.link && a.key.body == b.key.body &&
-         (a.n_W - b.n_W).norm() < kSameNormal &&
+  return a.key.a == b.key.a && a.key.b == b.key.b && (a.n_W - b.n_W).norm() < kSameNormal &&
          std::abs(a.separation - b.separation) < kSameLength &&
          in_plane(a.p_WC - b.p_WC, planar_normal).norm() < kSameLength;
 }

@@ -1,7 +1,5 @@
 #include "ve_client/world/proximity.h"
 
-#include <algorithm>
-
 namespace hlm::ve {
 namespace {
 
@@ -11,70 +9,76 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 Proximity::Proximity(World& world, const ToolAssembly& assembly)
     : world_(world), tool_bodies_(assembly.bodies) {
-  for (const BodyDescription& body : world_.description().bodies) {
-    std::vector<Convex>& shapes = body_shapes_.emplace_back();
-    for (const CollisionDescription& collision : body.collisions) {
-      shapes.emplace_back(collision.shape);
-    }
-  }
   for (int link = 0; link < static_cast<int>(tool_bodies_.size()); ++link) {
     const int body = tool_bodies_[at(link)];
-    const auto& collisions = world_.description().bodies[at(body)].collisions;
-    for (int shape = 0; shape < static_cast<int>(collisions.size()); ++shape) {
-      tool_shapes_.push_back(
-          {link, shape, collisions[at(shape)].X_BG, Convex(collisions[at(shape)].shape)});
+    const auto count = world_.description().bodies[at(body)].collisions.size();
+    for (int shape = 0; shape < static_cast<int>(count); ++shape) {
+      tool_shapes_.push_back({link, {body, shape}});
     }
   }
-}
-
-const CollisionDescription& Proximity::collision(int body, int shape) const {
-  return world_.description().bodies[at(body)].collisions[at(shape)];
 }
 
 std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon) {
   contacts_.clear();
-  for (const ToolShape& tool_shape : tool_shapes_) {
-    const Pose X_WG = tool.X_WB(tool_shape.link) * tool_shape.X_BG;
-    Eigen::AlignedBox3d box = tool_shape.convex.bounds(X_WG);
-    box.min().array() -= epsilon;
-    box.max().array() += epsilon;
-    world_.find_near(box, near_);
-    for (const CollisionId& other : near_) query_pair(tool_shape, X_WG, other, epsilon);
+  for (const auto& [link, id] : tool_shapes_) {
+    const Pose X_WG = tool.X_WB(link) * world_.collision(id).X_BG;
+    query_shape({SideKind::kToolLink, static_cast<std::uint32_t>(link)}, id, X_WG, epsilon);
   }
   return contacts_;
 }
 
-void Proximity::query_pair(const ToolShape& tool_shape, const Pose& X_WG, CollisionId other,
-                           double epsilon) {
-  const Pose X_WO = world_.X_WB(other.body) * collision(other.body, other.shape).X_BG;
-  const Convex& convex = body_shapes_[at(other.body)][at(other.shape)];
-  for (const ManifoldPoint& point :
-       find_contacts(tool_shape.convex, X_WG, convex, X_WO, epsilon, statistics_)) {
+std::span<const FoundContact> Proximity::query(int body, double epsilon) {
+  contacts_.clear();
+  const auto count = world_.description().bodies[at(body)].collisions.size();
+  for (int shape = 0; shape < static_cast<int>(count); ++shape) {
+    const CollisionId id{body, shape};
+    query_shape({SideKind::kMovableBody, static_cast<std::uint32_t>(body)}, id, world_.X_WG(id),
+                epsilon);
+  }
+  return contacts_;
+}
+
+void Proximity::query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
+                            double epsilon) {
+  Eigen::AlignedBox3d box = world_.convex(id).bounds(X_WG);
+  box.min().array() -= epsilon;
+  box.max().array() += epsilon;
+  world_.find_near(box, near_);
+  for (const CollisionId& other : near_) {
+    // The tool's own shapes are never found; it touches all others.
+    const bool touches = side.kind == SideKind::kToolLink || world_.can_touch(id.body, other.body);
+    if (touches) query_pair(side, id, X_WG, other, epsilon);
+  }
+}
+
+void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
+                           const CollisionId& other, double epsilon) {
+  const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
+  const auto friction = friction_between(world_.collision(id), world_.collision(other));
+  for (const ManifoldPoint& point : find_contacts(world_.convex(id), X_WG, world_.convex(other),
+                                                  world_.X_WG(other), epsilon, statistics_)) {
     FoundContact& contact = contacts_.emplace_back();
-    contact.key.link = static_cast<std::uint16_t>(tool_shape.link);
-    contact.key.tool_feature = point.tool_feature;
-    contact.key.tool_feature.shape = static_cast<std::uint8_t>(tool_shape.shape);
-    contact.key.body = static_cast<std::uint32_t>(other.body);
-    contact.key.body_feature = point.body_feature;
-    contact.key.body_feature.shape = static_cast<std::uint8_t>(other.shape);
+    contact.key = key_of(point, side, id, other_side, other);
     contact.p_WC = point.p_WC;
     contact.n_W = point.n_W;
     contact.separation = point.separation;
     contact.v_WC = world_.velocity_at(other.body, point.p_WC);
+    contact.friction = friction.value_or(contact.friction);
   }
 }
 
-std::span<const ToolContact> Proximity::within_reach(const VirtualTool& tool, double reach) {
+std::span<const ToolContact> Proximity::within_reach(
+    const VirtualTool& tool, double reach, const std::function<bool(int body)>& stops_tool) {
   within_reach_.clear();
   for (const FoundContact& found : query(tool, reach)) {
+    if (!stops_tool(static_cast<int>(found.key.b.index))) continue;
     ToolContact& contact = within_reach_.emplace_back();
-    contact.tool_body = tool_bodies_[found.key.link];
-    contact.body = static_cast<int>(found.key.body);
+    contact.tool_body = tool_bodies_[found.key.a.index];
+    contact.body = static_cast<int>(found.key.b.index);
     contact.p_W = found.p_WC;
     contact.n_W = found.n_W;
     contact.separation = found.separation;
-    contact.friction = std::min(collision(contact.tool_body, found.key.tool_feature.shape).friction,
-                                collision(contact.body, found.key.body_feature.shape).friction);
+    contact.friction = found.friction < 0 ? kDefaultFriction : found.friction;
   }
   return within_reach_;
 }

@@ -1,6 +1,7 @@
-// Which contacts are there within ε between the virtual tool and the world?
+// Which contacts are there within ε, of the virtual tool or of a body, with the rest of the world?
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -12,8 +13,7 @@
 
 namespace hlm::ve {
 
-/// ε-active contact detection of one tool against all other bodies. Contacts between links of the
-/// tool are not looked for.
+/// ε-active contact detection. Contacts between links of the tool are not looked for.
 class Proximity {
  public:
   /// `world` outlives this.
@@ -21,29 +21,33 @@ class Proximity {
 
   /// All contacts with σ <= epsilon (m, >= 0) in the present poses, in an order that depends on the
   /// world alone; the velocities are those of the bodies. Bodies and shapes are named by their
-  /// index in the world's description. Valid until the next call.
+  /// index in the world's description; all bodies count as the world. Valid until the next call.
   std::span<const FoundContact> query(const VirtualTool& tool, double epsilon);
+  /// Likewise those of a body that is not fixed, whose normals point to it, with all bodies that
+  /// the engine lets it touch. Valid until the next call.
+  std::span<const FoundContact> query(int body, double epsilon);
   /// The contacts for the world's next step, in which no point of the tool moves farther than
-  /// `reach` (m, >= 0). Valid until the next call.
-  std::span<const ToolContact> within_reach(const VirtualTool& tool, double reach);
+  /// `reach` (m, >= 0), with the bodies that stop the tool. Valid until the next call.
+  std::span<const ToolContact> within_reach(
+      const VirtualTool& tool, double reach,
+      const std::function<bool(int body)>& stops_tool = [](int) { return true; });
 
   const ProximityStatistics& statistics() const noexcept { return statistics_; }
 
  private:
   struct ToolShape {
     int link = 0;
-    int shape = 0;
-    Pose X_BG;
-    Convex convex;
+    CollisionId id;
   };
 
-  void query_pair(const ToolShape& tool_shape, const Pose& X_WG, CollisionId other, double epsilon);
-  const CollisionDescription& collision(int body, int shape) const;
+  void query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
+                   double epsilon);
+  void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
+                  const CollisionId& other, double epsilon);
 
   World& world_;
   std::vector<int> tool_bodies_;
   std::vector<ToolShape> tool_shapes_;
-  std::vector<std::vector<Convex>> body_shapes_;  ///< [body][shape].
   std::vector<CollisionId> near_;
   std::vector<FoundContact> contacts_;
   std::vector<ToolContact> within_reach_;

@@ -45,15 +45,13 @@ Shape to_shape(const sdf::Geometry& geometry, const std::string& where) {
   }
 }
 
-double friction_of(const sdf::Collision& collision, const std::string& where) {
-  constexpr double kSdfDefault = 1;
-  double mu = kSdfDefault;
+std::optional<double> friction_of(const sdf::Collision& collision, const std::string& where) {
   sdf::ElementPtr element = collision.Element();
   for (const char* child : {"surface", "friction", "ode", "mu"}) {
-    if (!element->HasElement(child)) return mu;
+    if (!element->HasElement(child)) return std::nullopt;
     element = element->GetElement(child);
   }
-  mu = element->Get<double>();
+  const auto mu = element->Get<double>();
   const auto error = find_error(where + ": friction mu", mu, from_zero(""));
   if (error) throw std::runtime_error(*error);
   return mu;

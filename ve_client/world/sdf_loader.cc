@@ -12,6 +12,7 @@
 #include <sdf/Root.hh>
 #include <sdf/World.hh>
 
+#include "common/range.h"
 #include "ve_client/world/sdf_geometry.h"
 #include "ve_client/world/sdf_messages.h"
 #include "ve_client/world/sdf_support.h"
@@ -190,6 +191,7 @@ class ModelReader {
     ignition::math::Vector3d axis_J;
     require_none(axis->ResolveXyz(axis_J), where);
     description.axis_J = to_vector(axis_J).normalized();
+    read_dynamics(*axis, where, description);
     if (joint.Type() == sdf::JointType::CONTINUOUS) return;
     // SDF writes "no limit" as a very large number.
     constexpr double kNoLimit = 1e15;
@@ -202,8 +204,45 @@ class ModelReader {
     }
   }
 
+  static void read_dynamics(const sdf::JointAxis& axis, const std::string& where,
+                            JointDescription& description) {
+    description.stiffness = at_least_zero(axis.SpringStiffness(), where + ": spring_stiffness");
+    description.damping = at_least_zero(axis.Damping(), where + ": damping");
+    description.rest = axis.SpringReference();
+  }
+
+  static double at_least_zero(double value, const std::string& what) {
+    if (const auto error = find_error(what, value, from_zero(""))) throw std::runtime_error(*error);
+    return value;
+  }
+
   WorldDescription& world_;
 };
+
+/// <physics>: of all that may stand there, the step and the solver's iterations.
+SolverDescription read_solver(sdf::Element& world) {
+  constexpr Range kSteps{1e-4, 0.1, "s"};
+  constexpr Range kSweeps{1, 1000};
+  SolverDescription solver;
+  if (!world.HasElement("physics")) return solver;
+  const sdf::ElementPtr physics = world.GetElement("physics");
+  const sdf::ElementPtr step = physics->FindElement("max_step_size");
+  if (step && step->GetExplicitlySetInFile()) {
+    solver.largest_step = step->Get<double>();
+    const auto error = find_error("physics: max_step_size", *solver.largest_step, kSteps);
+    if (error) throw std::runtime_error(*error);
+  }
+  sdf::ElementPtr sweeps = physics;
+  for (const char* child : {"ode", "solver", "iters"}) {
+    if (sweeps) sweeps = sweeps->FindElement(child);
+  }
+  if (sweeps && sweeps->GetExplicitlySetInFile()) {
+    solver.sweeps = sweeps->Get<int>();
+    const auto error = find_error("physics: iters", *solver.sweeps, kSweeps);
+    if (error) throw std::runtime_error(*error);
+  }
+  return solver;
+}
 
 WorldDescription read(const sdf::Root& root) {
   require_supported(root.Element());
@@ -214,6 +253,7 @@ WorldDescription read(const sdf::Root& root) {
   const sdf::World& source = *root.WorldByIndex(0);
   WorldDescription world;
   world.gravity_W = to_vector(source.Gravity());
+  world.solver = read_solver(*source.Element());
   ModelReader reader(world);
   for (std::uint64_t i = 0; i < source.ModelCount(); ++i) reader.read(*source.ModelByIndex(i));
   return world;

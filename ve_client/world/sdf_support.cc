@@ -15,7 +15,7 @@ using Names = std::vector<std::string_view>;
 const std::map<std::string_view, Names>& supported_children() {
   static const std::map<std::string_view, Names> kChildren = {
       {"sdf", {"world"}},
-      {"world", {"gravity", "frame", "model"}},
+      {"world", {"gravity", "frame", "model", "physics"}},
       {"model",
        {"pose", "static", "frame", "link", "joint", "model", "haptic:tool_joint", "haptic:hand",
         "haptic:start"}},
@@ -28,7 +28,8 @@ const std::map<std::string_view, Names>& supported_children() {
       {"friction", {"ode"}},
       {"ode", {"mu"}},
       {"joint", {"pose", "parent", "child", "axis"}},
-      {"axis", {"xyz", "limit"}},
+      {"axis", {"xyz", "limit", "dynamics"}},
+      {"dynamics", {"spring_stiffness", "spring_reference", "damping"}},
       {"limit", {"lower", "upper"}},
   };
   return kChildren;
@@ -42,7 +43,6 @@ bool has_no_effect(std::string_view name) {
                                "gui",
                                "plugin",
                                "sensor",
-                               "physics",
                                "atmosphere",
                                "magnetic_field",
                                "audio",

@@ -112,6 +112,9 @@ class Assembler {
     if (joint.limited()) {
       fail(model_, "joint '" + joint.name + "' has limits; a tool's joints must have none");
     }
+    if (joint.sprung()) {
+      fail(model_, "joint '" + joint.name + "' has a spring or damping; a tool's joints have none");
+    }
     Link link;
     link.parent = parent;
     link.joint = joint.type;

@@ -79,42 +79,65 @@ double VirtualTool::point_speed(const Twist& V_WB) const noexcept {
 double VirtualTool::follow(double dt) {
   double reach = 0;
   for (int link = 0; link < target_.links(); ++link) {
-    const int body = assembly_.bodies[at(link)];
-    const Pose X_WB_target = target_.X_WL(link) * assembly_.X_LB[at(link)];
-    Twist V_WB;
     if (options_.mode == FollowMode::kKinematic) {
-      V_WB = displacement(world_.X_WB(body), X_WB_target) / dt;
+      const int body = assembly_.bodies[at(link)];
+      const Twist V_WB = displacement(world_.X_WB(body), X_WB_target(link)) / dt;
       world_.set_velocity(body, V_WB);
+      reach = std::max(reach, point_speed(V_WB) * dt);
     } else {
-      V_WB = pull(link, X_WB_target, dt);
+      reach = std::max(reach, free_travel(link, dt));
     }
-    reach = std::max(reach, point_speed(V_WB) * dt);
   }
-  v_target_.setZero();
   return reach;
 }
 
-Twist VirtualTool::pull(int link, const Pose& X_WB_target, double dt) {
+void VirtualTool::pull(double h) {
+  if (options_.mode == FollowMode::kKinematic) return;
+  for (int link = 0; link < target_.links(); ++link) {
+    const int body = assembly_.bodies[at(link)];
+    const Pose X_WB = world_.X_WB(body);
+    const Vector6 a =
+        acceleration(link, displacement(X_WB, X_WB_target(link)), world_.V_WB(body), h);
+    Wrench F;
+    F << world_.description().bodies[at(body)].mass * a.head<3>(), inertia(body) * a.tail<3>();
+    world_.add_wrench(body, F);
+  }
+}
+
+double VirtualTool::free_travel(int link, double dt) const {
+  const int body = assembly_.bodies[at(link)];
+  const int steps = world_.substeps(dt);
+  const double h = dt / steps;
+  Vector6 e = displacement(world_.X_WB(body), X_WB_target(link));
+  Twist V_WB = world_.V_WB(body);
+  double travel = 0;
+  for (int i = 0; i < steps; ++i) {
+    V_WB += h * acceleration(link, e, V_WB, h);
+    e -= h * V_WB;
+    travel += h * point_speed(V_WB);
+  }
+  return travel;
+}
+
+Vector6 VirtualTool::acceleration(int link, const Vector6& e, const Twist& V_WB, double h) const {
   const int index = assembly_.bodies[at(link)];
-  const BodyDescription& body = world_.description().bodies[at(index)];
-  const Pose X_WB = world_.X_WB(index);
-  const Twist V_WB = world_.V_WB(index);
-  const Twist V_WB_target = target_.jacobian(link, X_WB_target.p) * v_target_;
+  const double mass = world_.description().bodies[at(index)].mass;
+  const Twist V_WB_target = target_.jacobian(link, X_WB_target(link).p) * v_target_;
   const double w = 2 * std::numbers::pi * options_.frequency;
   const double b = 2 * options_.damping_ratio * w;
   const Vector6 a =
-      (w * w * (displacement(X_WB, X_WB_target) - dt * V_WB) + b * (V_WB_target - V_WB)) /
-      (1 + b * dt + w * w * dt * dt);
+      (w * w * (e - h * V_WB) + b * (V_WB_target - V_WB)) / (1 + b * h + w * w * h * h);
 
-  const Matrix3 R = X_WB.R.toRotationMatrix();
-  const Matrix3 I_W = R * body.I_B * R.transpose();
-  const Vector3 force = bounded(body.mass * a.head<3>(), options_.max_force);
+  const Matrix3 I_W = inertia(index);
+  const Vector3 force = bounded(mass * a.head<3>(), options_.max_force);
   const Vector3 torque =
       bounded(I_W * a.tail<3>(), options_.max_force * assembly_.description.length);
-  Vector6 change;
-  change << force / body.mass, I_W.inverse() * torque;
-  world_.add_wrench(index, (Wrench() << force, torque).finished());
-  return V_WB + dt * change;
+  return (Vector6() << force / mass, I_W.inverse() * torque).finished();
+}
+
+Matrix3 VirtualTool::inertia(int body) const {
+  const Matrix3 R = world_.X_WB(body).R.toRotationMatrix();
+  return R * world_.description().bodies[at(body)].I_B * R.transpose();
 }
 
 void VirtualTool::read_back() {
@@ -134,6 +157,7 @@ void VirtualTool::read_back() {
     world_.set_pose(assembly_.bodies[at(link)], X_WB_link);
     world_.set_velocity(assembly_.bodies[at(link)], V_WB);
   }
+  v_target_.setZero();
 }
 
 /// Reads the joint above a link from the poses and twists of the two bodies that it joins into q

@@ -56,11 +56,14 @@ class VirtualTool {
   /// Upper bound on the speed of any point of the latest target, m/s.
   double target_speed() const noexcept { return target_speed_; }
 
-  /// Applies to the bodies what draws them toward the target during the next step of dt seconds:
-  /// on each, M a with a = (ω²(x_T − x − dt v) + 2ζω(v_T − v)) / (1 + 2ζω dt + ω² dt²), which is a
-  /// spring and damper integrated by the backward Euler rule: stable for any ω dt. Returns how far
-  /// the tool's points will move in that step at most if nothing stops them, m.
+  /// Begins a step of dt seconds. Returns how far the tool's points will move in it at most if
+  /// nothing stops them, m.
   double follow(double dt);
+  /// Applies to the bodies what draws them toward the target during one step of the world's solver,
+  /// h seconds: on each, M a with
+  /// a = (ω²(x_T − x − h v) + 2ζω(v_T − v)) / (1 + 2ζω h + ω² h²), which is a spring and damper
+  /// integrated by the backward Euler rule: stable for any ω h.
+  void pull(double h);
   /// Reads q and q̇ from the bodies after a step, and removes what they drifted off their joints:
   /// from here on they are exactly in that configuration.
   void read_back();
@@ -75,8 +78,13 @@ class VirtualTool {
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
   /// Upper bound on the speed of a link's points, from the twist of its centre of mass, m/s.
   double point_speed(const Twist& V_WB) const noexcept;
-  /// Applies the pull on one link. Returns its velocity after the step if nothing stops it.
-  Twist pull(int link, const Pose& X_WB_target, double dt);
+  /// That of pull() on a link's body at velocity V_WB and with displacement e to its target.
+  Vector6 acceleration(int link, const Vector6& e, const Twist& V_WB, double h) const;
+  /// How far the points of a link move if it is drawn for dt and nothing stops it, m.
+  double free_travel(int link, double dt) const;
+  Pose X_WB_target(int link) const { return target_.X_WL(link) * assembly_.X_LB[at(link)]; }
+  /// Of a body about its centre of mass, world axes, kg·m².
+  Matrix3 inertia(int body) const;
   void read_joint(int link, int coordinate, int velocity, Configuration& q);
 
   World& world_;

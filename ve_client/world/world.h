@@ -1,26 +1,24 @@
 // The simulated world: rigid bodies, joints and contacts, stepped by the Open Dynamics Engine.
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <ode/ode.h>
 
 #include "common/spatial.h"
+#include "ve_client/contacts/convex.h"
+#include "ve_client/contacts/manifold.h"
+#include "ve_client/world/carried_contact.h"
+#include "ve_client/world/contact_memory.h"
+#include "ve_client/world/joints.h"
 #include "ve_client/world/world_description.h"
 
 namespace hlm::ve {
-
-/// A contact of the tool, present or within reach of the next step.
-struct ToolContact {
-  int tool_body = 0;
-  int body = 0;
-  Vector3 p_W = Vector3::Zero();   ///< m.
-  Vector3 n_W = Vector3::UnitZ();  ///< Unit, from `body` to the tool.
-  double separation = 0;           ///< σ, m.
-  double friction = 0;             ///< μ.
-};
 
 /// One collision shape of the world.
 struct CollisionId {
@@ -30,18 +28,29 @@ struct CollisionId {
   auto operator<=>(const CollisionId&) const = default;
 };
 
+/// The key of a contact between two shapes: `a` is whom its normal points to.
+ContactKey key_of(const ManifoldPoint& point, const ContactSide& a, const CollisionId& shape_a,
+                  const ContactSide& b, const CollisionId& shape_b);
+
 /// Bodies are named by their index in the description. Repeatable: two worlds that are given the
 /// same calls have the same states bit for bit. One thread makes and uses a world; others may have
 /// worlds of their own.
 class World {
  public:
+  /// Called before each step of the solver with its length, s: what it adds by add_wrench() acts
+  /// during that step only.
+  using Drive = std::function<void(double h)>;
+
   /// Bodies in `tool_bodies` are the virtual tool: they have no weight here (the proxy carries it)
-  /// and touch others only through the contacts given to step().
+  /// and touch others only through the contacts given to step(). Throws std::runtime_error with one
+  /// line where a joint's spring or damping is too large for the solver's steps.
   World(const WorldDescription& description, std::span<const int> tool_bodies);
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
   const WorldDescription& description() const noexcept { return description_; }
+  /// Whether a body can be pushed: it is neither fixed nor the tool's.
+  bool is_movable(int body) const { return bodies_[at(body)] != nullptr && !is_tool_[at(body)]; }
 
   /// Pose of a body's frame B (at its centre of mass).
   Pose X_WB(int body) const;
@@ -49,6 +58,13 @@ class World {
   Twist V_WB(int body) const;
   /// Velocity of the point of a body that is now at p_W, m/s, world.
   Vector3 velocity_at(int body, const Vector3& p_W) const;
+  const Joints& joints() const noexcept { return *joints_; }
+  const CollisionDescription& collision(const CollisionId& id) const {
+    return description_.bodies[at(id.body)].collisions[at(id.shape)];
+  }
+  const Convex& convex(const CollisionId& id) const { return shapes_[at(id.body)][at(id.shape)]; }
+  /// Pose of a collision shape's frame.
+  Pose X_WG(const CollisionId& id) const { return X_WB(id.body) * collision(id).X_BG; }
 
   // For bodies that are not fixed.
   void set_pose(int body, const Pose& X_WB);
@@ -60,10 +76,21 @@ class World {
   /// From here on the body neither leaves the plane z = const nor tilts out of it.
   void keep_planar(int body);
 
-  /// Advances by dt (s, > 0). `tool_contacts` hold in the present poses. They let the tool approach
-  /// by no more than σ: it comes to rest on a wall, however fast it came, instead of inside.
-  void step(double dt, std::span<const ToolContact> tool_contacts);
+  /// How many steps of the solver a step of dt seconds is: as many as the description's largest
+  /// step needs; where it gives none, 960 a second, or one where nothing but the tool can move.
+  int substeps(double dt) const noexcept;
+  /// Advances by dt (s, > 0). `tool_contacts` are those of the present poses, and stay with the
+  /// surfaces of their bodies meanwhile. They let the tool approach by no more than σ: it comes to
+  /// rest on a wall, however fast it came, instead of inside.
+  void step(double dt, std::span<const ToolContact> tool_contacts, const Drive& drive = {});
+  /// Why the world stands still for good: a body went where no body goes. Empty as long as it
+  /// moves.
+  const std::optional<std::string>& fault() const noexcept { return fault_; }
 
+  /// What the contacts among bodies that are not the tool's carried in the latest step().
+  const ContactMemory& loads() const noexcept { return memory_; }
+  /// Whether the engine lets two bodies touch: not those that a joint connects.
+  bool can_touch(int first, int second) const;
   /// Shapes of other bodies than the tool's whose bounding boxes meet `box` (world, m), in order.
   void find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found);
 
@@ -75,23 +102,38 @@ class World {
   template <class T, void (*destroy)(T*)>
   using Handle = std::unique_ptr<T, Destroy<T, destroy>>;
 
-  void add_bodies(std::span<const int> tool_bodies);
+  static std::size_t at(int index) { return static_cast<std::size_t>(index); }
+  dBodyID handle(int body) const { return bodies_[at(body)]; }
+  void add_bodies();
   void add_geometries(int body);
-  void add_joint(const JointDescription& joint);
-  void add_contact(dContact& contact, dBodyID first, dBodyID second);
-  void solve(double dt);
+  void require_slow_springs() const;
+  void push_held();
+  void solve(double h);
+  void find_fault();
   /// Contacts of two shapes that are not the tool's.
-  void collide(dGeomID first, dGeomID second);
-  dBodyID handle(int body) const { return bodies_[static_cast<std::size_t>(body)]; }
+  void collide(CollisionId first, CollisionId second);
+  void add_contact(const ContactKey& key, const ManifoldPoint& point, double friction);
+  void bound_friction(dContact& contact, const ContactKey& key, const ManifoldPoint& point) const;
+  void add_contact(const ToolContact& tool_contact);
 
   WorldDescription description_;
+  std::vector<bool> is_tool_;
+  bool has_movable_ = false;
+  std::vector<std::vector<Convex>> shapes_;  ///< [body][shape].
   Handle<dxWorld, dWorldDestroy> world_;
   Handle<dxSpace, dSpaceDestroy> space_;
   Handle<dxJointGroup, dJointGroupDestroy> contacts_;
   Handle<dxGeom, dGeomDestroy> query_box_;  ///< In no space.
   std::vector<dBodyID> bodies_;             ///< Null for fixed bodies.
+  std::optional<Joints> joints_;
   std::vector<CollisionId> collision_ids_;  ///< Each geometry points to its own.
+  std::vector<Wrench> held_;                ///< On each body during the next step().
+  bool stepping_ = false;
+  double substep_ = 0;  ///< Length of the present one, s.
+  ContactMemory memory_;
+  ProximityStatistics statistics_;
   unsigned long steps_ = 0;
+  std::optional<std::string> fault_;
 };
 
 }  // namespace hlm::ve

@@ -17,6 +17,12 @@ const Named& find(const std::vector<Named>& all, const std::string& name, const 
 
 }  // namespace
 
+std::optional<double> friction_between(const CollisionDescription& a,
+                                       const CollisionDescription& b) {
+  if (!a.friction) return b.friction;
+  return std::min(*a.friction, b.friction.value_or(*a.friction));
+}
+
 const ModelDescription& find_model(const WorldDescription& world, const std::string& name) {
   return find(world.models, name, "tool '" + name + "' is not a model of the world");
 }

@@ -13,12 +13,15 @@
 
 namespace hlm::ve {
 
+/// μ where the file does not say, as SDFormat has it.
+inline constexpr double kDefaultFriction = 1;
+
 /// One collision shape of a body. B is the body's frame, G the shape's.
 struct CollisionDescription {
   std::string name;
   Shape shape;
   Pose X_BG;
-  double friction = 1;  ///< μ, >= 0. Two shapes in contact have the smaller of theirs.
+  std::optional<double> friction;  ///< μ, >= 0; none: the file does not say.
 };
 
 /// A rigid body: one SDF link. Its frame B has its origin at the centre of mass and the link's
@@ -44,7 +47,11 @@ struct JointDescription {
   Vector3 axis_J = Vector3::UnitZ();                        ///< Unit.
   double lower = -std::numeric_limits<double>::infinity();  ///< rad or m, <= 0.
   double upper = std::numeric_limits<double>::infinity();   ///< rad or m, >= 0.
+  double stiffness = 0;                                     ///< N·m/rad or N/m, >= 0.
+  double rest = 0;     ///< Position in which the spring is at rest, rad or m.
+  double damping = 0;  ///< N·m·s/rad or N·s/m, >= 0.
 
+  bool sprung() const { return stiffness > 0 || damping > 0; }
   bool limited() const { return std::isfinite(lower) || std::isfinite(upper); }
 };
 
@@ -71,8 +78,19 @@ struct ModelDescription {
   std::vector<StartDescription> starts;
 };
 
+/// How finely the world is simulated; what is not given the world chooses (World).
+struct SolverDescription {
+  std::optional<double> largest_step;  ///< Longest step of the solver, s, > 0.
+  std::optional<int> sweeps;           ///< Over all constraints in each step, > 0.
+};
+
+/// The friction of two shapes in contact: the smaller μ; none if neither says.
+std::optional<double> friction_between(const CollisionDescription& a,
+                                       const CollisionDescription& b);
+
 struct WorldDescription {
   Vector3 gravity_W = Vector3::Zero();  ///< m/s².
+  SolverDescription solver;
   std::vector<BodyDescription> bodies;  ///< In the file's order: the index is a stable identity.
   std::vector<JointDescription> joints;
   std::vector<ModelDescription> models;

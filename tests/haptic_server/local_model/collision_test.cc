@@ -12,6 +12,10 @@ namespace {
 
 using test::Random;
 
+/// d×m: column i is J_iᵀ n_i.
+using ContactNormals =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDof, kMaxCollisions>;
+
 struct Case {
   MassMatrix mass;
   Eigen::LLT<MassMatrix> D;
@@ -38,6 +42,13 @@ Case random_case(Random& random, int links, int count) {
   return c;
 }
 
+/// J_cᵀ p: the generalised impulse among constraints at rest.
+GeneralisedForce collision_impulse(CollisionRule rule, const Case& c, double e) {
+  const ImpulseColumns A = c.D.matrixL().solve(c.normals);
+  const ContactNumbers w = (1 + e) * (c.normals.transpose() * c.v);
+  return c.normals * collision_impulses(rule, A, w, kDistinctAngle);
+}
+
 double kinetic_energy(const Case& c, const Velocity& v) { return 0.5 * v.dot(c.mass * v); }
 
 Velocity after(const Case& c, const GeneralisedForce& impulse) { return c.v + c.D.solve(impulse); }
@@ -58,8 +69,7 @@ TEST_CASE("Newton's impulse equals Eq. 11 with the printed pseudo-inverse") {
   const int count = GENERATE(1, 3, 6, 20, 64);
   for (const double e : {0.0, 0.5, 1.0}) {
     const Case c = random_case(random, 3, count);
-    const GeneralisedForce impulse =
-        collision_impulse(CollisionRule::kNewton, c.D, c.normals, c.v, e);
+    const GeneralisedForce impulse = collision_impulse(CollisionRule::kNewton, c, e);
     const Eigen::VectorXd expected = c.normals * printed_impulse(c, e);
     CHECK((impulse - expected).norm() <= 1e-7 * expected.norm());
   }
@@ -71,10 +81,9 @@ TEST_CASE("Newton's impulse changes kinetic energy by -(1-e²)/2 |Πu|², never 
     const double e = random.uniform(0, 1);
     const Case c = random_case(random, 2, random.integer(1, 10));
     const double before = kinetic_energy(c, c.v);
-    const Velocity v = after(c, collision_impulse(CollisionRule::kNewton, c.D, c.normals, c.v, e));
+    const Velocity v = after(c, collision_impulse(CollisionRule::kNewton, c, e));
     // Πu is what a plastic collision takes away.
-    const Velocity plastic =
-        after(c, collision_impulse(CollisionRule::kNewton, c.D, c.normals, c.v, 0));
+    const Velocity plastic = after(c, collision_impulse(CollisionRule::kNewton, c, 0));
     const double projected = before - kinetic_energy(c, plastic);  // |Πu|²/2
     CHECK(std::abs(kinetic_energy(c, v) - before + (1 - e * e) * projected) <= 1e-9 * before);
   }
@@ -85,8 +94,7 @@ TEST_CASE("Non-negative impulses solve the complementarity problem and add no en
   for (int trial = 0; trial < 300; ++trial) {
     const double e = random.uniform(0, 1);
     const Case c = random_case(random, random.integer(1, 5), random.integer(1, 64));
-    const GeneralisedForce impulse =
-        collision_impulse(CollisionRule::kNonnegative, c.D, c.normals, c.v, e);
+    const GeneralisedForce impulse = collision_impulse(CollisionRule::kNonnegative, c, e);
     const Velocity v = after(c, impulse);
     CHECK(kinetic_energy(c, v) <= kinetic_energy(c, c.v) * (1 + 1e-9));
     // J_c v⁺ + e J_c v⁻ >= 0 at every contact, m/s: Newton's restitution or more.
@@ -105,8 +113,7 @@ TEST_CASE("Non-negative impulses equal Eq. 11 wherever that does not pull") {
     const Eigen::VectorXd expected = printed_impulse(c, 0.3);
     if (expected.minCoeff() < 0) continue;
     ++compared;
-    const GeneralisedForce impulse =
-        collision_impulse(CollisionRule::kNonnegative, c.D, c.normals, c.v, 0.3);
+    const GeneralisedForce impulse = collision_impulse(CollisionRule::kNonnegative, c, 0.3);
     CHECK((impulse - c.normals * expected).norm() <= 1e-7 * expected.norm());
   }
   CHECK(compared > 100);
@@ -123,10 +130,8 @@ TEST_CASE("Near-parallel contacts at one point let the tool slide on under p >= 
   c.normals.col(1) << -std::sin(0.005), 0, std::cos(0.005);
   c.v = Eigen::Vector3d(0.1, 0, -0.01);  // m/s
 
-  const Velocity locked =
-      after(c, collision_impulse(CollisionRule::kNewton, c.D, c.normals, c.v, 0));
-  const Velocity sliding =
-      after(c, collision_impulse(CollisionRule::kNonnegative, c.D, c.normals, c.v, 0));
+  const Velocity locked = after(c, collision_impulse(CollisionRule::kNewton, c, 0));
+  const Velocity sliding = after(c, collision_impulse(CollisionRule::kNonnegative, c, 0));
   CHECK(std::abs(locked[0]) < 1e-9);  // m/s
   CHECK(sliding[0] > 0.099);          // m/s
 }

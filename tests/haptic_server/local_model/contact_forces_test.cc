@@ -26,7 +26,7 @@ LocalModel box_on_floor(const LocalModelParameters& parameters, double mass = 1)
   for (std::uint16_t i = 0; i < 4; ++i) {
     contacts.push_back(floor_contact({i & 1 ? 0.05 : -0.05, i & 2 ? 0.05 : -0.05, 0}, i));
   }
-  model.adopt(contacts, model.proxy().configuration(), 0);
+  model.adopt({.contacts = contacts, .q_VE = model.proxy().configuration(), .age = 0});
   return model;
 }
 
@@ -79,7 +79,9 @@ TEST_CASE("The explicit step is stable up to its bound and not beyond") {
   ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3, JointType::kPrismatic);
   tool.links[0].axis = Vector3::UnitZ();
   LocalModel model(tool, Configuration::Zero(1), parameters, kStep);
-  model.adopt({floor_contact(Vector3(0, 0, 0))}, model.proxy().configuration(), 0);
+  model.adopt({.contacts = {floor_contact(Vector3(0, 0, 0))},
+               .q_VE = model.proxy().configuration(),
+               .age = 0});
   // A steady push that keeps the contact closed, with a small disturbance at the start.
   double largest = 0;
   for (int i = 0; i < 2000; ++i) {
@@ -119,12 +121,12 @@ TEST_CASE("The friction anchor survives an update of the same contact") {
   for (const LocalContact& contact : model.contacts()) {
     ReportedContact reported;
     reported.identity = contact.identity;
-    const Vector3 x_W = model.proxy().X_WL(0) * contact.p_L;
+    const Vector3 x_W = model.proxy().X_WL(0) * contact.p_A;
     reported.p_WC = {x_W.x(), x_W.y(), 0};
     reported.separation = x_W.z();
     again.push_back(reported);
   }
-  model.adopt(again, q, 0);
+  model.adopt({.contacts = again, .q_VE = q, .age = 0});
   const ContactWrench felt = model.step(push({2, 0, -10}));
   CHECK(felt.F[0] == Approx(-2).margin(1e-6));  // N: no jump
   CHECK(std::abs(model.proxy().X_WH().p.x() - before) < 1e-9);
@@ -138,23 +140,28 @@ TEST_CASE("A moving constraint carries the tool along") {
     contacts.push_back(floor_contact({i & 1 ? 0.05 : -0.05, i & 2 ? 0.05 : -0.05, 0}, i));
     contacts.back().v_WC = {0.1, 0, 0};
   }
-  model.adopt(contacts, model.proxy().configuration(), 0);
+  model.adopt({.contacts = contacts, .q_VE = model.proxy().configuration(), .age = 0});
   for (int i = 0; i < 500; ++i) model.step(push({0, 0, -10}));
   CHECK(model.velocity()[0] == Approx(0.1).epsilon(1e-3));  // m/s
 }
 
-TEST_CASE("Weight is held by the contacts and felt as it is") {
+TEST_CASE("A floor that carries the tool takes its weight off the hand") {
   ToolDescription tool = test::rigid_tool(0.5, Matrix3::Identity() * 1e-3);
   tool.gravity_W = {0, 0, -9.81};
   LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
+  ContactWrench felt = model.step({});
+  CHECK(felt.F[2] == Approx(-0.5 * 9.81).epsilon(1e-9));  // in the air: all of it
+
   ReportedContacts contacts;
   for (std::uint16_t i = 0; i < 4; ++i) {
     contacts.push_back(floor_contact({i & 1 ? 0.05 : -0.05, i & 2 ? 0.05 : -0.05, 0}, i));
   }
-  model.adopt(contacts, model.proxy().configuration(), 0);
-  ContactWrench felt;
+  model.adopt({.contacts = contacts, .q_VE = model.proxy().configuration(), .age = 0});
   for (int i = 0; i < 2000; ++i) felt = model.step({});
-  CHECK(felt.F[2] == Approx(0.5 * 9.81).epsilon(1e-6));
+  CHECK(std::abs(felt.F[2]) < 1e-6);  // N
+  for (const LocalContact& contact : model.contacts()) {
+    CHECK(contact.f_W.z() == Approx(0.5 * 9.81 / 4).epsilon(1e-6));
+  }
 }
 
 }  // namespace

@@ -51,7 +51,8 @@ ReportedContacts walls(double x, const HoleOptions& options) {
 double spring_force(const LocalModel& model) {
   double sum = 0;
   for (const LocalContact& contact : model.contacts()) {
-    sum += 10'000 * std::max(0.0, -separation(contact, model.proxy())) * contact.n_W.x();
+    sum +=
+        10'000 * std::max(0.0, -separation(contact, poses_of(model.proxy(), {}))) * contact.n_W.x();
   }
   return sum;
 }
@@ -100,7 +101,9 @@ HoleRun shake_peg(const HoleOptions& options) {
       const ReportedContacts reported = walls(x, options);
       note_arrivals(model, reported, options, run);
       const double before = spring_force(model);
-      model.adopt(reported, Configuration::Constant(1, x), options.delayed ? kLatency : 0);
+      model.adopt({.contacts = reported,
+                   .q_VE = Configuration::Constant(1, x),
+                   .age = options.delayed ? kLatency : 0});
       run.largest_update_jump =
           std::max(run.largest_update_jump, std::abs(spring_force(model) - before));
       ++run.updates;

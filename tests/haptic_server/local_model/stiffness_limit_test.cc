@@ -14,7 +14,7 @@ double felt_stiffness(const LocalModelParameters& parameters, std::uint16_t coun
   LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
   ReportedContacts contacts(count);
   for (std::uint16_t i = 0; i < count; ++i) contacts[i].identity = i;
-  model.adopt(contacts, model.proxy().configuration(), 0);
+  model.adopt({.contacts = contacts, .q_VE = model.proxy().configuration(), .age = 0});
   HandInput hand;
   hand.F[2] = -5;
   for (int i = 0; i < 3000; ++i) model.step(hand);

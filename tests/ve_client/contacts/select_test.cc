@@ -17,8 +17,8 @@ const Vector3 kPlane = Vector3::UnitZ();
 FoundContact contact(std::uint16_t vertex, const Vector3& p_W, const Vector3& n_W,
                      double separation) {
   FoundContact result;
-  result.key.tool_feature = {FeatureKind::kVertex, 0, vertex};
-  result.key.body_feature = {FeatureKind::kFace, 0, 0};
+  result.key.a_feature = {FeatureKind::kVertex, 0, vertex};
+  result.key.b_feature = {FeatureKind::kFace, 0, 0};
   result.p_WC = p_W;
   result.n_W = n_W;
   result.separation = separation;
@@ -100,8 +100,8 @@ TEST_CASE("Contacts of a planar tool one above the other are one constraint, of 
       contact(2, {0.1, 0.3, -0.02}, Vector3::UnitX(), -0.001)};
   const std::vector<FoundContact> reported = select_contacts(candidates, kPlane);
   REQUIRE(reported.size() == 2);
-  CHECK(reported[0].key.tool_feature.index == 1);
-  CHECK(reported[1].key.tool_feature.index == 2);
+  CHECK(reported[0].key.a_feature.index == 1);
+  CHECK(reported[1].key.a_feature.index == 2);
   CHECK(select_contacts(candidates, std::nullopt).size() == 3);
 }
 
@@ -110,9 +110,9 @@ TEST_CASE("Contacts of a planar tool that differ in the plane, or by link or bod
   FoundContact other_normal = contact(2, {0.1, 0.2, 0.02}, Vector3::UnitY(), -0.001);
   FoundContact other_separation = contact(3, {0.1, 0.2, 0.02}, Vector3::UnitX(), 0.001);
   FoundContact other_body = contact(4, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
-  other_body.key.body = 7;
+  other_body.key.b.index = 7;
   FoundContact other_link = contact(5, {0.1, 0.2, 0.02}, Vector3::UnitX(), -0.001);
-  other_link.key.link = 1;
+  other_link.key.a.index = 1;
   const std::vector<FoundContact> candidates = {first, other_normal, other_separation, other_body,
                                                 other_link};
   CHECK(select_contacts(candidates, kPlane).size() == 5);
@@ -126,7 +126,7 @@ TEST_CASE(
                                                 contact(3, {0, 0, 0}, steep, -0.001)};
   const std::vector<FoundContact> reported = select_contacts(candidates, kPlane);
   REQUIRE(reported.size() == 1);
-  CHECK(reported[0].key.tool_feature.index == 3);
+  CHECK(reported[0].key.a_feature.index == 3);
   CHECK(select_contacts(candidates, std::nullopt).size() == 3);
 }
 

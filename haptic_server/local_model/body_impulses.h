@@ -1,0 +1,63 @@
+// What the tool has done to movable bodies since the session began, and when: the environment moves
+// its bodies by the totals, and an update is brought to the present by what came after it
+// (docs/method.md 9).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/spatial.h"
+#include "common/static_vector.h"
+#include "haptic_server/local_model/local_body.h"
+
+namespace hlm::server {
+
+/// Impulses are those of the tool on a body about its centre of mass, world axes, N·s and N·m·s.
+class BodyImpulses {
+ public:
+  /// Bodies that the tool may touch in one session; others are moving constraints to it.
+  static constexpr std::size_t kMaxTouched = 1024;
+  /// Steps that are remembered: longer than the loop from an impulse to the update that contains
+  /// it.
+  static constexpr std::uint64_t kHistory = 2048;
+
+  struct Total {
+    std::uint32_t body = 0;
+    Vector6 P_W = Vector6::Zero();
+    std::uint64_t last_step = 0;  ///< In which it changed.
+  };
+
+  /// Whether impulses on the body can be kept.
+  bool has_room_for(std::uint32_t body) const noexcept;
+  /// In the step that has begun.
+  void add(std::uint32_t body, const Vector6& P_W) noexcept;
+  void end_step() noexcept;
+
+  /// Steps that have ended.
+  std::uint64_t step() const noexcept { return step_; }
+  /// Sum over the steps in (from, to], as far as they are remembered.
+  Vector6 between(std::uint32_t body, std::uint64_t from, std::uint64_t to) const noexcept;
+  /// First step from which between() is complete.
+  std::uint64_t oldest() const noexcept { return step_ < kHistory ? 0 : step_ - kHistory + 1; }
+
+  /// Since the session began; zero for a body that was never touched.
+  Vector6 total(std::uint32_t body) const noexcept;
+
+  using Totals = StaticVector<Total, kMaxTouched>;
+  const Totals& totals() const noexcept { return totals_; }
+
+ private:
+  struct Impulse {
+    std::uint32_t body;
+    Vector6 P_W;
+  };
+  using Step = StaticVector<Impulse, kMaxLocalBodies>;
+  Step& at(std::uint64_t step) noexcept { return history_[step % kHistory]; }
+  const Step& at(std::uint64_t step) const noexcept { return history_[step % kHistory]; }
+
+  std::uint64_t step_ = 0;
+  std::array<Step, kHistory> history_;  ///< The step that has begun is step_ + 1.
+  Totals totals_;
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,51 @@
+// A movable body near the tool, as the local model moves it between updates (docs/method.md 9).
+#pragma once
+
+#include "common/contact.h"
+#include "common/spatial.h"
+#include "common/static_vector.h"
+#include "common/tool_model.h"
+
+namespace hlm::server {
+
+/// Most bodies that the local model moves. Each adds up to six unknowns to a step; those beyond
+/// them are moving constraints.
+inline constexpr std::size_t kMaxLocalBodies = 8;
+
+/// The twist at a point that lies `arm` (m) away from the one of V.
+inline Twist shifted(const Twist& V, const Vector3& arm) noexcept {
+  Twist moved = V;
+  moved.head<3>() += V.tail<3>().cross(arm);
+  return moved;
+}
+
+/// Twists and wrenches about the centre of mass, world axes.
+struct LocalBody {
+  LocalBody() = default;
+  /// In the state that was reported.
+  explicit LocalBody(const MovableBody& reported) noexcept;
+
+  std::uint32_t id = 0;
+  Pose X_WB;  ///< Origin at the centre of mass; the world's axes at the latest update.
+  Twist V_W = Twist::Zero();
+  /// 6×n: W = B Bᵀ, so that an impulse P changes the velocity by B (Bᵀ P): in these coordinates the
+  /// body has unit mass, and moves only as its joints allow.
+  Jacobian B;
+  Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts.
+  /// Impulse of the tool that the environment had yet to apply in the step that the update is
+  /// about.
+  Vector6 pending_W = Vector6::Zero();
+
+  /// What an update found V_W to be wrong by; it enters over the steps of one frame.
+  Twist correction = Twist::Zero();
+  int correction_steps = 0;  ///< Left.
+
+  /// V at the end of a step of dt (s) without contacts.
+  Twist free_twist(double dt) const noexcept;
+  /// Goes on for dt with V at the end of the step.
+  void advance(const Twist& V, double dt) noexcept;
+};
+
+using LocalBodies = StaticVector<LocalBody, kMaxLocalBodies>;
+
+}  // namespace hlm::server

@@ -1,0 +1,257 @@
+// A body that the tool pushes, as the environment that owns it would have it (docs/method.md 9).
+#include <cmath>
+#include <deque>
+#include <optional>
+
+#include "haptic_server/local_model/local_model.h"
+#include "tests/support/catch.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kStep = 1e-3;  // s
+constexpr double kGravity = 9.81;
+
+struct Loop {
+  double mass = 0.3;         ///< Of the body, kg.
+  double frame = 1.0 / 60;   ///< s.
+  int delay = 0;             ///< Each way, steps.
+  double stiffness = 4000;   ///< N/m.
+  double gravity = kGravity; ///< m/s².
+};
+
+/// An environment with one body, a cube of 50 mm on a table, that moves by its weight and by the
+/// impulses that it is told of alone. Its step is 1 ms.
+class LateWorld {
+ public:
+  explicit LateWorld(const Loop& loop)
+      : loop_(loop), moment_(loop.mass * kSize * kSize / 6) {
+    body_.p.z() = kSize / 2;
+  }
+
+  /// The state of the proxy and the impulses, as they arrive.
+  struct Message {
+    std::uint64_t step;
+    Configuration q;
+    Vector6 P;
+  };
+  struct Update {
+    ReportedContacts contacts;
+    MovableBodies bodies;
+    Configuration q;
+    double impulse_step;
+  };
+
+  void receive(const Message& message) {
+    newest_ = message;
+    received_.push_back(message);
+    if (received_.size() > 10) received_.pop_front();
+  }
+
+  Update frame() {
+    // Played out at an even rate, a frame behind the newest: with unequal portions the body would hop
+    // on its table.
+    const double steps_per_frame = loop_.frame / kStep;
+    const double newest = static_cast<double>(newest_.step);
+    const double lag = newest - played_ - 2 * steps_per_frame;
+    played_ += steps_per_frame * (1 + std::clamp(0.1 * lag / steps_per_frame, -0.02, 0.02));
+    if (lag > 4 * steps_per_frame) played_ = newest - steps_per_frame;
+    played_ = std::clamp(played_, 0., newest);
+    const Vector6 due = played();
+    const Vector6 F = (due - applied_) / loop_.frame;
+    applied_ = due;
+    const int steps = static_cast<int>(std::round(loop_.frame / kStep));
+    for (int i = 0; i < steps; ++i) step(F, loop_.frame / steps);
+    return report();
+  }
+
+  const Twist& V() const { return V_; }
+  const Pose& X() const { return body_; }
+
+ private:
+  static constexpr double kSize = 0.05;  // m
+
+  Vector6 played() const {
+    for (std::size_t i = received_.size(); i-- > 1;) {
+      const double before = static_cast<double>(received_[i - 1].step);
+      const double after = static_cast<double>(received_[i].step);
+      if (played_ < before || after == before) continue;
+      return received_[i - 1].P +
+             (played_ - before) / (after - before) * (received_[i].P - received_[i - 1].P);
+    }
+    return applied_;
+  }
+
+  void step(const Wrench& F, double dt) {
+    V_.head<3>() += dt * (F.head<3>() / loop_.mass - Vector3(0, 0, loop_.gravity));
+    V_.tail<3>() += dt * F.tail<3>() / moment_;
+    load_ = 0;
+    if (loop_.gravity > 0 && body_.p.z() + dt * V_[2] <= kSize / 2) {
+      const double stopped = (kSize / 2 - body_.p.z()) / dt;
+      load_ = loop_.mass * (stopped - V_[2]) / dt;
+      V_[2] = stopped;
+    }
+    body_.p += dt * V_.head<3>();
+    body_.R = rotation_from_vector(dt * V_.tail<3>()) * body_.R;
+  }
+
+  Update report() const {
+    Update update;
+    update.q = newest_.q;
+    update.impulse_step = played_;
+    MovableBody& body = update.bodies.emplace_back();
+    body.id = 7;
+    body.p_WCom = body_.p;
+    body.V_W = V_;
+    body.W.diagonal() << Vector3::Constant(1 / loop_.mass), Vector3::Constant(1 / moment_);
+    body.A_W[2] = -loop_.gravity;
+    body.P_W = applied_;
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      const Vector3 corner(i & 1 ? .02 : -.02, i & 2 ? .02 : -.02, 0);
+      // The tool's top under the cube's lower face.
+      const Vector3 x = newest_.q.head<3>() + corner;
+      ReportedContact& contact = update.contacts.emplace_back();
+      contact.identity = i;
+      contact.b = {SideKind::kMovableBody, 7};
+      contact.n_W = body_.R * -Vector3::UnitZ();
+      const Vector3 face = body_ * Vector3(0, 0, -kSize / 2);
+      contact.separation = contact.n_W.dot(x - face);
+      contact.p_WC = x - contact.separation * contact.n_W;
+      contact.friction = 0.5;
+      if (loop_.gravity == 0) continue;
+      ReportedContact& support = update.contacts.emplace_back();
+      support.identity = 10 + i;
+      support.a = {SideKind::kMovableBody, 7};
+      support.b = {SideKind::kWorld, 1};
+      support.p_WC = body_ * Vector3(corner.x(), corner.y(), -kSize / 2);
+      support.separation = support.p_WC.z();
+      support.p_WC.z() = 0;
+      support.friction = 0.5;
+      support.load = load_ / 4;
+    }
+    return update;
+  }
+
+  Loop loop_;
+  double moment_;  // kg·m²
+  double load_ = 0;  // N, on the table
+  Pose body_;
+  Twist V_ = Twist::Zero();
+  Vector6 applied_ = Vector6::Zero();
+  Message newest_{0, Configuration(), Vector6::Zero()};
+  std::deque<Message> received_{newest_};
+  double played_ = 0;  // step
+};
+
+/// Local model and environment, late for each other. The hand holds the tool with a spring.
+class Held {
+ public:
+  explicit Held(const Loop& loop)
+      : loop_(loop), world_(loop), tool_(test::rigid_tool(0.5, Matrix3::Identity() * 1e-3)) {
+    LocalModelParameters parameters;
+    parameters.stiffness = loop.stiffness;
+    model_.emplace(tool_, ToolModel(tool_).neutral(), parameters, kStep);
+    world_.receive(message());
+    model_->adopt(update(world_.frame()));
+  }
+
+  /// Force on the hand by the contacts in one step, N; the hand's target moves to z.
+  ContactWrench step(const Vector3& target) {
+    const double now = static_cast<double>(ticks_++) * kStep;
+    while (!to_server_.empty() && to_server_.front().second <= ticks_) {
+      model_->adopt(update(to_server_.front().first));
+      to_world_.push_back({message(), ticks_ + loop_.delay});
+      to_server_.pop_front();
+    }
+    HandInput hand;
+    const double K = 1500;
+    const double B = 30;
+    hand.stiffness.head<3>().setConstant(K);
+    hand.damping.head<3>().setConstant(B);
+    hand.stiffness.tail<3>().setConstant(5);
+    hand.damping.tail<3>().setConstant(0.05);
+    const Twist V = model_->hand_twist();
+    Pose X_target;
+    X_target.p = target;
+    hand.F = hand.stiffness.cwiseProduct(displacement(model_->proxy().X_WH(), X_target)) -
+             hand.damping.cwiseProduct(V);
+    const ContactWrench felt = model_->step(hand);
+    if (now >= next_frame_) {
+      next_frame_ += loop_.frame;
+      while (!to_world_.empty() && to_world_.front().second <= ticks_) {
+        world_.receive(to_world_.front().first);
+        to_world_.pop_front();
+      }
+      if (loop_.delay == 0) world_.receive(message());
+      to_server_.push_back({world_.frame(), ticks_ + 1 + loop_.delay});
+    }
+    felt_ += kStep * felt.F + felt.impulse;
+    return felt;
+  }
+
+  const Wrench& felt() const { return felt_; }
+  const LateWorld& world() const { return world_; }
+  const LocalModel& model() const { return *model_; }
+
+ private:
+  LateWorld::Message message() const {
+    Vector6 P = Vector6::Zero();
+    for (const auto& total : model_->impulses().totals()) P = total.P_W;
+    return {model_->impulses().step(), model_->proxy().configuration(), P};
+  }
+  ModelUpdate update(const LateWorld::Update& u) {
+    newest_ = u;
+    return {.contacts = newest_.contacts,
+            .q_VE = newest_.q,
+            .age = 0,
+            .bodies = newest_.bodies,
+            .impulse_step = newest_.impulse_step,
+            .period = loop_.frame};
+  }
+
+  Loop loop_;
+  LateWorld world_;
+  ToolDescription tool_;
+  std::optional<LocalModel> model_;
+  LateWorld::Update newest_;
+  std::deque<std::pair<LateWorld::Message, int>> to_world_;
+  std::deque<std::pair<LateWorld::Update, int>> to_server_;
+  int ticks_ = 0;
+  double next_frame_ = 0;
+  Wrench felt_ = Wrench::Zero();
+};
+
+/// The cube is lifted off its table by 50 mm in a second, and held.
+TEST_CASE("weight") {
+  for (const double mass : {0.1, 0.3, 1.0, 3.0}) {
+    for (const double rate : {60.0, 30.0}) {
+      for (const int delay : {0, 20, 50, 100}) {
+        for (const double k : {4000.0, 16000.0, 50000.0}) {
+          Held held({.mass = mass, .frame = 1 / rate, .delay = delay, .stiffness = k});
+          double sum = 0, square = 0, jump = 0, last = 0, way = 0;
+          int n = 0;
+          for (int i = 0; i < 6000; ++i) {
+            const double f = -held.step({0, 0, 0.05 * std::min(1.0, i / 1000.0)}).F[2];
+            if (i < 3000) way = std::max(way, std::abs(f - last));
+            if (i >= 3000) {
+              sum += f;
+              square += f * f;
+              jump = std::max(jump, std::abs(f - last));
+              ++n;
+            }
+            last = f;
+          }
+          const double mean = sum / n;
+          printf("m %.1f %2.0f Hz delay %3d k %6.0f: weight %.4f x, sd %.4f x, largest step %.3f N, lifting %.3f, tilt %.2f, z %.4f tool %.4f\n", mass,
+                 rate, delay, k, mean / (mass * kGravity),
+                 std::sqrt(std::max(0.0, square / n - mean * mean)) / (mass * kGravity), jump, way,
+                 held.world().X().R.vec().norm(), held.world().X().p.z(), held.model().proxy().X_WH().p.z());
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace hlm::server

@@ -1,0 +1,51 @@
+// What the contacts among the world's bodies carried: for friction's direction in the next step of
+// the solver, and for the loads that are reported.
+#pragma once
+
+#include <deque>
+#include <map>
+
+#include <ode/ode.h>
+
+#include "ve_client/contacts/feature.h"
+
+namespace hlm::ve {
+
+class ContactMemory {
+ public:
+  /// What a contact carried in one step of the solver.
+  struct Carried {
+    double normal = 0;                   ///< N.
+    Vector3 friction = Vector3::Zero();  ///< On key.a, N.
+  };
+
+  /// A frame of `substeps` steps of the solver begins: loads are its means.
+  void begin_frame(int substeps);
+  /// A contact that takes part in the present step; the solver writes into the feedback what it
+  /// carried, on key.a. Valid until end_step().
+  dJointFeedback& add(const ContactKey& key, const Vector3& n_W);
+  /// The present step is solved.
+  void end_step();
+
+  /// In the latest step; zero if the contact was not there.
+  Carried latest(const ContactKey& key) const;
+  /// Mean normal force of a contact in the frame, N.
+  double load(const ContactKey& key) const;
+  /// Of all contacts of two bodies.
+  double load(int body_a, int body_b) const;
+
+ private:
+  struct Acting {
+    ContactKey key;  ///< As ordered by ordered().
+    bool swapped;
+    Vector3 n_W;
+    dJointFeedback feedback;
+  };
+
+  double share_ = 1;  ///< Of one step in the means.
+  std::deque<Acting> acting_;
+  std::map<ContactKey, Carried> latest_;
+  std::map<ContactKey, double> loads_;
+};
+
+}  // namespace hlm::ve

@@ -1,0 +1,47 @@
+#include "ve_client/world/engine_geometry.h"
+
+namespace hlm::ve {
+namespace {
+
+/// Of the pose only a plane takes anything.
+dGeomID create(dSpaceID space, const Shape& shape, const Pose& X_WG) {
+  struct Creator {
+    dGeomID operator()(const Sphere& s) const { return dCreateSphere(space, s.radius); }
+    dGeomID operator()(const Capsule& s) const { return dCreateCapsule(space, s.radius, s.length); }
+    dGeomID operator()(const Cylinder& s) const {
+      return dCreateCylinder(space, s.radius, s.length);
+    }
+    dGeomID operator()(const Box& s) const {
+      return dCreateBox(space, s.size.x(), s.size.y(), s.size.z());
+    }
+    dGeomID operator()(const HalfSpace&) const {
+      const Vector3 n = X_WG.R * Vector3::UnitZ();
+      return dCreatePlane(space, n.x(), n.y(), n.z(), n.dot(X_WG.p));
+    }
+    dSpaceID space;
+    const Pose& X_WG;
+  };
+  return std::visit(Creator{space, X_WG}, shape);
+}
+
+}  // namespace
+
+dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dBodyID body,
+                        const Pose& X_BG) {
+  const dGeomID geometry = create(space, shape, X_WG);
+  if (std::holds_alternative<HalfSpace>(shape)) return geometry;
+  const auto set_pose = [&](auto set_position, auto set_rotation, const Pose& X) {
+    const dQuaternion q = {X.R.w(), X.R.x(), X.R.y(), X.R.z()};
+    set_position(geometry, X.p.x(), X.p.y(), X.p.z());
+    set_rotation(geometry, q);
+  };
+  if (body == nullptr) {
+    set_pose(dGeomSetPosition, dGeomSetQuaternion, X_WG);
+  } else {
+    dGeomSetBody(geometry, body);
+    set_pose(dGeomSetOffsetPosition, dGeomSetOffsetQuaternion, X_BG);
+  }
+  return geometry;
+}
+
+}  // namespace hlm::ve

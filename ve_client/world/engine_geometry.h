@@ -1,0 +1,15 @@
+// Collision shapes as the engine's geometries.
+#pragma once
+
+#include <ode/ode.h>
+
+#include "common/spatial.h"
+#include "ve_client/contacts/shape.h"
+
+namespace hlm::ve {
+
+/// A geometry with the shape, at X_WG; with a body, fixed in it at X_BG.
+dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dBodyID body,
+                        const Pose& X_BG);
+
+}  // namespace hlm::ve

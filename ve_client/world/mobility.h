@@ -1,0 +1,25 @@
+// How a body answers forces as its joints leave it: what the local model must know to move it.
+#pragma once
+
+#include "common/spatial.h"
+#include "ve_client/world/world.h"
+
+namespace hlm::ve {
+
+// Bodies that joints connect answer together, M a = f + Jᵀ λ with J a = -J̇ v for all of them. What
+// is said here is one body's part, about its centre of mass, world axes, linear and exact. Limits
+// of joints take no part. For bodies that are not fixed.
+
+/// W: the acceleration of a body for each wrench on it, 1/kg and 1/(kg·m²), symmetric. Of all
+/// connected bodies it is that body's block of M⁻¹ − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁺ J M⁻¹.
+Matrix6 inverse_inertia(const World& world, int body);
+
+/// The acceleration of a body by all that is no contact: weight, springs and damping of joints,
+/// gyroscopic torque, and what its joints make of these. m/s², rad/s².
+Vector6 free_acceleration(const World& world, int body);
+
+/// The acceleration along a joint's axis for each unit of force or torque there, 1/kg or
+/// 1/(kg·m²).
+double joint_mobility(const World& world, int joint);
+
+}  // namespace hlm::ve
