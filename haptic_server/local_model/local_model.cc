@@ -113,8 +113,8 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
 void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept {
   if (bodies.empty()) return;
   const std::uint64_t now = impulses_.step();
-  const double start = std::clamp(from, static_cast<double>(impulses_.oldest()),
-                                  static_cast<double>(now));
+  const double start =
+      std::clamp(from, static_cast<double>(impulses_.oldest()), static_cast<double>(now));
   auto done = static_cast<std::uint64_t>(start);
   double into_step = start - static_cast<double>(done);
   const std::uint64_t stride = (now - done + kReplaySteps - 1) / kReplaySteps;
@@ -194,7 +194,8 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   }
   v_ = E.llt().solve(r + dt_ * tau);
   move_freely(proxy_, v_, dt_);
-  felt.F = H.lazyProduct(GeneralisedForce(tau - weight));
+  felt.weight = -H.lazyProduct(weight);
+  felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
 }
@@ -211,7 +212,8 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   Unknowns x;
   const GeneralisedForce tau = apply_explicitly(frames, contact_law(ContactStep::kExplicit), x);
   ContactWrench felt;
-  felt.F = H.lazyProduct(GeneralisedForce(tau - proxy_.gravity()));
+  felt.weight = -H.lazyProduct(proxy_.gravity());
+  felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
 }

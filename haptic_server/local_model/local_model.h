@@ -31,6 +31,7 @@ struct HandInput {
 /// What contacts and weight do to the hand in one step, world axes, at the hand's frame.
 struct ContactWrench {
   Wrench F = Wrench::Zero();        ///< Eq. 8: penalty, friction and the tool's weight, N and N·m.
+  Wrench weight = Wrench::Zero();   ///< The part of F that is the tool's weight, N and N·m.
   Wrench impulse = Wrench::Zero();  ///< Eq. 12 before division by Δt: N·s and N·m·s.
 };
 
@@ -43,7 +44,7 @@ struct ModelUpdate {
   double age = 0;             ///< Of the contacts with constraints of the world, s.
   const MovableBodies& bodies = kNoBodies;
   double impulse_step = 0;  ///< The bodies' state is that of this step; parts of a step count.
-  double period = 0;               ///< Of the environment's frames, s.
+  double period = 0;        ///< Of the environment's frames, s.
 };
 
 class LocalModel {
