@@ -24,11 +24,13 @@ constexpr double kSupportFriction = 0.9;
 /// Most steps in which an update is brought to the present; longer loops take longer steps.
 constexpr std::uint64_t kReplaySteps = 60;
 
-ProxyContactState proxy_state(const LocalContacts& contacts) noexcept {
+ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) noexcept {
   ProxyContactState state = ProxyContactState::kFreeMotion;
-  for (const LocalContact& contact : contacts) {
-    if (contact.state == ContactState::kColliding) return ProxyContactState::kColliding;
-    if (contact.state != ContactState::kImpending) state = ProxyContactState::kResting;
+  for (const LocalContacts* contacts : sets) {
+    for (const LocalContact& contact : *contacts) {
+      if (contact.state == ContactState::kColliding) return ProxyContactState::kColliding;
+      if (contact.state != ContactState::kImpending) state = ProxyContactState::kResting;
+    }
   }
   return state;
 }
@@ -77,7 +79,8 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
       dt_(dt),
       proxy_(tool),
       ve_tool_(tool),
-      v_(Velocity::Zero(tool.dof())) {
+      v_(Velocity::Zero(tool.dof())),
+      limits_(tool, q) {
   proxy_.set_configuration(q);
   ve_tool_.set_configuration(q);
 }
@@ -184,11 +187,12 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     StepSystem system = unit_system(frames);
     system.E.topLeftCorner(d, d) = E;
     system.r.head(d) = r;
-    const std::array<ContactGroup, 2> groups{
-        {{present(), law}, {present_supports(), support_law(dt_)}}};
+    const std::array<ContactGroup, 3> groups{
+        {{present(), law}, {limits_.contacts(), law}, {present_supports(), support_law(dt_)}}};
     x = solve_contact_step(groups, frames, system);
     tau = apply_contact_forces(groups[0], frames, x).head(d);
-    apply_contact_forces(groups[1], frames, x);
+    tau += apply_contact_forces(groups[1], frames, x).head(d);
+    apply_contact_forces(groups[2], frames, x);
   } else {
     tau = apply_explicitly(frames, law, x);
   }
@@ -225,7 +229,8 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   const int d = proxy_.dof();
   x.setZero(frames.unknowns());
   x.head(d) = v_;
-  const Unknowns tau = apply_contact_forces({present(), law}, frames, x);
+  Unknowns tau = apply_contact_forces({present(), law}, frames, x);
+  tau += apply_contact_forces({limits_.contacts(), law}, frames, x);
   const ContactGroup supports{present_supports(), support_law(dt_)};
   StepSystem system = unit_system(frames);
   system.r.tail(x.size() - d) = dt_ * tau.tail(x.size() - d);
@@ -271,6 +276,7 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
     }
     return closed.size();
   };
+  collect(limits());
   const std::size_t felt = collect(contacts());
   collect(supports());
 
@@ -316,8 +322,10 @@ void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap&
 
 void LocalModel::evaluate(const FrameMotions& frames) noexcept {
   evaluate_contacts(present(), frames);
+  limits_.place(proxy_);
+  evaluate_contacts(limits_.contacts(), frames);
   evaluate_contacts(present_supports(), frames);
-  state_ = proxy_state(contacts());
+  state_ = proxy_state({&contacts(), &limits()});
 }
 
 UpdatePolicy LocalModel::policy() const noexcept {
