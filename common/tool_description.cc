@@ -16,10 +16,6 @@ bool is_finite(const Pose& X) { return X.p.allFinite() && X.R.coeffs().allFinite
 
 bool is_unit(double length) { return std::abs(length - 1) <= kUnitTolerance; }
 
-bool needs_axis(JointType joint) {
-  return joint == JointType::kRevolute || joint == JointType::kPrismatic;
-}
-
 // Bounds far beyond any tool: what exceeds them is a mistake, and would carry the proxy to nowhere.
 constexpr double kLargestLength = 1e4;   ///< m.
 constexpr double kLargestMass = 1e4;     ///< kg.
@@ -62,8 +58,10 @@ std::optional<std::string> find_joint_error(const Link& link, int index) {
   if (auto error = find_error("joint frame", link.X_PJ.p, kLargestLength, "m")) return error;
   if (!is_unit(link.X_PJ.R.norm())) return "joint frame's quaternion must have length 1";
   if (!link.axis.allFinite()) return "axis must be finite";
-  if (needs_axis(link.joint) && !is_unit(link.axis.norm())) return "axis must have length 1";
-  return std::nullopt;
+  if (!has_axis(link.joint)) return std::nullopt;
+  if (!is_unit(link.axis.norm())) return "axis must have length 1";
+  if (auto error = find_error("lower limit", link.lower, Range{-kNoLimit, kNoLimit})) return error;
+  return find_error("upper limit", link.upper, Range{link.lower, kNoLimit});
 }
 
 /// Whether D(q) can be inverted: every velocity coordinate must move some mass or inertia.

@@ -31,6 +31,13 @@ enum class JointType : std::uint8_t {
 int joint_dof(JointType joint) noexcept;
 /// Number of coordinates of a joint.
 int joint_configuration_size(JointType joint) noexcept;
+/// Whether a joint's one coordinate may have limits: it moves along or about an axis.
+constexpr bool has_axis(JointType joint) noexcept {
+  return joint == JointType::kRevolute || joint == JointType::kPrismatic;
+}
+
+/// A limit this far away is none, rad or m.
+inline constexpr double kNoLimit = 1e9;
 
 struct Link {
   int parent = -1;  ///< Index of the parent, smaller than the link's own; -1 is the world.
@@ -40,6 +47,8 @@ struct Link {
   double mass = 1;                       ///< kg, >= 0.
   Vector3 p_LCom = Vector3::Zero();      ///< Centre of mass in the link frame, m.
   Matrix3 I_LCom = Matrix3::Identity();  ///< Inertia about the centre of mass, link axes, kg·m².
+  double lower = -kNoLimit;              ///< Least q of a revolute or prismatic joint, rad or m.
+  double upper = kNoLimit;               ///< Its largest q, >= lower.
 };
 
 /// A virtual tool: rigid object or linkage.
@@ -57,7 +66,8 @@ struct ToolDescription {
 
 /// Why a description cannot be used, naming the link, the value and what is allowed; empty if
 /// valid. Checks the tree's order, joint types and their place, finite values, unit axes and
-/// quaternions, non-negative masses, symmetric non-negative inertias, d within [1, kMaxDof].
+/// quaternions, limits in order, non-negative masses, symmetric non-negative inertias, d within [1,
+/// kMaxDof].
 std::optional<std::string> find_error(const ToolDescription& tool);
 
 }  // namespace hlm

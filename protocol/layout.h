@@ -48,7 +48,7 @@ inline constexpr std::size_t kListHeaderSize = 8;
 template <class Item>
 inline constexpr std::size_t kItemSize = 0;
 template <>
-inline constexpr std::size_t kItemSize<Link> = 162;
+inline constexpr std::size_t kItemSize<Link> = 178;
 template <>
 inline constexpr std::size_t kItemSize<MovableBody> = 340;
 template <>
@@ -121,6 +121,8 @@ void fields(Io& io, M& link) requires std::same_as<const M, const Link> {
     io.f64(I(row, column));
     io.mirror(I, row, column);
   }
+  io.f64(link.lower);
+  io.f64(link.upper);
 }
 
 template <class Io, class M>

@@ -50,28 +50,33 @@ Wrench Controller::coordination(const DeviceState& device,
 HandInput Controller::to_proxy(const DeviceState& device, const HandMotion& proxy) const noexcept {
   if (traits(kind_).replaces_proxy) return {};
   HandInput input{coordination(device, proxy), stiffness_, damping_};
-  if (kind_ == ControllerKind::kFourChannel && device.F_hand) input.F += *device.F_hand;
+  if (passes_hand_wrench(device)) input.F += *device.F_hand;
   return input;
 }
 
 Wrench Controller::to_device(const DeviceState& device, const HandMotion& proxy,
-                             const HandMotion& engine_tool, const Wrench& F_env) const noexcept {
+                             const HandMotion& engine_tool,
+                             const ContactWrench& felt) const noexcept {
   switch (kind_) {
     case ControllerKind::kFourChannel:
-    case ControllerKind::kThreeChannel:
+    case ControllerKind::kThreeChannel: {
+      // A proxy that the hand's wrench does not hold hangs from the coupling with its weight.
+      const Wrench F_env = passes_hand_wrench(device) ? felt.F : Wrench(felt.F - felt.weight);
       return F_env - coordination(device, proxy);
+    }
     case ControllerKind::kVirtualCoupler:
       return -coordination(device, proxy);
     case ControllerKind::kDirect:
-      return F_env;
+      return felt.F;
+    // The environment's tool is weightless: it only follows.
     case ControllerKind::kRotationCoupler: {
-      Wrench u = -coordination(device, engine_tool);
-      u.head<3>() = F_env.head<3>();
+      Wrench u = felt.weight - coordination(device, engine_tool);
+      u.head<3>() = felt.F.head<3>();
       return u;
     }
     case ControllerKind::kEngineCoupler:
     case ControllerKind::kEngineForce:
-      return -coordination(device, engine_tool);
+      return felt.weight - coordination(device, engine_tool);
   }
   return Wrench::Zero();
 }

@@ -50,10 +50,16 @@ class Controller {
   HandInput to_proxy(const DeviceState& device, const HandMotion& proxy) const noexcept;
 
   /// The wrench u for the device: F_env - K_c e - B_c ė, less the terms that the kind leaves out.
+  /// Whatever the kind, a hand that holds the tool still bears its weight, and bears it once: from
+  /// F_env, or from the proxy that hangs from the coupling.
   Wrench to_device(const DeviceState& device, const HandMotion& proxy,
-                   const HandMotion& engine_tool, const Wrench& F_env) const noexcept;
+                   const HandMotion& engine_tool, const ContactWrench& felt) const noexcept;
 
  private:
+  /// Whether the hand's wrench acts on the proxy.
+  bool passes_hand_wrench(const DeviceState& device) const noexcept {
+    return kind_ == ControllerKind::kFourChannel && device.F_hand.has_value();
+  }
   Wrench coordination(const DeviceState& device, const HandMotion& partner) const noexcept;
 
   ControllerKind kind_;

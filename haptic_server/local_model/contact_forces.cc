@@ -11,8 +11,9 @@ namespace {
 
 /// Rounds of the contact solver. Two are typical; what is undecided after the last is clamped.
 constexpr int kMaxPasses = 6;
-/// Groups of contacts in one step: the tool's, and those of movable bodies among themselves.
-constexpr std::size_t kMaxGroups = 2;
+/// Groups of contacts in one step: the tool's, the limits of its joints, and those of movable
+/// bodies among themselves.
+constexpr std::size_t kMaxGroups = 3;
 
 Vector3 tangential(const Vector3& v, const Vector3& n) noexcept { return v - n.dot(v) * n; }
 

@@ -21,17 +21,22 @@ constexpr double kSupportDamping = 1e3;
 /// On the friction of contacts without the tool. With 1, a body that slides in the environment
 /// sticks here now and then: it is lost and hit again.
 constexpr double kSupportFriction = 0.9;
+/// Time constant of healing, s. Near the loop through the environment, what heals swings with what
+/// is reported; much longer is no healing.
+constexpr double kHealingTime = 0.2;
 /// Most energy that is kept to heal with, J: that of 5 N over 20 mm. More would let an old blow pay
 /// for a wall that comes much later.
 constexpr double kTankSize = 0.1;
 /// Most steps in which an update is brought to the present; longer loops take longer steps.
 constexpr std::uint64_t kReplaySteps = 60;
 
-ProxyContactState proxy_state(const LocalContacts& contacts) noexcept {
+ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) noexcept {
   ProxyContactState state = ProxyContactState::kFreeMotion;
-  for (const LocalContact& contact : contacts) {
-    if (contact.state == ContactState::kColliding) return ProxyContactState::kColliding;
-    if (contact.state != ContactState::kImpending) state = ProxyContactState::kResting;
+  for (const LocalContacts* contacts : sets) {
+    for (const LocalContact& contact : *contacts) {
+      if (contact.state == ContactState::kColliding) return ProxyContactState::kColliding;
+      if (contact.state != ContactState::kImpending) state = ProxyContactState::kResting;
+    }
   }
   return state;
 }
@@ -84,7 +89,8 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
       dt_(dt),
       proxy_(tool),
       ve_tool_(tool),
-      v_(Velocity::Zero(tool.dof())) {
+      v_(Velocity::Zero(tool.dof())),
+      limits_(tool, q) {
   proxy_.set_configuration(q);
   ve_tool_.set_configuration(q);
 }
@@ -113,7 +119,9 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
   replay(bodies, present_supports(), state_step);
   frames.set_now(poses_of(proxy_, bodies));
-  adopt_update(existing, update.contacts, frames, update.age, policy(), present());
+  const double unspent =
+      adopt_update(existing, update.contacts, frames, update.age, policy(), present());
+  tank_ = std::clamp(tank_ + unspent, 0.0, kTankSize);
   correct_gradually(bodies, update.period);
   bodies_ = bodies;
 }
@@ -164,7 +172,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   const MassMatrix mass = proxy_.mass_matrix();
   const Eigen::LLT<MassMatrix> D(mass);
   const Jacobian J_h = proxy_.hand_jacobian();
-  const HandMap H = hand_map(D, J_h, proxy_.description().length);
+  const HandMap H = hand_map(proxy_, D, J_h);
   FrameMotions frames(proxy_, &v_, bodies_, dt_);
   evaluate(frames);
   limit_stiffness(D, H);
@@ -194,17 +202,21 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     StepSystem system = unit_system(frames);
     system.E.topLeftCorner(d, d) = E;
     system.r.head(d) = r;
-    const std::array<ContactGroup, 2> groups{
-        {{present(), law}, {present_supports(), support_law(dt_, kSupportFriction)}}};
+    const std::array<ContactGroup, 3> groups{
+        {{present(), law},
+         {limits_.contacts(), law},
+         {present_supports(), support_law(dt_, kSupportFriction)}}};
     x = solve_contact_step(groups, frames, system);
     tau = apply_contact_forces(groups[0], frames, x).head(d);
-    apply_contact_forces(groups[1], frames, x);
+    tau += apply_contact_forces(groups[1], frames, x).head(d);
+    apply_contact_forces(groups[2], frames, x);
   } else {
     tau = apply_explicitly(frames, law, x);
   }
   v_ = E.llt().solve(r + dt_ * tau);
   move_freely(proxy_, v_, dt_);
-  felt.F = H.lazyProduct(GeneralisedForce(tau - weight));
+  felt.weight = -H.lazyProduct(weight);
+  felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
 }
@@ -213,7 +225,7 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   proxy_.set_configuration(q);
   v_ = v;
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
-  const HandMap H = hand_map(D, proxy_.hand_jacobian(), proxy_.description().length);
+  const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
   const FrameMotions frames(proxy_, &v_, bodies_, dt_);
   evaluate(frames);
   limit_stiffness(D, H);
@@ -221,7 +233,8 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   Unknowns x;
   const GeneralisedForce tau = apply_explicitly(frames, contact_law(ContactStep::kExplicit), x);
   ContactWrench felt;
-  felt.F = H.lazyProduct(GeneralisedForce(tau - proxy_.gravity()));
+  felt.weight = -H.lazyProduct(proxy_.gravity());
+  felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
 }
@@ -233,7 +246,8 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   const int d = proxy_.dof();
   x.setZero(frames.unknowns());
   x.head(d) = v_;
-  const Unknowns tau = apply_contact_forces({present(), law}, frames, x);
+  Unknowns tau = apply_contact_forces({present(), law}, frames, x);
+  tau += apply_contact_forces({limits_.contacts(), law}, frames, x);
   const ContactGroup supports{present_supports(), support_law(dt_, kSupportFriction)};
   StepSystem system = unit_system(frames);
   system.r.tail(x.size() - d) = dt_ * tau.tail(x.size() - d);
@@ -288,6 +302,7 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
     }
     return closed.size();
   };
+  collect(limits());
   const std::size_t felt = collect(contacts());
   collect(supports());
 
@@ -339,8 +354,10 @@ void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap&
 
 void LocalModel::evaluate(const FrameMotions& frames) noexcept {
   evaluate_contacts(present(), frames);
+  limits_.place(proxy_);
+  evaluate_contacts(limits_.contacts(), frames);
   evaluate_contacts(present_supports(), frames);
-  state_ = proxy_state(contacts());
+  state_ = proxy_state({&contacts(), &limits()});
 }
 
 UpdatePolicy LocalModel::policy() const noexcept {
@@ -348,6 +365,7 @@ UpdatePolicy LocalModel::policy() const noexcept {
           .release_force = parameters_.release_step,
           .stiffness = parameters_.stiffness,
           .healing_step = parameters_.healing_speed * dt_,
+          .healing_share = dt_ / kHealingTime,
           .recovery_steps = parameters_.recovery_steps};
 }
 

@@ -15,6 +15,7 @@
 #include "haptic_server/local_model/contact_forces.h"
 #include "haptic_server/local_model/contact_update.h"
 #include "haptic_server/local_model/hand_map.h"
+#include "haptic_server/local_model/joint_limits.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
 
@@ -31,6 +32,7 @@ struct HandInput {
 /// What contacts and weight do to the hand in one step, world axes, at the hand's frame.
 struct ContactWrench {
   Wrench F = Wrench::Zero();        ///< Eq. 8: penalty, friction and the tool's weight, N and N·m.
+  Wrench weight = Wrench::Zero();   ///< The part of F that is the tool's weight, N and N·m.
   Wrench impulse = Wrench::Zero();  ///< Eq. 12 before division by Δt: N·s and N·m·s.
 };
 
@@ -74,6 +76,8 @@ class LocalModel {
   const LocalContacts& contacts() const noexcept { return contacts_[current_]; }
   /// Contacts of the bodies without the tool.
   const LocalContacts& supports() const noexcept { return supports_[current_]; }
+  /// Limits of the tool's joints.
+  const LocalContacts& limits() const noexcept { return limits_.contacts(); }
   const LocalBodies& bodies() const noexcept { return bodies_; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
   ProxyContactState state() const noexcept { return state_; }
@@ -110,6 +114,7 @@ class LocalModel {
   std::array<LocalContacts, 2> contacts_;  ///< The present ones, and room for the next update.
   std::array<LocalContacts, 2> supports_;  ///< Likewise.
   std::size_t current_ = 0;
+  JointLimits limits_;
   LocalBodies bodies_;
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;

@@ -171,7 +171,7 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
   const HandMotion proxy{local_model_->proxy().X_WH(), local_model_->hand_twist()};
   const bool as_seen = controller_.kind() == ControllerKind::kEngineForce;
   Wrench u =
-      controller_.to_device(as_seen ? engine_.device() : device, proxy, engine_.tool(), felt.F);
+      controller_.to_device(as_seen ? engine_.device() : device, proxy, engine_.tool(), felt);
   Wrench impulse = Wrench::Zero();
   if (controller_.kind() != ControllerKind::kVirtualCoupler) {
     impulse = spreader_.render(felt.impulse, u);

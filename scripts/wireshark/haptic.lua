@@ -231,6 +231,8 @@ local link = group("link", "Link of the tool", {
   vector("p_LCom", "Centre of mass in the link frame", "m"),
   numbers("I_LCom", "Inertia about the centre of mass, link axes", "kg m²",
           {"xx", "yy", "zz", "xy", "xz", "yz"}),
+  field(F64, "lower", "Least position of the joint", "rad or m"),
+  field(F64, "upper", "Largest position of the joint", "rad or m"),
 })
 
 local movable_body = group("movable_body", "Movable body", {

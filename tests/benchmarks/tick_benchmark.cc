@@ -71,7 +71,7 @@ void tick(benchmark::State& state, bool adopts) {
     const ContactWrench felt =
         model.step(controller.to_proxy(device, {model.proxy().X_WH(), model.hand_twist()}));
     const HandMotion proxy{model.proxy().X_WH(), model.hand_twist()};
-    Wrench u = controller.to_device(device, proxy, {}, felt.F);
+    Wrench u = controller.to_device(device, proxy, {}, felt);
     u += spreader.render(felt.impulse, u);
     benchmark::DoNotOptimize(limiter.limit(u));
   }

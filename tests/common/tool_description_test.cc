@@ -31,6 +31,13 @@ TEST_CASE("A bad tool is refused with the link and what is allowed") {
   CHECK_THAT(error_after([](T& t) { t.links[1].joint = static_cast<JointType>(9); }),
              ContainsSubstring("joint type 9 must be 0 to 4"));
   CHECK_THAT(error_after([](T& t) { t.links[1].axis *= 2; }), ContainsSubstring("axis"));
+  CHECK_THAT(error_after([](T& t) { t.links[1].lower = std::nan(""); }),
+             ContainsSubstring("link 1: lower limit"));
+  CHECK_THAT(error_after([](T& t) {
+               t.links[1].lower = 1;
+               t.links[1].upper = 0.5;
+             }),
+             ContainsSubstring("upper limit") && ContainsSubstring("1 to"));
   CHECK_THAT(error_after([](T& t) { t.links[0].mass = -1; }), ContainsSubstring("mass"));
   CHECK_THAT(error_after([](T& t) { t.links[0].I_LCom *= -1; }), ContainsSubstring("negative"));
   CHECK_THAT(error_after([](T& t) { t.links[0].I_LCom(0, 1) += 1; }),

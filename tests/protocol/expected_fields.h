@@ -95,6 +95,8 @@ inline Expected expected_item(const Link& link) {
   fields.number("I_LCom.xy", link.I_LCom(0, 1));
   fields.number("I_LCom.xz", link.I_LCom(0, 2));
   fields.number("I_LCom.yz", link.I_LCom(1, 2));
+  fields.number("lower", link.lower);
+  fields.number("upper", link.upper);
   return fields;
 }
 

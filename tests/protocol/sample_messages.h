@@ -49,6 +49,10 @@ inline protocol::Hello random_hello(Random& random) {
   hello.nonce = random.engine()();
   hello.tool = random_tool(random, random.integer(1, 11),
                            random.integer(0, 1) ? JointType::kFree : JointType::kPlanar);
+  for (Link& link : hello.tool.links) {
+    link.lower = random.uniform(-2, 0);
+    link.upper = random.uniform(0, 2);
+  }
   hello.q = random_configuration(random, ToolModel(hello.tool));
   hello.ve_rate = random.uniform(1, 100);
   hello.epsilon = random.uniform(0, 0.02);

@@ -17,6 +17,12 @@ inline Matrix3 random_inertia(Random& random, double size) {
   return inertia;
 }
 
+/// Inertia of a uniform box about its centre. half_size: m.
+inline Matrix3 box_inertia(double mass, const Vector3& half_size) {
+  const Vector3 squares = half_size.cwiseAbs2();
+  return mass / 3 * (squares.sum() * Vector3::Ones() - squares).asDiagonal().toDenseMatrix();
+}
+
 /// A tree of `count` links (about 0.1 m, 1 kg) on a root with the given joint.
 inline ToolDescription random_tool(Random& random, int count, JointType root) {
   ToolDescription tool;

@@ -198,5 +198,47 @@ TEST_CASE("The world's step gets all basic contacts within reach, with the small
   }
 }
 
+/// Three bars of 0.2 m in a row, hinged about z.
+WorldDescription chain_world() {
+  const auto bar = [](const std::string& name, double x) {
+    return "<link name='" + name + "'><pose>" + std::to_string(x) +
+           " 0 0 0 0 0</pose><collision name='bar'><pose>0.1 0 0 0 0 0</pose><geometry><box><size>"
+           "0.18 0.02 0.02</size></box></geometry></collision></link>";
+  };
+  const auto hinge = [](const std::string& parent, const std::string& child) {
+    return "<joint name='" + child + "_hinge' type='continuous'><parent>" + parent +
+           "</parent><child>" + child + "</child><axis><xyz>0 0 1</xyz></axis></joint>";
+  };
+  return world_of("<model name='chain'>" + bar("one", 0) + bar("two", 0.2) + bar("three", 0.4) +
+                  hinge("world", "one") + hinge("one", "two") + hinge("two", "three") + "</model>");
+}
+
+TEST_CASE("Links of the tool touch each other, except those that a joint connects") {
+  Scene scene(chain_world(), "chain");
+  CHECK(scene.contacts_at(Eigen::Vector3d::Zero(), 0.005).empty());
+  // Folded to a flat triangle: the third link comes back to the first.
+  const auto contacts = scene.contacts_at(Eigen::Vector3d(0.3, 2.0, 2.15), 0.05);
+  REQUIRE_FALSE(contacts.empty());
+  for (const FoundContact& contact : contacts) {
+    CHECK(contact.key.a == ContactSide{SideKind::kToolLink, 2});
+    CHECK(contact.key.b == ContactSide{SideKind::kToolLink, 0});
+    CHECK(contact.v_WC.isZero(0));
+  }
+  // What stops the world's tool is not among them.
+  CHECK(scene.proximity.within_reach(scene.tool, 0.05).empty());
+}
+
+TEST_CASE("Contacts between links keep their identities when the tool moves as a whole") {
+  Scene scene(chain_world(), "chain");
+  const auto identities = [&](double shoulder) {
+    std::vector<std::uint64_t> found;
+    for (const auto& contact : scene.contacts_at(Eigen::Vector3d(shoulder, 2.0, 2.15), 0.05)) {
+      found.push_back(identity_of(contact.key));
+    }
+    return found;
+  };
+  CHECK(identities(0.3) == identities(-1.1));
+}
+
 }  // namespace
 }  // namespace hlm::ve

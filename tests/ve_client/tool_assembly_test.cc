@@ -141,9 +141,6 @@ TEST_CASE("A model that cannot be a tool is an error that says why") {
   const WorldDescription world = world_of(
       fixed_model("wall", "0 0 0 0 0 0", box("1 1 1")) + model("ball", "0 0 0 0 0 0", "") +
       "<model name='pair'><link name='a'/><link name='b'/></model>"
-      "<model name='stopped'><link name='a'/><link name='b'/>"
-      "<joint name='j' type='revolute'><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz>"
-      "<limit><lower>-1</lower><upper>1</upper></limit></axis></joint></model>"
       "<model name='odd'><haptic:hand><link>nobody</link></haptic:hand><link name='a'/></model>"
       "<model name='stuck'><link name='a'/>"
       "<joint name='j' type='fixed'><parent>world</parent><child>a</child></joint></model>");
@@ -151,10 +148,20 @@ TEST_CASE("A model that cannot be a tool is an error that says why") {
                     ContainsSubstring("'peg'") && ContainsSubstring("wall, ball, pair"));
   CHECK_THROWS_WITH(assemble_tool(world, "wall"), ContainsSubstring("static"));
   CHECK_THROWS_WITH(assemble_tool(world, "pair"), ContainsSubstring("one tree"));
-  CHECK_THROWS_WITH(assemble_tool(world, "stopped"),
-                    ContainsSubstring("'stopped::j'") && ContainsSubstring("limits"));
   CHECK_THROWS_WITH(assemble_tool(world, "odd"), ContainsSubstring("'nobody'"));
   CHECK_THROWS_WITH(assemble_tool(world, "stuck"), ContainsSubstring("degrees of freedom 0"));
+}
+
+TEST_CASE("Joint limits are those of the tool's links") {
+  const WorldDescription world = world_of(
+      "<model name='stopped'><link name='a'/><link name='b'/>"
+      "<joint name='j' type='revolute'><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz>"
+      "<limit><lower>-1</lower><upper>1</upper></limit></axis></joint></model>");
+  const ToolDescription tool = assemble_tool(world, "stopped").description;
+  CHECK(tool.links[0].lower == -kNoLimit);
+  CHECK(tool.links[0].upper == kNoLimit);
+  CHECK(tool.links[1].lower == -1);  // rad
+  CHECK(tool.links[1].upper == 1);
 }
 
 }  // namespace

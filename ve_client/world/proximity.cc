@@ -5,6 +5,35 @@ namespace {
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
+ContactSide side_of_link(int link) {
+  return {SideKind::kToolLink, static_cast<std::uint32_t>(link)};
+}
+
+/// The link nearest to the root that moves with this one.
+int rigid_root(const ToolDescription& tool, int link) {
+  while (tool.links[at(link)].joint == JointType::kFixed && tool.links[at(link)].parent >= 0) {
+    link = tool.links[at(link)].parent;
+  }
+  return link;
+}
+
+/// Whether two links are one rigid object, or a joint connects them.
+bool are_joined(const ToolDescription& tool, int first, int second) {
+  const int a = rigid_root(tool, first);
+  const int b = rigid_root(tool, second);
+  const auto carries = [&](int carrier, int carried) {
+    const int parent = tool.links[at(carried)].parent;
+    return parent >= 0 && rigid_root(tool, parent) == carrier;
+  };
+  return a == b || carries(a, b) || carries(b, a);
+}
+
+Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double epsilon) {
+  box.min().array() -= epsilon;
+  box.max().array() += epsilon;
+  return box;
+}
+
 }  // namespace
 
 Proximity::Proximity(World& world, const ToolAssembly& assembly)
@@ -16,15 +45,41 @@ Proximity::Proximity(World& world, const ToolAssembly& assembly)
       tool_shapes_.push_back({link, {body, shape}});
     }
   }
+  for (const ToolShape& a : tool_shapes_) {
+    for (const ToolShape& b : tool_shapes_) {
+      if (b.link >= a.link) break;
+      if (!are_joined(assembly.description, a.link, b.link)) tool_pairs_.push_back({a, b});
+    }
+  }
 }
 
 std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon) {
   contacts_.clear();
   for (const auto& [link, id] : tool_shapes_) {
     const Pose X_WG = tool.X_WB(link) * world_.collision(id).X_BG;
-    query_shape({SideKind::kToolLink, static_cast<std::uint32_t>(link)}, id, X_WG, epsilon);
+    query_shape(side_of_link(link), id, X_WG, epsilon);
   }
+  for (const ToolPair& pair : tool_pairs_) query_tool_pair(tool, pair, epsilon);
   return contacts_;
+}
+
+void Proximity::query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon) {
+  const auto& [a, b] = pair;
+  const Pose X_WA = tool.X_WB(a.link) * world_.collision(a.id).X_BG;
+  const Pose X_WB = tool.X_WB(b.link) * world_.collision(b.id).X_BG;
+  const Convex& shape_a = world_.convex(a.id);
+  const Convex& shape_b = world_.convex(b.id);
+  if (!inflated(shape_a.bounds(X_WA), epsilon).intersects(shape_b.bounds(X_WB))) return;
+  const auto friction = friction_between(world_.collision(a.id), world_.collision(b.id));
+  for (const ManifoldPoint& point :
+       find_contacts(shape_a, X_WA, shape_b, X_WB, epsilon, statistics_)) {
+    FoundContact& contact = contacts_.emplace_back();
+    contact.key = key_of(point, side_of_link(a.link), a.id, side_of_link(b.link), b.id);
+    contact.p_WC = point.p_WC;
+    contact.n_W = point.n_W;
+    contact.separation = point.separation;
+    contact.friction = friction.value_or(contact.friction);
+  }
 }
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
@@ -40,10 +95,7 @@ std::span<const FoundContact> Proximity::query(int body, double epsilon) {
 
 void Proximity::query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                             double epsilon) {
-  Eigen::AlignedBox3d box = world_.convex(id).bounds(X_WG);
-  box.min().array() -= epsilon;
-  box.max().array() += epsilon;
-  world_.find_near(box, near_);
+  world_.find_near(inflated(world_.convex(id).bounds(X_WG), epsilon), near_);
   for (const CollisionId& other : near_) {
     // The tool's own shapes are never found; it touches all others.
     const bool touches = side.kind == SideKind::kToolLink || world_.can_touch(id.body, other.body);
@@ -71,6 +123,8 @@ std::span<const ToolContact> Proximity::within_reach(
     const VirtualTool& tool, double reach, const std::function<bool(int body)>& stops_tool) {
   within_reach_.clear();
   for (const FoundContact& found : query(tool, reach)) {
+    // What the links do to each other is the proxy's business: the world's tool follows it.
+    if (found.key.b.kind == SideKind::kToolLink) continue;
     if (!stops_tool(static_cast<int>(found.key.b.index))) continue;
     ToolContact& contact = within_reach_.emplace_back();
     contact.tool_body = tool_bodies_[found.key.a.index];

@@ -13,7 +13,8 @@
 
 namespace hlm::ve {
 
-/// ε-active contact detection. Contacts between links of the tool are not looked for.
+/// ε-active contact detection. Links of the tool touch each other too, except those that a joint
+/// connects.
 class Proximity {
  public:
   /// `world` outlives this.
@@ -21,7 +22,9 @@ class Proximity {
 
   /// All contacts with σ <= epsilon (m, >= 0) in the present poses, in an order that depends on the
   /// world alone; the velocities are those of the bodies. Bodies and shapes are named by their
-  /// index in the world's description; all bodies count as the world. Valid until the next call.
+  /// index in the world's description; all bodies count as the world. Of two links the normal
+  /// points to the one farther from the root, and the velocity is zero: both are the tool's. Valid
+  /// until the next call.
   std::span<const FoundContact> query(const VirtualTool& tool, double epsilon);
   /// Likewise those of a body that is not fixed, whose normals point to it, with all bodies that
   /// the engine lets it touch. Valid until the next call.
@@ -40,6 +43,13 @@ class Proximity {
     CollisionId id;
   };
 
+  /// Shapes of links that can touch each other.
+  struct ToolPair {
+    ToolShape a;
+    ToolShape b;
+  };
+
+  void query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon);
   void query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                    double epsilon);
   void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
@@ -48,6 +58,7 @@ class Proximity {
   World& world_;
   std::vector<int> tool_bodies_;
   std::vector<ToolShape> tool_shapes_;
+  std::vector<ToolPair> tool_pairs_;
   std::vector<CollisionId> near_;
   std::vector<FoundContact> contacts_;
   std::vector<ToolContact> within_reach_;

@@ -109,9 +109,6 @@ class Assembler {
 
   void add_jointed(const JointDescription& joint, int parent) {
     if (!contains(joint.child)) fail(model_, "joint '" + joint.name + "' leaves the model");
-    if (joint.limited()) {
-      fail(model_, "joint '" + joint.name + "' has limits; a tool's joints must have none");
-    }
     if (joint.sprung()) {
       fail(model_, "joint '" + joint.name + "' has a spring or damping; a tool's joints have none");
     }
@@ -119,6 +116,8 @@ class Assembler {
     link.parent = parent;
     link.joint = joint.type;
     link.axis = joint.axis_J;
+    link.lower = std::max(joint.lower, -kNoLimit);
+    link.upper = std::min(joint.upper, kNoLimit);
     link.X_PJ = parent == kWorld ? joint.X_WJ : X_WL(parent).inverse() * joint.X_WJ;
     add(link, joint.child, joint.X_WJ.inverse() * body(joint.child).X_WB);
     const auto size = tool_.q.size();

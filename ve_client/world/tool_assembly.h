@@ -32,9 +32,8 @@ struct ToolAssembly {
 };
 
 /// The tool that the model `name` makes. Throws std::runtime_error with one line if the world has
-/// no such model (listing those it has), or if the model is static, has a joint limit (a limit
-/// cannot be felt through contacts), is not one tree, or exceeds what a tool may be
-/// (ToolDescription).
+/// no such model (listing those it has), or if the model is static, is not one tree, or exceeds
+/// what a tool may be (ToolDescription).
 ToolAssembly assemble_tool(const WorldDescription& world, const std::string& name);
 
 }  // namespace hlm::ve

@@ -23,24 +23,30 @@ Wrench wrench(double fx, double tz = 0) {
   return F;
 }
 
+ContactWrench contact(const Wrench& F) {
+  ContactWrench felt;
+  felt.F = F;
+  return felt;
+}
+
 TEST_CASE("Four channels pull device and proxy together and pass wrenches both ways") {
   const Controller controller(ControllerKind::kFourChannel, {});
   const DeviceState device = device_at({0.01, 0, 0}, wrench(2));
   // K_c e = 1500 N/m · 10 mm = 15 N on the proxy towards the device, and back on the device.
   CHECK(controller.to_proxy(device, {}).F[0] == Approx(15 + 2));
-  CHECK(controller.to_device(device, {}, {}, wrench(-4))[0] == Approx(-15 - 4));
+  CHECK(controller.to_device(device, {}, {}, contact(wrench(-4)))[0] == Approx(-15 - 4));
 }
 
 TEST_CASE("Each kind leaves out its channels") {
   const DeviceState device = device_at({0.01, 0, 0}, wrench(2));
   const Controller three(ControllerKind::kThreeChannel, {});
   CHECK(three.to_proxy(device, {}).F[0] == Approx(15));
-  CHECK(three.to_device(device, {}, {}, wrench(-4))[0] == Approx(-19));
+  CHECK(three.to_device(device, {}, {}, contact(wrench(-4)))[0] == Approx(-19));
   const Controller coupler(ControllerKind::kVirtualCoupler, {});
   CHECK(coupler.to_proxy(device, {}).F[0] == Approx(15));
-  CHECK(coupler.to_device(device, {}, {}, wrench(-4))[0] == Approx(-15));
+  CHECK(coupler.to_device(device, {}, {}, contact(wrench(-4)))[0] == Approx(-15));
   const Controller direct(ControllerKind::kDirect, {});
-  CHECK(direct.to_device(device, {}, {}, wrench(-4))[0] == Approx(-4));
+  CHECK(direct.to_device(device, {}, {}, contact(wrench(-4)))[0] == Approx(-4));
 }
 
 TEST_CASE("Rotations are coordinated by torque, velocities by damping") {
@@ -65,12 +71,12 @@ TEST_CASE("Couplings to the engine pull towards its tool, whatever the local con
   HandMotion tool;
   tool.X_WH.p = {0.008, 0, 0};
   for (const auto kind : {ControllerKind::kEngineCoupler, ControllerKind::kEngineForce}) {
-    const Wrench u = Controller(kind, {}).to_device(device, {}, tool, wrench(-4, 1));
+    const Wrench u = Controller(kind, {}).to_device(device, {}, tool, contact(wrench(-4, 1)));
     CHECK(u[0] == Approx(-3));    // 1500 N/m · 2 mm
     CHECK(u[5] == Approx(-0.2));  // 1 N·m/rad
   }
-  const Wrench u =
-      Controller(ControllerKind::kRotationCoupler, {}).to_device(device, {}, tool, wrench(-4, 1));
+  const Wrench u = Controller(ControllerKind::kRotationCoupler, {})
+                       .to_device(device, {}, tool, contact(wrench(-4, 1)));
   CHECK(u[0] == Approx(-4));  // the contacts' force, not their torque
   CHECK(u[5] == Approx(-0.2));
 }
