@@ -118,7 +118,7 @@ void run_server(const ServerOptions& options) {
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
-  protocol::UdpSocket socket(resolve_option(options.listen));
+  protocol::UdpSocket socket(resolve_option("--listen", options.listen));
   std::optional<Recording> recording;
   if (!options.record.empty()) recording.emplace(options.record, socket);
   protocol::DatagramLink& link =

@@ -85,11 +85,7 @@ struct Welcome {
   DeviceReport device{};
 };
 
-enum class RejectReason : std::uint8_t {
-  kVersion = 1,  ///< The hello's version is not kProtocolVersion.
-  kBusy = 2,     ///< Another client holds the session.
-  kTool = 3,     ///< The tool cannot be used; the text says why.
-};
+enum class RejectReason : std::uint8_t { kVersion = 1, kBusy = 2, kTool = 3 };
 
 struct Reject {
   std::uint64_t nonce = 0;
@@ -234,3 +230,20 @@ struct Goodbye {
 };
 
 }  // namespace hlm::protocol
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<protocol::RejectReason>, 3> kWords<protocol::RejectReason>{{
+    {protocol::RejectReason::kVersion, "version", "the server speaks another version"},
+    {protocol::RejectReason::kBusy, "busy", "another client holds the session"},
+    {protocol::RejectReason::kTool, "tool", "the tool cannot be used"},
+}};
+
+template <>
+inline constexpr std::array<Word<protocol::GoodbyeReason>, 2> kWords<protocol::GoodbyeReason>{{
+    {protocol::GoodbyeReason::kFinished, "finished", "the sender has finished"},
+    {protocol::GoodbyeReason::kShutdown, "shutdown", "the sender's program ends"},
+}};
+
+}  // namespace hlm

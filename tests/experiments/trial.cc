@@ -132,7 +132,7 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   servo.controller = method.controller;
   servo.limits = no_further_limits();
   servo.silence_time = 2;  // Losses must not end a trial.
-  servo.local_model.update_rule = method.rule;
+  servo.local_model.update_rule = method.update_rule;
   servo.local_model.stiffness = task.stiffness;
   servo.local_model.damping = task.damping;
   servo.local_model.static_friction = servo.local_model.kinetic_friction = task.friction;

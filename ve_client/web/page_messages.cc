@@ -88,6 +88,7 @@ json controllers(std::size_t links) {
 json methods(std::size_t links) {
   json all = json::array();
   for (const Method& method : kMethods) {
+    if (!method.on_page) continue;
     all.push_back({{"name", method.name},
                    {"label", method.label},
                    {"help", method.help},
