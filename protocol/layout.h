@@ -154,6 +154,8 @@ void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.flag(device.measures_hand);
   io.flag(device.guidable);
   text(io, device.name);
+  // Not sent by the first servers of version 2.
+  if (io.goes_on()) io.u8(device.freedoms);
 }
 
 /// The same in every version of the protocol.

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "common/contact.h"
+#include "common/freedoms.h"
 #include "common/static_vector.h"
 #include "common/tool_description.h"
 #include "common/tool_model.h"
@@ -64,12 +65,13 @@ struct DeviceReport {
   double max_torque = 0;
   double max_stiffness = 0;
   double max_angular_stiffness = 0;
-  double scale = 1;            ///< Metres in the world for each metre of the handle.
-  std::uint8_t buttons = 0;    ///< How many it has.
-  bool gripper = false;        ///< Whether it measures a gripper's opening.
-  bool renders_torque = true;  ///< False: a device of three degrees of freedom.
-  bool measures_hand = false;  ///< Whether F_hand is measured.
-  bool guidable = false;       ///< Whether a control can hold its hand.
+  double scale = 1;                  ///< Metres in the world for each metre of the handle.
+  std::uint8_t buttons = 0;          ///< How many it has.
+  bool gripper = false;              ///< Whether it measures a gripper's opening.
+  bool renders_torque = true;        ///< False: a device of three degrees of freedom.
+  bool measures_hand = false;        ///< Whether F_hand is measured.
+  bool guidable = false;             ///< Whether a control can hold its hand.
+  Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
 };
 
 /// Server to client.

@@ -154,6 +154,7 @@ class Writer : public CompoundFields<Writer> {
     for (const char c : text) append(static_cast<std::uint8_t>(c));
   }
   void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
+  bool goes_on() const noexcept { return true; }
   void require(bool, UpdateError = UpdateError::kLayout) noexcept {}
 
  private:
@@ -250,6 +251,8 @@ class Reader : public CompoundFields<Reader> {
     if (!condition) refuse(DropReason::kMalformed, error);
   }
 
+  /// Whether bytes are left: a field that an older sender does not know keeps its value.
+  bool goes_on() const noexcept { return position_ < bytes_.size(); }
   std::size_t position() const noexcept { return position_; }
   /// Why the bytes are refused; the first reason counts. Empty if all is well so far.
   std::optional<DropReason> error() const noexcept { return error_; }

@@ -133,6 +133,7 @@ void ClientRun::frame(double period) {
   if (page_) take_page_requests();
   const FrameResult result = run_frame(*environment_, *client_, clock_, period, live_.frame);
   connection_.watch(clock_.now(), result.inbox, client_->connected());
+  if (result.inbox.welcomed) warn_of_mismatch(environment_->assembly, client_->welcome().device);
   status_.count(result);
   status_.report(clock_.now(), *client_, environment_->proximity.statistics());
   if (page_) show(result);

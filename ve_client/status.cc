@@ -60,6 +60,16 @@ void Connection::judge(const protocol::Reject& reject) {
   }
 }
 
+void warn_of_mismatch(const ToolAssembly& tool, const protocol::DeviceReport& device) {
+  ToolModel model(tool.description);
+  model.set_configuration(tool.q);
+  const Freedoms missing = missing_freedoms(model, device.freedoms);
+  if (missing == 0) return;
+  spdlog::warn(
+      "{}; start haptic_server with one that does, for example --device-option freedom=spatial",
+      describe_mismatch(missing));
+}
+
 std::string describe(const protocol::Refusal& refusal) {
   const std::string_view why = meaning_of(refusal.error);
   if (refusal.whole) {

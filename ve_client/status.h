@@ -50,6 +50,9 @@ class Connection {
   double pause_ = kFirstPause;       ///< From that message to the one after, s.
 };
 
+/// Warns where the tool moves in directions in which the server's device does not.
+void warn_of_mismatch(const ToolAssembly& tool, const protocol::DeviceReport& device);
+
 /// The server's refusal of an update, or of one contact of it, in words.
 std::string describe(const protocol::Refusal& refusal);
 

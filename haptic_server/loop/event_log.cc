@@ -8,6 +8,8 @@ void EventLog::observe(const TickRecord& record) {
   if (open_ && !record.session_open) spdlog::info("the client said goodbye");
   if (record.session_open && record.session != session_) {
     spdlog::info("session {:016x} begins", record.session);
+    if (record.missing_freedoms != 0)
+      spdlog::warn("{}", describe_mismatch(record.missing_freedoms));
   } else if (changes && record.server == ServerState::kRunning) {
     spdlog::info("the client is back");
   } else if (changes && record.server == ServerState::kSilent && record.session_open) {

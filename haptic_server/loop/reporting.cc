@@ -27,6 +27,7 @@ protocol::DeviceReport report_of(Device& device) noexcept {
   report.renders_torque = ratings.max_torque > 0;
   report.measures_hand = device.measures_hand_wrench();
   report.guidable = device.guided_hand() != nullptr;
+  report.freedoms = ratings.freedoms;
   return report;
 }
 

@@ -48,6 +48,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (machine_.simulates()) simulate();
   describe(timing, machine_, session_, step_, record_);
   if (local_model_) describe(*local_model_, record_);
+  record_.missing_freedoms = missing_freedoms_;
   if (inbox.update != nullptr) acknowledge(timing.begin);
   if (machine_.state() == ServerState::kRunning) {
     telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),
@@ -73,6 +74,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   }
   local_model_.emplace(hello.tool, hello.q, options_.local_model, dt_);
   device_.align(local_model_->proxy().X_WH());
+  missing_freedoms_ = missing_freedoms(local_model_->proxy(), device_.ratings().freedoms);
   engine_.begin(local_model_->proxy().X_WH());
   device_.enable();
   spreader_.clear();

@@ -63,8 +63,9 @@ class Servo {
   std::optional<LocalModel> local_model_;
   EngineView engine_;
   Telemetry telemetry_;
-  std::uint64_t step_ = 0;     ///< Of the session.
-  std::uint64_t updates_ = 0;  ///< Adopted in the session.
+  std::uint64_t step_ = 0;         ///< Of the session.
+  std::uint64_t updates_ = 0;      ///< Adopted in the session.
+  Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
   TickRecord record_;
 };
 

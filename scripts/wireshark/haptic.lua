@@ -86,6 +86,12 @@ local function field(kind, name, label, unit, demand)
   return {kind = kind, name = name, label = label, demand = demand}
 end
 
+-- A field that older senders of this version do not know.
+local function optional(node)
+  node.is_optional = true
+  return node
+end
+
 local function code(name, label, values)
   return {kind = CODE, name = name, label = label, values = values}
 end
@@ -350,6 +356,7 @@ local messages = {
       flag("guidable", "A control can hold its hand"),
       text_size("name"),
       text("name", "Name"),
+      optional(field(U8, "freedoms", "Directions in which its handle moves, one bit each")),
     }),
   })),
 
@@ -531,6 +538,7 @@ local function check(demand, value, name, tree)
 end
 
 local function dissect_leaf(node, cursor, tree)
+  if node.is_optional and cursor.offset >= cursor.stop then return end
   local size = node.kind.size or node.size or cursor.values[node.length]
   if size == 0 then return end
   local range = take(cursor, size, tree, node.name)

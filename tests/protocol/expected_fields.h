@@ -131,6 +131,7 @@ inline Expected expected_block(const protocol::Welcome& welcome) {
   fields.flag("device.guidable", device.guidable);
   fields.integer("device.size_name", device.name.size());
   if (!device.name.empty()) fields.text("device.name", {device.name.begin(), device.name.end()});
+  fields.integer("device.freedoms", device.freedoms);
   return fields;
 }
 

@@ -175,6 +175,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   device.renders_torque = flip();
   device.measures_hand = flip();
   device.guidable = flip();
+  device.freedoms = static_cast<Freedoms>(random.integer(0, 63));
   return welcome;
 }
 

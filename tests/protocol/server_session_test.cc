@@ -494,7 +494,7 @@ TEST_CASE("Each reason for a drop is counted as itself") {
     const ReceiveStatistics before = server.session.statistics();
     server.link.deliver(peer, bytes);
     server.poll(0.1);
-    CAPTURE(name(reason));
+    CAPTURE(name_of(reason));
     CHECK(server.session.statistics().total_dropped() == before.total_dropped() + 1);
     CHECK(server.dropped(reason) == before.count(reason) + 1);
   };

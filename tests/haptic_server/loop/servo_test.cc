@@ -96,6 +96,20 @@ TEST_CASE("A hello begins a session: device aligned to the tool's hand, enabled,
   CHECK(welcome.device.guidable);
 }
 
+TEST_CASE("Where the tool moves and the device does not, the record and the welcome say so") {
+  ServoBench planar({}, 0, {.freedoms = kPlanarFreedoms});
+  CHECK(planar.begin(test::planar_tool()).missing_freedoms == 0);
+  CHECK(planar.last_sent<protocol::Welcome>().device.freedoms == kPlanarFreedoms);
+  const ToolDescription free = test::rigid_tool(1, Matrix3::Identity() * 2e-3, JointType::kFree);
+  ServoBench spatial({}, 0, {.freedoms = kPlanarFreedoms});
+  CHECK(spatial.begin(free).missing_freedoms == (kAllFreedoms & ~kPlanarFreedoms));
+  CHECK(describe_mismatch(spatial.tick().missing_freedoms) ==
+        "tool and device do not match: the tool also moves along z and about x, y, the device does "
+        "not");
+  ServoBench matching;
+  CHECK(matching.begin(free).missing_freedoms == 0);
+}
+
 TEST_CASE("Buttons, gripper, scale and health of the device are reported") {
   ServoBench bench;
   bench.device.rated.scale = 2;
