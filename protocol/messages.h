@@ -42,9 +42,10 @@ enum class MessageType : std::uint8_t {
 struct Hello {
   std::uint64_t nonce = 0;  ///< Drawn anew for each session; a repeated hello carries the same.
   ToolDescription tool;
-  Configuration q;      ///< Initial configuration of the tool; the proxy starts there.
-  double ve_rate = 60;  ///< Nominal step rate of the virtual environment, Hz.
-  double epsilon = 0;   ///< Radius of the ε-active tool, m.
+  Configuration q;            ///< Initial configuration of the tool; the proxy starts there.
+  double ve_rate = 60;        ///< Nominal step rate of the virtual environment, Hz.
+  double epsilon = 0;         ///< Radius of the ε-active tool, m.
+  bool clears_fault = false;  ///< A person asks for this session: it ends a fault of the server.
 };
 
 /// What a server makes of an update. A client need not send what a server does not use.
@@ -80,14 +81,14 @@ struct Welcome {
   double servo_rate = 1000;       ///< Rate of the local model, Hz.
   std::uint64_t fingerprint = 0;  ///< Of the server's effective options.
   Tuning tuning{};                ///< In effect as the session begins.
-  double silence_time = 0.25;     ///< Without an update for this long force fades, s.
-  double fade_time = 0.1;         ///< How long the fade from full force takes, s.
+  double silence_time = 0.25;     ///< Without a word of the client for this long force fades, s.
+  double fade_time = 0.02;        ///< How long the fade from full force takes, s.
   double least_update_rate = 4;   ///< Below this force comes and goes, Hz.
   Capabilities capabilities{};
   DeviceReport device{};
 };
 
-enum class RejectReason : std::uint8_t { kVersion = 1, kBusy = 2, kTool = 3 };
+enum class RejectReason : std::uint8_t { kVersion = 1, kBusy = 2, kTool = 3, kFault = 4 };
 
 struct Reject {
   std::uint64_t nonce = 0;
@@ -236,10 +237,11 @@ struct Goodbye {
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<protocol::RejectReason>, 3> kWords<protocol::RejectReason>{{
+inline constexpr std::array<Word<protocol::RejectReason>, 4> kWords<protocol::RejectReason>{{
     {protocol::RejectReason::kVersion, "version", "the server speaks another version"},
-    {protocol::RejectReason::kBusy, "busy", "another client holds the session"},
+    {protocol::RejectReason::kBusy, "busy", "another session is alive"},
     {protocol::RejectReason::kTool, "tool", "the tool cannot be used"},
+    {protocol::RejectReason::kFault, "fault", "a fault waits for a person to end it"},
 }};
 
 template <>

@@ -14,14 +14,12 @@ namespace {
 
 HapticClientOptions client_options(const Settings& settings, const VirtualEnvironment& environment,
                                    const protocol::Endpoint& server) {
-  std::random_device random;
   HapticClientOptions options;
   options.server = server;
   options.tool = environment.assembly.description;
   options.q = environment.assembly.q;
   options.ve_rate = (settings.rate_low + settings.rate_high) / 2;
   options.epsilon = settings.frame.epsilon;
-  options.nonce = (static_cast<std::uint64_t>(random()) << 32) | random();
   return options;
 }
 

@@ -18,8 +18,10 @@ void EventLog::observe(const TickRecord& record) {
     spdlog::info("session {:016x} is over", record.session);
   }
   if (changes && record.server == ServerState::kFault) {
-    spdlog::error("fault: {}; force is off until a client starts a new session",
-                  meaning_of(record.fault));
+    spdlog::error(
+        "fault: {}; force is off until a person asks for a new session: restart ve_client, or "
+        "press Reset on its page",
+        meaning_of(record.fault));
   }
   if (record.health != health_ && record.server == ServerState::kRunning) {
     const bool good = record.health == DeviceHealth::kGood;

@@ -108,7 +108,11 @@ server::HandScript hand_script(const server::HandSegment& hand, double start) {
 /// Limits are the device's: nothing else shall stand between a method and the hand.
 server::LimiterOptions no_further_limits() {
   constexpr double kFar = 1e9;
-  return {.max_force = kFar, .max_torque = kFar, .fade_time = 0.02};
+  return {.max_force = kFar,
+          .max_torque = kFar,
+          .max_force_rate = kFar,
+          .max_torque_rate = kFar,
+          .rise_time = 0.02};
 }
 
 test::VirtualSessionOptions session_options(const Trial& trial, const server::HandScript& hand) {

@@ -55,6 +55,7 @@ Hello documented_hello() {
   hello.tool.length = 0.04;
   hello.tool.X_LH.p = {0, 0.01, 0};
   hello.q = Vector3(0.01, -0.02, 0.5);
+  hello.clears_fault = true;
   Link link;
   link.joint = JointType::kPlanar;
   link.p_LCom = {0, 0.002, 0};

@@ -78,6 +78,7 @@ inline Expected expected_block(const protocol::Hello& hello) {
   fields.integer("hand_link", hello.tool.hand_link);
   fields.integer("size_q", hello.q.size());
   fields.coordinates("q", hello.q);
+  fields.flag("clears_fault", hello.clears_fault);
   return fields;
 }
 

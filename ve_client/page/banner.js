@@ -6,6 +6,7 @@ const FAULTS = {
   non_finite: 'the local model gave a value that is not finite: lower the stiffness or choose LM, then Reset',
   overrun: 'ticks took longer than their period for too long: give the server free cores or a lower '
     + 'rate, then Reset',
+  implausible: 'contacts carried the proxy away: check how fast bodies move, then Reset',
   device: 'the device reported an error: check its cable, power and enable switch, then Reset',
 };
 
