@@ -189,7 +189,13 @@ struct Stage {
   }
   std::string frame_message(const protocol::ProxyState* state,
                             const protocol::LocalState* contacts) const {
-    return ve::frame_message({environment, client, state, contacts, {}, settings});
+    return ve::frame_message({.environment = environment,
+                              .client = client,
+                              .state = state,
+                              .contacts = contacts,
+                              .result = {},
+                              .settings = settings,
+                              .rejected = protocol::RejectReason::kFault});
   }
   protocol::ProxyState state() const {
     protocol::ProxyState state;
@@ -228,6 +234,7 @@ TEST_CASE("Each message to a page has the documented fields and types") {
 }
 
 TEST_CASE("The documented words are those of the enumerations") {
+  check_words("frame", "rejected", names<protocol::RejectReason>());
   check_words("frame", "limit", names<ForceLimit>());
   check_words("frame", "contacts[].state", names<ContactState>());
   check_words("frame", "server", names<ServerState>());
