@@ -141,6 +141,39 @@ TEST_CASE("A door's contact is felt at the handle as force and torque that its l
   CHECK(felt.F[5] == Approx(moment * length * length / weight).epsilon(1e-3));  // N·m
 }
 
+TEST_CASE("A wall that arrived late is felt where it is a second later") {
+  // 5 mm beyond the wall when it is reported, on the way with what the push has done until then.
+  const double push = GENERATE(0.5, 2.0, 5.0);  // N
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, 1e-3);
+  while (model.proxy().X_WH().p.z() > -0.005) model.step(push_down(push));
+  ReportedContact wall;
+  wall.p_WC = {0, 0, 0};
+  wall.separation = model.proxy().X_WH().p.z();
+  model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
+  double largest_step = 0;
+  double before = 0;
+  for (int i = 0; i < 1200; ++i) {
+    const double f = model.step(push_down(push)).F[2];
+    if (i > 50) largest_step = std::max(largest_step, f - before);  // N: after it has stopped
+    before = f;
+    REQUIRE(model.healing_tank() >= 0);
+  }
+  CHECK(model.proxy().X_WH().p.z() == Approx(-push / 4000).margin(1e-4));  // m
+  CHECK(largest_step <= 0.6);  // N: half a newton of healing, and the proxy's own motion
+}
+
+TEST_CASE("Without energy that contacts took out, a late wall stays where it was met") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, 1e-3);
+  ReportedContact wall;
+  wall.p_WC = {0, 0, 0.005};
+  wall.separation = -0.005;
+  model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
+  for (int i = 0; i < 1200; ++i) model.step(push_down(2 * std::min(1.0, i / 1000.0)));
+  CHECK(model.proxy().X_WH().p.z() < 0);  // m: the hand was not pushed out
+}
+
 TEST_CASE("The same inputs give the same bits") {
   const auto run = [] {
     LocalModel model = falling_tool({}, 0.002);
