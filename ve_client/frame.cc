@@ -25,14 +25,14 @@ double adapted_epsilon(const FrameOptions& options, double speed, double delay, 
 namespace {
 
 /// Takes over what the server says: where the tool goes, and its impulses on bodies.
-void follow_server(VirtualEnvironment& environment, const HapticClient& client, double period,
+void follow_server(VirtualEnvironment& environment, HapticClient& client, double period,
                    FrameResult& result) {
   auto& [assembly, world, tool, proximity, surroundings] = environment;
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
   }
-  for (const auto& [body, P_W] : client.impulses()) {
+  for (const auto& [body, P_W] : client.take_impulses(period)) {
     if (body < world.description().bodies.size() && world.is_movable(static_cast<int>(body))) {
       world.add_wrench(static_cast<int>(body), P_W / period);
     } else {

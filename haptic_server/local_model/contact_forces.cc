@@ -4,13 +4,13 @@
 #include <array>
 #include <cmath>
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 namespace hlm::server {
 namespace {
 
 /// Rounds of the contact solver. Two are typical; what is undecided after the last is clamped.
-constexpr int kMaxPasses = 4;
+constexpr int kMaxPasses = 6;
 /// Groups of contacts in one step: the tool's, the limits of its joints, and those of movable
 /// bodies among themselves.
 constexpr std::size_t kMaxGroups = 3;
@@ -90,10 +90,10 @@ enum class Mode : std::uint8_t {
 
 struct Trial {
   Mode mode = Mode::kOff;
-  std::uint16_t pair = 0;           ///< Index of its PairLoad.
-  Vector3 force = Vector3::Zero();  ///< What does not depend on the velocity in the mode: friction
-                                    ///< in kSlip, all in kCapped, N.
-  Vector3 arm = Vector3::Zero();    ///< Of the contact point from O, m.
+  std::uint16_t pair = 0;              ///< Index of its PairLoad.
+  Vector3 slip = Vector3::Zero();      ///< In kSlip: friction for each newton of normal force.
+  Vector3 constant = Vector3::Zero();  ///< In kCapped: the force, N.
+  Vector3 arm = Vector3::Zero();       ///< Of the contact point from O, m.
 };
 using Trials = StaticVector<Trial, kMaxLocalContacts>;
 
@@ -129,7 +129,10 @@ Trials first_trials(const ContactGroup& group, const FrameMotions& frames,
     trial.arm = contact.p_W - frames.reference_W();
     const bool slips = contact.slipping || static_friction(contact, group.law) == 0;
     trial.mode = slips ? Mode::kSlip : Mode::kStick;
-    if (contact.slipping) trial.force = tangential(contact.f_W, contact.n_W);
+    if (contact.slipping) {
+      const double mu = kinetic_friction(contact, group.law);
+      trial.slip = mu * tangential(contact.f_W, contact.n_W).stableNormalized();
+    }
   }
   return trials;
 }
@@ -139,22 +142,26 @@ void add_contact(const LocalContact& contact, const Trial& trial, const ContactL
                  PairLoad& load) noexcept {
   const double beta = law.damping + law.stiffness * law.dt;
   const Vector3& n = contact.n_W;
-  Vector3 f_0 = trial.force;
-  if (trial.mode != Mode::kCapped) {
-    f_0 += (-law.stiffness * contact.s + beta * n.dot(contact.v_WC)) * n;
-  }
+  const double f_n = -law.stiffness * contact.s + beta * n.dot(contact.v_WC);
+  Vector3 f_0 = trial.constant;
   if (trial.mode == Mode::kStick) {
     // Z = β I: the normal and both tangential directions share one impedance.
-    f_0 += -law.stiffness * contact.z_W + beta * tangential(contact.v_WC, n);
+    f_0 = f_n * n - law.stiffness * contact.z_W + beta * tangential(contact.v_WC, n);
     const Matrix3 arm = beta * skew(trial.arm);
     load.impedance.topLeftCorner<3, 3>().diagonal().array() += beta;
     load.impedance.topRightCorner<3, 3>() -= arm;
     load.impedance.bottomLeftCorner<3, 3>() += arm;
     load.impedance.bottomRightCorner<3, 3>().noalias() -= arm * skew(trial.arm);
   } else if (trial.mode == Mode::kSlip) {
+    // Friction follows the normal force within the step, so that a body that is tilted by its
+    // friction has the loads that go with it.
+    const Vector3 direction = n + trial.slip;
+    f_0 = f_n * direction;
     Vector6 row;
+    Vector6 column;
     row << n, trial.arm.cross(n);
-    load.impedance.noalias() += (beta * row) * row.transpose();
+    column << direction, trial.arm.cross(direction);
+    load.impedance.noalias() += (beta * column) * row.transpose();
   }
   load.wrench.head<3>() += f_0;
   load.wrench.tail<3>() += trial.arm.cross(f_0);
@@ -177,13 +184,15 @@ void add_pair(const PairLoad& load, const FrameMotions& frames, double dt,
     add(a, a.J - b.J, 1);
     return;
   }
-  if (a.J.cols() > 0) add(a, a.J, 1);
+  Jacobian ZJ_a;
+  if (a.J.cols() > 0) ZJ_a = add(a, a.J, 1);
   if (b.J.cols() == 0) return;
   const Jacobian ZJ_b = add(b, b.J, -1);
   if (a.J.cols() == 0) return;
-  const auto across = dt * a.J.transpose().lazyProduct(ZJ_b);
-  system.E.block(a.first, b.first, a.J.cols(), b.J.cols()) -= across;
-  system.E.block(b.first, a.first, b.J.cols(), a.J.cols()) -= across.transpose();
+  system.E.block(a.first, b.first, a.J.cols(), b.J.cols()) -=
+      dt * a.J.transpose().lazyProduct(ZJ_b);
+  system.E.block(b.first, a.first, b.J.cols(), a.J.cols()) -=
+      dt * b.J.transpose().lazyProduct(ZJ_a);
 }
 
 /// Decides a contact's mode anew for the velocity that a round gave. True if it changed.
@@ -199,13 +208,10 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
     const bool slipped = trial.mode == Mode::kSlip || trial.mode == Mode::kCapped;
     const double mu = slipped ? kinetic_friction(contact, law) : static_friction(contact, law);
     mode = size > mu * f_n ? Mode::kSlip : Mode::kStick;
-    trial.force.setZero();
-    if (mode == Mode::kSlip && size > 0) {
-      trial.force = (kinetic_friction(contact, law) * f_n / size) * f;
-    }
+    trial.slip.setZero();
+    if (mode == Mode::kSlip && size > 0) trial.slip = (kinetic_friction(contact, law) / size) * f;
     if (wanted > contact.cap) {
-      if (mode == Mode::kStick) trial.force = f;
-      trial.force += f_n * contact.n_W;
+      trial.constant = f_n * contact.n_W + (mode == Mode::kStick ? f : Vector3(f_n * trial.slip));
       mode = Mode::kCapped;
     }
   }
@@ -239,7 +245,7 @@ class ContactSolver {
     system_.E = given_.E;
     system_.r = given_.r;
     for (const PairLoad& pair : pairs_) add_pair(pair, frames_, groups_[0].law.dt, system_);
-    return system_.E.llt().solve(system_.r);
+    return system_.E.partialPivLu().solve(system_.r);
   }
 
   bool revise_modes(const Unknowns& x) noexcept {

@@ -113,18 +113,33 @@ void inherit(LocalContact& contact, const LocalContact& existing) noexcept {
   contact.f_W = existing.f_W;
 }
 
-/// What of the change from s_p to s_plus the rule defers: s_plus stays behind by as much.
-void defer(LocalContact& contact, std::optional<double> s_p, double& s_plus,
+bool touches_body(const LocalContact& contact) noexcept {
+  const auto is_local_body = [](const ContactSide& side, FrameIndex frame) {
+    return side.kind == SideKind::kMovableBody && frame != kWorldFrame;
+  };
+  return is_local_body(contact.a, contact.frame_a) || is_local_body(contact.b, contact.frame_b);
+}
+
+/// What of the change from s_p to s_plus, and from there to sigma, the rule defers. s_plus stays
+/// behind by as much.
+void defer(LocalContact& contact, double sigma, std::optional<double> s_p, double& s_plus,
            const UpdatePolicy& policy) noexcept {
   const double held = std::min(s_p.value_or(0.0), 0.0);
+  double target = s_plus;
   if (policy.rule == UpdateRule::kRetain && held < std::min(s_plus, 0.0)) {
     contact.deferred_step = policy.release_step();
+    if (touches_body(contact)) {
+      contact.deferred_step = std::min(contact.deferred_step, policy.healing_step);
+    }
+  } else if (policy.rule == UpdateRule::kRetain && s_plus <= 0) {
+    target = sigma;
+    contact.deferred_step = std::min(policy.release_step(), policy.healing_step);
   } else if (policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0)) {
     contact.deferred_step = std::abs(s_plus - held) / policy.recovery_steps;
   } else {
     return;
   }
-  contact.deferred = s_plus - held;
+  contact.deferred = target - held;
   s_plus = held;
 }
 
@@ -136,7 +151,7 @@ void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalCo
   std::optional<double> s_p;
   if (existing != nullptr) s_p = separation(*existing, frames.before);
   double s_plus = updated_separation(policy.rule, sigma, s_p);
-  defer(contact, s_p, s_plus, policy);
+  defer(contact, sigma, s_p, s_plus, policy);
   place_contact_point(contact, frames.now[placed.a], x_W, sigma, s_plus);
 
   if (existing != nullptr) {
@@ -196,6 +211,23 @@ void add_released(LocalContacts& contacts, LocalContacts& orphans) noexcept {
   contacts.insert(contacts.end(), orphans.begin(), orphans.end());
   std::sort(contacts.begin(), contacts.end(),
             [](const auto& x, const auto& y) { return x.identity < y.identity; });
+}
+
+/// How much of what was deferred a step gives, m. What adds force is paid for from the tank.
+double due(const LocalContact& contact, const FramePoses& poses, const UpdatePolicy& policy,
+           double& tank) noexcept {
+  const double given = std::clamp(contact.deferred, -contact.deferred_step, contact.deferred_step);
+  if (given > 0) {
+    // Once the contact is open, giving back the rest changes no force.
+    return separation(contact, poses) >= 0 ? contact.deferred : given;
+  }
+  if (policy.rule != UpdateRule::kRetain) return given;
+  if (!contact.loaded) return 0;
+  const double cost =
+      contact.f_W.dot(contact.n_W) * -given + 0.5 * policy.stiffness * given * given;
+  if (cost > tank) return 0;
+  tank -= cost;
+  return given;
 }
 
 /// Walks along the reports with the existing contact of the same identity or null, and along the
@@ -269,7 +301,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 }
 
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
-                      double damping, double dt) noexcept {
+                      double damping, double dt, double& tank) noexcept {
   const double largest_change = policy.release_force / damping;  // m/s; infinite without damping
   for (LocalContact& contact : contacts) {
     if (contact.frame_b == kWorldFrame) {
@@ -280,11 +312,7 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
     }
     contact.cap -= policy.release_force;
     if (contact.deferred == 0) continue;
-    // Once the contact is open, giving back the rest changes no force.
-    const bool open = contact.deferred > 0 && separation(contact, poses) >= 0;
-    const double given =
-        open ? contact.deferred
-             : std::clamp(contact.deferred, -contact.deferred_step, contact.deferred_step);
+    const double given = due(contact, poses, policy, tank);
     const Vector3 n_A =
         poses[contact.frame_a].R.conjugate() * (poses[contact.frame_b].R * contact.n_B);
     contact.p_A += given * n_A;

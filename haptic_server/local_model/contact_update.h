@@ -21,6 +21,7 @@ struct UpdatePolicy {
   UpdateRule rule = UpdateRule::kRetain;
   double release_force = 0.5;  ///< `retain`: largest change of a force in a step, N.
   double stiffness = 4000;     ///< k, N/m.
+  double healing_step = 0;     ///< `retain`: largest change of s in a step that adds force, m.
   int recovery_steps = 10;     ///< `plane_recovery`: N.
 
   /// Largest change of s in a step, m.
@@ -56,9 +57,9 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 
 /// Moves constraints with their v_constr, and separations by what updates have deferred, for a step
 /// of dt seconds. poses: at the end of the step. Contacts that are released and no longer reported
-/// go.
+/// go. tank: energy that healing may add, J (docs/method.md 10).
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
-                      double damping, double dt) noexcept;
+                      double damping, double dt, double& tank) noexcept;
 
 /// Eq. 3: separation of the contact with the frames at these poses, m.
 inline double separation(LocalContact contact, const FramePoses& poses) noexcept {

@@ -38,7 +38,8 @@ struct LocalContact {
   Vector3 p_A = Vector3::Zero();
 
   /// Change of the separation that an update has deferred, m, and the most of it that one step
-  /// applies, m >= 0. Rule `retain` releases load (> 0), `plane_recovery` goes either way.
+  /// applies, m >= 0. > 0 releases load; < 0 brings the constraint back to where it is reported,
+  /// under rule `retain` as far as the healing tank pays for it.
   double deferred = 0;
   double deferred_step = 0;
   /// Largest normal force of a contact that the environment no longer reports, N: it falls step by

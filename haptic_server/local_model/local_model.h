@@ -44,7 +44,7 @@ struct ModelUpdate {
   const Configuration& q_VE;  ///< Of the tool, for which the contacts hold.
   double age = 0;             ///< Of the contacts with constraints of the world, s.
   const MovableBodies& bodies = kNoBodies;
-  double impulse_step = 0;  ///< The bodies' state is that of this step; parts of a step count.
+  double impulse_step = 0;  ///< The bodies' state is that of this step, or part of one; 0: unknown.
   double period = 0;        ///< Of the environment's frames, s.
 };
 
@@ -83,6 +83,8 @@ class LocalModel {
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
   double stiffness_scale() const noexcept { return stiffness_scale_; }
+  /// Energy that contacts may use to come back to where they are reported, J, >= 0.
+  double healing_tank() const noexcept { return tank_; }
   /// The tool at the configuration of the latest update.
   const ToolModel& ve_tool() const noexcept { return ve_tool_; }
 
@@ -91,7 +93,7 @@ class LocalModel {
   LocalContacts& present_supports() noexcept { return supports_[current_]; }
   UpdatePolicy policy() const noexcept;
   ContactLaw contact_law(ContactStep step) const noexcept;
-  ContactLaw support_law(double dt) const noexcept;
+  ContactLaw support_law(double dt, double friction_scale) const noexcept;
 
   void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
@@ -101,6 +103,7 @@ class LocalModel {
   GeneralisedForce collide(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D) noexcept;
   void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept;
   void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
+  void fill_tank() noexcept;
   void end_step(const FrameMotions& frames, const Unknowns& x) noexcept;
 
   LocalModelParameters parameters_;
@@ -116,6 +119,7 @@ class LocalModel {
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   double stiffness_scale_ = 1;
+  double tank_ = 0;  ///< J.
 };
 
 }  // namespace hlm::server

@@ -67,6 +67,10 @@ struct LocalModelParameters {
   /// faster (at 1 kHz, 0.5 N a step is 500 N/s) and is felt as a jump from about 1 N on.
   double release_step = 0.5;
 
+  /// Largest speed at which a loaded contact comes back to where it is reported, m/s; 0: never.
+  /// Faster is felt as a push, slower leaves a wall that arrived late where it was met for longer.
+  double healing_speed = 0.05;
+
   int recovery_steps = 10;  ///< N of rule `plane_recovery`, steps of the loop, >= 1.
 
   /// Largest stiffness that all contacts together may show at the hand, N/m and N·m/rad, and
@@ -77,7 +81,7 @@ struct LocalModelParameters {
   double max_contact_frequency = std::numeric_limits<double>::infinity();
 };
 
-inline constexpr std::array<NumberOf<LocalModelParameters>, 9> kLocalModelNumbers{{
+inline constexpr std::array<NumberOf<LocalModelParameters>, 10> kLocalModelNumbers{{
     {range_of(&Tuning::stiffness), "stiffness", &LocalModelParameters::stiffness,
      "Stiffness of each contact"},
     {range_of(&Tuning::damping), "damping", &LocalModelParameters::damping,
@@ -93,6 +97,10 @@ inline constexpr std::array<NumberOf<LocalModelParameters>, 9> kLocalModelNumber
      "release step",
      &LocalModelParameters::release_step,
      "Largest step of a contact's force while retained load is released"},
+    {{0, 1, "m/s"},
+     "healing speed",
+     &LocalModelParameters::healing_speed,
+     "Largest speed at which a loaded contact comes back to where it is reported; 0: never"},
     {{0, Range::kInfinite, "N/m", true},
      "max hand stiffness",
      &LocalModelParameters::max_hand_stiffness,

@@ -15,5 +15,6 @@ void stiffness_limits(Bench& bench);       ///< k_max of each method, side by si
 void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter, loss.
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.
 void spatial(Bench& bench);                ///< Six degrees of freedom.
+void bodies(Bench& bench);                 ///< Bodies that move when pushed.
 
 }  // namespace hlm::experiments

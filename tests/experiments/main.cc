@@ -26,6 +26,7 @@ constexpr Experiment kExperiments[] = {
     {"updates", updates, true},
     {"limits", stiffness_limits, true},
     {"spatial", spatial, true},
+    {"bodies", bodies, true},
     {"approach", approach_map, true},
     {"maps", stiffness_maps, false},
 };

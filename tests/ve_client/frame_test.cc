@@ -265,7 +265,7 @@ TEST_CASE("An update says which impulses its bodies contain") {
   setup.server->pushed_body = kBrick;
   setup.server->push = Wrench(0, 0, 0, 0, 0, 0.02);  // Turns the brick.
   setup.run(3);
-  std::uint64_t before = 0;
+  double before = 0;
   int with_body = 0;
   for (const protocol::ContactUpdate& update : setup.server->updates) {
     CHECK(update.impulse_step >= before);
@@ -274,7 +274,7 @@ TEST_CASE("An update says which impulses its bodies contain") {
     ++with_body;
     CHECK(update.bodies[0].id == kBrick);
     // 1e-3 kg·m², 0.02 N·m since step 1.
-    const double turn = 20.0 * static_cast<double>(update.impulse_step) * 0.001;
+    const double turn = 20.0 * update.impulse_step * 0.001;
     CHECK(update.bodies[0].V_W[5] == Approx(turn).margin(0.025));
   }
   CHECK(with_body > 10);

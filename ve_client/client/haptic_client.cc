@@ -22,10 +22,15 @@ HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptio
 
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
-  if (inbox.welcomed || inbox.lost) ledger_.reset();
-  impulses_.clear();
-  if (inbox.impulses != nullptr) impulses_ = ledger_.take(*inbox.impulses);
+  if (inbox.welcomed || inbox.lost) playout_.reset();
+  if (inbox.state != nullptr) playout_.hear(inbox.state->step);
+  if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
   return inbox;
+}
+
+BodyImpulses HapticClient::take_impulses(double period) {
+  if (!connected()) return {};
+  return playout_.take(period * welcome().servo_rate);
 }
 
 void HapticClient::sample(double now, const Configuration& q, const Velocity& v, double period) {
@@ -40,8 +45,9 @@ void HapticClient::sample(double now, const Configuration& q, const Velocity& v,
 std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
                                  const MovableBodies& bodies) {
   update_.compute_time = now - sampled_at_;
-  update_.impulse_step = ledger_.step();
+  update_.impulse_step = playout_.step();
   update_.bodies = bodies;
+  for (MovableBody& body : update_.bodies) body.P_W = playout_.taken(body.id);
   update_.contacts = contacts;
   return session_.send(now, update_);
 }

@@ -8,7 +8,7 @@
 #include "common/tool_description.h"
 #include "common/tool_model.h"
 #include "protocol/client_session.h"
-#include "ve_client/client/impulse_ledger.h"
+#include "ve_client/client/impulse_playout.h"
 
 namespace hlm {
 
@@ -34,11 +34,10 @@ class HapticClient {
   /// Inbox::state is the newest proxy state, null if none came since the last call; draw the tool
   /// toward its q (and q̇).
   Inbox poll(double now);
-  /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) that
-  /// came with the latest poll(). The step until the next sample() must apply them, P/H as a wrench
-  /// over its H seconds: the update then says that its bodies contain them. Nothing else of the
-  /// tool may push those bodies.
-  const BodyImpulses& impulses() const noexcept { return impulses_; }
+  /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) for a
+  /// step of H = `period` seconds that begins. It must apply them, P/H as a wrench on the body: the
+  /// next update says that its bodies contain them. Nothing else of the tool may push those bodies.
+  BodyImpulses take_impulses(double period);
 
   /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
   /// the contacts of the next send() will be computed.
@@ -66,8 +65,7 @@ class HapticClient {
  private:
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Of the latest sample.
-  ImpulseLedger ledger_;
-  BodyImpulses impulses_;
+  ImpulsePlayout playout_;
   double sampled_at_ = 0;
 };
 

@@ -1,0 +1,95 @@
+#include "tests/experiments/body_trial.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/virtual_session.h"
+
+namespace hlm::experiments {
+namespace {
+
+int index_of(const ve::WorldDescription& world, const std::string& name) {
+  for (std::size_t i = 0; i < world.bodies.size(); ++i) {
+    if (world.bodies[i].name == name) return static_cast<int>(i);
+  }
+  throw std::runtime_error("there is no body '" + name + "'");
+}
+
+test::VirtualSessionOptions session_options(const BodyTask& task, const BodyConditions& conditions,
+                                            std::uint64_t seed) {
+  test::VirtualSessionOptions options;
+  options.world = task.world;
+  options.tool = task.tool;
+  options.hand = task.hand;
+  options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.device.max_force = 100;  // N: what is heavy shall be felt whole.
+  options.device.max_torque = 5;
+  options.link = {.delay = conditions.delay, .loss = conditions.loss};
+  options.rate_low = options.rate_high = conditions.ve_rate;
+  options.seed = seed;
+  options.servo.limits.max_force = 100;
+  options.servo.limits.max_torque = 5;
+  options.servo.silence_time = 2;
+  options.servo.local_model.stiffness = conditions.stiffness;
+  options.frame.push_by_following = conditions.by_following;
+  return options;
+}
+
+}  // namespace
+
+std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditions,
+                            std::uint64_t seed) {
+  const int body = index_of(task.world, task.body);
+  std::vector<BodySample> samples;
+  test::VirtualSession* running = nullptr;
+  test::VirtualSession session(
+      session_options(task, conditions, seed), [&](const server::TickRecord& record) {
+        if (record.step == 0) return;
+        BodySample& sample = samples.emplace_back();
+        sample.time = static_cast<double>(record.step) * 1e-3;
+        sample.F_env = record.F_env;
+        sample.F_command = record.F_command;
+        sample.X_WP = record.X_WP;
+        sample.V_WP = record.V_WP;
+        sample.adopted = record.adopted > 0;
+        sample.colliding = record.contact_state == ProxyContactState::kColliding;
+        sample.limited = record.limit != ForceLimit::kNone;
+        const auto& model = running->servo().local_model();
+        sample.bodies = model ? model->bodies().size() : 0;
+        const ve::World& world = running->environment().world;
+        sample.X_WB = world.X_WB(body);
+        sample.V_WB = world.V_WB(body);
+      });
+  running = &session;
+  session.run(task.duration + 0.3 + 4 * conditions.delay);
+  return samples;
+}
+
+ForceStatistics force_along(const std::vector<BodySample>& samples, const Vector3& axis,
+                            double begin, double end) {
+  ForceStatistics result;
+  double sum = 0;
+  double squares = 0;
+  int count = 0;
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    const BodySample& sample = samples[i];
+    if (sample.time < begin || sample.time > end) continue;
+    const double f = axis.dot(sample.F_env.head<3>());
+    const Vector3 change = sample.F_env.head<3>() - samples[i - 1].F_env.head<3>();
+    sum += f;
+    squares += f * f;
+    ++count;
+    result.largest = std::max(result.largest, sample.F_env.head<3>().norm());
+    result.step = std::max(result.step, change.norm());
+    result.collisions += sample.colliding;
+    result.limited += sample.limited;
+    if (sample.adopted && !sample.colliding) {
+      result.update_step = std::max(result.update_step, change.norm());
+    }
+  }
+  result.mean = sum / count;
+  result.deviation = std::sqrt(std::max(0.0, squares / count - result.mean * result.mean));
+  return result;
+}
+
+}  // namespace hlm::experiments

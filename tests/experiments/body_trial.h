@@ -1,0 +1,62 @@
+// One run of a task in which the tool moves a body, in virtual time.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "haptic_server/device/hand.h"
+#include "tests/experiments/trial.h"
+
+namespace hlm::experiments {
+
+/// What is touched, and how.
+struct BodyTask {
+  ve::WorldDescription world;
+  std::string tool = "tool";
+  std::string body = "body::body";  ///< The one that is watched.
+  server::HandScript hand;
+  double duration = 4;              ///< s.
+};
+
+struct BodyConditions {
+  double ve_rate = 60;     ///< Hz.
+  double delay = 0;        ///< One way, s.
+  double loss = 0;         ///< Share of datagrams.
+  double stiffness = 4000; ///< k, N/m.
+  bool by_following = false;
+};
+
+/// One tick, and where the body is in the environment.
+struct BodySample {
+  double time = 0;
+  Wrench F_env = Wrench::Zero();
+  Wrench F_command = Wrench::Zero();
+  Pose X_WP;
+  Twist V_WP = Twist::Zero();
+  bool adopted = false;
+  bool colliding = false;
+  bool limited = false;
+  std::size_t bodies = 0;  ///< In the local model.
+  Pose X_WB;               ///< Of the body after the latest frame.
+  Twist V_WB = Twist::Zero();
+};
+
+std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditions,
+                            std::uint64_t seed);
+
+/// Of the samples from a time on.
+struct ForceStatistics {
+  double mean = 0;
+  double deviation = 0;       ///< Standard deviation, N.
+  double largest = 0;         ///< |F|, N.
+  double update_step = 0;     ///< Largest change in the tick of an update that is no collision, N.
+  double step = 0;            ///< Largest change from any tick to the next, N.
+  int collisions = 0;
+  int limited = 0;            ///< Ticks.
+};
+/// Of F_env along an axis, from `begin` to `end` (s).
+ForceStatistics force_along(const std::vector<BodySample>& samples, const Vector3& axis,
+                            double begin, double end);
+
+}  // namespace hlm::experiments

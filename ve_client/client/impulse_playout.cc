@@ -1,0 +1,75 @@
+#include "ve_client/client/impulse_playout.h"
+
+#include <algorithm>
+
+namespace hlm {
+namespace {
+
+/// How far behind the newest report a frame ends, frames. Less runs dry when a datagram is late.
+constexpr double kLag = 1;
+/// Farther behind than this, frames, what has gathered is skipped to.
+constexpr double kLargestLag = 4;
+/// How much faster or slower than the server's time the playout may run to keep its distance. More is
+/// felt as a change of the impulses' force against the bodies' weight.
+constexpr double kLargestSkew = 0.02;
+/// Share of the deviation from the distance that one frame takes back.
+constexpr double kGain = 0.1;
+
+Vector6 total(const std::map<std::uint32_t, Vector6>& totals, std::uint32_t body) {
+  const auto found = totals.find(body);
+  return found != totals.end() ? found->second : Vector6(Vector6::Zero());
+}
+
+}  // namespace
+
+void ImpulsePlayout::reset() { *this = {}; }
+
+void ImpulsePlayout::hear(std::uint64_t step) {
+  newest_ = std::max(newest_, static_cast<double>(step));
+}
+
+void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
+  hear(impulses.step);
+  const auto step = static_cast<double>(impulses.step);
+  if (step <= reports_.back().step) return;
+  Report report{step, reports_.back().totals};
+  for (const auto& [body, P_W] : impulses.bodies) report.totals[body] = P_W;
+  reports_.push_back(std::move(report));
+}
+
+BodyImpulses ImpulsePlayout::take(double steps) {
+  advance(steps);
+  forget_played();
+  const Report& before = reports_.front();
+  const Report& after = reports_.size() > 1 ? reports_[1] : before;
+  const double span = after.step - before.step;
+  const double part = span > 0 ? std::clamp((step_ - before.step) / span, 0.0, 1.0) : 1;
+
+  BodyImpulses due;
+  for (const auto& [body, P_W] : after.totals) {
+    const Vector6 P_before = total(before.totals, body);
+    const Vector6 P = P_before + part * (P_W - P_before);
+    Vector6& taken = taken_.try_emplace(body, Vector6::Zero()).first->second;
+    if (P == taken) continue;
+    if (due.size() == due.capacity()) break;
+    due.push_back({body, P - taken});
+    taken = P;
+  }
+  return due;
+}
+
+Vector6 ImpulsePlayout::taken(std::uint32_t body) const { return total(taken_, body); }
+
+void ImpulsePlayout::advance(double steps) {
+  const double behind = (newest_ - step_) / steps - 1 - kLag;
+  step_ += steps * (1 + std::clamp(kGain * behind, -kLargestSkew, kLargestSkew));
+  if (behind > kLargestLag) step_ = newest_ - kLag * steps;
+  step_ = std::clamp(step_, 0.0, newest_);
+}
+
+/// Keeps the newest report that step_ has passed, and those after it.
+void ImpulsePlayout::forget_played() {
+  while (reports_.size() > 1 && reports_[1].step <= step_) reports_.pop_front();
+}
+
+}  // namespace hlm
