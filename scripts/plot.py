@@ -12,7 +12,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 
-from plot_input import InputError, phases_from_hand, phases_from_states, read_log, read_world
+from plot_input import (
+    InputError,
+    World,
+    phases_from_hand,
+    phases_from_states,
+    read_log,
+    read_world,
+)
 
 # Line styles: the later ones are drawn on top, so that coinciding lines stay visible.
 STYLES = {
@@ -51,6 +58,12 @@ def heading(log, subject):
     if is_planar(log):
         return np.degrees(np.unwrap(2 * np.arctan2(z, w), period=2 * math.pi))
     return np.degrees(2 * np.arctan2(np.sqrt(x * x + y * y + z * z), np.abs(w)))
+
+
+def pitch(log, subject):
+    """Rotation about the world's y axis, rad."""
+    w, x, y, z = (log[f"{subject}_q{part}"] for part in "wxyz")
+    return np.arctan2(2 * (w * y + x * z), 1 - 2 * (y * y + z * z))
 
 
 def is_planar(log):
@@ -148,28 +161,37 @@ def period(log):
     return float(np.median(np.diff(log["time_s"]))) if len(log["time_s"]) > 1 else math.nan
 
 
-def draw_plan(axes, log, world, phases):
-    """Paths seen from above; the tool's outline where each phase begins and at the end."""
-    walls, tool = world
-    for wall in walls:
-        axes.add_patch(Polygon(1e3 * wall.corners(), facecolor="#d9d9d9", edgecolor="#8c8c8c"))
+def draw_view(axes, log, world, phases):
+    """Paths seen from above, or from the side where the tool moves in space; the tool's outline where
+    each phase begins and at the end."""
+    planar = is_planar(log)
+    across = "y" if planar else "z"
+    for outline in world.walls:
+        axes.add_patch(Polygon(1e3 * outline.corners(), facecolor="#d9d9d9", edgecolor="#8c8c8c"))
+    for outline in world.loose:
+        style = dict(facecolor="#e9f2f9", edgecolor="#457b9d", linestyle="--")
+        axes.add_patch(Polygon(1e3 * outline.corners(), **style))
     for subject in ("tool", "proxy", "device"):
-        x, y = (in_session(log, 1e3 * log[f"{subject}_{axis}_m"]) for axis in "xy")
+        x, y = (in_session(log, 1e3 * log[f"{subject}_{axis}_m"]) for axis in ("x", across))
         axes.plot(x, y, **STYLES[subject])
-    angles = np.radians(heading(log, "tool"))
+    angles = np.radians(heading(log, "tool")) if planar else -pitch(log, "tool")
     for i, names in marked_ticks(log, phases):
-        x, y = log["tool_x_m"][i], log["tool_y_m"][i]
-        for box in tool:
+        x, y = log["tool_x_m"][i], log[f"tool_{across}_m"][i]
+        for box in world.tool:
             outline = 1e3 * box.corners(x, y, angles[i])
             axes.add_patch(Polygon(outline, fill=False, edgecolor="#f4a261", linewidth=1))
         axes.plot(1e3 * x, 1e3 * y, "o", color=MARK, markersize=4, zorder=5)
         offset = dict(xytext=(6, 6), textcoords="offset points", zorder=5)
         axes.annotate(", ".join(names), (1e3 * x, 1e3 * y), color=MARK, fontsize=11, **offset)
-    axes.set(xlabel="x, mm", ylabel="y, mm (down the page)", aspect="equal")
+    down = ", mm (down the page)" if planar else ", mm"
+    axes.set(xlabel="x, mm", ylabel=across + down, aspect="equal")
     axes.autoscale_view()
-    axes.invert_yaxis()
+    if planar:
+        axes.invert_yaxis()
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
-    axes.set_title("Seen from above. Numbers: where each phase begins")
+    view = "above" if planar else "the side"
+    dashed = "\ndashed: loose bodies where they begin" if world.loose else ""
+    axes.set_title(f"Seen from {view}. Numbers: where each phase begins{dashed}")
 
 
 def marked_ticks(log, phases):
@@ -292,7 +314,7 @@ def draw(log, world, phases):
     panels[-1].set_xlabel("time since the server started, s")
     panels[-1].set_xlim(log["time_s"][0], log["time_s"][-1])
     draw_phases(panels, phases, log)
-    draw_plan(plan, log, world, phases)
+    draw_view(plan, log, world, phases)
     write_key(key, phases, log)
     draw_close_up(position, force, log)
     figure.suptitle("Haptic session\n" + summary(log), fontsize=12)
@@ -303,12 +325,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("log", help="tick log (CSV) of haptic_server")
     parser.add_argument("picture", help="picture to write (PNG)")
-    parser.add_argument("--world", help="SDF file whose walls and tool are drawn in the plan view")
+    parser.add_argument("--world", help="SDF file whose bodies and tool are drawn where they begin")
+    parser.add_argument("--tool", default="peg", help="its model that is the tool (default: peg)")
     parser.add_argument("--hand", help="hand script (TOML) whose segments name the phases")
     options = parser.parse_args()
     try:
         log = read_log(options.log)
-        world = read_world(options.world) if options.world else ([], [])
+        from_side = not is_planar(log)
+        world = World([], [], [])
+        if options.world:
+            world = read_world(options.world, options.tool, from_side)
         phases = phases_from_hand(options.hand, log) if options.hand else []
         figure = draw(log, world, phases or phases_from_states(log))
         figure.savefig(options.picture, dpi=100)

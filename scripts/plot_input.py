@@ -38,7 +38,8 @@ class Phase:
 
 @dataclass
 class Box:
-    """A box seen from above: m, rad, in the frame of what owns it."""
+    """The outline of a box in the view: m, rad, in the frame of what owns it. Seen from above the view's
+    axes are x and y of the world, from the side x and z."""
 
     x: float
     y: float
@@ -47,10 +48,19 @@ class Box:
     width: float
 
     def corners(self, x=0.0, y=0.0, yaw=0.0):
-        """4x2, m, for an owner at x, y, yaw in the world."""
+        """4x2, m, for an owner at x, y, yaw in the view."""
         a, b = self.length / 2, self.width / 2
         inner = np.array([(-a, -b), (a, -b), (a, b), (-a, b)]) @ turn(self.yaw).T
         return (inner + (self.x, self.y)) @ turn(yaw).T + (x, y)
+
+
+@dataclass
+class World:
+    """Outlines of what does not move, of loose bodies where they begin, and of the tool at its hand."""
+
+    walls: list
+    loose: list
+    tool: list
 
 
 def turn(angle):
@@ -93,37 +103,42 @@ def number(text, column, path, rows):
         ) from None
 
 
-def read_world(path):
-    """The boxes of the world that do not move, and those of the virtual tool."""
+def read_world(path, tool, from_side):
+    """What the world at `path` holds, with the model named `tool` as virtual tool; of its shapes the
+    boxes."""
     try:
         with open(path, encoding="utf-8") as file:
             # SDFormat uses the prefix without declaring it, which the XML reader refuses.
             text = file.read().replace("<sdf ", '<sdf xmlns:haptic="haptic" ', 1)
-        models = xml.fromstring(text).findall(".//model")
-        walls, tool = [], []
-        for model in models:
-            boxes = [box for link in model.iter("link") for box in link_boxes(link)]
-            if model.find("{haptic}tool_joint") is not None:
-                tool += boxes
-            elif model.findtext("static", "false").strip() in ("true", "1"):
-                walls += [placed(box, read_pose(model)) for box in boxes]
+        world = World([], [], [])
+        for model in xml.fromstring(text).findall(".//model"):
+            boxes = [box for link in model.iter("link") for box in link_boxes(link, from_side)]
+            if model.get("name") == tool:
+                hand = model.find("{haptic}hand")
+                at = (0, 0, 0) if hand is None else read_pose(hand, from_side)
+                world.tool += [placed(box, (-at[0], -at[1], 0)) for box in boxes]
+                continue
+            boxes = [placed(box, read_pose(model, from_side)) for box in boxes]
+            fixed = model.findtext("static", "false").strip() in ("true", "1")
+            (world.walls if fixed else world.loose).extend(boxes)
     except (OSError, UnicodeDecodeError, xml.ParseError, ValueError) as error:
         raise InputError(f"{path}: not a world: {error}") from error
-    return walls, tool
+    return world
 
 
-def read_pose(element):
-    """x, y, yaw of an SDF element."""
+def read_pose(element, from_side):
+    """Position and angle of an SDF element in the view."""
     pose = [float(part) for part in element.findtext("pose", "0 0 0 0 0 0").split()]
-    return pose[0], pose[1], pose[5]
+    return (pose[0], pose[2], -pose[4]) if from_side else (pose[0], pose[1], pose[5])
 
 
-def link_boxes(link):
+def link_boxes(link, from_side):
     for collision in link.iter("collision"):
-        size = collision.findtext("geometry/box/size")
-        if size is not None:
-            length, width, _ = (float(part) for part in size.split())
-            yield placed(Box(*read_pose(collision), length, width), read_pose(link))
+        text = collision.findtext("geometry/box/size")
+        if text is not None:
+            size = [float(part) for part in text.split()]
+            outline = Box(*read_pose(collision, from_side), size[0], size[2 if from_side else 1])
+            yield placed(outline, read_pose(link, from_side))
 
 
 def placed(box, pose):
@@ -171,7 +186,9 @@ def phases_from_hand(path, log):
     try:
         with open(path, "rb") as file:
             script = tomllib.load(file)
-        segments = [(float(s["duration"]), describe_segment(s)) for s in script["segment"]]
+        segments = script["segment"]
+        spatial = any(s.get("move_to", {}).get("position", (0, 0, 0))[2] != 0 for s in segments)
+        segments = [(float(s["duration"]), describe_segment(s, spatial)) for s in segments]
     except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a hand script: {error!r}") from error
     phases = []
@@ -188,13 +205,13 @@ def phases_from_hand(path, log):
     return phases
 
 
-def describe_segment(segment):
+def describe_segment(segment, spatial):
     if "move_to" in segment:
         target = segment["move_to"]
         parts = []
         if "position" in target:
-            x, y, _ = target["position"]
-            parts.append(f"({1e3 * x:g}, {1e3 * y:g}) mm")
+            shown = target["position"][: 3 if spatial else 2]
+            parts.append("(" + ", ".join(f"{1e3 * p:g}" for p in shown) + ") mm")
         if "rotation" in target:
             parts.append(f"{math.degrees(target['rotation'][2]):.0f}°")
         verb = "move by " if target.get("relative") else "move to "

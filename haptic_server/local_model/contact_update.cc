@@ -125,21 +125,20 @@ bool touches_body(const LocalContact& contact) noexcept {
 void defer(LocalContact& contact, double sigma, std::optional<double> s_p, double& s_plus,
            const UpdatePolicy& policy) noexcept {
   const double held = std::min(s_p.value_or(0.0), 0.0);
-  double target = s_plus;
-  if (policy.rule == UpdateRule::kRetain && held < std::min(s_plus, 0.0)) {
+  const bool releases = held < std::min(s_plus, 0.0);
+  const bool recovers = policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0);
+  const bool deforms = policy.rule == UpdateRule::kRetain && s_plus <= 0;
+  if (!recovers && !deforms && !(policy.rule == UpdateRule::kRetain && releases)) return;
+
+  contact.deferred = (releases || recovers ? s_plus : sigma) - held;
+  if (recovers) {
+    contact.deferred_step = std::abs(contact.deferred) / policy.recovery_steps;
+  } else if (releases && !touches_body(contact)) {
     contact.deferred_step = policy.release_step();
-    if (touches_body(contact)) {
-      contact.deferred_step = std::min(contact.deferred_step, policy.healing_step);
-    }
-  } else if (policy.rule == UpdateRule::kRetain && s_plus <= 0) {
-    target = sigma;
-    contact.deferred_step = std::min(policy.release_step(), policy.healing_step);
-  } else if (policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0)) {
-    contact.deferred_step = std::abs(s_plus - held) / policy.recovery_steps;
   } else {
-    return;
+    contact.deferred_step = std::min({policy.release_step(), policy.healing_step,
+                                      policy.healing_share * std::abs(contact.deferred)});
   }
-  contact.deferred = target - held;
   s_plus = held;
 }
 
@@ -264,9 +263,9 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
   return sigma;
 }
 
-void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
-                  const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                  LocalContacts& updated) noexcept {
+double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
+                    const UpdateFrames& frames, double age, const UpdatePolicy& policy,
+                    LocalContacts& updated) noexcept {
   const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
   const PlacedReports reports =
       sorted_reports(reported, frames, [&](const ReportedContact& report) {
@@ -274,16 +273,21 @@ void adopt_update(const LocalContacts& existing, const ReportedContacts& reporte
       });
   updated.clear();
   LocalContacts orphans;
+  double unspent = 0;
   match(
       reports, existing,
       [&](const Placed& placed, const LocalContact* known) {
-        set_tool_contact(updated.emplace_back(), placed, known, frames, age, policy);
+        LocalContact& contact = updated.emplace_back();
+        set_tool_contact(contact, placed, known, frames, age, policy);
+        if (known == nullptr || !contact.loaded || !touches_body(contact)) return;
+        unspent += contact.f_W.dot(contact.n_W) * (known->deferred - contact.deferred);
       },
       [&](const LocalContact& contact) {
         if (policy.rule != UpdateRule::kRetain) return;
         if (const auto orphan = released(contact, frames, policy)) orphans.push_back(*orphan);
       });
   if (!orphans.empty()) add_released(updated, orphans);
+  return unspent;
 }
 
 void adopt_supports(const LocalContacts& existing, const ReportedContacts& reported,

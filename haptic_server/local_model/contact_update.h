@@ -21,7 +21,8 @@ struct UpdatePolicy {
   UpdateRule rule = UpdateRule::kRetain;
   double release_force = 0.5;  ///< `retain`: largest change of a force in a step, N.
   double stiffness = 4000;     ///< k, N/m.
-  double healing_step = 0;     ///< `retain`: largest change of s in a step that adds force, m.
+  double healing_step = 0;     ///< `retain`: largest change of s in a step that adds force, m,
+  double healing_share = 0;    ///< and largest share of the deformation at the update.
   int recovery_steps = 10;     ///< `plane_recovery`: N.
 
   /// Largest change of s in a step, m.
@@ -45,9 +46,11 @@ struct UpdateFrames {
 /// contacts before, sorted by identity, their constraints advanced to now. reported: contacts of
 /// the environment, `age` seconds old where their constraint is the world's. Those without the
 /// tool, of links that it does not have, or with the identity of one before them are left out.
-void adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
-                  const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                  LocalContacts& updated) noexcept;
+/// Returns the energy that loaded contacts with movable bodies may heal with for it, J: a body that
+/// was pushed here farther than there has taken work that it did not do.
+double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
+                    const UpdateFrames& frames, double age, const UpdatePolicy& policy,
+                    LocalContacts& updated) noexcept;
 
 /// The contacts of the bodies without the tool, as they were when the environment found them.
 /// Nobody feels them, so they begin with the load that is reported, on a penalty of `stiffness`

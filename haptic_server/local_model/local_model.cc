@@ -21,6 +21,9 @@ constexpr double kSupportDamping = 1e3;
 /// On the friction of contacts without the tool. With 1, a body that slides in the environment
 /// sticks here now and then: it is lost and hit again.
 constexpr double kSupportFriction = 0.9;
+/// Time constant of healing, s. Near the loop through the environment, what heals swings with what
+/// is reported; much longer is no healing.
+constexpr double kHealingTime = 0.2;
 /// Most energy that is kept to heal with, J: that of 5 N over 20 mm. More would let an old blow pay
 /// for a wall that comes much later.
 constexpr double kTankSize = 0.1;
@@ -116,7 +119,9 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
   replay(bodies, present_supports(), state_step);
   frames.set_now(poses_of(proxy_, bodies));
-  adopt_update(existing, update.contacts, frames, update.age, policy(), present());
+  const double unspent =
+      adopt_update(existing, update.contacts, frames, update.age, policy(), present());
+  tank_ = std::clamp(tank_ + unspent, 0.0, kTankSize);
   correct_gradually(bodies, update.period);
   bodies_ = bodies;
 }
@@ -360,6 +365,7 @@ UpdatePolicy LocalModel::policy() const noexcept {
           .release_force = parameters_.release_step,
           .stiffness = parameters_.stiffness,
           .healing_step = parameters_.healing_speed * dt_,
+          .healing_share = dt_ / kHealingTime,
           .recovery_steps = parameters_.recovery_steps};
 }
 

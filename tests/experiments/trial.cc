@@ -126,7 +126,8 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   options.seed = seed;
   options.frame = {.epsilon = method.epsilon,
                    .largest_epsilon = method.largest_epsilon,
-                   .delay = conditions.ve_delay};
+                   .delay = conditions.ve_delay,
+                   .report_friction = false};  // That of the task.
   if (conditions.waits) options.acknowledgement_timeout = 0.5;
 
   server::ServoOptions& servo = options.servo;
