@@ -198,5 +198,56 @@ TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamic
   CHECK(model.contacts()[1].f_W.z() == Approx(3).epsilon(1e-5));
 }
 
+TEST_CASE("A linkage that folds onto itself: both links feel it, and momentum stays") {
+  // Three bars of 0.2 m, free in the plane, bent to a U; the last one swings back to the first.
+  ToolDescription chain;
+  for (int i = 0; i < 3; ++i) {
+    Link link;
+    link.parent = i - 1;
+    link.joint = i == 0 ? JointType::kPlanar : JointType::kRevolute;
+    if (i > 0) link.X_PJ.p = {0.2, 0, 0};
+    link.p_LCom = {0.1, 0, 0};
+    link.mass = 0.3;
+    link.I_LCom = test::box_inertia(link.mass, {0.1, 0.01, 0.01});
+    chain.links.push_back(link);
+  }
+  chain.hand_link = 2;
+  Configuration q = Configuration::Zero(5);
+  q.tail<2>() << 1.6, 1.6;
+  LocalModelParameters frictionless;
+  frictionless.static_friction = frictionless.kinetic_friction = 0;
+  LocalModel model(chain, q, frictionless, kStep);
+  model.follow(q, Velocity::Unit(5, 4) * 2);  // rad/s in the last joint
+
+  // The last bar's end meets the first bar's upper face.
+  const ToolModel& tool = model.proxy();
+  const Vector3 end = tool.X_WL(2) * Vector3(0.2, 0, 0);
+  ReportedContact contact;
+  contact.a = {SideKind::kToolLink, 2};
+  contact.b = {SideKind::kToolLink, 0};
+  contact.n_W = tool.X_WL(0).R * Vector3::UnitY();
+  contact.separation = 0.02;
+  contact.p_WC = end - contact.separation * contact.n_W;
+  const ReportedContacts contacts{contact};
+  model.adopt({.contacts = contacts, .q_VE = q});
+
+  const auto momentum = [&] {
+    return Eigen::Vector2d((tool.mass_matrix() * model.velocity()).head<2>());
+  };
+  const auto gap_speed = [&] {
+    const Vector3 p_W = model.contacts()[0].p_W;
+    return model.contacts()[0].n_W.dot((tool.point_jacobian(2, p_W) - tool.point_jacobian(0, p_W)) *
+                                       model.velocity());
+  };
+  const Eigen::Vector2d before = momentum();
+  const double turning = model.velocity()[2];
+  REQUIRE(gap_speed() < -0.1);  // m/s
+  while (model.state() == ProxyContactState::kFreeMotion) model.step({});
+  for (int i = 0; i < 3; ++i) model.step({});
+  CHECK(gap_speed() > -0.02);                            // m/s
+  CHECK(std::abs(model.velocity()[2] - turning) > 0.1);  // rad/s: the first bar was hit
+  CHECK((momentum() - before).norm() < 1e-3 * before.norm());
+}
+
 }  // namespace
 }  // namespace hlm::server
