@@ -15,9 +15,17 @@ VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
       proximity(world, assembly),
       surroundings(world, proximity) {}
 
+namespace {
+
+/// Factor on what is travelled until contacts are replaced. 1 covers steady speed and equal periods
+/// only; 2 nearly doubles the ghosts past edges.
+constexpr double kMargin = 1.5;
+/// Farthest that a body is held beyond ε, m.
+constexpr double kFarthestHold = 0.05;
+
+}  // namespace
+
 double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period) {
-  // 1 covers steady speed and equal periods only; 2 nearly doubles the ghosts past edges.
-  constexpr double kMargin = 1.5;
   const double travel = kMargin * speed * (delay + period);
   return std::clamp(travel, options.epsilon, std::max(options.epsilon, options.largest_epsilon));
 }
@@ -39,6 +47,22 @@ void follow_server(VirtualEnvironment& environment, HapticClient& client, double
       result.state_refused = true;
     }
   }
+}
+
+/// The contacts of the tool within epsilon. A body in the engine follows the tool's impulses by
+/// `lag` seconds: what was reported of it is, until it is farther than both can have moved in that.
+std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double epsilon,
+                                        double lag) {
+  auto& [assembly, world, tool, proximity, surroundings] = environment;
+  const bool holds = !surroundings.bodies().empty();
+  const auto found = proximity.query(tool, epsilon + (holds ? kFarthestHold : 0));
+  std::vector<FoundContact> contacts(found.begin(), found.end());
+  std::erase_if(contacts, [&](const FoundContact& contact) {
+    const double travel = kMargin * lag * (tool.target_speed() + contact.v_WC.norm());
+    const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
+    return contact.separation > epsilon + hold;
+  });
+  return select_contacts(contacts, assembly.planar_normal_W);
 }
 
 }  // namespace
@@ -71,14 +95,16 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
   const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
   std::vector<FoundContact> contacts =
-      select_contacts(proximity.query(tool, result.epsilon), assembly.planar_normal_W);
+      tool_contacts(environment, result.epsilon, delay + 2 * period);
   for (const FoundContact& contact : contacts) {
     ++(contact.separation <= 0 ? result.active : result.predicted);
   }
   if (!options.report_friction) {
     for (FoundContact& contact : contacts) contact.friction = -1;
   }
-  if (by_impulses) {
+  if (!by_impulses) {
+    surroundings.find({}, 0);
+  } else {
     surroundings.find(contacts, result.epsilon);
     result.bodies = surroundings.bodies().size();
     result.supports = surroundings.contacts().size();

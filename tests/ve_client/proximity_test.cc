@@ -240,5 +240,21 @@ TEST_CASE("Contacts between links keep their identities when the tool moves as a
   CHECK(identities(0.3) == identities(-1.1));
 }
 
+TEST_CASE("The tool stays on its side of a movable body however far it is pressed in") {
+  Scene scene(world_of(model("tool", "0 0 0 0 0 0", box("0.02 0.02 0.02")) +
+                       model("leaf", "0.016 0 0 0 0 0", box("0.01 0.2 0.2"))),
+              "tool");
+  for (int i = 0; i < 10; ++i) {
+    scene.world.set_pose(
+        1, {Vector3(0.016 - 0.002 * i, 0, 0), rotation_from_vector({0, 0, 0.01 * i})});
+    const auto contacts = scene.proximity.query(scene.tool, 0.005);
+    REQUIRE(contacts.size() == 4);
+    for (const FoundContact& contact : contacts) {
+      CHECK(contact.n_W.x() < -0.99);
+      CHECK(contact.separation == Approx(0.001 - 0.002 * i).margin(2e-3));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace hlm::ve

@@ -9,8 +9,8 @@ namespace {
 constexpr double kLag = 1;
 /// Farther behind than this, frames, what has gathered is skipped to.
 constexpr double kLargestLag = 4;
-/// How much faster or slower than the server's time the playout may run to keep its distance. More is
-/// felt as a change of the impulses' force against the bodies' weight.
+/// How much faster or slower than the server's time the playout may run to keep its distance. More
+/// is felt as a change of the impulses' force against the bodies' weight.
 constexpr double kLargestSkew = 0.02;
 /// Share of the deviation from the distance that one frame takes back.
 constexpr double kGain = 0.1;
@@ -63,7 +63,8 @@ Vector6 ImpulsePlayout::taken(std::uint32_t body) const { return total(taken_, b
 void ImpulsePlayout::advance(double steps) {
   const double behind = (newest_ - step_) / steps - 1 - kLag;
   step_ += steps * (1 + std::clamp(kGain * behind, -kLargestSkew, kLargestSkew));
-  if (behind > kLargestLag) step_ = newest_ - kLag * steps;
+  const bool nothing_due = reports_.back().totals == taken_;
+  if (nothing_due || behind > kLargestLag) step_ = newest_ - kLag * steps;
   step_ = std::clamp(step_, 0.0, newest_);
 }
 

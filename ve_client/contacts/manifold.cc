@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "ve_client/contacts/clip.h"
+#include "ve_client/contacts/penetration.h"
 #include "ve_client/contacts/separation.h"
 
 namespace hlm::ve {
@@ -17,6 +18,9 @@ namespace {
 constexpr double kFaceAngle = 0.1;
 /// A contact this near to the smallest separation, m, stands for it. A tenth of the accuracy.
 constexpr double kRepresents = 1e-7;
+
+/// Cosine between two normals of a pair that are on one side of it: 30°.
+constexpr double kSameSide = 0.866;
 
 static_assert(kMaxOpposites + 1 <= kMaxManifoldPoints);
 
@@ -96,13 +100,18 @@ FeaturePairs near_features(const CorePair& pair, const CoreSeparation& separatio
 }  // namespace
 
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
-                       double epsilon, ProximityStatistics& statistics) {
+                       double epsilon, ProximityStatistics& statistics,
+                       const std::optional<Vector3>& before_B) {
   assert(!tool.is_half_space());
   ++statistics.queries;
   const CorePair pair(tool, X_WT, body, X_WB);
   const double margins = tool.margin() + body.margin();
-  const auto separation = find_separation(pair, epsilon + margins);
+  auto separation = find_separation(pair, epsilon + margins);
   if (!separation) return {};
+  const bool overlaps = separation->gap - margins < 0;
+  if (before_B && overlaps && !body.is_half_space() && separation->n_B.dot(*before_B) < kSameSide) {
+    separation = find_penetration_near(pair, *before_B);
+  }
   if (!separation->is_confirmed()) {
     ++statistics.failures;
     return {};

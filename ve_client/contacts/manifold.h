@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "ve_client/contacts/convex.h"
 #include "ve_client/contacts/feature.h"
@@ -28,7 +29,11 @@ struct ProximityStatistics {
 
 /// Contacts of `tool` at X_WT against `body` at X_WB with separation <= epsilon (m, >= 0); empty if
 /// the shapes are farther apart. Separations are exact to 1e-6 m from -20 mm to epsilon.
+/// `before_B`: the normal (body's frame) that the pair had a little earlier, if one shall be kept
+/// to where they overlap (find_penetration_near); then the normal is near it, and separations are
+/// along it.
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
-                       double epsilon, ProximityStatistics& statistics);
+                       double epsilon, ProximityStatistics& statistics,
+                       const std::optional<Vector3>& before_B = {});
 
 }  // namespace hlm::ve

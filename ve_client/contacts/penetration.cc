@@ -40,7 +40,11 @@ class BestNormal {
   explicit BestNormal(const CorePair& pair) : pair_(pair) {
     best_.gap = -std::numeric_limits<double>::infinity();
   }
+  /// Only of normals within 30° of `near_B`, a unit vector.
+  BestNormal(const CorePair& pair, const Vector3& near_B) : BestNormal(pair) { near_B_ = near_B; }
+
   void consider(const Vector3& n_B) {
+    if (near_B_ && n_B.dot(*near_B_) < kNear) return;
     const double gap = pair_.gap(n_B);
     if (gap > best_.gap + kAdvantage) {
       best_.gap = gap;
@@ -54,7 +58,10 @@ class BestNormal {
   const CoreSeparation& best() const { return best_; }
 
  private:
+  static constexpr double kNear = 0.866;  // Cosine.
+
   const CorePair& pair_;
+  std::optional<Vector3> near_B_;
   CoreSeparation best_;
 };
 
@@ -183,6 +190,16 @@ CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& neare
   // than kTouchingDistance, perhaps along another normal.
   exact.upper = exact.gap <= 0 ? exact.gap : nearest.upper;
   return exact;
+}
+
+CoreSeparation find_penetration_near(const CorePair& pair, const Vector3& before_B) {
+  BestNormal best(pair, before_B);
+  consider_axes(pair, best);
+  if (is_point_in_cylinder(pair)) consider_radial(pair, best);
+  if (best.best().n_B.isZero(0)) best.consider(before_B);
+  CoreSeparation result = best.best();
+  result.upper = result.gap;
+  return result;
 }
 
 }  // namespace hlm::ve

@@ -55,6 +55,7 @@ Proximity::Proximity(World& world, const ToolAssembly& assembly)
 
 std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon) {
   contacts_.clear();
+  sides_before_ = std::exchange(sides_, {});
   for (const auto& [link, id] : tool_shapes_) {
     const Pose X_WG = tool.X_WB(link) * world_.collision(id).X_BG;
     query_shape(side_of_link(link), id, X_WG, epsilon);
@@ -107,8 +108,19 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
                            const CollisionId& other, double epsilon) {
   const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
   const auto friction = friction_between(world_.collision(id), world_.collision(other));
-  for (const ManifoldPoint& point : find_contacts(world_.convex(id), X_WG, world_.convex(other),
-                                                  world_.X_WG(other), epsilon, statistics_)) {
+  const Pose X_WO = world_.X_WG(other);
+  const bool has_side = side.kind == SideKind::kToolLink && world_.is_movable(other.body);
+  std::optional<Vector3> before;
+  if (has_side) {
+    const auto known = sides_before_.find({id, other});
+    if (known != sides_before_.end()) before = known->second;
+  }
+  const Manifold manifold = find_contacts(world_.convex(id), X_WG, world_.convex(other), X_WO,
+                                          epsilon, statistics_, before);
+  if (has_side && !manifold.empty()) {
+    sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
+  }
+  for (const ManifoldPoint& point : manifold) {
     FoundContact& contact = contacts_.emplace_back();
     contact.key = key_of(point, side, id, other_side, other);
     contact.p_WC = point.p_WC;

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <map>
+#include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "ve_client/contacts/convex.h"
@@ -22,7 +25,8 @@ class Proximity {
 
   /// All contacts with σ <= epsilon (m, >= 0) in the present poses, in an order that depends on the
   /// world alone; the velocities are those of the bodies. Bodies and shapes are named by their
-  /// index in the world's description; all bodies count as the world. Of two links the normal
+  /// index in the world's description; all bodies count as the world. Where the tool overlaps a
+  /// movable body it stays on the side on which it was at the call before. Of two links the normal
   /// points to the one farther from the root, and the velocity is zero: both are the tool's. Valid
   /// until the next call.
   std::span<const FoundContact> query(const VirtualTool& tool, double epsilon);
@@ -55,6 +59,9 @@ class Proximity {
   void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                   const CollisionId& other, double epsilon);
 
+  /// Normals between shapes of the tool and of movable bodies, in the frame of the body's shape.
+  using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
+
   World& world_;
   std::vector<int> tool_bodies_;
   std::vector<ToolShape> tool_shapes_;
@@ -62,6 +69,8 @@ class Proximity {
   std::vector<CollisionId> near_;
   std::vector<FoundContact> contacts_;
   std::vector<ToolContact> within_reach_;
+  Sides sides_before_;  ///< At the query of the tool before.
+  Sides sides_;         ///< At the present or latest one.
   ProximityStatistics statistics_;
 };
 

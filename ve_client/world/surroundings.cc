@@ -38,6 +38,10 @@ Surroundings::Surroundings(World& world, Proximity& proximity)
 
 bool Surroundings::is_reported(int body) const { return contains(reported_, body); }
 
+bool Surroundings::reports(const ContactSide& side) const {
+  return side.kind != SideKind::kToolLink && is_reported(static_cast<int>(side.index));
+}
+
 bool Surroundings::is_obstacle(int body) const {
   return !pushable_[at(body)] || contains(left_out_, body);
 }

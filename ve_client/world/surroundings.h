@@ -32,6 +32,8 @@ class Surroundings {
   /// Of the latest find(), sorted by key: at most so many that all contacts fit into an update. If
   /// there are more, the loaded and the nearest stay.
   std::span<const FoundContact> contacts() const noexcept { return contacts_; }
+  /// Whether the side of a contact is one of the bodies of the latest find().
+  bool reports(const ContactSide& side) const;
   /// Whether a body stops the tool as the fixed world does: it cannot move, or there was no room
   /// for it in the latest find().
   bool is_obstacle(int body) const;

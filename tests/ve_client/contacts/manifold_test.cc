@@ -287,4 +287,26 @@ TEST_CASE("The separation of every contact is the distance of the tool's point f
   }
 }
 
+TEST_CASE("A tool that is pressed into a thin body stays on the side from which it came") {
+  const Convex leaf(Box{Vector3(0.2, 0.012, 0.1)});
+  const bool is_sphere = GENERATE(true, false);
+  const Convex tool = is_sphere ? Convex(Sphere{0.012}) : Convex(Box{Vector3(0.024, 0.024, 0.024)});
+  ProximityStatistics statistics;
+  std::optional<Vector3> before;
+  for (double y = 0.019; y > -0.015; y -= 0.002) {
+    CAPTURE(is_sphere, y);
+    const Pose X_WT{Vector3(0.03, y, 0.01), Quaternion::Identity()};
+    const Manifold manifold = find_contacts(tool, X_WT, leaf, {}, 0.005, statistics, before);
+    REQUIRE(manifold.size() == (is_sphere ? 1 : 4));
+    for (const ManifoldPoint& point : manifold) {
+      CHECK((point.n_W - Vector3::UnitY()).norm() < 1e-9);
+      CHECK(point.separation == Approx(y - 0.012 - 0.006).margin(1e-9));
+    }
+    before = manifold.front().n_W;
+  }
+  // Without knowing, it would leave on the far side.
+  const Pose X_WT{Vector3(0.03, -0.004, 0.01), Quaternion::Identity()};
+  CHECK(find_contacts(tool, X_WT, leaf, {}, 0.005, statistics).front().n_W.y() < 0);
+}
+
 }  // namespace hlm::ve::test
