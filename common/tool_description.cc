@@ -18,9 +18,9 @@ bool is_unit(double length) { return std::abs(length - 1) <= kUnitTolerance; }
 
 // Bounds far beyond any tool: what exceeds them is a mistake, and would carry the proxy to nowhere.
 constexpr double kLargestLength = 1e4;   ///< m.
-constexpr double kLargestMass = 1e4;     ///< kg.
+constexpr double kLargestMass = 1e3;     ///< kg.
 constexpr double kLargestInertia = 1e6;  ///< kg·m².
-constexpr double kLargestGravity = 1e3;  ///< m/s².
+constexpr double kLargestGravity = 100;  ///< m/s²: 9810 are millimetres.
 
 /// Why a vector is not finite and within ±bound; empty if it is.
 template <class Values>

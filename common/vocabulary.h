@@ -170,7 +170,7 @@ inline constexpr std::array<Word<ServerState>, 4> kWords<ServerState>{{
     {ServerState::kRunning, "running", "a session with a live client"},
     {ServerState::kSilent, "silent",
      "the client was silent for too long or is leaving: force fades to zero"},
-    {ServerState::kFault, "fault", "force is zero until a new session"},
+    {ServerState::kFault, "fault", "force is zero until a person asks for a new session"},
 }};
 
 enum class Fault : std::uint8_t {
@@ -178,13 +178,16 @@ enum class Fault : std::uint8_t {
   kNonFinite = 1,
   kOverrun = 2,
   kDevice = 3,
+  kImplausible = 4,
 };
 template <>
-inline constexpr std::array<Word<Fault>, 4> kWords<Fault>{{
+inline constexpr std::array<Word<Fault>, 5> kWords<Fault>{{
     {Fault::kNone, "none", "no fault"},
     {Fault::kNonFinite, "non_finite", "a value of the local model or the device is not finite"},
     {Fault::kOverrun, "overrun", "the loop stood still for longer than allowed"},
     {Fault::kDevice, "device", "the device failed"},
+    {Fault::kImplausible, "implausible",
+     "the proxy is faster than a hand, or far from the device's handle"},
 }};
 
 /// What keeps the commanded wrench from being the wanted one.

@@ -3,7 +3,6 @@
 #include <cstring>
 #include <iostream>
 #include <optional>
-#include <random>
 #include <stdexcept>
 #include <thread>
 
@@ -77,11 +76,6 @@ class Recording {
   std::jthread thread_;
 };
 
-std::uint64_t random_session_id() {
-  std::random_device random;
-  return (static_cast<std::uint64_t>(random()) << 32) | random() | 1;
-}
-
 /// Ticks until a signal or the duration ends it.
 void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
@@ -118,12 +112,12 @@ void run_server(const ServerOptions& options) {
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
-  protocol::UdpSocket socket(resolve_option(options.listen));
+  protocol::UdpSocket socket(resolve_option("--listen", options.listen));
   std::optional<Recording> recording;
   if (!options.record.empty()) recording.emplace(options.record, socket);
   protocol::DatagramLink& link =
       recording ? recording->link() : static_cast<protocol::DatagramLink&>(socket);
-  protocol::ServerSession session(link, {.first_session_id = random_session_id()});
+  protocol::ServerSession session(link, {});
   const auto servo = std::make_unique<Servo>(
       options.physics.servo, fingerprint(options.physics, *device), session, *device);
 

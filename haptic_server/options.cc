@@ -30,6 +30,10 @@ void add_servo_options(Table& table, ServoOptions& o) {
   table.numbers(o.gains, kGainNumbers);
   table.group("Safety");
   table.numbers(o.limits, kLimiterNumbers);
+  table.number("silence-time", o.silence_time, kSilenceTimes,
+               "Force fades when nothing of the client has come for this long. Unset: 4.5 of its "
+               "frames, within " +
+                   to_string(kDefaultSilenceTimes));
   table.numbers(o, kServoNumbers);
 }
 

@@ -30,11 +30,12 @@ int run_program(const char* name, settings::CommandLine& command_line,
   }
 }
 
-protocol::Endpoint resolve_option(const std::string& host_port) {
+protocol::Endpoint resolve_option(const std::string& option, const std::string& host_port) {
   try {
     return protocol::resolve(host_port);
   } catch (const std::runtime_error& error) {
-    throw settings::UsageError(error.what());
+    throw settings::UsageError(option + ' ' + host_port + ": " + error.what() +
+                               "; for example 127.0.0.1:47800");
   }
 }
 

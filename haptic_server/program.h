@@ -26,8 +26,8 @@ int run_program(const char* name, settings::CommandLine& command_line,
                 const PhysicsOptions& options, int argc, const char* const* argv,
                 const std::function<void()>& check, const std::function<int()>& body);
 
-/// The endpoint that an option names. Throws UsageError with what is wrong.
-protocol::Endpoint resolve_option(const std::string& host_port);
+/// The endpoint that an option's value names. Throws UsageError with what is wrong.
+protocol::Endpoint resolve_option(const std::string& option, const std::string& host_port);
 
 /// SIGHUP, SIGINT, SIGQUIT and SIGTERM call `stop`, which must be async-signal-safe; except that a
 /// hang-up stays ignored where it was (nohup). A closed pipe and a file at its size limit become

@@ -127,7 +127,8 @@ bool report(const RecordedSession& session, const LiveResult& result) {
 
 /// Whether the answers are the recorded ones.
 bool run_live(const ReplayOptions& options) {
-  const LiveOptions live{.server = resolve_option(options.server), .speed = options.speed};
+  const LiveOptions live{.server = resolve_option("--server", options.server),
+                         .speed = options.speed};
   bool all_same = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
     if (stop_requested != 0) break;

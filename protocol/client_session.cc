@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "protocol/identifier_sequence.h"
 #include "protocol/nanoseconds.h"
+#include "protocol/random_identifier.h"
 #include "protocol/tool_fit.h"
 
 namespace hlm::protocol {
@@ -14,6 +14,8 @@ ClientSession::ClientSession(DatagramLink& link, ClientSessionOptions options)
     : link_(link), options_(std::move(options)) {
   if (options_.server.port == 0) throw std::invalid_argument("server's port 0 must be 1 to 65535");
   if (const auto error = find_error(options_.hello)) throw std::invalid_argument(*error);
+  if (options_.hello.nonce == 0) options_.hello.nonce = random_identifier();
+  options_.hello.clears_fault = true;
 }
 
 ClientSession::Inbox ClientSession::poll(double now) {
@@ -71,6 +73,7 @@ std::optional<DropReason> ClientSession::take_welcome(double now, const Header& 
   if (welcome.nonce != options_.hello.nonce) return DropReason::kForeignSession;
   if (active_) return DropReason::kStale;
   active_ = true;
+  options_.hello.clears_fault = false;
   id_ = header.envelope.session;
   welcome_ = welcome;
   sent_ = 0;
@@ -209,7 +212,7 @@ void ClientSession::say_hello(double now) noexcept {
 void ClientSession::end() noexcept {
   active_ = false;
   inbox_.lost = true;
-  options_.hello.nonce = next_identifier(options_.hello.nonce);
+  options_.hello.nonce = random_identifier();
 }
 
 Envelope ClientSession::next_envelope(double now) noexcept {

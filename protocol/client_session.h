@@ -23,7 +23,9 @@ class TelemetryObserver {
 
 struct ClientSessionOptions {
   Endpoint server;
-  Hello hello;                ///< `nonce` is the first; later sessions draw theirs from it.
+  /// Its `nonce` is the first; 0: drawn at random, as all later ones are. `clears_fault` is set for
+  /// the first session: whoever makes a ClientSession wants to go on.
+  Hello hello;
   double hello_period = 0.1;  ///< Between repeated hellos, s.
   /// A server silent for this long, s, although updates were sent, is asked for a new session.
   double timeout = 0.5;

@@ -4,6 +4,7 @@
 // list fields() lists the item's. All serve Writer (M is const) and Reader.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 
 #include "protocol/messages.h"
@@ -103,6 +104,7 @@ void block(Io& io, M& hello) requires std::same_as<const M, const Hello> {
   io.u8(hello.tool.hand_link);
   io.size(hello.q);
   io.vector(hello.q);
+  io.appended_flag(hello.clears_fault);
 }
 
 /// What a hello says wrongly is left to find_error(), whose answer the user can read.
@@ -156,6 +158,7 @@ void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.flag(device.measures_hand);
   io.flag(device.guidable);
   text(io, device.name);
+  io.appended_u8(device.freedoms, kAllFreedoms);
 }
 
 /// The same in every version of the protocol.
@@ -171,10 +174,10 @@ void block(Io& io, M& reject) requires std::same_as<const M, const Reject> {
 template <class Io, class M>
 void block(Io& io, M& update) requires std::same_as<const M, const ContactUpdate> {
   io.f64(update.ve_time);
-  io.f64(update.ve_period, Sign::kNotNegative);
-  io.f64(update.compute_time, Sign::kNotNegative);
+  io.span(update.ve_period);
+  io.span(update.compute_time);
   io.u64(update.echo_step);
-  io.f64(update.echo_hold, Sign::kNotNegative);
+  io.span(update.echo_hold);
   io.f64(update.impulse_step, Sign::kNotNegative);
   io.size(update.q_VE);
   io.size(update.v_VE);
@@ -188,7 +191,7 @@ void fields(Io& io, M& body) requires std::same_as<const M, const MovableBody> {
   io.vector_within(body.p_WCom, kLargestLength);
   io.vector_within(body.V_W, kLargestSpeed);
   io.vector_within(body.A_W, kLargestAcceleration);
-  io.symmetric(body.W);
+  io.symmetric_within(body.W, kLargestMobility);
   io.vector(body.P_W);
 }
 
@@ -205,8 +208,9 @@ void fields(Io& io, M& contact) requires std::same_as<const M, const ReportedCon
   io.unit_vector(contact.n_W);
   io.f64(contact.separation, Within{kLargestLength});
   io.short_vector_within(contact.v_WC, kLargestSpeed);
-  io.f32(contact.friction);
-  io.f32(contact.load, Sign::kNotNegative);
+  io.f32(contact.friction, Within{kLargestFriction});
+  io.f32(contact.load, Within{kLargestForce});
+  io.require(contact.load >= 0, UpdateError::kRange);
 }
 
 template <class Io, class M>
@@ -252,6 +256,7 @@ void block(Io& io, M& control) requires std::same_as<const M, const Control> {
   io.flag(control.telemetry);
   io.flag(control.holds);
   io.unit_pose(control.X_WTarget);
+  for (const double x : control.X_WTarget.p) io.require(std::abs(x) <= kLargestLength);
   io.flag(control.tuned);
   tuning(io, control.tuning);
   io.require(is_in_range(control.tuning));

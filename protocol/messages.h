@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "common/contact.h"
+#include "common/freedoms.h"
 #include "common/static_vector.h"
 #include "common/tool_description.h"
 #include "common/tool_model.h"
@@ -41,9 +42,10 @@ enum class MessageType : std::uint8_t {
 struct Hello {
   std::uint64_t nonce = 0;  ///< Drawn anew for each session; a repeated hello carries the same.
   ToolDescription tool;
-  Configuration q;      ///< Initial configuration of the tool; the proxy starts there.
-  double ve_rate = 60;  ///< Nominal step rate of the virtual environment, Hz.
-  double epsilon = 0;   ///< Radius of the ε-active tool, m.
+  Configuration q;            ///< Initial configuration of the tool; the proxy starts there.
+  double ve_rate = 60;        ///< Nominal step rate of the virtual environment, Hz.
+  double epsilon = 0;         ///< Radius of the ε-active tool, m.
+  bool clears_fault = false;  ///< A person asks for this session: it ends a fault of the server.
 };
 
 /// What a server makes of an update. A client need not send what a server does not use.
@@ -64,12 +66,13 @@ struct DeviceReport {
   double max_torque = 0;
   double max_stiffness = 0;
   double max_angular_stiffness = 0;
-  double scale = 1;            ///< Metres in the world for each metre of the handle.
-  std::uint8_t buttons = 0;    ///< How many it has.
-  bool gripper = false;        ///< Whether it measures a gripper's opening.
-  bool renders_torque = true;  ///< False: a device of three degrees of freedom.
-  bool measures_hand = false;  ///< Whether F_hand is measured.
-  bool guidable = false;       ///< Whether a control can hold its hand.
+  double scale = 1;                  ///< Metres in the world for each metre of the handle.
+  std::uint8_t buttons = 0;          ///< How many it has.
+  bool gripper = false;              ///< Whether it measures a gripper's opening.
+  bool renders_torque = true;        ///< False: a device of three degrees of freedom.
+  bool measures_hand = false;        ///< Whether F_hand is measured.
+  bool guidable = false;             ///< Whether a control can hold its hand.
+  Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
 };
 
 /// Server to client.
@@ -78,18 +81,14 @@ struct Welcome {
   double servo_rate = 1000;       ///< Rate of the local model, Hz.
   std::uint64_t fingerprint = 0;  ///< Of the server's effective options.
   Tuning tuning{};                ///< In effect as the session begins.
-  double silence_time = 0.25;     ///< Without an update for this long force fades, s.
-  double fade_time = 0.1;         ///< How long the fade from full force takes, s.
+  double silence_time = 0.25;     ///< Without a word of the client for this long force fades, s.
+  double fade_time = 0.02;        ///< How long the fade from full force takes, s.
   double least_update_rate = 4;   ///< Below this force comes and goes, Hz.
   Capabilities capabilities{};
   DeviceReport device{};
 };
 
-enum class RejectReason : std::uint8_t {
-  kVersion = 1,  ///< The hello's version is not kProtocolVersion.
-  kBusy = 2,     ///< Another client holds the session.
-  kTool = 3,     ///< The tool cannot be used; the text says why.
-};
+enum class RejectReason : std::uint8_t { kVersion = 1, kBusy = 2, kTool = 3, kFault = 4 };
 
 struct Reject {
   std::uint64_t nonce = 0;
@@ -235,3 +234,21 @@ struct Goodbye {
 };
 
 }  // namespace hlm::protocol
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<protocol::RejectReason>, 4> kWords<protocol::RejectReason>{{
+    {protocol::RejectReason::kVersion, "version", "the server speaks another version"},
+    {protocol::RejectReason::kBusy, "busy", "another session is alive"},
+    {protocol::RejectReason::kTool, "tool", "the tool cannot be used"},
+    {protocol::RejectReason::kFault, "fault", "a fault waits for a person to end it"},
+}};
+
+template <>
+inline constexpr std::array<Word<protocol::GoodbyeReason>, 2> kWords<protocol::GoodbyeReason>{{
+    {protocol::GoodbyeReason::kFinished, "finished", "the sender has finished"},
+    {protocol::GoodbyeReason::kShutdown, "shutdown", "the sender's program ends"},
+}};
+
+}  // namespace hlm

@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <string>
 
-#include "protocol/identifier_sequence.h"
 #include "protocol/nanoseconds.h"
+#include "protocol/random_identifier.h"
 #include "protocol/text.h"
 #include "protocol/tool_fit.h"
 
@@ -23,9 +23,7 @@ constexpr double kRefusalPeriod = 0.1;
 }  // namespace
 
 ServerSession::ServerSession(DatagramLink& link, ServerSessionOptions options) noexcept
-    : link_(link), options_(options) {
-  assert(options.first_session_id != 0);
-}
+    : link_(link), options_(options) {}
 
 ServerSession::Inbox ServerSession::poll(double now) noexcept {
   inbox_ = {};
@@ -78,8 +76,9 @@ std::optional<DropReason> ServerSession::take_hello(double now, const Header& he
     if (!answered_) send_welcome(now);
     return std::nullopt;
   }
-  if (active_ && applicant.peer != client_.peer && now - last_heard_ <= options_.timeout) {
-    turn_away(now, applicant, RejectReason::kBusy, "another client holds the session");
+  // An address alone proves nothing: it can be forged.
+  if (active_ && now - last_heard_ <= options_.timeout) {
+    turn_away(now, applicant, RejectReason::kBusy, "another session is alive");
     return DropReason::kForeignSession;
   }
   // A late copy of the hello of a session that is over must not begin it again.
@@ -133,7 +132,7 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   if (const auto reason = update_parts_.add(header, view(datagram_.bytes), statistics_))
     return reason;
   if (update_parts_.complete()) return complete_update(now, header);
-  last_heard_ = now;
+  hear(now);
   return std::nullopt;
 }
 
@@ -161,7 +160,7 @@ std::optional<DropReason> ServerSession::complete_update(double now,
     return reason;
   }
   update_parts_.accept();
-  last_heard_ = now;
+  hear(now);
   heard_ = std::max(heard_, header.envelope.sequence);
   newest_update_ = 1 - newest_update_;
   inbox_.update = &update;
@@ -193,7 +192,7 @@ std::optional<DropReason> ServerSession::take_control(double now, const Header& 
   newest_control_ = control;
   newest_control_sequence_ = header.envelope.sequence;
   heard_ = std::max(heard_, header.envelope.sequence);
-  last_heard_ = now;
+  hear(now);
   return std::nullopt;
 }
 
@@ -214,6 +213,11 @@ bool ServerSession::from_client(const Header& header) const noexcept {
   return active_ && header.envelope.session == id_ && datagram_.peer == client_.peer;
 }
 
+void ServerSession::hear(double now) noexcept {
+  last_heard_ = now;
+  inbox_.heard = true;
+}
+
 void ServerSession::end(double now) noexcept {
   active_ = false;
   ended_ = client_;
@@ -226,7 +230,8 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   if (active_) end(now);
   active_ = true;
   client_ = applicant_;
-  id_ = id_ == 0 ? options_.first_session_id : next_identifier(id_);
+  const bool given = id_ == 0 && options_.first_session_id != 0;
+  id_ = given ? options_.first_session_id : random_identifier();
   tool_ = hello_.tool;
   welcome_ = welcome;
   welcome_.nonce = applicant_.nonce;

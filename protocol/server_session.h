@@ -15,10 +15,11 @@
 namespace hlm::protocol {
 
 struct ServerSessionOptions {
-  /// Id of the first session, not 0. Random in production; later ids follow from it.
-  std::uint64_t first_session_id = 1;
-  /// A client silent for this long, s, loses the session to the next hello.
-  double timeout = 1.0;
+  /// Id of the first session, as a replay needs it; 0: drawn at random, as all later ones are.
+  std::uint64_t first_session_id = 0;
+  /// A client silent for this long, s, loses the session to the next hello. Longer keeps a client
+  /// that was restarted waiting; shorter lets another take the session in a pause.
+  double timeout = 0.5;
 };
 
 /// Not thread-safe; no function waits or throws. None allocates, except the text that tells a
@@ -38,13 +39,15 @@ class ServerSession {
     const Hello* hello = nullptr;  ///< A client asks for a session: answer with accept or reject.
     const ContactUpdate* update = nullptr;  ///< Newest complete update of the session.
     bool goodbye = false;                   ///< The client ended the session.
-    const Control* control = nullptr;       ///< Takes effect with `update`, before it.
+    bool heard = false;  ///< Something of the session came: a control, or a part of an update.
+    const Control* control = nullptr;  ///< Takes effect with `update`, before it.
   };
 
   /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, tells a
   /// client why its update was refused, and keeps the newest complete update. What is refused
-  /// leaves no trace except its count. Turns away by itself: hellos of another version, of a second
-  /// client, or with an error (find_error). `now`: s, any steady origin.
+  /// leaves no trace except its count. Turns away by itself: hellos of another version, with an
+  /// error (find_error), or for another session while the present one is alive, whoever asks.
+  /// `now`: s, any steady origin.
   Inbox poll(double now) noexcept;
 
   /// Grants the session asked for by the latest Inbox::hello. Ends the one before, if any.
@@ -90,6 +93,7 @@ class ServerSession {
   std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
   bool from_client(const Header& header) const noexcept;
   bool is_plausible(const Header& header) const noexcept;
+  void hear(double now) noexcept;
   void end(double now) noexcept;
 
   void answer_other_version(double now) noexcept;

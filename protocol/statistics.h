@@ -5,25 +5,49 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <string_view>
+
+#include "common/vocabulary.h"
 
 namespace hlm::protocol {
 
 enum class DropReason : std::uint8_t {
-  kTruncated,       ///< Shorter than its header or its length field says, or longer than allowed.
-  kNotOurs,         ///< Wrong magic.
-  kVersion,         ///< Another version.
-  kMalformed,       ///< A field out of its range, or a length that does not fit the contents.
-  kNonFinite,       ///< A number that is not finite.
-  kForeignSession,  ///< Not the session's id or not its peer.
-  kStale,           ///< Not newer than what was taken before; duplicates too.
-  kIncomplete,      ///< A part whose message was overtaken by a newer one.
-  kUnexpected,      ///< A message that this side never takes.
+  kTruncated,
+  kNotOurs,
+  kVersion,
+  kMalformed,
+  kNonFinite,
+  kForeignSession,
+  kStale,
+  kIncomplete,
+  kUnexpected,
 };
-inline constexpr std::size_t kDropReasons = 9;
 
-/// The field's name in reports, for example "foreign session".
-std::string_view name(DropReason reason) noexcept;
+}  // namespace hlm::protocol
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<protocol::DropReason>, 9> kWords<protocol::DropReason>{{
+    {protocol::DropReason::kTruncated, "truncated",
+     "shorter than its header or its length says, or longer than allowed"},
+    {protocol::DropReason::kNotOurs, "not ours", "another magic"},
+    {protocol::DropReason::kVersion, "version", "another version"},
+    {protocol::DropReason::kMalformed, "malformed",
+     "a field out of its range, or a length that does not fit the contents"},
+    {protocol::DropReason::kNonFinite, "non-finite", "a number that is not finite"},
+    {protocol::DropReason::kForeignSession, "foreign session",
+     "another session's id, or from another peer"},
+    {protocol::DropReason::kStale, "stale", "not newer than what was taken before"},
+    {protocol::DropReason::kIncomplete, "incomplete",
+     "a part whose message was overtaken by a newer one"},
+    {protocol::DropReason::kUnexpected, "unexpected", "a message that this side never takes"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::protocol {
+
+inline constexpr std::size_t kDropReasons = kWords<DropReason>.size();
 
 struct ReceiveStatistics {
   std::uint64_t datagrams = 0;

@@ -28,6 +28,11 @@ namespace hlm::protocol {
 inline constexpr double kLargestLength = 1e4;
 inline constexpr double kLargestSpeed = 1e3;
 inline constexpr double kLargestAcceleration = 1e6;
+/// Of a body, 1/kg and 1/(kg·m²): a body of a milligram, and what it turns by.
+inline constexpr double kLargestMobility = 1e12;
+inline constexpr double kLargestFriction = 10;
+inline constexpr double kLargestForce = 1e6;  ///< N.
+inline constexpr double kLongestSpan = 1e6;   ///< s.
 
 /// Makes a vector that is of length 1 within kUnitTolerance exactly so; false for any other. What
 /// is exact to rounding stays as it was sent, bit for bit.
@@ -90,12 +95,18 @@ class CompoundFields {
   void short_vector_within(Vector& values, double bound) noexcept {
     for (auto& value : values) self().f32(value, Within{bound});
   }
+  /// A time between two moments, s.
+  template <class Time>
+  void span(Time& time) noexcept {
+    self().f64(time, Within{kLongestSpan});
+    self().require(time >= 0, UpdateError::kRange);
+  }
   /// A symmetric matrix: its upper triangle, row by row.
   template <class Matrix>
-  void symmetric(Matrix& M) noexcept {
+  void symmetric_within(Matrix& M, double bound) noexcept {
     for (int row = 0; row < M.rows(); ++row) {
       for (int column = row; column < M.cols(); ++column) {
-        self().f64(M(row, column));
+        self().f64(M(row, column), Within{bound});
         self().mirror(M, row, column);
       }
     }
@@ -154,6 +165,8 @@ class Writer : public CompoundFields<Writer> {
     for (const char c : text) append(static_cast<std::uint8_t>(c));
   }
   void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
+  void appended_flag(bool value) noexcept { flag(value); }
+  void appended_u8(std::uint8_t value, std::uint8_t) noexcept { append(value); }
   void require(bool, UpdateError = UpdateError::kLayout) noexcept {}
 
  private:
@@ -250,6 +263,16 @@ class Reader : public CompoundFields<Reader> {
     if (!condition) refuse(DropReason::kMalformed, error);
   }
 
+  /// Fields that an older sender of this version does not know: without them the value is false, or
+  /// `otherwise`.
+  void appended_flag(bool& value) noexcept {
+    value = false;
+    if (position_ < bytes_.size()) flag(value);
+  }
+  void appended_u8(std::uint8_t& value, std::uint8_t otherwise) noexcept {
+    value = otherwise;
+    if (position_ < bytes_.size()) u8(value);
+  }
   std::size_t position() const noexcept { return position_; }
   /// Why the bytes are refused; the first reason counts. Empty if all is well so far.
   std::optional<DropReason> error() const noexcept { return error_; }

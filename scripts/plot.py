@@ -68,8 +68,12 @@ def pitch(log, subject):
 
 def is_planar(log):
     tolerance = 1e-9  # m, and half a rotation angle in rad.
-    still = np.ptp(log["proxy_z_m"]) < tolerance
-    return bool(still and np.all(np.hypot(log["proxy_qx"], log["proxy_qy"]) < tolerance))
+    session = log["session"] > 0  # Outside sessions the frames mean nothing.
+    if not session.any():
+        return True
+    still = np.ptp(log["proxy_z_m"][session]) < tolerance
+    tilt = np.hypot(log["proxy_qx"], log["proxy_qy"])[session]
+    return bool(still and np.all(tilt < tolerance))
 
 
 def distance(log, a, b):

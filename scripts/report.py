@@ -23,7 +23,7 @@ STYLES = {
     "IR coupler": ("#d62828", ":"),
     "VRPN recovery": ("#bc6c25", "-"),
     "VRPN four-channel": ("#bc6c25", "--"),
-    "virtual coupler": ("#6c757d", "-"),
+    "coupler to engine": ("#6c757d", "-"),
     "direct to engine": ("#000000", "-"),
     "LM₀": ("#4895ef", "-"),
     "LM₀ direct": ("#4895ef", "--"),

@@ -14,14 +14,12 @@ namespace {
 
 HapticClientOptions client_options(const Settings& settings, const VirtualEnvironment& environment,
                                    const protocol::Endpoint& server) {
-  std::random_device random;
   HapticClientOptions options;
   options.server = server;
   options.tool = environment.assembly.description;
   options.q = environment.assembly.q;
   options.ve_rate = (settings.rate_low + settings.rate_high) / 2;
   options.epsilon = settings.frame.epsilon;
-  options.nonce = (static_cast<std::uint64_t>(random()) << 32) | random();
   return options;
 }
 
@@ -137,6 +135,7 @@ void ClientRun::frame(double period) {
   const FrameResult result = run_frame(*environment_, *client_, clock_, period, live_.frame);
   if (result.fault != nullptr) report(*result.fault);
   connection_.watch(clock_.now(), result.inbox, client_->connected());
+  if (result.inbox.welcomed) warn_of_mismatch(environment_->assembly, client_->welcome().device);
   status_.count(result);
   status_.report(clock_.now(), *client_, environment_->proximity.statistics());
   if (page_) show(result);

@@ -2,26 +2,35 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 #include <spdlog/spdlog.h>
 
 namespace hlm::ve {
+namespace {
+
+constexpr const char* kAfterFault =
+    "a fault keeps its force off until a person asks for a new session: restart ve_client, or "
+    "press Reset on its page";
+
+}  // namespace
 
 void Connection::watch(double now, const HapticClient::Inbox& inbox, bool connected) {
-  if (inbox.reject) judge(*inbox.reject);
   if (inbox.lost) spdlog::warn("session with {} lost; asking for a new one", server_);
   if (inbox.welcomed) {
     spdlog::info("session with {} began", server_);
     ever_connected_ = true;
-    busy_ = false;
+    rejected_ = nullptr;
   }
   if (connected) {
     next_message_ = now + kPatience;
     pause_ = kFirstPause;
     return;
   }
-  if (inbox.reject && !busy_) next_message_ = now;
-  busy_ = busy_ || inbox.reject;
+  if (inbox.reject) {
+    const char* const before = std::exchange(rejected_, judge(*inbox.reject));
+    if (rejected_ != before) next_message_ = now;
+  }
   if (!ever_connected_ && timeout_ > 0 && now > timeout_) {
     give_up(fmt::format("within {} s (--connect-timeout)", timeout_));
   }
@@ -33,20 +42,21 @@ void Connection::end(double now) const {
 }
 
 void Connection::give_up(const std::string& when) const {
-  throw NeverAnswered("server " + server_ +
-                      (busy_ ? " was busy with another client " : " has not answered ") + when);
+  throw NeverAnswered("server " + server_ + ' ' +
+                      (rejected_ != nullptr ? "granted no session " + when + ": " + rejected_
+                                            : "has not answered " + when));
 }
 
 void Connection::say_what_is_awaited(double now) {
   if (now < next_message_) return;
-  spdlog::warn("waiting for server {}: {}", server_,
-               busy_ ? "it is busy with another client"
-                     : "it does not answer; is haptic_server running there?");
+  spdlog::warn(
+      "waiting for server {}: {}", server_,
+      rejected_ != nullptr ? rejected_ : "it does not answer; is haptic_server running there?");
   next_message_ = now + pause_;
   pause_ = std::min(2 * pause_, kLongestPause);
 }
 
-void Connection::judge(const protocol::Reject& reject) {
+const char* Connection::judge(const protocol::Reject& reject) const {
   const std::string text(reject.text.begin(), reject.text.end());
   switch (reject.reason) {
     case protocol::RejectReason::kVersion:
@@ -56,8 +66,21 @@ void Connection::judge(const protocol::Reject& reject) {
     case protocol::RejectReason::kTool:
       throw std::runtime_error("server " + server_ + " cannot use the tool: " + text);
     case protocol::RejectReason::kBusy:
-      return;  // It may be free later.
+      return "it is busy with another client";  // It may be free later.
+    case protocol::RejectReason::kFault:
+      return kAfterFault;
   }
+  return "it refuses for a reason that this version does not know";
+}
+
+void warn_of_mismatch(const ToolAssembly& tool, const protocol::DeviceReport& device) {
+  ToolModel model(tool.description);
+  model.set_configuration(tool.q);
+  const Freedoms missing = missing_freedoms(model, device.freedoms);
+  if (missing == 0) return;
+  spdlog::warn(
+      "{}; start haptic_server with one that does, for example --device-option freedom=spatial",
+      describe_mismatch(missing));
 }
 
 std::string describe(const protocol::Refusal& refusal) {
@@ -75,6 +98,16 @@ void Status::count(const FrameResult& frame) {
   predicted_ = frame.predicted;
   if (frame.state_refused) ++refused_;
   if (frame.inbox.refusal) refusal_ = frame.inbox.refusal;
+  if (frame.inbox.welcomed || frame.inbox.lost) fault_ = Fault::kNone;
+  if (frame.inbox.state == nullptr) return;
+  const Fault before = std::exchange(fault_, frame.inbox.state->fault);
+  if (fault_ == before || fault_ == Fault::kNone) return;
+  spdlog::error("fault of the server: {}; {}", meaning_of(fault_), kAfterFault);
+}
+
+std::string Status::connection(const HapticClient& client) const {
+  if (!client.connected()) return "no session";
+  return fault_ == Fault::kNone ? "connected" : fmt::format("fault {}, no force", name_of(fault_));
 }
 
 void Status::report(double now, const HapticClient& client, const ProximityStatistics& proximity) {
@@ -82,8 +115,7 @@ void Status::report(double now, const HapticClient& client, const ProximityStati
   if (now - last_report_ < kReportPeriod) return;
   spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {} | {}",
                frames_ / (now - last_report_), active_, predicted_, 1e3 * client.round_trip(),
-               client.connected() ? "connected" : "no session",
-               protocol::describe_drops(client.statistics().dropped));
+               connection(client), protocol::describe_drops(client.statistics().dropped));
   if (refusal_) spdlog::warn("{}", describe(*refusal_));
   refusal_.reset();
   if (refused_ > warned_refused_) spdlog::warn("{} proxy states could not be followed", refused_);

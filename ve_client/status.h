@@ -38,22 +38,26 @@ class Connection {
   static constexpr double kFirstPause = 5;     ///< s.
   static constexpr double kLongestPause = 60;  ///< s.
 
-  void judge(const protocol::Reject& reject);
+  /// Why there is no session yet, where there may be one later. Throws where there will be none.
+  const char* judge(const protocol::Reject& reject) const;
   void say_what_is_awaited(double now);
   [[noreturn]] void give_up(const std::string& when) const;
 
   std::string server_;
   double timeout_;
   bool ever_connected_ = false;
-  bool busy_ = false;
+  const char* rejected_ = nullptr;   ///< Why the server gives no session; null: it has not said.
   double next_message_ = kPatience;  ///< Of what is awaited, s since the start.
   double pause_ = kFirstPause;       ///< From that message to the one after, s.
 };
 
+/// Warns where the tool moves in directions in which the server's device does not.
+void warn_of_mismatch(const ToolAssembly& tool, const protocol::DeviceReport& device);
+
 /// The server's refusal of an update, or of one contact of it, in words.
 std::string describe(const protocol::Refusal& refusal);
 
-/// Logs one line a second.
+/// Logs one line a second, and faults of the server as they come.
 class Status {
  public:
   void count(const FrameResult& frame);
@@ -61,6 +65,9 @@ class Status {
   void report(double now, const HapticClient& client, const ProximityStatistics& proximity);
 
  private:
+  std::string connection(const HapticClient& client) const;
+
+  Fault fault_ = Fault::kNone;  ///< Of the server, in this session.
   double last_report_ = 0;
   int frames_ = 0;
   std::size_t active_ = 0;                    ///< Of the latest frame.

@@ -1,7 +1,11 @@
 #include "common/settings/configuration_file.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 
 #include <toml++/toml.h>
 
@@ -17,8 +21,12 @@ class Reader {
     if (std::filesystem::is_directory(path_, none)) {
       throw UsageError("configuration file " + path_ + ": is a folder");
     }
+    // The parser looks for the end of a file first, which a pipe does not have.
+    std::ifstream file(path_, std::ios::binary);
+    if (!file) throw UsageError("configuration file " + path_ + ": " + std::strerror(errno));
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
     try {
-      add("", toml::parse_file(path_));
+      add("", toml::parse(text, path_));
     } catch (const toml::parse_error& error) {
       const auto line = error.source().begin.line;
       throw UsageError((line > 0 ? path_ + ':' + std::to_string(line) + ": "

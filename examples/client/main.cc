@@ -56,7 +56,6 @@ void simulate(const char* server) {
   options.q = q;
   options.ve_rate = 1 / kPeriod;
   options.epsilon = kEpsilon;
-  options.nonce = static_cast<std::uint64_t>(now() * 1e9);
   hlm::HapticClient haptic(socket, options);
 
   const auto start = std::chrono::steady_clock::now();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "haptic_server/control/limiter_options.h"
 #include "haptic_server/device/device.h"
 
 namespace hlm::server {
@@ -14,11 +15,13 @@ struct ForceBudget {
   double max_force_step = 0;   ///< Change per servo period, N.
   double max_torque_step = 0;  ///< Change per servo period, N·m.
 
-  /// max_force: N; max_torque: N·m; dt: servo period, s.
-  static ForceBudget of(double max_force, double max_torque, const DeviceRatings& device,
+  /// dt: servo period, s.
+  static ForceBudget of(const LimiterOptions& allowed, const DeviceRatings& device,
                         double dt) noexcept {
-    return {std::min(max_force, device.max_force), std::min(max_torque, device.max_torque),
-            device.max_force_rate * dt, device.max_torque_rate * dt};
+    return {std::min(allowed.max_force, device.max_force),
+            std::min(allowed.max_torque, device.max_torque),
+            std::min(allowed.max_force_rate, device.max_force_rate) * dt,
+            std::min(allowed.max_torque_rate, device.max_torque_rate) * dt};
   }
 };
 

@@ -10,6 +10,14 @@ namespace {
 /// event; more would push on after the contact is over.
 constexpr double kLongestRendering = 0.02;
 
+/// The greatest first term of a series that falls by `step` and sums up to `sum`: from that force
+/// on the rate brings it down to zero just as the momentum is spent.
+double peak_of(double sum, double step) noexcept {
+  if (sum <= step) return sum;
+  const double terms = std::ceil((std::sqrt(1 + 8 * sum / step) - 1) / 2);
+  return sum / terms + step * (terms - 1) / 2;
+}
+
 /// Largest a in [0, 1] with |f + a g| <= limit; 0 if f alone exceeds it outwards.
 double portion_within(const Vector3& f, const Vector3& g, double limit) noexcept {
   const double gg = g.squaredNorm();
@@ -19,10 +27,16 @@ double portion_within(const Vector3& f, const Vector3& g, double limit) noexcept
   return root <= 0 ? 0 : std::clamp((std::sqrt(root) - fg) / gg, 0.0, 1.0);
 }
 
-/// Largest portion of an impulse that `limit` renders within kLongestRendering.
-double portion_in_time(const Vector3& impulse, double limit) noexcept {
-  const double size = impulse.norm();
-  return size > limit * kLongestRendering ? limit * kLongestRendering / size : 1;
+/// The force, or torque, for a pending impulse, which is cut to what is rendered in time.
+Vector3 planned(Eigen::Ref<Vector3> pending, const Vector3& F, double limit, double step,
+                double dt) noexcept {
+  const double size = pending.norm();
+  if (size == 0) return Vector3::Zero();
+  const double most = limit * kLongestRendering;
+  if (size > most) pending *= most / size;
+  const double whole = std::min(size, most) / dt;
+  const Vector3 force = pending / dt * (peak_of(whole, step) / whole);
+  return portion_within(F, force, limit) * force;
 }
 
 }  // namespace
@@ -30,19 +44,28 @@ double portion_in_time(const Vector3& impulse, double limit) noexcept {
 ImpulseSpreader::ImpulseSpreader(const ForceBudget& budget, double dt) noexcept
     : budget_(budget), dt_(dt) {}
 
-Wrench ImpulseSpreader::render(const Wrench& impulse, const Wrench& F) noexcept {
+Wrench ImpulseSpreader::plan(const Wrench& impulse, const Wrench& F) noexcept {
   pending_ += impulse;
-  // What a device without torque cannot render must not hold back what it can.
+  // What a device without torque cannot render must not stay for ever.
   if (budget_.max_torque == 0) pending_.tail<3>().setZero();
-  const double longest = std::min(portion_in_time(pending_.head<3>(), budget_.max_force),
-                                  portion_in_time(pending_.tail<3>(), budget_.max_torque));
-  if (longest < 1) pending_ *= longest;
+  Wrench wrench;
+  wrench << planned(pending_.head<3>(), F.head<3>(), budget_.max_force, budget_.max_force_step,
+                    dt_),
+      planned(pending_.tail<3>(), F.tail<3>(), budget_.max_torque, budget_.max_torque_step, dt_);
+  return wrench;
+}
 
-  const Wrench whole = pending_ / dt_;
-  const double portion = std::min(portion_within(F.head<3>(), whole.head<3>(), budget_.max_force),
-                                  portion_within(F.tail<3>(), whole.tail<3>(), budget_.max_torque));
-  pending_ *= 1 - portion;
-  return portion * whole;
+void ImpulseSpreader::render(const Wrench& wrench) noexcept {
+  constexpr double kRounding = 1e-15;
+  wrench_ = wrench;
+  pending_ -= wrench * dt_;
+  if (pending_.head<3>().norm() <= kRounding) pending_.head<3>().setZero();
+  if (pending_.tail<3>().norm() <= kRounding) pending_.tail<3>().setZero();
+}
+
+void ImpulseSpreader::clear() noexcept {
+  pending_.setZero();
+  wrench_.setZero();
 }
 
 }  // namespace hlm::server

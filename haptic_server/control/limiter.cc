@@ -12,24 +12,44 @@ Vector3 shortened(const Vector3& v, double length) noexcept {
   return norm > length ? Vector3(v * (length / norm)) : v;
 }
 
+/// Of a whole, in each step.
+double step_of(double time, double dt) noexcept { return time > dt ? dt / time : 1; }
+
+/// The portion of a change that a step allows.
+double portion_of(const Vector3& change, double step) noexcept {
+  const double norm = change.norm();
+  return norm > step ? step / norm : 1;
+}
+
+/// From there to here by that portion.
+template <class Part>
+Vector3 between(const Part& from, const Vector3& to, double portion) noexcept {
+  return portion < 1 ? Vector3(from + portion * (to - from)) : to;
+}
+
 }  // namespace
 
-Limiter::Limiter(const ForceBudget& budget, double fade_time, double dt) noexcept
-    : budget_(budget), fade_step_(fade_time > dt ? dt / fade_time : 1) {}
+Limiter::Limiter(const LimiterOptions& allowed, const DeviceRatings& device, double dt) noexcept
+    : budget_(ForceBudget::of(allowed, device, dt)),
+      fade_step_(step_of(allowed.fade_time, dt)),
+      rise_step_(step_of(allowed.rise_time, dt)),
+      spreader_(budget_, dt) {}
 
 void Limiter::cut() noexcept {
   wanted_ = false;
   portion_ = 0;
-  previous_.setZero();
+  spreader_.clear();
+  steady_.setZero();
+  command_.setZero();
 }
 
-Wrench Limiter::limit(const Wrench& F) noexcept {
-  portion_ = std::clamp(portion_ + (wanted_ ? fade_step_ : -fade_step_), 0.0, 1.0);
-  met_non_finite_ = !F.allFinite();
+const Wrench& Limiter::limit(const Wrench& F, const Wrench& impulse) noexcept {
+  portion_ = std::clamp(portion_ + (wanted_ ? rise_step_ : -fade_step_), 0.0, 1.0);
+  met_non_finite_ = !F.allFinite() || !impulse.allFinite();
   limited_by_ = ForceLimit::kNone;
   if (met_non_finite_) {
-    previous_.setZero();
-    return previous_;
+    cut();
+    return command_;
   }
   const Vector3 most_force = shortened(F.head<3>(), budget_.max_force);
   const Vector3 most_torque = shortened(F.tail<3>(), budget_.max_torque);
@@ -38,13 +58,24 @@ Wrench Limiter::limit(const Wrench& F) noexcept {
   const bool less_torque = budget_.max_torque > 0 && most_torque != F.tail<3>();
   if (less_torque) limited_by_ = ForceLimit::kTorque;
   if (portion_ < 1) limited_by_ = ForceLimit::kFade;
-  const Vector3 force = portion_ * most_force;
-  const Vector3 torque = portion_ * most_torque;
-  previous_.head<3>() += shortened(force - previous_.head<3>(), budget_.max_force_step);
-  previous_.tail<3>() += shortened(torque - previous_.tail<3>(), budget_.max_torque_step);
-  const bool reached = previous_.head<3>().isApprox(force) && previous_.tail<3>().isApprox(torque);
+
+  if (!wanted_) spreader_.forget();
+  Wrench wanted;
+  wanted << portion_ * most_force, portion_ * most_torque;
+  const Wrench beside = spreader_.plan(portion_ * impulse, wanted);
+  const Wrench change = wanted + beside - command_;
+  const double force = portion_of(change.head<3>(), budget_.max_force_step);
+  const double torque = portion_of(change.tail<3>(), budget_.max_torque_step);
+  Wrench rendered;
+  rendered << between(spreader_.wrench().head<3>(), beside.head<3>(), force),
+      between(spreader_.wrench().tail<3>(), beside.tail<3>(), torque);
+  spreader_.render(rendered);
+  steady_ << between(steady_.head<3>(), wanted.head<3>(), force),
+      between(steady_.tail<3>(), wanted.tail<3>(), torque);
+  command_ = steady_ + rendered;
+  const bool reached = force == 1 && torque == 1;
   if (limited_by_ == ForceLimit::kNone && !reached) limited_by_ = ForceLimit::kRate;
-  return previous_;
+  return command_;
 }
 
 }  // namespace hlm::server

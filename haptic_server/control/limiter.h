@@ -1,49 +1,33 @@
 // The last gate before the device: a wrench is finite, limited in size and in rate, and fades.
 #pragma once
 
-#include <array>
-
-#include "common/range.h"
 #include "common/spatial.h"
 #include "common/vocabulary.h"
 #include "haptic_server/control/force_budget.h"
+#include "haptic_server/control/impulse_spreader.h"
+#include "haptic_server/control/limiter_options.h"
 
 namespace hlm::server {
 
-struct LimiterOptions {
-  double max_force = 12;    ///< N; the device's rating counts too.
-  double max_torque = 0.6;  ///< N·m; the device's rating counts too.
-  double fade_time = 0.1;   ///< From full force to none and back, s.
-};
-
-inline constexpr std::array<NumberOf<LimiterOptions>, 3> kLimiterNumbers{{
-    {{0.01, 1000, "N"},
-     "force limit",
-     &LimiterOptions::max_force,
-     "Largest force on the device; its rating counts too"},
-    {{1e-4, 100, "N·m"},
-     "torque limit",
-     &LimiterOptions::max_torque,
-     "Largest torque on the device; its rating counts too"},
-    {{1e-3, 10, "s"}, "fade time", &LimiterOptions::fade_time, "From full force to none and back"},
-}};
-
 class Limiter {
  public:
-  /// fade_time: from full force to none and back, s; dt: servo period, s.
-  Limiter(const ForceBudget& budget, double fade_time, double dt) noexcept;
+  /// dt: servo period, s.
+  Limiter(const LimiterOptions& allowed, const DeviceRatings& device, double dt) noexcept;
 
   /// Where the force is heading: full where it is wanted, fading to none where it is not.
   void allow(bool wanted) noexcept { wanted_ = wanted; }
   /// No force from this very step on.
   void cut() noexcept;
   /// Whether the force has faded to nothing.
-  bool silent() const noexcept { return portion_ == 0 && !wanted_ && previous_.isZero(0); }
+  bool silent() const noexcept { return portion_ == 0 && !wanted_ && command_.isZero(0); }
 
-  /// The wrench to command for the wanted one: limited in magnitude, then scaled by the fade, then
-  /// limited in change per step; direction of force and of torque kept. In this order a wanted
-  /// wrench far above the limit fades like any other. A wrench that is not finite gives zero.
-  Wrench limit(const Wrench& F) noexcept;
+  /// The wrench to command for the wanted one, and for an impulse (N·s, N·m·s) beside it. The
+  /// wanted wrench is limited in magnitude, then scaled by the fade: in this order one far above
+  /// the limit fades like any other. The impulse is spread over what is left. Their sum changes by
+  /// no more per step than the budget has. What is not finite gives zero.
+  const Wrench& limit(const Wrench& F, const Wrench& impulse = Wrench::Zero()) noexcept;
+  /// The share of impulses in the latest limit().
+  const Wrench& impulse_wrench() const noexcept { return spreader_.wrench(); }
   /// What kept the latest limit() from giving the wanted wrench.
   ForceLimit limited_by() const noexcept { return limited_by_; }
   /// Whether the latest limit() met a wrench that was not finite.
@@ -52,11 +36,14 @@ class Limiter {
  private:
   ForceBudget budget_;
   double fade_step_;    ///< Of portion_ per step.
+  double rise_step_;    ///< Likewise.
   double portion_ = 0;  ///< Of the limited wrench that is rendered, 0 to 1.
   bool wanted_ = false;
   bool met_non_finite_ = false;
   ForceLimit limited_by_ = ForceLimit::kNone;
-  Wrench previous_ = Wrench::Zero();
+  ImpulseSpreader spreader_;
+  Wrench steady_ = Wrench::Zero();   ///< The command without its impulses.
+  Wrench command_ = Wrench::Zero();  ///< The latest.
 };
 
 }  // namespace hlm::server

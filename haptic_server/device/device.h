@@ -7,6 +7,7 @@
 #include <optional>
 #include <string_view>
 
+#include "common/freedoms.h"
 #include "common/spatial.h"
 #include "common/vocabulary.h"
 
@@ -44,12 +45,13 @@ struct DeviceRatings {
   double max_torque_rate = std::numeric_limits<double>::infinity();        ///< N·m/s.
   double max_stiffness = std::numeric_limits<double>::infinity();          ///< Renderable, N/m.
   double max_angular_stiffness = std::numeric_limits<double>::infinity();  ///< N·m/rad.
-  double mass = 0;           ///< Apparent mass at the handle, kg; 0 if unknown.
-  double inertia = 0;        ///< Apparent inertia at the handle, kg·m²; 0 if unknown.
-  double damping = 0;        ///< Physical damping at the handle, N·s/m.
-  std::uint8_t buttons = 0;  ///< How many it has.
-  bool gripper = false;      ///< Whether it measures the opening of one.
-  double scale = 1;          ///< Metres in the world for each metre of the handle.
+  double mass = 0;                   ///< Apparent mass at the handle, kg; 0 if unknown.
+  double inertia = 0;                ///< Apparent inertia at the handle, kg·m²; 0 if unknown.
+  double damping = 0;                ///< Physical damping at the handle, N·s/m.
+  std::uint8_t buttons = 0;          ///< How many it has.
+  bool gripper = false;              ///< Whether it measures the opening of one.
+  Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
+  double scale = 1;                  ///< Metres in the world for each metre of the handle.
 };
 
 struct DeviceState {

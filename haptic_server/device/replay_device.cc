@@ -13,16 +13,25 @@
 #define CSV_IO_NO_THREAD
 #include <libfccp/csv.h>
 
-#include "haptic_server/loop/tick_columns.h"
+#include "haptic_server/device/device_columns.h"
 
 namespace hlm::server {
 namespace {
 
 /// The signals of a tick that a replay needs.
+struct RecordedSignals {
+  std::uint64_t session = 0;
+  std::uint64_t step = 0;
+  Pose X_WD;
+  Twist V_WD = Twist::Zero();
+  bool hand_measured = false;
+  Wrench F_hand = Wrench::Zero();
+};
+
 template <class Visit>
 constexpr void visit_needed(Visit&& visit) {
-  visit_step(visit);
-  visit_device(visit);
+  visit_step<RecordedSignals>(visit);
+  visit_device<RecordedSignals>(visit);
 }
 
 constexpr std::size_t kColumnCount = [] {
@@ -69,16 +78,15 @@ class Row {
     throw std::runtime_error(path_ + ':' + std::to_string(line_) + ": " + what);
   }
 
-  /// The signals that a replay needs; others keep their defaults.
-  TickRecord record() const {
-    TickRecord record;
+  RecordedSignals signals() const {
+    RecordedSignals signals;
     std::size_t column = 0;
     visit_needed([&](auto, auto member, const auto& suffixes) {
       for (std::size_t i = 0; i < suffixes.size(); ++i) {
-        read(column++, component(record.*member, i));
+        read(column++, component(signals.*member, i));
       }
     });
-    return record;
+    return signals;
   }
 
  private:
@@ -113,24 +121,24 @@ class Row {
 };
 
 void read_row(const Row& row, std::vector<RecordedStep>& steps) {
-  const TickRecord record = row.record();
-  if (record.step == 0) return;
-  const bool goes_on = !steps.empty() && steps.back().session == record.session;
+  const RecordedSignals signals = row.signals();
+  if (signals.step == 0) return;
+  const bool goes_on = !steps.empty() && steps.back().session == signals.session;
   const std::uint64_t expected = goes_on ? steps.back().step + 1 : 1;
-  if (record.step != expected) {
-    row.fail("column step: '" + std::to_string(record.step) + "' must be " +
+  if (signals.step != expected) {
+    row.fail("column step: '" + std::to_string(signals.step) + "' must be " +
              std::to_string(expected) + "; a replay needs every step of a session");
   }
-  if (std::abs(record.X_WD.R.norm() - 1) > kUnitTolerance) {
+  if (std::abs(signals.X_WD.R.norm() - 1) > kUnitTolerance) {
     row.fail("columns device_qw to device_qz must be a unit quaternion, its length is " +
-             std::to_string(record.X_WD.R.norm()));
+             std::to_string(signals.X_WD.R.norm()));
   }
   RecordedStep step;
-  step.session = record.session;
-  step.step = record.step;
-  step.state.X_WD = record.X_WD;
-  step.state.V_WD = record.V_WD;
-  if (record.hand_measured) step.state.F_hand = record.F_hand;
+  step.session = signals.session;
+  step.step = signals.step;
+  step.state.X_WD = signals.X_WD;
+  step.state.V_WD = signals.V_WD;
+  if (signals.hand_measured) step.state.F_hand = signals.F_hand;
   steps.push_back(step);
 }
 

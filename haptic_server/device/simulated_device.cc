@@ -37,7 +37,8 @@ DeviceRatings ratings_of(const SimulatedDeviceOptions& options) noexcept {
           .max_angular_stiffness = options.max_angular_stiffness,
           .mass = options.mass,
           .inertia = options.inertia,
-          .damping = options.damping};
+          .damping = options.damping,
+          .freedoms = options.freedom == DeviceFreedom::kPlanar ? kPlanarFreedoms : kAllFreedoms};
 }
 
 std::optional<std::string> find_error(const SimulatedDeviceOptions& options) {

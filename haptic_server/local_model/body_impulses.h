@@ -1,6 +1,6 @@
 // What the tool has done to movable bodies since the session began, and when: the environment moves
 // its bodies by the totals, and an update is brought to the present by what came after it
-// (docs/method.md 9).
+// (docs/method.md 11).
 #pragma once
 
 #include <array>

@@ -275,6 +275,7 @@ class ContactSolver {
 }  // namespace
 
 void evaluate_contacts(LocalContacts& contacts, const FrameMotions& frames) noexcept {
+  if (contacts.empty()) return;
   const FrameTwists twists = frames.twists();
   RelativeTwists relative(twists);
   for (LocalContact& contact : contacts) {
@@ -294,6 +295,7 @@ void evaluate_contacts(LocalContacts& contacts, const FrameMotions& frames) noex
 
 Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& frames,
                               const Unknowns& x) noexcept {
+  if (group.contacts.empty()) return Unknowns::Zero(frames.unknowns());
   const ContactLaw& law = group.law;
   const FrameTwists twists = frames.twists(x);
   RelativeTwists relative(twists);

@@ -60,7 +60,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 
 /// Moves constraints with their v_constr, and separations by what updates have deferred, for a step
 /// of dt seconds. poses: at the end of the step. Contacts that are released and no longer reported
-/// go. tank: energy that healing may add, J (docs/method.md 10).
+/// go. tank: energy that healing may add, J (docs/method.md 12).
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
                       double damping, double dt, double& tank) noexcept;
 

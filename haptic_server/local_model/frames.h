@@ -1,5 +1,5 @@
 // The rigid frames whose points the local contacts join: the world, the links of the tool, and the
-// movable bodies near it (docs/method.md 9).
+// movable bodies near it (docs/method.md 11).
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// A movable body near the tool, as the local model moves it between updates (docs/method.md 9).
+// A movable body near the tool, as the local model moves it between updates (docs/method.md 11).
 #pragma once
 
 #include "common/contact.h"

@@ -27,18 +27,27 @@ protocol::DeviceReport report_of(Device& device) noexcept {
   report.renders_torque = ratings.max_torque > 0;
   report.measures_hand = device.measures_hand_wrench();
   report.guidable = device.guided_hand() != nullptr;
+  report.freedoms = ratings.freedoms;
   return report;
 }
 
-void replace_non_finite(protocol::ProxyState& state) noexcept {
-  const auto zero_unless_finite = [](auto& values) {
-    if (!values.allFinite()) values.setZero();
+/// Beyond it a number of a state is a mistake, whatever its unit.
+constexpr double kLargestNumber = 1e4;
+
+template <class Values>
+bool is_plausible(const Values& values) noexcept {
+  return values.allFinite() && values.cwiseAbs().maxCoeff() <= kLargestNumber;
+}
+
+void replace_implausible(protocol::ProxyState& state) noexcept {
+  const auto zero_unless_plausible = [](auto&& values) {
+    if (!is_plausible(values)) values.setZero();
   };
-  zero_unless_finite(state.v);
-  zero_unless_finite(state.X_WD.p);
-  zero_unless_finite(state.V_WD);
-  zero_unless_finite(state.F_env);
-  zero_unless_finite(state.F_hand);
+  zero_unless_plausible(state.v);
+  zero_unless_plausible(state.X_WD.p);
+  zero_unless_plausible(state.V_WD);
+  zero_unless_plausible(state.F_env);
+  zero_unless_plausible(state.F_hand);
   if (!state.X_WD.R.coeffs().allFinite()) state.X_WD.R.setIdentity();
   if (!std::isfinite(state.smallest_separation)) state.smallest_separation = 0;
   if (!std::isfinite(state.gripper)) state.gripper = 0;
@@ -76,13 +85,13 @@ void describe(const LocalModel& model, TickRecord& record) noexcept {
 }
 
 protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
-                          Device& device) noexcept {
+                          double silence_time, Device& device) noexcept {
   return {.servo_rate = options.rate,
           .fingerprint = fingerprint,
           .tuning = tuning_of(options),
-          .silence_time = options.silence_time,
+          .silence_time = silence_time,
           .fade_time = options.limits.fade_time,
-          .least_update_rate = 1 / options.silence_time,
+          .least_update_rate = 1 / options.silence_time.value_or(kDefaultSilenceTimes.most),
           .capabilities = {.movable_bodies = true, .axes = false, .self_contacts = true},
           .device = report_of(device)};
 }
@@ -99,9 +108,9 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts);
   state.smallest_separation = record.smallest_separation;
   if (model != nullptr) {
-    // A proxy that is not finite is reported where the environment's tool is.
+    // A proxy that is nowhere is reported where the environment's tool is.
     const Configuration& q = model->proxy().configuration();
-    state.q = q.allFinite() ? q : model->ve_tool().configuration();
+    state.q = is_plausible(q) ? q : model->ve_tool().configuration();
     state.v = model->velocity();
   }
   state.X_WD = record.X_WD;
@@ -116,7 +125,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.scale = record.scale;
   state.overruns = record.overruns;
   state.updates = updates;
-  if (record.fault == Fault::kNonFinite) replace_non_finite(state);
+  if (record.fault != Fault::kNone) replace_implausible(state);
   return state;
 }
 

@@ -21,13 +21,14 @@ void describe(const Timing& timing, const ServerStateMachine& machine,
 /// Fills in the record's proxy, the environment's tool and the contacts.
 void describe(const LocalModel& model, TickRecord& record) noexcept;
 
-/// The welcome that grants a session. fingerprint: of the server's options.
+/// The welcome that grants a session. fingerprint: of the server's options; silence_time: at the
+/// client's nominal rate, s.
 protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
-                          Device& device) noexcept;
+                          double silence_time, Device& device) noexcept;
 
 /// The acknowledgement of the update adopted in the tick of `record`. step, updates: of the
-/// session; model: null without one. In a fault, what is not finite is replaced: a client refuses
-/// such numbers and would never learn of the fault.
+/// session; model: null without one. In a fault, what is not finite or of no
+/// plausible size is replaced: a client refuses such numbers and would never learn of the fault.
 protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
                                  std::uint64_t updates, const LocalModel* model) noexcept;
 

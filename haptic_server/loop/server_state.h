@@ -1,6 +1,8 @@
 // Whether the server may render force now, and why not.
 #pragma once
 
+#include <algorithm>
+
 #include "common/vocabulary.h"
 
 namespace hlm::server {
@@ -8,17 +10,20 @@ namespace hlm::server {
 /// The server's state machine:
 ///
 ///   kIdle    --begin()--> kRunning     a client was granted a session
-///   kRunning --tick()---> kSilent      no update for silence_time
+///   kRunning --tick()---> kSilent      nothing heard for silence_time, or no update for longer
 ///   kRunning, kSilent --end()--> kSilent, and from there, once faded, to kIdle
 ///   kSilent  --update()-> kRunning     the client is back
 ///   any      --fail()---> kFault       latched; only begin() leaves it
 ///
-/// Force is wanted in kRunning alone.
+/// Force is wanted in kRunning alone. Who calls begin() in kFault must know that a person asks.
 class ServerStateMachine {
  public:
-  /// silence_time: s without an update after which force fades; dt: servo period, s.
-  ServerStateMachine(double silence_time, double dt) noexcept
-      : silence_time_(silence_time), dt_(dt) {}
+  /// Without a whole update for so long contacts are too old, s, though parts of updates or
+  /// controls show that the client lives.
+  static constexpr double kOldestContacts = 0.25;
+
+  /// dt: servo period, s.
+  explicit ServerStateMachine(double dt) noexcept : dt_(dt) {}
 
   ServerState state() const noexcept { return state_; }
   Fault fault() const noexcept { return fault_; }
@@ -28,14 +33,19 @@ class ServerStateMachine {
     return state_ == ServerState::kRunning || state_ == ServerState::kSilent;
   }
 
-  void begin() noexcept {
+  /// silence_time: s in which nothing is heard, after which force fades.
+  void begin(double silence_time) noexcept {
     state_ = ServerState::kRunning;
     fault_ = Fault::kNone;
     ending_ = false;
-    silence_ = 0;
+    update(silence_time);
   }
-  void update() noexcept {
-    silence_ = 0;
+  /// Something came of the client.
+  void hear() noexcept { silence_ = 0; }
+  /// A whole update came.
+  void update(double silence_time) noexcept {
+    silence_time_ = silence_time;
+    silence_ = age_ = 0;
     if (state_ == ServerState::kSilent && !ending_) state_ = ServerState::kRunning;
   }
   void end() noexcept {
@@ -50,16 +60,19 @@ class ServerStateMachine {
   /// One servo period goes by; faded: no force is left.
   void tick(bool faded) noexcept {
     silence_ += dt_;
-    if (state_ == ServerState::kRunning && silence_ > silence_time_) state_ = ServerState::kSilent;
+    age_ += dt_;
+    const bool silent = silence_ > silence_time_ || age_ > std::max(silence_time_, kOldestContacts);
+    if (state_ == ServerState::kRunning && silent) state_ = ServerState::kSilent;
     if (state_ == ServerState::kSilent && ending_ && faded) state_ = ServerState::kIdle;
   }
 
  private:
-  double silence_time_;
   double dt_;
+  double silence_time_ = 0;  ///< s.
   ServerState state_ = ServerState::kIdle;
   Fault fault_ = Fault::kNone;
-  double silence_ = 0;   ///< Since the latest update or the session's begin, s.
+  double silence_ = 0;   ///< Since anything was heard, or the session's begin, s.
+  double age_ = 0;       ///< Since the latest whole update, or the session's begin, s.
   bool ending_ = false;  ///< The client said goodbye.
 };
 

@@ -1,7 +1,10 @@
 #include "haptic_server/loop/servo.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <string_view>
 
 #include "haptic_server/loop/reporting.h"
 
@@ -11,17 +14,19 @@ namespace {
 /// Ages beyond this come from a clock gone wrong, s: constraints are not advanced further.
 constexpr double kLargestAge = 1.0;
 
+/// What no hand does, with the world scaled to the handle: speed of the proxy's hand, m/s and
+/// rad/s, and its distance from the handle, m. More means that contacts carry it away; less would
+/// end a session in which a hand is quick, or pulls hard at a proxy that is held.
+constexpr double kLargestHandSpeed = 20;
+constexpr double kLargestHandRate = 500;
+constexpr double kLargestDistance = 5;
+
 const ReportedContacts kNoContacts;
 
 bool is_finite(const DeviceState& device) noexcept {
   return device.X_WD.p.allFinite() && device.X_WD.R.coeffs().allFinite() &&
          device.V_WD.allFinite() && std::isfinite(device.gripper.value_or(0)) &&
          (!device.F_hand || device.F_hand->allFinite());
-}
-
-ForceBudget force_budget(const ServoOptions& options, const Device& device) noexcept {
-  return ForceBudget::of(options.limits.max_force, options.limits.max_torque, device.ratings(),
-                         1 / options.rate);
 }
 
 }  // namespace
@@ -34,9 +39,8 @@ Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
       session_(session),
       device_(device),
       controller_(options.controller, options.gains),
-      spreader_(force_budget(options, device), dt_),
-      limiter_(force_budget(options, device), options.limits.fade_time, dt_),
-      machine_(options.silence_time, dt_) {}
+      limiter_(options.limits, device.ratings(), dt_),
+      machine_(dt_) {}
 
 const TickRecord& Servo::tick(const Timing& timing) noexcept {
   const protocol::ServerSession::Inbox inbox = session_.poll(timing.begin);
@@ -48,6 +52,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (machine_.simulates()) simulate();
   describe(timing, machine_, session_, step_, record_);
   if (local_model_) describe(*local_model_, record_);
+  record_.missing_freedoms = missing_freedoms_;
   if (inbox.update != nullptr) acknowledge(timing.begin);
   if (machine_.state() == ServerState::kRunning) {
     telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),
@@ -61,11 +66,24 @@ void Servo::shut_down(double now) noexcept {
   device_.write(Wrench::Zero());
   device_.disable();
   session_.close(now, protocol::GoodbyeReason::kShutdown);
-  machine_ = ServerStateMachine(options_.silence_time, dt_);
+  machine_ = ServerStateMachine(dt_);
   local_model_.reset();
 }
 
+double Servo::silence_time(double period) const noexcept {
+  return options_.silence_time.value_or(default_silence_time(period));
+}
+
+void Servo::reject_in_fault(double now) noexcept {
+  std::array<char, protocol::kMaxText> text{};
+  const std::string_view what = meaning_of(machine_.fault());
+  std::snprintf(text.data(), text.size(), "fault: %.*s; a person must ask for a new session",
+                static_cast<int>(what.size()), what.data());
+  session_.reject(now, protocol::RejectReason::kFault, text.data());
+}
+
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
+  if (machine_.state() == ServerState::kFault && !hello.clears_fault) return reject_in_fault(now);
   if (traits(options_.controller).replaces_proxy && hello.tool.links.size() != 1) {
     session_.reject(now, protocol::RejectReason::kTool,
                     "this controller needs a tool of one link; use another one");
@@ -73,17 +91,18 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   }
   local_model_.emplace(hello.tool, hello.q, options_.local_model, dt_);
   device_.align(local_model_->proxy().X_WH());
+  missing_freedoms_ = missing_freedoms(local_model_->proxy(), device_.ratings().freedoms);
   engine_.begin(local_model_->proxy().X_WH());
   device_.enable();
-  spreader_.clear();
   limiter_.cut();
-  machine_.begin();
+  period_ = 1 / hello.ve_rate;
+  machine_.begin(silence_time(period_));
   step_ = 0;
   updates_ = 0;
   contained_impulses_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
   telemetry_.begin();
-  session_.accept(now, welcome(options_, fingerprint_, device_));
+  session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_));
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {
@@ -102,7 +121,10 @@ void Servo::apply(const protocol::Control& control) noexcept {
 void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
                             const Timing& timing) noexcept {
   const ServerState before = machine_.state();
-  if (inbox.update != nullptr) machine_.update();
+  if (inbox.heard) machine_.hear();
+  if (inbox.update != nullptr) {
+    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)));
+  }
   if (inbox.goodbye) machine_.end();
   machine_.tick(limiter_.silent());
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
@@ -153,6 +175,7 @@ void Servo::simulate() noexcept {
   ++step_;
   const ContactWrench felt = move_proxy(*device);
   if (!local_model_->velocity().allFinite()) return fail(Fault::kNonFinite);
+  if (!is_plausible(*device)) return fail(Fault::kImplausible);
   render(*device, felt);
 }
 
@@ -170,18 +193,23 @@ ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
 void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcept {
   const HandMotion proxy{local_model_->proxy().X_WH(), local_model_->hand_twist()};
   const bool as_seen = controller_.kind() == ControllerKind::kEngineForce;
-  Wrench u =
+  const Wrench u =
       controller_.to_device(as_seen ? engine_.device() : device, proxy, engine_.tool(), felt);
   Wrench impulse = Wrench::Zero();
-  if (controller_.kind() != ControllerKind::kVirtualCoupler) {
-    impulse = spreader_.render(felt.impulse, u);
-  }
-  u += impulse;
-  record_.F_env = felt.F + impulse;
-  record_.F_command = limiter_.limit(u);
+  if (controller_.kind() != ControllerKind::kVirtualCoupler) impulse = felt.impulse;
+  record_.F_command = limiter_.limit(u, impulse);
+  record_.F_env = felt.F + limiter_.impulse_wrench();
   record_.limit = limiter_.limited_by();
   if (limiter_.met_non_finite()) return fail(Fault::kNonFinite);
   if (!device_.write(record_.F_command)) fail(Fault::kDevice);
+}
+
+bool Servo::is_plausible(const DeviceState& device) const noexcept {
+  const double scale = std::max(1.0, device_.ratings().scale);
+  const Twist V = local_model_->hand_twist();
+  const Vector3 away = local_model_->proxy().X_WH().p - device.X_WD.p;
+  return V.head<3>().norm() <= kLargestHandSpeed * scale &&
+         V.tail<3>().norm() <= kLargestHandRate && away.norm() <= kLargestDistance * scale;
 }
 
 void Servo::fail(Fault fault) noexcept {

@@ -10,7 +10,6 @@
 
 #include "haptic_server/control/controller.h"
 #include "haptic_server/control/engine_view.h"
-#include "haptic_server/control/impulse_spreader.h"
 #include "haptic_server/control/limiter.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/local_model/local_model.h"
@@ -47,6 +46,9 @@ class Servo {
   void simulate() noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
   void render(const DeviceState& device, const ContactWrench& felt) noexcept;
+  bool is_plausible(const DeviceState& device) const noexcept;
+  double silence_time(double period) const noexcept;
+  void reject_in_fault(double now) noexcept;
   void fail(Fault fault) noexcept;
   void acknowledge(double now) noexcept;
 
@@ -56,16 +58,17 @@ class Servo {
   protocol::ServerSession& session_;
   Device& device_;
   Controller controller_;
-  ImpulseSpreader spreader_;
   Limiter limiter_;
   ServerStateMachine machine_;
 
   std::optional<LocalModel> local_model_;
   EngineView engine_;
   Telemetry telemetry_;
-  std::uint64_t step_ = 0;     ///< Of the session.
-  std::uint64_t updates_ = 0;  ///< Adopted in the session.
-  double contained_impulses_ = 0;         ///< Step of those in the state of the newest update.
+  double period_ = 0;              ///< Of the client's frames, as its hello says, s.
+  std::uint64_t step_ = 0;         ///< Of the session.
+  std::uint64_t updates_ = 0;      ///< Adopted in the session.
+  Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
+  double contained_impulses_ = 0;  ///< Step of those in the state of the newest update.
   TickRecord record_;
 };
 

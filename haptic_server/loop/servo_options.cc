@@ -1,12 +1,22 @@
 #include "haptic_server/loop/servo_options.h"
 
+#include <algorithm>
+
 namespace hlm::server {
 
 std::optional<std::string> find_error(const ServoOptions& options) {
   if (auto error = find_error(options.local_model)) return error;
   if (auto error = find_error(options.gains)) return error;
   if (auto error = find_error(options.limits, kLimiterNumbers)) return error;
+  if (options.silence_time) {
+    if (auto error = find_error("silence time", *options.silence_time, kSilenceTimes)) return error;
+  }
   return find_error(options, kServoNumbers);
+}
+
+double default_silence_time(double period) noexcept {
+  constexpr double kPeriods = 4.5;
+  return std::clamp(kPeriods * period, kDefaultSilenceTimes.least, kDefaultSilenceTimes.most);
 }
 
 Tuning tuning_of(const ServoOptions& options) noexcept {

@@ -19,18 +19,23 @@ struct ServoOptions {
   ControllerKind controller = ControllerKind::kFourChannel;
   ControllerGains gains;
   LimiterOptions limits;
-  /// Silence of the client after which force fades to zero, s. Shorter than a hiccup of the
-  /// simulator and force comes and goes; longer and it outlives a dead client.
-  double silence_time = 0.25;
+  /// Silence of the client after which force fades to zero, s; unset: default_silence_time().
+  /// Shorter than a hiccup of the simulator and force comes and goes; longer and it outlives a dead
+  /// client.
+  std::optional<double> silence_time;
   /// Longest gap between two ticks before the loop counts as broken, s.
   double max_gap = 0.25;
 };
 
-inline constexpr std::array<NumberOf<ServoOptions>, 2> kServoNumbers{{
-    {{0.01, 10, "s"},
-     "silence time",
-     &ServoOptions::silence_time,
-     "Force fades when the client has been silent for this long"},
+inline constexpr Range kSilenceTimes{0.01, 10, "s"};
+inline constexpr Range kDefaultSilenceTimes{0.05, 0.25, "s"};
+
+/// The silence, s, in which a client whose updates are `period` s apart counts as gone: 4.5
+/// periods, within kDefaultSilenceTimes. At 60 Hz force is gone 95 ms after the last word, and
+/// three lost updates in a row are endured: at 5 % loss four come once in 45 minutes.
+double default_silence_time(double period) noexcept;
+
+inline constexpr std::array<NumberOf<ServoOptions>, 1> kServoNumbers{{
     {{1e-3, 60, "s"},
      "max gap",
      &ServoOptions::max_gap,

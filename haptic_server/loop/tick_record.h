@@ -45,7 +45,8 @@ struct TickRecord {
   double gripper = 0;         ///< Its opening, 0 closed to 1 open. Not in the tick log.
   double scale = 1;           ///< Metres in the world per metre of the handle. Not in the tick log.
   DeviceHealth health = DeviceHealth::kGood;  ///< Not in the tick log.
-  bool session_open = false;  ///< A client holds the session and has not said goodbye.
+  Freedoms missing_freedoms = 0;  ///< In which the tool moves, the device not. Not in the tick log.
+  bool session_open = false;      ///< A client holds the session and has not said goodbye.
 };
 
 }  // namespace hlm::server

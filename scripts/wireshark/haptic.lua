@@ -76,6 +76,8 @@ end
 local LENGTH = between(-1e4, 1e4)
 local SPEED = between(-1e3, 1e3)
 local ACCELERATION = between(-1e6, 1e6)
+local MOBILITY = between(-1e12, 1e12)
+local SPAN = between(0, 1e6)
 local XYZ, WXYZ = {"x", "y", "z"}, {"w", "x", "y", "z"}
 
 -- Layouts: lists of fields in the order of their bytes. `count` names an earlier field that says
@@ -84,6 +86,12 @@ local XYZ, WXYZ = {"x", "y", "z"}, {"w", "x", "y", "z"}
 local function field(kind, name, label, unit, demand)
   label = unit and (label .. " [" .. unit .. "]") or label
   return {kind = kind, name = name, label = label, demand = demand}
+end
+
+-- A field that older senders of this version do not know.
+local function optional(node)
+  node.is_optional = true
+  return node
 end
 
 local function code(name, label, values)
@@ -142,15 +150,15 @@ local function normal(name, label)
   return node
 end
 
-local function pose(name, label)
+local function pose(name, label, demand)
   return group(name, label, {
-    vector("p", "Position", "m"),
+    vector("p", "Position", "m", demand),
     numbers("R", "Rotation, a unit quaternion", nil, WXYZ),
   })
 end
 
-local function unit_pose(name, label)
-  local node = pose(name, label)
+local function unit_pose(name, label, demand)
+  local node = pose(name, label, demand)
   node.children[2].demand = unit_length(WXYZ)
   return node
 end
@@ -180,12 +188,12 @@ local function impulse(name, label)
 end
 
 -- The upper triangle of a symmetric matrix, row by row.
-local function symmetric(name, label, order)
+local function symmetric(name, label, order, demand)
   local components = {}
   for row = 1, order do
     for column = row, order do table.insert(components, row .. column) end
   end
-  return numbers(name, label, nil, components)
+  return numbers(name, label, nil, components, demand)
 end
 
 local SIDES = {[0] = "world", "tool_link", "movable_body"}
@@ -240,7 +248,7 @@ local movable_body = group("movable_body", "Movable body", {
   vector("p_WCom", "Centre of mass, world", "m", LENGTH),
   twist("V_W", "Twist of the centre of mass, world", SPEED),
   acceleration("A_W", "Acceleration by all forces except contacts, world"),
-  symmetric("W", "Inverse inertia, world [1/kg, 1/(kg m²)]", 6),
+  symmetric("W", "Inverse inertia, world [1/kg, 1/(kg m²)]", 6, MOBILITY),
   impulse("P_W", "Total impulse of the tool that this state contains, world"),
 })
 
@@ -253,8 +261,9 @@ local contact = group("contact", "Contact", append(append({
   normal("n_W", "Unit normal from b to a, world"),
   field(F64, "separation", "True separation", "m", LENGTH),
   vector("v_WC", "Velocity of b's point, world", "m/s", SPEED, F32),
-  field(F32, "friction", "Coefficient of friction, negative: the server's"),
-  field(F32, "load", "Normal force of a contact without the tool", "N", NOT_NEGATIVE),
+  field(F32, "friction", "Coefficient of friction, negative: the server's", nil,
+        between(-10, 10)),
+  field(F32, "load", "Normal force of a contact without the tool", "N", between(0, 1e6)),
 }))
 
 local function force_limit()
@@ -324,6 +333,7 @@ local messages = {
     field(U8, "hand_link", "Link that the user holds"),
     size("q", MOST_COORDINATES),
     coordinates("q", "Initial configuration q", "m, rad"),
+    optional(flag("clears_fault", "A person asks for it: it ends a fault")),
   }, {list("links", "Links of the tool", 16, link)}),
 
   [WELCOME] = message("welcome", "Welcome", append(append({
@@ -353,12 +363,13 @@ local messages = {
       flag("guidable", "A control can hold its hand"),
       text_size("name"),
       text("name", "Name"),
+      optional(field(U8, "freedoms", "Directions in which its handle moves, one bit each")),
     }),
   })),
 
   [REJECT] = message("reject", "Reject", {
     field(HEX64, "nonce", "Nonce of the hello that is answered"),
-    code("reason", "Reason", {"version", "busy", "tool"}),
+    code("reason", "Reason", {"version", "busy", "tool", "fault"}),
     text_size("text"),
     field(U16, "version", "Version that the server speaks"),
     text("text", "Text"),
@@ -366,11 +377,10 @@ local messages = {
 
   [CONTACT_UPDATE] = message("contact_update", "Contact update", {
     field(F64, "ve_time", "Simulated time of the virtual environment", "s"),
-    field(F64, "ve_period", "Length of its latest step", "s", NOT_NEGATIVE),
-    field(F64, "compute_time", "From sampling q_VE to sending this", "s", NOT_NEGATIVE),
+    field(F64, "ve_period", "Length of its latest step", "s", SPAN),
+    field(F64, "compute_time", "From sampling q_VE to sending this", "s", SPAN),
     field(U64, "echo_step", "Step of the newest proxy state received, 0 if none"),
-    field(F64, "echo_hold", "From the arrival of that proxy state to sending this", "s",
-          NOT_NEGATIVE),
+    field(F64, "echo_hold", "From the arrival of that proxy state to sending this", "s", SPAN),
     field(F64, "impulse_step", "Step up to which the bodies' state contains the impulses", "",
           NOT_NEGATIVE),
     size("q_VE", MOST_COORDINATES),
@@ -387,7 +397,7 @@ local messages = {
     field(F64, "update_send_time", "Send time of that update, client's clock", "s"),
     field(F64, "hold", "From the arrival of that update to sending this", "s", NOT_NEGATIVE),
     code("server", "Server", {[0] = "idle", "running", "silent", "fault"}),
-    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device"}),
+    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible"}),
     code("contact_state", "Proxy", {[0] = "free_motion", "colliding", "resting"}),
     force_limit(),
     field(U16, "active_contacts", "Local contacts with separation <= 0"),
@@ -419,7 +429,7 @@ local messages = {
   [CONTROL] = message("control", "Control", append({
     flag("telemetry", "Ticks and local states are asked for"),
     flag("holds", "The hand of a simulated device is held"),
-    unit_pose("X_WTarget", "Where it is held, world"),
+    unit_pose("X_WTarget", "Where it is held, world", LENGTH),
     flag("tuned", "The following is in effect"),
   }, tuning_fields(true))),
 
@@ -535,6 +545,7 @@ local function check(demand, value, name, tree)
 end
 
 local function dissect_leaf(node, cursor, tree)
+  if node.is_optional and cursor.offset >= cursor.stop then return end
   local size = node.kind.size or node.size or cursor.values[node.length]
   if size == 0 then return end
   local range = take(cursor, size, tree, node.name)

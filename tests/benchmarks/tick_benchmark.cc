@@ -2,7 +2,6 @@
 #include <benchmark/benchmark.h>
 
 #include "haptic_server/control/controller.h"
-#include "haptic_server/control/impulse_spreader.h"
 #include "haptic_server/control/limiter.h"
 #include "haptic_server/local_model/local_model.h"
 
@@ -57,9 +56,7 @@ void tick(benchmark::State& state, bool adopts) {
   const ReportedContacts contacts = contacts_of(start, static_cast<int>(state.range(1)));
   LocalModel model(tool, start.configuration(), {}, kStep);
   const Controller controller(ControllerKind::kFourChannel, {});
-  const ForceBudget budget = ForceBudget::of(12, 0.6, {}, kStep);
-  ImpulseSpreader spreader(budget, kStep);
-  Limiter limiter(budget, 0.1, kStep);
+  Limiter limiter({}, {}, kStep);
   limiter.allow(true);
 
   DeviceState device;
@@ -71,9 +68,8 @@ void tick(benchmark::State& state, bool adopts) {
     const ContactWrench felt =
         model.step(controller.to_proxy(device, {model.proxy().X_WH(), model.hand_twist()}));
     const HandMotion proxy{model.proxy().X_WH(), model.hand_twist()};
-    Wrench u = controller.to_device(device, proxy, {}, felt);
-    u += spreader.render(felt.impulse, u);
-    benchmark::DoNotOptimize(limiter.limit(u));
+    const Wrench u = controller.to_device(device, proxy, {}, felt);
+    benchmark::DoNotOptimize(limiter.limit(u, felt.impulse));
   }
 }
 

@@ -117,7 +117,7 @@ void approach_map(Bench& bench) {
               o.drift, o.sway);
     if (o.arrival == 0 && seed == bench.seed()) {
       const bool known = !stuck.empty() && stuck.back().method == method.label;
-      if (!known) stuck.push_back({method.label, speed});
+      if (!known) stuck.push_back({std::string(method.label), speed});
     }
     if (method.name != "lm-adaptive") continue;
     adaptive_sway = std::max(adaptive_sway, o.sway);

@@ -16,14 +16,14 @@ struct BodyTask {
   std::string tool = "tool";
   std::string body = "body::body";  ///< The one that is watched.
   server::HandScript hand;
-  double duration = 4;              ///< s.
+  double duration = 4;  ///< s.
 };
 
 struct BodyConditions {
-  double ve_rate = 60;     ///< Hz.
-  double delay = 0;        ///< One way, s.
-  double loss = 0;         ///< Share of datagrams.
-  double stiffness = 4000; ///< k, N/m.
+  double ve_rate = 60;      ///< Hz.
+  double delay = 0;         ///< One way, s.
+  double loss = 0;          ///< Share of datagrams.
+  double stiffness = 4000;  ///< k, N/m.
   bool by_following = false;
 };
 
@@ -48,12 +48,12 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
 /// Of the samples from a time on.
 struct ForceStatistics {
   double mean = 0;
-  double deviation = 0;       ///< Standard deviation, N.
-  double largest = 0;         ///< |F|, N.
-  double update_step = 0;     ///< Largest change in the tick of an update that is no collision, N.
-  double step = 0;            ///< Largest change from any tick to the next, N.
+  double deviation = 0;    ///< Standard deviation, N.
+  double largest = 0;      ///< |F|, N.
+  double update_step = 0;  ///< Largest change in the tick of an update that is no collision, N.
+  double step = 0;         ///< Largest change from any tick to the next, N.
   int collisions = 0;
-  int limited = 0;            ///< Ticks.
+  int limited = 0;  ///< Ticks.
 };
 /// Of F_env along an axis, from `begin` to `end` (s).
 ForceStatistics force_along(const std::vector<BodySample>& samples, const Vector3& axis,

@@ -6,6 +6,8 @@
 #include <CLI/CLI.hpp>
 #include <spdlog/fmt/fmt.h>
 
+#include "haptic_server/control/controller.h"
+#include "haptic_server/local_model/parameters.h"
 #include "tests/experiments/experiments.h"
 
 namespace hlm::experiments {
@@ -76,7 +78,7 @@ void write_parameters(Bench& bench, const BenchOptions& options) {
                   gains.angular_stiffness, gains.damping, gains.angular_damping));
   row("contacts",
       fmt::format("friction {}, restitution {}, implicit step, non-negative impulses; load "
-                  "released by {} N a step; VE contact tolerance 0",
+                  "released by {} N a step, no healing (except of bodies); VE contact tolerance 0",
                   task.friction, local.restitution, local.release_step));
   row("seed",
       "draws the moment at which the hand begins, the rates of frames, the network, and the point "

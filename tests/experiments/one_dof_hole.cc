@@ -108,7 +108,7 @@ double largest_difference(const Trace& a, const Trace& b) {
   return difference;
 }
 
-void write_series(Table& series, const std::string& label, const Trace& trace) {
+void write_series(Table& series, std::string_view label, const Trace& trace) {
   for (const server::TickRecord& tick : trace.ticks) {
     if (tick.time > 1.5) return;
     series.row(label, tick.time, position(tick), tick.F_env[0]);

@@ -34,13 +34,14 @@ void add(Outcomes& outcomes, const Trace& trace) {
   ++outcomes.trials;
 }
 
-std::map<std::string, Outcomes> shake_all(Bench& bench, const std::string& figure, const Task& task,
-                                          const std::vector<std::string>& names) {
+std::map<std::string_view, Outcomes> shake_all(Bench& bench, const std::string& figure,
+                                               const Task& task,
+                                               const std::vector<std::string>& names) {
   const std::vector<Job> jobs = bench.jobs(names, bench.seeds());
   const std::vector<Trace> traces = bench.map(jobs, [&](const Job& job) {
     return run({task, job.method, {}, job.seed});
   });
-  std::map<std::string, Outcomes> outcomes;
+  std::map<std::string_view, Outcomes> outcomes;
   Table& trials =
       bench.table(fmt::format("{}_trials", figure), "method,seed,x_m,y_m,theta_rad,energy_J");
   Table& series = bench.table(fmt::format("{}_series", figure), "method,time_s,x_m,y_m,theta_rad");

@@ -65,7 +65,7 @@ void square_hole(Bench& bench) {
   });
   Pose X_W0;
   X_W0.p.z() = 0.04;
-  std::map<std::string, Outcomes> of;
+  std::map<std::string_view, Outcomes> of;
   Table& trials = bench.table("spatial_hole", "method,seed,distance_m,rotation_rad,energy_J");
   Table& series = bench.table("spatial_hole_series", "method,time_s,x_m,y_m,z_m,rotation_rad");
   for (std::size_t i = 0; i < jobs.size(); ++i) {
@@ -116,7 +116,7 @@ void box_on_edge(Bench& bench) {
     std::vector<double> tilt;  ///< In the last second, rad.
     std::vector<double> sway;  ///< Peak to peak of the height in the last second, m.
   };
-  std::map<std::string, Rest> of;
+  std::map<std::string_view, Rest> of;
   Table& trials = bench.table("spatial_box", "method,seed,tilt_rad,sway_m");
   Table& series = bench.table("spatial_box_series", "method,time_s,z_m,tilt_rad");
   const auto height = [](const server::TickRecord& t) { return t.X_WD.p.z(); };
@@ -137,7 +137,8 @@ void box_on_edge(Bench& bench) {
                        spread(rest.sway, 1e3));
   };
   // Without prediction the late contacts keep the tilt at which they arrived.
-  const std::map<std::string, double> largest_tilt{{"lm0", 15}, {"lm5", 3}, {"lm-adaptive", 0.1}};
+  const std::map<std::string_view, double> largest_tilt{
+      {"lm0", 15}, {"lm5", 3}, {"lm-adaptive", 0.1}};
   for (const auto& [name, degrees] : largest_tilt) {
     const Rest& rest = of[name];
     if (rest.tilt.empty()) continue;

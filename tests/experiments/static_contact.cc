@@ -65,8 +65,8 @@ void static_contact(Bench& bench) {
     return result;
   });
 
-  std::map<std::string, std::vector<double>> wall, sway_y, sway, arrival;
-  std::map<std::string, int> left;
+  std::map<std::string_view, std::vector<double>> wall, sway_y, sway, arrival;
+  std::map<std::string_view, int> left;
   Table& trials = bench.table("fig14_trials", "method,seed,wall_m,sway_y_m,sway_rad,arrival_m_s");
   Table& series = bench.table("fig14_series", "method,time_s,y_m,theta_rad");
   for (std::size_t i = 0; i < jobs.size(); ++i) {

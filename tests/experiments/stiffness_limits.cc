@@ -24,8 +24,9 @@ server::SimulatedDeviceOptions realistic(server::SimulatedDeviceOptions device) 
   return device;
 }
 
-std::map<std::string, StiffnessLimit> limits(Bench& bench, const std::vector<std::string>& names,
-                                             bool on_realistic_device, Table& table) {
+std::map<std::string_view, StiffnessLimit> limits(Bench& bench,
+                                                  const std::vector<std::string>& names,
+                                                  bool on_realistic_device, Table& table) {
   const std::vector<Method> methods = bench.methods(names);
   Trial trial{hole_task(kPush, 0, kDamping, kDuration), {}, {}, bench.seed()};
   if (on_realistic_device) trial.task.device = realistic(trial.task.device);
@@ -34,7 +35,7 @@ std::map<std::string, StiffnessLimit> limits(Bench& bench, const std::vector<std
     of_method.method = method;
     return find_stiffness_limit(of_method, bench.quick() ? 1 : 10);
   });
-  std::map<std::string, StiffnessLimit> result;
+  std::map<std::string_view, StiffnessLimit> result;
   const char* device = on_realistic_device ? "1 tick of delay and filtered velocity" : "ideal";
   for (std::size_t i = 0; i < methods.size(); ++i) {
     result[methods[i].name] = found[i];
@@ -50,19 +51,19 @@ std::map<std::string, StiffnessLimit> limits(Bench& bench, const std::vector<std
 void stiffness_limits(Bench& bench) {
   std::vector<std::string> names{"ir", "lm0", "lm5", "lm0-direct", "lm5-direct", "ir-four"};
   if (!bench.quick()) {
-    for (const Method& method : methods()) {
+    for (const Method& method : kMethods) {
       if (std::find(names.begin(), names.end(), method.name) == names.end()) {
-        names.push_back(method.name);
+        names.emplace_back(method.name);
       }
     }
   }
   Table& table = bench.table("limits", "device,method,k_max,ratio_to_ir,beyond,monotonous");
   auto ideal = limits(bench, names, false, table);
-  std::map<std::string, StiffnessLimit> real;
+  std::map<std::string_view, StiffnessLimit> real;
   if (!bench.quick()) real = limits(bench, names, true, table);
   if (!bench.complete()) return;
 
-  const auto gain = [&](std::map<std::string, StiffnessLimit>& of, const char* name) {
+  const auto gain = [&](std::map<std::string_view, StiffnessLimit>& of, const char* name) {
     return of[name].k_max / of["ir"].k_max;
   };
   const auto claim_gain = [&](const char* name, const char* paper) {

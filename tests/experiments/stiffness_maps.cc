@@ -67,7 +67,7 @@ Trial trial_of(const Bench& bench, const Cell& cell) {
 }
 
 /// k_max by value of the axis and method.
-using Map = std::map<double, std::map<std::string, double>>;
+using Map = std::map<double, std::map<std::string_view, double>>;
 
 /// Least-squares slope of log k_max over log age, age = delay + one mean period.
 double slope_over_age(Map& delay, const std::string& method) {
@@ -103,7 +103,7 @@ void stiffness_maps(Bench& bench) {
 
   Table& table =
       bench.table("maps", "axis,unit,value,method,k_max,ratio_to_ir,beyond,monotonous,colgate");
-  std::map<std::string, Map> k_max;
+  std::map<std::string_view, Map> k_max;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const auto& [axis, value, method] = cells[i];
     auto& at = k_max[axis->name][value];

@@ -110,7 +110,11 @@ server::HandScript hand_script(const server::HandSegment& hand, double start) {
 /// Limits are the device's: nothing else shall stand between a method and the hand.
 server::LimiterOptions no_further_limits() {
   constexpr double kFar = 1e9;
-  return {.max_force = kFar, .max_torque = kFar, .fade_time = 0.02};
+  return {.max_force = kFar,
+          .max_torque = kFar,
+          .max_force_rate = kFar,
+          .max_torque_rate = kFar,
+          .rise_time = 0.02};
 }
 
 test::VirtualSessionOptions session_options(const Trial& trial, const server::HandScript& hand) {
@@ -135,7 +139,8 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   servo.controller = method.controller;
   servo.limits = no_further_limits();
   servo.silence_time = 2;  // Losses must not end a trial.
-  servo.local_model.update_rule = method.rule;
+  servo.local_model.update_rule = method.update_rule;
+  servo.local_model.healing_speed = 0;  // Not the paper's.
   servo.local_model.stiffness = task.stiffness;
   servo.local_model.damping = task.damping;
   servo.local_model.static_friction = servo.local_model.kinetic_friction = task.friction;

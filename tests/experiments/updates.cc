@@ -4,6 +4,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "haptic_server/local_model/parameters.h"
 #include "tests/experiments/experiments.h"
 #include "tests/experiments/hole_task.h"
 
@@ -32,7 +33,7 @@ void updates(Bench& bench) {
     return run({task, job.method, {}, job.seed}).updates;
   });
 
-  std::map<std::string, Effects> of;
+  std::map<std::string_view, Effects> of;
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     for (const UpdateEffect& effect : found[i]) {
       of[jobs[i].method.name].jump.push_back(effect.force);
@@ -49,11 +50,11 @@ void updates(Bench& bench) {
     for (const double jump : e.jump) noticeable += jump > kJustNoticeable;
     table.row(method.label, largest(e.jump), quantile(e.jump, 0.99),
               noticeable / static_cast<double>(e.jump.size()), largest(e.energy));
-    if (method.rule == UpdateRule::kIntermediateRepresentation ||
-        method.rule == UpdateRule::kPlaneRecovery) {
+    if (method.update_rule == UpdateRule::kIntermediateRepresentation ||
+        method.update_rule == UpdateRule::kPlaneRecovery) {
       continue;
     }
-    const bool retains = method.rule == UpdateRule::kRetain;
+    const bool retains = method.update_rule == UpdateRule::kRetain;
     // Retained load is released from the very step of the update on.
     const double bound = server::LocalModelParameters{}.release_step;
     std::string criterion =

@@ -8,6 +8,7 @@
 
 #include <unistd.h>
 
+#include "haptic_server/program.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {
@@ -72,6 +73,13 @@ std::string tick_log() {
          "device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,hand_force_x_N,hand_force_y_N,"
          "hand_force_z_N,hand_torque_x_N_m,hand_torque_y_N_m,hand_torque_z_N_m\n"
          "1,1,0,0,0,1,0,0,0,0,0,0,0,0,0,1,0,0,0,0,0,0\n";
+}
+
+TEST_CASE("An address that cannot be used is named with its option and an example") {
+  CHECK_THROWS_WITH(
+      resolve_option("--listen", "nowhere"),
+      ContainsSubstring("--listen nowhere: ") && ContainsSubstring("for example 127.0.0.1:47800"));
+  CHECK_THROWS_AS(resolve_option("--listen", "127.0.0.1:99999"), settings::UsageError);
 }
 
 TEST_CASE("Without options the simulated device is there, as it is") {

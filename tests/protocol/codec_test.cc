@@ -55,6 +55,7 @@ Hello documented_hello() {
   hello.tool.length = 0.04;
   hello.tool.X_LH.p = {0, 0.01, 0};
   hello.q = Vector3(0.01, -0.02, 0.5);
+  hello.clears_fault = true;
   Link link;
   link.joint = JointType::kPlanar;
   link.p_LCom = {0, 0.002, 0};
@@ -178,6 +179,7 @@ Welcome documented_welcome() {
   welcome.device.max_stiffness = 10000;
   welcome.device.measures_hand = true;
   welcome.device.guidable = true;
+  welcome.device.freedoms = kPlanarFreedoms;
   return welcome;
 }
 
@@ -399,6 +401,17 @@ TEST_CASE("What a newer version appends to fixed fields, items and lists is skip
   REQUIRE(decode(view(bytes), impulses) == std::nullopt);
   REQUIRE(impulses.bodies.size() == 1);
   CHECK(impulses.bodies[0].P_W[5] == 0.001);
+}
+
+TEST_CASE("What an older server of this version does not send has its default") {
+  DatagramBytes bytes = encode(envelope_for<Welcome>(), documented_welcome());
+  bytes.pop_back();                                                         // freedoms
+  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 1);  // block
+  set_length(bytes);
+  Welcome decoded;
+  REQUIRE(decode(view(bytes), decoded) == std::nullopt);
+  CHECK(decoded.device.freedoms == kAllFreedoms);
+  CHECK(decoded.device.guidable);
 }
 
 TEST_CASE("A value that this version has no name for is kept, not refused") {

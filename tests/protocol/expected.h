@@ -39,17 +39,6 @@ inline constexpr std::array<Word<protocol::MessageType>, 11> kWords<protocol::Me
     {protocol::MessageType::kRefusal, "refusal", ""},
     {protocol::MessageType::kImpulses, "impulses", ""},
 }};
-template <>
-inline constexpr std::array<Word<protocol::RejectReason>, 3> kWords<protocol::RejectReason>{{
-    {protocol::RejectReason::kVersion, "version", ""},
-    {protocol::RejectReason::kBusy, "busy", ""},
-    {protocol::RejectReason::kTool, "tool", ""},
-}};
-template <>
-inline constexpr std::array<Word<protocol::GoodbyeReason>, 2> kWords<protocol::GoodbyeReason>{{
-    {protocol::GoodbyeReason::kFinished, "finished", ""},
-    {protocol::GoodbyeReason::kShutdown, "shutdown", ""},
-}};
 
 }  // namespace hlm
 

@@ -78,6 +78,7 @@ inline Expected expected_block(const protocol::Hello& hello) {
   fields.integer("hand_link", hello.tool.hand_link);
   fields.integer("size_q", hello.q.size());
   fields.coordinates("q", hello.q);
+  fields.flag("clears_fault", hello.clears_fault);
   return fields;
 }
 
@@ -133,6 +134,7 @@ inline Expected expected_block(const protocol::Welcome& welcome) {
   fields.flag("device.guidable", device.guidable);
   fields.integer("device.size_name", device.name.size());
   if (!device.name.empty()) fields.text("device.name", {device.name.begin(), device.name.end()});
+  fields.integer("device.freedoms", device.freedoms);
   return fields;
 }
 

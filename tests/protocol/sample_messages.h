@@ -47,6 +47,7 @@ inline protocol::ProxyState planar_state(std::uint64_t step = 1500) {
 inline protocol::Hello random_hello(Random& random) {
   protocol::Hello hello;
   hello.nonce = random.engine()();
+  hello.clears_fault = random.integer(0, 1) == 1;
   hello.tool = random_tool(random, random.integer(1, 11),
                            random.integer(0, 1) ? JointType::kFree : JointType::kPlanar);
   for (Link& link : hello.tool.links) {
@@ -180,6 +181,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   device.renders_torque = flip();
   device.measures_hand = flip();
   device.guidable = flip();
+  device.freedoms = static_cast<Freedoms>(random.integer(0, 63));
   return welcome;
 }
 

@@ -276,7 +276,7 @@ class LivePage(PageTest):
 
         refused = self.send({"type": "settings", "stiffness": -1})
         self.assertEqual(refused["field"], "stiffness")
-        self.assertIn("-1 must be 1 to 1e+06 N/m", refused["text"])
+        self.assertIn("-1 must be 1 to 1000000 N/m", refused["text"])
         self.assertEqual(self.frame()["settings"]["stiffness"], 4000)
         for nonsense in ({"type": "explode"}, {"type": "hand", "hold": True, "target": [1, 2]},
                          {"type": "environment", "loss": "much"}, [], 7):

@@ -273,10 +273,11 @@ TEST_CASE("An update says which impulses its bodies contain") {
     if (update.bodies.empty()) continue;
     ++with_body;
     CHECK(update.bodies[0].id == kBrick);
-    // 1e-3 kg·m², 0.02 N·m since step 1; what was lost on the way is made up for later.
-    const double contained = update.bodies[0].P_W[5];
-    CHECK(update.bodies[0].V_W[5] * 1e-3 == Approx(contained).margin(1e-9));
-    CHECK(contained == Approx(0.02 * 0.001 * update.impulse_step).margin(1e-3));
+    // 1e-3 kg·m².
+    CHECK(1e-3 * update.bodies[0].V_W[5] == Approx(update.bodies[0].P_W[5]).margin(1e-9));
+    // 0.02 N·m since step 1; where totals were lost they follow with the next.
+    CHECK(update.bodies[0].P_W[5] <= 0.02e-3 * (update.impulse_step + 1));
+    CHECK(update.bodies[0].P_W[5] >= 0.02e-3 * (update.impulse_step - 150));
   }
   CHECK(with_body > 10);
 }

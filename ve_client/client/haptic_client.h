@@ -18,7 +18,7 @@ struct HapticClientOptions {
   Configuration q;          ///< Where the tool is; the proxy of the first session starts there.
   double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
   double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
-  std::uint64_t nonce = 1;  ///< Distinguishes this run from others: draw it at random.
+  std::uint64_t nonce = 0;  ///< Of the first session; 0: drawn at random, as all later ones are.
   protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
 };
 

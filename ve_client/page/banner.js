@@ -6,6 +6,7 @@ const FAULTS = {
   non_finite: 'the local model gave a value that is not finite: lower the stiffness or choose LM, then Reset',
   overrun: 'ticks took longer than their period for too long: give the server free cores or a lower '
     + 'rate, then Reset',
+  implausible: 'contacts carried the proxy away: check how fast bodies move, then Reset',
   device: 'the device reported an error: check its cable, power and enable switch, then Reset',
 };
 
@@ -24,6 +25,14 @@ export function troubleOf(link, frame, now) {
              text: 've_client answers but sends no frames: its world stands still. See its terminal.' };
   }
   if (!frame) return null;
+  if (frame.rejected === 'fault') {
+    return { kind: 'fault', cut: 'haptic_server waits after a fault',
+             text: 'haptic_server had a fault and keeps the force off until you press Reset. Its log says which.' };
+  }
+  if (frame.rejected === 'busy') {
+    return { kind: 'busy', cut: 'haptic_server is busy',
+             text: 'haptic_server is busy with another client: end that one, or wait.' };
+  }
   if (!frame.connected) {
     return { kind: 'no_server', cut: 'haptic_server does not answer',
              text: 'haptic_server does not answer: start it, or check --server.' };

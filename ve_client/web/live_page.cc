@@ -72,6 +72,8 @@ void LivePage::show_world(const WorldView& view) {
 
 void LivePage::show_frame(FrameView view) {
   if (view.state != nullptr) state_ = *view.state;
+  if (view.result.inbox.reject) rejected_ = view.result.inbox.reject->reason;
+  if (view.client.connected()) rejected_.reset();
   if (server_.pages() == 0) {
     if (!ticks_.empty()) ticks_.take();
     return;
@@ -80,6 +82,7 @@ void LivePage::show_frame(FrameView view) {
   if (!server_.telemetry_wanted()) contacts_.reset();  // or old ones would be shown later
   view.contacts = contacts_ ? &*contacts_ : nullptr;
   view.held = holding_page_.has_value();
+  view.rejected = rejected_;
   server_.publish(std::make_shared<const std::string>(frame_message(view)));
   if (!ticks_.empty()) server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));
 }

@@ -88,6 +88,7 @@ json controllers(std::size_t links) {
 json methods(std::size_t links) {
   json all = json::array();
   for (const Method& method : kMethods) {
+    if (!method.on_page) continue;
     all.push_back({{"name", method.name},
                    {"label", method.label},
                    {"help", method.help},
@@ -198,6 +199,7 @@ std::string frame_message(const FrameView& view) {
   const Method* const method = method_in_effect(view.settings);
   json frame{{"type", "frame"},
              {"connected", view.client.connected()},
+             {"rejected", view.rejected ? name_of(*view.rejected) : ""},
              {"bodies", std::move(bodies)},
              {"held", view.held},
              {"reported", view.result.active + view.result.predicted},

@@ -31,6 +31,8 @@ struct FrameView {
   const FrameResult& result;
   const LiveSettings& settings;
   bool held = false;  ///< A page holds the hand.
+  /// Why the server gives no session; empty in one, and before it has said.
+  std::optional<protocol::RejectReason> rejected{};
 };
 std::string frame_message(const FrameView& view);
 

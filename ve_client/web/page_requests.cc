@@ -1,7 +1,6 @@
 #include "ve_client/web/page_requests.h"
 
 #include <cmath>
-#include <sstream>
 
 #include <nlohmann/json.hpp>
 
@@ -11,12 +10,6 @@ namespace hlm::ve {
 namespace {
 
 using nlohmann::json;
-
-std::string number_text(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
-}
 
 /// Thrown within this file only.
 struct Refused {
@@ -28,13 +21,9 @@ struct Refused {
   throw Refused{{field, given, field + " " + given + " must be " + allowed}};
 }
 
-template <class Range>
-double number(const json& value, const Range& range) {
-  const bool fits =
-      value.is_number() && value.get<double>() >= range.least && value.get<double>() <= range.most;
-  if (!fits) {
-    refuse(range.name, value,
-           number_text(range.least) + " to " + number_text(range.most) + " " + range.unit);
+double number(const char* name, const json& value, const Range& range) {
+  if (!value.is_number() || !range.contains(value.get<double>())) {
+    refuse(name, value, to_string(range));
   }
   return value.get<double>();
 }
@@ -81,7 +70,7 @@ constexpr const char* kForLinkages = ": the tool has several links, the device c
 LiveSettings with_method(const json& name, const LiveSettings& settings, const ToolTraits& tool) {
   std::string allowed;
   for (const Method& method : kMethods) {
-    if (!suits(method.controller, tool.links)) continue;
+    if (!method.on_page || !suits(method.controller, tool.links)) continue;
     if (name == method.name) return with_method(method, settings);
     allowed.append(allowed.empty() ? "" : ", ").append(method.name);
   }
@@ -117,7 +106,7 @@ LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolT
                                     [&](const auto& r) { return field == r.name; });
     if (range == kTuningRanges.end())
       refuse(field, value, "one of the settings in docs/page_messages.md");
-    tuning.*range->number = number(value, *range);
+    tuning.*range->number = number(range->name, value, *range);
   }
   return settings;
 }
@@ -131,7 +120,17 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
                                     [&](const auto& r) { return field == r.name; });
     if (range == kEnvironmentRanges.end())
       refuse(field, value, "one of the settings in docs/page_messages.md");
-    range->number(settings) = number(value, *range);
+    range->number(settings) = number(range->name, value, *range);
+  }
+  const FrameOptions& frame = settings.frame;
+  if (frame.largest_epsilon > 0 && frame.largest_epsilon < frame.epsilon) {
+    if (message.contains("largest_epsilon")) {
+      refuse("largest_epsilon", frame.largest_epsilon,
+             "0, which is off, or at least epsilon, " + shortest_text(frame.epsilon) + " m");
+    }
+    refuse("epsilon", frame.epsilon,
+           "at most largest_epsilon, " + shortest_text(frame.largest_epsilon) +
+               " m, unless that is 0, which is off");
   }
   return settings;
 }

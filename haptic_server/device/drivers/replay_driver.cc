@@ -34,6 +34,7 @@ constexpr std::array<NumberOf<DeviceRatings>, 9> kRatingNumbers{{
 }  // namespace
 
 ReplayDriver::ReplayDriver() : ratings_(ratings_of(SimulatedDeviceOptions{})) {
+  ratings_.freedoms = kAllFreedoms;  // A log does not say.
   table_.file("log", log_, "Tick log to play, CSV (required)");
   table_.numbers(ratings_, kRatingNumbers);
 }

@@ -142,6 +142,19 @@ TEST_CASE("The command line goes before the file") {
   CHECK(mill.engine.power == 5);
 }
 
+TEST_CASE("A configuration is read from a pipe as from a file") {
+  int ends[2];
+  REQUIRE(::pipe(ends) == 0);
+  const std::string text = "stones = 3\n[engine]\npower = 5\n";
+  REQUIRE(::write(ends[1], text.data(), text.size()) == static_cast<ssize_t>(text.size()));
+  ::close(ends[1]);
+  Mill mill;
+  CHECK_FALSE(mill.parse({"--config", ("/dev/fd/" + std::to_string(ends[0])).c_str()}));
+  ::close(ends[0]);
+  CHECK(mill.stones == 3);
+  CHECK(mill.engine.power == 5);
+}
+
 TEST_CASE("A value out of range is named with its option and what is allowed") {
   CHECK(error_of({"--grain-size", "1"}) == "mill: --grain-size 1 m must be 0.0001 to 0.01 m\n");
   CHECK(error_of({"--grain-size", "-1"}) == "mill: --grain-size -1 m must be 0.0001 to 0.01 m\n");

@@ -16,8 +16,9 @@ Wrench push(double force) {
   return F;
 }
 
+/// Its fades take 0.1 s; rates are the device's.
 Limiter limiter_for(const DeviceRatings& device = {}) {
-  return {ForceBudget::of(12, 0.6, device, kStep), /*fade_time=*/0.1, kStep};
+  return {{.max_force_rate = 1e6, .max_torque_rate = 1e6, .fade_time = 0.1}, device, kStep};
 }
 
 Limiter faded_in(const DeviceRatings& device = {}) {
@@ -134,6 +135,52 @@ TEST_CASE("A fade faster than the device's rate goes on at that rate, to the end
   }
   CHECK(previous == 0);
   CHECK(steps == Approx(240).margin(1));
+}
+
+TEST_CASE("An impulse rises and falls at the rate's limit and keeps its momentum") {
+  // Of 0.3 kg at 0.2 m/s, beside a wanted force that changes meanwhile, at 3 N and 0.15 N·m a step.
+  const double steady = GENERATE(0.0, 2.0, -5.0, 11.0);  // N
+  Limiter limiter({.fade_time = 0.1}, {}, kStep);
+  limiter.allow(true);
+  for (int i = 0; i < 200; ++i) limiter.limit(push(steady));
+  Wrench impulse = push(-0.06);  // N·s
+  impulse[5] = 0.002;            // N·m·s
+  Wrench before = push(steady);
+  double momentum = 0;
+  double angular = 0;
+  double lag = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Wrench wanted = push(i < 20 ? steady : 0.5 * steady);
+    const Wrench F = limiter.limit(wanted, i == 0 ? impulse : Wrench(Wrench::Zero()));
+    CHECK(F.head<3>().norm() <= 12 + 1e-9);               // N
+    CHECK(F.tail<3>().norm() <= 0.6 + 1e-9);              // N·m
+    CHECK((F - before).head<3>().norm() <= 3 + 1e-9);     // N
+    CHECK((F - before).tail<3>().norm() <= 0.15 + 1e-9);  // N·m
+    momentum += limiter.impulse_wrench()[1] * kStep;
+    angular += limiter.impulse_wrench()[5] * kStep;
+    lag += (F - wanted - limiter.impulse_wrench())[1] * kStep;
+    before = F;
+  }
+  CHECK(momentum == Approx(-0.06).epsilon(1e-9));
+  CHECK(angular == Approx(0.002).epsilon(1e-9));
+  CHECK(std::abs(lag) < 0.02);  // N·s: what the change of the wanted force lost to the rate
+  CHECK(limiter.impulse_wrench().norm() == 0);
+}
+
+TEST_CASE("An impulse that is over in one step falls no faster than it may") {
+  Limiter limiter({.max_force_rate = 1000}, {}, kStep);  // 1 N a step
+  limiter.allow(true);
+  for (int i = 0; i < 200; ++i) limiter.limit(push(0));
+  double before = 0;
+  double largest = 0;
+  for (int i = 0; i < 30; ++i) {
+    const double force = limiter.limit(push(0), push(i == 0 ? 0.02 : 0))[1];
+    CHECK(std::abs(force - before) <= 1 + 1e-9);
+    largest = std::max(largest, force);
+    before = force;
+  }
+  CHECK(largest > 3.9);  // N: 1 + 2 + 3 + 4 + 4 + 3 + 2 + 1
+  CHECK(before == 0);
 }
 
 TEST_CASE("A wrench that is not finite gives zero force and is noted") {

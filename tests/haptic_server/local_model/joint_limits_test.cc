@@ -94,7 +94,7 @@ TEST_CASE("A bar that swings against its stop collides once and rebounds by its 
   }
   CHECK(collisions == 1);
   // The contact's damper takes part from the step before the collision on, as at a wall.
-  CHECK(model.velocity()[0] > -3 * parameters.restitution - 0.15);       // rad/s
+  CHECK(model.velocity()[0] > -3 * parameters.restitution - 0.15);        // rad/s
   CHECK(model.velocity()[0] < -0.75 * 3 * parameters.restitution + 0.1);  // rad/s
 }
 

@@ -141,6 +141,39 @@ TEST_CASE("A door's contact is felt at the handle as force and torque that its l
   CHECK(felt.F[5] == Approx(moment * length * length / weight).epsilon(1e-3));  // N·m
 }
 
+TEST_CASE("A wall that arrived late is felt where it is a second later") {
+  // 5 mm beyond the wall when it is reported, on the way with what the push has done until then.
+  const double push = GENERATE(0.5, 2.0, 5.0);  // N
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, 1e-3);
+  while (model.proxy().X_WH().p.z() > -0.005) model.step(push_down(push));
+  ReportedContact wall;
+  wall.p_WC = {0, 0, 0};
+  wall.separation = model.proxy().X_WH().p.z();
+  model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
+  double largest_step = 0;
+  double before = 0;
+  for (int i = 0; i < 1200; ++i) {
+    const double f = model.step(push_down(push)).F[2];
+    if (i > 50) largest_step = std::max(largest_step, f - before);  // N: after it has stopped
+    before = f;
+    REQUIRE(model.healing_tank() >= 0);
+  }
+  CHECK(model.proxy().X_WH().p.z() == Approx(-push / 4000).margin(1e-4));  // m
+  CHECK(largest_step <= 0.6);  // N: half a newton of healing, and the proxy's own motion
+}
+
+TEST_CASE("Without energy that contacts took out, a late wall stays where it was met") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, 1e-3);
+  ReportedContact wall;
+  wall.p_WC = {0, 0, 0.005};
+  wall.separation = -0.005;
+  model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
+  for (int i = 0; i < 1200; ++i) model.step(push_down(2 * std::min(1.0, i / 1000.0)));
+  CHECK(model.proxy().X_WH().p.z() < 0);  // m: the hand was not pushed out
+}
+
 TEST_CASE("The same inputs give the same bits") {
   const auto run = [] {
     LocalModel model = falling_tool({}, 0.002);
@@ -163,6 +196,57 @@ TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamic
   for (int i = 0; i < 3000; ++i) model.step(hand);
   CHECK(model.contacts()[0].f_W.z() == Approx(1).epsilon(1e-5));  // lever arms 0.05 : 0.15
   CHECK(model.contacts()[1].f_W.z() == Approx(3).epsilon(1e-5));
+}
+
+TEST_CASE("A linkage that folds onto itself: both links feel it, and momentum stays") {
+  // Three bars of 0.2 m, free in the plane, bent to a U; the last one swings back to the first.
+  ToolDescription chain;
+  for (int i = 0; i < 3; ++i) {
+    Link link;
+    link.parent = i - 1;
+    link.joint = i == 0 ? JointType::kPlanar : JointType::kRevolute;
+    if (i > 0) link.X_PJ.p = {0.2, 0, 0};
+    link.p_LCom = {0.1, 0, 0};
+    link.mass = 0.3;
+    link.I_LCom = test::box_inertia(link.mass, {0.1, 0.01, 0.01});
+    chain.links.push_back(link);
+  }
+  chain.hand_link = 2;
+  Configuration q = Configuration::Zero(5);
+  q.tail<2>() << 1.6, 1.6;
+  LocalModelParameters frictionless;
+  frictionless.static_friction = frictionless.kinetic_friction = 0;
+  LocalModel model(chain, q, frictionless, kStep);
+  model.follow(q, Velocity::Unit(5, 4) * 2);  // rad/s in the last joint
+
+  // The last bar's end meets the first bar's upper face.
+  const ToolModel& tool = model.proxy();
+  const Vector3 end = tool.X_WL(2) * Vector3(0.2, 0, 0);
+  ReportedContact contact;
+  contact.a = {SideKind::kToolLink, 2};
+  contact.b = {SideKind::kToolLink, 0};
+  contact.n_W = tool.X_WL(0).R * Vector3::UnitY();
+  contact.separation = 0.02;
+  contact.p_WC = end - contact.separation * contact.n_W;
+  const ReportedContacts contacts{contact};
+  model.adopt({.contacts = contacts, .q_VE = q});
+
+  const auto momentum = [&] {
+    return Eigen::Vector2d((tool.mass_matrix() * model.velocity()).head<2>());
+  };
+  const auto gap_speed = [&] {
+    const Vector3 p_W = model.contacts()[0].p_W;
+    return model.contacts()[0].n_W.dot((tool.point_jacobian(2, p_W) - tool.point_jacobian(0, p_W)) *
+                                       model.velocity());
+  };
+  const Eigen::Vector2d before = momentum();
+  const double turning = model.velocity()[2];
+  REQUIRE(gap_speed() < -0.1);  // m/s
+  while (model.state() == ProxyContactState::kFreeMotion) model.step({});
+  for (int i = 0; i < 3; ++i) model.step({});
+  CHECK(gap_speed() > -0.02);                            // m/s
+  CHECK(std::abs(model.velocity()[2] - turning) > 0.1);  // rad/s: the first bar was hit
+  CHECK((momentum() - before).norm() < 1e-3 * before.norm());
 }
 
 }  // namespace

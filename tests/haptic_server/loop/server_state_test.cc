@@ -9,8 +9,8 @@
 namespace hlm::server {
 namespace {
 
-constexpr double kSilence = 0.25;  // s
-constexpr double kStep = 1e-3;     // s
+constexpr double kSilence = 0.1;  // s
+constexpr double kStep = 1e-3;    // s
 
 void pass(ServerStateMachine& machine, int ticks, bool faded = false) {
   for (int i = 0; i < ticks; ++i) machine.tick(faded);
@@ -18,9 +18,9 @@ void pass(ServerStateMachine& machine, int ticks, bool faded = false) {
 
 /// Events that leave a fresh machine in this state; the client's goodbye apart.
 ServerStateMachine in(ServerState state) {
-  ServerStateMachine machine(kSilence, kStep);
+  ServerStateMachine machine(kStep);
   if (state == ServerState::kIdle) return machine;
-  machine.begin();
+  machine.begin(kSilence);
   if (state == ServerState::kSilent) pass(machine, 300);
   if (state == ServerState::kFault) machine.fail(Fault::kOverrun);
   return machine;
@@ -41,8 +41,10 @@ constexpr auto kSilent = ServerState::kSilent;
 constexpr auto kFault = ServerState::kFault;
 
 const Transition kTransitions[] = {
-    {"begin", [](ServerStateMachine& m) { m.begin(); }, kRunning, kRunning, kRunning, kRunning},
-    {"update", [](ServerStateMachine& m) { m.update(); }, kIdle, kRunning, kRunning, kFault},
+    {"begin", [](ServerStateMachine& m) { m.begin(kSilence); }, kRunning, kRunning, kRunning,
+     kRunning},
+    {"update", [](ServerStateMachine& m) { m.update(kSilence); }, kIdle, kRunning, kRunning,
+     kFault},
     {"end", [](ServerStateMachine& m) { m.end(); }, kIdle, kSilent, kSilent, kFault},
     {"end, faded",
      [](ServerStateMachine& m) {
@@ -54,7 +56,7 @@ const Transition kTransitions[] = {
     {"a tick", [](ServerStateMachine& m) { m.tick(false); }, kIdle, kRunning, kSilent, kFault},
     {"a tick, faded", [](ServerStateMachine& m) { m.tick(true); }, kIdle, kRunning, kSilent,
      kFault},
-    {"silence", [](ServerStateMachine& m) { pass(m, 252, true); }, kIdle, kSilent, kSilent, kFault},
+    {"silence", [](ServerStateMachine& m) { pass(m, 102, true); }, kIdle, kSilent, kSilent, kFault},
 };
 
 TEST_CASE("Each state answers each event as its comment says") {
@@ -79,31 +81,57 @@ TEST_CASE("The first fault is the one that is kept, and a new session forgets it
   machine.fail(Fault::kNonFinite);
   machine.fail(Fault::kDevice);
   CHECK(machine.fault() == Fault::kNonFinite);
-  machine.begin();
+  machine.begin(kSilence);
   CHECK(machine.fault() == Fault::kNone);
 }
 
-TEST_CASE("Silence counts from the latest update: 0.25 s are endured, 0.26 s are silence") {
+TEST_CASE("Silence counts from the latest word: 0.1 s are endured, 0.11 s are silence") {
   ServerStateMachine machine = in(kRunning);
-  pass(machine, 249);
-  machine.update();
-  pass(machine, 249);
+  pass(machine, 99);
+  machine.update(kSilence);
+  pass(machine, 99);
+  machine.hear();
+  pass(machine, 99);
   CHECK(machine.state() == kRunning);
   pass(machine, 11);
+  CHECK(machine.state() == kSilent);
+  machine.hear();
+  CHECK(machine.state() == kSilent);  // force comes back with an update
+}
+
+TEST_CASE("A client that is heard but sends no whole update counts as silent after 0.25 s") {
+  ServerStateMachine machine = in(kRunning);
+  for (int i = 0; i < 249; ++i) {
+    machine.hear();
+    machine.tick(false);
+  }
+  CHECK(machine.state() == kRunning);
+  machine.hear();
+  pass(machine, 11);
+  CHECK(machine.state() == kSilent);
+}
+
+TEST_CASE("Each update sets the silence that is endured from then on") {
+  ServerStateMachine machine = in(kRunning);
+  machine.update(0.2);
+  pass(machine, 199);
+  CHECK(machine.state() == kRunning);
+  machine.update(0.05);
+  pass(machine, 60);
   CHECK(machine.state() == kSilent);
 }
 
 TEST_CASE("After goodbye no update brings force back, and a new session does") {
   ServerStateMachine machine = in(kRunning);
   machine.end();
-  machine.update();
+  machine.update(kSilence);
   CHECK(machine.state() == kSilent);
-  machine.begin();
+  machine.begin(kSilence);
   CHECK(machine.state() == kRunning);
   // The goodbye was of the session before: this one survives silence.
   pass(machine, 300, true);
   CHECK(machine.state() == kSilent);
-  machine.update();
+  machine.update(kSilence);
   CHECK(machine.state() == kRunning);
 }
 

@@ -142,8 +142,15 @@ class ServoBench {
  public:
   static constexpr protocol::Endpoint kClient{.address = 0x0A000002, .port = 50000};
 
-  explicit ServoBench(server::ServoOptions servo_options = {}, std::uint64_t configuration = 0,
-                      server::DeviceRatings rated = {})
+  /// Updates may be rare.
+  static server::ServoOptions patient() {
+    server::ServoOptions options;
+    options.silence_time = 0.25;
+    return options;
+  }
+
+  explicit ServoBench(server::ServoOptions servo_options = patient(),
+                      std::uint64_t configuration = 0, server::DeviceRatings rated = {})
       : options(std::move(servo_options)) {
     device.rated = rated;
     servo = std::make_unique<server::Servo>(options, configuration, session, device);
@@ -170,10 +177,13 @@ class ServoBench {
     say_hello(tool, ToolModel(tool).neutral());
   }
   void say_hello(const ToolDescription& tool, const Configuration& q) {
+    if (session.active()) send(protocol::Goodbye{});
     protocol::Hello hello;
     hello.nonce = ++hellos;
     hello.tool = tool;
     hello.q = q;
+    hello.ve_rate = ve_rate;
+    hello.clears_fault = clears_fault;
     // For a session begun anew everything counts from 1 again.
     sequence = 0;
     link.queue.deliver(kClient, {.sequence = hellos}, hello);
@@ -214,6 +224,8 @@ class ServoBench {
   protocol::ServerSession session{link, {}};
   std::unique_ptr<server::Servo> servo;
   server::Timing timing;
+  double ve_rate = 60;       ///< Of the hellos, Hz.
+  bool clears_fault = true;  ///< Likewise.
   std::uint64_t hellos = 0;
   std::uint64_t sequence = 0;  ///< Of the client's latest message in the session.
   Configuration q_VE;

@@ -189,7 +189,13 @@ struct Stage {
   }
   std::string frame_message(const protocol::ProxyState* state,
                             const protocol::LocalState* contacts) const {
-    return ve::frame_message({environment, client, state, contacts, {}, settings});
+    return ve::frame_message({.environment = environment,
+                              .client = client,
+                              .state = state,
+                              .contacts = contacts,
+                              .result = {},
+                              .settings = settings,
+                              .rejected = protocol::RejectReason::kFault});
   }
   protocol::ProxyState state() const {
     protocol::ProxyState state;
@@ -228,6 +234,7 @@ TEST_CASE("Each message to a page has the documented fields and types") {
 }
 
 TEST_CASE("The documented words are those of the enumerations") {
+  check_words("frame", "rejected", names<protocol::RejectReason>());
   check_words("frame", "limit", names<ForceLimit>());
   check_words("frame", "contacts[].state", names<ContactState>());
   check_words("frame", "server", names<ServerState>());
@@ -236,7 +243,9 @@ TEST_CASE("The documented words are those of the enumerations") {
   check_words("settings", "update_rule", names<UpdateRule>());
   check_words("settings", "controller", names<ControllerKind>());
   std::vector<std::string_view> methods;
-  for (const Method& method : kMethods) methods.push_back(method.name);
+  for (const Method& method : kMethods) {
+    if (method.on_page) methods.push_back(method.name);
+  }
   check_words("method", "name", methods);
 }
 
@@ -298,18 +307,17 @@ void check_ranges(const std::string& message, const Ranges& ranges) {
   for (const auto& range : ranges) {
     INFO(range.name);
     const Row& row = described.row(range.name);
-    std::ostringstream allowed;
-    allowed << range.least << " to " << range.most;
+    const std::string allowed = shortest_text(range.least) + " to " + shortest_text(range.most);
     CHECK(row.at(1) == "number");
     CHECK(row.at(2) == range.unit);
-    CHECK(row.at(3) == allowed.str());
+    CHECK(row.at(3) == allowed);
     const auto request = [&](double value) {
       return parsed(json{{"type", message}, {range.name, value}}.dump());
     };
     CHECK(text_of(request(range.least)).empty());
     CHECK(text_of(request(range.most)).empty());
-    CHECK_THAT(text_of(request(range.most * 1.01)), Catch::Matchers::Contains(allowed.str()));
-    CHECK_THAT(text_of(request(range.least - 0.01)), Catch::Matchers::Contains(allowed.str()));
+    CHECK_THAT(text_of(request(range.most * 1.01)), Catch::Matchers::Contains(allowed));
+    CHECK_THAT(text_of(request(range.least - 0.01)), Catch::Matchers::Contains(allowed));
   }
   const auto numbers = std::count_if(described.rows.begin(), described.rows.end(),
                                      [](const Row& row) { return row.at(1) == "number"; });

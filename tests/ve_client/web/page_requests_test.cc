@@ -58,6 +58,7 @@ TEST_CASE("A method sets rule, controller and ε together") {
 
 TEST_CASE("Each method is recognised by what it sets, and by nothing else") {
   for (const Method& method : kMethods) {
+    if (!method.on_page) continue;
     LiveSettings settings = with_method(method, {});
     CHECK(method_in_effect(settings) == &method);
     settings.frame.epsilon += 1e-3;
@@ -84,7 +85,7 @@ TEST_CASE("A tool of several links is refused what puts the device in its place"
         parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, linkage);
     CHECK(refusal.field == "name");
     CHECK_THAT(refusal.text,
-               ContainsSubstring("must be lm5, lm-adaptive, lm0: the tool has several"));
+               ContainsSubstring("must be lm0, lm5, lm-adaptive: the tool has several"));
   }
   const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, linkage);
   CHECK_THAT(refusal.text,
@@ -102,13 +103,24 @@ TEST_CASE("A reset is from where the tool began last, or from a start that it ha
   CHECK(parsed<Refusal>(R"({"type":"reset","start":7})", {}, peg).field == "start");
 }
 
+TEST_CASE("Epsilon cannot be set above the largest epsilon") {
+  LiveSettings adaptive;
+  adaptive.frame.largest_epsilon = 0.02;
+  const std::string request = R"({"type":"environment","epsilon":0.05})";
+  CHECK(parsed<Refusal>(request, adaptive).text ==
+        "epsilon 0.05 must be at most largest_epsilon, 0.02 m, unless that is 0, which is off");
+  CHECK(parsed<SettingsRequest>(request, {}).settings.frame.epsilon == 0.05);
+}
+
 TEST_CASE("What cannot be done is refused with the field, its value and what is allowed") {
   const auto [text, field, allowed] = GENERATE(table<std::string, std::string, std::string>({
-      {R"({"type":"settings","stiffness":-1})", "stiffness", "-1 must be 1 to 1e+06 N/m"},
+      {R"({"type":"settings","stiffness":-1})", "stiffness", "-1 must be 1 to 1000000 N/m"},
       {R"({"type":"settings","stiffness":"soft"})", "stiffness", "must be 1 to"},
       {R"({"type":"settings","controller":"magic"})", "controller", "four_channel, three_channel"},
       {R"({"type":"settings","colour":1})", "colour", "one of the settings"},
       {R"({"type":"environment","loss":1})", "loss", "0 to 0.5"},
+      {R"({"type":"environment","epsilon":0.01,"largest_epsilon":0.005})", "largest_epsilon",
+       "0.005 must be 0, which is off, or at least epsilon, 0.01 m"},
       {R"({"type":"hand","hold":true})", "target", "7 numbers"},
       {R"({"type":"hand","hold":true,"target":[0,0,0,1,1,0,0]})", "target", "unit quaternion"},
       {R"({"type":"hand","hold":true,"target":[1e9,0,0,1,0,0,0]})", "target", "within 10 m"},
