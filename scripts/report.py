@@ -48,6 +48,7 @@ SECTIONS = {
     "maps": "Where each method stops working",
     "approach": "Where a wall is felt, over approach speed",
     "spatial": "Six degrees of freedom",
+    "bodies": "Bodies that move when pushed",
 }
 
 INTRODUCTION = {
@@ -85,6 +86,10 @@ INTRODUCTION = {
     "spatial": "A free body of six degrees of freedom: a square peg in an exactly fitting square hole, "
     "held down with 0.5 N and shaken along x and y; and a box, set down on an edge and pressed flat "
     "with 0.5 N.",
+    "bodies": "A cube is lifted off two rails by a tray and held; a brick of 0.375 kg is pushed over a table "
+    "(μ = 0.4), through its centre and 20 mm off it, and against a post; the hand rests on a loose box. What "
+    "the hand must feel is known: weight, friction, its own push. Each mark is the mean of a run at 30 or "
+    "60 Hz, 0 or 20 ms each way, and contacts of 4 to 50 kN/m; its bar the standard deviation.",
 }
 
 
@@ -323,6 +328,32 @@ def draw_spatial(folder):
     return figure
 
 
+def draw_bodies(folder):
+    rows = read_table(folder / "bodies.csv")
+    tasks = list(collections.OrderedDict.fromkeys(row["task"] for row in rows))
+    figure, axes = panels(1, 4)
+    axis = axes[0]
+    rates = {30.0: "o", 60.0: "s"}
+    colours = {0.0: "#1f77b4", 0.02: "#d62728"}
+    for place, task in enumerate(tasks):
+        points = [row for row in rows if row["task"] == task]
+        for i, row in enumerate(points):
+            rate, delay, due = (float(row[n]) for n in ("ve_rate_Hz", "delay_s", "due_N"))
+            axis.errorbar(place + 0.8 * (i + 0.5) / len(points) - 0.4, float(row["mean_N"]) / due,
+                          yerr=float(row["sd_N"]) / due, marker=rates[rate], markersize=3,
+                          color=colours[delay], linewidth=1)
+    for rate, marker in rates.items():
+        axis.plot([], [], marker=marker, linestyle="", color="#555555", label=f"{rate:.0f} Hz")
+    for delay, colour in colours.items():
+        axis.plot([], [], color=colour, label=f"{1e3 * delay:.0f} ms each way")
+    axis.axhline(1, color="#999999", linewidth=0.8)
+    axis.set_ylim(0.9, 1.1)
+    axis.set_xticks(range(len(tasks)), tasks)
+    axis.legend(fontsize=7, ncols=4)
+    label(axis, "in each group: k = 4, 16, 50 kN/m", "force felt / force due")
+    return figure
+
+
 DRAW = {
     "fig06": draw_fig06,
     "fig09": draw_fig09,
@@ -334,6 +365,7 @@ DRAW = {
     "maps": draw_maps,
     "approach": draw_approach,
     "spatial": draw_spatial,
+    "bodies": draw_bodies,
 }
 
 

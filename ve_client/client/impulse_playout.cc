@@ -61,11 +61,12 @@ BodyImpulses ImpulsePlayout::take(double steps) {
 Vector6 ImpulsePlayout::taken(std::uint32_t body) const { return total(taken_, body); }
 
 void ImpulsePlayout::advance(double steps) {
+  const double before = step_;
   const double behind = (newest_ - step_) / steps - 1 - kLag;
   step_ += steps * (1 + std::clamp(kGain * behind, -kLargestSkew, kLargestSkew));
   const bool nothing_due = reports_.back().totals == taken_;
   if (nothing_due || behind > kLargestLag) step_ = newest_ - kLag * steps;
-  step_ = std::clamp(step_, 0.0, newest_);
+  step_ = std::clamp(step_, before, newest_);
 }
 
 /// Keeps the newest report that step_ has passed, and those after it.
