@@ -10,7 +10,7 @@ namespace hlm::server {
 namespace {
 
 /// Rounds of the contact solver. Two are typical; what is undecided after the last is clamped.
-constexpr int kMaxPasses = 6;
+constexpr int kMaxPasses = 8;
 /// Groups of contacts in one step: the tool's, the limits of its joints, and those of movable
 /// bodies among themselves.
 constexpr std::size_t kMaxGroups = 3;
@@ -207,7 +207,9 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
     const double size = f.norm();
     const bool slipped = trial.mode == Mode::kSlip || trial.mode == Mode::kCapped;
     const double mu = slipped ? kinetic_friction(contact, law) : static_friction(contact, law);
-    mode = size > mu * f_n ? Mode::kSlip : Mode::kStick;
+    // Friction at its limit that turned the slip round within the step would have stopped it.
+    const bool stopped = trial.mode == Mode::kSlip && f.dot(trial.slip) < 0;
+    mode = size > mu * f_n && !stopped ? Mode::kSlip : Mode::kStick;
     trial.slip.setZero();
     if (mode == Mode::kSlip && size > 0) trial.slip = (kinetic_friction(contact, law) / size) * f;
     if (wanted > contact.cap) {

@@ -1,4 +1,7 @@
 // What one tick computes: local model and controller, by number of contacts and degrees of freedom.
+#include <algorithm>
+#include <memory>
+
 #include <benchmark/benchmark.h>
 
 #include "haptic_server/control/controller.h"
@@ -75,6 +78,68 @@ void tick(benchmark::State& state, bool adopts) {
 
 void Tick(benchmark::State& state) { tick(state, false); }
 void TickWithUpdate(benchmark::State& state) { tick(state, true); }
+
+/// A brick on the floor in front of the tool: four contacts between them, the others below it.
+void add_brick(std::uint32_t id, int contacts, ReportedContacts& reported, MovableBodies& bodies) {
+  MovableBody& body = bodies.emplace_back();
+  body.id = id;
+  body.p_WCom = {0.05, 0.05 * id, 0};
+  body.W.diagonal() << Vector3::Constant(3), Vector3::Constant(3000);
+  body.A_W[2] = -9.81;
+  for (int i = 0; i < contacts; ++i) {
+    ReportedContact& contact = reported.emplace_back();
+    const Vector3 corner(i & 1 ? 0.02 : -0.02, i & 2 ? 0.02 : -0.02, 0.001 * (i / 4));
+    contact.identity = 1000 * (id + 1) + static_cast<std::uint64_t>(i);
+    contact.friction = 0.4;
+    contact.p_WC = body.p_WCom + corner;
+    if (i < 4) {
+      contact.b = {SideKind::kMovableBody, id};
+      contact.n_W = {-1, 0, 0};
+      contact.p_WC.x() = 0.02;
+    } else {
+      contact.a = {SideKind::kMovableBody, id};
+      contact.load = 0.1;
+    }
+  }
+}
+
+/// A rigid tool that pushes two bricks, contacts in all as given; an update repeats `replayed`
+/// steps.
+void tick_with_bodies(benchmark::State& state, int replayed) {
+  const ToolDescription tool = tool_with(6);
+  const ToolModel start(tool);
+  ReportedContacts contacts;
+  MovableBodies bodies;
+  for (std::uint32_t id = 0; id < 2; ++id) {
+    add_brick(id, static_cast<int>(state.range(0)) / 2, contacts, bodies);
+  }
+  const auto model =
+      std::make_unique<LocalModel>(tool, start.configuration(), LocalModelParameters{}, kStep);
+  HandInput hand;
+  hand.F[0] = 1;
+  const auto adopt = [&](std::uint64_t step) {
+    model->adopt({.contacts = contacts,
+                  .q_VE = start.configuration(),
+                  .bodies = bodies,
+                  .impulse_step = std::max(1.0, static_cast<double>(step) - replayed),
+                  .period = 0.017});
+  };
+  for (int i = 0; i < 100; ++i) model->step(hand);
+  adopt(100);
+  for (auto _ : state) {
+    if (replayed > 0) adopt(model->impulses().step());
+    benchmark::DoNotOptimize(model->step(hand));
+  }
+}
+
+void TickWithBodies(benchmark::State& state) { tick_with_bodies(state, 0); }
+void TickThatRepeats60Steps(benchmark::State& state) { tick_with_bodies(state, 60); }
+BENCHMARK(TickWithBodies)->ArgName("contacts")->Arg(16)->Arg(64)->Unit(benchmark::kMicrosecond);
+BENCHMARK(TickThatRepeats60Steps)
+    ->ArgName("contacts")
+    ->Arg(16)
+    ->Arg(64)
+    ->Unit(benchmark::kMicrosecond);
 
 const std::vector<std::vector<std::int64_t>> kCases{{3, 6, 12}, {1, 4, 16, 64}};
 BENCHMARK(Tick)->ArgNames({"d", "contacts"})->ArgsProduct(kCases)->Unit(benchmark::kMicrosecond);

@@ -11,10 +11,11 @@ namespace hlm {
 
 using BodyImpulses = StaticVector<protocol::BodyImpulse, kMaxBodies>;
 
-/// The server reports totals, at the steps in which it took updates. Applied as they arrive they would
-/// come in uneven portions: two in one frame and none in the next, and a body on a table would hop, as
-/// the table stops it and does not pull it back. So they are played out at an even rate, as much of
-/// the server's time in a frame as the frame takes, about a frame behind the newest.
+/// The server reports totals, at the steps in which it took updates. Applied as they arrive they
+/// would come in uneven portions: two in one frame and none in the next, and a body on a table
+/// would hop, as the table stops it and does not pull it back. So they are played out at an even
+/// rate, as much of the server's time in a frame as the frame takes, about a frame behind the
+/// newest.
 class ImpulsePlayout {
  public:
   /// A session begins, and with it the totals.
