@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 namespace hlm::server {
@@ -233,6 +234,7 @@ class ContactSolver {
   }
 
   Unknowns solve() noexcept {
+    bool slips = false;
     for (PairLoad& pair : pairs_) {
       pair.impedance.setZero();
       pair.wrench.setZero();
@@ -241,13 +243,16 @@ class ContactSolver {
       for (std::size_t i = 0; i < trials_[g].size(); ++i) {
         const Trial& trial = trials_[g][i];
         if (trial.mode == Mode::kOff) continue;
+        slips = slips || (trial.mode == Mode::kSlip && !trial.slip.isZero(0));
         add_contact(groups_[g].contacts[i], trial, groups_[g].law, pairs_[trial.pair]);
       }
     }
     system_.E = given_.E;
     system_.r = given_.r;
     for (const PairLoad& pair : pairs_) add_pair(pair, frames_, groups_[0].law.dt, system_);
-    return system_.E.partialPivLu().solve(system_.r);
+    // Friction that follows the normal force makes E unsymmetric.
+    if (slips) return system_.E.partialPivLu().solve(system_.r);
+    return system_.E.llt().solve(system_.r);
   }
 
   bool revise_modes(const Unknowns& x) noexcept {

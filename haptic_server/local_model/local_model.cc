@@ -28,7 +28,7 @@ constexpr double kHealingTime = 0.2;
 /// for a wall that comes much later.
 constexpr double kTankSize = 0.1;
 /// Most steps in which an update is brought to the present; longer loops take longer steps.
-constexpr std::uint64_t kReplaySteps = 60;
+constexpr std::uint64_t kReplaySteps = 40;
 
 ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) noexcept {
   ProxyContactState state = ProxyContactState::kFreeMotion;
