@@ -331,7 +331,7 @@ def draw_spatial(folder):
 def draw_bodies(folder):
     rows = read_table(folder / "bodies.csv")
     tasks = list(collections.OrderedDict.fromkeys(row["task"] for row in rows))
-    figure, axes = panels(1, 4)
+    figure, axes = panels(1, 12)
     axis = axes[0]
     rates = {30.0: "o", 60.0: "s"}
     colours = {0.0: "#1f77b4", 0.02: "#d62728"}
