@@ -192,7 +192,7 @@ void fields(Io& io, M& body) requires std::same_as<const M, const MovableBody> {
   io.vector_within(body.V_W, kLargestSpeed);
   io.vector_within(body.A_W, kLargestAcceleration);
   io.symmetric_within(body.W, kLargestMobility);
-  io.vector(body.P_W);
+  io.vector_within(body.P_W, kLargestImpulse);
 }
 
 template <class Io, class M>

@@ -99,15 +99,15 @@ struct Reject {
 
 /// Client to server: the contacts near the tool, and the configuration for which they hold.
 struct ContactUpdate {
-  double ve_time = 0;              ///< Simulated time of the virtual environment, s.
-  double ve_period = 0;            ///< Length of its latest step, s.
-  double compute_time = 0;         ///< From sampling q_VE to sending this, s.
-  std::uint64_t echo_step = 0;     ///< `step` of the newest proxy state received, 0 if none.
-  double echo_hold = 0;            ///< From the arrival of that proxy state to sending this, s.
+  double ve_time = 0;           ///< Simulated time of the virtual environment, s.
+  double ve_period = 0;         ///< Length of its latest step, s.
+  double compute_time = 0;      ///< From sampling q_VE to sending this, s.
+  std::uint64_t echo_step = 0;  ///< `step` of the newest proxy state received, 0 if none.
+  double echo_hold = 0;         ///< From the arrival of that proxy state to sending this, s.
   /// The bodies' state contains the impulses up to this step; it may lie between two.
   double impulse_step = 0;
-  Configuration q_VE;              ///< Tool configuration for which the contacts were computed.
-  Velocity v_VE;                   ///< Its generalised velocity.
+  Configuration q_VE;  ///< Tool configuration for which the contacts were computed.
+  Velocity v_VE;       ///< Its generalised velocity.
   MovableBodies bodies;
   ReportedContacts contacts;
 };

@@ -13,16 +13,16 @@ auto find(List& list, std::uint32_t body) noexcept {
 
 }  // namespace
 
-bool BodyImpulses::has_room_for(std::uint32_t body) const noexcept {
-  return totals_.size() < totals_.capacity() || find(totals_, body) != totals_.end();
+bool BodyImpulses::enrol(std::uint32_t body) noexcept {
+  if (find(totals_, body) != totals_.end()) return true;
+  if (totals_.size() == totals_.capacity()) return false;
+  totals_.push_back({body, Vector6::Zero(), 0});
+  return true;
 }
 
 void BodyImpulses::add(std::uint32_t body, const Vector6& P_W) noexcept {
-  auto total = find(totals_, body);
-  if (total == totals_.end()) {
-    totals_.push_back({body, Vector6::Zero(), 0});
-    total = totals_.end() - 1;
-  }
+  const auto total = find(totals_, body);
+  if (total == totals_.end()) return;
   total->P_W += P_W;
   total->last_step = step_ + 1;
   Step& present = at(step_ + 1);

@@ -27,9 +27,9 @@ class BodyImpulses {
     std::uint64_t last_step = 0;  ///< In which it changed.
   };
 
-  /// Whether impulses on the body can be kept.
-  bool has_room_for(std::uint32_t body) const noexcept;
-  /// In the step that has begun.
+  /// Makes room for impulses on the body. False if there is none.
+  bool enrol(std::uint32_t body) noexcept;
+  /// In the step that has begun, on a body that was enrolled.
   void add(std::uint32_t body, const Vector6& P_W) noexcept;
   void end_step() noexcept;
 

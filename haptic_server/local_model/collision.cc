@@ -15,6 +15,10 @@ constexpr double kRankTolerance = 1e-12;
 /// depend on those already chosen.
 constexpr double kApproachTolerance = 1e-9;
 
+/// Rounds of active sets, each of which lowers the objective: far above what a tool and a few
+/// bodies take; the penalty stops what a crowd leaves. More let a crowd take more of the tick.
+constexpr int kMostRounds = 96;
+
 /// -(Aᵀ A)⁺ w = -Aᵀ (A Aᵀ)⁺² A w.
 ContactNumbers newton(const ImpulseColumns& A, const ContactNumbers& w) noexcept {
   const SystemMatrix gram = A.lazyProduct(A.transpose());
@@ -46,9 +50,7 @@ class NonnegativeImpulses {
   }
 
   ContactNumbers solve() noexcept {
-    // Each round lowers the objective; the bound only guards against cycling by rounding.
-    const Eigen::Index most_rounds = 2 * A_.rows() + A_.cols();
-    for (Eigen::Index round = 0; round < most_rounds; ++round) {
+    for (int round = 0; round < kMostRounds; ++round) {
       const Eigen::Index entering = most_violated();
       if (entering < 0 || passive_.size() == passive_.capacity()) break;
       passive_.push_back({entering, 0.0});

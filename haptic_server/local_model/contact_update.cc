@@ -136,8 +136,11 @@ void defer(LocalContact& contact, double sigma, std::optional<double> s_p, doubl
   } else if (releases && !touches_body(contact)) {
     contact.deferred_step = policy.release_step();
   } else {
-    contact.deferred_step = std::min({policy.release_step(), policy.healing_step,
-                                      policy.healing_share * std::abs(contact.deferred)});
+    contact.deferred_step =
+        std::min(policy.release_step(), policy.healing_share * std::abs(contact.deferred));
+    if (!releases || policy.healing_step > 0) {
+      contact.deferred_step = std::min(contact.deferred_step, policy.healing_step);
+    }
   }
   s_plus = held;
 }
@@ -148,7 +151,12 @@ void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalCo
   const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
   const double sigma = true_separation(contact, frames.now[placed.b], x_W);
   std::optional<double> s_p;
-  if (existing != nullptr) s_p = separation(*existing, frames.before);
+  if (existing != nullptr) {
+    s_p = separation(*existing, frames.before);
+    // One that was being released bears no more than its cap.
+    if (existing->orphaned())
+      s_p = std::max(*s_p, -std::max(0.0, existing->cap) / policy.stiffness);
+  }
   double s_plus = updated_separation(policy.rule, sigma, s_p);
   defer(contact, sigma, s_p, s_plus, policy);
   place_contact_point(contact, frames.now[placed.a], x_W, sigma, s_plus);
@@ -304,12 +312,18 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
       [](const LocalContact&) {});
 }
 
+void advance_constraints(LocalContacts& contacts, double dt) noexcept {
+  for (LocalContact& contact : contacts) {
+    if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
+  }
+}
+
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
                       double damping, double dt, double& tank) noexcept {
   const double largest_change = policy.release_force / damping;  // m/s; infinite without damping
+  advance_constraints(contacts, dt);
   for (LocalContact& contact : contacts) {
     if (contact.frame_b == kWorldFrame) {
-      contact.c_B += contact.v_constr * dt * contact.n_B;
       const Vector3 change = contact.v_reported_W - contact.v_WC;
       const double size = contact.loaded ? change.norm() : 0;
       contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;

@@ -64,6 +64,9 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
                       double damping, double dt, double& tank) noexcept;
 
+/// Moves constraints of the world with their v_constr for dt seconds.
+void advance_constraints(LocalContacts& contacts, double dt) noexcept;
+
 /// Eq. 3: separation of the contact with the frames at these poses, m.
 inline double separation(LocalContact contact, const FramePoses& poses) noexcept {
   locate(contact, poses[contact.frame_a], poses[contact.frame_b]);

@@ -27,7 +27,14 @@ constexpr double kHealingTime = 0.2;
 /// Most energy that is kept to heal with, J: that of 5 N over 20 mm. More would let an old blow pay
 /// for a wall that comes much later.
 constexpr double kTankSize = 0.1;
-/// Most steps in which an update is brought to the present; longer loops take longer steps.
+/// Longest time in which a correction of a body's velocity enters, s: a slow environment's frame.
+constexpr double kLongestCorrection = 0.1;
+/// Speeds at which nothing that a hand touches moves, m/s and rad/s: a body beyond them is the
+/// product of numbers without sense.
+constexpr double kLargestBodySpeed = 100;
+constexpr double kLargestBodySpin = 1000;
+/// Most steps in which an update with one body is brought to the present; longer loops take longer
+/// steps, and so do more bodies: the time of a tick bounds both.
 constexpr std::uint64_t kReplaySteps = 40;
 
 ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) noexcept {
@@ -47,6 +54,12 @@ bool is_closed(const LocalContact& contact) noexcept {
 
 std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));
+}
+
+bool is_plausible(const LocalBody& body) noexcept {
+  return body.X_WB.p.allFinite() && body.X_WB.R.coeffs().allFinite() &&
+         body.V_W.head<3>().norm() <= kLargestBodySpeed &&
+         body.V_W.tail<3>().norm() <= kLargestBodySpin;
 }
 
 /// Jᵀ of a unit impulse along n, over all unknowns.
@@ -104,7 +117,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   LocalBodies bodies;
   for (const MovableBody& reported : update.bodies) {
     if (bodies.size() == bodies.capacity()) break;
-    if (!impulses_.has_room_for(reported.id)) continue;
+    if (!impulses_.enrol(reported.id)) continue;
     LocalBody& body = bodies.emplace_back(reported);
     body.pending_W = impulses_.total(body.id) - reported.P_W -
                      impulses_.between(body.id, whole_steps(state_step), impulses_.step());
@@ -118,10 +131,13 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
   replay(bodies, present_supports(), state_step);
+  for (LocalBody& body : bodies) {
+    if (!is_plausible(body)) body.V_W.setZero();
+  }
   frames.set_now(poses_of(proxy_, bodies));
   const double unspent =
       adopt_update(existing, update.contacts, frames, update.age, policy(), present());
-  tank_ = std::clamp(tank_ + unspent, 0.0, kTankSize);
+  if (std::isfinite(unspent)) tank_ = std::clamp(tank_ + unspent, -kTankSize, kTankSize);
   correct_gradually(bodies, update.period);
   bodies_ = bodies;
 }
@@ -133,16 +149,19 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
   const std::uint64_t now = impulses_.step();
   const double start =
       std::clamp(from, static_cast<double>(impulses_.oldest()), static_cast<double>(now));
+  for (LocalBody& body : bodies) {
+    body.V_W += body.B * body.B.transpose().lazyProduct(body.pending_W);
+  }
   std::uint64_t done = whole_steps(start);
   double into_step = start - static_cast<double>(done);
-  const std::uint64_t stride = (now - done + kReplaySteps - 1) / kReplaySteps;
+  const std::uint64_t most = std::max<std::uint64_t>(8, 2 * kReplaySteps / (1 + bodies.size()));
+  const std::uint64_t stride = (now - done + most - 1) / most;
   while (done < now) {
     const std::uint64_t next = std::min(done + stride, now);
     const double dt = (static_cast<double>(next - done) - into_step) * dt_;
     into_step = 0;
     for (LocalBody& body : bodies) {
-      const Vector6 P = body.pending_W + impulses_.between(body.id, done, next);
-      body.pending_W.setZero();
+      const Vector6 P = impulses_.between(body.id, done, next);
       body.V_W += body.B * body.B.transpose().lazyProduct(P);
     }
     const FrameMotions frames(proxy_, nullptr, bodies, dt);
@@ -151,6 +170,7 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
     const Unknowns x = solve_contact_step({&group, 1}, frames, unit_system(frames));
     apply_contact_forces(group, frames, x);
     advance_bodies(bodies, frames, frame_of_body(proxy_, 0), x, dt);
+    advance_constraints(supports, dt);
     done = next;
   }
 }
@@ -160,9 +180,9 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
 void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
   for (LocalBody& body : updated) {
     for (const LocalBody& known : bodies_) {
-      if (known.id != body.id) continue;
+      if (known.id != body.id || !is_plausible(known)) continue;
       body.correction = body.V_W - known.V_W;
-      body.correction_steps = std::max(1, static_cast<int>(period / dt_));
+      body.correction_steps = static_cast<int>(std::clamp(period, dt_, kLongestCorrection) / dt_);
       body.V_W = known.V_W;
     }
   }
@@ -264,6 +284,7 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   impulses_.end_step();
   advance_bodies(bodies_, frames, frame_of_body(proxy_, 0), x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);
+  advance_constraints(present_supports(), dt_);
   fill_tank();
   advance_contacts(present(), poses, policy(), parameters_.damping, dt_, tank_);
 }

@@ -83,7 +83,7 @@ class LocalModel {
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
   double stiffness_scale() const noexcept { return stiffness_scale_; }
-  /// Energy that contacts may use to come back to where they are reported, J, >= 0.
+  /// Energy that contacts may use to come back to where they are reported, J; below 0 it is owed.
   double healing_tank() const noexcept { return tank_; }
   /// The tool at the configuration of the latest update.
   const ToolModel& ve_tool() const noexcept { return ve_tool_; }

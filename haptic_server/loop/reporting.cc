@@ -10,6 +10,10 @@
 namespace hlm::server {
 namespace {
 
+/// How long a total is repeated after the environment has passed the step in which it changed,
+/// steps: what was lost on the way comes with one of these.
+constexpr std::uint64_t kRepeatedSteps = 1000;
+
 /// Every number of a message is finite: 0 where the device has no rating.
 double rating(double value) noexcept { return std::isfinite(value) ? value : 0; }
 
@@ -136,11 +140,17 @@ protocol::Impulses impulses_of(const LocalModel& model, double contained) noexce
     const auto& bodies = model.bodies();
     return std::any_of(bodies.begin(), bodies.end(), [id](const auto& b) { return b.id == id; });
   };
-  for (const BodyImpulses::Total& total : model.impulses().totals()) {
-    if (impulses.bodies.size() == impulses.bodies.capacity()) break;
-    if (static_cast<double>(total.last_step) <= contained && !is_near(total.body)) continue;
-    impulses.bodies.push_back({total.body, total.P_W});
-  }
+  const auto add = [&](bool near) {
+    for (const BodyImpulses::Total& total : model.impulses().totals()) {
+      if (impulses.bodies.size() == impulses.bodies.capacity()) break;
+      if (total.last_step == 0 || is_near(total.body) != near) continue;
+      if (near || static_cast<double>(total.last_step + kRepeatedSteps) > contained) {
+        impulses.bodies.push_back({total.body, total.P_W});
+      }
+    }
+  };
+  add(true);
+  add(false);
   return impulses;
 }
 

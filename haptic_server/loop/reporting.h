@@ -32,8 +32,8 @@ protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint
 protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
                                  std::uint64_t updates, const LocalModel* model) noexcept;
 
-/// What the tool has done to bodies: those of the latest update, and those that it has touched after
-/// `contained`, the step up to which the environment has the impulses.
+/// What the tool has done to bodies: those of the latest update, and those that it has touched
+/// after `contained`, the step up to which the environment has the impulses.
 protocol::Impulses impulses_of(const LocalModel& model, double contained) noexcept;
 
 }  // namespace hlm::server

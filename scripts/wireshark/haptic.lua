@@ -78,6 +78,7 @@ local SPEED = between(-1e3, 1e3)
 local ACCELERATION = between(-1e6, 1e6)
 local MOBILITY = between(-1e12, 1e12)
 local SPAN = between(0, 1e6)
+local IMPULSE = between(-1e6, 1e6)
 local XYZ, WXYZ = {"x", "y", "z"}, {"w", "x", "y", "z"}
 
 -- Layouts: lists of fields in the order of their bytes. `count` names an earlier field that says
@@ -182,9 +183,9 @@ local function wrench(name, label)
   return group(name, label, {vector("force", "Force", "N"), vector("torque", "Torque", "N m")})
 end
 
-local function impulse(name, label)
-  return group(name, label, {vector("linear", "Impulse", "N s"),
-                             vector("angular", "Angular impulse", "N m s")})
+local function impulse(name, label, allowed)
+  return group(name, label, {vector("linear", "Impulse", "N s", allowed),
+                             vector("angular", "Angular impulse", "N m s", allowed)})
 end
 
 -- The upper triangle of a symmetric matrix, row by row.
@@ -249,7 +250,7 @@ local movable_body = group("movable_body", "Movable body", {
   twist("V_W", "Twist of the centre of mass, world", SPEED),
   acceleration("A_W", "Acceleration by all forces except contacts, world"),
   symmetric("W", "Inverse inertia, world [1/kg, 1/(kg m²)]", 6, MOBILITY),
-  impulse("P_W", "Total impulse of the tool that this state contains, world"),
+  impulse("P_W", "Total impulse of the tool that this state contains, world", IMPULSE),
 })
 
 local contact = group("contact", "Contact", append(append({

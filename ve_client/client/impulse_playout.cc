@@ -38,6 +38,7 @@ void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
 }
 
 BodyImpulses ImpulsePlayout::take(double steps) {
+  if (steps <= 0) return {};
   advance(steps);
   forget_played();
   const Report& before = reports_.front();

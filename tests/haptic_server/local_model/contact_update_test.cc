@@ -130,7 +130,10 @@ Change change(const LocalContacts& before, const LocalContacts& after, const Too
   Change result;
   const auto s_of = [&](const LocalContacts& contacts, std::uint32_t body) {
     for (const LocalContact& c : contacts) {
-      if (c.identity == body) return separation(c, proxy);
+      // A contact that is being released bears no more than its cap.
+      if (c.identity == body) {
+        return std::max(separation(c, proxy), -std::max(0.0, c.cap) / kStiffness);
+      }
     }
     return std::numeric_limits<double>::infinity();
   };
@@ -199,6 +202,23 @@ TEST_CASE("Rule R releases retained load by at most 0.5 N a step, then forgets t
   }
   CHECK(steps >= 40);  // 20 N at 0.5 N a step, the last one perhaps a rounding error
   CHECK(steps <= 41);
+}
+
+TEST_CASE("A contact that was being released and is reported again bears no more than before") {
+  ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  LocalContacts contacts(1);
+  contacts[0].p_A = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0: 20 N
+  contacts = adopted(contacts, {}, proxy, proxy, 0, UpdateRule::kRetain);
+  for (int i = 0; i < 30; ++i) advance(contacts, proxy, UpdateRule::kRetain);
+  REQUIRE(contacts.size() == 1);
+  REQUIRE(contacts[0].cap == Approx(5));  // N: 0.5 N a step
+  ReportedContacts again(1);
+  again[0].separation = -0.002;
+  again[0].p_WC = {0, 0, 0};
+  contacts = adopted(contacts, again, proxy, proxy, 0, UpdateRule::kRetain);
+  REQUIRE(contacts.size() == 1);
+  CHECK_FALSE(contacts[0].orphaned());
+  CHECK(spring_force(separation(contacts[0], proxy)) <= 5 + 1e-6);  // N
 }
 
 TEST_CASE(

@@ -1,6 +1,7 @@
 // A body that the tool pushes, as the environment that owns it would have it (docs/method.md 11).
 #include <cmath>
 #include <deque>
+#include <memory>
 #include <optional>
 
 #include "haptic_server/local_model/local_model.h"
@@ -267,6 +268,67 @@ TEST_CASE("A cube that is hit gains the momentum that the hand felt") {
   const double felt = -held.felt()[2];  // N·s
   REQUIRE(felt > 0.02);
   CHECK(0.3 * held.world().V()[2] == Approx(felt).epsilon(1e-6));
+}
+
+TEST_CASE("A body on a platform that rises goes with it between updates") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
+  MovableBody body;
+  body.W = Matrix6::Identity();
+  body.V_W[2] = 0.1;
+  body.A_W[2] = -kGravity;
+  ReportedContact support;
+  support.a = {SideKind::kMovableBody, 0};
+  support.v_WC = {0, 0, 0.1};  // m/s
+  support.load = kGravity;
+  model.adopt({.contacts = {support}, .q_VE = model.proxy().configuration(), .bodies = {body}});
+  for (int i = 0; i < 50; ++i) model.step({});
+  CHECK(model.bodies()[0].X_WB.p.z() == Approx(0.005).margin(1e-4));  // m
+}
+
+TEST_CASE("A session that meets ever new bodies keeps its loop; what comes late does not move") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  const auto model =
+      std::make_unique<LocalModel>(tool, ToolModel(tool).neutral(), LocalModelParameters{}, kStep);
+  HandInput hand;
+  hand.F[2] = -1;
+  std::uint32_t id = 0;
+  for (int update = 0; update < 160; ++update) {
+    MovableBodies bodies;
+    ReportedContacts contacts;
+    for (std::size_t i = 0; i < kMaxLocalBodies; ++i) {
+      MovableBody& body = bodies.emplace_back();
+      body.id = id++;
+      body.W = Matrix6::Identity();
+      ReportedContact& contact = contacts.emplace_back();
+      contact.identity = body.id;
+      contact.b = {SideKind::kMovableBody, body.id};
+    }
+    model->adopt({.contacts = contacts, .q_VE = model->proxy().configuration(), .bodies = bodies});
+    model->step(hand);
+  }
+  CHECK(model->impulses().totals().size() == BodyImpulses::kMaxTouched);
+  CHECK(model->velocity().allFinite());
+}
+
+TEST_CASE("Numbers without sense leave a body at rest, not the model in ruins") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), {}, kStep);
+  MovableBody body;
+  body.W = 1e12 * Matrix6::Identity();
+  body.P_W.setConstant(-1e6);
+  ReportedContact contact;
+  contact.b = {SideKind::kMovableBody, 0};
+  HandInput hand;
+  hand.F[2] = -1;
+  for (int i = 0; i < 100; ++i) {
+    if (i % 10 == 0) {
+      model.adopt({.contacts = {contact}, .q_VE = model.proxy().configuration(), .bodies = {body}});
+    }
+    model.step(hand);
+    REQUIRE(model.velocity().allFinite());
+    REQUIRE(std::isfinite(model.healing_tank()));
+  }
 }
 
 TEST_CASE("A body without mobility of its own in a direction does not move in it") {
