@@ -222,9 +222,11 @@ class LivePage(PageTest):
         self.assertNotEqual(before, after)
 
     def test_dragged_onto_the_wall_the_force_is_minus_k_s(self):
-        self.drag_until(0.0, WALL + 0.006, lambda: abs(self.frame()["device"][1] - WALL) < 1e-3,
-                        "the peg on the wall")
-        time.sleep(1.5)
+        def pressed():
+            frame = self.frame()
+            return abs(frame["device"][1] - WALL) < 1e-3 and -frame["F_env"][1] > 1  # N
+        self.drag_until(0.0, WALL + 0.006, pressed, "the peg on the wall")
+        self.device_at_rest()
         frame = self.frame()
         self.assertIsNone(self.ask("haptic.chain()"))
         self.let_go()
