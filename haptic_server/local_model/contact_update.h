@@ -64,7 +64,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
                       double damping, double dt, double& tank) noexcept;
 
-/// Moves constraints of the world with their v_constr for dt seconds.
+/// Moves constraints in the world's frame with their v_constr for dt seconds.
 void advance_constraints(LocalContacts& contacts, double dt) noexcept;
 
 /// Eq. 3: separation of the contact with the frames at these poses, m.

@@ -26,7 +26,7 @@ struct LocalBody {
   explicit LocalBody(const MovableBody& reported) noexcept;
 
   std::uint32_t id = 0;
-  Pose X_WB;  ///< Origin at the centre of mass; the world's axes at the latest update.
+  Pose X_WB;  ///< Origin at the centre of mass; the world's axes in the reported state.
   Twist V_W = Twist::Zero();
   /// 6×n: W = B Bᵀ, so that an impulse P changes the velocity by B (Bᵀ P): in these coordinates the
   /// body has unit mass, and moves only as its joints allow.
