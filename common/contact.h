@@ -13,8 +13,10 @@ namespace hlm {
 
 /// Largest number of contacts in one update: some 64 of the tool and those of the bodies near it.
 inline constexpr std::size_t kMaxContacts = 192;
-/// Largest number of movable bodies in one update.
+/// Largest number of movable bodies in one update, and of those that our server moves. Each adds up
+/// to six unknowns to a step of its local model; bodies beyond are moving constraints to it.
 inline constexpr std::size_t kMaxBodies = 16;
+inline constexpr std::size_t kMaxMovedBodies = 8;
 
 /// What a side of a contact belongs to.
 enum class SideKind : std::uint8_t {

@@ -222,8 +222,10 @@ inline constexpr std::array<Word<UpdateError>, 9> kWords<UpdateError>{{
     {UpdateError::kQuaternion, "quaternion", "the quaternion in q is not of length 1 within 1e-3"},
     {UpdateError::kRange, "range", "a number is outside its range"},
     {UpdateError::kNormal, "normal", "the normal is not of length 1 within 1e-3"},
-    {UpdateError::kSide, "side", "side a is no link of the tool, or the link does not exist"},
-    {UpdateError::kDuplicate, "duplicate", "another contact of the update has the same identity"},
+    {UpdateError::kSide, "side",
+     "a link that the tool does not have, or a contact of the tool without it on side a"},
+    {UpdateError::kDuplicate, "duplicate",
+     "another contact of the update has the same identity, or another body the same id"},
 }};
 
 }  // namespace hlm

@@ -17,24 +17,28 @@ bool has_free_root(const ToolDescription& tool) noexcept {
   return tool.links.front().joint == JointType::kFree;
 }
 
-/// A contact with side a on the tool names a link that there is.
-bool has_known_side(const ToolDescription& tool, const ReportedContact& contact) noexcept {
+/// A side on the tool names a link that there is, and of a tool's contact side a is on the tool.
+bool has_known_sides(const ToolDescription& tool, const ReportedContact& contact) noexcept {
+  const auto is_link = [&](const ContactSide& side) {
+    return side.kind == SideKind::kToolLink && side.index < tool.links.size();
+  };
   switch (contact.a.kind) {
     case SideKind::kToolLink:
-      return contact.a.index < tool.links.size();
+      return is_link(contact.a) && (contact.b.kind != SideKind::kToolLink || is_link(contact.b));
     case SideKind::kMovableBody:
-      return true;
+      return contact.b.kind != SideKind::kToolLink;
     case SideKind::kWorld:
       return false;
   }
   return false;
 }
 
-/// The first contact whose identity one before it has too.
-std::optional<std::size_t> find_duplicate(const ReportedContacts& contacts) noexcept {
+/// The first item whose name one before it has too.
+template <class Items, class Name>
+std::optional<std::size_t> find_duplicate(const Items& items, Name name) noexcept {
   using Named = std::pair<std::uint64_t, std::size_t>;
   StaticVector<Named, kMaxContacts> sorted;
-  for (std::size_t i = 0; i < contacts.size(); ++i) sorted.push_back({contacts[i].identity, i});
+  for (std::size_t i = 0; i < items.size(); ++i) sorted.push_back({name(items[i]), i});
   std::sort(sorted.begin(), sorted.end());
   const auto same = [](const Named& a, const Named& b) { return a.first == b.first; };
   const auto found = std::adjacent_find(sorted.begin(), sorted.end(), same);
@@ -62,10 +66,15 @@ std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
   }
   if (!fits(tool, update.q_VE)) return UpdateMisfit{.error = UpdateError::kQuaternion};
   for (std::size_t i = 0; i < update.contacts.size(); ++i) {
-    if (has_known_side(tool, update.contacts[i])) continue;
+    if (has_known_sides(tool, update.contacts[i])) continue;
     return UpdateMisfit{UpdateError::kSide, false, i};
   }
-  if (const auto duplicate = find_duplicate(update.contacts)) {
+  const auto identity = [](const ReportedContact& contact) { return contact.identity; };
+  const auto id = [](const MovableBody& body) { return body.id; };
+  if (const auto duplicate = find_duplicate(update.contacts, identity)) {
+    return UpdateMisfit{UpdateError::kDuplicate, false, *duplicate};
+  }
+  if (const auto duplicate = find_duplicate(update.bodies, id)) {
     return UpdateMisfit{UpdateError::kDuplicate, false, *duplicate};
   }
   return std::nullopt;

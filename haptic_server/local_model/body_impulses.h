@@ -4,7 +4,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "common/spatial.h"
 #include "common/static_vector.h"
@@ -13,6 +15,7 @@
 namespace hlm::server {
 
 /// Impulses are those of the tool on a body about its centre of mass, world axes, N·s and N·m·s.
+/// Bodies are named by the slot that they were given.
 class BodyImpulses {
  public:
   /// Bodies that the tool may touch in one session; others are moving constraints to it.
@@ -22,36 +25,36 @@ class BodyImpulses {
   static constexpr std::uint64_t kHistory = 2048;
 
   struct Total {
-    std::uint32_t body = 0;
+    std::uint32_t body = 0;  ///< The environment's number for it.
     Vector6 P_W = Vector6::Zero();
-    std::uint64_t last_step = 0;  ///< In which it changed.
+    std::uint64_t last_step = 0;  ///< In which it changed; 0: never.
   };
 
-  /// Makes room for impulses on the body. False if there is none.
-  bool enrol(std::uint32_t body) noexcept;
-  /// In the step that has begun, on a body that was enrolled.
-  void add(std::uint32_t body, const Vector6& P_W) noexcept;
+  /// The slot of a body, the same for the whole session. Empty if there is no room for another.
+  std::optional<std::size_t> enrol(std::uint32_t body) noexcept;
+  /// In the step that has begun, on one of at most kMaxMovedBodies in a step.
+  void add(std::size_t slot, const Vector6& P_W) noexcept;
   void end_step() noexcept;
 
   /// Steps that have ended.
   std::uint64_t step() const noexcept { return step_; }
   /// Sum over the steps in (from, to], as far as they are remembered.
-  Vector6 between(std::uint32_t body, std::uint64_t from, std::uint64_t to) const noexcept;
+  Vector6 between(std::size_t slot, std::uint64_t from, std::uint64_t to) const noexcept;
   /// First step from which between() is complete.
   std::uint64_t oldest() const noexcept { return step_ < kHistory ? 0 : step_ - kHistory + 1; }
-
-  /// Since the session began; zero for a body that was never touched.
-  Vector6 total(std::uint32_t body) const noexcept;
+  /// Since the session began.
+  const Vector6& total(std::size_t slot) const noexcept { return totals_[slot].P_W; }
 
   using Totals = StaticVector<Total, kMaxTouched>;
+  /// By slot.
   const Totals& totals() const noexcept { return totals_; }
 
  private:
   struct Impulse {
-    std::uint32_t body;
+    std::size_t slot;
     Vector6 P_W;
   };
-  using Step = StaticVector<Impulse, kMaxLocalBodies>;
+  using Step = StaticVector<Impulse, kMaxMovedBodies>;
   Step& at(std::uint64_t step) noexcept { return history_[step % kHistory]; }
   const Step& at(std::uint64_t step) const noexcept { return history_[step % kHistory]; }
 

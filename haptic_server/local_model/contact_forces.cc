@@ -81,6 +81,10 @@ Vector3 elastic_friction(const LocalContact& contact, const Vector3& v_t,
   return -law.stiffness * (contact.z_W + law.dt * v_t) - law.damping * v_t;
 }
 
+/// Most friction, for each newton, that follows the normal force within a step. With more a rod
+/// that stands on its end could jam without bound (Painlevé): a uniform one from 4/3 on.
+constexpr double kMostFollowing = 1.2;
+
 /// How a contact takes part in one round of the solver.
 enum class Mode : std::uint8_t {
   kOff,
@@ -106,7 +110,7 @@ struct PairLoad {
   Matrix6 impedance;
   Wrench wrench;
 };
-using PairLoads = StaticVector<PairLoad, kMaxGroups * kMaxLocalContacts>;
+using PairLoads = StaticVector<PairLoad, kMaxFrames * kMaxFrames>;
 
 std::uint16_t pair_of(const LocalContact& contact, PairLoads& pairs) noexcept {
   for (std::size_t i = pairs.size(); i-- > 0;) {
@@ -131,7 +135,7 @@ Trials first_trials(const ContactGroup& group, const FrameMotions& frames,
     const bool slips = contact.slipping || static_friction(contact, group.law) == 0;
     trial.mode = slips ? Mode::kSlip : Mode::kStick;
     if (contact.slipping) {
-      const double mu = kinetic_friction(contact, group.law);
+      const double mu = std::min(kinetic_friction(contact, group.law), kMostFollowing);
       trial.slip = mu * tangential(contact.f_W, contact.n_W).stableNormalized();
     }
   }
@@ -212,7 +216,9 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
     const bool stopped = trial.mode == Mode::kSlip && f.dot(trial.slip) < 0;
     mode = size > mu * f_n && !stopped ? Mode::kSlip : Mode::kStick;
     trial.slip.setZero();
-    if (mode == Mode::kSlip && size > 0) trial.slip = (kinetic_friction(contact, law) / size) * f;
+    if (mode == Mode::kSlip && size > 0) {
+      trial.slip = (std::min(kinetic_friction(contact, law), kMostFollowing) / size) * f;
+    }
     if (wanted > contact.cap) {
       trial.constant = f_n * contact.n_W + (mode == Mode::kStick ? f : Vector3(f_n * trial.slip));
       mode = Mode::kCapped;
@@ -310,6 +316,7 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
   for (LocalContact& contact : group.contacts) {
     contact.f_W.setZero();
     contact.loaded = false;
+    contact.damper_power = 0;
     if (!takes_part(contact, law)) {
       contact.z_W.setZero();
       contact.slipping = false;
@@ -328,6 +335,8 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
     contact.z_W =
         (-law.dt * f_t + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
     contact.loaded = f_n > 0;
+    // It cannot take out more than the whole normal force does, under a cap for instance.
+    contact.damper_power = std::min(law.damping * v.normal * v.normal, f_n * std::abs(v.normal));
     contact.f_W = f_n * contact.n_W + f_t;
     Wrench F;
     F << contact.f_W, arm.cross(contact.f_W);

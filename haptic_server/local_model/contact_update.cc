@@ -277,7 +277,7 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
   const PlacedReports reports =
       sorted_reports(reported, frames, [&](const ReportedContact& report) {
-        return (is_tool(report.a) || is_tool(report.b)) && (!only_active || report.separation <= 0);
+        return is_tool(report.a) && (!only_active || report.separation <= 0);
       });
   updated.clear();
   LocalContacts orphans;

@@ -12,7 +12,7 @@ namespace hlm::server {
 using FrameIndex = std::uint8_t;
 inline constexpr FrameIndex kWorldFrame = 0;
 inline constexpr FrameIndex kFirstLinkFrame = 1;
-inline constexpr std::size_t kMaxFrames = 1 + kMaxLinks + kMaxLocalBodies;
+inline constexpr std::size_t kMaxFrames = 1 + kMaxLinks + kMaxMovedBodies;
 
 /// Poses in the world by frame: the world, then links, then bodies.
 using FramePoses = StaticVector<Pose, kMaxFrames>;
@@ -26,7 +26,7 @@ inline FrameIndex frame_of_body(const ToolModel& tool, std::size_t slot) noexcep
 
 /// Unknowns of a step: q̇⁺ of the tool, then for each body what its velocity changes by, in the
 /// coordinates of LocalBody::B.
-inline constexpr int kMaxUnknowns = kMaxDof + 6 * static_cast<int>(kMaxLocalBodies);
+inline constexpr int kMaxUnknowns = kMaxDof + 6 * static_cast<int>(kMaxMovedBodies);
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxUnknowns, 1>;
 using SystemMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;

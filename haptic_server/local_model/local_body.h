@@ -8,10 +8,6 @@
 
 namespace hlm::server {
 
-/// Most bodies that the local model moves. Each adds up to six unknowns to a step; those beyond
-/// them are moving constraints.
-inline constexpr std::size_t kMaxLocalBodies = 8;
-
 /// The twist at a point that lies `arm` (m) away from the one of V.
 inline Twist shifted(const Twist& V, const Vector3& arm) noexcept {
   Twist moved = V;
@@ -26,7 +22,8 @@ struct LocalBody {
   explicit LocalBody(const MovableBody& reported) noexcept;
 
   std::uint32_t id = 0;
-  Pose X_WB;  ///< Origin at the centre of mass; the world's axes in the reported state.
+  std::size_t slot = 0;  ///< Of its impulses.
+  Pose X_WB;             ///< Origin at the centre of mass; the world's axes in the reported state.
   Twist V_W = Twist::Zero();
   /// 6×n: W = B Bᵀ, so that an impulse P changes the velocity by B (Bᵀ P): in these coordinates the
   /// body has unit mass, and moves only as its joints allow.
@@ -46,6 +43,6 @@ struct LocalBody {
   void advance(const Twist& V, double dt) noexcept;
 };
 
-using LocalBodies = StaticVector<LocalBody, kMaxLocalBodies>;
+using LocalBodies = StaticVector<LocalBody, kMaxMovedBodies>;
 
 }  // namespace hlm::server

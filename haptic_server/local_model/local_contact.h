@@ -60,6 +60,7 @@ struct LocalContact {
   bool slipping = false;
   bool loaded = false;            ///< Whether the normal force was > 0 in the latest step.
   Vector3 f_W = Vector3::Zero();  ///< Contact force on a in the latest step, world, N.
+  double damper_power = 0;        ///< What the normal damper took out in the latest step, W.
 };
 
 /// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/free_motion.h"
@@ -62,6 +63,14 @@ bool is_plausible(const LocalBody& body) noexcept {
          body.V_W.tail<3>().norm() <= kLargestBodySpin;
 }
 
+/// Makes a body one that nothing moves.
+void hold(LocalBody& body, const Pose& X_WB) noexcept {
+  body.X_WB = X_WB;
+  body.V_W.setZero();
+  body.A_W.setZero();
+  body.B.resize(6, 0);
+}
+
 /// Jᵀ of a unit impulse along n, over all unknowns.
 Unknowns along_normal(const LocalContact& contact, const FrameMotions& frames) noexcept {
   Vector6 row;
@@ -117,10 +126,13 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   LocalBodies bodies;
   for (const MovableBody& reported : update.bodies) {
     if (bodies.size() == bodies.capacity()) break;
-    if (!impulses_.enrol(reported.id)) continue;
+    const auto has_id = [&](const LocalBody& body) { return body.id == reported.id; };
+    const std::optional<std::size_t> slot = impulses_.enrol(reported.id);
+    if (!slot || std::any_of(bodies.begin(), bodies.end(), has_id)) continue;
     LocalBody& body = bodies.emplace_back(reported);
-    body.pending_W = impulses_.total(body.id) - reported.P_W -
-                     impulses_.between(body.id, whole_steps(state_step), impulses_.step());
+    body.slot = *slot;
+    body.pending_W = impulses_.total(*slot) - reported.P_W -
+                     impulses_.between(*slot, whole_steps(state_step), impulses_.step());
   }
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies,
@@ -130,9 +142,10 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   const LocalContacts& existing_supports = supports();
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
+  const LocalBodies reported = bodies;
   replay(bodies, present_supports(), state_step);
-  for (LocalBody& body : bodies) {
-    if (!is_plausible(body)) body.V_W.setZero();
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    if (!is_plausible(bodies[i])) hold(bodies[i], reported[i].X_WB);
   }
   frames.set_now(poses_of(proxy_, bodies));
   const double unspent =
@@ -161,7 +174,7 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
     const double dt = (static_cast<double>(next - done) - into_step) * dt_;
     into_step = 0;
     for (LocalBody& body : bodies) {
-      const Vector6 P = impulses_.between(body.id, done, next);
+      const Vector6 P = impulses_.between(body.slot, done, next);
       body.V_W += body.B * body.B.transpose().lazyProduct(P);
     }
     const FrameMotions frames(proxy_, nullptr, bodies, dt);
@@ -292,7 +305,7 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
 /// What the dampers of the tool's contacts take out in a step is there to heal with.
 void LocalModel::fill_tank() noexcept {
   for (const LocalContact& contact : contacts()) {
-    if (contact.loaded) tank_ += parameters_.damping * contact.v_n * contact.v_n * dt_;
+    tank_ += contact.damper_power * dt_;
   }
   tank_ = std::min(tank_, kTankSize);
 }
@@ -306,7 +319,7 @@ void LocalModel::add_impulse(const LocalContact& contact, const Vector3& P_W) no
     const LocalBody& body = bodies_[static_cast<std::size_t>(frame - first)];
     Vector6 P;
     P << impulse, (contact.p_W - body.X_WB.p).cross(impulse);
-    impulses_.add(body.id, P);
+    impulses_.add(body.slot, P);
   };
   add(contact.frame_a, P_W);
   add(contact.frame_b, -P_W);

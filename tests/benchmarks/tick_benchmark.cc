@@ -132,6 +132,53 @@ void tick_with_bodies(benchmark::State& state, int replayed) {
   }
 }
 
+/// A tool presses a stack of cubes and pushes its top: what moves, all in one system.
+void Stack(benchmark::State& state) {
+  const ToolDescription tool = tool_with(6);
+  const ToolModel start(tool);
+  ReportedContacts contacts;
+  MovableBodies bodies;
+  for (std::uint32_t id = 0; id < static_cast<std::uint32_t>(state.range(0)); ++id) {
+    MovableBody& body = bodies.emplace_back();
+    body.id = id;
+    body.p_WCom = {0, 0, -0.05 * id - 0.025};
+    body.W.diagonal() << Vector3::Constant(3), Vector3::Constant(8000);
+    body.A_W[2] = -9.81;
+    for (std::uint64_t i = 0; i < 8; ++i) {  // On what is below; four of the first with the tool.
+      if (i >= 4 && id > 0) continue;
+      ReportedContact& contact = contacts.emplace_back();
+      contact.identity = 100 * (id + 1) + i;
+      contact.friction = 0.5;
+      contact.p_WC = {i & 1 ? 0.02 : -0.02, i & 2 ? 0.02 : -0.02, i < 4 ? -0.05 * (id + 1) : 0};
+      if (i < 4) {
+        contact.a = {SideKind::kMovableBody, id};
+        if (id + 1 < state.range(0)) contact.b = {SideKind::kMovableBody, id + 1};
+        contact.load = 0.75 * (id + 1);
+      } else {
+        contact.b = {SideKind::kMovableBody, id};
+      }
+    }
+  }
+  const auto model =
+      std::make_unique<LocalModel>(tool, start.configuration(), LocalModelParameters{}, kStep);
+  HandInput hand;
+  hand.F.head<3>() << 1, 0, -3;
+  std::uint64_t steps = 0;
+  for (auto _ : state) {
+    if (steps++ % 17 == 0) {
+      state.PauseTiming();
+      model->adopt({.contacts = contacts,
+                    .q_VE = model->proxy().configuration(),
+                    .bodies = bodies,
+                    .impulse_step = static_cast<double>(model->impulses().step()),
+                    .period = 0.017});
+      state.ResumeTiming();
+    }
+    benchmark::DoNotOptimize(model->step(hand));
+  }
+}
+BENCHMARK(Stack)->ArgName("bodies")->DenseRange(2, 8, 2)->Unit(benchmark::kMicrosecond);
+
 void TickWithBodies(benchmark::State& state) { tick_with_bodies(state, 0); }
 void TickThatRepeats60Steps(benchmark::State& state) { tick_with_bodies(state, 60); }
 BENCHMARK(TickWithBodies)->ArgName("contacts")->Arg(16)->Arg(64)->Unit(benchmark::kMicrosecond);

@@ -28,7 +28,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
   return inbox;
 }
 
-BodyImpulses HapticClient::take_impulses(double period) {
+DueImpulses HapticClient::take_impulses(double period) {
   if (!connected()) return {};
   return playout_.take(period * welcome().servo_rate);
 }

@@ -37,7 +37,7 @@ class HapticClient {
   /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) for a
   /// step of H = `period` seconds that begins. It must apply them, P/H as a wrench on the body: the
   /// next update says that its bodies contain them. Nothing else of the tool may push those bodies.
-  BodyImpulses take_impulses(double period);
+  DueImpulses take_impulses(double period);
 
   /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
   /// the contacts of the next send() will be computed.

@@ -37,7 +37,7 @@ void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
   reports_.push_back(std::move(report));
 }
 
-BodyImpulses ImpulsePlayout::take(double steps) {
+DueImpulses ImpulsePlayout::take(double steps) {
   if (steps <= 0) return {};
   advance(steps);
   forget_played();
@@ -46,7 +46,7 @@ BodyImpulses ImpulsePlayout::take(double steps) {
   const double span = after.step - before.step;
   const double part = span > 0 ? std::clamp((step_ - before.step) / span, 0.0, 1.0) : 1;
 
-  BodyImpulses due;
+  DueImpulses due;
   for (const auto& [body, P_W] : after.totals) {
     const Vector6 P_before = total(before.totals, body);
     const Vector6 P = P_before + part * (P_W - P_before);

@@ -9,7 +9,7 @@
 
 namespace hlm {
 
-using BodyImpulses = StaticVector<protocol::BodyImpulse, kMaxBodies>;
+using DueImpulses = StaticVector<protocol::BodyImpulse, kMaxBodies>;
 
 /// The server reports totals, at the steps in which it took updates. Applied as they arrive they
 /// would come in uneven portions: two in one frame and none in the next, and a body on a table
@@ -24,7 +24,7 @@ class ImpulsePlayout {
   void hear(std::uint64_t step);
   void receive(const protocol::Impulses& totals);
   /// A frame of so many steps of the server begins: what is due in it.
-  BodyImpulses take(double steps);
+  DueImpulses take(double steps);
 
   /// Step of the server up to which impulses were taken; may lie between two.
   double step() const noexcept { return step_; }

@@ -200,12 +200,9 @@ class JointedGroup {
 
 }  // namespace
 
-Matrix6 inverse_inertia(const World& world, int body) {
-  return JointedGroup(world, body).inverse_inertia(body);
-}
-
-Vector6 free_acceleration(const World& world, int body) {
-  return JointedGroup(world, body).free_acceleration(body);
+Mobility mobility_of(const World& world, int body) {
+  const JointedGroup group(world, body);
+  return {group.inverse_inertia(body), group.free_acceleration(body)};
 }
 
 double joint_mobility(const World& world, int joint) {

@@ -6,17 +6,20 @@
 
 namespace hlm::ve {
 
-// Bodies that joints connect answer together, M a = f + Jᵀ λ with J a = -J̇ v for all of them. What
-// is said here is one body's part, about its centre of mass, world axes, linear and exact. Limits
-// of joints take no part. For bodies that are not fixed.
+/// One body's part, about its centre of mass, world axes, linear and exact. Bodies that joints
+/// connect answer together, M a = f + Jᵀ λ with J a = -J̇ v for all of them. Limits of joints take
+/// no part.
+struct Mobility {
+  /// The acceleration for each wrench on the body, 1/kg and 1/(kg·m²), symmetric: that body's block
+  /// of M⁻¹ − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁺ J M⁻¹.
+  Matrix6 W = Matrix6::Zero();
+  /// The acceleration by all that is no contact: weight, springs and damping of joints, gyroscopic
+  /// torque, and what its joints make of these. m/s², rad/s².
+  Vector6 A_W = Vector6::Zero();
+};
 
-/// W: the acceleration of a body for each wrench on it, 1/kg and 1/(kg·m²), symmetric. Of all
-/// connected bodies it is that body's block of M⁻¹ − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁺ J M⁻¹.
-Matrix6 inverse_inertia(const World& world, int body);
-
-/// The acceleration of a body by all that is no contact: weight, springs and damping of joints,
-/// gyroscopic torque, and what its joints make of these. m/s², rad/s².
-Vector6 free_acceleration(const World& world, int body);
+/// Of a body that is not fixed.
+Mobility mobility_of(const World& world, int body);
 
 /// The acceleration along a joint's axis for each unit of force or torque there, 1/kg or
 /// 1/(kg·m²).

@@ -31,8 +31,7 @@ Surroundings::Surroundings(World& world, Proximity& proximity)
     : world_(world), proximity_(proximity) {
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
     const double own = 1 / world.description().bodies[at(body)].mass;
-    pushable_.push_back(world.is_movable(body) &&
-                        inverse_inertia(world, body).norm() > kHeld * own);
+    pushable_.push_back(world.is_movable(body) && mobility_of(world, body).W.norm() > kHeld * own);
   }
 }
 
@@ -82,15 +81,16 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon) {
     movable.id = static_cast<std::uint32_t>(body);
     movable.p_WCom = world_.X_WB(body).p;
     movable.V_W = world_.V_WB(body);
-    movable.W = inverse_inertia(world_, body);
-    movable.A_W = free_acceleration(world_, body);
+    const Mobility mobility = mobility_of(world_, body);
+    movable.W = mobility.W;
+    movable.A_W = mobility.A_W;
   }
 }
 
 /// Takes a body in if it can be pushed and there is room.
 void Surroundings::report(int body) {
   if (!pushable_[at(body)] || is_reported(body)) return;
-  if (reported_.size() < kMaxReportedBodies) {
+  if (reported_.size() < kMaxMovedBodies) {
     reported_.push_back(body);
   } else if (!contains(left_out_, body)) {
     left_out_.push_back(body);

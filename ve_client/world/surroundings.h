@@ -11,12 +11,8 @@
 
 namespace hlm::ve {
 
-/// Most movable bodies that are reported. Those beyond are moving constraints: more cost the server
-/// time in every tick.
-inline constexpr std::size_t kMaxReportedBodies = 8;
-
-/// The movable bodies near the tool: those with a contact of the tool, then those with a contact of
-/// one of these, and so on; with their own contacts.
+/// The movable bodies near the tool, at most kMaxMovedBodies: those with a contact of the tool,
+/// then those with a contact of one of these, and so on; with their own contacts.
 class Surroundings {
  public:
   /// Both outlive this.

@@ -296,7 +296,7 @@ TEST_CASE("A session that meets ever new bodies keeps its loop; what comes late 
   for (int update = 0; update < 160; ++update) {
     MovableBodies bodies;
     ReportedContacts contacts;
-    for (std::size_t i = 0; i < kMaxLocalBodies; ++i) {
+    for (std::size_t i = 0; i < kMaxMovedBodies; ++i) {
       MovableBody& body = bodies.emplace_back();
       body.id = id++;
       body.W = Matrix6::Identity();

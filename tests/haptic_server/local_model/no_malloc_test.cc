@@ -11,7 +11,7 @@ namespace {
 
 /// Eight bodies around a tool that touches all of them, each with as many contacts with a floor.
 void crowd(ReportedContacts& contacts, MovableBodies& bodies, double depth) {
-  for (std::uint32_t i = 0; i < kMaxLocalBodies; ++i) {
+  for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
     MovableBody& body = bodies.emplace_back();
     body.id = i;
     body.p_WCom = {0.1 * i, 0, 0};
@@ -19,7 +19,7 @@ void crowd(ReportedContacts& contacts, MovableBodies& bodies, double depth) {
     body.A_W[2] = -9.81;
   }
   for (std::uint64_t i = 0; contacts.size() + 2 <= contacts.capacity(); ++i) {
-    const auto body = static_cast<std::uint32_t>(i % kMaxLocalBodies);
+    const auto body = static_cast<std::uint32_t>(i % kMaxMovedBodies);
     const Vector3 p(0.1 * body + 0.01 * static_cast<double>(i / 16),
                     0.002 * static_cast<double>(i % 7), 0);
     ReportedContact contact;
@@ -62,7 +62,7 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
     model->step(hand);
   }
   CHECK(guard.allocations() == 0);
-  CHECK(model->bodies().size() == kMaxLocalBodies);
+  CHECK(model->bodies().size() == kMaxMovedBodies);
   CHECK(model->velocity().allFinite());
 }
 
