@@ -42,6 +42,23 @@ struct Pose {
   }
 };
 
+/// A pose that many points are taken through.
+struct Placement {
+  Vector3 p = Vector3::Zero();      ///< p_AB, m.
+  Matrix3 R = Matrix3::Identity();  ///< R_AB.
+
+  Placement() = default;
+  Placement(const Vector3& p_AB, const Matrix3& R_AB) noexcept : p(p_AB), R(R_AB) {}
+  explicit Placement(const Pose& X_AB) noexcept : p(X_AB.p), R(X_AB.R.toRotationMatrix()) {}
+
+  /// p_AQ from p_BQ.
+  Vector3 operator*(const Vector3& p_BQ) const noexcept { return p + R * p_BQ; }
+  /// X_AC from X_BC.
+  Placement operator*(const Placement& X_BC) const noexcept { return {p + R * X_BC.p, R * X_BC.R}; }
+  /// X_BA.
+  Placement inverse() const noexcept { return {-(R.transpose() * p), R.transpose()}; }
+};
+
 /// Matrix of the cross product: skew(a) b = a × b.
 inline Matrix3 skew(const Vector3& a) noexcept {
   Matrix3 m;

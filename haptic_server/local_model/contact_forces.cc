@@ -10,8 +10,12 @@
 namespace hlm::server {
 namespace {
 
-/// Rounds of the contact solver. Two are typical; what is undecided after the last is clamped.
-constexpr int kMaxPasses = 8;
+/// Most rounds of the contact solver; one or two are typical.
+constexpr int kMaxRounds = 12;
+/// Least part of a round's change of the velocities that is tried.
+constexpr double kLeastShare = 0.1;
+/// Changes of friction's direction in a round below this are none.
+constexpr double kSettled = 1e-2;
 /// Groups of contacts in one step: the tool's, the limits of its joints, and those of movable
 /// bodies among themselves.
 constexpr std::size_t kMaxGroups = 3;
@@ -81,6 +85,54 @@ Vector3 elastic_friction(const LocalContact& contact, const Vector3& v_t,
   return -law.stiffness * (contact.z_W + law.dt * v_t) - law.damping * v_t;
 }
 
+struct ContactForce {
+  double normal;
+  Vector3 friction;
+  bool slips;
+};
+/// What the contact does to a at this velocity at the end of the step, N.
+inline ContactForce force_at(const LocalContact& contact, const RelativeVelocity& v,
+                             const ContactLaw& law) noexcept {
+  ContactForce f;
+  f.normal = std::clamp(penalty(contact, v.normal, law), 0.0, contact.cap);
+  f.friction = elastic_friction(contact, v.tangential, law);
+  const double size = f.friction.norm();
+  const double mu =
+      contact.slipping ? kinetic_friction(contact, law) : static_friction(contact, law);
+  f.slips = size > mu * f.normal;
+  if (f.slips) f.friction *= kinetic_friction(contact, law) * f.normal / size;
+  return f;
+}
+
+/// Wrenches on the frames about O, and what they do to the unknowns.
+class FrameLoads {
+ public:
+  explicit FrameLoads(const FrameMotions& frames) noexcept
+      : frames_(frames), wrenches_(frames.count(), Wrench::Zero()) {}
+
+  /// A force on a, and the opposite on b.
+  void add(const LocalContact& contact, const Vector3& arm, const Vector3& f) noexcept {
+    Wrench F;
+    F << f, arm.cross(f);
+    wrenches_[contact.frame_a] += F;
+    wrenches_[contact.frame_b] -= F;
+  }
+
+  Unknowns generalised() const noexcept {
+    Unknowns tau = Unknowns::Zero(frames_.unknowns());
+    for (std::size_t i = 0; i < frames_.count(); ++i) {
+      const FrameMotion& frame = frames_[static_cast<FrameIndex>(i)];
+      if (frame.J.cols() == 0) continue;
+      tau.segment(frame.first, frame.J.cols()) += frame.J.transpose().lazyProduct(wrenches_[i]);
+    }
+    return tau;
+  }
+
+ private:
+  const FrameMotions& frames_;
+  StaticVector<Wrench, kMaxFrames> wrenches_;
+};
+
 /// Most friction, for each newton, that follows the normal force within a step. With more a rod
 /// that stands on its end could jam without bound (Painlevé): a uniform one from 4/3 on.
 constexpr double kMostFollowing = 1.2;
@@ -96,7 +148,8 @@ enum class Mode : std::uint8_t {
 struct Trial {
   Mode mode = Mode::kOff;
   std::uint16_t pair = 0;              ///< Index of its PairLoad.
-  Vector3 slip = Vector3::Zero();      ///< In kSlip: friction for each newton of normal force.
+  Vector3 slip = Vector3::Zero();      ///< In kSlip: friction for each newton of normal force,
+  double across = 0;                   ///< and the part of elastic_friction() across it.
   Vector3 constant = Vector3::Zero();  ///< In kCapped: the force, N.
   Vector3 arm = Vector3::Zero();       ///< Of the contact point from O, m.
 };
@@ -167,6 +220,12 @@ void add_contact(const LocalContact& contact, const Trial& trial, const ContactL
     row << n, trial.arm.cross(n);
     column << direction, trial.arm.cross(direction);
     load.impedance.noalias() += (beta * column) * row.transpose();
+    if (trial.across > 0) {  // The force turns with the velocity.
+      const Vector3 e = n.cross(trial.slip).normalized();
+      f_0 += trial.across * e.dot(beta * contact.v_WC - law.stiffness * contact.z_W) * e;
+      row << e, trial.arm.cross(e);
+      load.impedance.noalias() += (trial.across * beta * row) * row.transpose();
+    }
   }
   load.wrench.head<3>() += f_0;
   load.wrench.tail<3>() += trial.arm.cross(f_0);
@@ -206,27 +265,29 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
   const RelativeVelocity v = relative_velocity(contact, V, trial.arm);
   const double wanted = penalty(contact, v.normal, law);
   const double f_n = std::min(wanted, contact.cap);
-  Mode mode = Mode::kOff;
+  const Trial before = trial;
+  trial.mode = Mode::kOff;
+  trial.slip.setZero();
   if (f_n > 0) {
     const Vector3 f = elastic_friction(contact, v.tangential, law);
     const double size = f.norm();
-    const bool slipped = trial.mode == Mode::kSlip || trial.mode == Mode::kCapped;
-    const double mu = slipped ? kinetic_friction(contact, law) : static_friction(contact, law);
+    const bool slipped = before.mode == Mode::kSlip || before.mode == Mode::kCapped;
+    const double mu_k = kinetic_friction(contact, law);
     // Friction at its limit that turned the slip round within the step would have stopped it.
-    const bool stopped = trial.mode == Mode::kSlip && f.dot(trial.slip) < 0;
-    mode = size > mu * f_n && !stopped ? Mode::kSlip : Mode::kStick;
-    trial.slip.setZero();
-    if (mode == Mode::kSlip && size > 0) {
-      trial.slip = (std::min(kinetic_friction(contact, law), kMostFollowing) / size) * f;
+    const bool stopped = before.mode == Mode::kSlip && f.dot(before.slip) < 0;
+    const bool slips = size > (slipped ? mu_k : static_friction(contact, law)) * f_n && !stopped;
+    trial.mode = slips ? Mode::kSlip : Mode::kStick;
+    if (slips) {
+      trial.slip = (std::min(mu_k, kMostFollowing) / size) * f;
+      trial.across = mu_k * f_n / size;
     }
     if (wanted > contact.cap) {
-      trial.constant = f_n * contact.n_W + (mode == Mode::kStick ? f : Vector3(f_n * trial.slip));
-      mode = Mode::kCapped;
+      trial.constant = f_n * contact.n_W + (slips ? Vector3(f_n * trial.slip) : f);
+      trial.mode = Mode::kCapped;
     }
   }
-  const bool changed = mode != trial.mode;
-  trial.mode = mode;
-  return changed;
+  return trial.mode != before.mode ||
+         (trial.slip - before.slip).squaredNorm() > kSettled * kSettled;
 }
 
 /// One round: the loads of the pairs in the present modes, and the velocities that follow.
@@ -259,6 +320,26 @@ class ContactSolver {
     // Friction that follows the normal force makes E unsymmetric.
     if (slips) return system_.E.partialPivLu().solve(system_.r);
     return system_.E.llt().solve(system_.r);
+  }
+
+  /// How far x is from a solution: the square of what is missing in E x = r + Δt Σ Jᵀ f(x).
+  double error(const Unknowns& x) const noexcept {
+    const FrameTwists twists = frames_.twists(x);
+    RelativeTwists relative(twists);
+    FrameLoads loads(frames_);
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      for (std::size_t i = 0; i < groups_[g].contacts.size(); ++i) {
+        const LocalContact& contact = groups_[g].contacts[i];
+        if (!takes_part(contact, groups_[g].law)) continue;
+        const Vector3& arm = trials_[g][i].arm;
+        const RelativeVelocity v = relative_velocity(contact, relative.of(contact), arm);
+        const ContactForce f = force_at(contact, v, groups_[g].law);
+        loads.add(contact, arm, f.normal * contact.n_W + f.friction);
+      }
+    }
+    const Unknowns missing =
+        given_.E.lazyProduct(x) - given_.r - groups_[0].law.dt * loads.generalised();
+    return missing.cwiseAbs2().cwiseQuotient(given_.E.diagonal()).sum();
   }
 
   bool revise_modes(const Unknowns& x) noexcept {
@@ -312,7 +393,7 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
   const ContactLaw& law = group.law;
   const FrameTwists twists = frames.twists(x);
   RelativeTwists relative(twists);
-  StaticVector<Wrench, kMaxFrames> wrenches(frames.count(), Wrench::Zero());
+  FrameLoads loads(frames);
   for (LocalContact& contact : group.contacts) {
     contact.f_W.setZero();
     contact.loaded = false;
@@ -324,41 +405,40 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
     }
     const Vector3 arm = contact.p_W - frames.reference_W();
     const RelativeVelocity v = relative_velocity(contact, relative.of(contact), arm);
-    const double f_n = std::clamp(penalty(contact, v.normal, law), 0.0, contact.cap);
-    Vector3 f_t = elastic_friction(contact, v.tangential, law);
-    const double size = f_t.norm();
-    const double mu =
-        contact.slipping ? kinetic_friction(contact, law) : static_friction(contact, law);
-    contact.slipping = size > mu * f_n;
-    if (contact.slipping) f_t *= kinetic_friction(contact, law) * f_n / size;
+    const ContactForce f = force_at(contact, v, law);
+    contact.slipping = f.slips;
     // Backward Euler of the elasto-plastic anchor: exact in stick, and in slip it follows.
     contact.z_W =
-        (-law.dt * f_t + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
-    contact.loaded = f_n > 0;
+        (-law.dt * f.friction + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
+    contact.loaded = f.normal > 0;
     // It cannot take out more than the whole normal force does, under a cap for instance.
-    contact.damper_power = std::min(law.damping * v.normal * v.normal, f_n * std::abs(v.normal));
-    contact.f_W = f_n * contact.n_W + f_t;
-    Wrench F;
-    F << contact.f_W, arm.cross(contact.f_W);
-    wrenches[contact.frame_a] += F;
-    wrenches[contact.frame_b] -= F;
+    contact.damper_power =
+        std::min(law.damping * v.normal * v.normal, f.normal * std::abs(v.normal));
+    contact.f_W = f.normal * contact.n_W + f.friction;
+    loads.add(contact, arm, contact.f_W);
   }
-  Unknowns tau = Unknowns::Zero(frames.unknowns());
-  for (std::size_t i = 0; i < frames.count(); ++i) {
-    const FrameMotion& frame = frames[static_cast<FrameIndex>(i)];
-    if (frame.J.cols() == 0) continue;
-    tau.segment(frame.first, frame.J.cols()) += frame.J.transpose().lazyProduct(wrenches[i]);
-  }
-  return tau;
+  return loads.generalised();
 }
 
 Unknowns solve_contact_step(ContactGroups groups, const FrameMotions& frames,
                             const StepSystem& system) noexcept {
   ContactSolver solver(groups, frames, system);
-  Unknowns x;
-  for (int pass = 0; pass < kMaxPasses; ++pass) {
-    x = solver.solve();
-    if (!solver.revise_modes(x)) break;
+  Unknowns x = solver.solve();
+  if (!solver.revise_modes(x)) return x;
+  double error = solver.error(x);
+  for (int round = 1; round < kMaxRounds; ++round) {
+    const Unknowns change = solver.solve() - x;
+    double share = 1;
+    Unknowns next = x + change;
+    double next_error = solver.error(next);
+    while (next_error >= error && share > kLeastShare) {
+      share /= 2;
+      next = x + share * change;
+      next_error = solver.error(next);
+    }
+    x = next;
+    error = next_error;
+    if (!solver.revise_modes(x) && share == 1) break;
   }
   return x;
 }

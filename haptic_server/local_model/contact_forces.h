@@ -45,9 +45,9 @@ struct StepSystem {
   Unknowns r;
 };
 
-/// Solves a step with the contact forces above for x. Contacts that would pull are let go and
-/// contacts that would exceed their friction slip, in at most kMaxPasses rounds; the modes of the
-/// step before are tried first. A contact that would close within the step takes part.
+/// Solves a step with the contact forces above for x, by Newton's method with a line search
+/// (docs/method.md 4.3), from the modes of the step before. A contact that would close within the
+/// step takes part.
 Unknowns solve_contact_step(ContactGroups groups, const FrameMotions& frames,
                             const StepSystem& system) noexcept;
 

@@ -76,7 +76,7 @@ void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& f
     contact.c_B = report.p_WC + contact.v_constr * age * report.n_W;
     contact.n_B = report.n_W;
   } else {
-    const Pose X_BW = frames.reported[placed.b].inverse();
+    const Placement X_BW = frames.reported[placed.b].inverse();
     contact.c_B = X_BW * report.p_WC;
     contact.n_B = X_BW.R * report.n_W;
   }
@@ -88,7 +88,7 @@ Vector3 reported_point(const Placed& placed) noexcept {
 }
 
 /// Evaluates the constraint with its frame at X_WB. Returns σ for a's true point at x_W.
-double true_separation(LocalContact& contact, const Pose& X_WB, const Vector3& x_W) noexcept {
+double true_separation(LocalContact& contact, const Placement& X_WB, const Vector3& x_W) noexcept {
   const bool in_world = contact.frame_b == kWorldFrame;
   contact.c_W = in_world ? contact.c_B : X_WB * contact.c_B;
   contact.n_W = in_world ? contact.n_B : X_WB.R * contact.n_B;
@@ -97,10 +97,10 @@ double true_separation(LocalContact& contact, const Pose& X_WB, const Vector3& x
 
 /// Places the local contact point so that Eq. 3 gives s_plus with the frame of a at X_WA, over the
 /// foot of a's true point x_W on the constraint: deforms the proxy.
-void place_contact_point(LocalContact& contact, const Pose& X_WA, const Vector3& x_W, double sigma,
-                         double s_plus) noexcept {
+void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
+                         double sigma, double s_plus) noexcept {
   contact.p_W = x_W + (s_plus - sigma) * contact.n_W;
-  contact.p_A = X_WA.R.conjugate() * (contact.p_W - X_WA.p);
+  contact.p_A = X_WA.R.transpose() * (contact.p_W - X_WA.p);
   contact.s = s_plus;
 }
 
@@ -197,7 +197,7 @@ std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& f
   contact.frame_a = *a;
   contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
   contact.p_A = frames.now[contact.frame_a].inverse() * contact.p_W;
-  const Pose X_BW = frames.now[contact.frame_b].inverse();
+  const Placement X_BW = frames.now[contact.frame_b].inverse();
   contact.c_B = X_BW * contact.c_W;
   contact.n_B = X_BW.R * contact.n_W;
   contact.cap = std::min(contact.cap, f_n);
@@ -332,7 +332,7 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
     if (contact.deferred == 0) continue;
     const double given = due(contact, poses, policy, tank);
     const Vector3 n_A =
-        poses[contact.frame_a].R.conjugate() * (poses[contact.frame_b].R * contact.n_B);
+        poses[contact.frame_a].R.transpose() * (poses[contact.frame_b].R * contact.n_B);
     contact.p_A += given * n_A;
     contact.deferred -= given;
   }

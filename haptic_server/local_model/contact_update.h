@@ -68,9 +68,10 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
 void advance_constraints(LocalContacts& contacts, double dt) noexcept;
 
 /// Eq. 3: separation of the contact with the frames at these poses, m.
-inline double separation(LocalContact contact, const FramePoses& poses) noexcept {
-  locate(contact, poses[contact.frame_a], poses[contact.frame_b]);
-  return contact.s;
+inline double separation(const LocalContact& contact, const FramePoses& poses) noexcept {
+  const Placement& X_WB = poses[contact.frame_b];
+  const Vector3 p_W = poses[contact.frame_a] * contact.p_A;
+  return (X_WB.R * contact.n_B).dot(p_W - X_WB * contact.c_B);
 }
 
 }  // namespace hlm::server

@@ -4,8 +4,8 @@ namespace hlm::server {
 
 FramePoses poses_of(const ToolModel& tool, const LocalBodies& bodies) noexcept {
   FramePoses poses(1);
-  for (int i = 0; i < tool.links(); ++i) poses.push_back(tool.X_WL(i));
-  for (const LocalBody& body : bodies) poses.push_back(body.X_WB);
+  for (int i = 0; i < tool.links(); ++i) poses.emplace_back(tool.X_WL(i));
+  for (const LocalBody& body : bodies) poses.emplace_back(body.X_WB);
   return poses;
 }
 
@@ -15,7 +15,7 @@ FrameMotions::FrameMotions(const ToolModel& tool, const Velocity* v, const Local
   frames_.emplace_back().J.resize(6, 0);
   for (int i = 0; i < tool.links(); ++i) {
     FrameMotion& frame = frames_.emplace_back();
-    frame.X_W = tool.X_WL(i);
+    frame.X_W = Placement(tool.X_WL(i));
     if (v != nullptr) {
       frame.J = tool.jacobian(i, O_W_);
       frame.V = frame.J.lazyProduct(*v);
@@ -25,7 +25,7 @@ FrameMotions::FrameMotions(const ToolModel& tool, const Velocity* v, const Local
   }
   for (const LocalBody& body : bodies) {
     FrameMotion& frame = frames_.emplace_back();
-    frame.X_W = body.X_WB;
+    frame.X_W = Placement(body.X_WB);
     frame.first = unknowns_;
     unknowns_ += static_cast<int>(body.B.cols());
     const Vector3 arm = O_W_ - body.X_WB.p;

@@ -15,7 +15,7 @@ inline constexpr FrameIndex kFirstLinkFrame = 1;
 inline constexpr std::size_t kMaxFrames = 1 + kMaxLinks + kMaxMovedBodies;
 
 /// Poses in the world by frame: the world, then links, then bodies.
-using FramePoses = StaticVector<Pose, kMaxFrames>;
+using FramePoses = StaticVector<Placement, kMaxFrames>;
 FramePoses poses_of(const ToolModel& tool, const LocalBodies& bodies) noexcept;
 inline FrameIndex frame_of_link(std::uint32_t link) noexcept {
   return static_cast<FrameIndex>(kFirstLinkFrame + link);
@@ -36,7 +36,7 @@ using FrameTwists = StaticVector<Twist, kMaxFrames>;
 
 /// How one frame moves. Twists are those of the frame's point at the common reference point O.
 struct FrameMotion {
-  Pose X_W;
+  Placement X_W;
   Twist V = Twist::Zero();       ///< At the start of the step.
   Twist V_bias = Twist::Zero();  ///< At its end if all unknowns were zero.
   int first = 0;                 ///< First of the unknowns that move the frame.

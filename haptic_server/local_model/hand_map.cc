@@ -45,10 +45,21 @@ double damped_inverse(double mobility, double speed) noexcept {
   return x * x * (2 - x * x) / mobility;
 }
 
+/// Then J_h is square and regular, and Eq. 8 is its inverse.
+bool is_free_rigid_body(const ToolModel& tool) noexcept {
+  return tool.links() == 1 && tool.description().links[0].joint == JointType::kFree;
+}
+
 }  // namespace
 
 HandMap hand_map(const ToolModel& tool, const Eigen::LLT<MassMatrix>& D,
                  const Jacobian& J_h) noexcept {
+  if (is_free_rigid_body(tool)) {
+    // J_h = [1, -[r]; 0, 1], so its inverse transposed has -[r] below.
+    HandMap H = HandMap::Identity(6, 6);
+    H.bottomLeftCorner<3, 3>() = J_h.topRightCorner<3, 3>();
+    return H;
+  }
   // Eq. 8 with the rotations of J_h in units of length.
   const double length = tool.description().length;
   Vector6 scale;

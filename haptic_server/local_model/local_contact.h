@@ -64,7 +64,7 @@ struct LocalContact {
 };
 
 /// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.
-inline void locate(LocalContact& contact, const Pose& X_WA, const Pose& X_WB) noexcept {
+inline void locate(LocalContact& contact, const Placement& X_WA, const Placement& X_WB) noexcept {
   contact.p_W = X_WA * contact.p_A;
   contact.c_W = contact.frame_b == kWorldFrame ? contact.c_B : X_WB * contact.c_B;
   contact.n_W = contact.frame_b == kWorldFrame ? contact.n_B : X_WB.R * contact.n_B;

@@ -3,9 +3,11 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::server {
@@ -338,6 +340,86 @@ TEST_CASE("A body without mobility of its own in a direction does not move in it
   const LocalBody body(reported);
   REQUIRE(body.B.cols() == 1);
   CHECK((body.B * body.B.transpose() - reported.W).norm() < 1e-12);
+}
+
+/// The floor and six cubes of 50 mm and 0.3 kg on it; the tool touches the top one at its side.
+struct Tower {
+  static constexpr double kSize = 0.05;  // m
+  static constexpr double kMass = 0.3;   // kg
+  static constexpr double kMoment = kMass * kSize * kSize / 6;
+
+  ReportedContacts contacts;
+  MovableBodies bodies;
+
+  Tower() {
+    for (std::uint32_t id = 0; id < 6; ++id) {
+      MovableBody& body = bodies.emplace_back();
+      body.id = id;
+      body.p_WCom = {0, 0, (id + 0.5) * kSize};
+      body.W.diagonal() << Vector3::Constant(1 / kMass), Vector3::Constant(1 / kMoment);
+      body.A_W[2] = -kGravity;
+      for (std::uint64_t i = 0; i < 4; ++i) {
+        ReportedContact& contact = contacts.emplace_back();
+        contact.identity = 10 * (id + 1) + i;
+        contact.a = {SideKind::kMovableBody, id};
+        if (id > 0) contact.b = {SideKind::kMovableBody, id - 1};
+        contact.p_WC = {i & 1 ? 0.025 : -0.025, i & 2 ? 0.025 : -0.025, id * kSize};
+        contact.load = (6 - id) * kMass * kGravity / 4;
+        contact.friction = 0.5;
+      }
+    }
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      ReportedContact& contact = contacts.emplace_back();
+      contact.identity = i;
+      contact.b = {SideKind::kMovableBody, 5};
+      contact.n_W = -Vector3::UnitX();
+      contact.p_WC = {-0.025, i & 1 ? 0.01 : -0.01, 5.4 * kSize + (i & 2 ? 0.01 : -0.01)};
+      contact.friction = 0.3;
+    }
+  }
+};
+
+TEST_CASE("The bodies of a pushed tower move by the forces of their contacts in every step") {
+  test::Random random;
+  const Tower tower;
+  ToolDescription tool = test::rigid_tool(0.5, Matrix3::Identity() * 1e-3);
+  Configuration q = ToolModel(tool).neutral();
+  q.head<3>() << -0.025, 0, 5.4 * Tower::kSize;
+  const auto model = std::make_unique<LocalModel>(tool, q, LocalModelParameters{}, kStep);
+  int moved = 0;
+  int unsettled = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    model->adopt({.contacts = tower.contacts,
+                  .q_VE = q,
+                  .bodies = tower.bodies,
+                  .impulse_step = static_cast<double>(model->impulses().step())});
+    for (int i = 0; i < 20; ++i) {
+      const LocalBodies before = model->bodies();
+      HandInput hand;
+      hand.F.head<3>() = Vector3(2, 0, 0) + random.vector(2);
+      model->step(hand);
+      std::vector<Vector3> impulses(6, -kStep * Tower::kMass * kGravity * Vector3::UnitZ());
+      for (const LocalContacts* contacts : {&model->contacts(), &model->supports()}) {
+        for (const LocalContact& contact : *contacts) {
+          if (contact.a.kind == SideKind::kMovableBody) {
+            impulses[contact.a.index] += kStep * contact.f_W;
+          }
+          if (contact.b.kind == SideKind::kMovableBody) {
+            impulses[contact.b.index] -= kStep * contact.f_W;
+          }
+        }
+      }
+      // What the update was wrong by enters in the first step.
+      if (i == 0 || model->state() == ProxyContactState::kColliding) continue;
+      for (std::size_t id = 0; id < 6; ++id) {
+        const Vector3 gained = Tower::kMass * (model->bodies()[id].V_W - before[id].V_W).head<3>();
+        ++moved;
+        unsettled += (gained - impulses[id]).norm() > 1e-3;  // N·s
+      }
+    }
+  }
+  CHECK(moved > 20'000);
+  CHECK(unsettled <= moved / 500);
 }
 
 }  // namespace
