@@ -49,6 +49,8 @@ SECTIONS = {
     "approach": "Where a wall is felt, over approach speed",
     "spatial": "Six degrees of freedom",
     "bodies": "Bodies that move when pushed",
+    "bodylimits": "Where bodies that move end",
+    "scenes": "The shipped scenes",
 }
 
 INTRODUCTION = {
@@ -90,6 +92,11 @@ INTRODUCTION = {
     "(μ = 0.4), through its centre and 20 mm off it, and against a post; the hand rests on a loose box. What "
     "the hand must feel is known: weight, friction, its own push. Each mark is the mean of a run at 30 or "
     "60 Hz, 0 or 20 ms each way, and contacts of 4 to 50 kN/m; its bar the standard deviation.",
+    "bodylimits": "The same tasks, and a rest on a tower of three cubes, over delay and mass. Colour: how far the "
+    "mean force is from what is due; crosses: more than 10 %, or a standard deviation of more than 6 % of it "
+    "(and 0.05 N): the hand feels another body there, or a chatter.",
+    "scenes": "Each scene of scripts/run is played in virtual time by its own hand: the largest command, its limit, "
+    "and the largest step of the contact force at an update that no collision explains.",
 }
 
 
@@ -354,6 +361,51 @@ def draw_bodies(folder):
     return figure
 
 
+def draw_bodylimits(folder):
+    rows = read_table(folder / "bodylimits.csv")
+    tasks = list(collections.OrderedDict.fromkeys(row["task"] for row in rows))
+    grid = [(rate, k) for rate in (60.0, 30.0) for k in (4000.0, 16000.0, 50000.0)]
+    masses = sorted({float(row["mass_kg"]) for row in rows})
+    delays = sorted({float(row["delay_s"]) for row in rows})
+    figure, axes = plt.subplots(len(tasks), len(grid), figsize=(15, 2.1 * len(tasks)), squeeze=False,
+                                layout="constrained")
+    image = None
+    for line, task in zip(axes, tasks):
+        for axis, (rate, k) in zip(line, grid):
+            error = [[0.0] * len(delays) for _ in masses]
+            for row in rows:
+                if row["task"] != task or (float(row["ve_rate_Hz"]), float(row["stiffness"])) != (rate, k):
+                    continue
+                x, y = delays.index(float(row["delay_s"])), masses.index(float(row["mass_kg"]))
+                error[y][x] = 100 * abs(float(row["mean_N"]) / float(row["due_N"]) - 1)
+                if row["right"] == "0":
+                    axis.plot(x, y, "x", color="#d62828", markersize=7, markeredgewidth=2)
+            image = axis.imshow(error, vmin=0, vmax=10, cmap="Blues", aspect="auto", origin="lower")
+            axis.set_xticks(range(len(delays)), [f"{1e3 * delay:g}" for delay in delays], fontsize=7)
+            axis.set_yticks(range(len(masses)), [f"{mass:g}" for mass in masses], fontsize=7)
+            axis.set_title(f"{task}, {rate:.0f} Hz, {k / 1000:.0f} kN/m", fontsize=8)
+        line[0].set_ylabel("mass, kg", fontsize=8)
+    for axis in axes[-1]:
+        axis.set_xlabel("delay each way, ms", fontsize=8)
+    figure.colorbar(image, ax=axes, label="mean force off by, %", shrink=0.5)
+    return figure
+
+
+def draw_scenes(folder):
+    rows = read_table(folder / "scenes.csv")
+    figure, axes = panels(2, 6)
+    names = [row["scene"] for row in rows]
+    axes[0].bar(names, column(rows, "largest_force_N"), color="#1f77b4")
+    axes[0].axhline(12, color="#d62728", linewidth=1)
+    label(axes[0], "red: the limit", "largest command, N")
+    axes[1].bar(names, column(rows, "update_step_N"), color="#1f77b4")
+    axes[1].axhline(0.5, color="#d62728", linewidth=1)
+    label(axes[1], "red: what may not be passed", "largest step at an update, N")
+    for axis in axes:
+        axis.tick_params(axis="x", labelsize=8, rotation=30)
+    return figure
+
+
 DRAW = {
     "fig06": draw_fig06,
     "fig09": draw_fig09,
@@ -366,6 +418,8 @@ DRAW = {
     "approach": draw_approach,
     "spatial": draw_spatial,
     "bodies": draw_bodies,
+    "bodylimits": draw_bodylimits,
+    "scenes": draw_scenes,
 }
 
 

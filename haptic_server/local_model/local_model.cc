@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "haptic_server/local_model/body_friction.h"
 #include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/free_motion.h"
 #include "haptic_server/local_model/stiffness_limit.h"
@@ -142,6 +143,8 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   const LocalContacts& existing_supports = supports();
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
+  scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), parameters_.kinetic_friction,
+                 present_supports());
   const LocalBodies reported = bodies;
   replay(bodies, present_supports(), state_step);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
@@ -152,6 +155,10 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
       adopt_update(existing, update.contacts, frames, update.age, policy(), present());
   if (std::isfinite(unspent)) tank_ = std::clamp(tank_ + unspent, -kTankSize, kTankSize);
   correct_gradually(bodies, update.period);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    learn_friction(bodies[i], reported[i].V_W, update.contacts, parameters_.kinetic_friction,
+                   kSupportFriction, update.period, (now - state_step) * dt_);
+  }
   bodies_ = bodies;
 }
 

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <stdexcept>
 
+#include "protocol/codec.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {
@@ -31,8 +34,23 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   options.servo.limits.max_torque = 5;
   options.servo.silence_time = 2;
   options.servo.local_model.stiffness = conditions.stiffness;
+  options.frame.epsilon = conditions.epsilon;
   options.frame.push_by_following = conditions.by_following;
   return options;
+}
+
+/// Multiplies the friction of all contacts in a part of an update.
+void scale_friction(std::span<std::byte> bytes, double scale) {
+  protocol::Header header;
+  protocol::ContactUpdate update;
+  if (protocol::decode_header(bytes, header) ||
+      header.type != protocol::MessageType::kContactUpdate ||
+      protocol::decode_part(bytes, update)) {
+    return;
+  }
+  for (ReportedContact& contact : update.contacts) contact.friction *= scale;
+  const auto altered = protocol::encode(header.envelope, update, header.part);
+  std::copy(altered.begin(), altered.end(), bytes.begin());
 }
 
 }  // namespace
@@ -61,6 +79,10 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
         sample.V_WB = world.V_WB(body);
       });
   running = &session;
+  if (conditions.friction_scale != 1) {
+    session.network().set_alteration(
+        [&](std::span<std::byte> bytes) { scale_friction(bytes, conditions.friction_scale); });
+  }
   session.run(task.duration + 0.3 + 4 * conditions.delay);
   return samples;
 }

@@ -24,6 +24,9 @@ struct BodyConditions {
   double delay = 0;         ///< One way, s.
   double loss = 0;          ///< Share of datagrams.
   double stiffness = 4000;  ///< k, N/m.
+  double epsilon = 0.005;   ///< m.
+  double friction_scale =
+      1;  ///< On the friction that updates report, against the environment's own.
   bool by_following = false;
 };
 

@@ -16,5 +16,7 @@ void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.
 void spatial(Bench& bench);                ///< Six degrees of freedom.
 void bodies(Bench& bench);                 ///< Bodies that move when pushed.
+void body_limits(Bench& bench);            ///< Where their forces are right.
+void scenes(Bench& bench);                 ///< The scenes of scripts/run.
 
 }  // namespace hlm::experiments

@@ -29,6 +29,8 @@ constexpr Experiment kExperiments[] = {
     {"limits", stiffness_limits, true},
     {"spatial", spatial, true},
     {"bodies", bodies, true},
+    {"bodylimits", body_limits, false},
+    {"scenes", scenes, true},
     {"approach", approach_map, true},
     {"maps", stiffness_maps, false},
 };

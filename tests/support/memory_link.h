@@ -3,8 +3,12 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <random>
+#include <span>
+#include <utility>
 
 #include "common/uniform.h"
 #include "protocol/datagram_link.h"
@@ -39,6 +43,11 @@ class MemoryNetwork {
   double time() const noexcept { return now_; }
   /// Holds for datagrams sent from now on.
   void set_conditions(LinkConditions conditions) noexcept { conditions_ = conditions; }
+
+  /// What happens to the bytes that the client sends from now on.
+  void set_alteration(std::function<void(std::span<std::byte>)> alter) {
+    alter_ = std::move(alter);
+  }
 
   /// Whether a datagram has arrived that the client has not taken.
   bool client_has_mail() const noexcept { return client_.has_mail(); }
@@ -76,10 +85,12 @@ class MemoryNetwork {
     if (drawn(conditions_.loss)) return;
     const int copies = drawn(conditions_.duplication) ? 2 : 1;
     protocol::DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
+    std::vector<std::byte> altered(bytes.begin(), bytes.end());
+    if (alter_ && to == kServer) alter_(altered);
     for (int i = 0; i < copies; ++i) {
       double arrival = now_ + conditions_.delay + uniform(engine_) * conditions_.jitter;
       if (drawn(conditions_.reordering)) arrival += conditions_.reorder_time;
-      incoming.hold(arrival, {from, {bytes.begin(), bytes.end()}});
+      incoming.hold(arrival, {from, {altered.begin(), altered.end()}});
     }
   }
 
@@ -87,6 +98,7 @@ class MemoryNetwork {
 
   LinkConditions conditions_;
   std::mt19937_64 engine_;
+  std::function<void(std::span<std::byte>)> alter_;
   double now_ = 0;
   End server_{*this, kServer};
   End client_{*this, kClient};

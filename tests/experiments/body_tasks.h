@@ -1,0 +1,34 @@
+// Tasks in which the tool moves a body: worlds and hands.
+#pragma once
+
+#include "tests/experiments/body_trial.h"
+
+namespace hlm::experiments {
+
+inline constexpr double kGravity = 9.81;  // m/s²
+
+/// A cube of 50 mm on two rails is lifted by a tray of 0.5 kg from below.
+BodyTask lift(double mass);
+
+struct Brick {
+  double mass = 0.375;    ///< kg.
+  double friction = 0.4;  ///< Of all, μ.
+  double off_centre = 0;  ///< Of the tool, m.
+};
+/// A brick on a table is pushed sideways at 75 mm/s.
+BodyTask slide(const Brick& brick);
+/// The brick is pushed with 3 N against a post.
+BodyTask jam(const Brick& brick);
+/// The hand rests with 2 N on a box that stands loose on a table.
+BodyTask rest(double mass);
+/// The hand rests with 2 N on a tower of three cubes.
+BodyTask rest_on_tower(double mass);
+/// A body of 0.3 kg floats freely; the hand throws the tool at it, off its centre, and lets go.
+BodyTask hit(double off_centre);
+/// A door of 0.4 kg, 200 mm wide, its hinge at the origin, the leaf along x: the hand knocks
+/// against it so far from the hinge (m), and lets go.
+BodyTask knock(double from_hinge);
+/// Moment of inertia of that door about its hinge, kg·m².
+double door_inertia();
+
+}  // namespace hlm::experiments
