@@ -20,14 +20,23 @@ enum class DropReason : std::uint8_t {
   kStale,
   kIncomplete,
   kUnexpected,
+  kUnsealed,
+  kWrongKey,
+  kAltered,
+  kReplayed,
+  kTooOld,
+  kHandshakeRate,
 };
+
+/// The first of those that only a side with a key has.
+inline constexpr DropReason kFirstSealingReason = DropReason::kUnsealed;
 
 }  // namespace hlm::protocol
 
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<protocol::DropReason>, 9> kWords<protocol::DropReason>{{
+inline constexpr std::array<Word<protocol::DropReason>, 15> kWords<protocol::DropReason>{{
     {protocol::DropReason::kTruncated, "truncated",
      "shorter than its header or its length says, or longer than allowed"},
     {protocol::DropReason::kNotOurs, "not ours", "another magic"},
@@ -41,6 +50,12 @@ inline constexpr std::array<Word<protocol::DropReason>, 9> kWords<protocol::Drop
     {protocol::DropReason::kIncomplete, "incomplete",
      "a part whose message was overtaken by a newer one"},
     {protocol::DropReason::kUnexpected, "unexpected", "a message that this side never takes"},
+    {protocol::DropReason::kUnsealed, "unsealed", "not sealed, from a sender without a key"},
+    {protocol::DropReason::kWrongKey, "wrong key", "a handshake with another key, or altered"},
+    {protocol::DropReason::kAltered, "altered", "sealed with another key, or altered under way"},
+    {protocol::DropReason::kReplayed, "replayed", "a copy of what was taken before"},
+    {protocol::DropReason::kTooOld, "too old", "sealed too long ago to tell whether it is a copy"},
+    {protocol::DropReason::kHandshakeRate, "handshake rate", "more handshakes than are answered"},
 }};
 
 }  // namespace hlm
