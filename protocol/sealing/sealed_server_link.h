@@ -23,10 +23,12 @@ namespace hlm::protocol {
 /// that of the session (keep), the other is the newest to ask for it.
 class SealedServerLink final : public DatagramLink {
  public:
-  /// Handshakes with a Diffie-Hellman, a second: each takes some 100 µs of a tick. So long, too, a
-  /// newcomer has to prove itself before the next may take its place.
+  /// Handshakes that are answered, a second: each takes some 100 µs of a tick, for its
+  /// Diffie-Hellman. More leaves a newcomer less than 0.1 s to prove itself before the next may
+  /// take its place; fewer lets newcomers wait longer for each other.
   static constexpr double kHandshakeRate = 10;
-  /// First messages that are tried, a second and at once: each takes some microseconds.
+  /// First messages that are tried, a second and at once: each takes some 4 µs. More lets a flood
+  /// take more of a tick, fewer lets it hide a newcomer's.
   static constexpr double kTrialRate = 16'000;
   static constexpr double kTrialBurst = 16;
 
