@@ -1,6 +1,8 @@
 // Sessions over sealed datagrams: who gets the server, and when.
 #include <memory>
 #include <optional>
+#include <set>
+#include <vector>
 
 #include "protocol/client_session.h"
 #include "protocol/sealing/sealed_client_link.h"
@@ -57,6 +59,7 @@ struct World {
         client->frame(now);
         for (const Datagram& datagram : client->wire.sent()) {
           wire.deliver(client->address, datagram.bytes);
+          note(datagram.bytes);
         }
         client->wire.forget_sent();
       }
@@ -75,6 +78,13 @@ struct World {
     }
   }
 
+  void note(const DatagramBytes& packet) {
+    const PacketKind kind = kind_of(view(packet));
+    if (kind.error || kind.type != PacketType::kSealed) return;
+    latest_sealed = packet;
+    channels.insert(receiver_of(view(packet)));
+  }
+
   double now = 0;
   noise::Key key = noise::random_key_pair().secret_key;
   test::QueueLink wire;
@@ -82,6 +92,8 @@ struct World {
   ServerSession server{sealed, {.timeout = kTimeout}};
   std::vector<std::unique_ptr<Client>> clients;
   int updates = 0;
+  DatagramBytes latest_sealed;      ///< From a client.
+  std::set<ChannelIndex> channels;  ///< To which clients have spoken.
 };
 
 TEST_CASE("A client with the key is in session within 0.2 s, and its updates are acknowledged") {
@@ -151,6 +163,19 @@ TEST_CASE("A client without a key gets no answer, and is counted") {
         world.server.statistics().datagrams);
 }
 
+TEST_CASE("After a goodbye the server has forgotten the channel") {
+  World world;
+  Client& client = world.add(world.key);
+  world.run(0.3);
+  client.session->close(world.now);
+  world.run(kStep / 2);
+  const auto dropped = [&] { return world.server.statistics().count(DropReason::kForeignSession); };
+  const std::uint64_t before = dropped();
+  world.wire.deliver(client.address, world.latest_sealed);
+  world.run(kStep / 2);
+  CHECK(dropped() == before + 1);
+}
+
 TEST_CASE("After a goodbye either way the next session begins with new keys") {
   World world;
   Client& client = world.add(world.key);
@@ -165,6 +190,7 @@ TEST_CASE("After a goodbye either way the next session begins with new keys") {
   world.run(0.4);
   CHECK(client.session->active());
   CHECK(world.server.id() != second);
+  CHECK(world.channels.size() == 3);
 }
 
 }  // namespace
