@@ -6,7 +6,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "protocol/sealing/packets.h"
 #include "protocol/transport/capture.h"
 
 namespace hlm::server {
@@ -32,7 +31,7 @@ class SessionReader {
     Header header;
     if (const auto reason = decode_header(protocol::view(datagram.bytes), header)) {
       if (reason == protocol::DropReason::kVersion) other_version_ = read_version(datagram);
-      if (!protocol::kind_of(protocol::view(datagram.bytes)).error) has_sealed_ = true;
+      if (reason == protocol::DropReason::kSealed) has_sealed_ = true;
       return;
     }
     switch (header.type) {

@@ -288,6 +288,14 @@ class Sealed(unittest.TestCase):
         self.assertRegex(server.errors, r"dropped datagrams: .*wrong key")
         self.assertRegex(server.errors, r"dropped datagrams: .*unsealed")
 
+    def test_a_server_without_a_key_says_that_a_client_has_one(self):
+        server = self.enterContext(attacks_test.Server())
+        client = self.client("%s:%d" % server.address, "--key-file", self.keys[0])
+        self.assertTrue(client.said("or it has none"), client.lines)
+        time.sleep(1)
+        self.check_still(server.ticks())
+        self.assertRegex(server.errors, r"dropped datagrams: \d+ sealed")
+
     def test_a_second_client_is_told_busy_and_takes_over_when_the_first_is_dead(self):
         server, first, _ = self.session()
         second = self.client("%s:%d" % server.address, "--key-file", self.keys[0])
