@@ -139,7 +139,9 @@ class Sealed(unittest.TestCase):
         random.seed(SEED)
 
     def server(self, *options):
-        return self.enterContext(attacks_test.Server("--key-file", self.keys[0], *options))
+        # A stall of the machine is neither silence nor a fault here.
+        return self.enterContext(attacks_test.Server("--key-file", self.keys[0], "--silence-time", "0.4",
+                                                     "--max-gap", "5", *options))
 
     def client(self, address, *options):
         client = Client(address, *options)
