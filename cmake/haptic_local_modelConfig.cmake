@@ -1,6 +1,10 @@
-# find_package(haptic_local_model) gives hlm::client, the client library.
+# find_package(haptic_local_model) gives hlm::client, the client library; and hlm::sealing, where libsodium is.
 include(CMakeFindDependencyMacro)
 find_dependency(Boost 1.74)
 find_dependency(Eigen3 3.4 NO_MODULE)
 find_dependency(Threads)
+find_package(PkgConfig QUIET)
+if(PkgConfig_FOUND)
+  pkg_check_modules(sodium QUIET IMPORTED_TARGET libsodium)
+endif()
 include(${CMAKE_CURRENT_LIST_DIR}/haptic_local_modelTargets.cmake)

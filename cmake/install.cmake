@@ -6,8 +6,12 @@ set(package ${CMAKE_INSTALL_LIBDIR}/cmake/haptic_local_model)
 set(share ${CMAKE_INSTALL_DATADIR}/haptic_local_model)
 set(documents ${CMAKE_INSTALL_DATADIR}/doc/haptic_local_model)
 
-# The client library, for find_package(haptic_local_model): hlm::client.
-foreach(library common protocol udp client)
+# The client library, for find_package(haptic_local_model): hlm::client, and hlm::sealing if it was built.
+set(libraries common protocol udp client)
+if(HLM_SEALING)
+  list(APPEND libraries sealing)
+endif()
+foreach(library ${libraries})
   set_target_properties(hlm_${library} PROPERTIES EXPORT_NAME ${library})
   install(TARGETS hlm_${library} EXPORT haptic_local_model FILE_SET HEADERS DESTINATION ${headers})
 endforeach()
@@ -19,6 +23,9 @@ install(FILES cmake/haptic_local_modelConfig.cmake
   ${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake DESTINATION ${package})
 
 # The programs, and what they read.
+if(HLM_SERVER OR HLM_VE_CLIENT)
+  install(TARGETS haptic_keygen)
+endif()
 if(HLM_SERVER)
   install(TARGETS haptic_server haptic_replay)
 endif()
@@ -63,6 +70,7 @@ function(manual_page program purpose)
   add_custom_target(${program}_man ALL DEPENDS ${page})
   install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
 endfunction()
+manual_page(haptic_keygen "makes the key that haptic server and client share")
 manual_page(haptic_server "runs the local model of interaction with a haptic device")
 manual_page(haptic_replay "plays a recorded session of the haptic server")
 manual_page(ve_client "simulates a virtual environment for the haptic server")

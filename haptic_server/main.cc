@@ -11,12 +11,14 @@
 #include <unistd.h>
 
 #include "haptic_server/loop/cpu_latency.h"
+#include "haptic_server/loop/drop_log.h"
 #include "haptic_server/loop/event_log.h"
 #include "haptic_server/loop/run_summary.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
 #include "haptic_server/program.h"
+#include "protocol/sealing/sealed_server_link.h"
 #include "protocol/transport/capture.h"
 #include "protocol/transport/recording_link.h"
 #include "protocol/transport/udp_socket.h"
@@ -40,8 +42,8 @@ void configure_logging(const std::string& level) {
 /// A capture file, the link whose datagrams it gets, and the thread that writes it.
 class Recording {
  public:
-  Recording(const std::string& path, protocol::UdpSocket& socket)
-      : file_(path), link_(socket, socket.local()), thread_([this](const std::stop_token& stop) {
+  Recording(const std::string& path, protocol::DatagramLink& link, const protocol::Endpoint& local)
+      : file_(path), link_(link, local), thread_([this](const std::stop_token& stop) {
           while (!stop.stop_requested()) {
             drain();
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -87,6 +89,15 @@ void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
   servo.shut_down(loop.elapsed());
 }
 
+/// Without a key nobody but this machine may reach the device. Throws UsageError.
+void check_is_loopback(const std::string& listen, const protocol::Endpoint& address) {
+  if (protocol::is_loopback(address)) return;
+  throw settings::UsageError("--listen " + listen +
+                             " is not loopback, and without a key anybody there could move the "
+                             "device: give --key-file FILE (haptic_keygen FILE makes one), or, on "
+                             "a closed network, --insecure");
+}
+
 /// Real-time rights for this thread; what is missing is logged.
 void prepare_thread(const RealtimeOptions& options) {
   const RealtimeGrant grant = enter_realtime(options);
@@ -107,26 +118,34 @@ void run_server(const ServerOptions& options) {
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
+  const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
+  const protocol::Endpoint address = resolve_option("--listen", options.listen);
+  if (!key && !options.insecure) check_is_loopback(options.listen, address);
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
-  protocol::UdpSocket socket(resolve_option("--listen", options.listen));
+  protocol::UdpSocket socket(address);
+  protocol::DatagramLink* link = &socket;
+  std::optional<protocol::SealedServerLink> sealed;
+  if (key) link = &sealed.emplace(*link, *key);
   std::optional<Recording> recording;
-  if (!options.record.empty()) recording.emplace(options.record, socket);
-  protocol::DatagramLink& link =
-      recording ? recording->link() : static_cast<protocol::DatagramLink&>(socket);
-  protocol::ServerSession session(link, {});
+  if (!options.record.empty()) {
+    link = &recording.emplace(options.record, *link, socket.local()).link();
+  }
+  protocol::ServerSession session(*link, {});
   const auto servo = std::make_unique<Servo>(
       options.physics.servo, fingerprint(options.physics, *device), session, *device);
 
   EventLog events;
+  DropLog drops;
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
+    drops.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
     latency.set(options.realtime.policy != RealtimePolicy::kOff &&
@@ -139,7 +158,8 @@ void run_server(const ServerOptions& options) {
               observe, report);
   {
     TickLogThread writer(log);
-    spdlog::info("listening on {}, {} Hz", protocol::to_string(socket.local()), loop_options.rate);
+    spdlog::info("listening on {}, {} Hz{}", protocol::to_string(socket.local()), loop_options.rate,
+                 key ? ", for clients with the key" : "");
     prepare_thread(options.realtime);
     run_loop(loop, *servo, log, options.duration);
   }
@@ -154,7 +174,8 @@ void run_server(const ServerOptions& options) {
 const char* const kFooter =
     R"(Examples:
   haptic_server --hand worlds/hands/session.toml          a scripted hand on a simulated device
-  haptic_server --listen 0.0.0.0:47800 --force-limit 3    for a client elsewhere, with little force
+  haptic_server --listen 0.0.0.0:47800 --key-file haptic.key
+                                                          for a client elsewhere with the key
   haptic_server --device-option freedom=spatial           the simulated device in space
   haptic_server --device list                             what is connected
   haptic_server --print-config > server.toml              a file to change and give with --config

@@ -87,6 +87,13 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
   Table& table = command_line.table();
   table.group("Connection");
   table.text("listen", options.listen, "ADDRESS:PORT", "Where to wait for the client");
+  table.file(
+      "key-file", options.key_file,
+      "Serve only clients with this key, which haptic_keygen makes; all datagrams are sealed. "
+      "Without a key the server listens on loopback only");
+  table.flag("insecure", options.insecure,
+             "Listen anywhere without a key: whoever reaches the address can move the device. For "
+             "closed networks");
   table.number("duration", options.duration, {0, 1e9, "s"}, "End after this long; 0 is never");
   add_options(command_line, options.physics);
   table.group("Real time");
@@ -121,6 +128,9 @@ void check(const ServerOptions& options) {
   loop.rate = options.physics.servo.rate;
   throw_if(find_error(loop));
   throw_if(find_error(options.realtime));
+  if (options.insecure && !options.key_file.empty()) {
+    throw UsageError("--insecure goes without --key-file: with a key every address is safe");
+  }
 }
 
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device) {

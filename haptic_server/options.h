@@ -24,6 +24,8 @@ struct PhysicsOptions {
 struct ServerOptions {
   PhysicsOptions physics;
   std::string listen = "127.0.0.1:47800";  ///< ADDRESS:PORT.
+  std::string key_file;                    ///< Empty: datagrams are not sealed.
+  bool insecure = false;                   ///< Without a key at any address.
   RealtimeOptions realtime;
   PeriodicLoopOptions loop;  ///< Its rate is the servo's.
   std::string record;        ///< Capture file; empty: none.

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <stdexcept>
 
+#include "protocol/sealing/key_file.h"
 #include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
@@ -36,6 +37,15 @@ protocol::Endpoint resolve_option(const std::string& option, const std::string& 
   } catch (const std::runtime_error& error) {
     throw settings::UsageError(option + ' ' + host_port + ": " + error.what() +
                                "; for example 127.0.0.1:47800");
+  }
+}
+
+std::optional<protocol::noise::Key> read_key_option(const std::string& path) {
+  if (path.empty()) return std::nullopt;
+  try {
+    return protocol::read_key(path);
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(error.what());
   }
 }
 

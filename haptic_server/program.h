@@ -2,11 +2,13 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "common/settings/command_line.h"
 #include "haptic_server/options.h"
 #include "protocol/datagram_link.h"
+#include "protocol/sealing/noise.h"
 
 namespace hlm::server {
 
@@ -28,6 +30,9 @@ int run_program(const char* name, settings::CommandLine& command_line,
 
 /// The endpoint that an option's value names. Throws UsageError with what is wrong.
 protocol::Endpoint resolve_option(const std::string& option, const std::string& host_port);
+
+/// The key in the file of --key-file; none without a file. Throws UsageError.
+std::optional<protocol::noise::Key> read_key_option(const std::string& path);
 
 /// SIGHUP, SIGINT, SIGQUIT and SIGTERM call `stop`, which must be async-signal-safe; except that a
 /// hang-up stays ignored where it was (nohup). A closed pipe and a file at its size limit become

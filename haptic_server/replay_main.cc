@@ -13,6 +13,7 @@
 #include "haptic_server/replay/live_replay.h"
 #include "haptic_server/replay/offline_replay.h"
 #include "haptic_server/replay/recorded_session.h"
+#include "protocol/sealing/sealed_client_link.h"
 #include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
@@ -28,6 +29,7 @@ constexpr double kSameAngle = 2 * std::numbers::pi / 180;  // rad.
 struct ReplayOptions {
   std::string capture;
   std::string server = "127.0.0.1:47800";
+  std::string key_file;  ///< The server's; empty: none.
   double speed = 1;
   int session = 0;  ///< From 1; 0: all of them.
   bool offline = false;
@@ -129,15 +131,19 @@ bool report(const RecordedSession& session, const LiveResult& result) {
 bool run_live(const ReplayOptions& options) {
   const LiveOptions live{.server = resolve_option("--server", options.server),
                          .speed = options.speed};
+  const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
   bool all_same = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
     if (stop_requested != 0) break;
     protocol::UdpSocket socket(protocol::Endpoint{});
+    protocol::DatagramLink* link = &socket;
+    std::optional<protocol::SealedClientLink> sealed;
+    if (key) link = &sealed.emplace(socket, live.server, *key);
     const auto compare_servers = [&](const protocol::Welcome& server) {
       warn_of_differences(session, server, options.speed);
     };
     const LiveResult result =
-        replay_live(session, socket, live, compare_servers, [] { return stop_requested != 0; });
+        replay_live(session, *link, live, compare_servers, [] { return stop_requested != 0; });
     all_same &= report(session, result);
     if (result.lost)
       throw std::runtime_error("server " + options.server + " ended the session or fell silent");
@@ -167,6 +173,7 @@ void add_replay_options(settings::CommandLine& command_line, ReplayOptions& opti
   table.flag("offline", options.offline,
              "Run the server's tick here and compare with the recorded proxy states");
   table.text("server", options.server, "HOST:PORT", "Running server");
+  table.file("key-file", options.key_file, "The server's key, if it has one");
   table.number("speed", options.speed, {1e-3, 1e3}, "Times the original pace");
   table.whole("session", options.session, {0, 1e6},
               "Which session of the capture, from 1; 0 is all");

@@ -22,7 +22,8 @@ ClientSession::Inbox ClientSession::poll(double now) {
   inbox_ = {};
   for (int i = 0; i < kDatagramsPerPoll && link_.receive(datagram_); ++i) {
     ++statistics_.datagrams;
-    if (const auto reason = take_datagram(now)) statistics_.drop(*reason);
+    const auto reason = datagram_.dropped ? datagram_.dropped : take_datagram(now);
+    if (reason) statistics_.drop(*reason);
   }
   if (active_ && unanswered_since_ && now - *unanswered_since_ > options_.timeout) end();
   const bool hello_due = !last_hello_ || now - *last_hello_ >= options_.hello_period;
@@ -213,6 +214,7 @@ void ClientSession::end() noexcept {
   active_ = false;
   inbox_.lost = true;
   options_.hello.nonce = random_identifier();
+  link_.forget(options_.server);
 }
 
 Envelope ClientSession::next_envelope(double now) noexcept {

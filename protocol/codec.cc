@@ -13,6 +13,9 @@ using layout::kListHeaderSize;
 
 /// "HLMI" in the byte stream.
 constexpr std::uint32_t kMagic = 0x494D4C48;
+/// "HLS", which sealed packets begin with, and the bytes that it takes of a magic.
+constexpr std::uint32_t kSealingMagic = 0x534C48;
+constexpr std::uint32_t kSealingMask = 0xFFFFFF;
 constexpr std::size_t kLengthPosition = 36;
 constexpr std::size_t kBlockPosition = 38;
 /// What a sender fills of a datagram.
@@ -237,6 +240,7 @@ std::optional<DropReason> decode_header(std::span<const std::byte> bytes, Header
   reader.u16(length);
   reader.u16(header.block);
 
+  if ((magic & kSealingMask) == kSealingMagic) return DropReason::kSealed;
   if (magic != kMagic) return DropReason::kNotOurs;
   if (version != kProtocolVersion) return DropReason::kVersion;
   if (length > bytes.size()) return DropReason::kTruncated;

@@ -1,4 +1,5 @@
-// Where datagrams come from and go to: a UDP socket, an in-memory link or a recorded capture.
+// Where datagrams come from and go to: a UDP socket, an in-memory link, a recorded capture, or a
+// link around one of these that records or seals.
 #pragma once
 
 #include <cstddef>
@@ -8,6 +9,7 @@
 
 #include "common/static_vector.h"
 #include "protocol/messages.h"
+#include "protocol/statistics.h"
 
 namespace hlm::protocol {
 
@@ -15,6 +17,8 @@ namespace hlm::protocol {
 struct Endpoint {
   std::uint32_t address = 0;
   std::uint16_t port = 0;
+  /// Which sealed channel with that address; 0: not sealed.
+  std::uint32_t channel = 0;
 
   bool operator==(const Endpoint&) const = default;
 };
@@ -29,6 +33,8 @@ struct Datagram {
   Endpoint peer;  ///< Sender of a received datagram, receiver of a sent one.
   DatagramBytes bytes;
   double waited = 0;  ///< Between its arrival at this machine and receive(), s.
+  /// Why a sealing link has refused it; there are no bytes then. It is to be counted.
+  std::optional<DropReason> dropped = std::nullopt;
 };
 
 class DatagramLink {
@@ -40,6 +46,10 @@ class DatagramLink {
   virtual bool receive(Datagram& datagram) noexcept = 0;
   /// Sends or, where the system refuses, drops. Never waits, allocates or throws.
   virtual void send(const Endpoint& to, std::span<const std::byte> bytes) noexcept = 0;
+  /// The session with `peer` began. A link that has room for few peers keeps this one.
+  virtual void keep(const Endpoint& /*peer*/) noexcept {}
+  /// The session with `peer` is over. A link that has keys for it wipes them.
+  virtual void forget(const Endpoint& /*peer*/) noexcept {}
 };
 
 }  // namespace hlm::protocol

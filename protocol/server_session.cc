@@ -31,7 +31,8 @@ ServerSession::Inbox ServerSession::poll(double now) noexcept {
   // A hello ends the poll: what came after it belongs to the session that it may begin.
   for (int i = 0; i < kDatagramsPerPoll && !inbox_.hello && link_.receive(datagram_); ++i) {
     ++statistics_.datagrams;
-    if (const auto reason = take_datagram(now)) statistics_.drop(*reason);
+    const auto reason = datagram_.dropped ? datagram_.dropped : take_datagram(now);
+    if (reason) statistics_.drop(*reason);
   }
   if (inbox_.hello || inbox_.goodbye) {
     inbox_.update = nullptr;
@@ -202,6 +203,7 @@ std::optional<DropReason> ServerSession::take_goodbye(double now, const Header& 
   if (const auto reason = decode(view(datagram_.bytes), goodbye)) return reason;
   inbox_.goodbye = true;
   end(now);
+  link_.forget(client_.peer);
   return std::nullopt;
 }
 
@@ -230,6 +232,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   if (active_) end(now);
   active_ = true;
   client_ = applicant_;
+  link_.keep(client_.peer);
   const bool given = id_ == 0 && options_.first_session_id != 0;
   id_ = given ? options_.first_session_id : random_identifier();
   tool_ = hello_.tool;
@@ -265,6 +268,7 @@ void ServerSession::close(double now, GoodbyeReason reason) noexcept {
   if (!active_) return;
   send(link_, client_.peer, next_envelope(now), Goodbye{reason});
   end(now);
+  link_.forget(client_.peer);
 }
 
 void ServerSession::answer_other_version(double now) noexcept {

@@ -20,14 +20,24 @@ enum class DropReason : std::uint8_t {
   kStale,
   kIncomplete,
   kUnexpected,
+  kSealed,
+  kUnsealed,
+  kWrongKey,
+  kAltered,
+  kReplayed,
+  kTooOld,
+  kHandshakeRate,
 };
+
+/// From here on the reasons are about seals and keys.
+inline constexpr DropReason kFirstSealingReason = DropReason::kSealed;
 
 }  // namespace hlm::protocol
 
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<protocol::DropReason>, 9> kWords<protocol::DropReason>{{
+inline constexpr std::array<Word<protocol::DropReason>, 16> kWords<protocol::DropReason>{{
     {protocol::DropReason::kTruncated, "truncated",
      "shorter than its header or its length says, or longer than allowed"},
     {protocol::DropReason::kNotOurs, "not ours", "another magic"},
@@ -41,6 +51,13 @@ inline constexpr std::array<Word<protocol::DropReason>, 9> kWords<protocol::Drop
     {protocol::DropReason::kIncomplete, "incomplete",
      "a part whose message was overtaken by a newer one"},
     {protocol::DropReason::kUnexpected, "unexpected", "a message that this side never takes"},
+    {protocol::DropReason::kSealed, "sealed", "sealed with a key, and this side has none"},
+    {protocol::DropReason::kUnsealed, "unsealed", "not sealed, from a sender without a key"},
+    {protocol::DropReason::kWrongKey, "wrong key", "a handshake with another key, or altered"},
+    {protocol::DropReason::kAltered, "altered", "sealed with another key, or altered under way"},
+    {protocol::DropReason::kReplayed, "replayed", "a copy of what was taken before"},
+    {protocol::DropReason::kTooOld, "too old", "sealed too long ago to tell whether it is a copy"},
+    {protocol::DropReason::kHandshakeRate, "handshake rate", "more handshakes than are answered"},
 }};
 
 }  // namespace hlm

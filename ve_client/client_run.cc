@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 
 #include "common/settings/table.h"
+#include "protocol/sealing/key_file.h"
 #include "ve_client/world/sdf_loader.h"
 #include "ve_client/world/tool_assembly.h"
 
@@ -29,6 +30,16 @@ WorldDescription usable_world(const Settings& settings) {
     WorldDescription world = load_world(settings.world);
     assemble_tool(with_start(world, settings.tool, settings.start), settings.tool);
     return world;
+  } catch (const std::runtime_error& error) {
+    throw settings::UsageError(error.what());
+  }
+}
+
+/// The server's key, if there is one.
+std::optional<protocol::noise::Key> read_key(const Settings& settings) {
+  if (settings.key_file.empty()) return std::nullopt;
+  try {
+    return protocol::read_key(settings.key_file);
   } catch (const std::runtime_error& error) {
     throw settings::UsageError(error.what());
   }
@@ -75,20 +86,23 @@ ClientRun::ClientRun(const Settings& settings)
       environment_(std::in_place, with_start(world_, settings.tool, start_), settings.tool,
                    settings.follow),
       server_(resolved("--server", settings.server, "127.0.0.1:47800")),
+      key_(read_key(settings)),
       page_(open_page(settings)),
       link_(
           wire(), [this] { return clock_.now(); }, settings.seed),
       live_(settings_at_start()),
       spread_((settings.rate_high - settings.rate_low) / 2),
       engine_(settings.seed),
-      connection_(settings.server, settings.connect_timeout) {
+      connection_(settings.server, settings.key_file, settings.connect_timeout) {
   link_.set_conditions(live_.network);
   begin();
 }
 
 protocol::DatagramLink& ClientRun::wire() {
-  if (settings_.record.empty()) return socket_;
-  return recording_.emplace(settings_.record, socket_).link;
+  protocol::DatagramLink* link = &socket_;
+  if (key_) link = &sealed_.emplace(*link, server_, *key_);
+  if (settings_.record.empty()) return *link;
+  return recording_.emplace(settings_.record, *link, socket_.local()).link;
 }
 
 LiveSettings ClientRun::settings_at_start() const {

@@ -7,6 +7,7 @@
 #include <random>
 #include <string>
 
+#include "protocol/sealing/sealed_client_link.h"
 #include "protocol/transport/capture.h"
 #include "protocol/transport/recording_link.h"
 #include "protocol/transport/udp_socket.h"
@@ -34,13 +35,15 @@ class ClientRun {
  private:
   /// A capture file and the link whose datagrams it gets.
   struct Recording {
-    Recording(const std::string& path, protocol::UdpSocket& socket)
-        : file(path), link(socket, socket.local()) {}
+    Recording(const std::string& path, protocol::DatagramLink& passed,
+              const protocol::Endpoint& local)
+        : file(path), link(passed, local) {}
 
     protocol::CaptureWriter file;
     protocol::RecordingLink link;
   };
 
+  /// The socket, sealed and recorded as the settings say.
   protocol::DatagramLink& wire();
   LiveSettings settings_at_start() const;
   /// The world as it was at the start, and a session on it.
@@ -60,8 +63,10 @@ class ClientRun {
   std::string start_;       ///< Of the tool.
   std::optional<VirtualEnvironment> environment_;
   protocol::Endpoint server_;
+  std::optional<protocol::noise::Key> key_;
   std::unique_ptr<LivePage> page_;  ///< Null: none.
   protocol::UdpSocket socket_{protocol::Endpoint{}};
+  std::optional<protocol::SealedClientLink> sealed_;
   std::optional<Recording> recording_;
   SteadyClock clock_;
   ImpairedLink link_;

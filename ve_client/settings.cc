@@ -14,7 +14,8 @@ constexpr Range kFrameRates{1, 1000, "Hz"};
 
 const char* const kFooter =
     R"(Examples:
-  ve_client --world worlds/testbed.sdf --server HOST:47800      for a server elsewhere
+  ve_client --world worlds/testbed.sdf --server HOST:47800 --key-file haptic.key
+                                                                for a server elsewhere
   ve_client --world worlds/testbed.sdf --page 127.0.0.1:8080    with the live page
   ve_client --world worlds/linkage.sdf --tool arm               with a linkage for a tool
   ve_client --world worlds/testbed.sdf --network-delay 0.02     as over a slow network
@@ -47,6 +48,8 @@ class CommandLine {
   void add_connection(Table& table) {
     table.group("Connection");
     table.text("server", settings_.server, "HOST:PORT", "Haptic server");
+    table.file("key-file", settings_.key_file,
+               "The server's key, if it has one: made by haptic_keygen, copied here");
     table.number("connect-timeout", settings_.connect_timeout, {0, 1e6, "s"},
                  "Give up when the server has not answered for this long at the start; 0 waits for "
                  "ever");

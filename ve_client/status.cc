@@ -43,17 +43,24 @@ void Connection::end(double now) const {
 
 void Connection::give_up(const std::string& when) const {
   throw NeverAnswered("server " + server_ + ' ' +
-                      (rejected_ != nullptr ? "granted no session " + when + ": " + rejected_
-                                            : "has not answered " + when));
+                      (rejected_ != nullptr
+                           ? "granted no session " + when + ": " + rejected_
+                           : "has not answered " + when + ": " + reasons_for_silence()));
 }
 
 void Connection::say_what_is_awaited(double now) {
   if (now < next_message_) return;
-  spdlog::warn(
-      "waiting for server {}: {}", server_,
-      rejected_ != nullptr ? rejected_ : "it does not answer; is haptic_server running there?");
+  spdlog::warn("waiting for server {}: {}", server_,
+               rejected_ != nullptr ? rejected_ : "it does not answer: " + reasons_for_silence());
   next_message_ = now + pause_;
   pause_ = std::min(2 * pause_, kLongestPause);
+}
+
+std::string Connection::reasons_for_silence() const {
+  const std::string key = key_file_.empty()
+                              ? "it has a key, which --key-file must name here too"
+                              : "its key is not that of " + key_file_ + ", or it has none";
+  return "haptic_server does not run there, the network is in the way, or " + key;
 }
 
 const char* Connection::judge(const protocol::Reject& reject) const {

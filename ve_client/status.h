@@ -21,8 +21,10 @@ struct NeverAnswered : std::runtime_error {
 /// then ever more seldom.
 class Connection {
  public:
-  /// `server` is its name in messages; `timeout` (s) holds until the first session, 0: for ever.
-  Connection(std::string server, double timeout) : server_(std::move(server)), timeout_(timeout) {}
+  /// `server` is its name in messages, `key_file` that of the key in use, empty: none; `timeout`
+  /// (s) holds until the first session, 0: for ever.
+  Connection(std::string server, std::string key_file, double timeout)
+      : server_(std::move(server)), key_file_(std::move(key_file)), timeout_(timeout) {}
 
   /// Logs what changed. Throws std::runtime_error with one line if the server speaks another
   /// version or refuses the tool, NeverAnswered if it has not granted a session in time. `now`: s
@@ -43,7 +45,11 @@ class Connection {
   void say_what_is_awaited(double now);
   [[noreturn]] void give_up(const std::string& when) const;
 
+  /// Why a server may not answer.
+  std::string reasons_for_silence() const;
+
   std::string server_;
+  std::string key_file_;
   double timeout_;
   bool ever_connected_ = false;
   const char* rejected_ = nullptr;   ///< Why the server gives no session; null: it has not said.

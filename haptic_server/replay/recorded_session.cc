@@ -31,6 +31,7 @@ class SessionReader {
     Header header;
     if (const auto reason = decode_header(protocol::view(datagram.bytes), header)) {
       if (reason == protocol::DropReason::kVersion) other_version_ = read_version(datagram);
+      if (reason == protocol::DropReason::kSealed) has_sealed_ = true;
       return;
     }
     switch (header.type) {
@@ -67,6 +68,8 @@ class SessionReader {
 
   /// Version of datagrams that were skipped because of it, if any.
   std::optional<std::uint16_t> other_version() const { return other_version_; }
+  /// Whether there are sealed datagrams, which cannot be read.
+  bool has_sealed() const { return has_sealed_; }
 
  private:
   struct PendingHello {
@@ -138,6 +141,7 @@ class SessionReader {
   std::map<std::pair<std::uint32_t, std::uint16_t>, PendingHello> hellos_;  ///< By client.
   std::vector<PendingSession> sessions_;
   std::optional<std::uint16_t> other_version_;
+  bool has_sealed_ = false;
 };
 
 }  // namespace
@@ -152,6 +156,11 @@ std::vector<RecordedSession> read_sessions(const std::filesystem::path& path) {
                              std::to_string(*reader.other_version()) +
                              " of the protocol; this program replays version " +
                              std::to_string(protocol::kProtocolVersion));
+  }
+  if (sessions.empty() && reader.has_sealed()) {
+    throw std::runtime_error(path.string() +
+                             ": holds sealed datagrams; replay what haptic_server --record or "
+                             "ve_client --record has written, which is opened");
   }
   if (sessions.empty()) {
     throw std::runtime_error(path.string() + ": holds no session: a hello and its welcome");

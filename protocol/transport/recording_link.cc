@@ -18,7 +18,7 @@ RecordingLink::RecordingLink(DatagramLink& link, Endpoint local,
 
 bool RecordingLink::receive(Datagram& datagram) noexcept {
   if (!link_.receive(datagram)) return false;
-  record(datagram.peer, local_, view(datagram.bytes));
+  if (!datagram.dropped) record(datagram.peer, local_, view(datagram.bytes));
   return true;
 }
 

@@ -16,7 +16,8 @@ namespace hlm::protocol {
 /// The system's wall clock: ns since the epoch.
 std::int64_t wall_clock_ns() noexcept;
 
-/// Copies each datagram that passes `link`, with the time, into a bounded ring. One thread receives
+/// Copies each datagram that passes `link`, with the time, into a bounded ring; what the link has
+/// refused it leaves out. One thread receives
 /// and sends, as on any link; another may drain the ring at the same time.
 class RecordingLink final : public DatagramLink {
  public:
@@ -32,6 +33,8 @@ class RecordingLink final : public DatagramLink {
 
   bool receive(Datagram& datagram) noexcept override;
   void send(const Endpoint& to, std::span<const std::byte> bytes) noexcept override;
+  void keep(const Endpoint& peer) noexcept override { link_.keep(peer); }
+  void forget(const Endpoint& peer) noexcept override { link_.forget(peer); }
 
   /// Moves what the ring held at the call to the capture, and flushes that if there was anything.
   /// Returns the number of datagrams. Throws what CaptureWriter::flush throws.

@@ -166,6 +166,10 @@ Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port) {
   return {from_asio(found.begin()->endpoint()).address, port};
 }
 
+bool is_loopback(const Endpoint& endpoint) noexcept {
+  return asio::ip::address_v4(endpoint.address).is_loopback();
+}
+
 std::string to_string(const Endpoint& endpoint) {
   return asio::ip::address_v4(endpoint.address).to_string() + ":" + std::to_string(endpoint.port);
 }

@@ -1,4 +1,5 @@
--- Wireshark dissector: every field of every message, as protocol/PROTOCOL.md lays them out.
+-- Wireshark dissector: every field of every message, as protocol/PROTOCOL.md lays them out, and of sealed
+-- datagrams what can be read without the key.
 -- wireshark -X lua_script:scripts/wireshark/haptic.lua, or copy it to the personal plugins folder.
 
 local PORT = 47800
@@ -40,6 +41,8 @@ local U64 = {size = 8, make = make_plain(ProtoField.uint64),
              read = function(range) return range:le_uint64() end}
 local I64 = {size = 8, make = make_plain(ProtoField.int64),
              read = function(range) return range:le_int64() end}
+local HEX32 = {size = 4, make = function(abbr, label) return ProtoField.uint32(abbr, label, base.HEX) end,
+               read = read_unsigned}
 local HEX64 = {size = 8, make = make_hex, read = U64.read}
 local F32 = {size = 4, make = make_plain(ProtoField.float), read = read_float, is_number = true}
 local F64 = {size = 8, make = make_plain(ProtoField.double), read = read_float, is_number = true}
@@ -483,6 +486,29 @@ local other_header = group("other_header", "Header of another version",
   {kind = BYTES, name = "other", label = "Other fields", size = HEADER_SIZE - 7},
 }))
 
+-- Sealed datagrams: their packets, by type.
+local SEALING_MAGIC = "HLS"
+local KEY_SIZE, INDEX_SIZE, TAG_SIZE = 32, 4, 16
+
+local function bytes(name, label, size) return {kind = BYTES, name = name, label = label, size = size} end
+local function handshake_message()
+  return {bytes("public_key", "Ephemeral public key", KEY_SIZE),
+          bytes("payload", "Index of the sender, sealed", INDEX_SIZE + TAG_SIZE)}
+end
+local receiver = function() return field(HEX32, "receiver", "Index of the receiver") end
+
+local packets = {
+  group("initiation", "First message of a handshake", handshake_message()),
+  group("response", "Second message of a handshake", append({receiver()}, handshake_message())),
+  group("sealed", "Sealed datagram", {receiver(), field(U64, "counter", "Counter")}),
+}
+local SEALED = 3
+local packet_header = group("packet", "Sealing", {
+  {kind = TEXT, name = "magic", label = "Magic", size = #SEALING_MAGIC},
+  code("type", "Type", {"initiation", "response", "sealed"}),
+})
+local sealed_text = bytes("text", "Text, sealed, and its tag")
+
 local newer_fields = {kind = BYTES, name = "newer_fields", label = "Fields of a newer version"}
 local newer_lists = {kind = BYTES, name = "newer_lists", label = "Lists of a newer version"}
 local newer_message = {kind = BYTES, name = "newer_message", label = "Message of a newer version"}
@@ -507,6 +533,9 @@ end
 
 declare(header, "hlm", "hlm")
 declare(other_header, "hlm", "hlm")
+declare(packet_header, "hlm")
+for _, packet in ipairs(packets) do declare(packet, "hlm") end
+declare(sealed_text, "hlm.sealed")
 for _, node in ipairs({newer_fields, newer_lists, newer_message}) do declare(node, "hlm") end
 for _, known in pairs(messages) do
   declare(known.block, "hlm")
@@ -683,9 +712,43 @@ local function describe(head)
   return text
 end
 
+local function dissect_packet(tvb, pinfo, root)
+  pinfo.cols.protocol = "HLM"
+  local tree = root:add(haptic, tvb())
+  local cursor = {tvb = tvb, offset = 0, stop = tvb:len(), values = {}, ended = false}
+  dissect(packet_header, cursor, tree)
+  if cursor.ended then return tvb:len() end
+  local type = cursor.values.type
+  if not packets[type] then
+    pinfo.cols.info = "unknown type " .. type
+    tree:add_proto_expert_info(unknown_type)
+    return tvb:len()
+  end
+  local subtree = dissect(packets[type], cursor, tree)
+  local values = cursor.values
+  pinfo.cols.info = packets[type].name
+  if values.counter then pinfo.cols.info:append(" " .. tostring(values.counter)) end
+  if values.receiver then pinfo.cols.info:append(string.format(" to %08x", values.receiver)) end
+  if type ~= SEALED then
+    if cursor.offset < cursor.stop then complain(tree, "Longer than its type") end
+  elseif cursor.stop - cursor.offset < TAG_SIZE then
+    complain(tree, "No room for the tag")
+  else
+    pinfo.cols.info:append(string.format(", %d bytes", cursor.stop - cursor.offset - TAG_SIZE))
+    dissect_rest(sealed_text, cursor, subtree)
+    subtree:set_len(cursor.offset - #SEALING_MAGIC - 1)
+  end
+  return tvb:len()
+end
+
+local function begins_with(tvb, magic)
+  return tvb:len() >= #magic and tvb(0, #magic):string() == magic
+end
+
 -- Returns the number of bytes dissected; 0 if the datagram is not of this protocol.
 local function dissect_datagram(tvb, pinfo, root)
-  if tvb:len() < #MAGIC or tvb(0, #MAGIC):string() ~= MAGIC then return 0 end
+  if begins_with(tvb, SEALING_MAGIC) then return dissect_packet(tvb, pinfo, root) end
+  if not begins_with(tvb, MAGIC) then return 0 end
   pinfo.cols.protocol = "HLM"
   local tree = root:add(haptic, tvb())
   local cursor = {tvb = tvb, offset = 0, stop = tvb:len(), values = {}, ended = false}

@@ -24,6 +24,13 @@ NEEDED = {"Boost", "Eigen3", "Threads"}
 # Parts of the paths of headers that the client library must not need.
 FOREIGN = ("/spdlog/", "/CLI/", "/toml++/", "/ode/", "/ccd/", "/sdformat", "/nlohmann/", "/pcap")
 PATIENCE = 20  # s
+USES_SEALING = """#include <protocol/sealing/key_file.h>
+#include <protocol/sealing/sealed_client_link.h>
+void seal(hlm::protocol::DatagramLink& socket, const hlm::protocol::Endpoint& server) {
+  hlm::protocol::SealedClientLink link(socket, server, hlm::protocol::read_key("haptic.key"));
+  link.forget(server);
+}
+"""
 
 
 def cached(name):
@@ -110,13 +117,14 @@ class Package(unittest.TestCase):
         run("cmake", "--install", BUILD, "--prefix", cls.prefix)
         cls.programs = cls.prefix / "bin"
 
-    def build_example(self, name, cmake_lists, *options):
-        """The example in a folder of its own, with a flaw that -Wall reports. Returns its folder."""
+    def build_example(self, name, cmake_lists, *options, code=""):
+        """The example in a folder of its own, with more code and a flaw that -Wall reports. Returns where it
+        was built."""
         folder = self.folder / name
         shutil.copytree(EXAMPLE, folder)
         (folder / "CMakeLists.txt").write_text(cmake_lists)
         with (folder / "main.cc").open("a") as main:
-            main.write("void users_own() { int unused = 0; }\n")
+            main.write(code + "void users_own() { int unused = 0; }\n")
         flags = "-Wall -Wextra -Werror=unused-result"
         if sanitizers := cached("HLM_SANITIZE"):
             flags += f" -fsanitize={sanitizers}"
@@ -143,6 +151,10 @@ class Package(unittest.TestCase):
         last = re.fullmatch(r"connected, ball at \(\S+, (\S+)\) m, contacts: 1", lines[-1])
         self.assertTrue(last, lines)
         self.assertAlmostEqual(float(last.group(1)), 0.015, delta=0.005)
+
+    def test_an_installed_sealing_library_serves_a_users_project(self):
+        cmake_lists = (EXAMPLE / "CMakeLists.txt").read_text().replace("hlm::client", "hlm::client hlm::sealing")
+        self.build_example("sealed", cmake_lists, f"-DCMAKE_PREFIX_PATH={self.prefix}", code=USES_SEALING)
 
     def test_a_subdirectory_builds_the_client_library_with_eigen_and_boost_alone(self):
         cmake_lists = re.sub(r"find_package\(.*\)", f"add_subdirectory({SOURCE} haptic_local_model)",

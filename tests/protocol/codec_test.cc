@@ -510,6 +510,7 @@ TEST_CASE("A header with any field out of its range is refused") {
   const DatagramBytes good = encode({.session = 7, .sequence = 1}, Goodbye{});
   REQUIRE(decode_whatever(good) == std::nullopt);
   CHECK(decode_whatever(with(good, 0, 'h')) == DropReason::kNotOurs);
+  CHECK(decode_whatever(with(good, 2, 'S')) == DropReason::kSealed);
   CHECK(decode_whatever(with(good, 4, 3)) == DropReason::kVersion);
   CHECK(decode_whatever(with(good, 36, 42)) == DropReason::kTruncated);
   CHECK(decode_whatever(with(good, 36, 40)) == DropReason::kMalformed);

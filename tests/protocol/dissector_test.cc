@@ -91,6 +91,7 @@ TEST_CASE("The dissector's names are those of the vocabulary") {
   if (is_skipped()) return;
   const std::map<std::string, std::map<int, std::string>> vocabulary = {
       {"hlm.type", names<MessageType>()},
+      {"hlm.packet.type", names<PacketType>()},
       {"hlm.link.joint", names<JointType>()},
       {"hlm.welcome.update_rule", names<UpdateRule>()},
       {"hlm.welcome.controller", names<ControllerKind>()},
@@ -142,6 +143,41 @@ TEST_CASE("The information column says which message it is, and how long its lis
             "proxy_state " + sequence + ", acknowledges 12",
             "goodbye " + sequence,
         });
+}
+
+TEST_CASE(
+    "Of sealed datagrams the dissector shows all that can be read, and marks a wrong length") {
+  if (is_skipped()) return;
+  const test::TemporaryDirectory directory;
+  const auto path = directory / "sealed.pcap";
+  Recording recording(path);
+  const DatagramBytes packets[] = {
+      resized(initiation_header(), kInitiationSize),
+      resized(response_header(0x01020304), kResponseSize),
+      resized(sealed_header(0x05060708, 1ull << 40u), kSealRoom + 41),
+      resized(initiation_header(), kInitiationSize + 1),
+      resized(response_header(0x01020304), kResponseSize - 1),
+      resized(sealed_header(0x05060708, 0), kSealRoom - 1),
+  };
+  for (const DatagramBytes& packet : packets) recording.add(packet);
+  CHECK(test::lines(test::tshark(path, "-T fields -e _ws.col.Protocol -e _ws.col.Info")) ==
+        std::vector<std::string>{
+            "HLM\tinitiation",
+            "HLM\tresponse to 01020304",
+            "HLM\tsealed 1099511627776 to 05060708, 41 bytes",
+            "HLM\tinitiation",
+            "HLM\tresponse to 01020304",
+            "HLM\tsealed 0 to 05060708",
+        });
+  const auto marks = test::lines(test::tshark(path, "-T fields -e hlm.malformed"));
+  REQUIRE(marks.size() == std::size(packets));
+  for (std::size_t i = 0; i < marks.size(); ++i) CHECK(marks[i].empty() == (i < 3));
+  const auto shown = test::dissect(path);
+  for (std::size_t i = 0; i < 3; ++i) {
+    std::size_t bytes = 0;
+    for (const test::ShownField& field : shown[i]) bytes += field.size;
+    CHECK(bytes == packets[i].size());
+  }
 }
 
 /// The text of the field of that name; empty if it is not shown.

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "protocol/messages.h"
+#include "protocol/sealing/packets.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"
 
@@ -38,6 +39,12 @@ inline constexpr std::array<Word<protocol::MessageType>, 11> kWords<protocol::Me
     {protocol::MessageType::kLocalState, "local_state", ""},
     {protocol::MessageType::kRefusal, "refusal", ""},
     {protocol::MessageType::kImpulses, "impulses", ""},
+}};
+template <>
+inline constexpr std::array<Word<protocol::PacketType>, 3> kWords<protocol::PacketType>{{
+    {protocol::PacketType::kInitiation, "initiation", ""},
+    {protocol::PacketType::kResponse, "response", ""},
+    {protocol::PacketType::kSealed, "sealed", ""},
 }};
 
 }  // namespace hlm

@@ -115,9 +115,9 @@ class Server:
         os.kill(self.process.pid, signal.SIGCONT)
 
     def ticks(self):
-        """Ends the server; its log's rows."""
+        """Ends the server; its log's rows. `errors` is then what it said on standard error."""
         self.process.terminate()
-        self.process.communicate(timeout=10)
+        self.errors = self.process.communicate(timeout=10)[1]
         with open(self.log, encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
         for row in rows:

@@ -380,11 +380,68 @@ TEST_CASE("Bad options of the server: one line that names the thing and what is 
   refuses({HLM_SERVER, "--config", directory.file("broken.toml")}, {"broken.toml:2: "}, kUsage);
 }
 
+TEST_CASE("Without a key an address that others can reach is refused, with the two ways out") {
+  for (const char* address : {"0.0.0.0:47800", "192.0.2.1:47800"}) {
+    refuses({HLM_SERVER, "--listen", address},
+            {address, "not loopback", "--key-file", "haptic_keygen", "--insecure"}, kUsage);
+  }
+  const TemporaryDirectory directory;
+  const std::string key = directory.file("haptic.key");
+  REQUIRE(run({HLM_KEYGEN, key}).exit_code == 0);
+  const std::string any_address = "0.0.0.0:" + std::to_string(free_port());
+  const Arguments listening{HLM_SERVER, "--listen", any_address, "--duration", "0.2"};
+  CHECK(run(listening + Arguments{"--insecure"}).exit_code == 0);
+  CHECK(run(listening + Arguments{"--key-file", key}).exit_code == 0);
+  refuses(listening + Arguments{"--insecure", "--key-file", key}, {"--insecure", "--key-file"},
+          kUsage);
+}
+
+TEST_CASE(
+    "A key that others can read, or that is none, is refused by both sides; none is replaced") {
+  const TemporaryDirectory directory;
+  const std::string key = directory.file("haptic.key");
+  REQUIRE(run({HLM_KEYGEN, key}).exit_code == 0);
+  refuses({HLM_KEYGEN, key}, {key, "exists"}, kFailed);
+  std::filesystem::permissions(key, std::filesystem::perms::group_read,
+                               std::filesystem::perm_options::add);
+  refuses({HLM_SERVER, "--key-file", key}, {key, "0640", "chmod 600"}, kUsage);
+  refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--key-file", key},
+          {key, "0640", "chmod 600"}, kUsage);
+  refuses({HLM_SERVER, "--key-file", directory.file("none")}, {"none", "No such file"}, kUsage);
+}
+
+TEST_CASE("A sealed session's recording holds what was said, and is replayed offline and live") {
+  const TemporaryDirectory directory;
+  const int port = free_port();
+  const std::string key = directory.file("haptic.key");
+  REQUIRE(run({HLM_KEYGEN, key}).exit_code == 0);
+  const Arguments sealed{"--key-file", key};
+  const std::string capture = directory.file("run.pcap");
+  {
+    Process haptic_server(server(port) + sealed + Arguments{"--record", capture});
+    REQUIRE(haptic_server.wait_for_error("listening", 10));
+    const std::string clients = directory.file("client.pcap");
+    const Arguments recorded{"--duration", "2", "--record", clients};
+    CHECK(run(client(port) + sealed + recorded, 30).exit_code == 0);
+    const Finished live =
+        run(Arguments{HLM_REPLAY, clients, "--server", address(port)} + sealed, 30);
+    INFO(live.output << live.error);
+    CHECK_THAT(live.output, ContainsSubstring(" 0 not whole"));
+    CHECK_THAT(live.error, !ContainsSubstring("granted no session"));
+  }
+  const Finished offline =
+      run({HLM_REPLAY, capture, "--offline", "--rate", "500", "--max-gap", "5"}, 30);
+  INFO(offline.output << offline.error);
+  CHECK(offline.exit_code == 0);
+  CHECK_THAT(offline.output, ContainsSubstring("equal bit for bit"));
+}
+
 TEST_CASE("An address of many machines is refused by its kind") {
-  refuses({HLM_SERVER, "--listen", "239.1.2.3:47800"}, {"239.1.2.3:47800", "multicast"}, kFailed);
+  refuses({HLM_SERVER, "--insecure", "--listen", "239.1.2.3:47800"},
+          {"239.1.2.3:47800", "multicast"}, kFailed);
   for (const char* broadcast : {"127.255.255.255:47800", "255.255.255.255:47800"}) {
-    refuses({HLM_SERVER, "--listen", broadcast, "--duration", "0.1"}, {broadcast, "broadcast"},
-            kFailed);
+    refuses({HLM_SERVER, "--insecure", "--listen", broadcast, "--duration", "0.1"},
+            {broadcast, "broadcast"}, kFailed);
   }
 }
 

@@ -55,6 +55,28 @@ TEST_CASE("How long a datagram has waited is known behind the link too") {
   CHECK(datagram.waited == Approx(0.015).margin(1e-12));  // s
 }
 
+TEST_CASE("What is held leaves before the session's keys are forgotten") {
+  struct ForgetfulLink final : protocol::DatagramLink {
+    bool receive(protocol::Datagram&) noexcept override { return false; }
+    void send(const protocol::Endpoint&, std::span<const std::byte>) noexcept override {
+      sent += forgotten ? 0 : 1;
+    }
+    void forget(const protocol::Endpoint& peer) noexcept override {
+      forgotten = peer == MemoryNetwork::kServer;
+    }
+    int sent = 0;
+    bool forgotten = false;
+  } below;
+  ImpairedLink link{below, [] { return 0.0; }, 1};
+  link.set_conditions({.delay = 0.05});
+  const std::array<std::byte, 3> bytes{};
+  link.send(MemoryNetwork::kServer, bytes);
+  link.send(MemoryNetwork::kServer, bytes);
+  link.forget(MemoryNetwork::kServer);
+  CHECK(below.sent == 2);
+  CHECK(below.forgotten);
+}
+
 TEST_CASE("A delay holds each datagram that long, both ways") {
   Setup setup;
   setup.link.set_conditions({.delay = 0.05});

@@ -1,5 +1,7 @@
 #include "ve_client/client/impaired_link.h"
 
+#include <limits>
+
 #include "common/uniform.h"
 #include "protocol/codec.h"
 
@@ -34,9 +36,17 @@ void ImpairedLink::send(const protocol::Endpoint& to, std::span<const std::byte>
   pump();
 }
 
+void ImpairedLink::forget(const protocol::Endpoint& peer) noexcept {
+  constexpr double kAnyTime = std::numeric_limits<double>::infinity();
+  protocol::Datagram datagram;
+  while (outgoing_.take(kAnyTime, datagram))
+    link_.send(datagram.peer, protocol::view(datagram.bytes));
+  link_.forget(peer);
+}
+
 void ImpairedLink::hold(protocol::DatagramQueue& queue, const protocol::Datagram& datagram) {
   const double arrival = now_() - datagram.waited;
-  if (is_telemetry(protocol::view(datagram.bytes))) {
+  if (datagram.dropped || is_telemetry(protocol::view(datagram.bytes))) {
     queue.hold(arrival, datagram);
     return;
   }

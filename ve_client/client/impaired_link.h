@@ -43,6 +43,9 @@ class ImpairedLink final : public protocol::DatagramLink {
 
   bool receive(protocol::Datagram& datagram) noexcept override;
   void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override;
+  void keep(const protocol::Endpoint& peer) noexcept override { link_.keep(peer); }
+  /// What waits to be sent leaves at once: the link below may not be able to send it later.
+  void forget(const protocol::Endpoint& peer) noexcept override;
 
  private:
   void hold(protocol::DatagramQueue& queue, const protocol::Datagram& datagram);

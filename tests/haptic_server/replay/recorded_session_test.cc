@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "protocol/sealing/packets.h"
 #include "protocol/transport/capture.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/protocol/transport/capture_files.h"
@@ -99,6 +100,15 @@ TEST_CASE("A capture of another version of the protocol is refused with both ver
   capture.pass(kClient, kServer, view(bytes));
   CHECK(capture.error() ==
         capture.path() + ": holds version 1 of the protocol; this program replays version 2");
+}
+
+TEST_CASE("A capture of sealed datagrams is refused with the way to one that is opened") {
+  Capture capture;
+  protocol::DatagramBytes packet = protocol::sealed_header(1, 2);
+  packet.resize(100);
+  capture.pass(kClient, kServer, view(packet));
+  CHECK_THROWS_WITH(capture.sessions(), Catch::Matchers::ContainsSubstring("sealed") &&
+                                            Catch::Matchers::ContainsSubstring("--record"));
 }
 
 TEST_CASE("A session is its hello, welcome, updates, controls and acknowledgements") {

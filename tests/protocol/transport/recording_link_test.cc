@@ -88,6 +88,19 @@ TEST_CASE("Both directions are recorded, in order, with their stamps") {
   CHECK(link.lost() == 0);
 }
 
+TEST_CASE("What a sealing link has refused is passed on and not recorded") {
+  const test::TemporaryDirectory directory;
+  PlainLink plain;
+  plain.waiting = {numbered(1), {.peer = kPeer, .bytes = {}, .dropped = DropReason::kAltered}};
+  RecordingLink link(plain, kLocal);
+  Datagram received;
+  REQUIRE(link.receive(received));
+  REQUIRE(link.receive(received));
+  CHECK(received.dropped == DropReason::kAltered);
+  CaptureWriter capture(directory / "recorded.pcap");
+  CHECK(link.drain(capture) == 1);
+}
+
 TEST_CASE("Datagrams pass a recording link unchanged") {
   PlainLink plain;
   plain.waiting = {numbered(5)};

@@ -1,0 +1,19 @@
+// The key that server and client share, and the file that it lies in.
+#pragma once
+
+#include <filesystem>
+
+#include "protocol/sealing/noise.h"
+
+namespace hlm::protocol {
+
+/// Reads what write_new_key() has written. Throws std::runtime_error with one line that names the
+/// file and what is wrong: it cannot be read, is no key, or others than its owner have rights.
+noise::Key read_key(const std::filesystem::path& path);
+
+/// Draws a key from the system's random source and writes it to a new file that its owner alone
+/// can read: a line that says what it is, and a line of 64 hexadecimal digits. Throws
+/// std::runtime_error naming the file if it exists or cannot be written.
+void write_new_key(const std::filesystem::path& path);
+
+}  // namespace hlm::protocol

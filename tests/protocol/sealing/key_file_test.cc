@@ -1,0 +1,90 @@
+// The key's file: who may read it, and what is a key.
+#include "protocol/sealing/key_file.h"
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "tests/protocol/transport/capture_files.h"
+#include "tests/support/catch.h"
+
+namespace hlm::protocol {
+namespace {
+
+namespace fs = std::filesystem;
+using Catch::Matchers::ContainsSubstring;
+
+constexpr fs::perms kOwners = fs::perms::owner_read | fs::perms::owner_write;
+
+std::string text_of(const fs::path& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void write(const fs::path& path, const std::string& text) {
+  std::ofstream(path) << text;
+  fs::permissions(path, kOwners);
+}
+
+std::string error_of(const fs::path& path) {
+  try {
+    read_key(path);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST_CASE("A new key is its owner's alone, is read back, and is another each time") {
+  const test::TemporaryDirectory directory;
+  write_new_key(directory / "a.key");
+  write_new_key(directory / "b.key");
+  CHECK((fs::status(directory / "a.key").permissions() & fs::perms::all) == kOwners);
+  CHECK(read_key(directory / "a.key") == read_key(directory / "a.key"));
+  CHECK(read_key(directory / "a.key") != read_key(directory / "b.key"));
+}
+
+TEST_CASE("A file that is there is not overwritten") {
+  const test::TemporaryDirectory directory;
+  write(directory / "a.key", "precious");
+  CHECK_THROWS_WITH(write_new_key(directory / "a.key"),
+                    ContainsSubstring("a.key") && ContainsSubstring("exists"));
+  CHECK(text_of(directory / "a.key") == "precious");
+}
+
+TEST_CASE("A key to which others than its owner have any rights is refused") {
+  const test::TemporaryDirectory directory;
+  const fs::path path = directory / "a.key";
+  write_new_key(path);
+  for (const fs::perms right :
+       {fs::perms::group_read, fs::perms::group_write, fs::perms::group_exec,
+        fs::perms::others_read, fs::perms::others_write, fs::perms::others_exec}) {
+    fs::permissions(path, kOwners | right);
+    CHECK_THAT(error_of(path), ContainsSubstring(path.string()) && ContainsSubstring("chmod 600"));
+  }
+  fs::permissions(path, fs::perms::owner_read);
+  CHECK(error_of(path).empty());
+}
+
+TEST_CASE("What is no key is refused in one line that names the file and what a key is") {
+  const test::TemporaryDirectory directory;
+  const fs::path path = directory / "a.key";
+  write_new_key(path);
+  const std::string good = text_of(path);
+  std::string other_digit = good;
+  other_digit[20] = 'g';
+  for (const std::string& bad : {std::string(), good.substr(0, good.size() - 1), good + "\n",
+                                 "haptic key 2" + good.substr(12), other_digit,
+                                 std::string(good.size(), 'a'), std::string(100'000, 'a')}) {
+    fs::remove(path);
+    write(path, bad);
+    CHECK_THAT(error_of(path), ContainsSubstring(path.string()) && ContainsSubstring("no key") &&
+                                   ContainsSubstring("64 hexadecimal"));
+  }
+  CHECK_THAT(error_of(directory / "none"), ContainsSubstring("No such file"));
+  CHECK_THAT(error_of("/dev/null"), ContainsSubstring("not a regular file"));
+}
+
+}  // namespace
+}  // namespace hlm::protocol
