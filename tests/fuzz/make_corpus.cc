@@ -159,8 +159,7 @@ void write_server_sessions(const fs::path& folder) {
       .write_to(folder / "silence_and_fault");
   protocol::Hello linkage = test::random_hello(random);
   Deliveries of_linkage({0, 0, 1});
-  of_linkage.add(1, linkage);
-  for (int i = 0; i < 3; ++i) of_linkage.add(kFrame, test::random_update(random, linkage.tool));
+  of_linkage.add(1, linkage).add(kFrame, test::random_update(random, linkage.tool));
   of_linkage.write_to(folder / "linkage");
 }
 

@@ -14,7 +14,7 @@ namespace {
 constexpr protocol::Endpoint kClient{.address = 0x0A000002, .port = 50000};
 constexpr protocol::Endpoint kForeigner{.address = 0x0A000003, .port = 50000};
 /// Of one input: enough for a session to begin, fall silent, fade and begin anew.
-constexpr int kMostTicks = 1000;
+constexpr int kMostTicks = 500;
 constexpr std::uint64_t kGap = 300;  // periods, above the largest that is endured
 
 server::HandScript pushing_hand() {
