@@ -72,7 +72,8 @@ using Map = std::map<double, std::map<std::string_view, StiffnessLimits>>;
 /// Whether the search found a limit, not an end of its scan.
 bool is_found(const StiffnessLimit& limit) { return limit.k_max > 0 && !limit.beyond; }
 
-/// Slope of log k_max by energy over log age, age = delay + one mean period.
+/// Slope of log k_max by motion over log age, age = round trip + one mean period: as old is the
+/// state to which a report of the walls belongs when the next one replaces it.
 struct Fit {
   double slope = 0;
   std::size_t points = 0;
@@ -85,11 +86,11 @@ Fit fit_over_age(Map& delay, std::string_view method) {
   std::vector<double> x, y;
   Fit fit;
   for (auto& [ms, limits] : delay) {
-    const StiffnessLimit& limit = limits[method].energy;
+    const StiffnessLimit& limit = limits[method].motion;
     fit.text +=
         fmt::format("{}{} at {:.0f} ms", fit.text.empty() ? "" : ", ", described(limit), ms);
     if (!is_found(limit)) continue;
-    x.push_back(std::log(1e-3 * ms + kMeanPeriod));
+    x.push_back(std::log(2e-3 * ms + kMeanPeriod));
     y.push_back(std::log(limit.k_max));
   }
   double xy = 0;
@@ -143,8 +144,9 @@ void stiffness_maps(Bench& bench) {
                         near.k_max > delay[0]["ir"].energy.k_max});
   const Fit fit = fit_over_age(delay, "ir");
   bench.claim({.what = "k_max of IR over network delay",
-               .criterion = "by energy, falls as 1/age: slope of log k_max over log (delay + mean "
-                            "period) between -0.7 and -1.3, of the limits found, three or more",
+               .criterion =
+                   "by motion, falls as 1/age: slope of log k_max over log (round trip + "
+                   "mean period) between -0.7 and -1.3, of the limits found, three or more",
                .measured = fmt::format("{:.2f} over {} of: {}", fit.slope, fit.points, fit.text),
                .holds = fit.points >= 3 && std::abs(fit.slope + 1) < 0.3});
   if (delay[200]["ir"].energy.k_max > delay[100]["ir"].energy.k_max)
