@@ -149,7 +149,7 @@ void stiffness_maps(Bench& bench) {
                    "mean period) between -0.7 and -1.3, of the limits found, three or more",
                .measured = fmt::format("{:.2f} over {} of: {}", fit.slope, fit.points, fit.text),
                .holds = fit.points >= 3 && std::abs(fit.slope + 1) < 0.3});
-  if (delay[200]["ir"].energy.k_max > delay[100]["ir"].energy.k_max)
+  if (delay[200]["ir"].motion.k_max > delay[100]["ir"].motion.k_max)
     bench.find(
         "At 200 ms the environment is late by half a period of the hand's 2.5 Hz: IR's walls come "
         "when the peg is on its way back, and bear more than at 100 ms.");
