@@ -144,9 +144,17 @@ class Program:
         time.sleep(seconds)
         self.process.send_signal(signal.SIGCONT)
 
+    def catches(self, signal_number):
+        with open(f"/proc/{self.process.pid}/status", encoding="ascii") as status:
+            caught = next(line.split()[1] for line in status if line.startswith("SigCgt"))
+        return int(caught, 16) >> (signal_number - 1) & 1
+
     def end(self, signal_number=signal.SIGTERM):
         """Ends it; a status that the signal does not explain is a crash."""
         self.check_alive()
+        while signal_number != signal.SIGKILL and not self.catches(signal_number):
+            time.sleep(0.05)  # It has only just begun.
+            self.check_alive()
         self.process.send_signal(signal_number)
         try:
             status = self.process.wait(timeout=10)
