@@ -33,6 +33,16 @@ inline void demand_in_range(const protocol::ContactUpdate& update) {
   }
 }
 
+template <class Message>
+std::vector<protocol::DatagramBytes> all_parts(const protocol::Envelope& envelope,
+                                               const Message& message) {
+  std::vector<protocol::DatagramBytes> parts;
+  for (std::uint8_t part = 0; part < part_count(message); ++part) {
+    parts.push_back(encode(envelope, message, part));
+  }
+  return parts;
+}
+
 /// Of all parts of a message, if they are one of this type: values in range, and what is encoded
 /// again is decoded as the same.
 template <class Message>
@@ -41,12 +51,10 @@ bool demand_decodes(std::span<const protocol::DatagramBytes> parts,
   Message message;
   if (decode(parts, message)) return false;
   demand_in_range(message);
-  std::vector<protocol::DatagramBytes> again;
-  for (std::uint8_t part = 0; part < part_count(message); ++part) {
-    again.push_back(encode(header.envelope, message, part));
-  }
+  const std::vector<protocol::DatagramBytes> again = all_parts(header.envelope, message);
   Message second;
   demand(!decode(again, second), "what was decoded can be encoded");
+  demand(all_parts(header.envelope, second) == again, "what is encoded is decoded as the same");
   return true;
 }
 
