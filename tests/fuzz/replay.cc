@@ -46,7 +46,9 @@ std::vector<Bytes> read_corpus(const std::vector<std::string>& places) {
       files.insert(place);
       continue;
     }
-    for (const auto& entry : std::filesystem::directory_iterator(place)) files.insert(entry.path());
+    for (const auto& entry : std::filesystem::directory_iterator(place)) {
+      if (entry.is_regular_file()) files.insert(entry.path());
+    }
   }
   std::vector<Bytes> corpus;
   for (const auto& file : files) corpus.push_back(read_file(file));
