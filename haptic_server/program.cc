@@ -5,6 +5,7 @@
 #include <iostream>
 #include <stdexcept>
 
+#include "common/one_line.h"
 #include "protocol/sealing/key_file.h"
 #include "protocol/transport/udp_socket.h"
 
@@ -14,7 +15,7 @@ int run_program(const char* name, settings::CommandLine& command_line,
                 const PhysicsOptions& options, int argc, const char* const* argv,
                 const std::function<void()>& check, const std::function<int()>& body) {
   const auto fail = [name](const std::exception& error, int status) {
-    std::cerr << name << ": " << error.what() << '\n';
+    std::cerr << name << ": " << one_line(error.what()) << '\n';
     return status;
   };
   try {

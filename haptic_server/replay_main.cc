@@ -67,6 +67,7 @@ bool run_offline(const ReplayOptions& options) {
     }
     const OfflineResult result =
         replay_offline(session, physics.servo, own, *device, [&](const TickRecord& record) {
+          if (stop_requested != 0) throw std::runtime_error("stopped by a signal");
           log.record(record);
           log.drain();
         });

@@ -14,7 +14,7 @@ namespace {
 constexpr int kQuaternion = 3;
 
 bool has_free_root(const ToolDescription& tool) noexcept {
-  return tool.links.front().joint == JointType::kFree;
+  return !tool.links.empty() && tool.links.front().joint == JointType::kFree;
 }
 
 /// A side on the tool names a link that there is, and of a tool's contact side a is on the tool.

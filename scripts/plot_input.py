@@ -103,15 +103,20 @@ def number(text, column, path, rows):
         ) from None
 
 
+def read_models(path):
+    """The models of an SDF file."""
+    with open(path, encoding="utf-8") as file:
+        # SDFormat uses the prefix without declaring it, which the XML reader refuses.
+        text = file.read().replace("<sdf ", '<sdf xmlns:haptic="haptic" ', 1)
+    return xml.fromstring(text).findall(".//model")
+
+
 def read_world(path, tool, from_side):
     """What the world at `path` holds, with the model named `tool` as virtual tool; of its shapes the
     boxes."""
     try:
-        with open(path, encoding="utf-8") as file:
-            # SDFormat uses the prefix without declaring it, which the XML reader refuses.
-            text = file.read().replace("<sdf ", '<sdf xmlns:haptic="haptic" ', 1)
         world = World([], [], [])
-        for model in xml.fromstring(text).findall(".//model"):
+        for model in read_models(path):
             boxes = [box for link in model.iter("link") for box in link_boxes(link, from_side)]
             if model.get("name") == tool:
                 hand = model.find("{haptic}hand")
@@ -124,6 +129,13 @@ def read_world(path, tool, from_side):
     except (OSError, UnicodeDecodeError, xml.ParseError, ValueError) as error:
         raise InputError(f"{path}: not a world: {error}") from error
     return world
+
+
+def read_starts(path, tool):
+    """The poses x, y, yaw (m, rad) of the model's other starts, seen from above."""
+    return [read_pose(start, from_side=False)
+            for model in read_models(path) if model.get("name") == tool
+            for start in model.findall("{haptic}start")]
 
 
 def read_pose(element, from_side):

@@ -7,6 +7,7 @@ import collections
 import csv
 import html
 import io
+import math
 import pathlib
 import sys
 
@@ -14,6 +15,11 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.patches import Polygon
+
+from plot_input import read_starts, read_world
+
+TESTBED = pathlib.Path(__file__).resolve().parent.parent / "worlds/testbed.sdf"
 
 # One look per method on all figures.
 STYLES = {
@@ -38,6 +44,7 @@ STYLES = {
 
 # What each experiment is, in the order of the page.
 SECTIONS = {
+    "testbed": "The testbed",
     "fig06": "Figure 6: one degree of freedom, walls that arrive late",
     "fig09": "Figure 9: the same hole with predicted walls",
     "fig14": "Figure 14: pushed onto a wall and left there",
@@ -54,6 +61,10 @@ SECTIONS = {
 }
 
 INTRODUCTION = {
+    "testbed": "The paper's Fig. 12: a planar enclosure with a hole that fits the peg exactly. A table seen from "
+    "above, y pointing down the page. Figure 14 pushes the peg from where it lies in the middle onto the bottom "
+    "wall, which it touches with its centre at y = 124 mm; Figures 16 and 17 and the search for the largest "
+    "stiffness shake it in the hole, where it stands upright.",
     "fig06": "A 1 kg peg between two walls that it just touches; the hand shakes it with 5 N at 10 Hz, "
     "coupled directly; k = 10 kN/m, b = 15 N·s/m; each report of the walls takes 20 ms and is repeated "
     "every 20 ms. The intermediate representation (IR) renders the full depth of a wall that arrives "
@@ -62,10 +73,18 @@ INTRODUCTION = {
     "the environment cannot be felt at all.",
     "fig14": "The peg is pushed with 0.5 N onto a wall at y = 124 mm, up to 0.2 mm off its centre. With "
     "IR it never comes to rest: a corner that loses contact comes back late and deep, which turns the peg, "
-    "which loses the other corner.",
+    "which loses the other corner. The paper has one run of each: the wall, which is at 124 mm, is felt at 118 mm "
+    "(LM₅), 84 mm (IR) and 78 mm (LM₀), all before it. Here a wall that arrives late is felt beyond its place, "
+    "and over many moments of arrival LM₀ is 3 to 7 mm worse than LM₅. A late wall cannot be felt early: "
+    "presumably the paper's device lagged behind the tool of its simulation; here the tool is carried along "
+    "with the proxy, so that lateness alone shows.",
     "fig16": "The peg stands in an exactly fitting hole and is shaken sideways with 1 N at 2.5 Hz, up to "
     "2 mm off its centre.",
-    "fig17": "The same with 3 N and contacts nearly four times as stiff. A run counts as unstable when "
+    "fig17": "The same with 3 N and contacts nearly four times as stiff. The paper has one run of LM₀ and LM₅, both "
+    "stable: LM₀ moves some 20 mm farther along x and y, and LM₅ farther than its stiffness allows, as it "
+    "overshoots by more than its 5 mm. Here LM₅ stays within 0.1 mm: no run overshoots by so much, and every "
+    "wall is there before it is met. LM₀ moves about 12 mm farther along x. IR, which the paper calls unstable "
+    "here and does not show, is run too. A run counts as unstable when "
     "the virtual side (motors, coupling, proxy, contacts) gives out more than 10 mJ in some 2 s, five "
     "periods of the hand: a passive one gives out nothing that it has not taken.",
     "updates": "What adopting one update does while the peg is shaken as in Fig. 16: the change of the "
@@ -74,13 +93,14 @@ INTRODUCTION = {
     "stress of the update rules and the properties of collisions are unit tests: contact_update_test.cc, "
     "collision_test.cc.)",
     "limits": "The hole of Fig. 17 (3 N, b = 100 N·s/m), contact stiffness found by scanning octaves and "
-    "then bisecting to 10 %. For the couplings to the engine's own tool the stiffness is that of the "
-    "coupling. An asterisk marks a method that is stable again above a stiffness where it was not; > the "
-    "end of the scan.",
+    "then bisecting to 10 %, under two criteria: by energy, no more than 10 mJ given out in any 2 s; by "
+    "motion, the handle below 1 m/s and not out of the hole. For the couplings to the engine's own tool the "
+    "stiffness is that of the coupling. An asterisk marks a method that is stable again above a stiffness "
+    "where it was not; > the end of the scan.",
     "maps": "The same search with one condition varied at a time: fixed rate of the environment, one-way "
     "network delay, jitter and loss, delay of the device, rate of the loop, and whether the environment "
-    "waits for each acknowledgement. Hollow marks: stable up to the end of the scan. At the lower edge: "
-    "unstable at the softest contact tried. Grey: Colgate's bound for an undelayed wall without virtual "
+    "waits for each acknowledgement; by both criteria. Hollow marks: stable up to the end of the scan. At the "
+    "lower edge: unstable at the softest contact tried; no fit uses either. Grey: Colgate's bound for an undelayed wall without virtual "
     "damping, k < 2 b_device / Δt.",
     "approach": "A peg meets a wall at a steady speed, 20 ms away one way, environment at 30 to 60 Hz. "
     "Left: where the handle comes to rest, from where it should. Middle: how far it gets beyond the wall. "
@@ -214,78 +234,116 @@ def draw_updates(folder):
     return figure
 
 
+# What counts as stable, and how it is drawn.
+CRITERIA = {"energy": {"alpha": 0.85}, "motion": {"alpha": 0.35}}
+
+
+def by_criterion(rows, criterion):
+    return [row for row in rows if row["criterion"] == criterion]
+
+
+def kilonewtons(cell):
+    """k_max of a row of `limits` or `maps`, as text."""
+    k_max = float(cell["k_max"])
+    if k_max == 0:
+        return "–"
+    return f"{'> ' if cell['beyond'] == '1' else ''}{k_max / 1000:.3g} kN/m"
+
+
+def ratio(cell, baseline):
+    """k_max over that of IR, as text; the method's own k_max where IR has none."""
+    if baseline is None or float(baseline["k_max"]) == 0:
+        return kilonewtons(cell)
+    if cell is baseline:
+        return "1"
+    if cell["beyond"] == baseline["beyond"] == "1":
+        return "both beyond"
+    sign = "> " if cell["beyond"] == "1" else "< " if baseline["beyond"] == "1" else ""
+    return sign + f"{float(cell['k_max']) / float(baseline['k_max']):.3g}"
+
+
 def draw_limits(folder):
     rows = read_table(folder / "limits.csv")
     devices = list(collections.OrderedDict.fromkeys(row["device"] for row in rows))
-    figure, axes = panels(len(devices), 5.6, 0.9 + 0.26 * len(rows) / len(devices))
+    methods = list(by_method(rows))
+    figure, axes = panels(len(devices), 5.6, 1.2 + 0.42 * len(methods))
     for axis, device in zip(axes, devices):
-        of_device = [row for row in rows if row["device"] == device]
-        k_max = column(of_device, "k_max", 1e-3)
-        names = [row["method"] + ("" if row["monotonous"] == "1" else " *") for row in of_device]
-        axis.barh(names, k_max, color=[STYLES[row["method"]][0] for row in of_device], alpha=0.75)
-        for i, row in enumerate(of_device):
-            ratio = f"{'> ' if row['beyond'] == '1' else ''}{float(row['ratio_to_ir']):.3g} × IR"
-            axis.text(max(k_max[i], 0.1) * 1.1, i, ratio, va="center", fontsize=8)
+        for shift, (criterion, look) in zip((-0.2, 0.2), CRITERIA.items()):
+            of_device = by_criterion([row for row in rows if row["device"] == device], criterion)
+            baseline = next((row for row in of_device if row["method"] == "IR"), None)
+            for place, row in enumerate(of_device):
+                k_max = float(row["k_max"]) / 1000
+                axis.barh(place + shift, k_max, height=0.38, color=STYLES[row["method"]][0], **look)
+                text = kilonewtons(row) if row is baseline else f"{ratio(row, baseline)} × IR"
+                text += "" if row["monotonous"] == "1" else " *"
+                axis.text(max(k_max, 0.1) * 1.1, place + shift, text, va="center", fontsize=7)
+            axis.barh([-1], [0], color="#555555", label=f"by {criterion}", **look)
+        axis.set_yticks(range(len(methods)), methods)
+        axis.set_ylim(len(methods) - 0.4, -0.6)
         axis.set_xscale("log")
-        axis.set_xlim(0.1, 3000)
-        axis.invert_yaxis()
+        axis.set_xlim(0.1, 5000)
         axis.set_title(f"device: {device}", fontsize=10)
         axis.set_xlabel("k_max, kN/m")
+        axis.legend(fontsize=8, loc="lower right")
     return figure
+
+
+def draw_map(axis, rows):
+    """k_max over one condition, by one criterion."""
+    for method, points in by_method(rows).items():
+        x = column(points, "value")
+        y = [max(k, 0.0625) for k in column(points, "k_max", 1e-3)]
+        axis.plot(x, y, **style(method))
+        for at_x, at_y, point in zip(x, y, points):
+            colour = STYLES[method][0]
+            hollow = point["beyond"] == "1"
+            axis.plot(at_x, at_y, "o", color=colour, markersize=4,
+                      markerfacecolor="white" if hollow else colour)
+    first = next(iter(by_method(rows).values()))
+    axis.plot(column(first, "value"), column(first, "colgate", 1e-3), color="#adb5bd", linewidth=3,
+              zorder=0, label="Colgate's bound")
+    axis.set_yscale("log")
+    axis.grid(alpha=0.3)
+    unit = first[0]["unit"]
+    name = first[0]["axis"].replace("_", " ").replace("ve ", "VE ")
+    label(axis, name + (f", {unit}" if unit else ""), "k_max, kN/m")
 
 
 def draw_maps(folder):
     rows = read_table(folder / "maps.csv")
     names = list(collections.OrderedDict.fromkeys(row["axis"] for row in rows))
-    columns = 2
-    lines = (len(names) + columns - 1) // columns
-    figure, axes = plt.subplots(lines, columns, figsize=(11, 3.5 * lines))
-    for axis, name in zip(axes.flat, names):
+    figure, axes = plt.subplots(len(names) + 1, len(CRITERIA), figsize=(11, 3.3 * len(names) + 1.6),
+                                height_ratios=[3] * len(names) + [1.2])
+    for line, name in zip(axes, names):
         of_axis = [row for row in rows if row["axis"] == name]
-        for method, points in by_method(of_axis).items():
-            x = column(points, "value")
-            y = [max(k, 0.0625) for k in column(points, "k_max", 1e-3)]
-            axis.plot(x, y, **style(method))
-            hollow = [point["beyond"] == "1" for point in points]
-            colour = STYLES[method][0]
-            for at_x, at_y, is_hollow in zip(x, y, hollow):
-                axis.plot(at_x, at_y, "o", color=colour, markersize=4,
-                          markerfacecolor="white" if is_hollow else colour)
-        first = next(iter(by_method(of_axis).values()))
-        axis.plot(column(first, "value"), column(first, "colgate", 1e-3), color="#adb5bd", linewidth=3,
-                  zorder=0, label="Colgate's bound")
-        axis.set_yscale("log")
-        axis.grid(alpha=0.3)
-        unit = first[0]["unit"]
-        label(axis, name.replace("_", " ").replace("ve ", "VE ") + (f", {unit}" if unit else ""),
-              "k_max, kN/m")
-    for axis in axes.flat[len(names):]:
+        for axis, criterion in zip(line, CRITERIA):
+            draw_map(axis, by_criterion(of_axis, criterion))
+            axis.set_title(f"by {criterion}", fontsize=10)
+    for axis in axes[-1]:
         axis.axis("off")
-    handles, labels = axes.flat[0].get_legend_handles_labels()
-    axes.flat[-1].legend(handles, labels, loc="center", ncol=2)
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncol=4)
     return figure
 
 
-def ratio(cell, baseline):
-    if baseline is None or float(baseline["k_max"]) == 0:
-        return "–"
-    beyond = "&gt; " if cell["beyond"] == "1" else ""
-    return beyond + f"{float(cell['ratio_to_ir']):.3g}"
-
-
 def ratios(folder):
-    """k_max over that of IR in the same run, as a table: a line per condition."""
+    """k_max over that of IR in the same run, as tables: a line per condition."""
     rows = read_table(folder / "maps.csv")
+    return "\n".join(ratios_by(by_criterion(rows, criterion), criterion) for criterion in CRITERIA)
+
+
+def ratios_by(rows, criterion):
     methods = list(by_method(rows))
-    lines = ["<p>k_max, as a multiple of IR's under the same condition (&gt;: end of the scan; 0: unstable "
-             "at the softest contact tried; –: IR itself is):</p>",
+    lines = [f"<p>k_max by {criterion}, as a multiple of IR's under the same condition (&gt;, &lt;: one of "
+             "them is beyond the scan). Where IR is unstable at the softest contact tried, each method's own "
+             "k_max; –: the method is too.</p>",
              '<table class="wide"><tr><th>condition</th>' + "".join(f"<th>{m}</th>" for m in methods) + "</tr>"]
     conditions = collections.OrderedDict()
     for row in rows:
         conditions.setdefault((row["axis"], row["value"], row["unit"]), {})[row["method"]] = row
     for (axis, value, unit), cells in conditions.items():
         name = f"{axis.replace('_', ' ').replace('ve ', 'VE ')} {value} {unit}"
-        values = "".join(f"<td>{ratio(cells[m], cells.get('IR'))}</td>" for m in methods)
+        values = "".join(f"<td>{html.escape(ratio(cells[m], cells.get('IR')))}</td>" for m in methods)
         lines.append(f"<tr><td>{name}</td>{values}</tr>")
     lines.append("</table>")
     return "\n".join(lines)
@@ -406,7 +464,29 @@ def draw_scenes(folder):
     return figure
 
 
+def draw_testbed(_):
+    world = read_world(TESTBED, "peg", from_side=False)
+    figure, axes = panels(1, 6, 5)
+    axis = axes[0]
+    for wall in world.walls:
+        axis.add_patch(Polygon(1e3 * wall.corners(), facecolor="#ced4da"))
+    for (x, y, angle), name in zip(((0, 0, 0), *read_starts(TESTBED, "peg")), ("peg", "in the hole")):
+        for box in world.tool:
+            axis.add_patch(Polygon(1e3 * box.corners(x, y, angle), facecolor="#a8dadc", edgecolor="#1d3557"))
+        axis.text(1e3 * x, 1e3 * y, name, ha="center", va="center", fontsize=8, rotation=math.degrees(angle))
+    axis.annotate("", (0, 105), (0, 25), arrowprops={"arrowstyle": "->", "color": "#d62828"})
+    axis.text(6, 65, "0.5 N (Fig. 14)", color="#d62828", fontsize=8)
+    axis.annotate("", (150, 130), (50, 130), arrowprops={"arrowstyle": "<->", "color": "#d62828"})
+    axis.text(100, 126, "1 or 3 N (Figs. 16, 17)", color="#d62828", fontsize=8, ha="center")
+    axis.set_xlim(-245, 245)
+    axis.set_ylim(290, -265)
+    axis.set_aspect("equal")
+    label(axis, "x, mm", "y, mm")
+    return figure
+
+
 DRAW = {
+    "testbed": draw_testbed,
     "fig06": draw_fig06,
     "fig09": draw_fig09,
     "fig14": draw_fig14,
@@ -465,7 +545,8 @@ def section(folder, name, claims, findings, rerun):
              claims_table(claims) if claims else "",
              ratios(folder) if name == "maps" else ""]
     lines += [f'<p class="finding">{html.escape(finding["text"])}</p>' for finding in findings]
-    lines.append(f"<p>Again, alone: <code>scripts/reproduce --only {name} {html.escape(rerun)}</code></p>")
+    if name != "testbed":
+        lines.append(f"<p>Again, alone: <code>scripts/reproduce --only {name} {html.escape(rerun)}</code></p>")
     return "\n".join(lines)
 
 
@@ -480,7 +561,7 @@ def page(folder, commit):
     parameters = read_table(folder / "parameters.csv")
     rerun = next(row["value"] for row in parameters if row["name"] == "arguments")
     # Which experiments were run shows in what they wrote.
-    run = [name for name in SECTIONS if has_rows(folder, name)]
+    run = [name for name in SECTIONS if name == "testbed" or has_rows(folder, name)]
     held = sum(claim["holds"] == "1" for claim in claims)
     lines = ["<!doctype html><html lang='en'><head><meta charset='utf-8'>",
              "<meta name='viewport' content='width=device-width'>",

@@ -53,23 +53,26 @@ void follow_server(VirtualEnvironment& environment, HapticClient& client, double
 /// `lag` seconds: what was reported of it is, until it is farther than both can have moved in that.
 std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double epsilon,
                                         double lag) {
-  auto& [assembly, world, tool, proximity, surroundings] = environment;
+  const VirtualTool& tool = environment.tool;
+  const Surroundings& surroundings = environment.surroundings;
   const bool holds = !surroundings.bodies().empty();
-  const auto found = proximity.query(tool, epsilon + (holds ? kFarthestHold : 0));
+  const auto found = environment.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0));
   std::vector<FoundContact> contacts(found.begin(), found.end());
   std::erase_if(contacts, [&](const FoundContact& contact) {
     const double travel = kMargin * lag * (tool.target_speed() + contact.v_WC.norm());
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
     return contact.separation > epsilon + hold;
   });
-  return select_contacts(contacts, assembly.planar_normal_W);
+  return select_contacts(contacts, environment.assembly.planar_normal_W);
 }
 
 }  // namespace
 
 FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
                       double period, const FrameOptions& options) {
-  auto& [assembly, world, tool, proximity, surroundings] = environment;
+  World& world = environment.world;
+  VirtualTool& tool = environment.tool;
+  Surroundings& surroundings = environment.surroundings;
   FrameResult result;
   const auto stands_still = [&] {
     result.fault = world.fault() ? &*world.fault() : nullptr;
@@ -85,7 +88,7 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
                            !options.push_by_following;
   const auto stops_tool = [&](int body) { return !by_impulses || surroundings.is_obstacle(body); };
   const double reach = tool.follow(period);
-  world.step(period, proximity.within_reach(tool, reach, stops_tool),
+  world.step(period, environment.proximity.within_reach(tool, reach, stops_tool),
              [&](double h) { tool.pull(h); });
   if (stands_still()) return result;
   tool.read_back();

@@ -7,6 +7,7 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "common/one_line.h"
 #include "common/settings/table.h"
 #include "ve_client/client_run.h"
 #include "ve_client/settings.h"
@@ -39,7 +40,7 @@ void configure_logging(const std::string& level) {
 enum ExitCode { kFinished = 0, kFailed = 1, kServerNeverAnswered = 3 };
 
 int failure(const std::exception& error, int exit_code) {
-  std::cerr << "ve_client: " << error.what() << '\n';
+  std::cerr << "ve_client: " << one_line(error.what()) << '\n';
   return exit_code;
 }
 

@@ -42,9 +42,16 @@ std::optional<std::string> read(const std::string& name, const std::string& text
   return std::nullopt;
 }
 
+/// As a TOML text.
 std::string quoted(const std::string& text) {
   std::string result = "\"";
   for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7F) {
+      constexpr std::string_view kDigits = "0123456789ABCDEF";
+      result += {'\\', 'u', '0', '0', kDigits[code >> 4], kDigits[code & 0xF]};
+      continue;
+    }
     if (c == '"' || c == '\\') result += '\\';
     result += c;
   }

@@ -14,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/one_line.h"
 #include "common/range.h"
 #include "common/vocabulary.h"
 
@@ -22,7 +23,7 @@ namespace hlm::settings {
 /// What the user has asked for cannot be: one line that names the thing, its value and what is
 /// allowed. Programs end with kUsageError.
 struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+  explicit UsageError(const std::string& what) : std::runtime_error(one_line(what)) {}
 };
 inline constexpr int kUsageError = 2;
 

@@ -8,6 +8,7 @@
 
 #include <toml++/toml.h>
 
+#include "common/one_line.h"
 #include "common/range.h"
 
 namespace hlm::server {
@@ -58,7 +59,7 @@ class Section {
   [[noreturn]] void fail(const toml::node& node, const std::string& what) const {
     std::ostringstream text;
     text << file_ << ':' << node.source().begin.line << ": " << name_ << ": " << what;
-    throw std::runtime_error(text.str());
+    throw std::runtime_error(one_line(text.str()));
   }
   [[noreturn]] void fail(const std::string& what) const { fail(table_, what); }
 
@@ -205,7 +206,7 @@ HandScript read_hand_script(const std::string& path) {
     text << path;
     if (error.source().begin.line > 0) text << ':' << error.source().begin.line;
     text << ": " << error.description();
-    throw std::runtime_error(text.str());
+    throw std::runtime_error(one_line(text.str()));
   }
 }
 

@@ -16,6 +16,18 @@ using protocol::DatagramBytes;
 using protocol::Header;
 using protocol::MessageType;
 
+/// A server's clock runs no faster than this times the recording's, and a session is granted at
+/// most this long, s, before the recording sees it. Steps beyond are no server's: a replay would go
+/// on for ever.
+constexpr double kFastestClock = 1.01;
+constexpr double kLatestGrant = 10;
+
+bool can_have_come_to(std::uint64_t step, const RecordedSession& session, std::int64_t time_ns) {
+  const double elapsed = 1e-9 * static_cast<double>(time_ns - session.time_ns);
+  const double most = kFastestClock * std::max(0.0, elapsed) + kLatestGrant;
+  return static_cast<double>(step) <= most * session.welcome.servo_rate;
+}
+
 /// Parts of one message by their number; a repeated part counts once.
 using Parts = std::map<std::uint8_t, DatagramBytes>;
 
@@ -127,6 +139,7 @@ class SessionReader {
     PendingSession* pending = find(header.envelope.session);
     protocol::ProxyState state;
     if (pending == nullptr || decode(protocol::view(datagram.bytes), state)) return;
+    if (!can_have_come_to(state.step, pending->session, datagram.time_ns)) return;
     auto& known = pending->session.acknowledgements;
     if (known.empty() || known.back().acknowledged < state.acknowledged) known.push_back(state);
   }

@@ -30,7 +30,8 @@ struct RecordedSession {
 };
 
 /// All sessions of a capture that were granted, in order. Datagrams that are not of the protocol
-/// are skipped. Throws std::runtime_error naming the file if it cannot be read, is not a capture or
+/// are skipped, and so are acknowledgements of steps that no server can have come to by their time.
+/// Throws std::runtime_error naming the file if it cannot be read, is not a capture or
 /// holds no session.
 std::vector<RecordedSession> read_sessions(const std::filesystem::path& path);
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cassert>
 #include <cstdio>
+#include <limits>
 #include <stdexcept>
 
 #include <pcap/pcap.h>
@@ -15,6 +16,16 @@ namespace {
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 /// As tcpdump's; a packet is never cut.
 constexpr int kSnapshotLength = 262'144;
+
+/// Latest stamp, s since the epoch: in the year 2262, the last of which the nanoseconds are a
+/// number.
+constexpr std::int64_t kLatestStamp =
+    std::numeric_limits<std::int64_t>::max() / kNanosecondsPerSecond - 1;
+
+bool is_stamp(const timeval& time) {
+  return time.tv_sec >= 0 && time.tv_sec <= kLatestStamp && time.tv_usec >= 0 &&
+         time.tv_usec < kNanosecondsPerSecond;
+}
 
 /// One line about a file.
 std::runtime_error file_error(const std::string& action, const std::string& path,
@@ -83,7 +94,7 @@ std::optional<CapturedDatagram> CaptureReader::next() {
     const auto frame = std::as_bytes(std::span(data, record->caplen));
     const auto packet = find_ipv4(link_type_, frame);
     const auto udp = packet ? find_udp(*packet) : std::nullopt;
-    if (!udp) {
+    if (!udp || !is_stamp(record->ts)) {
       ++skipped_;
       continue;
     }

@@ -61,7 +61,8 @@ class CaptureReader {
   /// The next datagram; empty at the end. Throws std::runtime_error naming the file if it is
   /// corrupt. A last packet that an interrupted writer left incomplete is skipped.
   std::optional<CapturedDatagram> next();
-  /// Packets skipped so far: not IPv4 UDP, a fragment, malformed, or not captured whole.
+  /// Packets skipped so far: not IPv4 UDP, a fragment, malformed, not captured whole, or stamped
+  /// before 1970 or after 2262.
   std::uint64_t skipped() const noexcept { return skipped_; }
 
  private:

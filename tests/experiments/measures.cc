@@ -49,6 +49,14 @@ Excursion excursion(const Trace& trace, const Pose& X_W0) {
   return result;
 }
 
+bool runs_away(const Trace& trace, const Pose& X_W0) {
+  if (trace.broken) return true;
+  return std::ranges::any_of(trace.ticks, [&](const server::TickRecord& tick) {
+    const double distance = (tick.X_WD.p - X_W0.p).norm();
+    return !(tick.V_WD.head<3>().norm() <= kUnstableSpeed && distance <= kOutOfHole);
+  });
+}
+
 double generated_energy(const Trace& trace) {
   if (trace.broken) return std::numeric_limits<double>::infinity();
   const bool hand_on_proxy = trace.controller == ControllerKind::kFourChannel;

@@ -43,8 +43,15 @@ double generated_energy(const Trace& trace);
 /// that what was absorbed long before does not pay for what is generated.
 inline constexpr double kEnergyWindow = 2;
 
-/// Where a trial counts as unstable, J in the window: 5 mW on average.
+/// Where a trial counts as unstable by its energy, J in the window: 5 mW on average.
 inline constexpr double kUnstableEnergy = 0.01;
-inline bool unstable(const Trace& trace) { return generated_energy(trace) > kUnstableEnergy; }
+
+/// Where a trial in the hole counts as unstable by its motion: the handle faster than this, m/s,
+/// which the hand alone does not make it, or farther from where it began, m: out of the hole, which
+/// is as deep.
+inline constexpr double kUnstableSpeed = 1;
+inline constexpr double kOutOfHole = 0.08;
+/// `X_W0`: the handle's pose at the beginning.
+bool runs_away(const Trace& trace, const Pose& X_W0);
 
 }  // namespace hlm::experiments

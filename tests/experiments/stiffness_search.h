@@ -1,6 +1,7 @@
-// The largest contact stiffness that a method bears on a task.
+// The largest contact stiffness that a method bears in the hole, by either criterion.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -16,13 +17,27 @@ struct StiffnessLimit {
   bool monotonous = true;
 };
 
+/// What counts as stable decides the limit, so both are reported.
+struct StiffnessLimits {
+  StiffnessLimit energy;  ///< Gives out no more than kUnstableEnergy.
+  StiffnessLimit motion;  ///< Does not run away: the paper's sense.
+};
+
+/// The two, with the names that tables and pictures give them.
+struct Criterion {
+  const char* name;
+  StiffnessLimit StiffnessLimits::*limit;
+};
+inline constexpr std::array<Criterion, 2> kCriteria{
+    {{"energy", &StiffnessLimits::energy}, {"motion", &StiffnessLimits::motion}}};
+
 /// Ends of the scan, N/m; it goes on by factors of two.
 inline constexpr double kLeastStiffness = 125;
 inline constexpr double kMostStiffness = 256'000;
 
 /// Scans, then bisects between the last stable stiffness and the first unstable one. A stiffness
 /// counts as stable if no trial of `seeds` seeds from `trial.seed` on is unstable.
-StiffnessLimit find_stiffness_limit(Trial trial, int seeds);
+StiffnessLimits find_stiffness_limits(const Trial& trial, int seeds);
 
 /// "12.3 kN/m", with ">" beyond the scan and "*" where it is not monotonous.
 std::string described(const StiffnessLimit& limit);

@@ -436,6 +436,18 @@ TEST_CASE("A hello of another version is answered with both versions; garbage is
   CHECK(server.link.sent().empty());
 }
 
+TEST_CASE("A hello without a link is refused in words") {
+  Server server;
+  Hello hello = planar_hello();
+  hello.tool.links.clear();
+  server.link.deliver(kClient, {.sequence = 1}, hello);
+  CHECK(server.session.poll(0).hello == nullptr);
+  const auto reject = server.link.last_sent<Reject>();
+  CHECK(reject.reason == RejectReason::kTool);
+  CHECK(std::string(reject.text.begin(), reject.text.end()) ==
+        "a tool must have at least one link");
+}
+
 TEST_CASE("A tool that cannot be used is refused with the reason in words") {
   Server server;
   Hello hello = planar_hello(3);

@@ -125,8 +125,9 @@ class JointedGroup {
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       const JointDescription& j = joint(joints_[k]);
       const Joined joined = this->joined(joints_[k]);
-      const auto [linear, angular] = forbidden(j.type, joined.axis_W);
-      const auto rows = [&](const Vector3& r) {
+      const auto projectors = forbidden(j.type, joined.axis_W);
+      const auto rows = [&projectors](const Vector3& r) {
+        const auto& [linear, angular] = projectors;
         JointRows result = JointRows::Zero();
         result.topLeftCorner<3, 3>() = linear;
         result.topRightCorner<3, 3>() = -linear * skew(r);

@@ -12,6 +12,7 @@
 #include <sdf/Root.hh>
 #include <sdf/World.hh>
 
+#include "common/one_line.h"
 #include "common/range.h"
 #include "ve_client/world/sdf_geometry.h"
 #include "ve_client/world/sdf_messages.h"
@@ -271,7 +272,7 @@ WorldDescription load_with(const std::string& name, Load load) {
   try {
     return read(root);
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(name + ": " + error.what());
+    throw std::runtime_error(one_line(name + ": " + error.what()));
   }
 }
 

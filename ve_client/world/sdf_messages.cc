@@ -1,8 +1,9 @@
 #include "ve_client/world/sdf_messages.h"
 
-#include <algorithm>
 #include <iostream>
 #include <stdexcept>
+
+#include "common/one_line.h"
 
 namespace hlm::ve {
 
@@ -30,8 +31,7 @@ void require_none(const sdf::Errors& errors, const std::string& where, const std
   std::string message = where + ": " + first.Message();
   if (first.LineNumber()) message += " in line " + std::to_string(*first.LineNumber());
   if (!detail.empty()) message += ": " + detail;
-  std::ranges::replace(message, '\n', ' ');
-  throw std::runtime_error(message);
+  throw std::runtime_error(one_line(message));
 }
 
 }  // namespace hlm::ve

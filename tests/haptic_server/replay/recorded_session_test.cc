@@ -209,6 +209,17 @@ TEST_CASE("What is of no granted session or of no protocol is skipped") {
   CHECK(session.updates.empty());
 }
 
+TEST_CASE("An acknowledgement of a step to which no server can have come is skipped") {
+  Capture capture;
+  capture.begin(5);
+  capture.update(5, 1);
+  capture.state(5, 1);
+  protocol::ProxyState state = planar_state(std::uint64_t{1} << 60);
+  state.acknowledged = 2;
+  capture.pass(kServer, kClient, 5, 9, state);
+  CHECK(capture.only_session().acknowledgements.size() == 1);
+}
+
 TEST_CASE("A capture without a session is refused by name") {
   Capture capture;
   capture.pass(kClient, kServer, 0, 1, planar_hello(1));

@@ -93,6 +93,17 @@ inline void write_frames(const std::filesystem::path& path, int link_type,
   pcap_close(format);
 }
 
+/// A pcapng file of one IPv4 packet of 33 bytes, stamped 0x18d7000000000123 ns.
+inline ByteVector pcapng_of(const ByteVector& packet) {
+  const ByteVector section =
+      from_hex("0a0d0d0a 1c000000 4d3c2b1a 0100 0000 ffffffffffffffff 1c000000");
+  const ByteVector interface = from_hex(  // Raw IP; stamps count 10^-9 s.
+      "01000000 20000000 6500 0000 00000400 0900 0100 09000000 00000000 20000000");
+  const ByteVector head = from_hex(  // The stamp; 33 bytes and 3 of padding.
+      "06000000 44000000 00000000 0000d718 23010000 21000000 21000000");
+  return section + interface + head + packet + from_hex("000000 44000000");
+}
+
 inline std::vector<protocol::CapturedDatagram> read_all(protocol::CaptureReader& reader) {
   std::vector<protocol::CapturedDatagram> datagrams;
   while (auto datagram = reader.next()) datagrams.push_back(*datagram);

@@ -189,15 +189,9 @@ TEST_CASE("A capture of any known link type yields the same datagram") {
 }
 
 TEST_CASE("A pcapng capture is read, stamps to the nanosecond") {
-  const ByteVector section =
-      from_hex("0a0d0d0a 1c000000 4d3c2b1a 0100 0000 ffffffffffffffff 1c000000");
-  const ByteVector interface = from_hex(  // Raw IP; stamps count 10^-9 s.
-      "01000000 20000000 6500 0000 00000400 0900 0100 09000000 00000000 20000000");
-  const ByteVector packet = from_hex(  // Stamp 0x18d7000000000123; 33 bytes and 3 of padding.
-      "06000000 44000000 00000000 0000d718 23010000 21000000 21000000");
   const test::TemporaryDirectory directory;
   const auto path = directory / "packets.pcapng";
-  test::write_file(path, section + interface + packet + kPacket + from_hex("000000 44000000"));
+  test::write_file(path, test::pcapng_of(kPacket));
   CaptureReader reader(path);
   const auto datagram = reader.next();
   REQUIRE(datagram);
@@ -205,6 +199,22 @@ TEST_CASE("A pcapng capture is read, stamps to the nanosecond") {
   CHECK(datagram->from == kClient);
   CHECK(same_bytes(view(datagram->bytes), kPayload));
   CHECK_FALSE(reader.next());
+}
+
+TEST_CASE("A packet stamped before 1970 or after 2262 is skipped and counted") {
+  const test::TemporaryDirectory directory;
+  const auto path = directory / "stamps.pcap";
+  test::write_frames(path, DLT_RAW, {{kPacket}, {kPacket}});
+  ByteVector bytes = test::read_file(path);
+  constexpr std::size_t kStamp = 24;  // Of the first packet, behind the file's header.
+  bytes[kStamp + 3] = std::byte{0xFF};
+  test::write_file(path, bytes);
+  CaptureReader reader(path);
+  const auto datagram = reader.next();
+  REQUIRE(datagram);
+  CHECK(datagram->time_ns == 2'000'007'000);
+  CHECK_FALSE(reader.next());
+  CHECK(reader.skipped() == 1);
 }
 
 TEST_CASE("Packets that are not whole UDP datagrams are skipped and counted") {
@@ -320,27 +330,6 @@ TEST_CASE("A capture file that cannot be written is refused with a line that nam
       ContainsSubstring("/nonexistent/directory/a.pcap") && ContainsSubstring("No such file"));
   // The device that is always full.
   CHECK_THAT(error_of_writing("/dev/full"), ContainsSubstring("/dev/full"));
-}
-
-TEST_CASE("A corrupt capture is read or refused, and nothing else") {
-  const test::TemporaryDirectory directory;
-  const auto path = directory / "corrupt.pcap";
-  test::write_frames(path, DLT_EN10MB,
-                     {{from_hex("020000000001 020000000002 8100 0064 0800") + kPacket},
-                      {from_hex("020000000001 020000000002 0800") + kPacket}});
-  const ByteVector good = test::read_file(path);
-  test::Random random;
-  for (int i = 0; i < 500; ++i) {
-    ByteVector bytes = good;
-    for (int n = random.integer(1, 4); n > 0; --n) {
-      const auto at =
-          static_cast<std::size_t>(random.integer(0, static_cast<int>(bytes.size()) - 1));
-      bytes[at] = static_cast<std::byte>(random.integer(0, 255));
-    }
-    test::write_file(path, bytes);
-    const std::string error = error_of_reading(path);
-    CHECK((error.empty() || error.find(path.string()) != std::string::npos));
-  }
 }
 
 }  // namespace

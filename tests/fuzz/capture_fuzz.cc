@@ -1,0 +1,45 @@
+// Capture files: the datagrams in them, the sessions that these make, and their replay.
+#include "haptic_server/device/simulated_device.h"
+#include "haptic_server/replay/offline_replay.h"
+#include "protocol/transport/capture.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace hlm::fuzz {
+namespace {
+
+/// Of one session: more take time and show no more.
+constexpr std::uint64_t kMostSteps = 500;
+
+void replay(const server::RecordedSession& session) {
+  if (!session.acknowledgements.empty() && session.acknowledgements.back().step > kMostSteps)
+    return;
+  server::SimulatedDevice device({}, {}, 1e-3);
+  const auto result =
+      server::replay_offline(session, {}, 0, device, [](const server::TickRecord& record) {
+        demand(record.F_command.allFinite(), "a command is finite");
+      });
+  demand(result.equal <= result.compared, "no more states are equal than there are");
+  ++accepted;
+}
+
+void read(const std::string& path) {
+  try {
+    protocol::CaptureReader capture(path);
+    while (const auto datagram = capture.next()) {
+      demand(datagram->time_ns >= 0, "stamps are not negative");
+      demand(datagram->bytes.size() <= protocol::kMaxDatagram, "datagrams have a largest size");
+    }
+    for (const server::RecordedSession& session : server::read_sessions(path)) replay(session);
+  } catch (const std::runtime_error& error) {
+    demand(is_one_line_about(path, error.what()), "an error is one line that names the file");
+  }
+}
+
+}  // namespace
+}  // namespace hlm::fuzz
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const hlm::fuzz::MemoryFile file({data, size});
+  hlm::fuzz::read(file.path());
+  return 0;
+}
