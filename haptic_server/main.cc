@@ -1,5 +1,6 @@
 // haptic_server: the local model and the device control as a process.
 #include <atomic>
+#include <csignal>
 #include <cstring>
 #include <iostream>
 #include <optional>
@@ -10,8 +11,10 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include "common/settings/directories.h"
 #include "haptic_server/loop/cpu_latency.h"
 #include "haptic_server/loop/event_log.h"
+#include "haptic_server/loop/flight_recorder.h"
 #include "haptic_server/loop/run_summary.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
@@ -27,7 +30,32 @@ namespace {
 std::atomic<int> stop_signal = 0;  ///< Any thread may be the one that handles it.
 static_assert(std::atomic<int>::is_always_lock_free);
 
+std::atomic<bool> recording_requested = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
 void request_stop(int signal) { stop_signal = signal; }
+
+void request_recording_on_signal() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { recording_requested = true; };
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGUSR1, &action, nullptr);
+}
+
+/// Null if none is to be kept.
+std::unique_ptr<FlightRecorder> open_recorder(const ServerOptions& options) {
+  if (options.keep_recordings == 0) return nullptr;
+  FlightRecorderOptions recorder;
+  recorder.directory = options.recordings;
+  if (recorder.directory.empty()) recorder.directory = settings::state_directory();
+  if (recorder.directory.empty()) {
+    spdlog::warn("no recordings: neither --recordings, $STATE_DIRECTORY nor $HOME names a place");
+    return nullptr;
+  }
+  recorder.kept = options.keep_recordings;
+  recorder.rate = options.physics.servo.rate;
+  return std::make_unique<FlightRecorder>(recorder);
+}
 
 void configure_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_server"));
@@ -107,6 +135,7 @@ void run_server(const ServerOptions& options) {
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
+  request_recording_on_signal();
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
@@ -125,10 +154,15 @@ void run_server(const ServerOptions& options) {
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;
+  const std::unique_ptr<FlightRecorder> recorder = open_recorder(options);
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
+    if (recorder) {
+      if (recording_requested.exchange(false)) recorder->request();
+      recorder->observe(record);
+    }
     latency.set(options.realtime.policy != RealtimePolicy::kOff &&
                 record.server == ServerState::kRunning);
   };
@@ -160,6 +194,7 @@ const char* const kFooter =
   haptic_server --print-config > server.toml              a file to change and give with --config
 
 SIGHUP, SIGINT, SIGQUIT and SIGTERM end it: zero force, device off, goodbye to the client.
+SIGUSR1 has the last 10 s of every tick written, see --recordings.
 
 Exit codes: 0 finished; 1 failed, or could not write all of --log or --record; 2 wrong usage or
 configuration.
