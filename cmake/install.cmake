@@ -21,6 +21,12 @@ install(FILES cmake/haptic_local_modelConfig.cmake
 # The programs, and what they read.
 if(HLM_SERVER)
   install(TARGETS haptic_server haptic_replay)
+  # systemd's own folders below the prefix: it reads those of /usr and /usr/local.
+  configure_file(packaging/haptic_server.service.in haptic_server.service @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/haptic_server.service DESTINATION lib/systemd/system)
+  install(FILES packaging/haptic_server.sysusers DESTINATION lib/sysusers.d
+    RENAME haptic_server.conf)
+  install(FILES packaging/60-haptic_server.rules DESTINATION lib/udev/rules.d)
 endif()
 if(HLM_VE_CLIENT)
   install(TARGETS ve_client)

@@ -12,10 +12,12 @@
 #include <unistd.h>
 
 #include "common/settings/directories.h"
+#include "haptic_server/device/motor_guard.h"
 #include "haptic_server/loop/cpu_latency.h"
 #include "haptic_server/loop/event_log.h"
 #include "haptic_server/loop/flight_recorder.h"
 #include "haptic_server/loop/run_summary.h"
+#include "haptic_server/loop/service_manager.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
@@ -105,8 +107,9 @@ class Recording {
 };
 
 /// Ticks until a signal or the duration ends it.
-void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
+void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
+    guard.beat();
     TickRecord record = servo.tick(timing);
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
@@ -129,6 +132,10 @@ void print(const std::string& summary) {
   if (!std::cout) throw std::runtime_error("standard output takes no summary");
 }
 
+constexpr double kGuardPeriod = 0.5;  // s.
+constexpr const char* kUnguarded =
+    "the process that takes the motors off if this one is killed has ended: restart the server";
+
 void run_server(const ServerOptions& options) {
   configure_logging(options.log_level);
   PeriodicLoopOptions loop_options = options.loop;
@@ -141,6 +148,7 @@ void run_server(const ServerOptions& options) {
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
+  MotorGuard guard(*device, options.physics.servo.max_gap);
   protocol::UdpSocket socket(resolve_option("--listen", options.listen));
   std::optional<Recording> recording;
   if (!options.record.empty()) recording.emplace(options.record, socket);
@@ -154,11 +162,18 @@ void run_server(const ServerOptions& options) {
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;
+  ServiceManager manager;
+  double guard_seen = 0;  // s.
   const std::unique_ptr<FlightRecorder> recorder = open_recorder(options);
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
+    manager.observe(record);
+    if (record.time - guard_seen > kGuardPeriod) {
+      guard_seen = record.time;
+      if (!guard.lives()) spdlog::error("{}", kUnguarded);
+    }
     if (recorder) {
       if (recording_requested.exchange(false)) recorder->request();
       recorder->observe(record);
@@ -175,8 +190,9 @@ void run_server(const ServerOptions& options) {
     TickLogThread writer(log);
     spdlog::info("listening on {}, {} Hz", protocol::to_string(socket.local()), loop_options.rate);
     prepare_thread(options.realtime);
-    run_loop(loop, *servo, log, options.duration);
+    run_loop(loop, *servo, guard, log, options.duration);
   }
+  manager.stopping();
   log.drain();
   if (options.status) status.close();
   if (stop_signal != 0) spdlog::info("stopped by a signal: {}", strsignal(stop_signal));

@@ -1,5 +1,6 @@
 #include "haptic_server/options.h"
 
+#include <cmath>
 #include <fstream>
 #include <iterator>
 
@@ -140,6 +141,12 @@ std::vector<std::string> doubts_about(const PhysicsOptions& options, const Devic
     doubts.push_back(
         fmt::format("--force-limit {} N is above the device's rated {} N: {} N is in effect",
                     servo.limits.max_force, rated.max_force, rated.max_force));
+  }
+  if (!rated.halts && std::isinf(rated.time_guard)) {
+    doubts.emplace_back(
+        "this device has no time guard, and cannot be stopped from outside: its last force stays "
+        "if "
+        "the server is killed");
   }
   if (rated.max_torque == 0) {
     doubts.push_back("this device takes no torque: its handle turns freely");
