@@ -492,7 +492,7 @@ class WithoutServer(PageTest):
     def test_without_a_server_nothing_is_shown_of_the_device_and_the_page_says_why(self):
         self.driver.get(self.url)
         wait_for(lambda: self.ask("window.haptic && haptic.frame && haptic.drawn > 0"), "a picture")
-        wait_for(lambda: self.conclusion() == ("At “device”: haptic_server does not answer.", "stops"),
+        wait_for(lambda: self.conclusion() == ("At “session”: haptic_server does not answer.", "stops"),
                  "the reason")
         self.assertEqual(self.pixels_of_the_device(), 0)
         self.assertFalse(self.ask("haptic.hand.grab()"))
@@ -506,7 +506,7 @@ class ServerThatDies(PageTest):
         self.assertGreater(self.pixels_of_the_device(), 0)
         self.assertEqual(self.conclusion()[1], "reaches")
         self.session.kill_server()
-        wait_for(lambda: self.conclusion() == ("At “device”: haptic_server does not answer.", "stops"),
+        wait_for(lambda: self.conclusion() == ("At “session”: haptic_server does not answer.", "stops"),
                  "the reason")
         self.assertEqual(self.text("verdict"), "")
         self.assertEqual(self.pixels_of_the_device(), 0)

@@ -70,7 +70,6 @@ function takeWorld(world) {
   state.world = world;
   document.body.classList.toggle('planar', world.planar);
   controls.setWorld(world);
-  chain.controllers = world.controllers;
   scene?.setWorld(world);
   showViewMode();
   showStarts(world);
