@@ -18,6 +18,7 @@
 #include "haptic_server/loop/flight_recorder.h"
 #include "haptic_server/loop/run_summary.h"
 #include "haptic_server/loop/service_manager.h"
+#include "haptic_server/loop/state_file.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
@@ -132,6 +133,16 @@ void print(const std::string& summary) {
   if (!std::cout) throw std::runtime_error("standard output takes no summary");
 }
 
+ServerFacts facts_about(const ServerOptions& options, const protocol::Endpoint& listen,
+                        const Device& device) {
+  const ServoOptions& servo = options.physics.servo;
+  return {.listen = protocol::to_string(listen),
+          .rate = servo.rate,
+          .least_update_rate = 1 / servo.silence_time.value_or(kDefaultSilenceTimes.most),
+          .device = std::string(device.name()),
+          .ratings = device.ratings()};
+}
+
 constexpr double kGuardPeriod = 0.5;  // s.
 constexpr const char* kUnguarded =
     "the process that takes the motors off if this one is killed has ended: restart the server";
@@ -163,6 +174,7 @@ void run_server(const ServerOptions& options) {
   RunSummary summary;
   CpuLatencyLimit latency;
   ServiceManager manager;
+  StateFile state(settings::runtime_directory(), facts_about(options, socket.local(), *device));
   double guard_seen = 0;  // s.
   const std::unique_ptr<FlightRecorder> recorder = open_recorder(options);
   const auto observe = [&](const TickRecord& record) {
@@ -170,6 +182,7 @@ void run_server(const ServerOptions& options) {
     if (options.status) status.observe(record);
     summary.observe(record);
     manager.observe(record);
+    state.observe(record);
     if (record.time - guard_seen > kGuardPeriod) {
       guard_seen = record.time;
       if (!guard.lives()) spdlog::error("{}", kUnguarded);
