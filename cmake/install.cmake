@@ -20,7 +20,7 @@ install(FILES cmake/haptic_local_modelConfig.cmake
 
 # The programs, and what they read.
 if(HLM_SERVER)
-  install(TARGETS haptic_server haptic_replay)
+  install(TARGETS haptic_doctor haptic_replay haptic_server)
   # systemd's own folders below the prefix: it reads those of /usr and /usr/local.
   configure_file(packaging/haptic_server.service.in haptic_server.service @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/haptic_server.service DESTINATION lib/systemd/system)
@@ -70,6 +70,7 @@ function(manual_page program purpose)
   install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
 endfunction()
 manual_page(haptic_server "runs the local model of interaction with a haptic device")
+manual_page(haptic_doctor "finds out why no force is felt")
 manual_page(haptic_replay "plays a recorded session of the haptic server")
 manual_page(ve_client "simulates a virtual environment for the haptic server")
 

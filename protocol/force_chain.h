@@ -39,7 +39,7 @@ struct ForceFacts {
 };
 
 struct ChainLink {
-  const char* name = "";
+  std::string name;
   std::string value;   ///< For a person, at most two lines.
   std::string reason;  ///< Why it stops or limits the force, a clause; empty: it does not.
 };

@@ -46,7 +46,13 @@ std::vector<std::filesystem::path> state_directories() {
 }
 
 std::vector<std::filesystem::path> runtime_directories() {
-  return with(runtime_directory(), "/run/haptic_server");
+  std::vector<std::filesystem::path> all = with(runtime_directory(), "/run/haptic_server");
+  std::error_code error;
+  for (std::filesystem::directory_iterator user("/run/user", error), end; !error && user != end;
+       user.increment(error)) {
+    all.push_back(user->path() / kName);
+  }
+  return all;
 }
 
 std::vector<std::filesystem::path> find_recordings(const std::filesystem::path& directory) {

@@ -14,7 +14,8 @@ std::filesystem::path state_directory();
 /// $XDG_RUNTIME_DIR/haptic_server, else, for root alone, /run/haptic_server. Empty without any.
 std::filesystem::path runtime_directory();
 
-/// Where servers on this machine may keep the same: that of this user and the service's.
+/// Where servers on this machine may keep the same: those of this user, of the service and, for
+/// what runs, of other users.
 std::vector<std::filesystem::path> state_directories();
 std::vector<std::filesystem::path> runtime_directories();
 

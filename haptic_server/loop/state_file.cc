@@ -135,6 +135,7 @@ std::string StateFile::text(const TickRecord& record) const {
                      {"max_torque", finite(facts_.ratings.max_torque)},
                      {"halts", facts_.ratings.halts},
                      {"time_guard", finite(facts_.ratings.time_guard)}}},
+                   {"force", facts.F_command.norm()},
                    {"chain", chain_json(facts)}};
   return state.dump(2) + '\n';
 }
