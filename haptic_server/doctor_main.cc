@@ -9,6 +9,7 @@
 #include "haptic_server/doctor/network.h"
 #include "haptic_server/doctor/report.h"
 #include "haptic_server/program.h"
+#include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
 
@@ -53,7 +54,7 @@ std::vector<Examination> examine_capture(const std::string& capture) {
 std::vector<Examination> examine_present(const DoctorOptions& options) {
   const protocol::Endpoint server = resolve_option("--server", options.server);
   // Machine and device are those of a server here, unless a person asks for them.
-  const bool here = is_here(server);
+  const bool here = protocol::is_own_address(server);
   const auto wanted = [&](Part part) {
     const bool local = part == Part::kMachine || part == Part::kDevice;
     return options.part == part || (options.part == Part::kAll && (here || !local));

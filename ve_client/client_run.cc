@@ -5,6 +5,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "common/settings/directories.h"
 #include "common/settings/table.h"
 #include "ve_client/world/sdf_loader.h"
 #include "ve_client/world/tool_assembly.h"
@@ -49,8 +50,16 @@ protocol::Endpoint resolved(const char* option, const std::string& value, const 
   }
 }
 
+/// Where the server's flight recordings are, if it runs on this machine.
+std::vector<std::filesystem::path> recordings_of(const protocol::Endpoint& server,
+                                                 const std::string& given) {
+  if (!given.empty()) return {given};
+  if (!protocol::is_own_address(server)) return {};
+  return settings::state_directories();
+}
+
 /// The page's server, if one is asked for.
-std::unique_ptr<LivePage> open_page(const Settings& settings) {
+std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::Endpoint& server) {
   if (settings.page.empty()) return nullptr;
   const protocol::Endpoint at = resolved("--page", settings.page, "127.0.0.1:8080");
   PageServerOptions options;
@@ -59,6 +68,7 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
   options.port = at.port;
   options.root = settings.page_root;
   if (options.root.empty()) options.root = page_beside_program();
+  options.recordings = recordings_of(server, settings.recordings);
   auto page = std::make_unique<LivePage>(options);
   const bool everywhere = options.address == "0.0.0.0";
   spdlog::info("live page: http://{}:{}{}", everywhere ? "127.0.0.1" : options.address,
@@ -75,7 +85,7 @@ ClientRun::ClientRun(const Settings& settings)
       environment_(std::in_place, with_start(world_, settings.tool, start_), settings.tool,
                    settings.follow),
       server_(resolved("--server", settings.server, "127.0.0.1:47800")),
-      page_(open_page(settings)),
+      page_(open_page(settings, server_)),
       link_(
           wire(), [this] { return clock_.now(); }, settings.seed),
       live_(settings_at_start()),

@@ -69,4 +69,15 @@ std::vector<std::filesystem::path> find_recordings(const std::filesystem::path& 
   return recordings;
 }
 
+std::optional<std::filesystem::path> find_newest_recording(
+    const std::vector<std::filesystem::path>& directories) {
+  std::optional<std::filesystem::path> newest;
+  for (const std::filesystem::path& directory : directories) {
+    const auto found = find_recordings(directory);
+    if (found.empty()) continue;
+    if (!newest || newest->filename() < found.back().filename()) newest = found.back();
+  }
+  return newest;
+}
+
 }  // namespace hlm::settings

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 namespace hlm::settings {
@@ -26,5 +27,9 @@ inline constexpr const char* kRecordingSuffix = ".csv";
 
 /// The flight recordings in a directory, oldest first; none if it cannot be read.
 std::vector<std::filesystem::path> find_recordings(const std::filesystem::path& directory);
+
+/// The newest of several directories.
+std::optional<std::filesystem::path> find_newest_recording(
+    const std::vector<std::filesystem::path>& directories);
 
 }  // namespace hlm::settings

@@ -36,10 +36,10 @@ Amplifier::Amplifier(const std::string& file) {
     throw std::runtime_error((file.empty() ? "shared memory" : file) +
                              " cannot be mapped: " + std::generic_category().message(errno));
   }
-  memory_ = new (memory) Memory;
+  memory_.reset(new (memory) Memory);
 }
 
-Amplifier::~Amplifier() { munmap(memory_, sizeof(Memory)); }
+void Amplifier::Unmap::operator()(Memory* memory) const noexcept { munmap(memory, sizeof(Memory)); }
 
 Wrench Amplifier::give(const Wrench& F) noexcept {
   const Wrench given = memory_->halted != 0 ? Wrench::Zero() : F;

@@ -1,8 +1,10 @@
 // The motor amplifier of a simulated device.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "common/spatial.h"
@@ -24,9 +26,6 @@ class Amplifier {
 
   /// `file` is replaced; empty: none. Throws std::runtime_error naming it if it cannot be mapped.
   explicit Amplifier(const std::string& file);
-  ~Amplifier();
-  Amplifier(const Amplifier&) = delete;
-  Amplifier& operator=(const Amplifier&) = delete;
 
   /// Returns what the motors give: zero while halted. A halt from another process just now may be
   /// overwritten; it comes again when this process is gone.
@@ -35,7 +34,11 @@ class Amplifier {
   void resume() noexcept { memory_->halted = 0; }
 
  private:
-  Memory* memory_;
+  struct Unmap {
+    void operator()(Memory* memory) const noexcept;
+  };
+
+  std::unique_ptr<Memory, Unmap> memory_;
 };
 
 }  // namespace hlm::server

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <csignal>
 #include <fstream>
-#include <stdexcept>
 
 #include <nlohmann/json.hpp>
 
@@ -70,17 +69,8 @@ std::optional<RunningServer> read_state(const std::filesystem::path& path) {
 
 }  // namespace
 
-bool is_here(const protocol::Endpoint& endpoint) {
-  try {
-    protocol::UdpSocket({endpoint.address, 0});
-    return true;
-  } catch (const std::runtime_error&) {
-    return false;
-  }
-}
-
 std::optional<RunningServer> find_running(const protocol::Endpoint& server) {
-  if (!is_here(server)) return std::nullopt;
+  if (!protocol::is_own_address(server)) return std::nullopt;
   for (const std::filesystem::path& directory : settings::runtime_directories()) {
     for (const std::uint32_t address : {server.address, 0u}) {
       const std::string name = protocol::to_string({address, server.port}) + ".json";

@@ -37,9 +37,6 @@ struct RunningServer {
   std::vector<protocol::ChainLink> chain;
 };
 
-/// Whether the address is one of this machine.
-bool is_here(const protocol::Endpoint& endpoint);
-
 /// The server that listens there, if it runs on this machine and its state can be read.
 std::optional<RunningServer> find_running(const protocol::Endpoint& server);
 

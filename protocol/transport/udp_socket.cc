@@ -166,6 +166,15 @@ Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port) {
   return {from_asio(found.begin()->endpoint()).address, port};
 }
 
+bool is_own_address(const Endpoint& endpoint) {
+  try {
+    UdpSocket({endpoint.address, 0});
+    return true;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
 std::string to_string(const Endpoint& endpoint) {
   return asio::ip::address_v4(endpoint.address).to_string() + ":" + std::to_string(endpoint.port);
 }

@@ -37,6 +37,9 @@ class UdpSocket final : public DatagramLink {
 /// free port will do (listening).
 Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port = 1);
 
+/// Whether the endpoint's address is one of this machine.
+bool is_own_address(const Endpoint& endpoint);
+
 /// For example "127.0.0.1:47800".
 std::string to_string(const Endpoint& endpoint);
 

@@ -255,7 +255,8 @@ std::string frame_message(const FrameView& view) {
              {"settings", settings_json(view.settings.tuning)},
              {"environment", environment_json(view.settings)},
              {"method", method != nullptr ? json(method->name) : json(nullptr)},
-             {"chain", chain_json(view)}};
+             {"chain", chain_json(view)},
+             {"recording", view.recording}};
   if (view.state != nullptr) add_state(frame, environment, *view.state);
   return frame.dump();
 }
