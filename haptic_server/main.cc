@@ -1,6 +1,5 @@
 // haptic_server: the local model and the device control as a process.
 #include <atomic>
-#include <csignal>
 #include <cstring>
 #include <iostream>
 #include <optional>
@@ -11,16 +10,13 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include "common/settings/directories.h"
 #include "haptic_server/device/motor_guard.h"
 #include "haptic_server/loop/cpu_latency.h"
 #include "haptic_server/loop/event_log.h"
-#include "haptic_server/loop/flight_recorder.h"
 #include "haptic_server/loop/run_summary.h"
-#include "haptic_server/loop/service_manager.h"
-#include "haptic_server/loop/state_file.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
+#include "haptic_server/operation.h"
 #include "haptic_server/options.h"
 #include "haptic_server/program.h"
 #include "protocol/transport/capture.h"
@@ -33,32 +29,7 @@ namespace {
 std::atomic<int> stop_signal = 0;  ///< Any thread may be the one that handles it.
 static_assert(std::atomic<int>::is_always_lock_free);
 
-std::atomic<bool> recording_requested = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
-
 void request_stop(int signal) { stop_signal = signal; }
-
-void request_recording_on_signal() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { recording_requested = true; };
-  action.sa_flags = SA_RESTART;
-  sigaction(SIGUSR1, &action, nullptr);
-}
-
-/// Null if none is to be kept.
-std::unique_ptr<FlightRecorder> open_recorder(const ServerOptions& options) {
-  if (options.keep_recordings == 0) return nullptr;
-  FlightRecorderOptions recorder;
-  recorder.directory = options.recordings;
-  if (recorder.directory.empty()) recorder.directory = settings::state_directory();
-  if (recorder.directory.empty()) {
-    spdlog::warn("no recordings: neither --recordings, $STATE_DIRECTORY nor $HOME names a place");
-    return nullptr;
-  }
-  recorder.kept = options.keep_recordings;
-  recorder.rate = options.physics.servo.rate;
-  return std::make_unique<FlightRecorder>(recorder);
-}
 
 void configure_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_server"));
@@ -133,27 +104,12 @@ void print(const std::string& summary) {
   if (!std::cout) throw std::runtime_error("standard output takes no summary");
 }
 
-ServerFacts facts_about(const ServerOptions& options, const protocol::Endpoint& listen,
-                        const Device& device) {
-  const ServoOptions& servo = options.physics.servo;
-  return {.listen = protocol::to_string(listen),
-          .rate = servo.rate,
-          .least_update_rate = 1 / servo.silence_time.value_or(kDefaultSilenceTimes.most),
-          .device = std::string(device.name()),
-          .ratings = device.ratings()};
-}
-
-constexpr double kGuardPeriod = 0.5;  // s.
-constexpr const char* kUnguarded =
-    "the process that takes the motors off if this one is killed has ended: restart the server";
-
 void run_server(const ServerOptions& options) {
   configure_logging(options.log_level);
   PeriodicLoopOptions loop_options = options.loop;
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
-  request_recording_on_signal();
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
@@ -173,24 +129,12 @@ void run_server(const ServerOptions& options) {
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;
-  ServiceManager manager;
-  StateFile state(settings::runtime_directory(), facts_about(options, socket.local(), *device));
-  double guard_seen = 0;  // s.
-  const std::unique_ptr<FlightRecorder> recorder = open_recorder(options);
+  Operation operation(options, socket.local(), *device, guard);
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
-    manager.observe(record);
-    state.observe(record);
-    if (record.time - guard_seen > kGuardPeriod) {
-      guard_seen = record.time;
-      if (!guard.lives()) spdlog::error("{}", kUnguarded);
-    }
-    if (recorder) {
-      if (recording_requested.exchange(false)) recorder->request();
-      recorder->observe(record);
-    }
+    operation.observe(record);
     latency.set(options.realtime.policy != RealtimePolicy::kOff &&
                 record.server == ServerState::kRunning);
   };
@@ -205,7 +149,7 @@ void run_server(const ServerOptions& options) {
     prepare_thread(options.realtime);
     run_loop(loop, *servo, guard, log, options.duration);
   }
-  manager.stopping();
+  operation.stopping();
   log.drain();
   if (options.status) status.close();
   if (stop_signal != 0) spdlog::info("stopped by a signal: {}", strsignal(stop_signal));

@@ -26,7 +26,8 @@ namespace {
 constexpr std::array<int, 7> kFatalSignals{SIGSEGV, SIGBUS,  SIGFPE, SIGILL,
                                            SIGABRT, SIGXCPU, SIGSYS};
 /// Those meant for the server, which the other process outlives.
-constexpr std::array<int, 6> kSignalsOfServer{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGUSR1, SIGPIPE};
+constexpr std::array<int, 7> kSignalsOfServer{SIGHUP,  SIGINT,  SIGQUIT, SIGTERM,
+                                              SIGUSR1, SIGUSR2, SIGPIPE};
 /// The server looks for a gap so many times within the longest that is allowed.
 constexpr double kLooksPerGap = 5;
 
