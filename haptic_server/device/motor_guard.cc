@@ -38,23 +38,35 @@ std::array<struct sigaction, kFatalSignals.size()> usual_actions;
 /// Signal handlers need some stack where the thread's own has overflowed.
 alignas(16) std::array<std::byte, 1 << 16> handler_stack;
 
-/// Async-signal-safe. A fault of the code happens again on return, with the signal's usual effect;
-/// a signal that somebody sent has to be sent again.
+/// Async-signal-safe. A fault of the code happens again on return, with the signal's usual action;
+/// a signal that was sent has to be sent again.
 void halt_and_end(int signal, siginfo_t* information, void*) {
   const int error = errno;
   if (Device* device = guarded.load()) device->halt();
+  const bool was_sent = information->si_code <= 0;
   for (std::size_t i = 0; i < kFatalSignals.size(); ++i) {
-    if (kFatalSignals[i] == signal) sigaction(signal, &usual_actions[i], nullptr);
+    if (kFatalSignals[i] == signal && !was_sent) sigaction(signal, &usual_actions[i], nullptr);
   }
-  if (information->si_code <= 0) raise(signal);
+  if (was_sent) {
+    std::signal(signal, SIG_DFL);
+    raise(signal);
+  }
   errno = error;
 }
 
-void handle_fatal_signals() {
+/// This thread's, where it has no other.
+void give_handlers_a_stack() {
+  stack_t present{};
+  sigaltstack(nullptr, &present);
+  if ((present.ss_flags & SS_DISABLE) == 0) return;
   stack_t stack{};
   stack.ss_sp = handler_stack.data();
   stack.ss_size = handler_stack.size();
   sigaltstack(&stack, nullptr);
+}
+
+void handle_fatal_signals() {
+  give_handlers_a_stack();
   struct sigaction action {};
   action.sa_sigaction = halt_and_end;
   action.sa_flags = SA_SIGINFO | SA_ONSTACK | SA_NODEFER;
