@@ -144,9 +144,8 @@ std::vector<std::string> doubts_about(const PhysicsOptions& options, const Devic
   }
   if (!rated.halts && std::isinf(rated.time_guard)) {
     doubts.emplace_back(
-        "this device has no time guard, and cannot be stopped from outside: its last force stays "
-        "if "
-        "the server is killed");
+        "this device has no time guard, and cannot be stopped from outside: if the server is "
+        "killed, its last force stays");
   }
   if (rated.max_torque == 0) {
     doubts.push_back("this device takes no torque: its handle turns freely");

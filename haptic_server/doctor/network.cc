@@ -142,14 +142,16 @@ std::string refusal_of_port(const protocol::Endpoint& server) {
   return error == 0 ? "" : std::strerror(error);
 }
 
-/// Reasons for which the server has dropped more than before.
+/// Reasons for which the server has dropped more than before, with what they mean.
 std::string new_drops(const RunningServer& before, const RunningServer& after) {
   std::string reasons;
   for (const auto& [reason, count] : after.dropped) {
     const auto known = before.dropped.find(reason);
     const double added = count - (known == before.dropped.end() ? 0 : known->second);
-    if (added > 0)
-      reasons += fmt::format("{}{:.0f} {}", reasons.empty() ? "" : ", ", added, reason);
+    if (added == 0) continue;
+    const auto known_reason = value_of<protocol::DropReason>(reason);
+    reasons += fmt::format("{}{:.0f} {}", reasons.empty() ? "" : ", ", added, reason);
+    if (known_reason) reasons += fmt::format(" ({})", meaning_of(*known_reason));
   }
   return reasons;
 }

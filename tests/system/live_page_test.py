@@ -239,7 +239,7 @@ class LivePage(PageTest):
         self.drag_until(-0.06, -0.06,
                         lambda: math.dist(self.frame()["device"][:2], (-0.06, -0.06)) < 2e-3,
                         "the peg there", pointer=interaction.POINTER_TOUCH)
-        self.assertEqual(self.ask("haptic.chain().link"), "contacts")
+        wait_for(lambda: self.ask("haptic.chain().link") == "contacts", "the chain to miss contacts")
         self.let_go()
         wait_for(lambda: self.ask("haptic.chain().link") == "hand", "the chain to miss the hand")
 
@@ -249,6 +249,15 @@ class LivePage(PageTest):
         # In the plan view y points down, so that clockwise is positive.
         self.assertGreater(self.frame()["device"][6], 0.1)
         wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
+
+    def test_a_flight_recording_is_offered(self):
+        before = self.frame()["recording"]
+        self.session.server.send_signal(signal.SIGUSR1)
+        wait_for(lambda: self.frame()["recording"] != before, "a new recording")
+        wait_for(lambda: self.ask("!document.getElementById('recording').hidden"), "the link")
+        text = self.driver.execute_async_script(
+            "fetch('recording').then((reply) => reply.text()).then(arguments[0])")
+        self.assertTrue(text.startswith("session,step,time_s,"))
 
     def test_a_fault_is_shown_with_what_to_do_and_a_reset_ends_it(self):
         def stopped_for_a_while():
