@@ -79,14 +79,21 @@ class Measuring {
 
  private:
   void measure() {
+    const std::uint64_t before = session_.statistics().datagrams;
     const double begin = steady_now();
+    double due = begin;
     while (session_.active() && steady_now() - begin < options_.time) {
-      const double due = begin + static_cast<double>(result_.sent) / kUpdateRate;
-      if (steady_now() >= due) send();
+      if (steady_now() >= due) {
+        send();
+        // Not sooner after a stall: of several updates in a tick the newest alone is acknowledged.
+        due = steady_now() + 1 / kUpdateRate;
+      }
       poll();
     }
     const double end = steady_now() + std::min(1.0, 3 * session_.round_trip() + 0.05);
     while (session_.active() && steady_now() < end) poll();
+    // All that a server sends without telemetry, also those that came while this process stalled.
+    result_.acknowledged = session_.statistics().datagrams - before;
   }
 
   void send() {
@@ -104,7 +111,6 @@ class Measuring {
     const protocol::ClientSession::Inbox inbox = session_.poll(steady_now());
     if (inbox.reject) result_.reject = inbox.reject;
     if (inbox.state != nullptr) {
-      ++result_.acknowledged;
       q_ = inbox.state->q;
       result_.round_trips.push_back(session_.round_trip());
     }
@@ -229,7 +235,8 @@ Finding round_trip(const std::vector<double>& sorted) {
 
 Finding loss(std::size_t sent, std::size_t acknowledged) {
   const double share =
-      sent == 0 ? 0 : 1 - static_cast<double>(acknowledged) / static_cast<double>(sent);
+      sent == 0 ? 0
+                : std::max(0.0, 1 - static_cast<double>(acknowledged) / static_cast<double>(sent));
   const std::string text =
       fmt::format("{} of {} updates acknowledged, {:.1f} % lost", acknowledged, sent, 100 * share);
   constexpr double kUsual = 0.01;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kIndent = 24;
 
-/// Wrapped and indented, all but its first line.
+/// Wrapped, and indented except for its first line.
 std::string block(const std::string& text) {
   const std::string wrapped = settings::wrapped(text, kIndent);
   return wrapped.substr(std::min(kIndent, wrapped.size()));

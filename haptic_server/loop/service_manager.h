@@ -1,4 +1,4 @@
-// What the service manager is told: systemd's notification protocol (sd_notify(3)).
+// What the server says to the service manager: systemd's notification protocol (sd_notify(3)).
 #pragma once
 
 #include <optional>
