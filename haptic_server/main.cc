@@ -10,12 +10,14 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include "haptic_server/device/motor_guard.h"
 #include "haptic_server/loop/cpu_latency.h"
 #include "haptic_server/loop/drop_log.h"
 #include "haptic_server/loop/event_log.h"
 #include "haptic_server/loop/run_summary.h"
 #include "haptic_server/loop/status_line.h"
 #include "haptic_server/loop/tick_log.h"
+#include "haptic_server/operation.h"
 #include "haptic_server/options.h"
 #include "haptic_server/program.h"
 #include "protocol/sealing/sealed_server_link.h"
@@ -79,8 +81,9 @@ class Recording {
 };
 
 /// Ticks until a signal or the duration ends it.
-void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
+void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
+    guard.beat();
     TickRecord record = servo.tick(timing);
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
@@ -126,6 +129,7 @@ void run_server(const ServerOptions& options) {
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
+  MotorGuard guard(*device, options.physics.servo.max_gap);
   protocol::UdpSocket socket(address);
   protocol::DatagramLink* link = &socket;
   std::optional<protocol::SealedServerLink> sealed;
@@ -143,11 +147,13 @@ void run_server(const ServerOptions& options) {
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;
+  Operation operation(options, socket.local(), *device, guard);
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
     drops.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
+    operation.observe(record);
     latency.set(options.realtime.policy != RealtimePolicy::kOff &&
                 record.server == ServerState::kRunning);
   };
@@ -161,8 +167,9 @@ void run_server(const ServerOptions& options) {
     spdlog::info("listening on {}, {} Hz{}", protocol::to_string(socket.local()), loop_options.rate,
                  key ? ", for clients with the key" : "");
     prepare_thread(options.realtime);
-    run_loop(loop, *servo, log, options.duration);
+    run_loop(loop, *servo, guard, log, options.duration);
   }
+  operation.stopping();
   log.drain();
   if (options.status) status.close();
   if (stop_signal != 0) spdlog::info("stopped by a signal: {}", strsignal(stop_signal));
@@ -181,6 +188,7 @@ const char* const kFooter =
   haptic_server --print-config > server.toml              a file to change and give with --config
 
 SIGHUP, SIGINT, SIGQUIT and SIGTERM end it: zero force, device off, goodbye to the client.
+SIGUSR1 has the last 10 s of every tick written, see --recordings.
 
 Exit codes: 0 finished; 1 failed, or could not write all of --log or --record; 2 wrong usage or
 configuration.

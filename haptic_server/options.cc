@@ -1,5 +1,6 @@
 #include "haptic_server/options.h"
 
+#include <cmath>
 #include <fstream>
 #include <iterator>
 
@@ -13,6 +14,8 @@ namespace {
 using settings::Setting;
 using settings::Table;
 using settings::UsageError;
+
+constexpr Range kKeptRecordings{0, 10000};
 
 void add_servo_options(Table& table, ServoOptions& o) {
   LocalModelParameters& local = o.local_model;
@@ -110,6 +113,11 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
   table.group("Recording");
   table.file("record", options.record, "Write all datagrams to this capture file, pcap");
   table.file("log", options.log, "Write every tick's signals to this file, CSV");
+  table.text("recordings", options.recordings, "DIRECTORY",
+             "Where the last 10 s of every tick are written on a fault or SIGUSR1. Unset: "
+             "$STATE_DIRECTORY, $XDG_STATE_HOME/haptic_server or ~/.local/state/haptic_server");
+  table.whole("keep-recordings", options.keep_recordings, kKeptRecordings,
+              "How many of these stay there, the newest; 0 keeps no ticks and writes none");
   table.choice("log-level", options.log_level, {"trace", "debug", "info", "warn", "error", "off"},
                "What to say on standard error");
   table.yes_no("status", options.status, "Whether to show the live status line");
@@ -143,6 +151,11 @@ std::vector<std::string> doubts_about(const PhysicsOptions& options, const Devic
     doubts.push_back(
         fmt::format("--force-limit {} N is above the device's rated {} N: {} N is in effect",
                     servo.limits.max_force, rated.max_force, rated.max_force));
+  }
+  if (!rated.halts && std::isinf(rated.time_guard)) {
+    doubts.emplace_back(
+        "this device has no time guard, and cannot be stopped from outside: if the server is "
+        "killed, its last force stays");
   }
   if (rated.max_torque == 0) {
     doubts.push_back("this device takes no torque: its handle turns freely");

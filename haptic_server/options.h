@@ -30,6 +30,8 @@ struct ServerOptions {
   PeriodicLoopOptions loop;  ///< Its rate is the servo's.
   std::string record;        ///< Capture file; empty: none.
   std::string log;           ///< Tick log, CSV; empty: none.
+  std::string recordings;    ///< Directory of the flight recorder; empty: the state directory.
+  int keep_recordings = 20;  ///< 0: no flight recorder.
   double duration = 0;       ///< s; 0: until stopped.
   std::string log_level = "info";
   bool status = true;  ///< Whether the status line is shown.

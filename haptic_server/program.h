@@ -19,6 +19,7 @@ enum ExitStatus {
   kUsage =
       settings::kUsageError,  ///< An option or the configuration file is wrong; nothing was begun.
   kDiffers = 3,  ///< A replay came to its end, and its answers are not the recorded ones.
+  kProblem = 4,  ///< haptic_doctor found one.
 };
 
 /// Reads the command line and returns what `body` returns, or prints what --device list and

@@ -15,7 +15,7 @@ ClientSession::ClientSession(DatagramLink& link, ClientSessionOptions options)
   if (options_.server.port == 0) throw std::invalid_argument("server's port 0 must be 1 to 65535");
   if (const auto error = find_error(options_.hello)) throw std::invalid_argument(*error);
   if (options_.hello.nonce == 0) options_.hello.nonce = random_identifier();
-  options_.hello.clears_fault = true;
+  options_.hello.clears_fault = options_.clears_fault;
 }
 
 ClientSession::Inbox ClientSession::poll(double now) {

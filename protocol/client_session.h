@@ -23,12 +23,14 @@ class TelemetryObserver {
 
 struct ClientSessionOptions {
   Endpoint server;
-  /// Its `nonce` is the first; 0: drawn at random, as all later ones are. `clears_fault` is set for
-  /// the first session: whoever makes a ClientSession wants to go on.
+  /// Its `nonce` is the first; 0: drawn at random, as all later ones are. Its `clears_fault` is set
+  /// here, see below.
   Hello hello;
   double hello_period = 0.1;  ///< Between repeated hellos, s.
   /// A server silent for this long, s, although updates were sent, is asked for a new session.
   double timeout = 0.5;
+  /// A person asks for the first session: it ends a fault of the server.
+  bool clears_fault = true;
   TelemetryObserver* telemetry = nullptr;  ///< Must outlive the session; null: dropped unread.
 };
 

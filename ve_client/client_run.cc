@@ -5,6 +5,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "common/settings/directories.h"
 #include "common/settings/table.h"
 #include "protocol/sealing/key_file.h"
 #include "ve_client/world/sdf_loader.h"
@@ -60,8 +61,16 @@ protocol::Endpoint resolved(const char* option, const std::string& value, const 
   }
 }
 
+/// Where the server's flight recordings are, if it runs on this machine.
+std::vector<std::filesystem::path> recordings_of(const protocol::Endpoint& server,
+                                                 const std::string& given) {
+  if (!given.empty()) return {given};
+  if (!protocol::is_own_address(server)) return {};
+  return settings::state_directories();
+}
+
 /// The page's server, if one is asked for.
-std::unique_ptr<LivePage> open_page(const Settings& settings) {
+std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::Endpoint& server) {
   if (settings.page.empty()) return nullptr;
   const protocol::Endpoint at = resolved("--page", settings.page, "127.0.0.1:8080");
   PageServerOptions options;
@@ -70,6 +79,7 @@ std::unique_ptr<LivePage> open_page(const Settings& settings) {
   options.port = at.port;
   options.root = settings.page_root;
   if (options.root.empty()) options.root = page_beside_program();
+  options.recordings = recordings_of(server, settings.recordings);
   auto page = std::make_unique<LivePage>(options);
   const bool everywhere = options.address == "0.0.0.0";
   spdlog::info("live page: http://{}:{}{}", everywhere ? "127.0.0.1" : options.address,
@@ -87,7 +97,7 @@ ClientRun::ClientRun(const Settings& settings)
                    settings.follow),
       server_(resolved("--server", settings.server, "127.0.0.1:47800")),
       key_(read_key(settings)),
-      page_(open_page(settings)),
+      page_(open_page(settings, server_)),
       link_(
           wire(), [this] { return clock_.now(); }, settings.seed),
       live_(settings_at_start()),

@@ -109,6 +109,10 @@ class CommandLine {
                "Serve the live page there, for example at 127.0.0.1:8080. Other addresses than "
                "loopback let the network move the device");
     table.text("page-root", settings_.page_root, "FOLDER", "Folder of the page's files");
+    table.text(
+        "recordings", settings_.recordings, "DIRECTORY",
+        "What haptic_server was given as --recordings, where it runs on this machine: the page "
+        "offers the newest");
   }
 
   void add_recording(Table& table) {

@@ -28,6 +28,7 @@ struct Settings {
   double connect_timeout = 0;  ///< s; 0: wait for ever.
   std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
   std::string page_root;       ///< Folder of its files; empty: where they were built.
+  std::string recordings;      ///< Of the server, on this machine; empty: where they usually are.
   NetworkConditions network;
   std::string log_level = "info";
 };

@@ -93,7 +93,12 @@ CommandLine::CommandLine(Program program) : program_(std::move(program)) {
 }
 
 void CommandLine::positional(const std::string& name, std::string& value, const std::string& help) {
-  positional_ = Positional{name, &value, help};
+  positional_ = Positional{name, &value, help, false};
+}
+
+void CommandLine::optional_positional(const std::string& name, std::string& value,
+                                      const std::string& help) {
+  positional_ = Positional{name, &value, help, true};
 }
 
 void CommandLine::section(NamedSection section) { section_ = std::move(section); }
@@ -150,7 +155,7 @@ std::vector<Assignment> CommandLine::read_arguments(int argc, const char* const*
   }
   if (help_ || version_) return {};
   if (!rest.empty()) refuse_arguments(rest);
-  if (positional_ && positional_->value->empty()) {
+  if (positional_ && !positional_->optional && positional_->value->empty()) {
     throw UsageError(positional_->name + " is missing: " + positional_->help);
   }
   return assignments;
@@ -229,7 +234,9 @@ std::string CommandLine::configuration() const {
 
 std::string CommandLine::help() const {
   std::string text = "Usage: " + program_.name + " [OPTIONS]";
-  if (positional_) text += ' ' + positional_->name;
+  if (positional_) {
+    text += positional_->optional ? " [" + positional_->name + ']' : ' ' + positional_->name;
+  }
   text += "\n\n" + wrapped(program_.purpose);
   if (positional_) text += '\n' + help_line(positional_->name, positional_->help);
   std::map<std::string, std::string> additions;

@@ -56,6 +56,8 @@ class CommandLine {
   Table& table() { return table_; }
   /// An argument without a name, which must be given.
   void positional(const std::string& name, std::string& value, const std::string& help);
+  /// One that may be left out.
+  void optional_positional(const std::string& name, std::string& value, const std::string& help);
   void section(NamedSection section);
   /// Keys of configuration files that are not known here are another program's.
   void ignore_unknown_keys() { ignore_unknown_keys_ = true; }
@@ -76,6 +78,7 @@ class CommandLine {
     std::string name;
     std::string* value = nullptr;
     std::string help;
+    bool optional = false;
   };
 
   std::vector<Assignment> read_arguments(int argc, const char* const* argv);

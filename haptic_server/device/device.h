@@ -52,6 +52,9 @@ struct DeviceRatings {
   bool gripper = false;              ///< Whether it measures the opening of one.
   Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
   double scale = 1;                  ///< Metres in the world for each metre of the handle.
+  /// Without a command for so long the device takes its motors off by itself, s.
+  double time_guard = std::numeric_limits<double>::infinity();
+  bool halts = false;  ///< Whether Device::halt() takes its motors off.
 };
 
 struct DeviceState {
@@ -105,6 +108,12 @@ class Device {
   /// Commands the wrench that the device exerts on the hand at the handle's origin, world axes,
   /// until the next call. False if the device failed.
   virtual bool write(const Wrench& F) noexcept = 0;
+  /// Motors off at once, because the program dies or stands still; commands are ignored until
+  /// enable(). Called in handlers of fatal signals, while the servo thread may be anywhere, and in
+  /// a process that was forked after the device had been opened: a driver may do nothing here but
+  /// async-signal-safe calls on what such a process inherits, descriptors and shared memory. A
+  /// device that cannot be stopped so does not rate `halts`; only its own time guard ends its force.
+  virtual void halt() noexcept {}
 };
 
 }  // namespace hlm::server

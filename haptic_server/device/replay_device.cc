@@ -161,6 +161,7 @@ std::vector<RecordedStep> read_recorded_steps(const std::string& path) {
 ReplayDevice::ReplayDevice(std::vector<RecordedStep> steps, const DeviceRatings& ratings)
     : steps_(std::move(steps)), ratings_(ratings) {
   assert(!steps_.empty());
+  ratings_.halts = true;  // It has no motors.
 }
 
 void ReplayDevice::align(const Pose&) noexcept {

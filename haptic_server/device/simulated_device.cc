@@ -38,7 +38,8 @@ DeviceRatings ratings_of(const SimulatedDeviceOptions& options) noexcept {
           .mass = options.mass,
           .inertia = options.inertia,
           .damping = options.damping,
-          .freedoms = options.freedom == DeviceFreedom::kPlanar ? kPlanarFreedoms : kAllFreedoms};
+          .freedoms = options.freedom == DeviceFreedom::kPlanar ? kPlanarFreedoms : kAllFreedoms,
+          .halts = true};
 }
 
 std::optional<std::string> find_error(const SimulatedDeviceOptions& options) {
@@ -70,7 +71,8 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandScri
       h_(dt / substeps_),
       linear_(kick(options.mass, options.damping, options.dry_friction, h_)),
       angular_(kick(options.inertia, options.angular_damping, options.dry_friction_torque, h_)),
-      filter_gain_(-std::expm1(-2 * std::numbers::pi * options.velocity_cutoff * dt)) {
+      filter_gain_(-std::expm1(-2 * std::numbers::pi * options.velocity_cutoff * dt)),
+      amplifier_(options.amplifier) {
   assert(!find_error(options) && dt > 0);
   align(Pose{});
   enable();
@@ -93,7 +95,13 @@ void SimulatedDevice::align(const Pose& X_WH) noexcept {
 
 void SimulatedDevice::enable() noexcept {
   enabled_ = true;
+  amplifier_.resume();
   commands_.fill(Wrench::Zero());
+}
+
+void SimulatedDevice::disable() noexcept {
+  enabled_ = false;
+  amplifier_.give(Wrench::Zero());
 }
 
 std::optional<DeviceState> SimulatedDevice::read() noexcept {
@@ -101,6 +109,7 @@ std::optional<DeviceState> SimulatedDevice::read() noexcept {
   state.X_WD = X_WD_sensed_;
   state.V_WD = V_WD_sensed_;
   if (saturated_) state.health = DeviceHealth::kSaturated;
+  if (!options_.switched_on) state.health = DeviceHealth::kForceOff;
   if (options_.measures_hand_wrench) {
     state.F_hand = hand_wrench(static_cast<double>(steps_) * h_);
   }
@@ -119,12 +128,12 @@ Wrench SimulatedDevice::motor_wrench(const Wrench& commanded) noexcept {
   newest_ = (newest_ + 1) % commands_.size();
   commands_[newest_] = commanded;
   saturated_ = false;
-  if (!enabled_) return Wrench::Zero();
+  if (!enabled_ || !options_.switched_on) return amplifier_.give(Wrench::Zero());
   const std::size_t behind = static_cast<std::size_t>(options_.delay);
   const Wrench& due = commands_[(newest_ + commands_.size() - behind) % commands_.size()];
   const Wrench given = saturated(due, options_.max_force, options_.max_torque);
   saturated_ = given != due;
-  return given;
+  return amplifier_.give(given);
 }
 
 Wrench SimulatedDevice::hand_wrench(double t) const noexcept {

@@ -11,6 +11,7 @@
 #include "common/range.h"
 #include "common/spatial.h"
 #include "common/vocabulary.h"
+#include "haptic_server/device/amplifier.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/device/hand.h"
 
@@ -66,6 +67,8 @@ struct SimulatedDeviceOptions {
 
   int delay = 0;                     ///< A command acts this many ticks later.
   bool measures_hand_wrench = true;  ///< False: as if it had no sensor.
+  bool switched_on = true;           ///< False: as if a person had its enable switch open.
+  std::string amplifier;             ///< File of its amplifier; empty: none.
 };
 
 inline constexpr std::array<NumberOf<SimulatedDeviceOptions>, 15> kSimulatedDeviceNumbers{{
@@ -138,13 +141,14 @@ class SimulatedDevice final : public Device, private GuidedHand {
   /// Commands from before are forgotten.
   void enable() noexcept override;
   /// Motors off; the hand still moves the handle.
-  void disable() noexcept override { enabled_ = false; }
+  void disable() noexcept override;
   /// While held, a firm hand (the default Grip) draws the handle to the target, and the script's
   /// hand does nothing; its time goes on.
   GuidedHand* guided_hand() noexcept override { return this; }
   std::optional<DeviceState> read() noexcept override;
   /// False, and no motion, if F is not finite.
   bool write(const Wrench& F) noexcept override;
+  void halt() noexcept override { amplifier_.halt(); }
 
  private:
   /// Free motion under a constant force for one substep, v⁺ = decay v + gain F, exact.
@@ -187,6 +191,7 @@ class SimulatedDevice final : public Device, private GuidedHand {
 
   std::optional<Pose> X_WGuide_;
 
+  Amplifier amplifier_;
   bool enabled_ = false;
   bool saturated_ = false;  ///< The motors gave less than the latest due command.
   /// Commands under way; the newest is at newest_.

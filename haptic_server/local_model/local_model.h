@@ -57,6 +57,7 @@ class LocalModel {
 
   /// Other parameters from here on; they must be valid.
   void set_parameters(const LocalModelParameters& parameters) noexcept { parameters_ = parameters; }
+  const LocalModelParameters& parameters() const noexcept { return parameters_; }
 
   void adopt(const ModelUpdate& update) noexcept;
 

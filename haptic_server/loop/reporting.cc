@@ -80,6 +80,7 @@ void describe(const LocalModel& model, TickRecord& record) noexcept {
   record.X_WP = model.proxy().X_WH();
   record.V_WP = model.hand_twist();
   record.X_WT = model.ve_tool().X_WH();
+  record.stiffness = model.parameters().stiffness;
   double smallest = std::numeric_limits<double>::infinity();
   for (const LocalContact& contact : model.contacts()) {
     ++(contact.s > 0 ? record.predicted_contacts : record.active_contacts);

@@ -53,6 +53,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   describe(timing, machine_, session_, step_, record_);
   if (local_model_) describe(*local_model_, record_);
   record_.missing_freedoms = missing_freedoms_;
+  record_.uses_contacts = traits(controller_.kind()).uses_contacts;
   if (inbox.update != nullptr) acknowledge(timing.begin);
   if (machine_.state() == ServerState::kRunning) {
     telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),

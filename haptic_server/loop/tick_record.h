@@ -46,6 +46,8 @@ struct TickRecord {
   double scale = 1;           ///< Metres in the world per metre of the handle. Not in the tick log.
   DeviceHealth health = DeviceHealth::kGood;  ///< Not in the tick log.
   Freedoms missing_freedoms = 0;  ///< In which the tool moves, the device not. Not in the tick log.
+  double stiffness = 0;           ///< Of a contact in effect, N/m. Not in the tick log.
+  bool uses_contacts = true;      ///< Of the controller in effect. Not in the tick log.
   bool session_open = false;      ///< A client holds the session and has not said goodbye.
 };
 

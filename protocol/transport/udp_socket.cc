@@ -170,6 +170,15 @@ bool is_loopback(const Endpoint& endpoint) noexcept {
   return asio::ip::address_v4(endpoint.address).is_loopback();
 }
 
+bool is_own_address(const Endpoint& endpoint) {
+  try {
+    UdpSocket({endpoint.address, 0});
+    return true;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
 std::string to_string(const Endpoint& endpoint) {
   return asio::ip::address_v4(endpoint.address).to_string() + ":" + std::to_string(endpoint.port);
 }

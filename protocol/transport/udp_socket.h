@@ -40,6 +40,9 @@ Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port = 1);
 /// Whether it is of this machine alone: 127.0.0.0/8.
 bool is_loopback(const Endpoint& endpoint) noexcept;
 
+/// Whether the endpoint's address is one of this machine.
+bool is_own_address(const Endpoint& endpoint);
+
 /// For example "127.0.0.1:47800".
 std::string to_string(const Endpoint& endpoint);
 

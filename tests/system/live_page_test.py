@@ -239,7 +239,7 @@ class LivePage(PageTest):
         self.drag_until(-0.06, -0.06,
                         lambda: math.dist(self.frame()["device"][:2], (-0.06, -0.06)) < 2e-3,
                         "the peg there", pointer=interaction.POINTER_TOUCH)
-        self.assertEqual(self.ask("haptic.chain().link"), "contacts")
+        wait_for(lambda: self.ask("haptic.chain().link") == "contacts", "the chain to miss contacts")
         self.let_go()
         wait_for(lambda: self.ask("haptic.chain().link") == "hand", "the chain to miss the hand")
 
@@ -249,6 +249,15 @@ class LivePage(PageTest):
         # In the plan view y points down, so that clockwise is positive.
         self.assertGreater(self.frame()["device"][6], 0.1)
         wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
+
+    def test_a_flight_recording_is_offered(self):
+        before = self.frame()["recording"]
+        self.session.server.send_signal(signal.SIGUSR1)
+        wait_for(lambda: self.frame()["recording"] != before, "a new recording")
+        wait_for(lambda: self.ask("!document.getElementById('recording').hidden"), "the link")
+        text = self.driver.execute_async_script(
+            "fetch('recording').then((reply) => reply.text()).then(arguments[0])")
+        self.assertTrue(text.startswith("session,step,time_s,"))
 
     def test_a_fault_is_shown_with_what_to_do_and_a_reset_ends_it(self):
         def stopped_for_a_while():
@@ -492,7 +501,7 @@ class WithoutServer(PageTest):
     def test_without_a_server_nothing_is_shown_of_the_device_and_the_page_says_why(self):
         self.driver.get(self.url)
         wait_for(lambda: self.ask("window.haptic && haptic.frame && haptic.drawn > 0"), "a picture")
-        wait_for(lambda: self.conclusion() == ("At “device”: haptic_server does not answer.", "stops"),
+        wait_for(lambda: self.conclusion() == ("At “session”: haptic_server does not answer.", "stops"),
                  "the reason")
         self.assertEqual(self.pixels_of_the_device(), 0)
         self.assertFalse(self.ask("haptic.hand.grab()"))
@@ -506,7 +515,7 @@ class ServerThatDies(PageTest):
         self.assertGreater(self.pixels_of_the_device(), 0)
         self.assertEqual(self.conclusion()[1], "reaches")
         self.session.kill_server()
-        wait_for(lambda: self.conclusion() == ("At “device”: haptic_server does not answer.", "stops"),
+        wait_for(lambda: self.conclusion() == ("At “session”: haptic_server does not answer.", "stops"),
                  "the reason")
         self.assertEqual(self.text("verdict"), "")
         self.assertEqual(self.pixels_of_the_device(), 0)

@@ -81,3 +81,9 @@ function moveTo(element, scene, point, dx, dy) {
   const top = inside(y + dy, scene.height, element.offsetHeight);
   element.style.transform = `translate(${left}px, ${top}px)`;
 }
+
+/** The newest flight recording of haptic_server, where it can be had from here. */
+export function showRecording(link, name) {
+  link.hidden = !name;
+  link.title = `The last 10 s of every tick before a fault or SIGUSR1: ${name}`;
+}

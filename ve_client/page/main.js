@@ -5,7 +5,7 @@ import { Chain } from './chain.js';
 import { Charts } from './charts.js';
 import { Connection } from './connection.js';
 import { Controls, leaveToKeys } from './controls.js';
-import { Meter, showLegend, showSpring, showStatus } from './display.js';
+import { Meter, showLegend, showRecording, showSpring, showStatus } from './display.js';
 import { magnitude } from './format.js';
 import { Hand } from './hand.js';
 import { Scene, graphics } from './scene.js';
@@ -70,7 +70,6 @@ function takeWorld(world) {
   state.world = world;
   document.body.classList.toggle('planar', world.planar);
   controls.setWorld(world);
-  chain.controllers = world.controllers;
   scene?.setWorld(world);
   showViewMode();
   showStarts(world);
@@ -124,6 +123,7 @@ function showText() {
   if (present?.cut) hand?.release();
   showBanner(present);
   showStatus(byId('status'), { open: connection.open, trouble: present, frame, meters, store });
+  showRecording(byId('recording'), frame?.recording);
   chain.show(frame, { trouble: present, holder: holder(), verdict: judge(store, state.world?.limits ?? []) });
   if (!frame) return;
   controls.show(frame);

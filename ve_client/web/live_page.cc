@@ -2,6 +2,8 @@
 
 #include <memory>
 
+#include "common/settings/directories.h"
+
 namespace hlm::ve {
 
 std::optional<ResetRequest> LivePage::take_requests(double now, LiveSettings& settings,
@@ -11,7 +13,16 @@ std::optional<ResetRequest> LivePage::take_requests(double now, LiveSettings& se
     take(request, now, settings, at_start, reset);
   }
   if (now - held_at_ > kLease) holding_page_.reset();
+  if (server_.pages() > 0) look_for_recordings(now);
   return reset;
+}
+
+void LivePage::look_for_recordings(double now) {
+  constexpr double kPeriod = 1;  // s.
+  if (now - looked_at_ < kPeriod) return;
+  looked_at_ = now;
+  const auto newest = settings::find_newest_recording(recordings_);
+  recording_ = newest ? newest->filename().string() : "";
 }
 
 void LivePage::take_hand(std::uint64_t page, const HandRequest& hand, double now) {
@@ -83,6 +94,7 @@ void LivePage::show_frame(FrameView view) {
   view.contacts = contacts_ ? &*contacts_ : nullptr;
   view.held = holding_page_.has_value();
   view.rejected = rejected_;
+  view.recording = recording_;
   server_.publish(std::make_shared<const std::string>(frame_message(view)));
   if (!ticks_.empty()) server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));
 }

@@ -15,7 +15,8 @@ namespace hlm::ve {
 class LivePage final : public protocol::TelemetryObserver {
  public:
   /// Throws std::runtime_error as PageServer does.
-  explicit LivePage(const PageServerOptions& options) : server_(options) {}
+  explicit LivePage(const PageServerOptions& options)
+      : server_(options), recordings_(options.recordings) {}
 
   std::uint16_t port() const noexcept { return server_.port(); }
 
@@ -46,7 +47,12 @@ class LivePage final : public protocol::TelemetryObserver {
   void take(const PageRequest& request, double now, LiveSettings& settings,
             const LiveSettings& at_start, std::optional<ResetRequest>& reset);
 
+  void look_for_recordings(double now);
+
   PageServer server_;
+  std::vector<std::filesystem::path> recordings_;  ///< Where they may be.
+  std::string recording_;                          ///< Name of the newest; empty: none.
+  double looked_at_ = -1e9;                        ///< For recordings, s.
   ToolTraits tool_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   double held_at_ = 0;                         ///< When it last repeated the hold, s.

@@ -5,6 +5,7 @@
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
 
+#include "protocol/force_chain.h"
 #include "protocol/tick_columns.h"
 #include "ve_client/web/methods.h"
 
@@ -149,6 +150,50 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["age"] = state.age;
 }
 
+std::string refusal_of(const FrameView& view) {
+  if (!view.rejected) return "haptic_server does not answer";
+  return "haptic_server gives no session: " + std::string(meaning_of(*view.rejected));
+}
+
+protocol::ForceFacts facts_of(const FrameView& view) {
+  protocol::ForceFacts facts;
+  facts.session = view.client.connected() && view.state != nullptr;
+  if (!view.client.connected()) facts.refused = refusal_of(view);
+  facts.uses_contacts = traits(view.settings.tuning.controller).uses_contacts;
+  facts.reported = view.result.active + view.result.predicted;
+  facts.epsilon = view.result.epsilon;
+  facts.stiffness = view.settings.tuning.stiffness;
+  if (view.contacts != nullptr) {
+    facts.penalty = 0;
+    for (const protocol::LocalContactReport& c : view.contacts->contacts) {
+      *facts.penalty += c.f_W.norm();
+    }
+  }
+  if (view.state == nullptr) return facts;
+  const protocol::ProxyState& state = *view.state;
+  facts.server = state.server;
+  facts.fault = state.fault;
+  facts.age = state.age;
+  facts.p_WD = state.X_WD.p;
+  if (state.hand_measured) facts.F_hand = state.F_hand.head<3>();
+  facts.active = state.active_contacts;
+  facts.smallest_separation = state.smallest_separation;
+  facts.F_env = state.F_env.head<3>();
+  facts.F_command = state.F_command.head<3>();
+  facts.limit = state.limit;
+  return facts;
+}
+
+json chain_json(const FrameView& view) {
+  json chain = json::array();
+  for (const protocol::ChainLink& link : force_chain(facts_of(view))) {
+    chain.push_back({{"name", link.name},
+                     {"value", link.value},
+                     {"reason", link.reason.empty() ? json(nullptr) : json(link.reason)}});
+  }
+  return chain;
+}
+
 void append(std::string& bytes, std::uint32_t value) {
   boost::endian::native_to_little_inplace(value);
   const auto raw = std::bit_cast<std::array<char, sizeof value>>(value);
@@ -209,7 +254,9 @@ std::string frame_message(const FrameView& view) {
              {"contacts", contacts_json(view.contacts)},
              {"settings", settings_json(view.settings.tuning)},
              {"environment", environment_json(view.settings)},
-             {"method", method != nullptr ? json(method->name) : json(nullptr)}};
+             {"method", method != nullptr ? json(method->name) : json(nullptr)},
+             {"chain", chain_json(view)},
+             {"recording", view.recording}};
   if (view.state != nullptr) add_state(frame, environment, *view.state);
   return frame.dump();
 }

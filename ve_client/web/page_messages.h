@@ -33,6 +33,7 @@ struct FrameView {
   bool held = false;  ///< A page holds the hand.
   /// Why the server gives no session; empty in one, and before it has said.
   std::optional<protocol::RejectReason> rejected{};
+  std::string recording{};  ///< Name of the newest flight recording; empty: none is known here.
 };
 std::string frame_message(const FrameView& view);
 

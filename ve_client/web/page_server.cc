@@ -21,6 +21,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 
+#include "common/settings/directories.h"
 #include "ve_client/web/host_names.h"
 #include "ve_client/web/static_files.h"
 
@@ -37,6 +38,7 @@ using Text = std::shared_ptr<const std::string>;
 using HttpRequest = http::request<http::empty_body>;
 
 constexpr std::string_view kSessionPath = "/session";
+constexpr std::string_view kRecordingPath = "/recording";
 
 /// Largest header of an HTTP request, bytes; browsers send under 2 KiB. Less refuses pages on a
 /// host with many cookies.
@@ -93,10 +95,15 @@ class Page;
 /// What the connections of one server share; of the server's thread, except the register.
 class Hub {
  public:
-  Hub(std::filesystem::path root, std::size_t max_pages)
-      : root_(std::move(root)), max_pages_(max_pages) {}
+  Hub(std::filesystem::path root, std::vector<std::filesystem::path> recordings,
+      std::size_t max_pages)
+      : root_(std::move(root)), recordings_(std::move(recordings)), max_pages_(max_pages) {}
 
   const std::filesystem::path& root() const { return root_; }
+  /// The newest recording, if there is one.
+  std::optional<std::filesystem::path> recording() const {
+    return settings::find_newest_recording(recordings_);
+  }
   PageRegister& pages() { return register_; }
   const Text& greeting() const { return greeting_; }
 
@@ -114,6 +121,7 @@ class Hub {
   void send_to(Wanted wanted, const Message& message);
 
   std::filesystem::path root_;
+  std::vector<std::filesystem::path> recordings_;  ///< Where they may be.
   std::size_t max_pages_;
   PageRegister register_;
   Text greeting_;                                         ///< Null: none.
@@ -288,6 +296,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void respond();
   void become_page();
   void send_file();
+  void send_recording();
   void refuse(http::status status, std::string reason);
   template <class Body>
   void send(http::response<Body> response);
@@ -328,6 +337,7 @@ void HttpConnection::respond() {
   if (method != http::verb::get && method != http::verb::head) {
     return refuse(http::status::method_not_allowed, "only GET and HEAD are allowed");
   }
+  if (to_std(request().target()) == kRecordingPath) return send_recording();
   send_file();
 }
 
@@ -356,6 +366,18 @@ void HttpConnection::send_file() {
   if (file) response.body().open(file->path.c_str(), beast::file_mode::scan, error);
   if (error) return refuse(http::status::not_found, "there is no such file");
   response.set(http::field::content_type, to_beast(file->content_type));
+  send(std::move(response));
+}
+
+void HttpConnection::send_recording() {
+  const auto file = hub_.recording();
+  http::response<http::file_body> response;
+  error_code error = http::make_error_code(http::error::end_of_stream);
+  if (file) response.body().open(file->c_str(), beast::file_mode::scan, error);
+  if (error) return refuse(http::status::not_found, "haptic_server has left no recording here");
+  response.set(http::field::content_type, "text/csv; charset=utf-8");
+  response.set(http::field::content_disposition,
+               "attachment; filename=\"" + file->filename().string() + '"');
   send(std::move(response));
 }
 
@@ -455,7 +477,7 @@ struct PageServer::Server {
   explicit Server(const PageServerOptions& options)
       : acceptor(listen(context, options)),
         port(acceptor.local_endpoint().port()),
-        hub(checked_root(options), options.max_pages) {
+        hub(checked_root(options), options.recordings, options.max_pages) {
     accept();
     const SignalsBlocked blocked;
     thread = std::thread([this] { context.run(); });

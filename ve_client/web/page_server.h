@@ -28,16 +28,18 @@ struct PageServerOptions {
   std::string address = "127.0.0.1";
   std::uint16_t port = 8080;   ///< 0: any free port.
   std::filesystem::path root;  ///< Folder of the files; has an index.html.
-  std::size_t max_pages = 4;   ///< WebSocket pages at once; further ones get status 503.
+  /// Where flight recordings are looked for; the newest is served at /recording.
+  std::vector<std::filesystem::path> recordings = {};
+  std::size_t max_pages = 4;  ///< WebSocket pages at once; further ones get status 503.
 };
 
 /// Serves from a thread of its own. No function waits for the network; all may be called from any
 /// thread. A page is known by its number, which is never used again.
 ///
-/// Files: GET and HEAD of what find_static_file() allows. WebSocket: at /session, with a Host
-/// header of localhost:PORT, 127.0.0.1:PORT or the address of this machine that the request came
-/// to, with PORT, and an Origin of http:// and one of these. A refusal is a line of plain text that
-/// says why.
+/// Files: GET and HEAD of what find_static_file() allows, and of /recording. WebSocket: at
+/// /session, with a Host header of localhost:PORT, 127.0.0.1:PORT or the address of this machine
+/// that the request came to, with PORT, and an Origin of http:// and one of these. A refusal is a
+/// line of plain text that says why.
 ///
 /// A page is closed when it sends a message above 4096 bytes or a binary one, when it is silent for
 /// 10 s (a browser answers our pings by itself), and when it reads so slowly that messages of 2 MiB

@@ -11,6 +11,12 @@ SimulatedDriver::SimulatedDriver() {
   table_.whole("delay", options_.delay, kDeviceDelays, "Delay of a command");
   table_.yes_no("measures-hand", options_.measures_hand_wrench,
                 "Whether it measures the hand's wrench");
+  table_.yes_no("switched-on", options_.switched_on,
+                "Whether its enable switch is closed; open, its motors stay off");
+  table_.text(
+      "amplifier", options_.amplifier, "FILE",
+      "File that holds what its motors are given, 6 doubles, and holds it when the server is "
+      "gone; '' is none");
 }
 
 std::unique_ptr<Device> SimulatedDriver::open(double dt) const {

@@ -86,6 +86,24 @@ TEST_CASE("The root is index.html, with the headers that keep strangers out") {
   }
 }
 
+TEST_CASE("The newest flight recording is served under its name, and nothing else beside it") {
+  const test::WebRoot root;
+  const test::WebRoot older;
+  const test::WebRoot newer;
+  root.write("index.html", "<!doctype html>");
+  PageServer server({.port = 0, .root = root.path(), .recordings = {newer.path(), older.path()}});
+  const std::string site = "localhost:" + std::to_string(server.port());
+  CHECK(test::ask(server.port(), request("GET /recording", site)).status == 404);
+  older.write("flight-20261122T080000.000Z-overrun.csv", "older");
+  newer.write("flight-20261122T080000.001Z-request.csv", "newer");
+  newer.write("notes.csv", "private");
+  const test::Reply reply = test::ask(server.port(), request("GET /recording", site));
+  CHECK(reply.status == 200);
+  CHECK(reply.body == "newer");
+  CHECK_THAT(reply.header, ContainsSubstring("flight-20261122T080000.001Z-request.csv"));
+  CHECK(test::ask(server.port(), request("GET /notes.csv", site)).status == 404);
+}
+
 TEST_CASE("HEAD says what GET would, without the body, on a connection that stays") {
   Site site;
   test::HttpClient client(site.port);

@@ -1,0 +1,25 @@
+// How is the network to a server?
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "haptic_server/doctor/finding.h"
+#include "haptic_server/doctor/running_server.h"
+#include "protocol/datagram_link.h"
+
+namespace hlm::server {
+
+struct NetworkOptions {
+  std::string name;  ///< Of the server, for a person.
+  protocol::Endpoint server;
+  double time = 2;  ///< How long an idle server is measured, s.
+};
+
+/// Takes a session of its own, without contacts, from an idle server: round trip, jitter, loss and
+/// order come from its updates and their acknowledgements. A fault is left as it is. While another
+/// client has the session nothing is sent on this machine, and one question on another.
+Examination examine_network(const NetworkOptions& options,
+                            const std::optional<RunningServer>& running);
+
+}  // namespace hlm::server

@@ -1,0 +1,43 @@
+// What a haptic_server that runs on this machine says of itself in its state file.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sys/types.h>
+
+#include "protocol/datagram_link.h"
+#include "protocol/force_chain.h"
+
+namespace hlm::server {
+
+struct RunningServer {
+  pid_t process = 0;
+  double age = 0;      ///< Of the state file, s. A server that goes on replaces it each second.
+  std::string listen;  ///< ADDRESS:PORT.
+  double rate = 0;     ///< Hz.
+  bool session = false;
+  double silence = 0;                 ///< Since anything usable came, s.
+  std::optional<double> update_rate;  ///< Hz.
+  double contact_age = 0;             ///< Of the newest contacts, s.
+  double datagrams = 0;
+  std::map<std::string, double> dropped;  ///< Datagrams by reason.
+  double ticks = 0;                       ///< In the second before the file was written.
+  double missed = 0;                      ///< Periods, then.
+  double lateness_p99 = 0;                ///< s, then.
+  double lateness_max = 0;                ///< s, then.
+  std::string device;
+  std::string health;
+  double max_force = 0;              ///< N; 0: not rated.
+  bool halts = false;                ///< Its motors can be taken off from outside.
+  std::optional<double> time_guard;  ///< s.
+  double force = 0;                  ///< Commanded, N.
+  std::vector<protocol::ChainLink> chain;
+};
+
+/// The server that listens there, if it runs on this machine and its state can be read.
+std::optional<RunningServer> find_running(const protocol::Endpoint& server);
+
+}  // namespace hlm::server

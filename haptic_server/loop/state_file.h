@@ -1,0 +1,60 @@
+// How the server is, in a file that haptic_doctor and scripts read.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "haptic_server/device/device.h"
+#include "haptic_server/loop/histogram.h"
+#include "haptic_server/loop/tick_record.h"
+#include "protocol/force_chain.h"
+
+namespace hlm::server {
+
+/// What of a server does not change while it runs.
+struct ServerFacts {
+  std::string listen;            ///< ADDRESS:PORT.
+  double rate = 1000;            ///< Hz.
+  double least_update_rate = 4;  ///< With fewer updates force comes and goes, Hz.
+  std::string device;
+  DeviceRatings ratings;
+};
+
+/// Replaces a JSON file once a second, as a whole, and removes it at its end. docs/operations.md
+/// has its fields. A file that cannot be written is not missed. Not for the servo thread.
+class StateFile {
+ public:
+  static constexpr double kPeriod = 1;  ///< s.
+
+  StateFile(const std::filesystem::path& directory, ServerFacts facts);
+  ~StateFile();
+  StateFile(const StateFile&) = delete;
+  StateFile& operator=(const StateFile&) = delete;
+
+  /// Every tick, in order.
+  void observe(const TickRecord& record);
+
+ private:
+  void count(const TickRecord& record);
+  protocol::ForceFacts force_facts(const TickRecord& record) const;
+  std::string text(const TickRecord& record) const;
+  void write(const std::string& text) const;
+
+  std::filesystem::path path_;  ///< Empty: none is written.
+  ServerFacts facts_;
+  std::uint64_t session_ = 0;
+  double began_ = 0;              ///< The session, s.
+  double heard_ = 0;              ///< When something usable came last, s.
+  std::uint64_t usable_ = 0;      ///< Datagrams received and not dropped.
+  std::deque<double> adoptions_;  ///< Times of the updates taken recently, s.
+  double age_ = 0;                ///< Of the newest of them, s.
+  Histogram lateness_;            ///< Since the latest writing.
+  std::uint64_t missed_ = 0;      ///< Periods, until the latest writing.
+  double written_ = 0;            ///< s.
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,34 @@
+// What those who run a server need of it: recordings, its state, its watchdog, its guard.
+#pragma once
+
+#include <memory>
+
+#include "haptic_server/device/motor_guard.h"
+#include "haptic_server/loop/flight_recorder.h"
+#include "haptic_server/loop/service_manager.h"
+#include "haptic_server/loop/state_file.h"
+#include "haptic_server/options.h"
+#include "protocol/datagram_link.h"
+
+namespace hlm::server {
+
+/// From here on SIGUSR1 asks for a recording. Not for the servo thread.
+class Operation {
+ public:
+  /// `guard` must outlive this; `listen`: where the server does.
+  Operation(const ServerOptions& options, const protocol::Endpoint& listen, const Device& device,
+            MotorGuard& guard);
+
+  /// Every tick, in order.
+  void observe(const TickRecord& record);
+  void stopping() { manager_.stopping(); }
+
+ private:
+  ServiceManager manager_;
+  StateFile state_;
+  std::unique_ptr<FlightRecorder> recorder_;  ///< Null: no ticks are kept.
+  MotorGuard& guard_;
+  double guard_seen_ = 0;  ///< s.
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,54 @@
+// Why does a person feel nothing? The way of the force to the hand, link by link, and the first
+// link that stops it. The live page and haptic_doctor show the same.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <string>
+
+#include "common/spatial.h"
+#include "common/vocabulary.h"
+
+namespace hlm::protocol {
+
+/// What one side knows of a session at one instant. Empty: not known there. Forces are those at the
+/// hand, world axes.
+struct ForceFacts {
+  bool session = false;  ///< A client has one.
+  std::string refused;   ///< Why it has none; empty: not known.
+  ServerState server{};
+  Fault fault = Fault::kNone;
+  std::optional<double> silence;      ///< Since anything came of the client, s.
+  std::optional<double> update_rate;  ///< Updates taken, Hz.
+  double least_update_rate = 0;       ///< With fewer, force comes and goes, Hz.
+  double age = 0;                     ///< Of the newest contacts when they were taken, s.
+  bool motors_off = false;            ///< The device's own safety, or its switch, holds them off.
+  Vector3 p_WD = Vector3::Zero();     ///< Device handle, m.
+  std::optional<Vector3> F_hand;      ///< N; empty where the device does not measure it.
+  bool uses_contacts = true;          ///< Of the controller in effect: contacts make the force.
+  std::size_t reported = 0;           ///< Contacts.
+  std::optional<double> epsilon;      ///< Contacts are reported from this separation on, m.
+  std::size_t active = 0;             ///< Local contacts with separation <= 0.
+  double smallest_separation = 0;     ///< Of the local contacts, m.
+  double stiffness = 0;               ///< Of a contact, N/m.
+  std::optional<double> penalty;      ///< Sum of the contact forces' magnitudes, N.
+  Vector3 F_env = Vector3::Zero();    ///< N.
+  Vector3 F_command = Vector3::Zero();
+  ForceLimit limit = ForceLimit::kNone;
+};
+
+struct ChainLink {
+  std::string name;
+  std::string value;   ///< For a person, at most two lines.
+  std::string reason;  ///< Why it stops or limits the force, a clause; empty: it does not.
+};
+
+/// From the session to the command. A link that has no part in the force has the value "–".
+using ForceChain = std::array<ChainLink, 10>;
+ForceChain force_chain(const ForceFacts& facts);
+
+/// The first link that stops or limits the force; null if there is none.
+const ChainLink* first_stop(const ForceChain& chain) noexcept;
+
+}  // namespace hlm::protocol

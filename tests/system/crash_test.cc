@@ -1,0 +1,133 @@
+// What the motors get when the server dies or stands still while it pushes.
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <fstream>
+#include <functional>
+#include <optional>
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "haptic_server/device/amplifier.h"
+#include "tests/support/catch.h"
+#include "tests/system/session.h"
+
+namespace hlm::test {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using server::Amplifier;
+
+/// The amplifier's file, seen from outside.
+class AmplifierView {
+ public:
+  explicit AmplifierView(const std::string& file) {
+    const int descriptor = open(file.c_str(), O_RDONLY);
+    void* memory = mmap(nullptr, sizeof(Amplifier::Memory), PROT_READ, MAP_SHARED, descriptor, 0);
+    close(descriptor);
+    REQUIRE(memory != MAP_FAILED);
+    memory_ = static_cast<const Amplifier::Memory*>(memory);
+  }
+
+  double force() const { return std::hypot(memory_->F[0], memory_->F[1], memory_->F[2]); }
+  bool halted() const { return memory_->halted != 0; }
+
+ private:
+  const Amplifier::Memory* memory_ = nullptr;
+};
+
+/// A server that pushes back with about 5 N, and a view of its amplifier.
+struct PushingServer {
+  PushingServer()
+      : server(server_command(port) + pushing_hand(directory, 5) +
+               Arguments{"--device-option", "amplifier=" + file}) {
+    REQUIRE(server.wait_for_error("listening", 10));
+    client.emplace(client_command(port) + Arguments{"--duration", "60"});
+    REQUIRE(wait_until(20, [&] { return AmplifierView(file).force() > 3; }));
+  }
+
+  TemporaryDirectory directory;
+  std::string file = directory.file("amplifier");
+  int port = free_port();
+  Process server;
+  std::optional<Process> client;
+};
+
+double seconds_until(const std::function<bool()>& condition) {
+  const auto begin = std::chrono::steady_clock::now();
+  while (!condition()) {
+    const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - begin;
+    if (waited.count() > 10) return waited.count();
+    usleep(200);
+  }
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+TEST_CASE("However the server dies while it pushes, its motors are off within 0.1 s") {
+  const int signal = GENERATE(SIGKILL, SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL);
+  INFO("signal " << signal);
+  PushingServer pushing;
+  const AmplifierView amplifier(pushing.file);
+  CHECK_FALSE(amplifier.halted());
+  pushing.server.send_signal(signal);
+  const double time = seconds_until([&] { return amplifier.force() == 0; });
+  WARN("signal " << signal << ": no force after " << 1e3 * time << " ms");
+  CHECK(time < 0.1);
+  CHECK(pushing.server.wait(5) == 128 + signal);
+  // A command under way when the handler ran has been taken back, too.
+  CHECK(seconds_until([&] { return amplifier.halted(); }) < 0.1);
+  usleep(300'000);
+  CHECK(amplifier.force() == 0);
+
+  Process next(server_command(pushing.port));
+  CHECK(next.wait_for_error("listening", 10));
+}
+
+TEST_CASE("A server that is stopped while it pushes has its motors off after its longest gap") {
+  PushingServer pushing;
+  const AmplifierView amplifier(pushing.file);
+  pushing.server.send_signal(SIGSTOP);
+  const double time = seconds_until([&] { return amplifier.force() == 0; });
+  WARN("no force after " << 1e3 * time << " ms");
+  CHECK(time < 1 + 0.4);  // --max-gap, and a fifth of it until the next look; the machine is busy.
+  pushing.server.send_signal(SIGCONT);
+  CHECK(pushing.server.wait_for_error("fault: the loop stood still", 5));
+  usleep(300'000);
+  CHECK(amplifier.force() == 0);
+  CHECK(pushing.server.running());
+}
+
+/// The process that guards the server's motors; 0 if there is none.
+pid_t guard_of(const Process& server) {
+  const std::string id = std::to_string(server.id());
+  pid_t child = 0;
+  std::ifstream("/proc/" + id + "/task/" + id + "/children") >> child;
+  return child;
+}
+
+TEST_CASE("A signal that ends the server in order leaves no force and no second process") {
+  PushingServer pushing;
+  const AmplifierView amplifier(pushing.file);
+  const pid_t guard = guard_of(pushing.server);
+  REQUIRE(guard > 0);
+  kill(guard, SIGTERM);  // Nor does it leave by itself.
+  pushing.server.send_signal(SIGTERM);
+  CHECK(pushing.server.wait(10) == 0);
+  CHECK(amplifier.force() == 0);
+  CHECK_FALSE(amplifier.halted());
+  CHECK(kill(guard, 0) != 0);
+}
+
+TEST_CASE("A server whose guard is killed says so") {
+  PushingServer pushing;
+  const pid_t guard = guard_of(pushing.server);
+  REQUIRE(guard > 0);
+  kill(guard, SIGKILL);
+  CHECK(pushing.server.wait_for_error("restart the server", 5));
+  CHECK(pushing.server.running());
+}
+
+}  // namespace
+}  // namespace hlm::test
