@@ -1,5 +1,6 @@
 // haptic_server: the local model and the device control as a process.
 #include <atomic>
+#include <csignal>
 #include <cstring>
 #include <iostream>
 #include <optional>
@@ -28,6 +29,17 @@ std::atomic<int> stop_signal = 0;  ///< Any thread may be the one that handles i
 static_assert(std::atomic<int>::is_always_lock_free);
 
 void request_stop(int signal) { stop_signal = signal; }
+
+std::atomic<bool> force_stop = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+/// SIGUSR2 is the operator's stop: a fault in the next tick.
+void handle_force_stop() {
+  struct sigaction stopping {};
+  stopping.sa_handler = [](int) { force_stop = true; };
+  stopping.sa_flags = SA_RESTART;
+  sigaction(SIGUSR2, &stopping, nullptr);
+}
 
 void configure_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_server"));
@@ -79,6 +91,7 @@ class Recording {
 /// Ticks until a signal or the duration ends it.
 void run_loop(PeriodicLoop& loop, Servo& servo, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
+    if (force_stop.exchange(false, std::memory_order_relaxed)) servo.stop();
     TickRecord record = servo.tick(timing);
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
@@ -107,6 +120,7 @@ void run_server(const ServerOptions& options) {
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
+  handle_force_stop();
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
@@ -129,8 +143,7 @@ void run_server(const ServerOptions& options) {
     events.observe(record);
     if (options.status) status.observe(record);
     summary.observe(record);
-    latency.set(options.realtime.policy != RealtimePolicy::kOff &&
-                record.server == ServerState::kRunning);
+    latency.set(options.realtime.policy != RealtimePolicy::kOff && renders_force(record.server));
   };
   const auto report = [](const std::string& failure) {
     spdlog::error("{}; the log ends here, the session goes on", failure);
@@ -159,6 +172,7 @@ const char* const kFooter =
   haptic_server --device list                             what is connected
   haptic_server --print-config > server.toml              a file to change and give with --config
 
+SIGUSR2 stops the force: a fault, until a person asks for a new session.
 SIGHUP, SIGINT, SIGQUIT and SIGTERM end it: zero force, device off, goodbye to the client.
 
 Exit codes: 0 finished; 1 failed, or could not write all of --log or --record; 2 wrong usage or

@@ -244,6 +244,7 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.size(state.v);
   io.vector(state.q);
   io.vector(state.v);
+  io.appended_enumeration(state.fade);
 }
 
 template <class Io, class M>

@@ -59,7 +59,7 @@ void replace_implausible(protocol::ProxyState& state) noexcept {
 
 }  // namespace
 
-void describe(const Timing& timing, const ServerStateMachine& machine,
+void describe(const Timing& timing, const SafetyStateMachine& machine,
               const protocol::ServerSession& session, std::uint64_t step,
               TickRecord& record) noexcept {
   record.session = session.id();
@@ -69,6 +69,7 @@ void describe(const Timing& timing, const ServerStateMachine& machine,
   record.overruns = timing.overruns;
   record.server = machine.state();
   record.fault = machine.fault();
+  record.fade = machine.fade();
   record.datagrams = session.statistics().datagrams;
   record.dropped = session.statistics().total_dropped();
   record.dropped_for = session.statistics().dropped;
@@ -107,6 +108,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.age = record.age;
   state.server = record.server;
   state.fault = record.fault;
+  state.fade = record.fade;
   state.contact_state = record.contact_state;
   state.active_contacts = static_cast<std::uint16_t>(record.active_contacts);
   state.predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts);

@@ -54,7 +54,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (local_model_) describe(*local_model_, record_);
   record_.missing_freedoms = missing_freedoms_;
   if (inbox.update != nullptr) acknowledge(timing.begin);
-  if (machine_.state() == ServerState::kRunning) {
+  if (renders_force(machine_.state())) {
     telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),
                     session_);
   }
@@ -66,7 +66,7 @@ void Servo::shut_down(double now) noexcept {
   device_.write(Wrench::Zero());
   device_.disable();
   session_.close(now, protocol::GoodbyeReason::kShutdown);
-  machine_ = ServerStateMachine(dt_);
+  machine_ = SafetyStateMachine(dt_);
   local_model_.reset();
 }
 
@@ -77,8 +77,10 @@ double Servo::silence_time(double period) const noexcept {
 void Servo::reject_in_fault(double now) noexcept {
   std::array<char, protocol::kMaxText> text{};
   const std::string_view what = meaning_of(machine_.fault());
-  std::snprintf(text.data(), text.size(), "fault: %.*s; a person must ask for a new session",
-                static_cast<int>(what.size()), what.data());
+  const std::string_view remedy = remedy_of(machine_.fault());
+  std::snprintf(text.data(), text.size(), "fault: %.*s; %.*s, then ask for a new session",
+                static_cast<int>(what.size()), what.data(), static_cast<int>(remedy.size()),
+                remedy.data());
   session_.reject(now, protocol::RejectReason::kFault, text.data());
 }
 
@@ -94,7 +96,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   missing_freedoms_ = missing_freedoms(local_model_->proxy(), device_.ratings().freedoms);
   engine_.begin(local_model_->proxy().X_WH());
   device_.enable();
-  limiter_.cut();
+  limiter_.restart();
   period_ = 1 / hello.ve_rate;
   machine_.begin(silence_time(period_));
   step_ = 0;
@@ -122,16 +124,18 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
                             const Timing& timing) noexcept {
   const ServerState before = machine_.state();
   if (inbox.heard) machine_.hear();
+  if (inbox.refused) machine_.refuse();
   if (inbox.update != nullptr) {
-    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)));
+    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)),
+                    age_of(*inbox.update));
   }
   if (inbox.goodbye) machine_.end();
-  machine_.tick(limiter_.silent());
+  machine_.tick(limiter_.level());
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
     fail(Fault::kOverrun);
   }
-  limiter_.allow(machine_.wants_force());
-  if (machine_.state() == ServerState::kIdle && before != ServerState::kIdle) {
+  limiter_.allow(renders_force(machine_.state()));
+  if (machine_.state() == ServerState::kOff && before != ServerState::kOff) {
     device_.disable();
     local_model_.reset();
   }
@@ -139,13 +143,17 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
 
 /// The age of the contacts is counted in steps, not read from clocks, so that a replay finds the
 /// same: what the environment says it took, and half the round trip of its echo.
-void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
+double Servo::age_of(const protocol::ContactUpdate& update) const noexcept {
   double travel = 0;
   if (update.echo_step > 0 && update.echo_step <= step_) {
     const double round_trip = static_cast<double>(step_ - update.echo_step) * dt_;
     travel = std::max(0.0, round_trip - update.echo_hold) / 2;
   }
-  record_.age = std::min(update.compute_time + travel, kLargestAge);
+  return std::min(update.compute_time + travel, kLargestAge);
+}
+
+void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
+  record_.age = age_of(update);
   const bool uses_contacts = traits(controller_.kind()).uses_contacts;
   local_model_->adopt({.contacts = uses_contacts ? update.contacts : kNoContacts,
                        .q_VE = update.q_VE,

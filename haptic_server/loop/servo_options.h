@@ -8,8 +8,8 @@
 #include "common/range.h"
 #include "common/tuning.h"
 #include "haptic_server/control/controller.h"
-#include "haptic_server/control/limiter.h"
 #include "haptic_server/local_model/parameters.h"
+#include "haptic_server/safety/limiter.h"
 
 namespace hlm::server {
 

@@ -17,6 +17,7 @@ constexpr void visit_signals(Visit&& visit) {
   visit("time", &TickRecord::time, kSeconds);
   visit("server_state", &TickRecord::server, kPlain);
   visit("fault", &TickRecord::fault, kPlain);
+  visit("fade", &TickRecord::fade, kPlain);
   visit("contact_state", &TickRecord::contact_state, kPlain);
   visit_device<TickRecord>(visit);
   visit("proxy", &TickRecord::X_WP, kPose);

@@ -16,8 +16,9 @@ struct TickRecord {
   std::uint64_t session = 0;
   std::uint64_t step = 0;  ///< Steps since the session began; 0 without a session.
   double time = 0;         ///< Since the server started, s.
-  ServerState server = ServerState::kIdle;
+  ServerState server = ServerState::kOff;
   Fault fault = Fault::kNone;
+  Fade fade = Fade::kNone;
   ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   Pose X_WD;  ///< Device handle.
   Twist V_WD = Twist::Zero();

@@ -397,8 +397,10 @@ local messages = {
     field(F64, "age", "Age attributed to the update's contacts", "s", NOT_NEGATIVE),
     field(F64, "update_send_time", "Send time of that update, client's clock", "s"),
     field(F64, "hold", "From the arrival of that update to sending this", "s", NOT_NEGATIVE),
-    code("server", "Server", {[0] = "idle", "running", "silent", "fault"}),
-    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible"}),
+    code("server", "Server", {[0] = "off", "active", "fading", "fault", "arming",
+                              "ramping"}),
+    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible",
+                            "operator_stop"}),
     code("contact_state", "Proxy", {[0] = "free_motion", "colliding", "resting"}),
     force_limit(),
     field(U16, "active_contacts", "Local contacts with separation <= 0"),
@@ -421,6 +423,8 @@ local messages = {
     size("v", MOST_VELOCITIES),
     coordinates("q", "Configuration q of the proxy", "m, rad"),
     coordinates("v", "Generalised velocity of the proxy", "m/s, rad/s"),
+    optional(code("fade", "Fade", {[0] = "none", "client_silent", "contacts_old",
+                                   "updates_invalid", "client_left"})),
   }),
 
   [GOODBYE] = message("goodbye", "Goodbye", {

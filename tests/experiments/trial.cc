@@ -191,7 +191,7 @@ Trace run(const Trial& trial) {
     trace.ticks.push_back(record);
     trace.ticks.back().time -= acts_from;
     const bool goes_on =
-        record.server == ServerState::kRunning && record.session == trace.ticks.front().session;
+        renders_force(record.server) && record.session == trace.ticks.front().session;
     trace.broken = trace.broken || !goes_on;
     if (goes_on) {
       observer.see(*running->servo().local_model(), trace.ticks.back(), trace);

@@ -96,7 +96,7 @@ ProxyState documented_state() {
   state.age = 0.0125;
   state.update_send_time = 3.000000001;
   state.hold = 0.001;
-  state.server = ServerState::kRunning;
+  state.server = ServerState::kActive;
   state.contact_state = ProxyContactState::kResting;
   state.active_contacts = 2;
   state.predicted_contacts = 3;
@@ -412,6 +412,19 @@ TEST_CASE("What an older server of this version does not send has its default") 
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
   CHECK(decoded.device.freedoms == kAllFreedoms);
   CHECK(decoded.device.guidable);
+
+  ProxyState state = documented_state();
+  state.fade = Fade::kClientSilent;
+  bytes = encode(envelope_for<ProxyState>(), state);
+  bytes.pop_back();
+  const int block = std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - 1;
+  bytes[38] = static_cast<std::byte>(block % 256);
+  bytes[39] = static_cast<std::byte>(block / 256);
+  set_length(bytes);
+  ProxyState older;
+  REQUIRE(decode(view(bytes), older) == std::nullopt);
+  CHECK(older.fade == Fade::kNone);
+  CHECK(older.v == state.v);
 }
 
 TEST_CASE("A value that this version has no name for is kept, not refused") {

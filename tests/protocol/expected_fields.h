@@ -232,6 +232,7 @@ inline Expected expected_block(const protocol::ProxyState& state) {
   fields.integer("size_v", state.v.size());
   fields.coordinates("q", state.q);
   fields.coordinates("v", state.v);
+  fields.code("fade", state.fade);
   return fields;
 }
 

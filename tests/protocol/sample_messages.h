@@ -117,8 +117,8 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.age = random.uniform(0, 0.1);
   state.update_send_time = random.uniform(-1e5, 1e5);
   state.hold = random.uniform(0, 0.1);
-  state.server = static_cast<ServerState>(random.integer(0, 3));
-  state.fault = static_cast<Fault>(random.integer(0, 3));
+  state.server = static_cast<ServerState>(random.integer(0, 5));
+  state.fault = static_cast<Fault>(random.integer(0, 5));
   state.contact_state = static_cast<ProxyContactState>(random.integer(0, 2));
   state.active_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
   state.predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
@@ -139,6 +139,7 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.buttons = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
   state.gripper = random.uniform(0, 1);
   state.scale = random.uniform(0.1, 10);
+  state.fade = static_cast<Fade>(random.integer(0, 4));
   return state;
 }
 

@@ -3,11 +3,18 @@
 
 #include "common/spatial.h"
 #include "common/vocabulary.h"
-#include "haptic_server/control/force_budget.h"
-#include "haptic_server/control/impulse_spreader.h"
-#include "haptic_server/control/limiter_options.h"
+#include "haptic_server/safety/force_budget.h"
+#include "haptic_server/safety/impulse_spreader.h"
+#include "haptic_server/safety/limiter_options.h"
 
 namespace hlm::server {
+
+/// How far the force has risen or faded.
+enum class ForceLevel {
+  kNone,  ///< Nothing is commanded.
+  kSome,
+  kFull,  ///< It is no longer held back.
+};
 
 class Limiter {
  public:
@@ -18,8 +25,13 @@ class Limiter {
   void allow(bool wanted) noexcept { wanted_ = wanted; }
   /// No force from this very step on.
   void cut() noexcept;
-  /// Whether the force has faded to nothing.
-  bool silent() const noexcept { return portion_ == 0 && !wanted_ && command_.isZero(0); }
+  /// A session begins: what force is left falls at its rate, and new force rises from none.
+  void restart() noexcept;
+  ForceLevel level() const noexcept {
+    if (portion_ == 1) return ForceLevel::kFull;
+    const bool none = portion_ == 0 && !wanted_ && command_.isZero(0);
+    return none ? ForceLevel::kNone : ForceLevel::kSome;
+  }
 
   /// The wrench to command for the wanted one, and for an impulse (N·s, N·m·s) beside it. The
   /// wanted wrench is limited in magnitude, then scaled by the fade: in this order one far above

@@ -1,5 +1,5 @@
 // The last gate before the device.
-#include "haptic_server/control/limiter.h"
+#include "haptic_server/safety/limiter.h"
 
 #include <limits>
 
@@ -94,7 +94,7 @@ TEST_CASE("Force fades to zero in the fade time, and in again") {
     previous = force;
   }
   CHECK(limiter.limit(push(10)).norm() < 1e-12);
-  CHECK(limiter.silent());
+  CHECK(limiter.level() == ForceLevel::kNone);
   limiter.allow(true);
   CHECK(limiter.limit(push(10))[1] == Approx(0.1));  // 1 % of 10 N after 1 ms of 100
 }
@@ -111,7 +111,7 @@ TEST_CASE("A wanted force above the limit fades from the limit, out and in, with
     CHECK(limiter.limited_by() == ForceLimit::kFade);
     previous = force;
   }
-  CHECK(limiter.silent());
+  CHECK(limiter.level() == ForceLevel::kNone);
   limiter.allow(true);
   for (int i = 0; i < 100; ++i) {
     const double force = limiter.limit(push(20))[1];
@@ -128,7 +128,7 @@ TEST_CASE("A fade faster than the device's rate goes on at that rate, to the end
   limiter.allow(false);
   double previous = 12;
   int steps = 0;
-  for (; !limiter.silent() && steps < 1000; ++steps) {
+  for (; limiter.level() != ForceLevel::kNone && steps < 1000; ++steps) {
     const double force = limiter.limit(push(12))[1];
     CHECK(std::abs(previous - force) <= 0.05 + 1e-9);
     previous = force;

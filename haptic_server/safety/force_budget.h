@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "haptic_server/control/limiter_options.h"
 #include "haptic_server/device/device.h"
+#include "haptic_server/safety/limiter_options.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/control/limiter.h"
+#include "haptic_server/safety/limiter.h"
 
 #include <algorithm>
 
@@ -41,6 +41,12 @@ void Limiter::cut() noexcept {
   spreader_.clear();
   steady_.setZero();
   command_.setZero();
+}
+
+void Limiter::restart() noexcept {
+  wanted_ = false;
+  portion_ = 0;
+  spreader_.forget();
 }
 
 const Wrench& Limiter::limit(const Wrench& F, const Wrench& impulse) noexcept {
