@@ -198,9 +198,12 @@ enum class Fault : std::uint8_t {
   kDevice = 3,
   kImplausible = 4,
   kOperatorStop = 5,
+  kHandleSpeed = 6,
+  kWorkspace = 7,
+  kEnergy = 8,
 };
 template <>
-inline constexpr std::array<Word<Fault>, 6> kWords<Fault>{{
+inline constexpr std::array<Word<Fault>, 9> kWords<Fault>{{
     {Fault::kNone, "none", "no fault"},
     {Fault::kNonFinite, "non_finite", "a value of the local model or the device is not finite",
      "lower the stiffness, or check what the device measures"},
@@ -212,6 +215,12 @@ inline constexpr std::array<Word<Fault>, 6> kWords<Fault>{{
      "check how fast constraints and bodies of the environment move"},
     {Fault::kOperatorStop, "operator_stop", "an operator stopped the force",
      "ask whoever stopped it whether all is clear"},
+    {Fault::kHandleSpeed, "handle_speed", "the handle is faster than allowed",
+     "check what moves it, or raise --handle-speed-limit or --handle-rate-limit"},
+    {Fault::kWorkspace, "workspace", "the handle is too far from where the session began",
+     "check what moved it, or raise --workspace"},
+    {Fault::kEnergy, "energy", "the device gave more energy than explained, and was not to be held",
+     "lower stiffness or delay, or raise --energy-budget"},
 }};
 
 /// Why force fades, or waits at zero, in a session that may get it back by itself.
@@ -235,14 +244,24 @@ inline constexpr std::array<Word<Fade>, 5> kWords<Fade>{{
 }};
 
 /// What keeps the commanded wrench from being the wanted one.
-enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
+enum class ForceLimit : std::uint8_t {
+  kNone = 0,
+  kForce = 1,
+  kTorque = 2,
+  kRate = 3,
+  kFade = 4,
+  kPower = 5,
+  kEnergy = 6,
+};
 template <>
-inline constexpr std::array<Word<ForceLimit>, 5> kWords<ForceLimit>{{
+inline constexpr std::array<Word<ForceLimit>, 7> kWords<ForceLimit>{{
     {ForceLimit::kNone, "none", "nothing"},
     {ForceLimit::kForce, "force", "the force limit"},
     {ForceLimit::kTorque, "torque", "the torque limit"},
     {ForceLimit::kRate, "rate", "the limit on the change of force"},
     {ForceLimit::kFade, "fade", "a fade"},
+    {ForceLimit::kPower, "power", "the limit on the power given to the hand"},
+    {ForceLimit::kEnergy, "energy", "the passivity controller"},
 }};
 
 /// Why an update of contacts, or a contact of it, was not used.

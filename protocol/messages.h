@@ -164,6 +164,12 @@ struct ProxyState {
   double gripper = 0;                    ///< Opening of the device's gripper, 0 closed to 1 open.
   double scale = 1;                      ///< Metres in the world for each metre of the handle.
   Fade fade = Fade::kNone;               ///< Why force fades, or waits at zero.
+  // What has passed the device port since the session began, J.
+  double given = 0;      ///< To the hand.
+  double taken = 0;      ///< From the hand.
+  double explained = 0;  ///< Of given - taken: weight, and constraints that move.
+  double tank = 0;       ///< What may still be given beyond that.
+  double brought = 0;    ///< Energy that updates have brought into contacts' springs.
 };
 
 /// Client to server: the whole of what the person at the environment asks for. It takes effect with

@@ -168,6 +168,7 @@ class Writer : public CompoundFields<Writer> {
   }
   void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
   void appended_flag(bool value) noexcept { flag(value); }
+  void appended_f64(double value) noexcept { f64(value); }
   template <class Enum>
   void appended_enumeration(Enum value) noexcept {
     this->enumeration(value);
@@ -274,6 +275,10 @@ class Reader : public CompoundFields<Reader> {
   void appended_flag(bool& value) noexcept {
     value = false;
     if (position_ < bytes_.size()) flag(value);
+  }
+  void appended_f64(double& value) noexcept {
+    value = 0;
+    if (position_ < bytes_.size()) f64(value);
   }
   template <class Enum>
   void appended_enumeration(Enum& value) noexcept {

@@ -55,6 +55,10 @@ void replace_implausible(protocol::ProxyState& state) noexcept {
   if (!state.X_WD.R.coeffs().allFinite()) state.X_WD.R.setIdentity();
   if (!std::isfinite(state.smallest_separation)) state.smallest_separation = 0;
   if (!std::isfinite(state.gripper)) state.gripper = 0;
+  for (double* energy :
+       {&state.given, &state.taken, &state.explained, &state.tank, &state.brought}) {
+    if (!std::isfinite(*energy)) *energy = 0;
+  }
 }
 
 }  // namespace
@@ -109,6 +113,11 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.server = record.server;
   state.fault = record.fault;
   state.fade = record.fade;
+  state.given = record.port.given;
+  state.taken = record.port.taken;
+  state.explained = record.port.explained;
+  state.tank = record.port.tank;
+  state.brought = record.brought;
   state.contact_state = record.contact_state;
   state.active_contacts = static_cast<std::uint16_t>(record.active_contacts);
   state.predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts);

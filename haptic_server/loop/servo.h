@@ -17,6 +17,7 @@
 #include "haptic_server/loop/telemetry.h"
 #include "haptic_server/loop/tick_record.h"
 #include "haptic_server/safety/limiter.h"
+#include "haptic_server/safety/model_energy.h"
 #include "haptic_server/safety/state_machine.h"
 #include "protocol/server_session.h"
 
@@ -48,7 +49,9 @@ class Servo {
   double age_of(const protocol::ContactUpdate& update) const noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
   void simulate() noexcept;
+  bool observe(const DeviceState& device) noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
+  ContactWrench step_proxy(const DeviceState& device) noexcept;
   void render(const DeviceState& device, const ContactWrench& felt) noexcept;
   bool is_plausible(const DeviceState& device) const noexcept;
   double silence_time(double period) const noexcept;
@@ -73,6 +76,10 @@ class Servo {
   std::uint64_t updates_ = 0;      ///< Adopted in the session.
   Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
   double contained_impulses_ = 0;  ///< Step of those in the state of the newest update.
+  Pose X_WStart_;                  ///< Of the handle, as the session began.
+  double in_proxy_ = 0;            ///< Of what hand and weight did on the proxy it keeps this, J.
+  double supply_ = 0;              ///< What the latest step explains of the port's work, J.
+  double brought_ = 0;             ///< By updates into contacts' springs in the session, J.
   TickRecord record_;
 };
 

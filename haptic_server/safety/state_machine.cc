@@ -66,9 +66,10 @@ void SafetyStateMachine::fail(Fault fault) noexcept {
   fade_ = Fade::kNone;
 }
 
-void SafetyStateMachine::tick(ForceLevel level) noexcept {
-  silence_ += dt_;
-  without_update_ += dt_;
+void SafetyStateMachine::tick(ForceLevel level, std::uint64_t periods) noexcept {
+  const double passed = static_cast<double>(periods) * dt_;
+  silence_ += passed;
+  without_update_ += passed;
   if (silence_ > silence_time_) {
     lose(refused_ ? Fade::kUpdatesInvalid : Fade::kClientSilent);
   } else if (without_update_ > std::max(silence_time_, kLongestWithoutUpdate)) {

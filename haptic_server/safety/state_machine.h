@@ -20,7 +20,7 @@ enum class SafetyEvent : std::uint8_t {
 };
 
 /// The server's safety as one state machine. Its transitions are the table in state_machine.cc;
-/// force is wanted in kRamping and kActive alone. All times are counted in steps.
+/// force is wanted in kRamping and kActive alone.
 class SafetyStateMachine {
  public:
   /// Without a whole update for so long contacts are too old, s, though parts of updates or
@@ -55,8 +55,8 @@ class SafetyStateMachine {
   void end() noexcept;
   /// The first fault is the one that is kept.
   void fail(Fault fault) noexcept;
-  /// One servo period goes by; `level`: of the force.
-  void tick(ForceLevel level) noexcept;
+  /// Servo periods go by, more than one where ticks were missed; `level`: of the force.
+  void tick(ForceLevel level, std::uint64_t periods = 1) noexcept;
 
  private:
   void happen(SafetyEvent event) noexcept;

@@ -268,7 +268,8 @@ local contact = group("contact", "Contact", append(append({
 }))
 
 local function force_limit()
-  return code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade"})
+  return code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade",
+                                                  "power", "energy"})
 end
 
 local tick = group("tick", "Tick", {
@@ -400,7 +401,7 @@ local messages = {
     code("server", "Server", {[0] = "off", "active", "fading", "fault", "arming",
                               "ramping"}),
     code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible",
-                            "operator_stop"}),
+                            "operator_stop", "handle_speed", "workspace", "energy"}),
     code("contact_state", "Proxy", {[0] = "free_motion", "colliding", "resting"}),
     force_limit(),
     field(U16, "active_contacts", "Local contacts with separation <= 0"),
@@ -425,6 +426,11 @@ local messages = {
     coordinates("v", "Generalised velocity of the proxy", "m/s, rad/s"),
     optional(code("fade", "Fade", {[0] = "none", "client_silent", "contacts_old",
                                    "updates_invalid", "client_left"})),
+    optional(field(F64, "given", "Energy given to the hand", "J")),
+    optional(field(F64, "taken", "Energy taken from the hand", "J")),
+    optional(field(F64, "explained", "Of what was given less what was taken: explained", "J")),
+    optional(field(F64, "tank", "Energy that may still be given", "J")),
+    optional(field(F64, "brought", "Energy that updates brought into contacts' springs", "J")),
   }),
 
   [GOODBYE] = message("goodbye", "Goodbye", {

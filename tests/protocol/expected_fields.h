@@ -233,6 +233,11 @@ inline Expected expected_block(const protocol::ProxyState& state) {
   fields.coordinates("q", state.q);
   fields.coordinates("v", state.v);
   fields.code("fade", state.fade);
+  fields.number("given", state.given);
+  fields.number("taken", state.taken);
+  fields.number("explained", state.explained);
+  fields.number("tank", state.tank);
+  fields.number("brought", state.brought);
   return fields;
 }
 

@@ -71,26 +71,25 @@ class ClientDeath(ForceTest):
 
     def test_killed_and_started_again(self):
         self.start()
-        time.sleep(3)
+        time.sleep(4)
         self.clients[0].kill()
         time.sleep(1)
         self.start()
-        time.sleep(3)
+        time.sleep(4)
         self.clients[1].kill()
         time.sleep(0.6)
         self.check_pauses(self.server.ticks(), pauses=2)
 
     def test_stopped_and_continued(self):
         client = self.start()
-        time.sleep(3)
-        for _ in range(3):
-            client.send_signal(signal.SIGSTOP)
-            time.sleep(0.6)
-            client.send_signal(signal.SIGCONT)
-            time.sleep(1.5)
+        time.sleep(4)
         client.send_signal(signal.SIGSTOP)
         time.sleep(0.6)
-        self.check_pauses(self.server.ticks(), pauses=4)
+        client.send_signal(signal.SIGCONT)
+        time.sleep(1.5)
+        client.send_signal(signal.SIGSTOP)
+        time.sleep(0.6)
+        self.check_pauses(self.server.ticks(), pauses=2)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,8 @@ const LINKS = [
   { name: 'limiter', value: (f) => (f.limit === 'none' ? 'free' : f.limit),
     reason: (f, s) => (complaintOf(s.verdict) ? null : {
       force: 'the force is at its limit', torque: 'the torque is at its limit',
-      rate: 'the force may not change faster',
+      rate: 'the force may not change faster', power: 'the force may not give more power to the hand',
+      energy: 'the force gave more energy than it may: what pushes the hand is damped',
       fade: 'the force fades in, or out while no updates arrive',
     }[f.limit]) },
   { name: 'command', value: (f) => newtons(magnitude(f.F_command)),

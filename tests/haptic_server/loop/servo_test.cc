@@ -135,7 +135,7 @@ TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello say
   CHECK(record.step == 1);
   CHECK(record.session != first);
   CHECK((record.X_WP.p - Vector3(0.01, 0, 0)).norm() < 1e-5);  // m
-  CHECK(record.F_command.norm() < 0.1);  // N: the 3 N fall by 3 N a step
+  CHECK(record.F_command.norm() < 0.1);                        // N: the 3 N fall by 3 N a step
   CHECK(bench.tick().F_command.norm() == 0);
 }
 
@@ -227,6 +227,10 @@ const Failure kFailures[] = {
      [](ServoBench& b) { b.device.state->V_WD[5] = kNaN; }},
     {"the hand's wrench is not finite", Fault::kNonFinite,
      [](ServoBench& b) { b.device.state->F_hand = planar_wrench(0, kNaN, 0); }},
+    {"the handle is too fast", Fault::kHandleSpeed,
+     [](ServoBench& b) { b.device.state->V_WD[0] = 5.1; }},
+    {"the handle is too far away", Fault::kWorkspace,
+     [](ServoBench& b) { b.device.state->X_WD.p.x() = 2.1; }},
 };
 
 TEST_CASE("A fault is no force, device off, in the same tick, until a new session") {

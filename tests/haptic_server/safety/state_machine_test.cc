@@ -121,6 +121,14 @@ TEST_CASE("Silence counts from the latest word: 0.1 s are endured, 0.11 s are si
   CHECK(machine.state() == kFading);  // force comes back with an update
 }
 
+TEST_CASE("Missed ticks count as silence too") {
+  SafetyStateMachine machine = in(kActive);
+  machine.tick(kFull, 98);
+  CHECK(machine.state() == kActive);
+  machine.tick(kFull, 10);
+  CHECK(machine.state() == kFading);
+}
+
 TEST_CASE("A client that is heard but sends no whole update has old contacts after 0.25 s") {
   SafetyStateMachine machine = in(kActive);
   for (int i = 0; i < 248; ++i) {
