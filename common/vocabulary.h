@@ -13,8 +13,9 @@ namespace hlm {
 template <class Enum>
 struct Word {
   Enum value;
-  std::string_view name;     ///< What files and options say.
-  std::string_view meaning;  ///< For a person, one clause.
+  std::string_view name;         ///< What files and options say.
+  std::string_view meaning;      ///< For a person, one clause.
+  std::string_view remedy = {};  ///< Of what went wrong: what a person can do, one clause.
 };
 
 /// The table of an enumeration, in the order of its values.
@@ -36,6 +37,14 @@ constexpr std::string_view meaning_of(Enum value) noexcept {
     if (word.value == value) return word.meaning;
   }
   return "not known to this version";
+}
+
+template <class Enum>
+constexpr std::string_view remedy_of(Enum value) noexcept {
+  for (const Word<Enum>& word : kWords<Enum>) {
+    if (word.value == value) return word.remedy;
+  }
+  return "see the server's log";
 }
 
 /// Whether the value is one that this version knows.
@@ -157,48 +166,102 @@ inline constexpr std::array<Word<ProxyContactState>, 3> kWords<ProxyContactState
     {ProxyContactState::kResting, "resting", "there is contact, and none collides"},
 }};
 
-/// What the server is doing with its force.
+/// What the server is doing with its force (haptic_server/safety/state_machine.h).
 enum class ServerState : std::uint8_t {
-  kIdle = 0,
-  kRunning = 1,
-  kSilent = 2,
+  kOff = 0,
+  kActive = 1,
+  kFading = 2,
   kFault = 3,
+  kArming = 4,
+  kRamping = 5,
 };
 template <>
-inline constexpr std::array<Word<ServerState>, 4> kWords<ServerState>{{
-    {ServerState::kIdle, "idle", "no session; the device is disabled"},
-    {ServerState::kRunning, "running", "a session with a live client"},
-    {ServerState::kSilent, "silent",
-     "the client was silent for too long or is leaving: force fades to zero"},
+inline constexpr std::array<Word<ServerState>, 6> kWords<ServerState>{{
+    {ServerState::kOff, "off", "no session; the device is disabled"},
+    {ServerState::kActive, "active", "a session with a live client, and all the force it asks for"},
+    {ServerState::kFading, "fading", "force fades to zero, and comes back with the client"},
     {ServerState::kFault, "fault", "force is zero until a person asks for a new session"},
+    {ServerState::kArming, "arming", "a session has begun; no force before its first update"},
+    {ServerState::kRamping, "ramping", "force rises to what is asked for"},
 }};
 
+/// Whether force is rendered, be it held back while it rises.
+constexpr bool renders_force(ServerState state) noexcept {
+  return state == ServerState::kRamping || state == ServerState::kActive;
+}
+
+/// Why force is zero until a person asks for a new session.
 enum class Fault : std::uint8_t {
   kNone = 0,
   kNonFinite = 1,
   kOverrun = 2,
   kDevice = 3,
   kImplausible = 4,
+  kOperatorStop = 5,
+  kHandleSpeed = 6,
+  kWorkspace = 7,
+  kEnergy = 8,
 };
 template <>
-inline constexpr std::array<Word<Fault>, 5> kWords<Fault>{{
+inline constexpr std::array<Word<Fault>, 9> kWords<Fault>{{
     {Fault::kNone, "none", "no fault"},
-    {Fault::kNonFinite, "non_finite", "a value of the local model or the device is not finite"},
-    {Fault::kOverrun, "overrun", "the loop stood still for longer than allowed"},
-    {Fault::kDevice, "device", "the device failed"},
+    {Fault::kNonFinite, "non_finite", "a value of the local model or the device is not finite",
+     "lower the stiffness, or check what the device measures"},
+    {Fault::kOverrun, "overrun", "the loop stood still for longer than allowed",
+     "give the server free cores, real-time rights or a lower rate"},
+    {Fault::kDevice, "device", "the device failed", "check its cable, power and enable switch"},
     {Fault::kImplausible, "implausible",
-     "the proxy is faster than a hand, or far from the device's handle"},
+     "the proxy is faster than a hand, or far from the device's handle",
+     "check how fast constraints and bodies of the environment move"},
+    {Fault::kOperatorStop, "operator_stop", "an operator stopped the force",
+     "ask whoever stopped it whether all is clear"},
+    {Fault::kHandleSpeed, "handle_speed", "the handle is faster than allowed",
+     "check what moves it, or raise --handle-speed-limit or --handle-rate-limit"},
+    {Fault::kWorkspace, "workspace", "the handle is too far from where the session began",
+     "check what moved it, or raise --workspace"},
+    {Fault::kEnergy, "energy", "the device gave more energy than explained, and was not to be held",
+     "lower stiffness or delay, or raise --energy-budget"},
+}};
+
+/// Why force fades, or waits at zero, in a session that may get it back by itself.
+enum class Fade : std::uint8_t {
+  kNone = 0,
+  kClientSilent = 1,
+  kContactsOld = 2,
+  kUpdatesInvalid = 3,
+  kClientLeft = 4,
+};
+template <>
+inline constexpr std::array<Word<Fade>, 5> kWords<Fade>{{
+    {Fade::kNone, "none", "nothing fades"},
+    {Fade::kClientSilent, "client_silent", "nothing of the client came for too long",
+     "check that it runs and that the network loses little, or raise its frame rate"},
+    {Fade::kContactsOld, "contacts_old", "the newest contacts are too old",
+     "lower the delay, or the time that the environment takes for a frame"},
+    {Fade::kUpdatesInvalid, "updates_invalid", "the client's updates are refused",
+     "see the reasons that the client reports"},
+    {Fade::kClientLeft, "client_left", "the client ended the session", "start it again"},
 }};
 
 /// What keeps the commanded wrench from being the wanted one.
-enum class ForceLimit : std::uint8_t { kNone = 0, kForce = 1, kTorque = 2, kRate = 3, kFade = 4 };
+enum class ForceLimit : std::uint8_t {
+  kNone = 0,
+  kForce = 1,
+  kTorque = 2,
+  kRate = 3,
+  kFade = 4,
+  kPower = 5,
+  kEnergy = 6,
+};
 template <>
-inline constexpr std::array<Word<ForceLimit>, 5> kWords<ForceLimit>{{
+inline constexpr std::array<Word<ForceLimit>, 7> kWords<ForceLimit>{{
     {ForceLimit::kNone, "none", "nothing"},
     {ForceLimit::kForce, "force", "the force limit"},
     {ForceLimit::kTorque, "torque", "the torque limit"},
     {ForceLimit::kRate, "rate", "the limit on the change of force"},
     {ForceLimit::kFade, "fade", "a fade"},
+    {ForceLimit::kPower, "power", "the limit on the power given to the hand"},
+    {ForceLimit::kEnergy, "energy", "the passivity controller"},
 }};
 
 /// Why an update of contacts, or a contact of it, was not used.

@@ -1,5 +1,6 @@
 // haptic_server: the local model and the device control as a process.
 #include <atomic>
+#include <csignal>
 #include <cstring>
 #include <iostream>
 #include <optional>
@@ -32,6 +33,17 @@ std::atomic<int> stop_signal = 0;  ///< Any thread may be the one that handles i
 static_assert(std::atomic<int>::is_always_lock_free);
 
 void request_stop(int signal) { stop_signal = signal; }
+
+std::atomic<bool> force_stop = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+/// SIGUSR2 is the operator's stop: a fault in the next tick.
+void handle_force_stop() {
+  struct sigaction stopping {};
+  stopping.sa_handler = [](int) { force_stop = true; };
+  stopping.sa_flags = SA_RESTART;
+  sigaction(SIGUSR2, &stopping, nullptr);
+}
 
 void configure_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_server"));
@@ -84,6 +96,7 @@ class Recording {
 void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log, double duration) {
   loop.run([&](const Timing& timing) noexcept {
     guard.beat();
+    if (force_stop.exchange(false, std::memory_order_relaxed)) servo.stop();
     TickRecord record = servo.tick(timing);
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
@@ -121,6 +134,7 @@ void run_server(const ServerOptions& options) {
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
+  handle_force_stop();
   const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
   const protocol::Endpoint address = resolve_option("--listen", options.listen);
   if (!key && !options.insecure) check_is_loopback(options.listen, address);
@@ -154,8 +168,7 @@ void run_server(const ServerOptions& options) {
     if (options.status) status.observe(record);
     summary.observe(record);
     operation.observe(record);
-    latency.set(options.realtime.policy != RealtimePolicy::kOff &&
-                record.server == ServerState::kRunning);
+    latency.set(options.realtime.policy != RealtimePolicy::kOff && renders_force(record.server));
   };
   const auto report = [](const std::string& failure) {
     spdlog::error("{}; the log ends here, the session goes on", failure);
@@ -187,6 +200,7 @@ const char* const kFooter =
   haptic_server --device list                             what is connected
   haptic_server --print-config > server.toml              a file to change and give with --config
 
+SIGUSR2 stops the force: a fault, until a person asks for a new session.
 SIGHUP, SIGINT, SIGQUIT and SIGTERM end it: zero force, device off, goodbye to the client.
 SIGUSR1 has the last 10 s of every tick written, see --recordings.
 

@@ -33,6 +33,7 @@ void add_servo_options(Table& table, ServoOptions& o) {
   table.numbers(o.gains, kGainNumbers);
   table.group("Safety");
   table.numbers(o.limits, kLimiterNumbers);
+  table.numbers(o.handle, kHandleNumbers);
   table.number("silence-time", o.silence_time, kSilenceTimes,
                "Force fades when nothing of the client has come for this long. Unset: 4.5 of its "
                "frames, within " +
@@ -60,9 +61,9 @@ std::string device_text(const Table& table) {
 std::string ratings_text(const Device& device) {
   const DeviceRatings& r = device.ratings();
   std::string text = device.measures_hand_wrench() ? "measured" : "";
-  for (const double rating :
-       {r.max_force, r.max_torque, r.max_force_rate, r.max_torque_rate, r.max_stiffness,
-        r.max_angular_stiffness, r.mass, r.inertia, r.damping, r.scale}) {
+  for (const double rating : {r.max_force, r.max_torque, r.max_force_rate, r.max_torque_rate,
+                              r.max_power, r.max_turning_power, r.max_stiffness,
+                              r.max_angular_stiffness, r.mass, r.inertia, r.damping, r.scale}) {
     text += ' ' + shortest_text(rating);
   }
   return text;

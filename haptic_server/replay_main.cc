@@ -3,6 +3,7 @@
 #include <csignal>
 #include <iostream>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 
 #include <spdlog/fmt/fmt.h>
@@ -10,6 +11,7 @@
 #include "haptic_server/loop/tick_log.h"
 #include "haptic_server/options.h"
 #include "haptic_server/program.h"
+#include "haptic_server/replay/energy_receipt.h"
 #include "haptic_server/replay/live_replay.h"
 #include "haptic_server/replay/offline_replay.h"
 #include "haptic_server/replay/recorded_session.h"
@@ -33,7 +35,8 @@ struct ReplayOptions {
   double speed = 1;
   int session = 0;  ///< From 1; 0: all of them.
   bool offline = false;
-  std::string ticks;  ///< Tick log to write, CSV; empty: none.
+  bool receipt = false;  ///< Offline too.
+  std::string ticks;     ///< Tick log to write, CSV; empty: none.
   PhysicsOptions physics;
 };
 
@@ -58,6 +61,7 @@ bool run_offline(const ReplayOptions& options) {
   const std::uint64_t own = fingerprint(physics, *device);
   // Nobody else drains the log, so it must hold what comes between two drains.
   TickLog log(options.ticks, 2, [](const TickRecord&) {});
+  std::ostream& report = options.receipt ? std::cerr : std::cout;
   bool all_equal = true;
   for (const RecordedSession& session : chosen_sessions(options)) {
     if (!made_with(session.welcome.fingerprint, physics, *device)) {
@@ -65,21 +69,25 @@ bool run_offline(const ReplayOptions& options) {
           "the session was recorded with other options than these: give the server's with "
           "--config");
     }
+    std::optional<EnergyReceipt> receipt;
+    if (options.receipt) receipt.emplace(std::cout);
     const OfflineResult result =
         replay_offline(session, physics.servo, own, *device, [&](const TickRecord& record) {
           if (stop_requested != 0) throw std::runtime_error("stopped by a signal");
           log.record(record);
           log.drain();
+          if (receipt) receipt->observe(record);
         });
-    std::cout << "replay of session " << std::hex << session.id << std::dec << ": " << result.steps
-              << " steps, " << result.equal << " of " << result.compared
-              << " acknowledged states equal bit for bit";
+    report << "replay of session " << std::hex << session.id << std::dec << ": " << result.steps
+           << " steps, " << result.equal << " of " << result.compared
+           << " acknowledged states equal bit for bit";
     if (result.first_difference)
-      std::cout << ", first difference at step " << *result.first_difference;
+      report << ", first difference at step " << *result.first_difference;
     if (result.incomplete > 0) {
-      std::cout << ", " << result.incomplete << " updates not whole in the capture";
+      report << ", " << result.incomplete << " updates not whole in the capture";
     }
-    std::cout << '\n';
+    report << '\n';
+    if (receipt) report << receipt->total();
     all_equal &= result.equal == result.compared;
   }
   log.close();
@@ -159,6 +167,7 @@ std::string footer() {
   haptic_replay run.pcap --offline --config server.toml    on the local model, here
   haptic_replay run.pcap --offline --config server.toml --device replay --device-option log=t.csv
                                                            the same, with the device of a tick log
+  haptic_replay run.pcap --receipt --config server.toml    what the device gave to the hand and took
 
 Exit codes: 0 played, and the answers are the recorded ones (offline bit for bit, otherwise the
 proxy within {} mm and {} deg); 1 failed; 2 wrong usage or configuration; 3 other answers than
@@ -173,6 +182,9 @@ void add_replay_options(settings::CommandLine& command_line, ReplayOptions& opti
   table.group("Replay");
   table.flag("offline", options.offline,
              "Run the server's tick here and compare with the recorded proxy states");
+  table.flag("receipt", options.receipt,
+             "Offline: write what the device port gave and took between updates to standard "
+             "output, CSV, and the total to standard error");
   table.text("server", options.server, "HOST:PORT", "Running server");
   table.file("key-file", options.key_file, "The server's key, if it has one");
   table.number("speed", options.speed, {1e-3, 1e3}, "Times the original pace");
@@ -201,8 +213,8 @@ int main(int argc, char** argv) {
       [&] { server::check(options.physics); },
       [&] {
         server::handle_signals([](int) { server::stop_requested = 1; });
-        const bool same =
-            options.offline ? server::run_offline(options) : server::run_live(options);
+        const bool same = options.offline || options.receipt ? server::run_offline(options)
+                                                             : server::run_live(options);
         return same ? server::kOk : server::kDiffers;
       });
 }

@@ -50,7 +50,7 @@ Text updates_reason(const ForceFacts& f) {
            " updates a second arrive, and with fewer than " + fixed(f.least_update_rate) +
            " the force comes and goes";
   }
-  if (f.server == ServerState::kSilent) {
+  if (f.server == ServerState::kFading) {
     return "haptic_server hears too little of the client and lets the force fade";
   }
   if (f.age > kOldContacts) return "the contacts are old: the environment is late or silent";
@@ -138,6 +138,10 @@ Text limit_reason(const ForceFacts& f) {
       return "the force may not change faster";
     case ForceLimit::kFade:
       return "the force fades in, or out while no updates arrive";
+    case ForceLimit::kPower:
+      return "the force may not give more power to the hand";
+    case ForceLimit::kEnergy:
+      return "the force gave more energy than it may: what pushes the hand is damped";
   }
   return "the force is limited";  // By what only a newer server knows.
 }

@@ -244,6 +244,12 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.size(state.v);
   io.vector(state.q);
   io.vector(state.v);
+  io.appended_enumeration(state.fade);
+  io.appended_f64(state.given);
+  io.appended_f64(state.taken);
+  io.appended_f64(state.explained);
+  io.appended_f64(state.tank);
+  io.appended_f64(state.brought);
 }
 
 template <class Io, class M>

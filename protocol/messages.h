@@ -141,7 +141,7 @@ struct ProxyState {
   double age = 0;          ///< Age the server attributed to the update's contacts, s.
   double update_send_time = 0;  ///< Send time of the acknowledged update, client's clock, s.
   double hold = 0;              ///< From the arrival of that update to sending this, s.
-  ServerState server = ServerState::kIdle;
+  ServerState server = ServerState::kOff;
   Fault fault = Fault::kNone;
   ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   std::uint16_t active_contacts = 0;     ///< Local contacts with separation <= 0.
@@ -163,6 +163,13 @@ struct ProxyState {
   std::uint32_t buttons = 0;             ///< Bit i: button i of the device is down.
   double gripper = 0;                    ///< Opening of the device's gripper, 0 closed to 1 open.
   double scale = 1;                      ///< Metres in the world for each metre of the handle.
+  Fade fade = Fade::kNone;               ///< Why force fades, or waits at zero.
+  // What has passed the device port since the session began, J.
+  double given = 0;      ///< To the hand.
+  double taken = 0;      ///< From the hand.
+  double explained = 0;  ///< Of given - taken: weight, and constraints that move.
+  double tank = 0;       ///< What may still be given beyond that.
+  double brought = 0;    ///< Energy that updates have brought into contacts' springs.
 };
 
 /// Client to server: the whole of what the person at the environment asks for. It takes effect with

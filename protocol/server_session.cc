@@ -124,6 +124,7 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   ContactUpdate& scratch = updates_[1 - newest_update_];
   if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
     ++refused_;
+    inbox_.refused = true;
     update_parts_.refuse(header.envelope.sequence, statistics_);
     report_refusal(now, {.refused = header.envelope.sequence,
                          .error = error->error,
@@ -156,6 +157,7 @@ std::optional<DropReason> ServerSession::complete_update(double now,
   if (reason) ++refused_;
   if (refusal.error != UpdateError::kNone) report_refusal(now, refusal);
   if (reason) {
+    inbox_.refused = true;
     statistics_.drop(*reason, update_parts_.parts().size() - 1);
     update_parts_.refuse(header.envelope.sequence, statistics_);
     return reason;

@@ -39,7 +39,8 @@ class ServerSession {
     const Hello* hello = nullptr;  ///< A client asks for a session: answer with accept or reject.
     const ContactUpdate* update = nullptr;  ///< Newest complete update of the session.
     bool goodbye = false;                   ///< The client ended the session.
-    bool heard = false;  ///< Something of the session came: a control, or a part of an update.
+    bool heard = false;    ///< Something of the session came: a control, or a part of an update.
+    bool refused = false;  ///< An update of the session was refused.
     const Control* control = nullptr;  ///< Takes effect with `update`, before it.
   };
 

@@ -168,6 +168,11 @@ class Writer : public CompoundFields<Writer> {
   }
   void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
   void appended_flag(bool value) noexcept { flag(value); }
+  void appended_f64(double value) noexcept { f64(value); }
+  template <class Enum>
+  void appended_enumeration(Enum value) noexcept {
+    this->enumeration(value);
+  }
   void appended_u8(std::uint8_t value, std::uint8_t) noexcept { append(value); }
   void require(bool, UpdateError = UpdateError::kLayout) noexcept {}
 
@@ -265,11 +270,20 @@ class Reader : public CompoundFields<Reader> {
     if (!condition) refuse(DropReason::kMalformed, error);
   }
 
-  /// Fields that an older sender of this version does not know: without them the value is false, or
-  /// `otherwise`.
+  /// Fields that an older sender of this version does not know: without them the value is false,
+  /// the first of an enumeration, or `otherwise`.
   void appended_flag(bool& value) noexcept {
     value = false;
     if (position_ < bytes_.size()) flag(value);
+  }
+  void appended_f64(double& value) noexcept {
+    value = 0;
+    if (position_ < bytes_.size()) f64(value);
+  }
+  template <class Enum>
+  void appended_enumeration(Enum& value) noexcept {
+    value = Enum{};
+    if (position_ < bytes_.size()) this->enumeration(value);
   }
   void appended_u8(std::uint8_t& value, std::uint8_t otherwise) noexcept {
     value = otherwise;

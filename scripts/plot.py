@@ -35,7 +35,7 @@ FORCE_STYLES = {
 STATE_COLOURS = {
     "contact": "#fde2d4",
     "no session": "#e5e5e5",
-    "client silent": "#fff3b0",
+    "fading": "#fff3b0",
     "fault": "#f28482",
 }
 # Colour of the numbers that link phases and places.
@@ -279,7 +279,7 @@ def summary(log):
         f"{log['datagrams'][-1]:.0f} datagrams, {log['dropped'][-1]:.0f} dropped",
     ]
     second = [f"peak force {force.max():.2f} N"]
-    running = log["server_state"] == "running"
+    running = np.isin(log["server_state"], ["ramping", "active"])
     for a, b, name in (("device", "proxy", "device-proxy"), ("proxy", "tool", "proxy-tool")):
         if running.any():
             drift = distance(log, a, b)[running]

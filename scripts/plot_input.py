@@ -172,7 +172,7 @@ def touching(log):
 
 def state_labels(log):
     """What the server was doing, tick by tick."""
-    named = {"idle": "no session", "silent": "client silent", "fault": "fault"}
+    named = {"off": "no session", "fading": "fading", "fault": "fault"}
     running = np.where(touching(log), "contact", "free motion")
     return np.array([named.get(s, r) for s, r in zip(log["server_state"], running)])
 

@@ -55,11 +55,16 @@ class Controller {
   Wrench to_device(const DeviceState& device, const HandMotion& proxy,
                    const HandMotion& engine_tool, const ContactWrench& felt) const noexcept;
 
- private:
   /// Whether the hand's wrench acts on the proxy.
   bool passes_hand_wrench(const DeviceState& device) const noexcept {
     return kind_ == ControllerKind::kFourChannel && device.F_hand.has_value();
   }
+  /// Whether the tool's weight is a part of the device's wrench; if not, the coupling hands it on.
+  bool bears_weight(const DeviceState& device) const noexcept {
+    return passes_hand_wrench(device) || traits(kind_).replaces_proxy;
+  }
+
+ private:
   Wrench coordination(const DeviceState& device, const HandMotion& partner) const noexcept;
 
   ControllerKind kind_;

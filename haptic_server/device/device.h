@@ -43,6 +43,8 @@ struct DeviceRatings {
   double max_torque = std::numeric_limits<double>::infinity();  ///< N·m; 0: it takes no torque.
   double max_force_rate = std::numeric_limits<double>::infinity();         ///< N/s.
   double max_torque_rate = std::numeric_limits<double>::infinity();        ///< N·m/s.
+  double max_power = std::numeric_limits<double>::infinity();              ///< Of the force, W.
+  double max_turning_power = std::numeric_limits<double>::infinity();      ///< Of the torque, W.
   double max_stiffness = std::numeric_limits<double>::infinity();          ///< Renderable, N/m.
   double max_angular_stiffness = std::numeric_limits<double>::infinity();  ///< N·m/rad.
   double mass = 0;                   ///< Apparent mass at the handle, kg; 0 if unknown.

@@ -132,7 +132,8 @@ Wrench SimulatedDevice::motor_wrench(const Wrench& commanded) noexcept {
   const std::size_t behind = static_cast<std::size_t>(options_.delay);
   const Wrench& due = commands_[(newest_ + commands_.size() - behind) % commands_.size()];
   const Wrench given = saturated(due, options_.max_force, options_.max_torque);
-  saturated_ = given != due;
+  constexpr double kRounding = 1e-12;
+  saturated_ = !given.isApprox(due, kRounding);
   return amplifier_.give(given);
 }
 

@@ -3,35 +3,53 @@
 #include <spdlog/spdlog.h>
 
 namespace hlm::server {
+
 void EventLog::observe(const TickRecord& record) {
-  const bool changes = record.server != state_;
-  if (open_ && !record.session_open) spdlog::info("the client said goodbye");
-  if (record.session_open && record.session != session_) {
-    spdlog::info("session {:016x} begins", record.session);
-    if (record.missing_freedoms != 0)
-      spdlog::warn("{}", describe_mismatch(record.missing_freedoms));
-  } else if (changes && record.server == ServerState::kRunning) {
-    spdlog::info("the client is back");
-  } else if (changes && record.server == ServerState::kSilent && record.session_open) {
-    spdlog::warn("the client is silent: force fades to zero");
-  } else if (changes && record.server == ServerState::kIdle) {
-    spdlog::info("session {:016x} is over", record.session);
-  }
-  if (changes && record.server == ServerState::kFault) {
-    spdlog::error(
-        "fault: {}; force is off until a person asks for a new session: restart ve_client, or "
-        "press Reset on its page",
-        meaning_of(record.fault));
-  }
-  if (record.health != health_ && record.server == ServerState::kRunning) {
-    const bool good = record.health == DeviceHealth::kGood;
-    spdlog::log(good ? spdlog::level::info : spdlog::level::warn, "the device: {}",
-                meaning_of(record.health));
-    health_ = record.health;
-  }
+  observe_session(record);
+  if (record.server != state_) observe_state(record);
+  if (renders_force(record.server)) observe_health(record);
   state_ = record.server;
   session_ = record.session;
   open_ = record.session_open;
+}
+
+void EventLog::observe_session(const TickRecord& record) const {
+  if (open_ && !record.session_open) spdlog::info("the client said goodbye");
+  if (!record.session_open || record.session == session_) return;
+  spdlog::info("session {:016x} begins", record.session);
+  if (record.missing_freedoms != 0) spdlog::warn("{}", describe_mismatch(record.missing_freedoms));
+}
+
+void EventLog::observe_health(const TickRecord& record) {
+  if (record.health == health_ || record.time < next_health_) return;
+  const bool good = record.health == DeviceHealth::kGood;
+  spdlog::log(good ? spdlog::level::info : spdlog::level::warn, "the device: {}",
+              meaning_of(record.health));
+  health_ = record.health;
+  next_health_ = record.time + kHealthPeriod;
+}
+
+void EventLog::observe_state(const TickRecord& record) const {
+  switch (record.server) {
+    case ServerState::kOff:
+      return spdlog::info("session {:016x} is over", record.session);
+    case ServerState::kArming:
+      return;
+    case ServerState::kRamping:
+      return spdlog::info(state_ == ServerState::kFading ? "the client is back: force rises"
+                                                         : "the first contacts: force rises");
+    case ServerState::kActive:
+      return spdlog::info("force is on");
+    case ServerState::kFading:
+      if (record.fade == Fade::kClientLeft) return;
+      return spdlog::warn("force fades to zero: {}; {}", meaning_of(record.fade),
+                          remedy_of(record.fade));
+    case ServerState::kFault:
+      return spdlog::error(
+          "fault: {}; {}. Force is off until a person asks for a new session: restart ve_client, "
+          "or press Reset on its page",
+          meaning_of(record.fault), remedy_of(record.fault));
+  }
 }
 
 }  // namespace hlm::server

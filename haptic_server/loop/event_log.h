@@ -1,4 +1,4 @@
-// What changes between ticks, for the log: sessions, silence and faults.
+// What changes between ticks, for the log: sessions, the states of the force, faults.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,17 @@ class EventLog {
   void observe(const TickRecord& record);
 
  private:
-  ServerState state_ = ServerState::kIdle;
+  void observe_session(const TickRecord& record) const;
+  void observe_state(const TickRecord& record) const;
+  void observe_health(const TickRecord& record);
+
+  /// Between two lines on the device's health, s: it can change with every tick, and a reader that
+  /// is slow to take the lines would stop the log.
+  static constexpr double kHealthPeriod = 1;
+
+  ServerState state_ = ServerState::kOff;
   DeviceHealth health_ = DeviceHealth::kGood;
+  double next_health_ = 0;  ///< When a line on it may come, s.
   std::uint64_t session_ = 0;
   bool open_ = false;
 };

@@ -55,11 +55,15 @@ void replace_implausible(protocol::ProxyState& state) noexcept {
   if (!state.X_WD.R.coeffs().allFinite()) state.X_WD.R.setIdentity();
   if (!std::isfinite(state.smallest_separation)) state.smallest_separation = 0;
   if (!std::isfinite(state.gripper)) state.gripper = 0;
+  for (double* energy :
+       {&state.given, &state.taken, &state.explained, &state.tank, &state.brought}) {
+    if (!std::isfinite(*energy)) *energy = 0;
+  }
 }
 
 }  // namespace
 
-void describe(const Timing& timing, const ServerStateMachine& machine,
+void describe(const Timing& timing, const SafetyStateMachine& machine,
               const protocol::ServerSession& session, std::uint64_t step,
               TickRecord& record) noexcept {
   record.session = session.id();
@@ -69,6 +73,7 @@ void describe(const Timing& timing, const ServerStateMachine& machine,
   record.overruns = timing.overruns;
   record.server = machine.state();
   record.fault = machine.fault();
+  record.fade = machine.fade();
   record.datagrams = session.statistics().datagrams;
   record.dropped = session.statistics().total_dropped();
   record.dropped_for = session.statistics().dropped;
@@ -108,6 +113,12 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.age = record.age;
   state.server = record.server;
   state.fault = record.fault;
+  state.fade = record.fade;
+  state.given = record.port.given;
+  state.taken = record.port.taken;
+  state.explained = record.port.explained;
+  state.tank = record.port.tank;
+  state.brought = record.brought;
   state.contact_state = record.contact_state;
   state.active_contacts = static_cast<std::uint16_t>(record.active_contacts);
   state.predicted_contacts = static_cast<std::uint16_t>(record.predicted_contacts);

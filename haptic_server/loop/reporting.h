@@ -6,15 +6,15 @@
 #include "haptic_server/device/device.h"
 #include "haptic_server/local_model/local_model.h"
 #include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/loop/server_state.h"
 #include "haptic_server/loop/servo_options.h"
 #include "haptic_server/loop/tick_record.h"
+#include "haptic_server/safety/state_machine.h"
 #include "protocol/server_session.h"
 
 namespace hlm::server {
 
 /// Fills in the record's timing, states and counts of datagrams. step: of the session.
-void describe(const Timing& timing, const ServerStateMachine& machine,
+void describe(const Timing& timing, const SafetyStateMachine& machine,
               const protocol::ServerSession& session, std::uint64_t step,
               TickRecord& record) noexcept;
 

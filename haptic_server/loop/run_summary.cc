@@ -24,7 +24,7 @@ void RunSummary::observe(const TickRecord& record) noexcept {
   last_ = record;
   if (record.adopted != 0) ++updates_;
   peak_force_ = std::max(peak_force_, record.F_command.head<3>().norm());
-  if (record.server != ServerState::kRunning) return;
+  if (!renders_force(record.server)) return;
   device_proxy_.observe(record.X_WD, record.X_WP);
   proxy_tool_.observe(record.X_WP, record.X_WT);
 }

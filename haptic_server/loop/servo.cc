@@ -55,7 +55,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   record_.missing_freedoms = missing_freedoms_;
   record_.uses_contacts = traits(controller_.kind()).uses_contacts;
   if (inbox.update != nullptr) acknowledge(timing.begin);
-  if (machine_.state() == ServerState::kRunning) {
+  if (renders_force(machine_.state())) {
     telemetry_.tick(timing.begin, record_, timing.previous_execution, limiter_.limited_by(),
                     session_);
   }
@@ -67,7 +67,7 @@ void Servo::shut_down(double now) noexcept {
   device_.write(Wrench::Zero());
   device_.disable();
   session_.close(now, protocol::GoodbyeReason::kShutdown);
-  machine_ = ServerStateMachine(dt_);
+  machine_ = SafetyStateMachine(dt_);
   local_model_.reset();
 }
 
@@ -78,8 +78,10 @@ double Servo::silence_time(double period) const noexcept {
 void Servo::reject_in_fault(double now) noexcept {
   std::array<char, protocol::kMaxText> text{};
   const std::string_view what = meaning_of(machine_.fault());
-  std::snprintf(text.data(), text.size(), "fault: %.*s; a person must ask for a new session",
-                static_cast<int>(what.size()), what.data());
+  const std::string_view remedy = remedy_of(machine_.fault());
+  std::snprintf(text.data(), text.size(), "fault: %.*s; %.*s, then ask for a new session",
+                static_cast<int>(what.size()), what.data(), static_cast<int>(remedy.size()),
+                remedy.data());
   session_.reject(now, protocol::RejectReason::kFault, text.data());
 }
 
@@ -95,12 +97,13 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   missing_freedoms_ = missing_freedoms(local_model_->proxy(), device_.ratings().freedoms);
   engine_.begin(local_model_->proxy().X_WH());
   device_.enable();
-  limiter_.cut();
+  limiter_.restart();
   period_ = 1 / hello.ve_rate;
   machine_.begin(silence_time(period_));
   step_ = 0;
   updates_ = 0;
   contained_impulses_ = 0;
+  supply_ = in_proxy_ = brought_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
   telemetry_.begin();
   session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_));
@@ -123,16 +126,18 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
                             const Timing& timing) noexcept {
   const ServerState before = machine_.state();
   if (inbox.heard) machine_.hear();
+  if (inbox.refused) machine_.refuse();
   if (inbox.update != nullptr) {
-    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)));
+    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)),
+                    age_of(*inbox.update));
   }
   if (inbox.goodbye) machine_.end();
-  machine_.tick(limiter_.silent());
+  machine_.tick(limiter_.level(), 1 + timing.missed);
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
     fail(Fault::kOverrun);
   }
-  limiter_.allow(machine_.wants_force());
-  if (machine_.state() == ServerState::kIdle && before != ServerState::kIdle) {
+  limiter_.allow(renders_force(machine_.state()));
+  if (machine_.state() == ServerState::kOff && before != ServerState::kOff) {
     device_.disable();
     local_model_.reset();
   }
@@ -140,20 +145,27 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
 
 /// The age of the contacts is counted in steps, not read from clocks, so that a replay finds the
 /// same: what the environment says it took, and half the round trip of its echo.
-void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
+double Servo::age_of(const protocol::ContactUpdate& update) const noexcept {
   double travel = 0;
   if (update.echo_step > 0 && update.echo_step <= step_) {
     const double round_trip = static_cast<double>(step_ - update.echo_step) * dt_;
     travel = std::max(0.0, round_trip - update.echo_hold) / 2;
   }
-  record_.age = std::min(update.compute_time + travel, kLargestAge);
+  return std::min(update.compute_time + travel, kLargestAge);
+}
+
+void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
+  record_.age = age_of(update);
   const bool uses_contacts = traits(controller_.kind()).uses_contacts;
+  const double stiffness = local_model_->parameters().stiffness;
+  const double stored = stored_energy(*local_model_, stiffness);
   local_model_->adopt({.contacts = uses_contacts ? update.contacts : kNoContacts,
                        .q_VE = update.q_VE,
                        .age = record_.age,
                        .bodies = uses_contacts ? update.bodies : kNoBodies,
                        .impulse_step = update.impulse_step,
                        .period = update.ve_period});
+  brought_ += std::max(0.0, stored_energy(*local_model_, stiffness) - stored);
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();
   engine_.update(update.echo_step, {tool.X_WH(), tool.hand_jacobian().lazyProduct(update.v_VE)});
@@ -164,6 +176,7 @@ void Servo::simulate() noexcept {
   const std::optional<DeviceState> device = device_.read();
   if (!device) return fail(Fault::kDevice);
   if (!is_finite(*device)) return fail(Fault::kNonFinite);
+  if (step_ == 0) X_WStart_ = device->X_WD;
   record_.X_WD = device->X_WD;
   record_.V_WD = device->V_WD;
   record_.hand_measured = device->F_hand.has_value();
@@ -173,6 +186,8 @@ void Servo::simulate() noexcept {
   record_.scale = device_.ratings().scale;
   record_.health = device->health;
 
+  if (!observe(*device)) return;
+
   ++step_;
   const ContactWrench felt = move_proxy(*device);
   if (!local_model_->velocity().allFinite()) return fail(Fault::kNonFinite);
@@ -180,15 +195,47 @@ void Servo::simulate() noexcept {
   render(*device, felt);
 }
 
+/// Keeps the port's ledger. Whether the handle and what it was given are within their limits.
+bool Servo::observe(const DeviceState& device) noexcept {
+  Fault fault =
+      options_.handle.exceeded(X_WStart_, device.X_WD, device.V_WD, device_.ratings().scale);
+  limiter_.observe(device.X_WD, supply_);
+  record_.port = limiter_.ledger();
+  record_.brought = brought_;
+  if (fault == Fault::kNone && limiter_.overdrawn()) fault = Fault::kEnergy;
+  if (fault != Fault::kNone) fail(fault);
+  return fault == Fault::kNone;
+}
+
 ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
   if (traits(controller_.kind()).replaces_proxy) {
     // begin_session() and apply() have made sure of one link.
     const std::optional<ToolAtHand> tool = tool_at_hand(proxy, device.X_WD, device.V_WD);
-    return local_model_->follow(tool->q, tool->v);
+    const ContactWrench felt = local_model_->follow(tool->q, tool->v);
+    supply_ = limiter_.explained(environment_power(*local_model_));
+    return felt;
   }
-  return local_model_->step(
-      controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
+  return step_proxy(device);
+}
+
+/// The proxy's step. What hand and weight put into the proxy and it did not keep went on into
+/// contacts and coupling; moving constraints push the proxy and, but for a coupler, the device.
+ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
+  const ToolModel& proxy = local_model_->proxy();
+  const Pose X_WP = proxy.X_WH();
+  const ContactWrench felt =
+      local_model_->step(controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
+  const Wrench F_hand = controller_.passes_hand_wrench(device) ? *device.F_hand : Wrench::Zero();
+  const double hand = F_hand.dot(displacement(X_WP, proxy.X_WH()));
+  const double weight = -proxy.gravity().dot(local_model_->velocity()) * dt_;
+  const double moved = limiter_.explained(environment_power(*local_model_));
+  const bool twice = controller_.kind() != ControllerKind::kVirtualCoupler;
+  in_proxy_ += hand + weight + (twice ? 2 : 1) * moved;
+  const double kept = std::clamp(in_proxy_, 0.0, kinetic_energy(*local_model_));
+  supply_ = in_proxy_ - kept;
+  in_proxy_ = kept;
+  return felt;
 }
 
 void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcept {
@@ -196,9 +243,11 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
   const bool as_seen = controller_.kind() == ControllerKind::kEngineForce;
   const Wrench u =
       controller_.to_device(as_seen ? engine_.device() : device, proxy, engine_.tool(), felt);
+  const bool bears_weight = controller_.bears_weight(device);
+  const Wrench weight = bears_weight ? felt.weight : Wrench(Wrench::Zero());
   Wrench impulse = Wrench::Zero();
   if (controller_.kind() != ControllerKind::kVirtualCoupler) impulse = felt.impulse;
-  record_.F_command = limiter_.limit(u, impulse);
+  record_.F_command = limiter_.limit(u, impulse, device.V_WD, weight);
   record_.F_env = felt.F + limiter_.impulse_wrench();
   record_.limit = limiter_.limited_by();
   if (limiter_.met_non_finite()) return fail(Fault::kNonFinite);

@@ -10,14 +10,15 @@
 
 #include "haptic_server/control/controller.h"
 #include "haptic_server/control/engine_view.h"
-#include "haptic_server/control/limiter.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/local_model/local_model.h"
 #include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/loop/server_state.h"
 #include "haptic_server/loop/servo_options.h"
 #include "haptic_server/loop/telemetry.h"
 #include "haptic_server/loop/tick_record.h"
+#include "haptic_server/safety/limiter.h"
+#include "haptic_server/safety/model_energy.h"
+#include "haptic_server/safety/state_machine.h"
 #include "protocol/server_session.h"
 
 namespace hlm::server {
@@ -32,6 +33,9 @@ class Servo {
   /// One tick. Returns its signals except `execution`, which the caller measures.
   const TickRecord& tick(const Timing& timing) noexcept;
 
+  /// An operator stops the force: a fault, whatever the state. Between ticks, from their thread.
+  void stop() noexcept { fail(Fault::kOperatorStop); }
+
   /// Zero force, device off, goodbye to the client.
   void shut_down(double now) noexcept;
 
@@ -42,9 +46,12 @@ class Servo {
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
   void apply(const protocol::Control& control) noexcept;
+  double age_of(const protocol::ContactUpdate& update) const noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
   void simulate() noexcept;
+  bool observe(const DeviceState& device) noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
+  ContactWrench step_proxy(const DeviceState& device) noexcept;
   void render(const DeviceState& device, const ContactWrench& felt) noexcept;
   bool is_plausible(const DeviceState& device) const noexcept;
   double silence_time(double period) const noexcept;
@@ -59,7 +66,7 @@ class Servo {
   Device& device_;
   Controller controller_;
   Limiter limiter_;
-  ServerStateMachine machine_;
+  SafetyStateMachine machine_;
 
   std::optional<LocalModel> local_model_;
   EngineView engine_;
@@ -69,6 +76,10 @@ class Servo {
   std::uint64_t updates_ = 0;      ///< Adopted in the session.
   Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
   double contained_impulses_ = 0;  ///< Step of those in the state of the newest update.
+  Pose X_WStart_;                  ///< Of the handle, as the session began.
+  double in_proxy_ = 0;            ///< Of what hand and weight did on the proxy it keeps this, J.
+  double supply_ = 0;              ///< What the latest step explains of the port's work, J.
+  double brought_ = 0;             ///< By updates into contacts' springs in the session, J.
   TickRecord record_;
 };
 

@@ -8,6 +8,7 @@ std::optional<std::string> find_error(const ServoOptions& options) {
   if (auto error = find_error(options.local_model)) return error;
   if (auto error = find_error(options.gains)) return error;
   if (auto error = find_error(options.limits, kLimiterNumbers)) return error;
+  if (auto error = find_error(options.handle, kHandleNumbers)) return error;
   if (options.silence_time) {
     if (auto error = find_error("silence time", *options.silence_time, kSilenceTimes)) return error;
   }

@@ -8,8 +8,9 @@
 #include "common/range.h"
 #include "common/tuning.h"
 #include "haptic_server/control/controller.h"
-#include "haptic_server/control/limiter.h"
 #include "haptic_server/local_model/parameters.h"
+#include "haptic_server/safety/handle_limits.h"
+#include "haptic_server/safety/limiter.h"
 
 namespace hlm::server {
 
@@ -19,6 +20,7 @@ struct ServoOptions {
   ControllerKind controller = ControllerKind::kFourChannel;
   ControllerGains gains;
   LimiterOptions limits;
+  HandleLimits handle;
   /// Silence of the client after which force fades to zero, s; unset: default_silence_time().
   /// Shorter than a hiccup of the simulator and force comes and goes; longer and it outlives a dead
   /// client.

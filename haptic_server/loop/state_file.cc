@@ -81,7 +81,7 @@ void StateFile::count(const TickRecord& record) {
 protocol::ForceFacts StateFile::force_facts(const TickRecord& record) const {
   protocol::ForceFacts facts;
   facts.session =
-      record.session_open || record.server == ServerState::kSilent || record.fault != Fault::kNone;
+      record.session_open || record.server == ServerState::kFading || record.fault != Fault::kNone;
   facts.server = record.server;
   facts.fault = record.fault;
   facts.silence = record.time - heard_;

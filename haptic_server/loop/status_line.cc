@@ -15,8 +15,10 @@ constexpr const char* kBeginLine = "\r\x1b[?7l";
 constexpr const char* kEndLine = "\x1b[K\x1b[?7h";
 
 std::string state(const TickRecord& record) {
-  if (record.fault == Fault::kNone) return std::string(name_of(record.server));
-  return fmt::format("{} ({})", name_of(record.server), name_of(record.fault));
+  std::string text(name_of(record.server));
+  if (record.fault != Fault::kNone) text += fmt::format(" ({})", name_of(record.fault));
+  if (record.fade != Fade::kNone) text += fmt::format(" ({})", name_of(record.fade));
+  return text;
 }
 
 }  // namespace

@@ -10,7 +10,7 @@
 
 namespace hlm::server {
 
-/// One line without its end, for example "12.0 s running | 1000.0 Hz, 0 missed | 420 datagrams,
+/// One line without its end, for example "12.0 s active | 1000.0 Hz, 0 missed | 420 datagrams,
 /// 1 dropped (1 stale) | contacts 2 active, 3 predicted | 0.50 N | device-proxy 0.33 mm, proxy-tool
 /// 0.01 mm". rate: of the ticks since the line before, Hz.
 std::string format_status(const TickRecord& record, double rate);

@@ -8,6 +8,7 @@
 #include "common/tool_model.h"
 #include "common/vocabulary.h"
 #include "haptic_server/device/device.h"
+#include "haptic_server/safety/energy_tank.h"
 #include "protocol/statistics.h"
 
 namespace hlm::server {
@@ -16,8 +17,9 @@ struct TickRecord {
   std::uint64_t session = 0;
   std::uint64_t step = 0;  ///< Steps since the session began; 0 without a session.
   double time = 0;         ///< Since the server started, s.
-  ServerState server = ServerState::kIdle;
+  ServerState server = ServerState::kOff;
   Fault fault = Fault::kNone;
+  Fade fade = Fade::kNone;
   ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   Pose X_WD;  ///< Device handle.
   Twist V_WD = Twist::Zero();
@@ -29,6 +31,8 @@ struct TickRecord {
   Wrench F_env = Wrench::Zero();         ///< Contact wrench at the hand, impulses included.
   Wrench F_command = Wrench::Zero();     ///< To the device, after limits.
   ForceLimit limit = ForceLimit::kNone;  ///< What keeps it from being the wanted wrench.
+  PortLedger port;                       ///< Up to this tick's reading of the device.
+  double brought = 0;  ///< Energy that updates have brought into contacts' springs so far, J.
   int active_contacts = 0;
   int predicted_contacts = 0;
   double smallest_separation = 0;  ///< m; 0 without contacts.

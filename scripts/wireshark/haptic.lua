@@ -271,7 +271,8 @@ local contact = group("contact", "Contact", append(append({
 }))
 
 local function force_limit()
-  return code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade"})
+  return code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade",
+                                                  "power", "energy"})
 end
 
 local tick = group("tick", "Tick", {
@@ -400,8 +401,10 @@ local messages = {
     field(F64, "age", "Age attributed to the update's contacts", "s", NOT_NEGATIVE),
     field(F64, "update_send_time", "Send time of that update, client's clock", "s"),
     field(F64, "hold", "From the arrival of that update to sending this", "s", NOT_NEGATIVE),
-    code("server", "Server", {[0] = "idle", "running", "silent", "fault"}),
-    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible"}),
+    code("server", "Server", {[0] = "off", "active", "fading", "fault", "arming",
+                              "ramping"}),
+    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible",
+                            "operator_stop", "handle_speed", "workspace", "energy"}),
     code("contact_state", "Proxy", {[0] = "free_motion", "colliding", "resting"}),
     force_limit(),
     field(U16, "active_contacts", "Local contacts with separation <= 0"),
@@ -424,6 +427,13 @@ local messages = {
     size("v", MOST_VELOCITIES),
     coordinates("q", "Configuration q of the proxy", "m, rad"),
     coordinates("v", "Generalised velocity of the proxy", "m/s, rad/s"),
+    optional(code("fade", "Fade", {[0] = "none", "client_silent", "contacts_old",
+                                   "updates_invalid", "client_left"})),
+    optional(field(F64, "given", "Energy given to the hand", "J")),
+    optional(field(F64, "taken", "Energy taken from the hand", "J")),
+    optional(field(F64, "explained", "Of what was given less what was taken: explained", "J")),
+    optional(field(F64, "tank", "Energy that may still be given", "J")),
+    optional(field(F64, "brought", "Energy that updates brought into contacts' springs", "J")),
   }),
 
   [GOODBYE] = message("goodbye", "Goodbye", {

@@ -5,8 +5,8 @@
 #include <benchmark/benchmark.h>
 
 #include "haptic_server/control/controller.h"
-#include "haptic_server/control/limiter.h"
 #include "haptic_server/local_model/local_model.h"
+#include "haptic_server/safety/limiter.h"
 
 namespace hlm::server {
 namespace {

@@ -114,7 +114,10 @@ server::LimiterOptions no_further_limits() {
           .max_torque = kFar,
           .max_force_rate = kFar,
           .max_torque_rate = kFar,
-          .rise_time = 0.02};
+          .rise_time = 0.02,
+          .max_power = kFar,
+          .max_turning_power = kFar,
+          .max_energy = kFar};
 }
 
 test::VirtualSessionOptions session_options(const Trial& trial, const server::HandScript& hand) {
@@ -138,6 +141,7 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   servo.rate = conditions.servo_rate;
   servo.controller = method.controller;
   servo.limits = no_further_limits();
+  servo.handle = {.max_speed = 1e9, .max_rate = 1e9, .workspace = 1e9};
   servo.silence_time = 2;  // Losses must not end a trial.
   servo.local_model.update_rule = method.update_rule;
   servo.local_model.healing_speed = 0;  // Not the paper's.
@@ -191,7 +195,7 @@ Trace run(const Trial& trial) {
     trace.ticks.push_back(record);
     trace.ticks.back().time -= acts_from;
     const bool goes_on =
-        record.server == ServerState::kRunning && record.session == trace.ticks.front().session;
+        renders_force(record.server) && record.session == trace.ticks.front().session;
     trace.broken = trace.broken || !goes_on;
     if (goes_on) {
       observer.see(*running->servo().local_model(), trace.ticks.back(), trace);

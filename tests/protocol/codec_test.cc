@@ -96,7 +96,7 @@ ProxyState documented_state() {
   state.age = 0.0125;
   state.update_send_time = 3.000000001;
   state.hold = 0.001;
-  state.server = ServerState::kRunning;
+  state.server = ServerState::kActive;
   state.contact_state = ProxyContactState::kResting;
   state.active_contacts = 2;
   state.predicted_contacts = 3;
@@ -114,6 +114,10 @@ ProxyState documented_state() {
   state.hand_measured = true;
   state.buttons = 2;
   state.gripper = 0.5;
+  state.given = 0.5;
+  state.taken = 0.75;
+  state.explained = 0.125;
+  state.tank = 0.5;
   return state;
 }
 
@@ -412,6 +416,23 @@ TEST_CASE("What an older server of this version does not send has its default") 
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
   CHECK(decoded.device.freedoms == kAllFreedoms);
   CHECK(decoded.device.guidable);
+
+  ProxyState state = documented_state();
+  state.fade = Fade::kClientSilent;
+  state.given = 1;
+  bytes = encode(envelope_for<ProxyState>(), state);
+  constexpr int kAppended = 1 + 5 * 8;  // fade, and what passed the port
+  bytes.resize(bytes.size() - kAppended);
+  const int block =
+      std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - kAppended;
+  bytes[38] = static_cast<std::byte>(block % 256);
+  bytes[39] = static_cast<std::byte>(block / 256);
+  set_length(bytes);
+  ProxyState older;
+  REQUIRE(decode(view(bytes), older) == std::nullopt);
+  CHECK(older.fade == Fade::kNone);
+  CHECK(older.given == 0);
+  CHECK(older.v == state.v);
 }
 
 TEST_CASE("A value that this version has no name for is kept, not refused") {

@@ -232,6 +232,12 @@ inline Expected expected_block(const protocol::ProxyState& state) {
   fields.integer("size_v", state.v.size());
   fields.coordinates("q", state.q);
   fields.coordinates("v", state.v);
+  fields.code("fade", state.fade);
+  fields.number("given", state.given);
+  fields.number("taken", state.taken);
+  fields.number("explained", state.explained);
+  fields.number("tank", state.tank);
+  fields.number("brought", state.brought);
   return fields;
 }
 

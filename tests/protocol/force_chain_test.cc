@@ -12,7 +12,7 @@ using Catch::Matchers::ContainsSubstring;
 ForceFacts pressed() {
   ForceFacts facts;
   facts.session = true;
-  facts.server = ServerState::kRunning;
+  facts.server = ServerState::kActive;
   facts.silence = 0.01;
   facts.update_rate = 60;
   facts.least_update_rate = 4;
@@ -56,7 +56,7 @@ TEST_CASE("Each break of the chain is named at its link") {
     stops_at(f, "session", "fault overrun: the loop stood still");
   }
   SECTION("dead client") {
-    f.server = ServerState::kSilent;
+    f.server = ServerState::kFading;
     f.silence = 3.2;
     stops_at(f, "updates", "for 3.20 s: it is dead");
   }
@@ -65,7 +65,7 @@ TEST_CASE("Each break of the chain is named at its link") {
     stops_at(f, "updates", "only 2.00 updates a second");
   }
   SECTION("silent client, seen from the client") {
-    f.server = ServerState::kSilent;
+    f.server = ServerState::kFading;
     f.silence.reset();
     f.update_rate.reset();
     stops_at(f, "updates", "lets the force fade");

@@ -117,8 +117,8 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.age = random.uniform(0, 0.1);
   state.update_send_time = random.uniform(-1e5, 1e5);
   state.hold = random.uniform(0, 0.1);
-  state.server = static_cast<ServerState>(random.integer(0, 3));
-  state.fault = static_cast<Fault>(random.integer(0, 3));
+  state.server = static_cast<ServerState>(random.integer(0, 5));
+  state.fault = static_cast<Fault>(random.integer(0, 8));
   state.contact_state = static_cast<ProxyContactState>(random.integer(0, 2));
   state.active_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
   state.predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64));
@@ -134,11 +134,17 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.updates = random.engine()();
   state.dropped = random.engine()();
   state.control = random.engine()();
-  state.limit = static_cast<ForceLimit>(random.integer(0, 4));
+  state.limit = static_cast<ForceLimit>(random.integer(0, 6));
   state.hand_measured = random.integer(0, 1) == 1;
   state.buttons = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
   state.gripper = random.uniform(0, 1);
   state.scale = random.uniform(0.1, 10);
+  state.given = random.uniform(0, 10);
+  state.taken = random.uniform(0, 10);
+  state.explained = random.uniform(-1, 1);
+  state.tank = random.uniform(-0.5, 0.5);
+  state.brought = random.uniform(0, 1);
+  state.fade = static_cast<Fade>(random.integer(0, 4));
   return state;
 }
 
@@ -229,7 +235,7 @@ inline protocol::Ticks random_ticks(Random& random) {
                            .active_contacts = static_cast<std::uint16_t>(random.integer(0, 64)),
                            .predicted_contacts = static_cast<std::uint16_t>(random.integer(0, 64)),
                            .adopted = random.integer(0, 1) == 1,
-                           .limit = static_cast<ForceLimit>(random.integer(0, 4))});
+                           .limit = static_cast<ForceLimit>(random.integer(0, 6))});
   }
   return ticks;
 }

@@ -57,10 +57,10 @@ TEST_CASE("A service manager hears when the server is ready, that its loop goes 
       Arguments{"env", "NOTIFY_SOCKET=" + directory.file("notify"), "WATCHDOG_USEC=500000"} +
       server_command(port));
   REQUIRE(manager.await("READY=1", 10));
-  CHECK_THAT(manager.heard(), ContainsSubstring("STATUS=idle"));
+  CHECK_THAT(manager.heard(), ContainsSubstring("STATUS=off"));
   CHECK(manager.await("WATCHDOG=1", 1));
   Process client(client_command(port) + Arguments{"--duration", "30"});
-  CHECK(manager.await("STATUS=running", 10));
+  CHECK(manager.await("STATUS=active", 10));
 
   SECTION("its end") {
     server.send_signal(SIGTERM);

@@ -252,8 +252,8 @@ class Soak:
                 self.counts["faults ended by a person"] += 1
                 self.end_client()
                 asked = time.monotonic()
-            if state != "running" or session != since:
-                since, begun = session if state == "running" else None, time.monotonic()
+            if state != "active" or session != since:
+                since, begun = session if state == "active" else None, time.monotonic()
             elif time.monotonic() - begun >= SETTLE:
                 return
             time.sleep(0.1)
@@ -289,7 +289,7 @@ class Soak:
                 force = math.hypot(*(float(row[f"command_force_{axis}_N"]) for axis in "xyz"))
                 if not force <= LIMIT + 1e-9:
                     raise Failure(f"{force} N at step {row['step']} of session {row['session']}")
-                if force > 0 and row["server_state"] in ("idle", "fault"):
+                if force > 0 and row["server_state"] in ("off", "arming", "fault"):
                     raise Failure(f"{force} N in state {row['server_state']}")
                 self.counts["ticks"] += 1
                 self.counts["ticks at the limit"] += force > LIMIT - 1e-6

@@ -65,7 +65,7 @@ class ScriptedServer {
  private:
   protocol::ProxyState state(double now) const {
     protocol::ProxyState state;
-    state.server = ServerState::kRunning;
+    state.server = ServerState::kActive;
     state.step = static_cast<std::uint64_t>(1 + 1000 * (now - began_));
     const ToolModel model(hellos.back().tool);
     state.q = forced_q.value_or(model.integrate(hellos.back().q, velocity_, now - began_));

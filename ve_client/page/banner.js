@@ -2,14 +2,6 @@
 
 const STALE_MS = 2000;
 
-const FAULTS = {
-  non_finite: 'the local model gave a value that is not finite: lower the stiffness or choose LM, then Reset',
-  overrun: 'ticks took longer than their period for too long: give the server free cores or a lower '
-    + 'rate, then Reset',
-  implausible: 'contacts carried the proxy away: check how fast bodies move, then Reset',
-  device: 'the device reported an error: check its cable, power and enable switch, then Reset',
-};
-
 /**
  * `link`: open, frameAt (ms, of the last frame). Returns {kind, text, cut}, or null if all is well;
  * `cut` says in a few words why no force can reach the hand and the last frame is out of date, if so.
@@ -38,11 +30,13 @@ export function troubleOf(link, frame, now) {
              text: 'haptic_server does not answer: start it, or check --server.' };
   }
   if (frame.server === 'fault') {
-    return { kind: 'fault', text: `Fault ${frame.fault}: ${FAULTS[frame.fault] ?? 'see the log of haptic_server, then Reset'}.` };
+    return { kind: 'fault', text: `Fault ${frame.fault}: ${frame.cause}. ${sentence(frame.remedy)}, then press Reset.` };
   }
-  if (frame.server === 'silent') {
-    return { kind: 'silent', text: 'haptic_server receives nothing from ve_client and lets the force fade: '
-      + 'lower loss and delay, or raise the frame rate.' };
+  // In the state arming a client has had no time yet to send anything.
+  if (frame.server === 'fading' || frame.fade === 'contacts_old' || frame.fade === 'updates_invalid') {
+    return { kind: 'fading', text: `haptic_server gives no force: ${frame.cause}. ${sentence(frame.remedy)}.` };
   }
   return null;
 }
+
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);

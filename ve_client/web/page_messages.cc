@@ -127,6 +127,16 @@ json contacts_json(const protocol::LocalState* state) {
   return contacts;
 }
 
+/// Of a fault or a fade: what it is, and what a person can do.
+std::string_view cause_of(const protocol::ProxyState& state) {
+  if (state.fault != Fault::kNone) return meaning_of(state.fault);
+  return state.fade != Fade::kNone ? meaning_of(state.fade) : std::string_view();
+}
+std::string_view remedy_of(const protocol::ProxyState& state) {
+  if (state.fault != Fault::kNone) return hlm::remedy_of(state.fault);
+  return state.fade != Fade::kNone ? hlm::remedy_of(state.fade) : std::string_view();
+}
+
 void add_state(json& frame, const VirtualEnvironment& environment,
                const protocol::ProxyState& state) {
   ToolModel proxy(environment.assembly.description);
@@ -144,6 +154,9 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["F_hand"] = to_json(state.F_hand);
   frame["server"] = name_of(state.server);
   frame["fault"] = name_of(state.fault);
+  frame["fade"] = name_of(state.fade);
+  frame["cause"] = cause_of(state);
+  frame["remedy"] = remedy_of(state);
   frame["contact_state"] = name_of(state.contact_state);
   frame["smallest_separation"] = any ? json(state.smallest_separation) : json(nullptr);
   frame["active"] = state.active_contacts;

@@ -60,7 +60,7 @@ std::string log_text() {
     TickRecord record;
     record.session = 1;
     record.time = 1e-3 * i;
-    record.server = ServerState::kRunning;
+    record.server = ServerState::kActive;
     record.active_contacts = i > 50 ? 1 : 0;
     record.X_WD.p.y() = 1e-4 * i;
     append_tick_csv(record, text);

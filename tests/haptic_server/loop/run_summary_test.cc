@@ -21,7 +21,7 @@ TickRecord tick(double time, ServerState server) {
 TEST_CASE("Rate, times, counts, peak force and drift of a session are summed up") {
   RunSummary summary;
   for (int i = 0; i <= 1000; ++i) {
-    TickRecord r = tick(1e-3 * i, ServerState::kRunning);
+    TickRecord r = tick(1e-3 * i, ServerState::kActive);
     r.lateness = i == 500 ? 150e-6 : 30e-6;
     r.execution = i == 501 ? 90e-6 : 15e-6;
     r.adopted = i % 20 == 0 ? 1u : 0u;
@@ -46,7 +46,7 @@ TEST_CASE("Rate, times, counts, peak force and drift of a session are summed up"
 
 TEST_CASE("Drift counts only while a session runs") {
   RunSummary summary;
-  for (const auto server : {ServerState::kIdle, ServerState::kSilent, ServerState::kFault}) {
+  for (const auto server : {ServerState::kOff, ServerState::kFading, ServerState::kFault}) {
     TickRecord r = tick(0, server);
     r.X_WD.p.x() = 1;
     summary.observe(r);
@@ -56,8 +56,8 @@ TEST_CASE("Drift counts only while a session runs") {
 
 TEST_CASE("Ticks that were not recorded still count for the rate") {
   RunSummary summary;
-  summary.observe(tick(0, ServerState::kIdle));
-  summary.observe(tick(0.1, ServerState::kIdle));
+  summary.observe(tick(0, ServerState::kOff));
+  summary.observe(tick(0.1, ServerState::kOff));
   CHECK_THAT(summary.text(99), ContainsSubstring("1000.00 Hz; 0 missed, 99 not recorded"));
 }
 

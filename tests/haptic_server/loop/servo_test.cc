@@ -30,6 +30,7 @@ ServoOptions untied() {
 void begin_under_load(ServoBench& bench) {
   bench.device.state->F_hand = planar_wrench(3, 0, 0);
   bench.begin();
+  bench.tick_with(bench.update());
   REQUIRE(bench.ticks(240).F_command.norm() == Approx(3).epsilon(0.1));  // N
 }
 
@@ -52,7 +53,7 @@ TEST_CASE("Without a session a tick touches no device") {
   ServoBench bench;
   const TickRecord& record = bench.ticks(3);
   CHECK(bench.journal.empty());
-  CHECK(record.server == ServerState::kIdle);
+  CHECK(record.server == ServerState::kOff);
   CHECK(record.step == 0);
   CHECK_FALSE(bench.servo->local_model());
 }
@@ -84,7 +85,7 @@ TEST_CASE("A hello begins a session: device aligned to the tool's hand, enabled,
   const TickRecord& record = bench.tick();
   CHECK(bench.journal ==
         Journal{"receive hello", "align", "enable", "send welcome", "read", "write"});
-  CHECK(record.server == ServerState::kRunning);
+  CHECK(record.server == ServerState::kArming);
 
   const Vector3 hand(0.1 - 0.03 * std::sin(0.3), -0.05 + 0.03 * std::cos(0.3), 0);  // m
   CHECK((bench.device.aligned_to.p - hand).norm() < 1e-12);
@@ -133,27 +134,31 @@ TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello say
   const TickRecord& record = bench.tick();
   CHECK(record.step == 1);
   CHECK(record.session != first);
-  CHECK(record.F_command.norm() == 0);
   CHECK((record.X_WP.p - Vector3(0.01, 0, 0)).norm() < 1e-5);  // m
+  CHECK(record.F_command.norm() < 0.1);                        // N: the 3 N fall by 3 N a step
+  CHECK(bench.tick().F_command.norm() == 0);
 }
 
-TEST_CASE("Force fades in from a session's begin: 7.5 N begin with 0.075 N") {
+TEST_CASE("No force before the first update, then it rises: 7.5 N begin with 0.075 N") {
   ServoBench bench;
   bench.device.state->X_WD.p = {0.005, 0, 0};  // 5 mm at 1500 N/m
   CHECK(bench.begin().F_command.norm() == 0);
-  CHECK(bench.tick().F_command.norm() == Approx(0.075).epsilon(0.1));
+  CHECK(bench.tick().F_command.norm() == 0);
+  CHECK(bench.tick_with(bench.update()).F_command.norm() == Approx(0.075).epsilon(0.1));
+  CHECK(bench.tick().server == ServerState::kRamping);
+  CHECK(bench.ticks(100).server == ServerState::kActive);
 }
 
 TEST_CASE("A controller in the proxy's place takes a rigid tool, and refuses a linkage by name") {
   ServoOptions options;
   options.controller = ControllerKind::kDirect;
   ServoBench bench(options);
-  CHECK(bench.begin(test::planar_linkage()).server == ServerState::kIdle);
+  CHECK(bench.begin(test::planar_linkage()).server == ServerState::kOff);
   CHECK(bench.journal == Journal{"receive hello", "send reject"});
   const auto reject = bench.last_sent<protocol::Reject>();
   CHECK(std::string(reject.text.begin(), reject.text.end()) ==
         "this controller needs a tool of one link; use another one");
-  CHECK(bench.begin(test::planar_tool()).server == ServerState::kRunning);
+  CHECK(bench.begin(test::planar_tool()).server == ServerState::kArming);
 }
 
 TEST_CASE("Goodbye: force fades, the proxy goes on meanwhile, then the device is off") {
@@ -173,20 +178,20 @@ TEST_CASE("Goodbye: force fades, the proxy goes on meanwhile, then the device is
   CHECK(fading == Approx(20).margin(2));  // ms
   CHECK(previous == 0);
   CHECK(bench.journal == Journal{"disable"});
-  CHECK(bench.tick().server == ServerState::kIdle);
+  CHECK(bench.tick().server == ServerState::kOff);
   CHECK(bench.journal.empty());
 }
 
 TEST_CASE("A silent client: the session stays, and an update brings force back") {
   ServoBench bench;
   begin_under_load(bench);
-  CHECK(bench.ticks(8).server == ServerState::kRunning);
-  CHECK(bench.ticks(4).server == ServerState::kSilent);  // after 0.25 s
+  CHECK(bench.ticks(8).server == ServerState::kActive);
+  CHECK(bench.ticks(4).server == ServerState::kFading);  // after 0.25 s
   CHECK(bench.ticks(105).F_command.norm() == 0);
   CHECK(bench.device.enabled);
   bench.tick_with(bench.update());
   const TickRecord& record = bench.ticks(120);
-  CHECK(record.server == ServerState::kRunning);
+  CHECK(record.server == ServerState::kActive);
   CHECK(record.F_command.norm() == Approx(3).epsilon(0.1));  // N
 }
 
@@ -198,7 +203,7 @@ TEST_CASE("Shutting down commands zero, disables the device and says goodbye, in
   CHECK(bench.journal == Journal{"write", "disable", "send goodbye"});
   CHECK(bench.device.written.norm() == 0);
   CHECK(bench.last_sent<protocol::Goodbye>().reason == protocol::GoodbyeReason::kShutdown);
-  CHECK(bench.tick().server == ServerState::kIdle);
+  CHECK(bench.tick().server == ServerState::kOff);
   CHECK(bench.journal.empty());
 }
 
@@ -222,6 +227,10 @@ const Failure kFailures[] = {
      [](ServoBench& b) { b.device.state->V_WD[5] = kNaN; }},
     {"the hand's wrench is not finite", Fault::kNonFinite,
      [](ServoBench& b) { b.device.state->F_hand = planar_wrench(0, kNaN, 0); }},
+    {"the handle is too fast", Fault::kHandleSpeed,
+     [](ServoBench& b) { b.device.state->V_WD[0] = 5.1; }},
+    {"the handle is too far away", Fault::kWorkspace,
+     [](ServoBench& b) { b.device.state->X_WD.p.x() = 2.1; }},
 };
 
 TEST_CASE("A fault is no force, device off, in the same tick, until a new session") {
@@ -249,7 +258,7 @@ TEST_CASE("A fault is no force, device off, in the same tick, until a new sessio
   CHECK(state.fault == failure.fault);
   CHECK(state.F_command.norm() == 0);
 
-  CHECK(bench.begin().server == ServerState::kRunning);
+  CHECK(bench.begin().server == ServerState::kArming);
   CHECK(bench.tick().fault == Fault::kNone);
   CHECK(bench.device.enabled);
 }
@@ -262,12 +271,14 @@ TEST_CASE("A fault outlives goodbyes and lost sessions: it ends when a person as
   CHECK(bench.begin().fault == Fault::kOverrun);
   const auto reject = bench.last_sent<protocol::Reject>();
   CHECK(reject.reason == protocol::RejectReason::kFault);
-  CHECK(std::string(reject.text.begin(), reject.text.end()) ==
-        "fault: the loop stood still for longer than allowed; a person must ask for a new session");
+  CHECK(
+      std::string(reject.text.begin(), reject.text.end()) ==
+      "fault: the loop stood still for longer than allowed; give the server free cores, real-time "
+      "rights or a lower rate, then ask for a new session");
   CHECK(bench.ticks(3000).fault == Fault::kOverrun);
   CHECK_FALSE(bench.device.enabled);
   bench.clears_fault = true;
-  CHECK(bench.begin().server == ServerState::kRunning);
+  CHECK(bench.begin().server == ServerState::kArming);
   CHECK(bench.device.enabled);
 }
 
@@ -277,8 +288,9 @@ TEST_CASE("The silence that is endured follows the client's rate, within bounds,
     bench.ve_rate = ve_rate;
     bench.begin();
     const auto welcome = bench.last_sent<protocol::Welcome>();
+    bench.tick_with(bench.update());
     int ticks = 0;
-    while (bench.tick().server == ServerState::kRunning && ticks < 20000) ++ticks;
+    while (renders_force(bench.tick().server) && ticks < 20000) ++ticks;
     CHECK(1e-3 * ticks == Approx(welcome.silence_time).margin(2e-3));  // s
     return welcome.silence_time;
   };
@@ -298,9 +310,9 @@ TEST_CASE("Frames that are longer than the hello said are endured as long as the
   slow.ve_period = 0.05;
   for (int i = 0; i < 20; ++i) {
     bench.tick_with(slow);
-    CHECK(bench.ticks(190).server == ServerState::kRunning);
+    CHECK(bench.ticks(190).server == ServerState::kActive);
   }
-  CHECK(bench.ticks(70).server == ServerState::kSilent);
+  CHECK(bench.ticks(70).server == ServerState::kFading);
 }
 
 TEST_CASE("A proxy that contacts carry away faster than a hand is a fault, before any force") {
@@ -336,9 +348,36 @@ TEST_CASE("A proxy that leaves all bounds is a fault, and the client learns it i
 TEST_CASE("A gap of 250 periods is endured, one of 251 is an overrun") {
   ServoBench bench;
   bench.begin();
-  CHECK(bench.tick(250).server == ServerState::kRunning);
+  CHECK(bench.tick(250).server == ServerState::kArming);
   CHECK(bench.tick(251).fault == Fault::kOverrun);
   CHECK_FALSE(bench.device.enabled);
+}
+
+TEST_CASE("An operator's stop is a fault in any state, with a session or without one") {
+  for (const bool in_session : {false, true}) {
+    ServoBench bench;
+    if (in_session) begin_under_load(bench);
+    bench.servo->stop();
+    CHECK(bench.device.written.norm() == 0);
+    CHECK_FALSE(bench.device.enabled);
+    CHECK(bench.tick().fault == Fault::kOperatorStop);
+    bench.clears_fault = false;
+    CHECK(bench.begin().fault == Fault::kOperatorStop);
+    bench.clears_fault = true;
+    CHECK(bench.begin().server == ServerState::kArming);
+  }
+}
+
+TEST_CASE("Refused updates are no word of the client, and the reason why force fades") {
+  ServoBench bench{ServoOptions{}};
+  bench.begin();
+  bench.tick_with(bench.update());
+  protocol::ContactUpdate wrong = bench.update();
+  wrong.q_VE = Configuration::Zero(1);
+  for (int i = 0; i < 10; ++i) bench.tick_with(wrong), bench.ticks(16);
+  bench.tick_with(wrong);
+  CHECK(bench.tick().server == ServerState::kFading);
+  CHECK(bench.tick().fade == Fade::kUpdatesInvalid);
 }
 
 // Controls.

@@ -30,7 +30,7 @@ std::size_t occurrences(const std::string& text, const std::string& part) {
 TEST_CASE("The line names state, rate, datagrams, contacts, force and drift") {
   TickRecord r;
   r.time = 12.04;
-  r.server = ServerState::kRunning;
+  r.server = ServerState::kActive;
   r.overruns = 2;
   r.datagrams = 420;
   r.dropped_for[static_cast<std::size_t>(protocol::DropReason::kMalformed)] = 1;
@@ -42,7 +42,7 @@ TEST_CASE("The line names state, rate, datagrams, contacts, force and drift") {
   r.X_WP.p = {0.1, 0.124, 0};
   r.X_WT.p = {0.1001, 0.124, 0};
   CHECK(format_status(r, 999.97) ==
-        "12.0 s running | 1000.0 Hz, 2 missed | 420 datagrams, 3 dropped (1 malformed, 2 "
+        "12.0 s active | 1000.0 Hz, 2 missed | 420 datagrams, 3 dropped (1 malformed, 2 "
         "incomplete) | contacts 2 active, 3 predicted | 0.50 N | device-proxy 0.33 mm, proxy-tool "
         "0.10 mm");
 }
@@ -61,7 +61,7 @@ TEST_CASE("Off a terminal there is one line a second with the rate since the lin
   status.close();
   CHECK(occurrences(out.str(), "\n") == 3);
   CHECK(occurrences(out.str(), "1000.0 Hz") == 2);
-  CHECK(occurrences(out.str(), "2.0 s idle | 500.0 Hz") == 1);
+  CHECK(occurrences(out.str(), "2.0 s off | 500.0 Hz") == 1);
   CHECK(occurrences(out.str(), "\r") == 0);
 }
 

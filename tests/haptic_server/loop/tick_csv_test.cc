@@ -47,7 +47,7 @@ bool exact(const std::string& cell, double expected) {
 
 TEST_CASE("The columns are those that readers of the log rely on") {
   CHECK(tick_csv_header() ==
-        "session,step,time_s,server_state,fault,contact_state,"
+        "session,step,time_s,server_state,fault,fade,contact_state,"
         "device_x_m,device_y_m,device_z_m,device_qw,device_qx,device_qy,device_qz,"
         "device_vx_m_per_s,device_vy_m_per_s,device_vz_m_per_s,"
         "device_wx_rad_per_s,device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,"
@@ -114,6 +114,7 @@ TEST_CASE("Counts and states are written as whole numbers and words") {
   r.step = 12345;
   r.server = ServerState::kFault;
   r.fault = Fault::kOverrun;
+  r.fade = Fade::kClientSilent;
   r.contact_state = ProxyContactState::kResting;
   r.hand_measured = true;
   r.active_contacts = 4;
@@ -127,6 +128,7 @@ TEST_CASE("Counts and states are written as whole numbers and words") {
   CHECK(columns["step"] == "12345");
   CHECK(columns["server_state"] == "fault");
   CHECK(columns["fault"] == "overrun");
+  CHECK(columns["fade"] == "client_silent");
   CHECK(columns["contact_state"] == "resting");
   CHECK(columns["hand_measured"] == "1");
   CHECK(columns["active_contacts"] == "4");

@@ -239,6 +239,7 @@ TEST_CASE("The documented words are those of the enumerations") {
   check_words("frame", "contacts[].state", names<ContactState>());
   check_words("frame", "server", names<ServerState>());
   check_words("frame", "fault", names<Fault>());
+  check_words("frame", "fade", names<Fade>());
   check_words("frame", "contact_state", names<ProxyContactState>());
   check_words("settings", "update_rule", names<UpdateRule>());
   check_words("settings", "controller", names<ControllerKind>());

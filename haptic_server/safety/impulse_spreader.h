@@ -2,7 +2,7 @@
 #pragma once
 
 #include "common/spatial.h"
-#include "haptic_server/control/force_budget.h"
+#include "haptic_server/safety/force_budget.h"
 
 namespace hlm::server {
 

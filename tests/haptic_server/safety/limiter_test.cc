@@ -1,5 +1,5 @@
 // The last gate before the device.
-#include "haptic_server/control/limiter.h"
+#include "haptic_server/safety/limiter.h"
 
 #include <limits>
 
@@ -94,7 +94,7 @@ TEST_CASE("Force fades to zero in the fade time, and in again") {
     previous = force;
   }
   CHECK(limiter.limit(push(10)).norm() < 1e-12);
-  CHECK(limiter.silent());
+  CHECK(limiter.level() == ForceLevel::kNone);
   limiter.allow(true);
   CHECK(limiter.limit(push(10))[1] == Approx(0.1));  // 1 % of 10 N after 1 ms of 100
 }
@@ -111,7 +111,7 @@ TEST_CASE("A wanted force above the limit fades from the limit, out and in, with
     CHECK(limiter.limited_by() == ForceLimit::kFade);
     previous = force;
   }
-  CHECK(limiter.silent());
+  CHECK(limiter.level() == ForceLevel::kNone);
   limiter.allow(true);
   for (int i = 0; i < 100; ++i) {
     const double force = limiter.limit(push(20))[1];
@@ -128,7 +128,7 @@ TEST_CASE("A fade faster than the device's rate goes on at that rate, to the end
   limiter.allow(false);
   double previous = 12;
   int steps = 0;
-  for (; !limiter.silent() && steps < 1000; ++steps) {
+  for (; limiter.level() != ForceLevel::kNone && steps < 1000; ++steps) {
     const double force = limiter.limit(push(12))[1];
     CHECK(std::abs(previous - force) <= 0.05 + 1e-9);
     previous = force;
@@ -181,6 +181,79 @@ TEST_CASE("An impulse that is over in one step falls no faster than it may") {
   }
   CHECK(largest > 3.9);  // N: 1 + 2 + 3 + 4 + 4 + 3 + 2 + 1
   CHECK(before == 0);
+}
+
+TEST_CASE(
+    "Force gives no more than its power: 12 N along 2 m/s become 7.5 N, across it they stay") {
+  Limiter limiter = faded_in();
+  Twist V = Twist::Zero();
+  V[1] = 2;  // m/s
+  const Wrench none = Wrench::Zero();
+  CHECK(limiter.limit(push(12), none, V)[1] == Approx(7.5));  // 15 W
+  CHECK(limiter.limited_by() == ForceLimit::kPower);
+  CHECK(limiter.limit(push(-12), none, V)[1] == Approx(-12));
+  CHECK(limiter.limited_by() == ForceLimit::kNone);
+  Wrench across = Wrench::Zero();
+  across[0] = 12;
+  CHECK(limiter.limit(across, none, V)[0] == Approx(12));
+}
+
+TEST_CASE("Force that gives more than the tank holds stops, and resists until it is paid back") {
+  Limiter limiter = faded_in();
+  Twist V = Twist::Zero();
+  V[1] = 0.5;  // m/s
+  Pose X_WD;
+  double given = 0;
+  double command = 0;
+  for (int i = 0; i < 2000; ++i) {
+    limiter.observe(X_WD, 0);
+    command = limiter.limit(push(10), Wrench::Zero(), V)[1];
+    X_WD.p.y() += V[1] * kStep;
+    given += command * V[1] * kStep;
+  }
+  CHECK(limiter.limited_by() == ForceLimit::kEnergy);
+  CHECK(given == Approx(0.5).margin(1e-3));  // J
+  CHECK(command == Approx(0).margin(1e-3));  // N
+  CHECK_FALSE(limiter.overdrawn());
+  // The handle is thrown ahead under full force, once: what was too much is taken back.
+  X_WD.p.y() += 0.1;  // m
+  for (int i = 0; i < 10; ++i) {
+    limiter.observe(X_WD, 0);
+    command = limiter.limit(push(-10), Wrench::Zero(), V)[1];
+    X_WD.p.y() += V[1] * kStep;
+  }
+  CHECK(command == Approx(-10));  // N: a wall takes energy as ever
+}
+
+TEST_CASE("Energy that is owed is taken back while force is on, and not after it has faded") {
+  Limiter limiter = faded_in();
+  limiter.limit(push(10));
+  Pose X_WD;
+  limiter.observe(X_WD, 0);
+  X_WD.p.y() += 0.08;  // m: 0.8 J at once, 0.3 J too much
+  limiter.observe(X_WD, 0);
+  Twist V = Twist::Zero();
+  V[1] = 0.1;  // m/s
+  const Wrench none = Wrench::Zero();
+  CHECK(limiter.limit(push(10), none, V)[1] == Approx(-3));  // N: 30 N·s/m
+  limiter.allow(false);
+  double command = 0;
+  for (int i = 0; i < 101; ++i) command = limiter.limit(push(10), none, V)[1];
+  CHECK(command == Approx(0).margin(1e-9));
+  CHECK(limiter.level() == ForceLevel::kNone);
+}
+
+TEST_CASE(
+    "Where the port gives energy without end, as none of its limits sees it, that is a fault") {
+  Limiter limiter = faded_in();
+  Pose X_WD;
+  int steps = 0;
+  for (; !limiter.overdrawn() && steps < 1000; ++steps) {
+    limiter.observe(X_WD, 0);
+    limiter.limit(push(10));  // the handle's velocity is said to be zero
+    X_WD.p.y() += 1e-3;
+  }
+  CHECK(steps == Approx(101).margin(2));  // 1 J at 10 mJ a step
 }
 
 TEST_CASE("A wrench that is not finite gives zero force and is noted") {

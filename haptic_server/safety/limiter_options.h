@@ -17,9 +17,16 @@ struct LimiterOptions {
   double max_torque_rate = 150;  ///< N·m/s, likewise.
   double fade_time = 0.02;       ///< From full force to none, s.
   double rise_time = 0.1;        ///< From none to full force, s.
+  /// W given to the hand: the usual device's whole force at 1.25 m/s. Less lets fast platforms and
+  /// heavy tools that are lowered feel weak.
+  double max_power = 15;
+  double max_turning_power = 3;  ///< W, likewise of the torque: 0.6 N·m at 5 rad/s.
+  /// J that the device may give beyond what it took and what is explained. Less damps what springs
+  /// back where it should not, more lets an unstable contact shake the hand for longer.
+  double max_energy = 0.5;
 };
 
-inline constexpr std::array<NumberOf<LimiterOptions>, 6> kLimiterNumbers{{
+inline constexpr std::array<NumberOf<LimiterOptions>, 9> kLimiterNumbers{{
     {{0.01, 1000, "N"},
      "force limit",
      &LimiterOptions::max_force,
@@ -41,6 +48,18 @@ inline constexpr std::array<NumberOf<LimiterOptions>, 6> kLimiterNumbers{{
      &LimiterOptions::fade_time,
      "From full force to none, when the client is silent or leaves"},
     {{1e-3, 10, "s"}, "rise time", &LimiterOptions::rise_time, "From no force to full force"},
+    {{0.1, 1e4, "W"},
+     "power limit",
+     &LimiterOptions::max_power,
+     "Largest power that the force gives to the hand; the device's rating counts too"},
+    {{0.01, 1e3, "W"},
+     "turning power limit",
+     &LimiterOptions::max_turning_power,
+     "Largest power that the torque gives to the hand; the device's rating counts too"},
+    {{1e-3, 1e6, "J"},
+     "energy budget",
+     &LimiterOptions::max_energy,
+     "Energy that the hand may get beyond what is explained, before force is damped"},
 }};
 
 }  // namespace hlm::server

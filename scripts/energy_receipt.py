@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""Checks a receipt of haptic_replay --receipt against the tick log of the same session.
+
+Usage: energy_receipt.py TICKS.csv RECEIPT.csv
+
+From the commanded wrenches and the poses of the handle in the tick log it adds up what the device port gave and took
+between updates, by itself, and compares. Exit status 1 if any line differs by more than 1e-9 J.
+"""
+
+import csv
+import math
+import sys
+
+TOLERANCE = 1e-9  # J
+
+
+def product(a, b):
+    """Of two quaternions, w x y z."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)
+
+
+def rotation_vector(q):
+    if q[0] < 0:
+        q = [-x for x in q]
+    sine = math.hypot(*q[1:])
+    scale = 2 * math.atan2(sine, q[0]) / sine if sine > 0 else 2
+    return [scale * x for x in q[1:]]
+
+
+def numbers(row, names):
+    return [float(row[name]) for name in names]
+
+
+def work(before, after):
+    """Of the wrench commanded in one tick on the handle's way to the next, J."""
+    position = [f"device_{axis}_m" for axis in "xyz"]
+    orientation = [f"device_q{part}" for part in "wxyz"]
+    force = numbers(before, [f"command_force_{axis}_N" for axis in "xyz"])
+    torque = numbers(before, [f"command_torque_{axis}_N_m" for axis in "xyz"])
+    move = [b - a for a, b in zip(numbers(before, position), numbers(after, position))]
+    w, x, y, z = numbers(before, orientation)
+    turn = rotation_vector(product(numbers(after, orientation), (w, -x, -y, -z)))
+    return sum(f * d for f, d in zip(force + torque, move + turn))
+
+
+def receipt_of(ticks):
+    """{(session, step): (given, taken)} between updates, and the totals."""
+    lines, total = {}, [0.0, 0.0]
+    given = taken = 0.0
+    before = None
+    for row in ticks:
+        if row["step"] == "0":
+            continue
+        if before is not None and before["session"] == row["session"]:
+            if int(row["step"]) != int(before["step"]) + 1:
+                sys.exit(f"the tick log lacks the steps between {before['step']} and {row['step']}")
+            passed = work(before, row)
+            given += max(passed, 0)
+            taken += max(-passed, 0)
+        before = row
+        if row["adopted"] != "0":
+            lines[row["session"], row["step"]] = (given, taken)
+            total[0] += given
+            total[1] += taken
+            given = taken = 0.0
+    return lines, total
+
+
+def main():
+    ticks, receipt = sys.argv[1:]
+    with open(ticks, encoding="utf-8") as file:
+        own, total = receipt_of(csv.DictReader(file))
+    with open(receipt, encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    largest = 0.0
+    for row in rows:
+        key = row["session"], row["step"]
+        if key not in own:
+            sys.exit(f"{ticks} has no update in step {row['step']} of session {row['session']}")
+        for mine, column in zip(own[key], ("given_J", "taken_J")):
+            largest = max(largest, abs(mine - float(row[column])))
+    print(f"{len(rows)} updates, given {total[0]:.9g} J, taken {total[1]:.9g} J, largest difference {largest:.2g} J")
+    sys.exit(0 if rows and largest <= TOLERANCE else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,100 @@
+// The ledger of the device port, and the power that its tank allows.
+#include "haptic_server/safety/energy_tank.h"
+
+#include <cmath>
+#include <limits>
+
+#include "tests/support/catch.h"
+#include "tests/support/random.h"
+
+namespace hlm::server {
+namespace {
+
+Wrench push(double x) {
+  Wrench F = Wrench::Zero();
+  F[0] = x;
+  return F;
+}
+
+Pose at(double x) {
+  Pose X;
+  X.p.x() = x;
+  return X;
+}
+
+TEST_CASE("The ledger is wrench times way, split into what was given and taken") {
+  test::Random random;
+  EnergyTank tank(1e6);
+  Pose X_WD;
+  tank.observe(X_WD, Wrench::Zero(), Wrench::Zero(), 0);
+  double net = 0;
+  double both = 0;
+  for (int i = 0; i < 1000; ++i) {
+    Wrench F;
+    for (double& component : F) component = random.uniform(-10, 10);
+    const Vector3 move(random.uniform(-1e-3, 1e-3), random.uniform(-1e-3, 1e-3), 0);  // m
+    const Vector3 turn(0, 0, random.uniform(-1e-2, 1e-2));                            // rad
+    const double work = F.head<3>().dot(move) + F.tail<3>().dot(turn);
+    X_WD.p += move;
+    X_WD.R = Quaternion(Eigen::AngleAxisd(turn.z(), Vector3::UnitZ())) * X_WD.R;
+    tank.observe(X_WD, F, Wrench::Zero(), 0);
+    net += work;
+    both += std::abs(work);
+  }
+  CHECK(tank.ledger().given - tank.ledger().taken == Approx(net).margin(1e-9));  // J
+  CHECK(tank.ledger().given + tank.ledger().taken == Approx(both).margin(1e-9));
+}
+
+TEST_CASE("What is taken fills the tank up to its capacity, what is given drains it") {
+  EnergyTank tank(0.5);
+  tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), 0);
+  tank.observe(at(0.1), push(-10), Wrench::Zero(), 0);  // 1 J taken
+  CHECK(tank.ledger().tank == 0.5);
+  tank.observe(at(0.2), push(4), Wrench::Zero(), 0);
+  CHECK(tank.ledger().tank == Approx(0.1));
+  CHECK(tank.allowed_power() == Approx(0.1 / EnergyTank::kDrainTime));  // W
+  tank.observe(at(0.3), push(6), Wrench::Zero(), 0);
+  CHECK(tank.ledger().tank == Approx(-0.5));
+  CHECK_FALSE(tank.overdrawn());
+  tank.observe(at(0.4), push(1), Wrench::Zero(), 0);
+  CHECK(tank.overdrawn());
+}
+
+TEST_CASE("A weight that is lowered and lifted, and a wall that pushes, leave the tank alone") {
+  EnergyTank tank(0.5);
+  tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), 0);
+  for (int i = 1; i <= 100; ++i) tank.observe(at(0.01 * i), push(9.81), push(9.81), 0);
+  CHECK(tank.ledger().tank == Approx(0.5));
+  CHECK(tank.ledger().explained == Approx(9.81));  // J over 1 m
+  for (int i = 99; i >= 0; --i) tank.observe(at(0.01 * i), push(9.81), push(9.81), 0);
+  CHECK(tank.ledger().explained == Approx(0).margin(1e-9));
+  for (int i = 1; i <= 100; ++i) tank.observe(at(0.01 * i), push(5), Wrench::Zero(), 0.05);
+  CHECK(tank.ledger().tank == Approx(0.5));
+}
+
+TEST_CASE("A new session starts its sums anew and with the tank as it was, but owes nothing") {
+  EnergyTank tank(0.5);
+  tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), 0);
+  tank.observe(at(0.1), push(3), Wrench::Zero(), 0);
+  tank.begin();
+  CHECK(tank.ledger().given == 0);
+  CHECK(tank.ledger().tank == Approx(0.2));
+  tank.observe(at(5), push(3), Wrench::Zero(), 0);  // aligned elsewhere: no way
+  CHECK(tank.ledger().tank == Approx(0.2));
+  tank.observe(at(5.1), push(6), Wrench::Zero(), 0);
+  tank.begin();
+  CHECK(tank.ledger().tank == 0);
+}
+
+TEST_CASE("A ledger that is not finite counts as overdrawn, and a new session ends that") {
+  EnergyTank tank(0.5);
+  tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), 0);
+  tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), std::numeric_limits<double>::quiet_NaN());
+  CHECK(tank.overdrawn());
+  tank.begin();
+  CHECK(tank.ledger().tank == 0);
+  CHECK_FALSE(tank.overdrawn());
+}
+
+}  // namespace
+}  // namespace hlm::server

@@ -1,0 +1,108 @@
+// What the passivity controller at the device port costs in feel: whole sessions in virtual time,
+// with it and without.
+#include <algorithm>
+#include <vector>
+
+#include "haptic_server/device/hand_script.h"
+#include "tests/support/catch.h"
+#include "tests/support/virtual_session.h"
+
+namespace hlm {
+namespace {
+
+using server::TickRecord;
+using test::constant_push;
+using test::force;
+using test::repository_world;
+using test::VirtualSession;
+using test::VirtualSessionOptions;
+
+struct Scene {
+  const char* name;
+  VirtualSessionOptions options;
+  double duration;  // s
+};
+
+VirtualSessionOptions scene(const char* world, const char* tool, const char* hand, bool spatial) {
+  VirtualSessionOptions options;
+  options.world = repository_world(std::string(world) + ".sdf");
+  options.tool = tool;
+  options.hand = server::read_hand_script(std::string(HLM_WORLDS) + "/hands/" + hand + ".toml");
+  if (spatial) options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.link.delay = 0.02;
+  return options;
+}
+
+VirtualSessionOptions pushed(const Wrench& constant, const Wrench& amplitude, double frequency) {
+  VirtualSessionOptions options;
+  server::Push push;
+  push.constant = constant;
+  push.amplitude = amplitude;
+  push.frequency = frequency;
+  options.hand = {{{1.0, push}}, server::AfterLastSegment::kHold};
+  options.link.delay = 0.02;
+  return options;
+}
+
+std::vector<Scene> scenes() {
+  return {{"press 2 N", pushed(force(0, 2), force(0, 0), 0), 6},
+          {"slide under 2 N", pushed(force(0, 2), force(2, 0), 0.5), 8},
+          {"collisions", pushed(force(0, 0.5), force(0, 4), 2), 8},
+          {"session", scene("testbed", "peg", "session", false), 36},
+          {"push", scene("push", "pusher", "push", false), 31},
+          {"lift", scene("lift", "fork", "lift", true), 37},
+          {"stack", scene("stack", "finger", "stack", true), 24},
+          {"door", scene("door", "finger", "door", false), 25},
+          {"linkage", scene("linkage", "arm", "linkage", false), 25},
+          {"corner", scene("corner", "arm", "corner", false), 27},
+          {"scissors", scene("scissors", "scissors", "scissors", false), 25}};
+}
+
+struct Outcome {
+  std::vector<Wrench> commands;
+  double given = 0;    // J
+  double taken = 0;    // J
+  double brought = 0;  // J
+  double net = 0;      // J: most given beyond taken and explained, over any stretch of time
+  bool limited = false;
+  bool fault = false;
+};
+
+Outcome play(const Scene& scene, double budget) {
+  Outcome outcome;
+  double least = 0;
+  VirtualSessionOptions options = scene.options;
+  options.servo.limits.max_energy = budget;
+  VirtualSession session(options, [&](const TickRecord& record) {
+    outcome.commands.push_back(record.F_command);
+    const double net = record.port.given - record.port.taken - record.port.explained;
+    least = std::min(least, net);
+    outcome.net = std::max(outcome.net, net - least);
+    outcome.limited |= record.limit == ForceLimit::kEnergy;
+    outcome.fault |= record.fault != Fault::kNone;
+    outcome.given = record.port.given;
+    outcome.taken = record.port.taken;
+    outcome.brought = record.brought;
+  });
+  session.run(scene.duration);
+  return outcome;
+}
+
+TEST_CASE("In the scenes the passivity controller changes nothing: no tick has another force") {
+  const server::LimiterOptions limits;
+  for (const Scene& scene : scenes()) {
+    const Outcome with = play(scene, limits.max_energy);
+    const Outcome without = play(scene, 1e6);
+    UNSCOPED_INFO(scene.name << ": given " << with.given << " J, taken " << with.taken
+                             << " J, brought by updates " << with.brought
+                             << " J, beyond taken and explained " << without.net << " J");
+    CHECK_FALSE(with.fault);
+    CHECK_FALSE(with.limited);
+    const bool same = with.commands == without.commands;
+    CHECK(same);
+    CHECK(without.net < 0.8 * limits.max_energy);
+  }
+}
+
+}  // namespace
+}  // namespace hlm

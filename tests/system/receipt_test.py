@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+"""The energy receipt of a recorded session: from the capture, from the tick log, and as the server said.
+
+Usage: receipt_test.py HAPTIC_SERVER HAPTIC_REPLAY PROTOCOL.md [unittest arguments]
+"""
+
+import csv
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import attacks_test
+from attacks_test import Client, Server
+
+REPLAY = None
+CHECK = pathlib.Path(__file__).parents[2] / "scripts" / "energy_receipt.py"
+TOLERANCE = 1e-9  # J
+
+
+class Receipt(unittest.TestCase):
+    def test_replay_script_and_server_agree(self):
+        folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        capture, receipt = folder / "run.pcap", folder / "receipt.csv"
+        with Server("--record", capture) as server:
+            client = Client(server)
+            client.begin()
+            client.press(2)
+            server.ticks()
+            replay = subprocess.run(
+                [REPLAY, capture, "--receipt", "--hand", server.log.parent / "hand.toml", "--device-option", "friction=0"],
+                capture_output=True, text=True)
+            self.assertEqual(replay.returncode, 0, replay.stderr)
+            receipt.write_text(replay.stdout)
+            check = subprocess.run([sys.executable, CHECK, server.log, receipt], capture_output=True, text=True)
+            self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+            damaged = replay.stdout.splitlines(keepends=True)
+            receipt.write_text("".join(damaged[:-20] + damaged[-19:-18] + [self.changed(damaged[-18])]))
+            check = subprocess.run([sys.executable, CHECK, server.log, receipt], capture_output=True, text=True)
+            self.assertEqual(check.returncode, 1)
+        rows = [row for row in csv.DictReader(replay.stdout.splitlines())
+                if int(row["step"]) <= client.state["step"]]
+        for name in ("given", "taken"):
+            self.assertAlmostEqual(sum(float(row[name + "_J"]) for row in rows), client.state[name], delta=TOLERANCE)
+        self.assertGreater(client.state["taken"], 0.1)
+
+    @staticmethod
+    def changed(line):
+        fields = line.split(",")
+        fields[3] = repr(float(fields[3]) + 2e-9)
+        return ",".join(fields)
+
+
+if __name__ == "__main__":
+    attacks_test.SERVER, REPLAY = sys.argv[1:3]
+    attacks_test.DOC = attacks_test.Document(sys.argv[3])
+    unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=2)
