@@ -59,8 +59,6 @@ class LocalModel {
   void set_parameters(const LocalModelParameters& parameters) noexcept { parameters_ = parameters; }
   const LocalModelParameters& parameters() const noexcept { return parameters_; }
 
-  const LocalModelParameters& parameters() const noexcept { return parameters_; }
-
   void adopt(const ModelUpdate& update) noexcept;
 
   /// Moves the proxy and the bodies by one step under the hand's wrench, weight and contacts
