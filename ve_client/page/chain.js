@@ -49,7 +49,8 @@ const LINKS = [
     reason: (f) => (magnitude(f.F_command) < NOTHING ? 'the controller commands nothing' : null) },
 ];
 
-const penalty = (frame) => (frame.contacts ?? []).reduce((sum, contact) => sum + magnitude(contact.f), 0);
+const penalty = (frame) => (frame.contacts ?? []).filter(({ of }) => of === 'tool_link')
+  .reduce((sum, contact) => sum + magnitude(contact.f), 0);
 
 export class Chain {
   /** Where the links, the sentence on them and the verdict on the last second go. */

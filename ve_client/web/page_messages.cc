@@ -5,6 +5,7 @@
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
 
+#include "common/freedoms.h"
 #include "protocol/tick_columns.h"
 #include "ve_client/web/methods.h"
 
@@ -116,7 +117,10 @@ json contacts_json(const protocol::LocalState* state) {
   json contacts = json::array();
   if (state == nullptr) return contacts;
   for (const protocol::LocalContactReport& c : state->contacts) {
-    contacts.push_back({{"c", to_json(c.c_W)},
+    const bool on_body = c.b.kind == SideKind::kMovableBody;
+    contacts.push_back({{"of", name_of(c.a.kind)},
+                        {"body", on_body ? json(c.b.index) : json(nullptr)},
+                        {"c", to_json(c.c_W)},
                         {"n", to_json(c.n_W)},
                         {"p", to_json(c.p_W)},
                         {"s", c.s},
@@ -172,9 +176,22 @@ std::string world_message(const WorldView& view) {
   }
   const std::size_t links = assembly.description.links.size();
   json starts = json::array();
-  for (const StartDescription& start : view.model.starts) starts.push_back(start.name);
+  for (const StartDescription& start : find_model(view.scene.world, view.scene.tool).starts) {
+    starts.push_back(start.name);
+  }
+  ToolModel tool(assembly.description);
+  tool.set_configuration(assembly.q);
+  const Freedoms missing =
+      view.welcome != nullptr ? missing_freedoms(tool, view.welcome->device.freedoms) : Freedoms{};
+  json scenes = json::array();
+  for (const SceneSummary& scene : view.scenes) {
+    scenes.push_back({{"name", scene.name}, {"description", scene.description}});
+  }
   return json{{"type", "world"},
-              {"planar", assembly.planar_normal_W.has_value()},
+              {"scenes", std::move(scenes)},
+              {"scene", scene_name(view.scene.file)},
+              {"planar", missing_freedoms(tool, kPlanarFreedoms) == 0},
+              {"mismatch", missing == 0 ? "" : describe_mismatch(missing)},
               {"bodies", std::move(described)},
               {"tool_links", assembly.bodies},
               {"starts", std::move(starts)},

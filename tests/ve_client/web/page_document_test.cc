@@ -13,7 +13,6 @@
 #include "ve_client/web/methods.h"
 #include "ve_client/web/page_messages.h"
 #include "ve_client/web/page_requests.h"
-#include "ve_client/world/sdf_loader.h"
 
 namespace hlm::ve {
 namespace {
@@ -177,15 +176,15 @@ std::vector<std::string_view> names() {
 /// A world with a tool in it, and a client that has no server.
 struct Stage {
   Stage(const char* name, const char* tool)
-      : world(load_world(std::string(HLM_WORLDS) + "/" + name + ".sdf")),
-        tool_name(tool),
-        environment(world, tool_name, {}),
+      : scene(load_scene(std::string(HLM_WORLDS) + "/" + name + ".sdf", tool)),
+        scenes(scenes_beside(scene.file)),
+        environment(scene.world, scene.tool, {}),
         client(network.client(), {.server = test::MemoryNetwork::kServer,
                                   .tool = environment.assembly.description,
                                   .q = environment.assembly.q}) {}
 
   std::string world_message(const protocol::Welcome* welcome) const {
-    return ve::world_message({environment, find_model(world, tool_name), start, welcome});
+    return ve::world_message({environment, scene, scenes, start, welcome});
   }
   std::string frame_message(const protocol::ProxyState* state,
                             const protocol::LocalState* contacts) const {
@@ -204,8 +203,8 @@ struct Stage {
   }
 
   test::MemoryNetwork network;
-  WorldDescription world;
-  std::string tool_name;
+  Scene scene;
+  std::vector<SceneSummary> scenes;
   std::string start;
   VirtualEnvironment environment;
   HapticClient client;
@@ -225,6 +224,7 @@ TEST_CASE("Each message to a page has the documented fields and types") {
                                   testbed.frame_message(&state, nullptr)};
   protocol::LocalState contacts;
   contacts.contacts.push_back({});
+  contacts.contacts.push_back({.a = {SideKind::kToolLink, 0}, .b = {SideKind::kMovableBody, 1}});
   state.active_contacts = 1;
   testbed.settings.tuning.stiffness = 1;
   testbed.settings.frame.epsilon = 0.001;
@@ -236,6 +236,7 @@ TEST_CASE("Each message to a page has the documented fields and types") {
 TEST_CASE("The documented words are those of the enumerations") {
   check_words("frame", "rejected", names<protocol::RejectReason>());
   check_words("frame", "limit", names<ForceLimit>());
+  check_words("frame", "contacts[].of", names<SideKind>());
   check_words("frame", "contacts[].state", names<ContactState>());
   check_words("frame", "server", names<ServerState>());
   check_words("frame", "fault", names<Fault>());
@@ -270,7 +271,7 @@ TEST_CASE("Ticks have the documented header and columns") {
 }
 
 ParsedRequest parsed(const std::string& text) {
-  return parse_request(text, {}, {.links = 1, .starts = {"hole"}});
+  return parse_request(text, {}, {.links = 1, .starts = {"hole"}, .scenes = {"push"}});
 }
 
 std::string text_of(const ParsedRequest& request) {
@@ -281,8 +282,8 @@ std::string text_of(const ParsedRequest& request) {
 TEST_CASE("Each documented request is accepted, and together they are all that there are") {
   std::string types;
   for (const std::string name :
-       {"hand", "settings", "environment", "method", "telemetry", "reset"}) {
-    types += (types.empty() ? "" : types.ends_with("telemetry") ? " or " : ", ") + name;
+       {"hand", "settings", "environment", "method", "telemetry", "reset", "scene"}) {
+    types += (types.empty() ? "" : name == "scene" ? " or " : ", ") + name;
     const Section& described = section(name);
     CHECK_FALSE(described.examples.empty());
     for (const std::string& example : described.examples) {
