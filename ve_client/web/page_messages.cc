@@ -98,6 +98,20 @@ json methods(std::size_t links) {
   return all;
 }
 
+json scenes_json(const std::vector<SceneSummary>& scenes) {
+  json all = json::array();
+  for (const SceneSummary& scene : scenes) {
+    all.push_back({{"name", scene.name}, {"description", scene.description}});
+  }
+  return all;
+}
+
+std::string mismatch_of(const ToolModel& tool, const protocol::Welcome* welcome) {
+  if (welcome == nullptr) return "";
+  const Freedoms missing = missing_freedoms(tool, welcome->device.freedoms);
+  return missing == 0 ? "" : describe_mismatch(missing);
+}
+
 json settings_json(const Tuning& tuning) {
   json settings{{"update_rule", name_of(tuning.update_rule)},
                 {"controller", name_of(tuning.controller)}};
@@ -181,17 +195,11 @@ std::string world_message(const WorldView& view) {
   }
   ToolModel tool(assembly.description);
   tool.set_configuration(assembly.q);
-  const Freedoms missing =
-      view.welcome != nullptr ? missing_freedoms(tool, view.welcome->device.freedoms) : Freedoms{};
-  json scenes = json::array();
-  for (const SceneSummary& scene : view.scenes) {
-    scenes.push_back({{"name", scene.name}, {"description", scene.description}});
-  }
   return json{{"type", "world"},
-              {"scenes", std::move(scenes)},
+              {"scenes", scenes_json(view.scenes)},
               {"scene", scene_name(view.scene.file)},
               {"planar", missing_freedoms(tool, kPlanarFreedoms) == 0},
-              {"mismatch", missing == 0 ? "" : describe_mismatch(missing)},
+              {"mismatch", mismatch_of(tool, view.welcome)},
               {"bodies", std::move(described)},
               {"tool_links", assembly.bodies},
               {"starts", std::move(starts)},
@@ -204,7 +212,7 @@ std::string world_message(const WorldView& view) {
               {"tick_columns", tick_columns()},
               {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
               {"guidable", view.welcome == nullptr || view.welcome->device.guidable}}
-      .dump();
+      .dump(-1, ' ', false, json::error_handler_t::replace);  // Names may be any bytes.
 }
 
 std::string frame_message(const FrameView& view) {

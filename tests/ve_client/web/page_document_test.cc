@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/freedoms.h"
 #include "protocol/tick_columns.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
@@ -231,6 +232,29 @@ TEST_CASE("Each message to a page has the documented fields and types") {
   frames.push_back(testbed.frame_message(&state, &contacts));
   check_messages("frame", frames);
   check_messages("refused", {refused_message("stiffness", "-1", "must be")});
+}
+
+TEST_CASE("A menu of names that are not UTF-8 is still a message") {
+  Stage stage("testbed", "peg");
+  stage.scenes.push_back({.name = "\xff", .file = {}, .description = "\xe9"});
+  const json scenes = json::parse(stage.world_message(nullptr))["scenes"];
+  CHECK(scenes.size() == stage.scenes.size());
+}
+
+TEST_CASE("A tool in space has no plane, and a planar device lacks its directions") {
+  protocol::Welcome welcome;
+  welcome.device.freedoms = kPlanarFreedoms;
+  const auto message = [&](const char* world, const char* tool) {
+    return json::parse(Stage(world, tool).world_message(&welcome));
+  };
+  for (const json& planar : {message("push", "pusher"), message("scissors", "scissors")}) {
+    CHECK(planar["planar"] == true);
+    CHECK(planar["mismatch"] == "");
+  }
+  const json spatial = message("lift", "fork");
+  CHECK(spatial["planar"] == false);
+  CHECK_THAT(spatial["mismatch"].get<std::string>(),
+             Catch::Matchers::Contains("along z and about x, y"));
 }
 
 TEST_CASE("The documented words are those of the enumerations") {
