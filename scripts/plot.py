@@ -91,12 +91,12 @@ def show_at_least(axes, span):
     axes.set_ylim(low - missing, high + missing)
 
 
-def draw_positions(axes, log, axis):
+def draw_positions(axes, log, axis, least=LEAST_MM):
     for subject in ("tool", "proxy", "device"):
         values = in_session(log, 1e3 * log[f"{subject}_{axis}_m"])
         axes.plot(log["time_s"], values, **STYLES[subject])
     axes.set_ylabel(f"position {axis}\nmm")
-    show_at_least(axes, LEAST_MM)
+    show_at_least(axes, least)
     if axis == "y" and is_planar(log):
         axes.invert_yaxis()
 
@@ -263,7 +263,7 @@ def draw_close_up(position, force, log):
     shown = (log["session"] > 0) & (abs(log["time_s"] - end + CLOSE_UP / 2) < CLOSE_UP / 2)
     part = {name: values[shown] for name, values in log.items()}
     axis = max("xyz", key=lambda a: np.ptp(part[f"command_force_{a}_N"]))
-    draw_positions(position, part, axis)
+    draw_positions(position, part, axis, least=0)
     draw_force(force, part, axis)
     position.set_title(f"Close-up: the last {CLOSE_UP:g} s of changing force")
     force.set_xlabel("time since the server started, s")

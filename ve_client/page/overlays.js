@@ -10,6 +10,7 @@ export const COLORS = {
 
 const FLASH_MS = 300;
 const MAGNIFIED = 20;
+const SAME_SIDE = 0.5;   // cosine between the normals of contacts that count as one
 const UP = new THREE.Vector3(0, 1, 0);
 
 const flat = (color, opacity = 1) => new THREE.MeshBasicMaterial({
@@ -79,7 +80,7 @@ export class Contacts {
   }
 }
 
-/** At each body that the tool presses, the force on the tool and its opposite on the body. */
+/** At each side of a body that the tool presses, the force on the tool and its opposite on the body. */
 export class ForcePairs {
   constructor(size) {
     this.size = size;
@@ -90,7 +91,7 @@ export class ForcePairs {
   }
 
   update(contacts, metresPerNewton) {
-    const pressed = pressedBodies(contacts);
+    const pressed = pressedSides(contacts);
     this.drawn = pressed.length;
     this.largest = Math.max(0, ...pressed.map(({ force }) => force.length()));
     while (this.arrows.length < 2 * pressed.length) this.#addPair();
@@ -110,19 +111,23 @@ export class ForcePairs {
   }
 }
 
-/** The tool's contacts with each movable body as one force (N, on the tool) at its centre of pressure. */
-function pressedBodies(contacts) {
-  const bodies = new Map();
-  for (const { of, body, p, f } of contacts) {
-    const force = vector(f);
-    if (of !== 'tool_link' || body === null || force.length() === 0) continue;
-    const sum = bodies.get(body) ?? { at: new THREE.Vector3(), force: new THREE.Vector3(), weight: 0 };
-    sum.at.addScaledVector(vector(p), force.length());
-    sum.force.add(force);
-    sum.weight += force.length();
-    bodies.set(body, sum);
+/** The tool's contacts with each side of a movable body as one force (N, on the tool) at its centre of
+ *  pressure; of a body that is pinched, two. */
+function pressedSides(contacts) {
+  const sides = [];
+  for (const { of, body, n, p, f } of contacts) {
+    const force = vector(f), normal = vector(n), weight = force.length();
+    if (of !== 'tool_link' || body === null || weight === 0) continue;
+    let side = sides.find((one) => one.body === body && one.normal.dot(normal) > SAME_SIDE);
+    if (!side) {
+      side = { body, normal, at: new THREE.Vector3(), force: new THREE.Vector3(), weight: 0 };
+      sides.push(side);
+    }
+    side.at.addScaledVector(vector(p), weight);
+    side.force.add(force);
+    side.weight += weight;
   }
-  return [...bodies.values()].map(({ at, force, weight }) => ({ at: at.divideScalar(weight), force }));
+  return sides.map(({ at, force, weight }) => ({ at: at.divideScalar(weight), force }));
 }
 
 /** An arrow of unit thickness `width` from a point along a force. */

@@ -161,7 +161,7 @@ export class Scene {
              proxyVisible: Boolean(this.proxies?.some((proxy) => proxy.visible)) };
   }
 
-  /** Of the pressed bodies the largest, N. */
+  /** On a pressed body, the largest, N. */
   get forceOnBodies() {
     return this.pairs.largest;
   }
