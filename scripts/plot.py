@@ -297,6 +297,13 @@ def write_key(axes, phases, log):
         axes.legend(handles=handles, loc="upper right", title="Shaded times")
 
 
+def title_of(world):
+    if world is None:
+        return "Haptic session"
+    held = f", held: {world.tool}" if world.tool else ""
+    return f"{world.name}{held}. {world.description}"
+
+
 def summary(log):
     time = log["time_s"]
     duration = time[-1] - time[0]
@@ -352,8 +359,7 @@ def draw(log, world, phases):
     draw_view(plan, log, world, phases)
     write_key(key, phases, log)
     draw_close_up(position, force, log)
-    title = f"{world.name}, held: {world.tool}. {world.description}" if world else "Haptic session"
-    figure.suptitle(title + "\n" + summary(log), fontsize=12)
+    figure.suptitle(title_of(world) + "\n" + summary(log), fontsize=12)
     return figure
 
 

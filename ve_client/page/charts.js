@@ -272,6 +272,7 @@ function drawMarks(plot, store) {
   ctx.save();
   ctx.fillStyle = DIM;
   ctx.font = `${10 * devicePixelRatio}px system-ui`;
+  ctx.textAlign = 'left';
   ctx.textBaseline = 'top';
   for (const [step, name] of store?.marks ?? []) {
     const x = Math.round(plot.valToPos(step / store.rate, 'x', true));

@@ -35,7 +35,8 @@ export class Contacts {
 
   update(contacts, magnify, now) {
     for (const contact of contacts) {
-      if (contact.state === 'colliding' && contact.of === 'tool_link') this.flashes.push({ ...contact, until: now + FLASH_MS });
+      const collides = contact.state === 'colliding' && contact.of === 'tool_link';
+      if (collides) this.flashes.push({ ...contact, until: now + FLASH_MS });
     }
     this.flashes = this.flashes.filter((flash) => flash.until > now).slice(-16);
     const bright = Math.floor(now / 60) % 2 === 0;
