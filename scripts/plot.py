@@ -14,11 +14,12 @@ from matplotlib.patches import Polygon
 
 from plot_input import (
     InputError,
-    World,
     phases_from_hand,
+    matrix,
     phases_from_states,
     read_log,
     read_world,
+    rotation_of,
 )
 
 # Line styles: the later ones are drawn on top, so that coinciding lines stay visible.
@@ -41,13 +42,15 @@ STATE_COLOURS = {
 # Colour of the numbers that link phases and places.
 MARK = "#e63946"
 # Marks nearer than this, m, share one name.
-SAME_PLACE = 0.004
+SAME_PLACE = 0.012
 # Length of the close-up, s.
 CLOSE_UP = 2.0
 # Forces within this of the session's last one, N, count as constant.
 CONSTANT_FORCE = 0.1
 # Smallest drift shown, mm: 0 has no place on a logarithmic axis.
 LEAST_DRIFT = 1e-3
+# Smallest ranges shown: less is at rest, or nothing.
+LEAST_MM, LEAST_DEGREES, LEAST_NEWTONS = 10, 5, 1
 # Bins over the session in which tick times are reduced to their maximum.
 TIMING_BINS = 800
 
@@ -58,12 +61,6 @@ def heading(log, subject):
     if is_planar(log):
         return np.degrees(np.unwrap(2 * np.arctan2(z, w), period=2 * math.pi))
     return np.degrees(2 * np.arctan2(np.sqrt(x * x + y * y + z * z), np.abs(w)))
-
-
-def pitch(log, subject):
-    """Rotation about the world's y axis, rad."""
-    w, x, y, z = (log[f"{subject}_q{part}"] for part in "wxyz")
-    return np.arctan2(2 * (w * y + x * z), 1 - 2 * (y * y + z * z))
 
 
 def is_planar(log):
@@ -87,11 +84,19 @@ def in_session(log, values):
     return np.where(log["session"] > 0, values, np.nan)
 
 
-def draw_positions(axes, log, axis):
+def show_at_least(axes, span):
+    """So that a line at rest is a line, and not its last digits."""
+    low, high = axes.get_ylim()
+    missing = max(0, span - (high - low)) / 2
+    axes.set_ylim(low - missing, high + missing)
+
+
+def draw_positions(axes, log, axis, least=LEAST_MM):
     for subject in ("tool", "proxy", "device"):
         values = in_session(log, 1e3 * log[f"{subject}_{axis}_m"])
         axes.plot(log["time_s"], values, **STYLES[subject])
     axes.set_ylabel(f"position {axis}\nmm")
+    show_at_least(axes, least)
     if axis == "y" and is_planar(log):
         axes.invert_yaxis()
 
@@ -100,6 +105,7 @@ def draw_heading(axes, log):
     for subject in ("tool", "proxy", "device"):
         axes.plot(log["time_s"], in_session(log, heading(log, subject)), **STYLES[subject])
     axes.set_ylabel("heading\n°" if is_planar(log) else "rotation\n°")
+    show_at_least(axes, LEAST_DEGREES)
 
 
 def draw_drift(axes, log):
@@ -119,6 +125,7 @@ def draw_force(axes, log, axis):
             continue
         axes.plot(log["time_s"], log[f"{subject}_force_{axis}_N"], **style)
     axes.set_ylabel(f"force {axis}\nN")
+    show_at_least(axes, LEAST_NEWTONS)
 
 
 def draw_separation(axes, log):
@@ -166,40 +173,64 @@ def period(log):
 
 
 def draw_view(axes, log, world, phases):
-    """Paths seen from above, or from the side where the tool moves in space; the tool's outline where
+    """Paths seen from above, or from the side where the tool moves in space; the held link's outline where
     each phase begins and at the end."""
     planar = is_planar(log)
-    across = "y" if planar else "z"
-    for outline in world.walls:
-        axes.add_patch(Polygon(1e3 * outline.corners(), facecolor="#d9d9d9", edgecolor="#8c8c8c"))
-    for outline in world.loose:
-        style = dict(facecolor="#e9f2f9", edgecolor="#457b9d", linestyle="--")
-        axes.add_patch(Polygon(1e3 * outline.corners(), **style))
+    view, (along, across) = ([0, 1], "xy") if planar else ([0, 2], "xz")
+    if world:
+        draw_bodies(axes, world, view)
     for subject in ("tool", "proxy", "device"):
-        x, y = (in_session(log, 1e3 * log[f"{subject}_{axis}_m"]) for axis in ("x", across))
+        x, y = (in_session(log, 1e3 * log[f"{subject}_{axis}_m"]) for axis in (along, across))
         axes.plot(x, y, **STYLES[subject])
-    angles = np.radians(heading(log, "tool")) if planar else -pitch(log, "tool")
-    for i, names in marked_ticks(log, phases):
-        x, y = log["tool_x_m"][i], log[f"tool_{across}_m"][i]
-        for box in world.tool:
-            outline = 1e3 * box.corners(x, y, angles[i])
+    for i, names in marked_ticks(log, phases, (along, across)):
+        pose = tool_pose(log, i)
+        for shape in world.held if world else []:
+            outline = 1e3 * shape.moved(pose).outline(view)
             axes.add_patch(Polygon(outline, fill=False, edgecolor="#f4a261", linewidth=1))
-        axes.plot(1e3 * x, 1e3 * y, "o", color=MARK, markersize=4, zorder=5)
+        x, y = 1e3 * pose[view, 3]
+        axes.plot(x, y, "o", color=MARK, markersize=4, zorder=5)
         offset = dict(xytext=(6, 6), textcoords="offset points", zorder=5)
-        axes.annotate(", ".join(names), (1e3 * x, 1e3 * y), color=MARK, fontsize=11, **offset)
+        axes.annotate(", ".join(names), (x, y), color=MARK, fontsize=11, **offset)
     down = ", mm (down the page)" if planar else ", mm"
     axes.set(xlabel="x, mm", ylabel=across + down, aspect="equal")
     axes.autoscale_view()
     if planar:
         axes.invert_yaxis()
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False)
-    view = "above" if planar else "the side"
-    dashed = "\ndashed: loose bodies where they begin" if world.loose else ""
-    axes.set_title(f"Seen from {view}. Numbers: where each phase begins{dashed}")
+    title = f"Seen from {'above' if planar else 'the side'}. Numbers: where each phase begins"
+    if world and world.loose:
+        title += "\ndashed: what moves, where it begins"
+    axes.set_title(title)
 
 
-def marked_ticks(log, phases):
-    """Ticks at which a phase begins or the session ends, those at one place under one name."""
+def draw_bodies(axes, world, view):
+    """The world where it begins, with the names of its models."""
+    loose = dict(facecolor="#e9f2f9", edgecolor="#457b9d", linestyle="--")
+    link = dict(facecolor="#fdf1e7", edgecolor="#f4a261", linestyle="--")
+    fixed = dict(facecolor="#d9d9d9", edgecolor="#8c8c8c")
+    names = {}  # of what is seen at one place, in mm
+    for bodies, style in ((world.walls, fixed), (world.loose, loose), (world.links, link)):
+        named = set()
+        for body in bodies:
+            outline = 1e3 * body.shape.outline(view)
+            axes.add_patch(Polygon(outline, **style))
+            if body.name not in named:
+                centre = tuple(np.round((outline.min(axis=0) + outline.max(axis=0)) / 2))
+                names.setdefault(centre, []).append(body.name.replace("_", " "))
+            named.add(body.name)
+    for centre, those in names.items():
+        style = dict(ha="center", va="center", fontsize=9, color="#555555", clip_on=True)
+        axes.text(*centre, "\n".join(those), **style)
+
+
+def tool_pose(log, tick):
+    """Of the hand's frame on the tool, as a matrix."""
+    position = [log[f"tool_{axis}_m"][tick] for axis in "xyz"]
+    return matrix(position, rotation_of(*(log[f"tool_q{part}"][tick] for part in "wxyz")))
+
+
+def marked_ticks(log, phases, axes):
+    """Ticks at which a phase begins or the session ends, those at one place of the view under one name."""
     session = np.flatnonzero(log["session"] > 0)
     begins = [np.searchsorted(log["time_s"], phase.begin) for phase in phases]
     named = [(i, str(n)) for n, i in enumerate(begins, start=1) if log["session"][i] > 0]
@@ -208,7 +239,7 @@ def marked_ticks(log, phases):
     marks = []
     for i, name in named:
         for j, names in marks:
-            away = math.dist(*((log["tool_x_m"][k], log["tool_y_m"][k]) for k in (i, j)))
+            away = math.dist(*([log[f"tool_{axis}_m"][k] for axis in axes] for k in (i, j)))
             if away < SAME_PLACE:
                 names.append(name)
                 break
@@ -232,7 +263,7 @@ def draw_close_up(position, force, log):
     shown = (log["session"] > 0) & (abs(log["time_s"] - end + CLOSE_UP / 2) < CLOSE_UP / 2)
     part = {name: values[shown] for name, values in log.items()}
     axis = max("xyz", key=lambda a: np.ptp(part[f"command_force_{a}_N"]))
-    draw_positions(position, part, axis)
+    draw_positions(position, part, axis, least=0)
     draw_force(force, part, axis)
     position.set_title(f"Close-up: the last {CLOSE_UP:g} s of changing force")
     force.set_xlabel("time since the server started, s")
@@ -264,6 +295,13 @@ def write_key(axes, phases, log):
     handles = [plt.Rectangle((0, 0), 1, 1, color=STATE_COLOURS[s], label=s) for s in sorted(shades)]
     if handles:
         axes.legend(handles=handles, loc="upper right", title="Shaded times")
+
+
+def title_of(world):
+    if world is None:
+        return "Haptic session"
+    held = f", held: {world.tool}" if world.tool else ""
+    return f"{world.name}{held}. {world.description}"
 
 
 def summary(log):
@@ -321,7 +359,7 @@ def draw(log, world, phases):
     draw_view(plan, log, world, phases)
     write_key(key, phases, log)
     draw_close_up(position, force, log)
-    figure.suptitle("Haptic session\n" + summary(log), fontsize=12)
+    figure.suptitle(title_of(world) + "\n" + summary(log), fontsize=12)
     return figure
 
 
@@ -329,16 +367,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("log", help="tick log (CSV) of haptic_server")
     parser.add_argument("picture", help="picture to write (PNG)")
-    parser.add_argument("--world", help="SDF file whose bodies and tool are drawn where they begin")
-    parser.add_argument("--tool", default="peg", help="its model that is the tool (default: peg)")
+    parser.add_argument("--world", help="SDF file whose bodies are drawn where they begin")
     parser.add_argument("--hand", help="hand script (TOML) whose segments name the phases")
     options = parser.parse_args()
     try:
         log = read_log(options.log)
-        from_side = not is_planar(log)
-        world = World([], [], [])
-        if options.world:
-            world = read_world(options.world, options.tool, from_side)
+        world = read_world(options.world) if options.world else None
         phases = phases_from_hand(options.hand, log) if options.hand else []
         figure = draw(log, world, phases or phases_from_states(log))
         figure.savefig(options.picture, dpi=100)

@@ -1,6 +1,7 @@
 """What scripts/plot.py draws: the tick log, the world and the phases of the session."""
 
 import csv
+import itertools
 import math
 import tomllib
 import xml.etree.ElementTree as xml
@@ -37,35 +38,82 @@ class Phase:
 
 
 @dataclass
-class Box:
-    """The outline of a box in the view: m, rad, in the frame of what owns it. Seen from above the view's
-    axes are x and y of the world, from the side x and z."""
+class Shape:
+    """A body's shape in its owner's frame: what is within `radius` of the hull of `points` (Nx3), m."""
 
-    x: float
-    y: float
-    yaw: float
-    length: float
-    width: float
+    points: np.ndarray
+    radius: float = 0.0
 
-    def corners(self, x=0.0, y=0.0, yaw=0.0):
-        """4x2, m, for an owner at x, y, yaw in the view."""
-        a, b = self.length / 2, self.width / 2
-        inner = np.array([(-a, -b), (a, -b), (a, b), (-a, b)]) @ turn(self.yaw).T
-        return (inner + (self.x, self.y)) @ turn(yaw).T + (x, y)
+    def moved(self, pose):
+        """In the frame in which the owner has that pose (4x4)."""
+        return Shape(self.points @ pose[:3, :3].T + pose[:3, 3], self.radius)
+
+    def outline(self, view):
+        """Corners (Nx2, m) of what is seen of it; `view`: the indices of the two axes that are shown."""
+        seen = self.points[:, view]
+        if self.radius > 0:
+            seen = np.concatenate([point + self.radius * CIRCLE for point in seen])
+        return hull(seen)
+
+
+@dataclass
+class Body:
+    name: str  # of its model
+    shape: Shape
 
 
 @dataclass
 class World:
-    """Outlines of what does not move, of loose bodies where they begin, and of the tool at its hand."""
+    """What does not move, loose bodies and the tool's other links, all where they begin; the link that the
+    hand holds, in the hand's frame; and what the world says of itself."""
 
+    name: str
+    description: str
+    tool: str
     walls: list
     loose: list
-    tool: list
+    links: list
+    held: list
 
 
-def turn(angle):
-    """Rotation in the plane by angle, rad."""
-    return np.array([(math.cos(angle), -math.sin(angle)), (math.sin(angle), math.cos(angle))])
+CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 32, False)])
+
+
+def hull(points):
+    """Corners of the convex hull of points in the plane, in order (Andrew's monotone chain)."""
+    ordered = sorted(set(map(tuple, np.round(points, 9))))
+
+    def chain(sequence):
+        corners = []
+        for point in sequence:
+            while len(corners) > 1 and not turns_left(*corners[-2:], point):
+                corners.pop()
+            corners.append(point)
+        return corners[:-1]
+
+    return np.array(chain(ordered) + chain(reversed(ordered)))
+
+
+def turns_left(a, b, c):
+    return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
+
+
+def matrix(position, rotation):
+    """A pose as a 4x4 matrix."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, position
+    return pose
+
+
+def rotation_of(w, x, y, z):
+    """The rotation of a unit quaternion."""
+    return np.array(
+        [
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        ]
+    )
 
 
 def read_log(path):
@@ -91,7 +139,10 @@ def read_log(path):
         raise InputError(f"{path}: cannot be read: {error}") from error
     if not columns["time_s"]:
         raise InputError(f"{path}: holds no tick")
-    return {name: np.array(values) for name, values in columns.items()}
+    log = {name: np.array(values) for name, values in columns.items()}
+    # Before its first update and after its last word the frames of a session mean nothing.
+    log["session"][log["server_state"] == "idle"] = 0
+    return log
 
 
 def number(text, column, path, rows):
@@ -103,61 +154,85 @@ def number(text, column, path, rows):
         ) from None
 
 
-def read_models(path):
-    """The models of an SDF file."""
+def read_source(path):
+    """The <world> of an SDF file."""
     with open(path, encoding="utf-8") as file:
         # SDFormat uses the prefix without declaring it, which the XML reader refuses.
         text = file.read().replace("<sdf ", '<sdf xmlns:haptic="haptic" ', 1)
-    return xml.fromstring(text).findall(".//model")
+    return xml.fromstring(text).find("world")
 
 
-def read_world(path, tool, from_side):
-    """What the world at `path` holds, with the model named `tool` as virtual tool; of its shapes the
-    boxes."""
+def read_starts(path, tool):
+    """The poses (4x4) of the tool's other starts."""
+    models = [model for model in read_source(path).findall("model") if model.get("name") == tool]
+    return [read_pose(start) for model in models for start in model.findall("{haptic}start")]
+
+
+def read_world(path):
+    """The world at `path` with the tool that it names."""
     try:
-        world = World([], [], [])
-        for model in read_models(path):
-            boxes = [box for link in model.iter("link") for box in link_boxes(link, from_side)]
-            if model.get("name") == tool:
-                hand = model.find("{haptic}hand")
-                at = (0, 0, 0) if hand is None else read_pose(hand, from_side)
-                world.tool += [placed(box, (-at[0], -at[1], 0)) for box in boxes]
+        source = read_source(path)
+        said = [" ".join(source.findtext("{haptic}" + n, "").split()) for n in ("description", "tool")]
+        world = World(source.get("name"), *said, [], [], [], [])
+        for model in source.findall("model"):
+            if model.get("name") == world.tool:
+                read_tool(model, world)
                 continue
-            boxes = [placed(box, read_pose(model, from_side)) for box in boxes]
             fixed = model.findtext("static", "false").strip() in ("true", "1")
-            (world.walls if fixed else world.loose).extend(boxes)
-    except (OSError, UnicodeDecodeError, xml.ParseError, ValueError) as error:
+            bodies = [body for link in model.iter("link") for body in link_bodies(model, link)]
+            (world.walls if fixed else world.loose).extend(bodies)
+    except (OSError, UnicodeDecodeError, xml.ParseError, AttributeError, ValueError) as error:
         raise InputError(f"{path}: not a world: {error}") from error
     return world
 
 
-def read_starts(path, tool):
-    """The poses x, y, yaw (m, rad) of the model's other starts, seen from above."""
-    return [read_pose(start, from_side=False)
-            for model in read_models(path) if model.get("name") == tool
-            for start in model.findall("{haptic}start")]
+def read_tool(model, world):
+    hand = model.find("{haptic}hand")
+    held = model.find("link").get("name") if hand is None else hand.findtext("link").strip()
+    for link in model.iter("link"):
+        if link.get("name") != held:
+            world.links += link_bodies(model, link)
+            continue
+        # Without <haptic:hand> it is held at its centre of mass.
+        at = read_pose(link.find("inertial"))[:3, 3] if hand is None else None
+        in_link = matrix(at, np.eye(3)) if hand is None else read_pose(hand)
+        world.held += [shape.moved(np.linalg.inv(in_link)) for shape in link_shapes(link)]
 
 
-def read_pose(element, from_side):
-    """Position and angle of an SDF element in the view."""
-    pose = [float(part) for part in element.findtext("pose", "0 0 0 0 0 0").split()]
-    return (pose[0], pose[2], -pose[4]) if from_side else (pose[0], pose[1], pose[5])
+def read_pose(element):
+    """Of an SDF element, as a matrix."""
+    text = "" if element is None else element.findtext("pose", "")
+    x, y, z, roll, pitch, yaw = [float(part) for part in text.split()] or 6 * [0.0]
+    (cr, cp, cy), (sr, sp, sy) = np.cos((roll, pitch, yaw)), np.sin((roll, pitch, yaw))
+    about_x = np.array([(1, 0, 0), (0, cr, -sr), (0, sr, cr)])
+    about_y = np.array([(cp, 0, sp), (0, 1, 0), (-sp, 0, cp)])
+    about_z = np.array([(cy, -sy, 0), (sy, cy, 0), (0, 0, 1)])
+    return matrix((x, y, z), about_z @ about_y @ about_x)
 
 
-def link_boxes(link, from_side):
+def link_bodies(model, link):
+    pose = read_pose(model) @ read_pose(link)
+    return [Body(model.get("name"), shape.moved(pose)) for shape in link_shapes(link)]
+
+
+def link_shapes(link):
+    """The finite shapes of a link in its frame."""
     for collision in link.iter("collision"):
-        text = collision.findtext("geometry/box/size")
-        if text is not None:
-            size = [float(part) for part in text.split()]
-            outline = Box(*read_pose(collision, from_side), size[0], size[2 if from_side else 1])
-            yield placed(outline, read_pose(link, from_side))
-
-
-def placed(box, pose):
-    """The box in the frame in which its owner has the pose x, y, yaw."""
-    x, y, yaw = pose
-    centre = turn(yaw) @ (box.x, box.y) + (x, y)
-    return Box(centre[0], centre[1], box.yaw + yaw, box.length, box.width)
+        kind = collision.find("geometry")[0]
+        value = lambda name: float(kind.findtext(name))
+        if kind.tag == "box":
+            half = np.array([float(part) / 2 for part in kind.findtext("size").split()])
+            shape = Shape(half * np.array(list(itertools.product((-1, 1), repeat=3))))
+        elif kind.tag == "sphere":
+            shape = Shape(np.zeros((1, 3)), value("radius"))
+        elif kind.tag == "capsule":
+            shape = Shape(np.outer((-0.5, 0.5), (0, 0, value("length"))), value("radius"))
+        elif kind.tag == "cylinder":
+            ends = value("length") * np.array((-0.5, 0.5))
+            shape = Shape(np.array([(*(value("radius") * c), z) for c in CIRCLE for z in ends]))
+        else:
+            continue
+        yield shape.moved(read_pose(collision))
 
 
 def touching(log):

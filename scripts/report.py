@@ -15,6 +15,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.patches import Polygon
 
 from plot_input import read_starts, read_world
@@ -465,15 +466,19 @@ def draw_scenes(folder):
 
 
 def draw_testbed(_):
-    world = read_world(TESTBED, "peg", from_side=False)
+    world = read_world(TESTBED)
+    from_above = [0, 1]
     figure, axes = panels(1, 6, 5)
     axis = axes[0]
     for wall in world.walls:
-        axis.add_patch(Polygon(1e3 * wall.corners(), facecolor="#ced4da"))
-    for (x, y, angle), name in zip(((0, 0, 0), *read_starts(TESTBED, "peg")), ("peg", "in the hole")):
-        for box in world.tool:
-            axis.add_patch(Polygon(1e3 * box.corners(x, y, angle), facecolor="#a8dadc", edgecolor="#1d3557"))
-        axis.text(1e3 * x, 1e3 * y, name, ha="center", va="center", fontsize=8, rotation=math.degrees(angle))
+        axis.add_patch(Polygon(1e3 * wall.shape.outline(from_above), facecolor="#ced4da"))
+    starts = [np.eye(4), *read_starts(TESTBED, world.tool)]
+    for pose, name in zip(starts, ("peg", "in the hole")):
+        for shape in world.held:
+            axis.add_patch(Polygon(1e3 * shape.moved(pose).outline(from_above), facecolor="#a8dadc",
+                                   edgecolor="#1d3557"))
+        angle = math.degrees(math.atan2(pose[1, 0], pose[0, 0]))
+        axis.text(*(1e3 * pose[:2, 3]), name, ha="center", va="center", fontsize=8, rotation=angle)
     axis.annotate("", (0, 105), (0, 25), arrowprops={"arrowstyle": "->", "color": "#d62828"})
     axis.text(6, 65, "0.5 N (Fig. 14)", color="#d62828", fontsize=8)
     axis.annotate("", (150, 130), (50, 130), arrowprops={"arrowstyle": "<->", "color": "#d62828"})

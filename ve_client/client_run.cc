@@ -1,6 +1,7 @@
 #include "ve_client/client_run.h"
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 
 #include <spdlog/spdlog.h>
@@ -8,8 +9,6 @@
 #include "common/settings/directories.h"
 #include "common/settings/table.h"
 #include "protocol/sealing/key_file.h"
-#include "ve_client/world/sdf_loader.h"
-#include "ve_client/world/tool_assembly.h"
 
 namespace hlm::ve {
 namespace {
@@ -25,12 +24,10 @@ HapticClientOptions client_options(const Settings& settings, const VirtualEnviro
   return options;
 }
 
-/// The world, with the tool in it. What is wrong with it, an option is.
-WorldDescription usable_world(const Settings& settings) {
+/// The scene of the options. What is wrong with it, an option is.
+Scene first_scene(const Settings& settings) {
   try {
-    WorldDescription world = load_world(settings.world);
-    assemble_tool(with_start(world, settings.tool, settings.start), settings.tool);
-    return world;
+    return load_scene(settings.world, settings.tool, settings.start);
   } catch (const std::runtime_error& error) {
     throw settings::UsageError(error.what());
   }
@@ -91,13 +88,14 @@ std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::En
 
 ClientRun::ClientRun(const Settings& settings)
     : settings_(settings),
-      world_(usable_world(settings)),
+      scene_(first_scene(settings)),
       start_(settings.start),
-      environment_(std::in_place, with_start(world_, settings.tool, start_), settings.tool,
+      environment_(std::in_place, with_start(scene_.world, scene_.tool, start_), scene_.tool,
                    settings.follow),
       server_(resolved("--server", settings.server, "127.0.0.1:47800")),
       key_(read_key(settings)),
       page_(open_page(settings, server_)),
+      scenes_(page_ ? scenes_beside(scene_.file) : std::vector<SceneSummary>{}),
       link_(
           wire(), [this] { return clock_.now(); }, settings.seed),
       live_(settings_at_start()),
@@ -140,7 +138,7 @@ void ClientRun::begin() {
   fault_reported_ = false;
   if (client_) {
     client_->close(clock_.now());
-    environment_.emplace(with_start(world_, settings_.tool, start_), settings_.tool,
+    environment_.emplace(with_start(scene_.world, scene_.tool, start_), scene_.tool,
                          settings_.follow);
   }
   HapticClientOptions options = client_options(settings_, *environment_, server_);
@@ -184,13 +182,38 @@ void ClientRun::take_page_requests() {
     start_ = reset->start.value_or(start_);
     begin();
   }
+  change_scene();
   link_.set_conditions(live_.network);
   client_->control(page_->control(live_, own_tuning_));
 }
 
+void ClientRun::change_scene() {
+  using namespace std::chrono_literals;
+  if (!loading_.valid()) {
+    const auto chosen = page_->take_scene();
+    if (!chosen) return;
+    chosen_ = *chosen;
+    const auto& file = std::ranges::find(scenes_, chosen_.name, &SceneSummary::name)->file;
+    // --tool is for --world; others are played with the tool that they name.
+    const std::string tool = file == settings_.world ? settings_.tool : "";
+    loading_ = std::async(std::launch::async, [=] { return load_scene(file, tool); });
+  }
+  if (loading_.wait_for(0s) != std::future_status::ready) return;
+  try {
+    scene_ = loading_.get();
+  } catch (const std::exception& error) {
+    return page_->refuse(chosen_, error.what());
+  }
+  spdlog::info("{} with tool '{}', chosen on the page", scene_.file.string(), scene_.tool);
+  start_.clear();
+  live_ = settings_at_start();
+  begin();
+}
+
 void ClientRun::show_world(const protocol::Welcome* welcome) {
   page_->show_world({.environment = *environment_,
-                     .model = find_model(world_, settings_.tool),
+                     .scene = scene_,
+                     .scenes = scenes_,
                      .start = start_,
                      .welcome = welcome});
 }

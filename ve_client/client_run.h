@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <random>
@@ -17,6 +18,7 @@
 #include "ve_client/settings.h"
 #include "ve_client/status.h"
 #include "ve_client/web/live_page.h"
+#include "ve_client/world/scene.h"
 
 namespace hlm::ve {
 
@@ -51,6 +53,9 @@ class ClientRun {
   void frame(double period);
   void report(const std::string& fault);
   void take_page_requests();
+  /// Loads the scene that a page has chosen, and then plays it; meanwhile, and if it cannot be
+  /// played, the present one goes on.
+  void change_scene();
   /// welcome: null before the server has answered.
   void show_world(const protocol::Welcome* welcome);
   void show(const FrameResult& result);
@@ -59,12 +64,15 @@ class ClientRun {
   void wait_until(double time);
 
   const Settings& settings_;
-  WorldDescription world_;  ///< As loaded.
-  std::string start_;       ///< Of the tool.
+  Scene scene_;        ///< As loaded.
+  std::string start_;  ///< Of the tool.
   std::optional<VirtualEnvironment> environment_;
   protocol::Endpoint server_;
   std::optional<protocol::noise::Key> key_;
-  std::unique_ptr<LivePage> page_;  ///< Null: none.
+  std::unique_ptr<LivePage> page_;    ///< Null: none.
+  std::vector<SceneSummary> scenes_;  ///< For its menu.
+  SceneRequest chosen_;               ///< What is loaded for a page.
+  std::future<Scene> loading_;        ///< Valid while it is.
   protocol::UdpSocket socket_{protocol::Endpoint{}};
   std::optional<protocol::SealedClientLink> sealed_;
   std::optional<Recording> recording_;

@@ -17,7 +17,7 @@ const char* const kFooter =
   ve_client --world worlds/testbed.sdf --server HOST:47800 --key-file haptic.key
                                                                 for a server elsewhere
   ve_client --world worlds/testbed.sdf --page 127.0.0.1:8080    with the live page
-  ve_client --world worlds/linkage.sdf --tool arm               with a linkage for a tool
+  ve_client --world worlds/push.sdf --tool brick                with another tool than the world's
   ve_client --world worlds/testbed.sdf --network-delay 0.02     as over a slow network
 
 Exit codes: 0 finished; 1 failed while running; 2 wrong usage or configuration; 3 the server never
@@ -59,7 +59,8 @@ class CommandLine {
   void add_environment(Table& table) {
     table.group("Environment");
     table.file("world", settings_.world, "World, an SDFormat file (required)");
-    table.text("tool", settings_.tool, "MODEL", "Model of the world that is the virtual tool");
+    table.text("tool", settings_.tool, "MODEL",
+               "Model of the world that is the virtual tool; otherwise the world's <haptic:tool>");
     table.text("start", settings_.start, "NAME",
                "Where the tool begins, one of its <haptic:start>; otherwise as the file places it");
   }

@@ -16,7 +16,7 @@ struct Settings {
   std::string server = "127.0.0.1:47800";  ///< HOST:PORT.
   std::string key_file;                    ///< The server's; empty: none.
   std::string world;                       ///< SDF file.
-  std::string tool = "peg";                ///< Model of the world.
+  std::string tool;                        ///< Model of the world; empty: the one that it names.
   std::string start;                       ///< One of its <haptic:start>; empty: as placed.
   FrameOptions frame;
   FollowOptions follow;

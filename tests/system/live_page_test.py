@@ -7,8 +7,11 @@ Usage: live_page_test.py SERVER CLIENT WORLDS [TEST…]
 import contextlib
 import json
 import math
+import pathlib
+import shutil
 import signal
 import sys
+import tempfile
 import time
 import unittest
 
@@ -20,6 +23,7 @@ try:
     from selenium.webdriver.common.actions.mouse_button import MouseButton
     from selenium.webdriver.common.actions.pointer_input import PointerInput
     from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.select import Select
 except ImportError:
     print("skipped: python3-selenium is not installed")
     sys.exit(SKIPPED)
@@ -87,6 +91,7 @@ class PageTest(unittest.TestCase):
     """A browser of the class's own, on a session of its own."""
 
     WORLD = "testbed"
+    FOLDER = WORLDS
     CLIENT_OPTIONS = ()
     SERVING = True   # whether haptic_server runs from the beginning
 
@@ -94,7 +99,7 @@ class PageTest(unittest.TestCase):
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
         cls.session = cls.stack.enter_context(live_session(
-            SERVER, CLIENT, WORLDS, "--log-level", "off", world=cls.WORLD, serving=cls.SERVING,
+            SERVER, CLIENT, cls.FOLDER, "--log-level", "off", world=cls.WORLD, serving=cls.SERVING,
             client_options=("--log-level", "off", *cls.CLIENT_OPTIONS)))
         cls.url = cls.session.url
         cls.driver = browser()
@@ -535,9 +540,114 @@ class ServerThatDies(PageTest):
         wait_for(lambda: math.hypot(*self.frame()["F_hand"][:2]) > 0.05, "the hand's force")
 
 
+class Scenes(PageTest):
+    """A folder with two worlds, and one that is none."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = pathlib.Path(tempfile.mkdtemp())
+        cls.addClassCleanup(shutil.rmtree, folder)
+        for name in ("testbed", "push"):
+            shutil.copy(pathlib.Path(WORLDS) / f"{name}.sdf", folder)
+        (folder / "broken.sdf").write_text("<sdf version='1.9'><world name='w'/></sdf>")
+        cls.FOLDER = folder
+        super().setUpClass()
+
+    def setUp(self):
+        show(self.driver, self.url)
+        if self.ask("haptic.world.scene") != "testbed":
+            self.choose("testbed")
+            self.wait_for_scene("testbed")
+
+    def choose(self, scene):
+        Select(self.driver.find_element("id", "scenes")).select_by_value(scene)
+
+    def wait_for_scene(self, scene):
+        wait_for(lambda: self.ask(f"haptic.world.scene === '{scene}' && haptic.world.servo_rate"
+                                  " && haptic.frame.device && haptic.scene().live"), scene)
+
+    def tools(self):
+        return self.ask("haptic.world.bodies.filter((body) => body.tool).map((body) => body.name)")
+
+    def shown(self):
+        return Select(self.driver.find_element("id", "scenes")).first_selected_option.text
+
+    def test_another_scene_has_its_own_tool_and_the_charts_mark_where_it_began(self):
+        self.assertEqual(self.tools(), ["peg::body"])
+        wait_for(lambda: self.ask("haptic.ticks.received") > 500, "half a second of ticks")
+        before = len(self.ask("haptic.charts().marks"))
+        self.choose("push")
+        self.wait_for_scene("push")
+        self.assertEqual(self.tools(), ["pusher::body"])
+        self.assertEqual(self.shown(), "push: Each brick slides once the push exceeds its friction.")
+        self.assertTrue(self.driver.execute_script("haptic.hand.grab(); return haptic.hand.held"))
+        self.driver.execute_script("haptic.hand.release()")
+        marks = wait_for(lambda: self.ask("haptic.charts().marks")[before:], "the mark")
+        self.assertEqual([name for _, name in marks], ["push"])
+        self.assertEqual(self.ask("haptic.ticks.lost"), 0)
+        self.assertGreater(marks[0][0], 500)   # ticks: what was before is still there
+
+    def test_one_page_chooses_for_all(self):
+        self.assertIsNone(self.send({"type": "scene", "name": "push"}))
+        self.wait_for_scene("push")
+        self.assertIn("push: ", self.shown())
+
+    def test_a_world_that_cannot_be_played_says_so_and_the_present_one_goes_on(self):
+        self.driver.execute_script("window.earlier = haptic.world")
+        self.choose("broken")
+        wait_for(lambda: "broken.sdf" in self.ask("haptic.banner()"), "the reason")
+        self.assertIn("<haptic:tool>", self.ask("haptic.banner()"))
+        self.assertIn("testbed: ", self.shown())
+        received = self.ask("haptic.ticks.received")
+        wait_for(lambda: self.ask("haptic.ticks.received") > received + 500, "more ticks")
+        self.assertTrue(self.ask("haptic.world === earlier"))
+        self.assertEqual(self.ask("haptic.ticks.lost"), 0)
+        outside = self.send({"type": "scene", "name": "../worlds/push"})
+        self.assertIn("must be broken, push, testbed", outside["text"])
+
+    def test_a_pressed_brick_gets_the_opposite_of_the_force_on_the_tool(self):
+        self.choose("push")
+        self.wait_for_scene("push")
+        self.pull(0.09, 0.0)
+        wait_for(lambda: self.ask("haptic.scene().pairs") == 1 and self.frame()["F_env"][0] < -0.5,
+                 "a pressed brick")
+        self.device_at_rest()
+        on_body = float(self.text("value-on-body").split()[0])
+        self.assertAlmostEqual(on_body, math.hypot(*self.frame()["F_env"][:3]), delta=0.1)   # N
+        of_bodies = [c for c in self.frame()["contacts"] if c["of"] == "movable_body"]
+        self.assertGreaterEqual(len(of_bodies), 3)   # on the table
+        discs = self.ask("haptic.scene().discs")
+        self.driver.find_element("id", "bodies-contacts").click()
+        wait_for(lambda: self.ask("haptic.scene().discs") <= discs - 3, "fewer discs")
+        self.driver.find_element("id", "bodies-contacts").click()
+
+    def test_the_menu_and_its_sentence_leave_the_scene_room_at_1280_by_720(self):
+        before = self.driver.get_window_size()
+        try:
+            self.driver.set_window_size(1280, before["height"] - 80)
+            wait_for(lambda: self.ask("innerHeight") == 720, "the size")
+            bottom, top, height, width = self.ask(
+                """(() => {
+                  const menu = document.getElementById('scenes').getBoundingClientRect();
+                  const scene = document.getElementById('scene').getBoundingClientRect();
+                  return [menu.bottom, scene.top, scene.height, menu.width];
+                })()""")
+            self.assertLessEqual(bottom, top)
+            self.assertGreater(height, 350)
+            sentence = self.ask(
+                """(() => {
+                  const menu = document.getElementById('scenes');
+                  const canvas = new OffscreenCanvas(1, 1).getContext('2d');
+                  canvas.font = getComputedStyle(menu).font;
+                  return canvas.measureText(menu.selectedOptions[0].text).width;
+                })()""")
+            self.assertLess(sentence, width - 40)   # pixels, of its frame and arrow
+        finally:
+            self.driver.set_window_size(before["width"], before["height"])
+
+
 class Linkage(PageTest):
     WORLD = "linkage"
-    CLIENT_OPTIONS = ("--tool", "arm")
 
     def setUp(self):
         show(self.driver, self.url)

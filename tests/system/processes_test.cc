@@ -456,6 +456,11 @@ TEST_CASE("Bad options of the client: one line that names the thing and what is 
   refuses({HLM_CLIENT, "--world", "/nowhere.sdf"}, {"/nowhere.sdf"});
   refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--tool", "hammer"},
           {"hammer", "peg"});
+  const TemporaryDirectory worlds;
+  std::ofstream(worlds.file("plain.sdf")) << "<sdf version='1.9'><world name='w'><model "
+                                             "name='brick'><link name='l'/></model></world></sdf>";
+  refuses({HLM_CLIENT, "--world", worlds.file("plain.sdf")},
+          {"plain.sdf", "--tool", "<haptic:tool>", "brick"});
   refuses({HLM_CLIENT, "--bogus"}, {"--bogus"});
   refuses({HLM_CLIENT, "--world", HLM_WORLDS "/testbed.sdf", "--epsilon", "2"}, {"epsilon"});
   const int nobody = free_port();

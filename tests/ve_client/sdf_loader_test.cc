@@ -52,6 +52,29 @@ TEST_CASE("The other worlds of the repository load") {
   CHECK(linkage.models[0].X_SH.p == Vector3(0.2, 0, 0));
 }
 
+TEST_CASE("A world may name its tool, and say what is to be felt") {
+  const std::string peg = model("peg", "0 0 0 0 0 0", "");
+  const WorldDescription said = world_of(
+      "<haptic:tool>peg</haptic:tool><haptic:description>\n  A peg\n"
+      "  in a hole.</haptic:description>" +
+      peg);
+  CHECK(said.tool == "peg");
+  CHECK(said.description == "A peg in a hole.");
+  const WorldDescription silent = world_of(peg);
+  CHECK(silent.tool.empty());
+  CHECK(silent.description.empty());
+
+  CHECK_THAT(error_of("<haptic:tool>hammer</haptic:tool>" + peg),
+             ContainsSubstring("test.sdf: ") && ContainsSubstring("tool 'hammer'") &&
+                 ContainsSubstring("it has: peg"));
+  CHECK_THAT(error_of("<haptic:tool> </haptic:tool>" + peg),
+             ContainsSubstring("<haptic:tool> must not be empty"));
+  CHECK_THAT(error_of("<haptic:tool>peg</haptic:tool><haptic:tool>peg</haptic:tool>" + peg),
+             ContainsSubstring("<haptic:tool> 'peg' must be the only one"));
+  CHECK_THAT(error_of("<haptic:descripton>x</haptic:descripton>" + peg),
+             ContainsSubstring("<haptic:descripton>") && ContainsSubstring("<haptic:description>"));
+}
+
 TEST_CASE("Poses of nested models, links, centres of mass and collisions compose") {
   const WorldDescription world = world_of(
       "<model name='outer'><pose>1 0 0 0 0 1.5707963267948966</pose>"

@@ -124,7 +124,8 @@ export class Charts {
   info() {
     const [from, to] = this.live ? this.range : [0, 0];
     return { count: this.strips.length, visible: this.strips.filter((s) => s.visible).length,
-             paused: Boolean(this.held), seconds: this.seconds, from, to, redraws: this.redraws };
+             paused: Boolean(this.held), seconds: this.seconds, from, to, redraws: this.redraws,
+             marks: this.store?.marks ?? [] };
   }
 
   #pauseBetween(fps) {
@@ -237,7 +238,7 @@ class Strip {
           values: (_, splits) => splits.map((v) => (v === null ? '' : `${+v.toPrecision(4)}`)) },
       ],
       series: [{}, ...this.chart.series.map(lineOf)],
-      hooks: { setCursor: [() => this.#showValues()] },
+      hooks: { setCursor: [() => this.#showValues()], draw: [(plot) => drawMarks(plot, this.charts.store)] },
     };
   }
 
@@ -263,6 +264,23 @@ class Strip {
       this.blank = true;
     }
   }
+}
+
+/** A line where another session began, with its name. */
+function drawMarks(plot, store) {
+  const { ctx, bbox: { left, top, width, height } } = plot;
+  ctx.save();
+  ctx.fillStyle = DIM;
+  ctx.font = `${10 * devicePixelRatio}px system-ui`;
+  ctx.textAlign = 'left';
+  ctx.textBaseline = 'top';
+  for (const [step, name] of store?.marks ?? []) {
+    const x = Math.round(plot.valToPos(step / store.rate, 'x', true));
+    if (x < left || x > left + width) continue;
+    ctx.fillRect(x, top, devicePixelRatio, height);
+    ctx.fillText(` ${name}`, x, top);
+  }
+  ctx.restore();
 }
 
 /** Canvases made by `make` are drawn by the processor: without a real GPU that is ten times faster. */

@@ -47,6 +47,7 @@ export function showLegend(scene, frame) {
   for (const name of ['F_env', 'F_hand', 'F_command']) {
     byId(`value-${name}`).textContent = scene.live ? newtons(magnitude(frame[name])) : '–';
   }
+  byId('value-on-body').textContent = scene.live ? newtons(scene.forceOnBodies) : '–';
   if (!scene.metresPerNewton || !scene.live) return;
   const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;
   const force = niceAbove(14 / pixelsPerNewton);

@@ -73,6 +73,8 @@ function takeWorld(world) {
   scene?.setWorld(world);
   showViewMode();
   showStarts(world);
+  showScenes(world);
+  state.store.session = world.scene;
 }
 
 /** Another store where the ticks are of another kind than those that are kept. */
@@ -100,6 +102,7 @@ function takeTicks(firstStep, count, rows) {
 
 function takeRefusal({ field, text }) {
   if (field === 'hand') hand?.release();
+  if (field === 'scene') showScenes(state.world);
   if (!controls.refuse(field, text)) state.notice = { text, until: performance.now() + REFUSAL_MS };
 }
 
@@ -133,7 +136,9 @@ function showText() {
 function showBanner(present) {
   const banner = byId('banner');
   const notice = state.notice?.until > performance.now() ? state.notice.text : null;
-  const text = [present?.text, notice].filter(Boolean).join(' · ');
+  const mismatch = state.world?.mismatch
+    && `${state.world.mismatch}: start haptic_server with --device-option freedom=spatial.`;
+  const text = [present?.text, mismatch, notice].filter(Boolean).join(' · ');
   banner.hidden = !text;
   if (banner.textContent !== text) banner.textContent = text;
   banner.dataset.kind = present?.kind ?? '';
@@ -159,14 +164,26 @@ function showStarts({ starts, start }) {
   byId('start').value = start;
 }
 
+function showScenes({ scenes, scene: present }) {
+  const options = scenes.map(({ name, description }) => (
+    new Option(description ? `${name}: ${description}` : name, name)));
+  byId('scenes').replaceChildren(...options);
+  byId('scenes').value = present;
+}
+
 function wireButtons() {
   byId('reset').onclick = () => send({ type: 'reset' });
   byId('start').onchange = ({ target }) => {
     send({ type: 'reset', start: target.value });
     leaveToKeys(target);
   };
+  byId('scenes').onchange = ({ target }) => {
+    send({ type: 'scene', name: target.value });
+    leaveToKeys(target);
+  };
   byId('fit').onclick = () => scene.fit();
   byId('magnify').onchange = ({ target }) => { if (scene) scene.magnify = target.checked; };
+  byId('bodies-contacts').onchange = ({ target }) => { if (scene) scene.showsBodies = target.checked; };
   byId('sound').onchange = ({ target }) => sound.setOn(target.checked);
   byId('latch').onchange = ({ target }) => hand.setLatching(target.checked);
   byId('panel-toggle').onclick = () => byId('panel').classList.toggle('folded');
@@ -189,8 +206,8 @@ function wireButtons() {
  *   ticksOf(name)           the kept ticks of one of world.tick_columns, or round_trip; oldest first
  *   fps(), drawn            frames/s of the page; scene frames drawn so far
  *   project([x,y,z])        [clientX, clientY] of a point of the world
- *   charts()                {count, visible, paused, seconds, from, to, redraws}
- *   scene()                 {mode, live, discs, proxyVisible, metresPerNewton}, or null without WebGL
+ *   charts()                {count, visible, paused, seconds, from, to, redraws, marks}
+ *   scene()                 {mode, live, discs, pairs, proxyVisible, metresPerNewton}, or null without WebGL
  *   hand                    {held, target, grab(), moveBy(dx,dy,dz), turnBy(rad, axis), release()}
  *   chain()                 {link, reason} of the first link that stops the force, or null
  *   verdict()               {kind, swings, clipped, ticks} of the last second, or null

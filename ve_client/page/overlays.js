@@ -5,11 +5,12 @@ import * as THREE from 'three';
 export const COLORS = {
   tool: '#f4a261', toolLine: '#b8651b', proxy: '#23897d', device: '#1d3557',
   F_env: '#d9532f', F_hand: '#6c7a96', F_command: '#1d3557',
-  predicted: '#9b7fc4', active: '#d1495b',
+  predicted: '#9b7fc4', active: '#d1495b', ofBodies: '#737d87', onBody: '#2a6f97',
 };
 
 const FLASH_MS = 300;
 const MAGNIFIED = 20;
+const SAME_SIDE = 0.5;   // cosine between the normals of contacts that count as one
 const UP = new THREE.Vector3(0, 1, 0);
 
 const flat = (color, opacity = 1) => new THREE.MeshBasicMaterial({
@@ -23,7 +24,7 @@ export class Contacts {
     this.group = new THREE.Group();
     this.geometry = new THREE.CylinderGeometry(0.19 * size, 0.19 * size, 0.04 * size, 20);
     this.materials = { predicted: flat(COLORS.predicted, 0.4), active: flat(COLORS.active),
-                       flash: flat('#ffd166') };
+                       ofBodies: flat(COLORS.ofBodies, 0.5), flash: flat('#ffd166') };
     this.discs = [];
     this.flashes = [];
     this.lines = new Lines();
@@ -34,7 +35,8 @@ export class Contacts {
 
   update(contacts, magnify, now) {
     for (const contact of contacts) {
-      if (contact.state === 'colliding') this.flashes.push({ ...contact, until: now + FLASH_MS });
+      const collides = contact.state === 'colliding' && contact.of === 'tool_link';
+      if (collides) this.flashes.push({ ...contact, until: now + FLASH_MS });
     }
     this.flashes = this.flashes.filter((flash) => flash.until > now).slice(-16);
     const bright = Math.floor(now / 60) % 2 === 0;
@@ -49,6 +51,7 @@ export class Contacts {
   }
 
   #contact(contact, magnify) {
+    if (contact.of !== 'tool_link') return this.#disc(contact, 'ofBodies', 0.6);
     const active = contact.state === 'penetrating' || contact.state === 'colliding';
     const color = active ? COLORS.active : COLORS.predicted;
     this.#disc(contact, active ? 'active' : 'predicted', 1);
@@ -76,6 +79,56 @@ export class Contacts {
     this.group.add(disc);
     return disc;
   }
+}
+
+/** At each side of a body that the tool presses, the force on the tool and its opposite on the body. */
+export class ForcePairs {
+  constructor(size) {
+    this.size = size;
+    this.group = new THREE.Group();
+    this.arrows = [];    // on the tool and on the body, by turns
+    this.drawn = 0;
+    this.largest = 0;
+  }
+
+  update(contacts, metresPerNewton) {
+    const pressed = pressedSides(contacts);
+    this.drawn = pressed.length;
+    this.largest = Math.max(0, ...pressed.map(({ force }) => force.length()));
+    while (this.arrows.length < 2 * pressed.length) this.#addPair();
+    for (const arrow of this.arrows) arrow.object.visible = false;
+    pressed.forEach(({ at, force }, i) => {
+      this.arrows[2 * i].set(at.toArray(), force.toArray(), metresPerNewton);
+      this.arrows[2 * i + 1].set(at.toArray(), force.negate().toArray(), metresPerNewton);
+    });
+  }
+
+  #addPair() {
+    for (const color of [COLORS.F_env, COLORS.onBody]) {
+      const arrow = new Arrow(color, 0.035 * this.size, 18);
+      this.arrows.push(arrow);
+      this.group.add(arrow.object);
+    }
+  }
+}
+
+/** The tool's contacts with each side of a movable body as one force (N, on the tool) at its centre of
+ *  pressure; of a body that is pinched, two. */
+function pressedSides(contacts) {
+  const sides = [];
+  for (const { of, body, n, p, f } of contacts) {
+    const force = vector(f), normal = vector(n), weight = force.length();
+    if (of !== 'tool_link' || body === null || weight === 0) continue;
+    let side = sides.find((one) => one.body === body && one.normal.dot(normal) > SAME_SIDE);
+    if (!side) {
+      side = { body, normal, at: new THREE.Vector3(), force: new THREE.Vector3(), weight: 0 };
+      sides.push(side);
+    }
+    side.at.addScaledVector(vector(p), weight);
+    side.force.add(force);
+    side.weight += weight;
+  }
+  return sides.map(({ at, force, weight }) => ({ at: at.divideScalar(weight), force }));
 }
 
 /** An arrow of unit thickness `width` from a point along a force. */

@@ -2,7 +2,7 @@
 
 import * as THREE from 'three';
 import { magnitude, niceAbove } from './format.js';
-import { Arrow, COLORS, Contacts, Spring, handleObject } from './overlays.js';
+import { Arrow, COLORS, Contacts, ForcePairs, Spring, handleObject } from './overlays.js';
 import { boundsOf, bodyObject, dispose, look, place } from './shapes.js';
 import { View } from './view.js';
 
@@ -37,6 +37,7 @@ export class Scene {
     };
     this.raycaster = new THREE.Raycaster();
     this.magnify = false;
+    this.showsBodies = true;   // the contacts of bodies without the tool
     this.drawn = 0;
     this.peakForce = 1;
     this.world = null;
@@ -51,6 +52,7 @@ export class Scene {
     for (const object of this.content?.children.slice() ?? []) dispose(object);
     this.content?.removeFromParent();
     this.world = world;
+    this.peakForce = 1;
     this.content = new THREE.Group();
     this.bodies = world.bodies.map((body) => this.#addBody(body));
     this.tools = world.tool_links.map((i) => this.bodies[i]);
@@ -83,8 +85,11 @@ export class Scene {
     this.changed = this.view.moved = false;
     const { camera } = this.view;
     if (this.live) {
-      this.contacts.update(this.frame.contacts ?? [], this.magnify, performance.now());
+      const contacts = this.frame.contacts ?? [];
+      const shown = contacts.filter(({ of }) => this.showsBodies || of === 'tool_link');
+      this.contacts.update(shown, this.magnify, performance.now());
       this.#drawForces(this.frame);
+      this.pairs.update(contacts, this.metresPerNewton);
       this.spring.update(this.frame.device, target, camera);
     }
     this.renderer.render(this.root, camera);
@@ -151,8 +156,14 @@ export class Scene {
 
   info() {
     return { mode: this.view?.mode, live: this.live, discs: this.contacts?.drawn ?? 0,
+             pairs: this.pairs?.drawn ?? 0,
              metresPerNewton: this.metresPerNewton,
              proxyVisible: Boolean(this.proxies?.some((proxy) => proxy.visible)) };
+  }
+
+  /** On a pressed body, the largest, N. */
+  get forceOnBodies() {
+    return this.pairs.largest;
   }
 
   get aspect() {
@@ -185,9 +196,10 @@ export class Scene {
     this.proxies = this.world.tool_links.map((i) => bodyObject(this.world.bodies[i].shapes, this.looks.proxy));
     this.handle = handleObject(size);
     this.contacts = new Contacts(size);
+    this.pairs = new ForcePairs(size);
     this.spring = new Spring(size);
     this.arrows = FORCES.map((name, i) => new Arrow(COLORS[name], size * [0.05, 0.05, 0.024][i], 15 + i));
-    this.overlays.add(...this.proxies, this.handle, this.contacts.group, this.spring.object,
+    this.overlays.add(...this.proxies, this.handle, this.contacts.group, this.pairs.group, this.spring.object,
                       ...this.arrows.map((arrow) => arrow.object));
   }
 

@@ -42,7 +42,7 @@ function shadeByNormals(geometry) {
 /** How bodies of one kind are painted. Ghosts are drawn over everything. */
 export function look(color, { opacity = 1, ghost = false, order = 0 } = {}) {
   const common = { transparent: opacity < 1, opacity, depthTest: !ghost, depthWrite: opacity === 1 };
-  const edge = new THREE.Color(color).multiplyScalar(ghost ? 1 : 0.6);
+  const edge = new THREE.Color(color).multiplyScalar(ghost ? 1 : 0.35);
   return {
     surface: new THREE.MeshBasicMaterial({
       color, ...common, vertexColors: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }),

@@ -1,6 +1,8 @@
-// What every servo tick of the last 60 s was: a ring of float32 columns by name, addressed by step.
+// What every servo tick of the last 60 s was: a ring of float32 columns by name, addressed by step. Steps
+// count on from session to session.
 
 // What only frames carry, noted with each tick.
+const BREAK_SECONDS = 0.1;   // between two sessions
 const ROUND_TRIP = { name: 'round_trip', unit: 's' };
 
 export class TickStore {
@@ -16,6 +18,9 @@ export class TickStore {
     this.oldest = 0;      // first step kept
     this.next = 0;        // step after the newest
     this.expecting = false;
+    this.session = '';    // name of the present one
+    this.begin = 0;       // its step 0
+    this.marks = [];      // [step, name] where one began after another
   }
 
   get lastStep() {
@@ -33,9 +38,11 @@ export class TickStore {
   }
 
   /** Takes `count` rows of consecutive steps; steps that never came are left as NaN. */
-  append(firstStep, count, rows, roundTrip) {
+  append(stepOfSession, count, rows, roundTrip) {
     const width = this.arriving.length;
     if (rows.length !== count * width) return;
+    if (this.begin + stepOfSession < this.next) this.#beginSession(stepOfSession);
+    const firstStep = this.begin + stepOfSession;
     this.#skipTo(firstStep);
     this.arriving.forEach((name, column) => {
       const values = this.columns.get(name);
@@ -66,11 +73,18 @@ export class TickStore {
     return Object.assign(Object.create(TickStore.prototype), this, { columns: new Map(copies) });
   }
 
+  #beginSession(firstStep) {
+    const mark = this.next + Math.round(BREAK_SECONDS * this.rate);
+    this.begin = mark - firstStep;
+    this.expecting = false;
+    this.marks = this.marks.filter(([step]) => step >= this.oldest).concat([[mark, this.session]]);
+  }
+
   #skipTo(step) {
     const gap = step - this.next;
     if (gap > 0 && this.expecting) this.lost += gap;
     this.expecting = true;
-    if (gap < 0 || gap >= this.capacity || this.next === this.oldest) {
+    if (gap >= this.capacity || this.next === this.oldest) {
       this.oldest = this.next = step;
     } else if (gap > 0) {
       for (const values of this.columns.values()) this.#fill(values, this.next, step, NaN);

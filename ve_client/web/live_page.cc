@@ -49,7 +49,7 @@ void LivePage::take(const PageRequest& request, double now, LiveSettings& settin
     if (holding_page_ == request.page) holding_page_.reset();
     return;
   }
-  const ParsedRequest parsed = parse_request(request.text, settings, tool_);
+  const ParsedRequest parsed = parse_request(request.text, settings, world_);
   if (const auto* hand = std::get_if<HandRequest>(&parsed)) {
     take_hand(request.page, *hand, now);
   } else if (const auto* changed = std::get_if<SettingsRequest>(&parsed)) {
@@ -58,11 +58,17 @@ void LivePage::take(const PageRequest& request, double now, LiveSettings& settin
     server_.set_telemetry(request.page, telemetry->on);
   } else if (const auto* refusal = std::get_if<Refusal>(&parsed)) {
     server_.answer(request.page, refused_message(refusal->field, refusal->value, refusal->text));
+  } else if (const auto* scene = std::get_if<SceneRequest>(&parsed)) {
+    chosen_ = {scene->name, request.page};
   } else if (const auto* wanted = std::get_if<ResetRequest>(&parsed)) {
     holding_page_.reset();
     settings = at_start;
     if (!reset || wanted->start) reset = *wanted;
   }
+}
+
+void LivePage::refuse(const SceneRequest& scene, const std::string& text) {
+  server_.answer(scene.page, refused_message("scene", scene.name, text));
 }
 
 protocol::Control LivePage::control(const LiveSettings& settings, const Tuning& own) const {
@@ -76,8 +82,11 @@ protocol::Control LivePage::control(const LiveSettings& settings, const Tuning& 
 }
 
 void LivePage::show_world(const WorldView& view) {
-  tool_ = {view.environment.assembly.description.links.size(), {}};
-  for (const StartDescription& start : view.model.starts) tool_.starts.push_back(start.name);
+  world_ = {
+      .links = view.environment.assembly.description.links.size(), .starts = {}, .scenes = {}};
+  const ModelDescription& tool = find_model(view.scene.world, view.scene.tool);
+  for (const StartDescription& start : tool.starts) world_.starts.push_back(start.name);
+  for (const SceneSummary& scene : view.scenes) world_.scenes.push_back(scene.name);
   server_.set_greeting(std::make_shared<const std::string>(world_message(view)));
 }
 

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "ve_client/web/live_settings.h"
 #include "ve_client/web/page_messages.h"
@@ -26,6 +28,10 @@ class LivePage final : public protocol::TelemetryObserver {
   /// A hold that its page does not repeat for kLease ends. now: a steady clock, s.
   std::optional<ResetRequest> take_requests(double now, LiveSettings& settings,
                                             const LiveSettings& at_start);
+  /// The scene that was chosen last, once.
+  std::optional<SceneRequest> take_scene() { return std::exchange(chosen_, std::nullopt); }
+  /// The scene cannot be played: `text` says why, in one line.
+  void refuse(const SceneRequest& scene, const std::string& text);
   /// The control for a haptic server that was started with the tuning `own`.
   protocol::Control control(const LiveSettings& settings, const Tuning& own) const;
 
@@ -53,7 +59,8 @@ class LivePage final : public protocol::TelemetryObserver {
   std::vector<std::filesystem::path> recordings_;  ///< Where they may be.
   std::string recording_;                          ///< Name of the newest; empty: none.
   double looked_at_ = -1e9;                        ///< For recordings, s.
-  ToolTraits tool_;
+  WorldTraits world_;
+  std::optional<SceneRequest> chosen_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   double held_at_ = 0;                         ///< When it last repeated the hold, s.
   Pose X_WTarget_;

@@ -5,6 +5,7 @@
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
 
+#include "common/freedoms.h"
 #include "protocol/force_chain.h"
 #include "protocol/tick_columns.h"
 #include "ve_client/web/methods.h"
@@ -98,6 +99,20 @@ json methods(std::size_t links) {
   return all;
 }
 
+json scenes_json(const std::vector<SceneSummary>& scenes) {
+  json all = json::array();
+  for (const SceneSummary& scene : scenes) {
+    all.push_back({{"name", scene.name}, {"description", scene.description}});
+  }
+  return all;
+}
+
+std::string mismatch_of(const ToolModel& tool, const protocol::Welcome* welcome) {
+  if (welcome == nullptr) return "";
+  const Freedoms missing = missing_freedoms(tool, welcome->device.freedoms);
+  return missing == 0 ? "" : describe_mismatch(missing);
+}
+
 json settings_json(const Tuning& tuning) {
   json settings{{"update_rule", name_of(tuning.update_rule)},
                 {"controller", name_of(tuning.controller)}};
@@ -117,7 +132,10 @@ json contacts_json(const protocol::LocalState* state) {
   json contacts = json::array();
   if (state == nullptr) return contacts;
   for (const protocol::LocalContactReport& c : state->contacts) {
-    contacts.push_back({{"c", to_json(c.c_W)},
+    const bool on_body = c.b.kind == SideKind::kMovableBody;
+    contacts.push_back({{"of", name_of(c.a.kind)},
+                        {"body", on_body ? json(c.b.index) : json(nullptr)},
+                        {"c", to_json(c.c_W)},
                         {"n", to_json(c.n_W)},
                         {"p", to_json(c.p_W)},
                         {"s", c.s},
@@ -230,9 +248,16 @@ std::string world_message(const WorldView& view) {
   }
   const std::size_t links = assembly.description.links.size();
   json starts = json::array();
-  for (const StartDescription& start : view.model.starts) starts.push_back(start.name);
+  for (const StartDescription& start : find_model(view.scene.world, view.scene.tool).starts) {
+    starts.push_back(start.name);
+  }
+  ToolModel tool(assembly.description);
+  tool.set_configuration(assembly.q);
   return json{{"type", "world"},
-              {"planar", assembly.planar_normal_W.has_value()},
+              {"scenes", scenes_json(view.scenes)},
+              {"scene", scene_name(view.scene.file)},
+              {"planar", missing_freedoms(tool, kPlanarFreedoms) == 0},
+              {"mismatch", mismatch_of(tool, view.welcome)},
               {"bodies", std::move(described)},
               {"tool_links", assembly.bodies},
               {"starts", std::move(starts)},
@@ -245,7 +270,7 @@ std::string world_message(const WorldView& view) {
               {"tick_columns", tick_columns()},
               {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
               {"guidable", view.welcome == nullptr || view.welcome->device.guidable}}
-      .dump();
+      .dump(-1, ' ', false, json::error_handler_t::replace);  // Names may be any bytes.
 }
 
 std::string frame_message(const FrameView& view) {

@@ -4,19 +4,22 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "protocol/messages.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/frame.h"
 #include "ve_client/web/live_settings.h"
+#include "ve_client/world/scene.h"
 
 namespace hlm::ve {
 
 /// A world and its tool, as they begin.
 struct WorldView {
   const VirtualEnvironment& environment;
-  const ModelDescription& model;  ///< The tool's.
-  const std::string& start;       ///< One of its starts; empty: where the world places it.
+  const Scene& scene;                       ///< What is played,
+  const std::vector<SceneSummary>& scenes;  ///< and what may be, this one included.
+  const std::string& start;  ///< One of its starts; empty: where the world places it.
   const protocol::Welcome* welcome = nullptr;  ///< Null before the server has answered.
 };
 /// The message `world`.

@@ -67,28 +67,28 @@ HandRequest hand(const json& message) {
 
 constexpr const char* kForLinkages = ": the tool has several links, the device cannot replace it";
 
-LiveSettings with_method(const json& name, const LiveSettings& settings, const ToolTraits& tool) {
+LiveSettings with_method(const json& name, const LiveSettings& settings, const WorldTraits& world) {
   std::string allowed;
   for (const Method& method : kMethods) {
-    if (!method.on_page || !suits(method.controller, tool.links)) continue;
+    if (!method.on_page || !suits(method.controller, world.links)) continue;
     if (name == method.name) return with_method(method, settings);
     allowed.append(allowed.empty() ? "" : ", ").append(method.name);
   }
-  refuse("name", name, allowed.append(tool.links == 1 ? "" : kForLinkages));
+  refuse("name", name, allowed.append(world.links == 1 ? "" : kForLinkages));
 }
 
-ControllerKind controller(const json& value, const ToolTraits& tool) {
+ControllerKind controller(const json& value, const WorldTraits& world) {
   const auto wanted = choice<ControllerKind>("controller", value);
-  if (suits(wanted, tool.links)) return wanted;
+  if (suits(wanted, world.links)) return wanted;
   std::string allowed;
   for (const Word<ControllerKind>& word : kWords<ControllerKind>) {
-    if (!suits(word.value, tool.links)) continue;
+    if (!suits(word.value, world.links)) continue;
     allowed.append(allowed.empty() ? "" : ", ").append(word.name);
   }
   refuse("controller", value, allowed.append(kForLinkages));
 }
 
-LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolTraits& tool) {
+LiveSettings with_tuning(const json& message, LiveSettings settings, const WorldTraits& world) {
   Tuning& tuning = settings.tuning;
   for (const auto& item : message.items()) {
     const std::string& field = item.key();
@@ -99,7 +99,7 @@ LiveSettings with_tuning(const json& message, LiveSettings settings, const ToolT
       continue;
     }
     if (field == "controller") {
-      tuning.controller = controller(value, tool);
+      tuning.controller = controller(value, world);
       continue;
     }
     const auto range = std::find_if(kTuningRanges.begin(), kTuningRanges.end(),
@@ -135,37 +135,47 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
   return settings;
 }
 
-ResetRequest reset(const json& message, const ToolTraits& tool) {
+ResetRequest reset(const json& message, const WorldTraits& world) {
   if (!message.contains("start")) return {};
   const json& start = message["start"];
   if (start.is_string() && start.get_ref<const std::string&>().empty()) return {""};
   std::string known = "empty";
-  for (const std::string& name : tool.starts) {
+  for (const std::string& name : world.starts) {
     if (start == name) return {name};
     known.append(", ").append(name);
   }
   refuse("start", start, known);
 }
 
-ParsedRequest parse(const json& message, const LiveSettings& present, const ToolTraits& tool) {
+SceneRequest scene(const json& name, const WorldTraits& world) {
+  std::string known;
+  for (const std::string& one : world.scenes) {
+    if (name == one) return {.name = one};
+    known.append(known.empty() ? "" : ", ").append(one);
+  }
+  refuse("scene", name, known);
+}
+
+ParsedRequest parse(const json& message, const LiveSettings& present, const WorldTraits& world) {
   const json type = message.is_object() ? message.value("type", json()) : json();
   if (type == "hand") return hand(message);
-  if (type == "settings") return SettingsRequest{with_tuning(message, present, tool)};
+  if (type == "settings") return SettingsRequest{with_tuning(message, present, world)};
   if (type == "environment") return SettingsRequest{with_environment(message, present)};
   if (type == "method") {
-    return SettingsRequest{with_method(message.value("name", json()), present, tool)};
+    return SettingsRequest{with_method(message.value("name", json()), present, world)};
   }
   if (type == "telemetry") return TelemetryRequest{flag(message, "on")};
-  if (type == "reset") return reset(message, tool);
-  refuse("type", type, "hand, settings, environment, method, telemetry or reset");
+  if (type == "reset") return reset(message, world);
+  if (type == "scene") return scene(message.value("name", json()), world);
+  refuse("type", type, "hand, settings, environment, method, telemetry, reset or scene");
 }
 
 }  // namespace
 
 ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
-                            const ToolTraits& tool) {
+                            const WorldTraits& world) {
   try {
-    return parse(json::parse(text), present, tool);
+    return parse(json::parse(text), present, world);
   } catch (const Refused& refused) {
     return refused.refusal;
   } catch (const json::exception&) {

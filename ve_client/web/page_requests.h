@@ -1,6 +1,7 @@
 // What a page asks for, read and checked: docs/page_messages.md.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <variant>
@@ -25,6 +26,11 @@ struct TelemetryRequest {
 struct ResetRequest {
   std::optional<std::string> start;  ///< Of the tool; none: the same as before.
 };
+/// Another world, to be played as when the client starts with it.
+struct SceneRequest {
+  std::string name;        ///< One of WorldTraits::scenes.
+  std::uint64_t page = 0;  ///< Whose request it is.
+};
 /// The request cannot be granted: the field at fault, its value and what is allowed.
 struct Refusal {
   std::string field;
@@ -32,18 +38,19 @@ struct Refusal {
   std::string text;
 };
 
-using ParsedRequest =
-    std::variant<HandRequest, SettingsRequest, TelemetryRequest, ResetRequest, Refusal>;
+using ParsedRequest = std::variant<HandRequest, SettingsRequest, TelemetryRequest, ResetRequest,
+                                   SceneRequest, Refusal>;
 
-/// The properties of the tool that decide whether a request can be granted.
-struct ToolTraits {
-  std::size_t links = 1;
-  std::vector<std::string> starts;  ///< Where it may begin, beside where the world places it.
+/// What decides, of the world that is played, whether a request can be granted.
+struct WorldTraits {
+  std::size_t links = 1;            ///< Of its tool.
+  std::vector<std::string> starts;  ///< Where the tool may begin, beside where the world places it.
+  std::vector<std::string> scenes;  ///< Worlds that may be played.
 };
 
 /// Never throws: a malformed request or a value out of range becomes a Refusal. present: the
 /// settings in effect, some of which a request changes.
 ParsedRequest parse_request(const std::string& text, const LiveSettings& present,
-                            const ToolTraits& tool);
+                            const WorldTraits& world);
 
 }  // namespace hlm::ve

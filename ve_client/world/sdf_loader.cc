@@ -245,6 +245,18 @@ SolverDescription read_solver(sdf::Element& world) {
   return solver;
 }
 
+/// The text of a world's own element, with single spaces; empty if there is none.
+std::string read_text(sdf::Element& world, const std::string& name) {
+  if (!world.HasElement(name)) return "";
+  const sdf::ElementPtr element = world.GetElement(name);
+  const std::string text = single_spaced(element->Get<std::string>());
+  if (text.empty()) throw std::runtime_error("<" + name + "> must not be empty");
+  if (element->GetNextElement(name)) {
+    throw std::runtime_error("<" + name + "> '" + text + "' must be the only one of the world");
+  }
+  return text;
+}
+
 WorldDescription read(const sdf::Root& root) {
   require_supported(root.Element());
   if (root.WorldCount() != 1) {
@@ -257,6 +269,9 @@ WorldDescription read(const sdf::Root& root) {
   world.solver = read_solver(*source.Element());
   ModelReader reader(world);
   for (std::uint64_t i = 0; i < source.ModelCount(); ++i) reader.read(*source.ModelByIndex(i));
+  world.tool = read_text(*source.Element(), "haptic:tool");
+  world.description = read_text(*source.Element(), "haptic:description");
+  if (!world.tool.empty()) find_model(world, world.tool);
   return world;
 }
 
@@ -277,6 +292,13 @@ WorldDescription load_with(const std::string& name, Load load) {
 }
 
 }  // namespace
+
+std::string single_spaced(const std::string& text) {
+  std::istringstream words(text);
+  std::string line;
+  for (std::string word; words >> word;) line.append(line.empty() ? "" : " ").append(word);
+  return line;
+}
 
 WorldDescription load_world(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) {

@@ -16,4 +16,7 @@ WorldDescription load_world(const std::filesystem::path& file);
 /// The same from the text of an SDF file; `name` stands for the file in messages.
 WorldDescription parse_world(const std::string& text, const std::string& name);
 
+/// An element's text on one line: its words, with single spaces.
+std::string single_spaced(const std::string& text);
+
 }  // namespace hlm::ve

@@ -15,7 +15,7 @@ using Names = std::vector<std::string_view>;
 const std::map<std::string_view, Names>& supported_children() {
   static const std::map<std::string_view, Names> kChildren = {
       {"sdf", {"world"}},
-      {"world", {"gravity", "frame", "model", "physics"}},
+      {"world", {"gravity", "frame", "model", "physics", "haptic:tool", "haptic:description"}},
       {"model",
        {"pose", "static", "frame", "link", "joint", "model", "haptic:tool_joint", "haptic:hand",
         "haptic:start"}},

@@ -7,12 +7,17 @@ namespace hlm::ve {
 namespace {
 
 template <class Named>
+std::string names_of(const std::vector<Named>& all) {
+  std::string names;
+  for (const Named& one : all) names.append(names.empty() ? "" : ", ").append(one.name);
+  return names.empty() ? "none" : names;
+}
+
+template <class Named>
 const Named& find(const std::vector<Named>& all, const std::string& name, const std::string& what) {
   const auto found = std::ranges::find(all, name, &Named::name);
   if (found != all.end()) return *found;
-  std::string names;
-  for (const Named& one : all) names.append(names.empty() ? "" : ", ").append(one.name);
-  throw std::runtime_error(what + "; it has: " + (names.empty() ? "none" : names));
+  throw std::runtime_error(what + "; it has: " + names_of(all));
 }
 
 }  // namespace
@@ -22,6 +27,8 @@ std::optional<double> friction_between(const CollisionDescription& a,
   if (!a.friction) return b.friction;
   return std::min(*a.friction, b.friction.value_or(*a.friction));
 }
+
+std::string model_names(const WorldDescription& world) { return names_of(world.models); }
 
 const ModelDescription& find_model(const WorldDescription& world, const std::string& name) {
   return find(world.models, name, "tool '" + name + "' is not a model of the world");

@@ -89,12 +89,17 @@ std::optional<double> friction_between(const CollisionDescription& a,
                                        const CollisionDescription& b);
 
 struct WorldDescription {
+  std::string tool;         ///< <haptic:tool>: the model that the user holds; empty: not given.
+  std::string description;  ///< <haptic:description>: what is to be felt; empty: not given.
   Vector3 gravity_W = Vector3::Zero();  ///< m/s².
   SolverDescription solver;
   std::vector<BodyDescription> bodies;  ///< In the file's order: the index is a stable identity.
   std::vector<JointDescription> joints;
   std::vector<ModelDescription> models;
 };
+
+/// For messages: its models, or "none".
+std::string model_names(const WorldDescription& world);
 
 /// Throws std::runtime_error with one line that lists the models there are if `name` is none.
 const ModelDescription& find_model(const WorldDescription& world, const std::string& name);

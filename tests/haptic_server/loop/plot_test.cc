@@ -72,15 +72,26 @@ TEST_CASE("A tick log, a world and a hand script become a picture") {
   const TemporaryDirectory directory;
   const std::string log = directory.write("ticks.csv", log_text());
   const std::string picture = directory.file("session.png");
-  const Outcome outcome =
-      plot(log + " " + picture +
-           " --world " HLM_SOURCE_DIR "/worlds/testbed.sdf --hand " HLM_SOURCE_DIR
-           "/worlds/hands/session.toml");
+  // Boxes; a tool of several links, a capsule and cylinders.
+  const auto [world, hand] = GENERATE(table<std::string, std::string>(
+      {{"testbed.sdf", "session.toml"}, {"scissors.sdf", "scissors.toml"}}));
+  const std::string worlds = HLM_SOURCE_DIR "/worlds/";
+  const Outcome outcome = plot(log + " " + picture + " --world " + worlds + world + " --hand " +
+                               worlds + "hands/" + hand);
   CHECK(outcome.output.empty());
   CHECK(outcome.exit_code == 0);
   std::string signature(4, '\0');
   std::ifstream(picture, std::ios::binary).read(signature.data(), 4);
   CHECK(signature == "\x89PNG");
+}
+
+TEST_CASE("A world that cannot be drawn is refused by name") {
+  const TemporaryDirectory directory;
+  const std::string world = directory.write("world.sdf", "<sdf version='1.9'></sdf>");
+  const Outcome outcome = plot(directory.write("ticks.csv", log_text()) + " " +
+                               directory.file("session.png") + " --world " + world);
+  CHECK(outcome.exit_code == 1);
+  CHECK_THAT(outcome.output, ContainsSubstring("world.sdf: not a world"));
 }
 
 TEST_CASE("What is no tick log is refused by name and place") {

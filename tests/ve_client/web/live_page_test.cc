@@ -126,5 +126,36 @@ TEST_CASE("A reset lets go and brings the settings back; what comes after it cou
   CHECK_FALSE(desk.held());
 }
 
+TEST_CASE("Any page may choose a scene; the last choice counts, and only its page is answered") {
+  Desk desk;
+  Scene scene = load_scene(std::string(HLM_WORLDS) + "/push.sdf");
+  const std::vector<SceneSummary> scenes = scenes_beside(scene.file);
+  const VirtualEnvironment environment(scene.world, scene.tool, {});
+  desk.page.show_world({environment, scene, scenes, "", nullptr});
+  PageClient first(desk.page.port());
+  PageClient second(desk.page.port());
+  for (PageClient* page : {&first, &second}) {
+    CHECK_THAT(page->text(), ContainsSubstring(R"("scene":"push")"));
+  }
+  const auto chooses = [&](PageClient& page, const std::string& name) {
+    page.send(R"({"type":"scene","name":")" + name + R"("})");
+    page.send(R"({"type":"settings","damping":)" + std::to_string(name.size()) + "}");
+    REQUIRE(desk.soon(
+        [&] { return desk.settings.tuning.damping == static_cast<double>(name.size()); }));
+  };
+  chooses(first, "lift");
+  chooses(second, "stack");
+  const std::optional<SceneRequest> chosen = desk.page.take_scene();
+  REQUIRE(chosen);
+  CHECK(chosen->name == "stack");
+  CHECK_FALSE(desk.page.take_scene());
+
+  desk.page.refuse(*chosen, "stack.sdf: broken");
+  CHECK_THAT(second.text(), ContainsSubstring("refused") && ContainsSubstring("stack.sdf: broken"));
+  chooses(first, "moon");
+  CHECK_FALSE(desk.page.take_scene());
+  CHECK_THAT(first.text(), ContainsSubstring("must be corner, door"));
+}
+
 }  // namespace
 }  // namespace hlm::ve

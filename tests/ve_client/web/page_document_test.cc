@@ -7,13 +7,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/freedoms.h"
 #include "protocol/tick_columns.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
 #include "ve_client/web/methods.h"
 #include "ve_client/web/page_messages.h"
 #include "ve_client/web/page_requests.h"
-#include "ve_client/world/sdf_loader.h"
 
 namespace hlm::ve {
 namespace {
@@ -177,15 +177,15 @@ std::vector<std::string_view> names() {
 /// A world with a tool in it, and a client that has no server.
 struct Stage {
   Stage(const char* name, const char* tool)
-      : world(load_world(std::string(HLM_WORLDS) + "/" + name + ".sdf")),
-        tool_name(tool),
-        environment(world, tool_name, {}),
+      : scene(load_scene(std::string(HLM_WORLDS) + "/" + name + ".sdf", tool)),
+        scenes(scenes_beside(scene.file)),
+        environment(scene.world, scene.tool, {}),
         client(network.client(), {.server = test::MemoryNetwork::kServer,
                                   .tool = environment.assembly.description,
                                   .q = environment.assembly.q}) {}
 
   std::string world_message(const protocol::Welcome* welcome) const {
-    return ve::world_message({environment, find_model(world, tool_name), start, welcome});
+    return ve::world_message({environment, scene, scenes, start, welcome});
   }
   std::string frame_message(const protocol::ProxyState* state,
                             const protocol::LocalState* contacts) const {
@@ -204,8 +204,8 @@ struct Stage {
   }
 
   test::MemoryNetwork network;
-  WorldDescription world;
-  std::string tool_name;
+  Scene scene;
+  std::vector<SceneSummary> scenes;
   std::string start;
   VirtualEnvironment environment;
   HapticClient client;
@@ -225,6 +225,7 @@ TEST_CASE("Each message to a page has the documented fields and types") {
                                   testbed.frame_message(&state, nullptr)};
   protocol::LocalState contacts;
   contacts.contacts.push_back({});
+  contacts.contacts.push_back({.a = {SideKind::kToolLink, 0}, .b = {SideKind::kMovableBody, 1}});
   state.active_contacts = 1;
   testbed.settings.tuning.stiffness = 1;
   testbed.settings.frame.epsilon = 0.001;
@@ -233,9 +234,33 @@ TEST_CASE("Each message to a page has the documented fields and types") {
   check_messages("refused", {refused_message("stiffness", "-1", "must be")});
 }
 
+TEST_CASE("A menu of names that are not UTF-8 is still a message") {
+  Stage stage("testbed", "peg");
+  stage.scenes.push_back({.name = "\xff", .file = {}, .description = "\xe9"});
+  const json scenes = json::parse(stage.world_message(nullptr))["scenes"];
+  CHECK(scenes.size() == stage.scenes.size());
+}
+
+TEST_CASE("A tool in space has no plane, and a planar device lacks its directions") {
+  protocol::Welcome welcome;
+  welcome.device.freedoms = kPlanarFreedoms;
+  const auto message = [&](const char* world, const char* tool) {
+    return json::parse(Stage(world, tool).world_message(&welcome));
+  };
+  for (const json& planar : {message("push", "pusher"), message("scissors", "scissors")}) {
+    CHECK(planar["planar"] == true);
+    CHECK(planar["mismatch"] == "");
+  }
+  const json spatial = message("lift", "fork");
+  CHECK(spatial["planar"] == false);
+  CHECK_THAT(spatial["mismatch"].get<std::string>(),
+             Catch::Matchers::Contains("along z and about x, y"));
+}
+
 TEST_CASE("The documented words are those of the enumerations") {
   check_words("frame", "rejected", names<protocol::RejectReason>());
   check_words("frame", "limit", names<ForceLimit>());
+  check_words("frame", "contacts[].of", names<SideKind>());
   check_words("frame", "contacts[].state", names<ContactState>());
   check_words("frame", "server", names<ServerState>());
   check_words("frame", "fault", names<Fault>());
@@ -271,7 +296,7 @@ TEST_CASE("Ticks have the documented header and columns") {
 }
 
 ParsedRequest parsed(const std::string& text) {
-  return parse_request(text, {}, {.links = 1, .starts = {"hole"}});
+  return parse_request(text, {}, {.links = 1, .starts = {"hole"}, .scenes = {"push"}});
 }
 
 std::string text_of(const ParsedRequest& request) {
@@ -282,8 +307,8 @@ std::string text_of(const ParsedRequest& request) {
 TEST_CASE("Each documented request is accepted, and together they are all that there are") {
   std::string types;
   for (const std::string name :
-       {"hand", "settings", "environment", "method", "telemetry", "reset"}) {
-    types += (types.empty() ? "" : types.ends_with("telemetry") ? " or " : ", ") + name;
+       {"hand", "settings", "environment", "method", "telemetry", "reset", "scene"}) {
+    types += (types.empty() ? "" : name == "scene" ? " or " : ", ") + name;
     const Section& described = section(name);
     CHECK_FALSE(described.examples.empty());
     for (const std::string& example : described.examples) {

@@ -11,7 +11,7 @@ using Catch::Matchers::ContainsSubstring;
 
 template <class Request>
 Request parsed(const std::string& text, const LiveSettings& present = {},
-               const ToolTraits& tool = {}) {
+               const WorldTraits& tool = {}) {
   const ParsedRequest request = parse_request(text, present, tool);
   REQUIRE(std::holds_alternative<Request>(request));
   return std::get<Request>(request);
@@ -79,7 +79,7 @@ TEST_CASE("What a page changed stays changed when the server is another one, and
 }
 
 TEST_CASE("A tool of several links is refused what puts the device in its place") {
-  const ToolTraits linkage{.links = 3, .starts = {}};
+  const WorldTraits linkage{.links = 3, .starts = {}, .scenes = {}};
   for (const std::string name : {"ir", "coupler", "engine"}) {
     const auto refusal =
         parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, linkage);
@@ -94,13 +94,23 @@ TEST_CASE("A tool of several links is refused what puts the device in its place"
 }
 
 TEST_CASE("A reset is from where the tool began last, or from a start that it has") {
-  const ToolTraits peg{.links = 1, .starts = {"hole", "corner"}};
+  const WorldTraits peg{.links = 1, .starts = {"hole", "corner"}, .scenes = {}};
   CHECK_FALSE(parsed<ResetRequest>(R"({"type":"reset"})", {}, peg).start);
   CHECK(parsed<ResetRequest>(R"({"type":"reset","start":"corner"})", {}, peg).start == "corner");
   CHECK(parsed<ResetRequest>(R"({"type":"reset","start":""})", {}, peg).start == "");
   const auto refusal = parsed<Refusal>(R"({"type":"reset","start":"moon"})", {}, peg);
   CHECK_THAT(refusal.text, ContainsSubstring("\"moon\" must be empty, hole, corner"));
   CHECK(parsed<Refusal>(R"({"type":"reset","start":7})", {}, peg).field == "start");
+}
+
+TEST_CASE("A scene is one of the menu, and nothing else is a way to a file") {
+  const WorldTraits world{.links = 1, .starts = {}, .scenes = {"door", "push"}};
+  CHECK(parsed<SceneRequest>(R"({"type":"scene","name":"push"})", {}, world).name == "push");
+  const std::string name = GENERATE("\"moon\"", "\"../worlds/push\"", "\"push.sdf\"",
+                                    "\"/etc/passwd\"", "\"\"", "7", "null");
+  const auto refusal = parsed<Refusal>(R"({"type":"scene","name":)" + name + "}", {}, world);
+  CHECK(refusal.field == "scene");
+  CHECK(refusal.text == "scene " + name + " must be door, push");
 }
 
 TEST_CASE("Epsilon cannot be set above the largest epsilon") {

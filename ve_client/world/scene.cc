@@ -1,0 +1,76 @@
+#include "ve_client/world/scene.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <system_error>
+
+#include <boost/property_tree/ptree.hpp>
+#include <boost/property_tree/xml_parser.hpp>
+
+#include "ve_client/world/sdf_loader.h"
+#include "ve_client/world/tool_assembly.h"
+
+namespace hlm::ve {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kExtension = ".sdf";
+
+/// Of a file that may be anything.
+std::string description_in(const fs::path& file) {
+  namespace xml = boost::property_tree;
+  try {
+    xml::ptree tree;
+    xml::read_xml(file.string(), tree);
+    return single_spaced(tree.get<std::string>("sdf.world.haptic:description", ""));
+  } catch (const xml::ptree_error&) {
+    return "";
+  }
+}
+
+/// Whether the file that is meant stands in that folder (canonical).
+bool is_inside(const fs::path& folder, const fs::path& file) {
+  std::error_code error;
+  return fs::is_regular_file(file, error) && fs::canonical(file, error).parent_path() == folder;
+}
+
+}  // namespace
+
+Scene load_scene(const fs::path& file, const std::string& tool, const std::string& start) {
+  Scene scene{file, load_world(file), tool};
+  if (scene.tool.empty()) scene.tool = scene.world.tool;
+  if (scene.tool.empty()) {
+    throw std::runtime_error(file.string() +
+                             ": which model is the tool? Say it with --tool, or with <haptic:tool> "
+                             "in its <world>; it has: " +
+                             model_names(scene.world));
+  }
+  assemble_tool(with_start(scene.world, scene.tool, start), scene.tool);
+  return scene;
+}
+
+std::string scene_name(const fs::path& file) {
+  return (file.extension() == kExtension ? file.stem() : file.filename()).string();
+}
+
+std::vector<SceneSummary> scenes_beside(const fs::path& file) {
+  std::error_code error;
+  const fs::path folder = fs::canonical(file.has_parent_path() ? file.parent_path() : ".", error);
+  std::vector<fs::path> others;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const fs::path& other = entry->path();
+    const bool is_world = other.extension() == kExtension && is_inside(folder, other);
+    if (is_world && other.filename() != file.filename()) others.push_back(other);
+  }
+  std::ranges::sort(others);
+  if (others.size() >= kMostScenes) others.resize(kMostScenes - 1);
+  others.insert(std::ranges::lower_bound(others, folder / file.filename()), file);
+
+  std::vector<SceneSummary> scenes;
+  for (const fs::path& one : others) scenes.push_back({scene_name(one), one, description_in(one)});
+  return scenes;
+}
+
+}  // namespace hlm::ve
