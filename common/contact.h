@@ -18,6 +18,10 @@ inline constexpr std::size_t kMaxContacts = 192;
 inline constexpr std::size_t kMaxBodies = 16;
 inline constexpr std::size_t kMaxMovedBodies = 8;
 
+/// So old may contacts be when they come, s: their computation and half a round trip. More renders
+/// force from a world that has moved on, less shuts out far networks.
+inline constexpr double kOldestContacts = 0.5;
+
 /// What a side of a contact belongs to.
 enum class SideKind : std::uint8_t {
   kWorld = 0,

@@ -39,6 +39,7 @@ struct DoctorOptions {
   std::string server = "127.0.0.1:47800";
   Part part = Part::kAll;
   bool json = false;
+  std::string key_file;  ///< The server's; empty: none.
   MachineOptions machine;
   PhysicsOptions physics;  ///< Of it the rate and the device.
 };
@@ -73,7 +74,9 @@ std::vector<Examination> examine_present(const DoctorOptions& options) {
   // Before the network's own session shows up in the server's state.
   if (wanted(Part::kForce)) examinations.push_back(examine_force(running, options.server));
   if (wanted(Part::kNetwork)) {
-    examinations.push_back(examine_network({.name = options.server, .server = server}, running));
+    examinations.push_back(examine_network(
+        {.name = options.server, .server = server, .key = read_key_option(options.key_file)},
+        running));
   }
   return examinations;
 }
@@ -107,6 +110,7 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
   settings::Table& table = command_line.table();
   table.group("Doctor");
   table.text("server", options.server, "HOST:PORT", "The server that is meant");
+  table.file("key-file", options.key_file, "The server's key, if it has one");
   table.choice("check", options.part, "What to examine");
   table.flag("json", options.json, "Write the findings as JSON");
   table.not_in_files();

@@ -9,6 +9,13 @@
 #include "protocol/tool_fit.h"
 
 namespace hlm::protocol {
+namespace {
+
+/// A person's act that ends a fault is of now, s. A client that waits for its turn must not end one
+/// that comes later.
+constexpr double kActLasts = 2;
+
+}  // namespace
 
 ClientSession::ClientSession(DatagramLink& link, ClientSessionOptions options)
     : link_(link), options_(std::move(options)) {
@@ -205,6 +212,8 @@ void ClientSession::close(double now) {
 }
 
 void ClientSession::say_hello(double now) noexcept {
+  if (!asking_since_) asking_since_ = now;
+  if (now - *asking_since_ > kActLasts) options_.hello.clears_fault = false;
   protocol::send(link_, options_.server, {.sequence = ++hellos_, .send_time = to_nanoseconds(now)},
                  options_.hello);
   last_hello_ = now;

@@ -29,7 +29,7 @@ struct ClientSessionOptions {
   double hello_period = 0.1;  ///< Between repeated hellos, s.
   /// A server silent for this long, s, although updates were sent, is asked for a new session.
   double timeout = 0.5;
-  /// A person asks for the first session: it ends a fault of the server.
+  /// A person asks for the first session: if it is had within 2 s it ends a fault of the server.
   bool clears_fault = true;
   TelemetryObserver* telemetry = nullptr;  ///< Must outlive the session; null: dropped unread.
 };
@@ -95,8 +95,9 @@ class ClientSession {
   Datagram datagram_;  ///< The one at hand.
   Inbox inbox_;
 
-  std::optional<double> last_hello_;  ///< s.
-  std::uint64_t hellos_ = 0;          ///< Sequence of the latest hello.
+  std::optional<double> asking_since_;  ///< First hello, s.
+  std::optional<double> last_hello_;    ///< s.
+  std::uint64_t hellos_ = 0;            ///< Sequence of the latest hello.
 
   bool active_ = false;
   std::uint64_t id_ = 0;

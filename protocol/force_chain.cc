@@ -3,14 +3,15 @@
 #include <cmath>
 #include <cstdio>
 
+#include "common/contact.h"
+
 namespace hlm::protocol {
 namespace {
 
-constexpr double kNothing = 0.01;      // N: no hand feels it.
-constexpr double kBarelyFelt = 0.1;    // N.
-constexpr double kOldContacts = 0.25;  // s.
-constexpr double kDead = 1;            // s without a word of the client.
-constexpr double kSoft = 50;           // N/m: as air to a hand.
+constexpr double kNothing = 0.01;    // N: no hand feels it.
+constexpr double kBarelyFelt = 0.1;  // N.
+constexpr double kDead = 1;          // s without a word of the client.
+constexpr double kSoft = 50;         // N/m: as air to a hand.
 
 using Text = std::string;
 
@@ -53,7 +54,7 @@ Text updates_reason(const ForceFacts& f) {
   if (f.server == ServerState::kFading) {
     return "haptic_server hears too little of the client and lets the force fade";
   }
-  if (f.age > kOldContacts) return "the contacts are old: the environment is late or silent";
+  if (f.age > kOldestContacts) return "the contacts are old: the environment is late or silent";
   return {};
 }
 

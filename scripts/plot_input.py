@@ -141,7 +141,7 @@ def read_log(path):
         raise InputError(f"{path}: holds no tick")
     log = {name: np.array(values) for name, values in columns.items()}
     # Before its first update and after its last word the frames of a session mean nothing.
-    log["session"][log["server_state"] == "idle"] = 0
+    log["session"][log["server_state"] == "off"] = 0
     return log
 
 

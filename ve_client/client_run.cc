@@ -103,7 +103,7 @@ ClientRun::ClientRun(const Settings& settings)
       engine_(settings.seed),
       connection_(settings.server, settings.key_file, settings.connect_timeout) {
   link_.set_conditions(live_.network);
-  begin();
+  begin(true);
 }
 
 protocol::DatagramLink& ClientRun::wire() {
@@ -134,7 +134,7 @@ void ClientRun::go(const std::function<bool()>& stop) {
   if (!stop()) connection_.end(clock_.now());
 }
 
-void ClientRun::begin() {
+void ClientRun::begin(bool clears_fault) {
   fault_reported_ = false;
   if (client_) {
     client_->close(clock_.now());
@@ -142,6 +142,7 @@ void ClientRun::begin() {
                          settings_.follow);
   }
   HapticClientOptions options = client_options(settings_, *environment_, server_);
+  options.clears_fault = clears_fault;
   options.telemetry = page_.get();
   client_.emplace(link_, options);
   if (page_) {
@@ -180,7 +181,7 @@ void ClientRun::report(const std::string& fault) {
 void ClientRun::take_page_requests() {
   if (const auto reset = page_->take_requests(clock_.now(), live_, settings_at_start())) {
     start_ = reset->start.value_or(start_);
-    begin();
+    begin(true);
   }
   change_scene();
   link_.set_conditions(live_.network);
@@ -200,14 +201,17 @@ void ClientRun::change_scene() {
   }
   if (loading_.wait_for(0s) != std::future_status::ready) return;
   try {
-    scene_ = loading_.get();
+    Scene scene = loading_.get();
+    // What only the engine or the session finds wrong, before the present one ends.
+    const VirtualEnvironment trial(scene.world, scene.tool, settings_.follow);
+    scene_ = std::move(scene);
   } catch (const std::exception& error) {
     return page_->refuse(chosen_, error.what());
   }
   spdlog::info("{} with tool '{}', chosen on the page", scene_.file.string(), scene_.tool);
   start_.clear();
   live_ = settings_at_start();
-  begin();
+  begin(false);
 }
 
 void ClientRun::show_world(const protocol::Welcome* welcome) {

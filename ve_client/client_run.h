@@ -49,7 +49,8 @@ class ClientRun {
   protocol::DatagramLink& wire();
   LiveSettings settings_at_start() const;
   /// The world as it was at the start, and a session on it.
-  void begin();
+  /// A session with the present scene. clears_fault: a person asks for it, knowing of a fault.
+  void begin(bool clears_fault);
   void frame(double period);
   void report(const std::string& fault);
   void take_page_requests();

@@ -87,6 +87,9 @@ double steady_now() noexcept {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
+/// Of the longest gap: the server finds its own stops first, and says so.
+constexpr double kPatience = 1.2;
+
 /// The other process: until a byte comes through `alive`, which is an orderly end, or its end.
 void watch(Device& device, const std::atomic<std::uint64_t>& beats, int alive, double longest_gap) {
   setsid();  // What is typed in the server's terminal is not for this process.
@@ -106,12 +109,12 @@ void watch(Device& device, const std::atomic<std::uint64_t>& beats, int alive, d
       if (read(alive, &orderly, 1) <= 0) device.halt();
       return;
     }
+    const double now = steady_now();  // First: this process may be kept waiting in between.
     const std::uint64_t now_seen = beats.load(std::memory_order_relaxed);
-    const double now = steady_now();
     if (now_seen != seen) {
       seen = now_seen;
       seen_at = now;
-    } else if (seen > 0 && now - seen_at > longest_gap) {
+    } else if (seen > 0 && now - seen_at > kPatience * longest_gap) {
       device.halt();
     }
   }

@@ -68,7 +68,7 @@ struct SimulatedDeviceOptions {
   int delay = 0;                     ///< A command acts this many ticks later.
   bool measures_hand_wrench = true;  ///< False: as if it had no sensor.
   bool switched_on = true;           ///< False: as if a person had its enable switch open.
-  std::string amplifier;             ///< File of its amplifier; empty: none.
+  std::string amplifier{};           ///< File of its amplifier; empty: none.
 };
 
 inline constexpr std::array<NumberOf<SimulatedDeviceOptions>, 15> kSimulatedDeviceNumbers{{

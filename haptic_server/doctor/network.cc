@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "protocol/client_session.h"
+#include "protocol/sealing/sealed_client_link.h"
 #include "protocol/transport/udp_socket.h"
 
 namespace hlm::server {
@@ -175,7 +176,7 @@ Finding silence(const NetworkOptions& options, const std::optional<RunningServer
             "none, and no refusal: the host is down, a firewall drops UDP to that port, or the "
             "server's key is another one",
             "run haptic_doctor on the server's machine; open UDP port " +
-                std::to_string(options.server.port) + " both ways"};
+                std::to_string(options.server.port) + " both ways; give --key-file"};
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));  // Until its next state.
   const std::optional<RunningServer> after = find_running(options.server);
@@ -191,7 +192,7 @@ Finding silence(const NetworkOptions& options, const std::optional<RunningServer
           "none: " + name + " gets what is sent" +
               (drops.empty() ? ", but its answers do not arrive" : " and drops it: " + drops),
           drops.empty() ? "a firewall drops what it sends"
-                        : "use the same version and the same key on both sides"};
+                        : "use the same version and the same --key-file on both sides"};
 }
 
 std::string text_of(const protocol::Reject& reject) {
@@ -278,7 +279,10 @@ Examination examine_network(const NetworkOptions& options,
     return examination;
   }
   protocol::UdpSocket socket(protocol::Endpoint{});
-  const Measurement measured = Measuring(socket, options).run();
+  std::optional<protocol::SealedClientLink> sealed;
+  if (options.key) sealed.emplace(socket, options.server, *options.key);
+  protocol::DatagramLink& link = sealed ? *sealed : static_cast<protocol::DatagramLink&>(socket);
+  const Measurement measured = Measuring(link, options).run();
   if (!measured.answered) {
     findings.push_back(silence(options, running));
   } else if (measured.reject) {

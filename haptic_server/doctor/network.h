@@ -7,12 +7,14 @@
 #include "haptic_server/doctor/finding.h"
 #include "haptic_server/doctor/running_server.h"
 #include "protocol/datagram_link.h"
+#include "protocol/sealing/noise.h"
 
 namespace hlm::server {
 
 struct NetworkOptions {
   std::string name;  ///< Of the server, for a person.
   protocol::Endpoint server;
+  std::optional<protocol::noise::Key> key;  ///< The server's, if it has one.
   double time = 2;  ///< How long an idle server is measured, s.
 };
 

@@ -1,12 +1,15 @@
 #include "haptic_server/local_model/body_friction.h"
 
 #include <algorithm>
+#include <optional>
 
 namespace hlm::server {
 namespace {
 
-/// Slower bodies may as well stick, m/s.
+/// Slower contacts may as well stick, m/s.
 constexpr double kSlides = 0.005;
+/// Slowing by friction from which on a correction tells of it, m/s².
+constexpr double kLeastSlowing = 0.1;
 /// Share of an error that is learnt from the updates within one round through the environment.
 /// Larger swings; smaller learns more slowly than a person begins to push.
 constexpr double kGain = 0.6;
@@ -15,21 +18,26 @@ constexpr double kLargestError = 0.2;
 constexpr double kLeastScale = 0.5;
 constexpr double kLargestScale = 1.25;
 
-double coefficient(double reported, double kinetic_friction) noexcept {
-  return reported >= 0 ? reported : kinetic_friction;
-}
-
-/// Friction of all contacts of the body with others than the tool if it slides, N.
-double sliding_friction(std::uint32_t body, const ReportedContacts& contacts,
-                        double kinetic_friction) noexcept {
+/// Sum of the friction forces on the body that slides on all its loaded contacts, N, world axes,
+/// as the coefficients have it. Empty if one of them does not slide, or may move with the tool:
+/// then the body's motion tells nothing of its friction.
+std::optional<Vector3> sliding_friction(std::uint32_t body, const Pose& X_WB, const Twist& V_W,
+                                        const FrictionReport& report) noexcept {
   const auto is_body = [body](const ContactSide& side) {
     return side.kind == SideKind::kMovableBody && side.index == body;
   };
-  double sum = 0;
-  for (const ReportedContact& contact : contacts) {
+  Vector3 sum = Vector3::Zero();
+  for (const ReportedContact& contact : report.contacts) {
     if (contact.a.kind == SideKind::kToolLink || contact.load <= 0) continue;
-    if (!is_body(contact.a) && !is_body(contact.b)) continue;
-    sum += contact.load * coefficient(contact.friction, kinetic_friction);
+    if (is_body(contact.b)) return std::nullopt;
+    if (!is_body(contact.a)) continue;
+    if (contact.b.kind != SideKind::kWorld) return std::nullopt;
+    const Vector3 v = V_W.head<3>() + V_W.tail<3>().cross(contact.p_WC - X_WB.p) - contact.v_WC;
+    const Vector3 slip = v - contact.n_W.dot(v) * contact.n_W;
+    const double speed = slip.norm();
+    if (speed < kSlides) return std::nullopt;
+    const double mu = contact.friction >= 0 ? contact.friction : report.kinetic_friction;
+    sum -= contact.load * mu / speed * slip;
   }
   return sum;
 }
@@ -37,7 +45,7 @@ double sliding_friction(std::uint32_t body, const ReportedContacts& contacts,
 }  // namespace
 
 void scale_friction(LocalBodies& bodies, const LocalBodies& known, FrameIndex first_frame,
-                    double kinetic_friction, LocalContacts& contacts) noexcept {
+                    LocalContacts& contacts) noexcept {
   for (LocalBody& body : bodies) {
     for (const LocalBody& before : known) {
       if (before.id == body.id) body.friction_scale = before.friction_scale;
@@ -45,24 +53,23 @@ void scale_friction(LocalBodies& bodies, const LocalBodies& known, FrameIndex fi
   }
   for (LocalContact& contact : contacts) {
     const auto body = static_cast<std::size_t>(contact.frame_a - first_frame);
-    contact.friction =
-        bodies[body].friction_scale * coefficient(contact.friction, kinetic_friction);
+    contact.friction_scale = contact.frame_b == kWorldFrame ? bodies[body].friction_scale : 1;
   }
 }
 
-void learn_friction(LocalBody& body, const Twist& V_W, const ReportedContacts& contacts,
-                    double kinetic_friction, double ahead, double period, double late) noexcept {
-  const double speed = V_W.head<3>().norm();
-  if (speed < kSlides || body.correction_steps == 0 || period <= 0) return;
-  const Vector3 d = V_W.head<3>() / speed;
+void learn_friction(LocalBody& body, const Pose& X_WB, const Twist& V_W,
+                    const FrictionReport& report) noexcept {
+  if (body.correction_steps == 0 || report.elapsed <= 0) return;
+  const auto friction = sliding_friction(body.id, X_WB, V_W, report);
+  if (!friction) return;
   const Matrix6 W = body.B.lazyProduct(body.B.transpose());
-  const double slowing = sliding_friction(body.id, contacts, kinetic_friction) *
-                         d.dot(W.topLeftCorner<3, 3>() * d);  // m/s²
-  if (slowing <= 0) return;
-  // The correction is due to friction that was scaled by `ahead` for a frame.
-  const double error =
-      d.dot(body.correction.head<3>()) / (slowing * period) + (1 - ahead) * body.friction_scale;
-  const double gain = kGain / (1 + late / period);
+  const Vector3 slowing = W.topLeftCorner<3, 3>() * *friction;  // m/s²
+  if (slowing.norm() < kLeastSlowing) return;
+  // The correction is due to friction that was scaled by `ahead` since the update before.
+  const double seen =
+      slowing.dot(body.correction.head<3>()) / (slowing.squaredNorm() * report.elapsed);
+  const double error = (1 - report.ahead) * body.friction_scale - seen;
+  const double gain = kGain / (1 + report.late / report.elapsed);
   body.friction_scale =
       std::clamp(body.friction_scale - gain * std::clamp(error, -kLargestError, kLargestError),
                  kLeastScale, kLargestScale);

@@ -10,16 +10,22 @@
 namespace hlm::server {
 
 /// Takes over from `known` what is known of the friction of the same bodies, and scales that of
-/// their contacts with it. kinetic_friction: of contacts without a coefficient of their own.
-/// first_frame: of bodies[0].
+/// their contacts with what does not move with the tool. first_frame: of bodies[0].
 void scale_friction(LocalBodies& bodies, const LocalBodies& known, FrameIndex first_frame,
-                    double kinetic_friction, LocalContacts& contacts) noexcept;
+                    LocalContacts& contacts) noexcept;
 
-/// Revises friction_scale of a body that slid while it was reported, at V_W, from the correction of
-/// its velocity: what it was wrong by over one frame. ahead: on friction in the steps between
-/// updates. contacts: as reported. period: of the environment's frames, s. late: by which the
-/// report is behind the local model, s.
-void learn_friction(LocalBody& body, const Twist& V_W, const ReportedContacts& contacts,
-                    double kinetic_friction, double ahead, double period, double late) noexcept;
+/// What is learnt from, besides the body's correction.
+struct FrictionReport {
+  const ReportedContacts& contacts;
+  double kinetic_friction;  ///< μ_k of contacts without a coefficient of their own.
+  double ahead;             ///< Factor on friction in the steps between updates.
+  double elapsed;           ///< Since the state that the update before was about, s.
+  double late;              ///< By which the state is behind the local model, s.
+};
+
+/// Revises friction_scale of a body from the correction of its velocity, if all its loaded contacts
+/// slide on what does not move with the tool. V_W: of the body as reported.
+void learn_friction(LocalBody& body, const Pose& X_WB, const Twist& V_W,
+                    const FrictionReport& report) noexcept;
 
 }  // namespace hlm::server

@@ -11,9 +11,11 @@ namespace hlm::server {
 namespace {
 
 /// Most rounds of the contact solver; one or two are typical.
-constexpr int kMaxRounds = 12;
+constexpr int kMaxRounds = 8;
 /// Least part of a round's change of the velocities that is tried.
-constexpr double kLeastShare = 0.1;
+constexpr double kLeastShare = 0.0625;
+/// Error, as a share of the kinetic energy, that is rounding.
+constexpr double kRounding = 1e-20;
 /// Changes of friction's direction in a round below this are none.
 constexpr double kSettled = 1e-2;
 /// Groups of contacts in one step: the tool's, the limits of its joints, and those of movable
@@ -73,10 +75,14 @@ double penalty(const LocalContact& contact, double v_n, const ContactLaw& law) n
 
 /// μ_s, μ_k: the materials' own where the environment gives it.
 double static_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  return contact.friction >= 0 ? law.friction_scale * contact.friction : law.static_friction;
+  const double mu =
+      contact.friction >= 0 ? law.friction_scale * contact.friction : law.static_friction;
+  return contact.friction_scale * mu;
 }
 double kinetic_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  return contact.friction >= 0 ? law.friction_scale * contact.friction : law.kinetic_friction;
+  const double mu =
+      contact.friction >= 0 ? law.friction_scale * contact.friction : law.kinetic_friction;
+  return contact.friction_scale * mu;
 }
 
 /// f*: what the tangential spring and damper ask for, N, on a.
@@ -141,17 +147,17 @@ constexpr double kMostFollowing = 1.2;
 enum class Mode : std::uint8_t {
   kOff,
   kStick,
-  kSlip,    ///< Friction is at its limit.
-  kCapped,  ///< So is the normal force.
+  kSlip,  ///< Friction is at its limit.
 };
 
 struct Trial {
   Mode mode = Mode::kOff;
-  std::uint16_t pair = 0;              ///< Index of its PairLoad.
-  Vector3 slip = Vector3::Zero();      ///< In kSlip: friction for each newton of normal force,
-  double across = 0;                   ///< and the part of elastic_friction() across it.
-  Vector3 constant = Vector3::Zero();  ///< In kCapped: the force, N.
-  Vector3 arm = Vector3::Zero();       ///< Of the contact point from O, m.
+  bool capped = false;             ///< The normal force is at its limit.
+  std::uint16_t pair = 0;          ///< Index of its PairLoad.
+  Vector3 slip = Vector3::Zero();  ///< In kSlip: friction for each newton of normal force,
+  double across = 0;               ///< the part of elastic_friction() across it,
+  Vector3 rest = Vector3::Zero();  ///< and friction that does not follow within the round, N.
+  Vector3 arm = Vector3::Zero();   ///< Of the contact point from O, m.
 };
 using Trials = StaticVector<Trial, kMaxLocalContacts>;
 
@@ -200,8 +206,12 @@ void add_contact(const LocalContact& contact, const Trial& trial, const ContactL
                  PairLoad& load) noexcept {
   const double beta = law.damping + law.stiffness * law.dt;
   const Vector3& n = contact.n_W;
-  const double f_n = -law.stiffness * contact.s + beta * n.dot(contact.v_WC);
-  Vector3 f_0 = trial.constant;
+  const double f_n =
+      trial.capped ? contact.cap : -law.stiffness * contact.s + beta * n.dot(contact.v_WC);
+  const Vector3 elastic = beta * contact.v_WC - law.stiffness * contact.z_W;
+  Vector6 normal;
+  normal << n, trial.arm.cross(n);
+  Vector3 f_0;
   if (trial.mode == Mode::kStick) {
     // Z = β I: the normal and both tangential directions share one impedance.
     f_0 = f_n * n - law.stiffness * contact.z_W + beta * tangential(contact.v_WC, n);
@@ -210,20 +220,22 @@ void add_contact(const LocalContact& contact, const Trial& trial, const ContactL
     load.impedance.topRightCorner<3, 3>() -= arm;
     load.impedance.bottomLeftCorner<3, 3>() += arm;
     load.impedance.bottomRightCorner<3, 3>().noalias() -= arm * skew(trial.arm);
-  } else if (trial.mode == Mode::kSlip) {
+    if (trial.capped) load.impedance.noalias() -= (beta * normal) * normal.transpose();
+  } else {
     // Friction follows the normal force within the step, so that a body that is tilted by its
     // friction has the loads that go with it.
     const Vector3 direction = n + trial.slip;
-    f_0 = f_n * direction;
-    Vector6 row;
-    Vector6 column;
-    row << n, trial.arm.cross(n);
-    column << direction, trial.arm.cross(direction);
-    load.impedance.noalias() += (beta * column) * row.transpose();
+    f_0 = f_n * direction + trial.rest;
+    if (!trial.capped) {
+      Vector6 column;
+      column << direction, trial.arm.cross(direction);
+      load.impedance.noalias() += (beta * column) * normal.transpose();
+    }
     if (trial.across > 0) {  // The force turns with the velocity.
       const Vector3 e = n.cross(trial.slip).normalized();
-      f_0 += trial.across * e.dot(beta * contact.v_WC - law.stiffness * contact.z_W) * e;
+      Vector6 row;
       row << e, trial.arm.cross(e);
+      f_0 += trial.across * e.dot(elastic) * e;
       load.impedance.noalias() += (trial.across * beta * row) * row.transpose();
     }
   }
@@ -267,26 +279,26 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
   const double f_n = std::min(wanted, contact.cap);
   const Trial before = trial;
   trial.mode = Mode::kOff;
+  trial.capped = wanted > contact.cap;
   trial.slip.setZero();
+  trial.rest.setZero();
   if (f_n > 0) {
     const Vector3 f = elastic_friction(contact, v.tangential, law);
     const double size = f.norm();
-    const bool slipped = before.mode == Mode::kSlip || before.mode == Mode::kCapped;
     const double mu_k = kinetic_friction(contact, law);
+    const double mu = contact.slipping ? mu_k : static_friction(contact, law);
     // Friction at its limit that turned the slip round within the step would have stopped it.
     const bool stopped = before.mode == Mode::kSlip && f.dot(before.slip) < 0;
-    const bool slips = size > (slipped ? mu_k : static_friction(contact, law)) * f_n && !stopped;
+    const bool slips = mu == 0 || (size > mu * f_n && !stopped);
     trial.mode = slips ? Mode::kSlip : Mode::kStick;
-    if (slips) {
-      trial.slip = (std::min(mu_k, kMostFollowing) / size) * f;
+    if (slips && size > 0) {
+      const double following = std::min(mu_k, kMostFollowing);
+      trial.slip = (following / size) * f;
       trial.across = mu_k * f_n / size;
-    }
-    if (wanted > contact.cap) {
-      trial.constant = f_n * contact.n_W + (slips ? Vector3(f_n * trial.slip) : f);
-      trial.mode = Mode::kCapped;
+      trial.rest = ((mu_k - following) * f_n / size) * f;
     }
   }
-  return trial.mode != before.mode ||
+  return trial.mode != before.mode || trial.capped != before.capped ||
          (trial.slip - before.slip).squaredNorm() > kSettled * kSettled;
 }
 
@@ -426,7 +438,8 @@ Unknowns solve_contact_step(ContactGroups groups, const FrameMotions& frames,
   Unknowns x = solver.solve();
   if (!solver.revise_modes(x)) return x;
   double error = solver.error(x);
-  for (int round = 1; round < kMaxRounds; ++round) {
+  const double rounding = kRounding * x.cwiseAbs2().dot(system.E.diagonal());
+  for (int round = 1; round < kMaxRounds && error > rounding; ++round) {
     const Unknowns change = solver.solve() - x;
     double share = 1;
     Unknowns next = x + change;

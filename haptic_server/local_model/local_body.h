@@ -37,8 +37,8 @@ struct LocalBody {
   Twist correction = Twist::Zero();
   int correction_steps = 0;  ///< Left.
 
-  /// What the body's motion has shown the friction of its own contacts to be, as a share of what is
-  /// reported.
+  /// What the body's motion has shown its friction on what does not move with the tool to be, as a
+  /// share of what is reported.
   double friction_scale = 1;
 
   /// V at the end of a step of dt (s) without contacts.

@@ -22,7 +22,8 @@ struct LocalContact {
   /// The frames that the sides move with. A body that the local model does not have is the world's.
   FrameIndex frame_a = kFirstLinkFrame;
   FrameIndex frame_b = kWorldFrame;
-  double friction = -1;  ///< Of the two materials; negative: the local model's own.
+  double friction = -1;       ///< Of the two materials; negative: the local model's own.
+  double friction_scale = 1;  ///< On either (body_friction.h).
 
   // The local constraint: the plane through c with normal n, fixed in the frame of b. In the world
   // it moves along n at v_n of its own.

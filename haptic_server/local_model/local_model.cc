@@ -143,8 +143,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   const LocalContacts& existing_supports = supports();
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
-  scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), parameters_.kinetic_friction,
-                 present_supports());
+  scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
   const LocalBodies reported = bodies;
   replay(bodies, present_supports(), state_step);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
@@ -155,10 +154,15 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
       adopt_update(existing, update.contacts, frames, update.age, policy(), present());
   if (std::isfinite(unspent)) tank_ = std::clamp(tank_ + unspent, -kTankSize, kTankSize);
   correct_gradually(bodies, update.period);
+  const FrictionReport report{.contacts = update.contacts,
+                              .kinetic_friction = parameters_.kinetic_friction,
+                              .ahead = kSupportFriction,
+                              .elapsed = (state_step - adopted_step_) * dt_,
+                              .late = (now - state_step) * dt_};
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    learn_friction(bodies[i], reported[i].V_W, update.contacts, parameters_.kinetic_friction,
-                   kSupportFriction, update.period, (now - state_step) * dt_);
+    learn_friction(bodies[i], reported[i].X_WB, reported[i].V_W, report);
   }
+  adopted_step_ = state_step;
   bodies_ = bodies;
 }
 

@@ -117,6 +117,7 @@ class LocalModel {
   std::size_t current_ = 0;
   JointLimits limits_;
   LocalBodies bodies_;
+  double adopted_step_ = 0;  ///< Of impulses, that the latest update is about.
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   double stiffness_scale_ = 1;

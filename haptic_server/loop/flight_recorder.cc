@@ -132,7 +132,7 @@ void FlightRecorder::write(const Job& job) {
     return;
   }
   spdlog::info("recording {}: {} ticks", path.string(), job.end - job.first);
-  remove_oldest();
+  remove_oldest(path);
 }
 
 std::error_code FlightRecorder::write_ticks(const Job& job, const std::filesystem::path& path) {
@@ -151,11 +151,13 @@ std::error_code FlightRecorder::write_ticks(const Job& job, const std::filesyste
   return file ? std::error_code() : last_error();
 }
 
-void FlightRecorder::remove_oldest() const {
+/// Names tell the age, unless the clock was set back meanwhile: the newest stays.
+void FlightRecorder::remove_oldest(const std::filesystem::path& newest) const {
   std::vector<std::filesystem::path> all = settings::find_recordings(options_.directory);
   const std::size_t kept = static_cast<std::size_t>(options_.kept);
   std::error_code ignored;
-  for (std::size_t i = 0; i + kept < all.size(); ++i) std::filesystem::remove(all[i], ignored);
+  std::erase(all, newest);
+  for (std::size_t i = 0; i + kept <= all.size(); ++i) std::filesystem::remove(all[i], ignored);
 }
 
 }  // namespace hlm::server

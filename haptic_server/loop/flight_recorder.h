@@ -67,7 +67,7 @@ class FlightRecorder {
   void write_jobs(const std::stop_token& stop);
   void write(const Job& job);
   std::error_code write_ticks(const Job& job, const std::filesystem::path& path);
-  void remove_oldest() const;
+  void remove_oldest(const std::filesystem::path& newest) const;
   const TickRecord& at(std::uint64_t number) const { return ring_[number % ring_.size()]; }
 
   FlightRecorderOptions options_;

@@ -187,6 +187,8 @@ void Servo::simulate() noexcept {
   record_.health = device->health;
 
   if (!observe(*device)) return;
+  // Force rises anew when the motors are on again.
+  if (device->health == DeviceHealth::kForceOff) limiter_.cut();
 
   ++step_;
   const ContactWrench felt = move_proxy(*device);

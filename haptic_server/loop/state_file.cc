@@ -137,7 +137,8 @@ std::string StateFile::text(const TickRecord& record) const {
                      {"time_guard", finite(facts_.ratings.time_guard)}}},
                    {"force", facts.F_command.norm()},
                    {"chain", chain_json(facts)}};
-  return state.dump(2) + '\n';
+  using Handler = nlohmann::json::error_handler_t;  // A device's name may be no UTF-8.
+  return state.dump(2, ' ', false, Handler::replace) + '\n';
 }
 
 void StateFile::write(const std::string& text) const {

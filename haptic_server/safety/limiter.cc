@@ -76,13 +76,16 @@ void Limiter::restart() noexcept {
 
 Wrench Limiter::limit_power(const Wrench& F, const Twist& V) noexcept {
   const double allowed = tank_.allowed_power();
-  const auto limited = [allowed](const Vector3& f, const Vector3& v, double most, double damping) {
-    return power_limited(f, v, std::min(most, allowed), damping);
+  const auto limited = [allowed](const Vector3& f, const Vector3& v, double most, double damping,
+                                 double size) {
+    const Vector3 less = power_limited(f, v, std::min(most, allowed), damping);
+    return less == f ? f : shortened(less, size);
   };
   Wrench less;
-  less << limited(F.head<3>(), V.head<3>(), budget_.max_power, portion_ * kLargestDamping),
+  less << limited(F.head<3>(), V.head<3>(), budget_.max_power, portion_ * kLargestDamping,
+                  budget_.max_force),
       limited(F.tail<3>(), V.tail<3>(), budget_.max_turning_power,
-              portion_ * kLargestAngularDamping);
+              portion_ * kLargestAngularDamping, budget_.max_torque);
   if (less != F && limited_by_ != ForceLimit::kFade) {
     limited_by_ = allowed < budget_.max_power ? ForceLimit::kEnergy : ForceLimit::kPower;
   }

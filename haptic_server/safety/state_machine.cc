@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "common/contact.h"
+
 namespace hlm::server {
 namespace {
 

@@ -27,9 +27,6 @@ class SafetyStateMachine {
   /// controls show that the client lives. More lets force outlive its contacts, less makes slow
   /// environments flutter.
   static constexpr double kLongestWithoutUpdate = 0.25;
-  /// So old may contacts be when they come, s: their computation and half a round trip. More
-  /// renders force from a world that has moved on, less shuts out far networks.
-  static constexpr double kOldestContacts = 0.5;
 
   /// dt: servo period, s.
   explicit SafetyStateMachine(double dt) noexcept : dt_(dt) {}

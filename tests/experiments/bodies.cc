@@ -1,5 +1,6 @@
 // Bodies that move when pushed: action equals reaction (docs/method.md 11).
 #include <algorithm>
+#include <cmath>
 #include <initializer_list>
 #include <tuple>
 
@@ -79,6 +80,7 @@ void steady_forces(Bench& bench, Table& table) {
     double step = 0;
     int collisions = 0;
     bool steady_enough = true;
+    bool whole = true;
     for (std::size_t i = 0; i < forces.size(); ++i) {
       const auto& [c, f] = std::tie(conditions[i], forces[i]);
       table.row(steady.name, c.ve_rate, c.delay, c.stiffness, steady.due, f.mean, f.deviation,
@@ -88,6 +90,7 @@ void steady_forces(Bench& bench, Table& table) {
       deviation = std::max(deviation, f.deviation);
       step = std::max(step, f.update_step);
       collisions += f.collisions;
+      whole = whole && std::isfinite(f.mean);
       steady_enough = steady_enough && f.deviation <= (c.stiffness > 16000 ? steady.stiff_deviation
                                                                            : steady.deviation);
     }
@@ -102,7 +105,7 @@ void steady_forces(Bench& bench, Table& table) {
          .measured = fmt::format("{:.4g} to {:.4g} N, sd {:.2g}, {} collisions, steps at updates "
                                  "up to {:.2g} N",
                                  low, high, deviation, collisions, step),
-         .holds = low >= steady.low * steady.due && high <= steady.high * steady.due &&
+         .holds = whole && low >= steady.low * steady.due && high <= steady.high * steady.due &&
                   steady_enough && collisions == 0 && step <= 0.5});
   }
 }
@@ -125,21 +128,28 @@ void wrong_friction(Bench& bench) {
   double deviation = 0;
   double stiff_deviation = 0;
   int collisions = 0;
+  bool whole = true;
   for (std::size_t i = 0; i < forces.size(); ++i) {
     low = std::min(low, forces[i].mean);
     high = std::max(high, forces[i].mean);
     double& largest = conditions[i].stiffness > 16000 ? stiff_deviation : deviation;
     largest = std::max(largest, forces[i].deviation);
     collisions += forces[i].collisions;
+    whole = whole && std::isfinite(forces[i].mean);
   }
   bench.claim({.what = "Bodies, wrong friction",
                .criterion =
-                   "a brick moves at 1.0 to 1.1 times its friction (1.472 N) where updates report "
+                   "a brick moves at 0.98 to 1.1 times its friction (1.472 N) where updates report "
                    "15 % too little or too much, sd at most 0.3 N (0.6 at 50 kN/m), no collision",
                .measured = fmt::format("{:.3g} to {:.3g} N, sd {:.2g} ({:.2g}), {} collisions", low,
                                        high, deviation, stiff_deviation, collisions),
-               .holds = low >= 0.98 * due && high <= 1.1 * due && deviation <= 0.3 &&
+               .holds = whole && low >= 0.98 * due && high <= 1.1 * due && deviation <= 0.3 &&
                         stiff_deviation <= 0.6 && collisions == 0});
+}
+
+/// The larger one; what is no number, where nothing was hit for instance, stays.
+void grow(double& worst, double value) {
+  if (!(value <= worst)) worst = value;
 }
 
 std::vector<BodyConditions> lossy_grid(const Bench& bench) {
@@ -163,7 +173,7 @@ void momentum(Bench& bench) {
   for (const std::vector<BodySample>& samples : run_all(bench, hit(0.01), lossy_grid(bench))) {
     double felt = 0;
     for (const BodySample& sample : samples) felt -= 1e-3 * sample.F_env[0];
-    worst = std::max(worst, std::abs(0.3 * samples.back().V_WB[0] / felt - 1));
+    grow(worst, std::abs(0.3 * samples.back().V_WB[0] / felt - 1));
   }
   bench.claim({.what = "Bodies, momentum",
                .criterion = "a free body that is hit gains the momentum that the hand felt, within "
@@ -183,7 +193,7 @@ void door(Bench& bench) {
         const Vector3 torque = sample.F_env.tail<3>() + sample.X_WP.p.cross(sample.F_env.head<3>());
         felt -= 1e-3 * torque.z();
       }
-      worst = std::max(worst, std::abs(door_inertia() * samples.back().V_WB[5] / felt - 1));
+      grow(worst, std::abs(door_inertia() * samples.back().V_WB[5] / felt - 1));
     }
   }
   bench.claim({.what = "Bodies, door",
@@ -206,7 +216,7 @@ double largest_difference(Bench& bench, const BodyTask& task, std::initializer_l
     const Twist due = runs[1].back().V_WB;
     const Twist difference = runs[0].back().V_WB - due;
     for (const int part : parts) {
-      worst = std::max(worst, difference.segment<3>(part).norm() / due.segment<3>(part).norm());
+      grow(worst, difference.segment<3>(part).norm() / due.segment<3>(part).norm());
     }
   }
   return worst;

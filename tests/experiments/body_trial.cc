@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <stdexcept>
 
@@ -109,7 +110,9 @@ ForceStatistics force_along(const std::vector<BodySample>& samples, const Vector
       result.update_step = std::max(result.update_step, change.norm());
     }
   }
-  result.mean = sum / count;
+  // A session that ended meanwhile shows nothing.
+  const bool whole = !samples.empty() && samples.back().time >= end;
+  result.mean = whole ? sum / count : std::numeric_limits<double>::quiet_NaN();
   result.deviation = std::sqrt(std::max(0.0, squares / count - result.mean * result.mean));
   return result;
 }

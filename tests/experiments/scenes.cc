@@ -42,6 +42,7 @@ struct Play {
   double update_step = 0;    ///< Largest change of F_env at an update far from collisions, N.
   double limited_at = 0;     ///< s, of a command at its limit far from collisions; 0: none.
   int collisions = 0;
+  double judged = 0;  ///< Share of the ticks far from collisions.
   bool broken = false;
 };
 
@@ -83,12 +84,14 @@ Play play(const Scene& scene, std::uint64_t seed) {
     result.largest_force = std::max(result.largest_force, force);
     const auto next = std::lower_bound(collisions.begin(), collisions.end(), time(tick) - kImpact);
     if (next != collisions.end() && *next <= time(tick) + kImpact) continue;
+    result.judged += 1 / static_cast<double>(ticks.size());
+    if (tick.session != ticks[0].session) result.broken = true;
     if (force > 0.999 * most) result.limited_at = time(tick);
     if (tick.adopted == 0) continue;
     const Wrench change = tick.F_env - ticks[i - 1].F_env;
     result.update_step = std::max(result.update_step, change.head<3>().norm());
   }
-  result.broken = static_cast<double>(ticks.size()) < 1e3 * scene.duration - 500;
+  result.broken |= static_cast<double>(ticks.size()) < 1e3 * scene.duration - 500;
   return result;
 }
 
@@ -107,13 +110,15 @@ void scenes(Bench& bench) {
     const Play& p = plays[i];
     table.row(played[i].name, static_cast<double>(p.collisions), p.largest_force, p.update_step,
               p.limited_at);
-    bench.claim({.what = fmt::format("Scene {}", played[i].name),
-                 .criterion =
-                     "the session lasts; 50 ms and more from a collision the command stays below "
-                     "its limit of 12 N and F_env steps at updates by 0.5 N at most",
-                 .measured = fmt::format("{} collisions, up to {:.1f} N, steps of up to {:.2g} N",
-                                         p.collisions, p.largest_force, p.update_step),
-                 .holds = !p.broken && p.limited_at == 0 && p.update_step <= 0.5});
+    bench.claim(
+        {.what = fmt::format("Scene {}", played[i].name),
+         .criterion = "the session lasts; 50 ms and more from a collision, three quarters of the "
+                      "time at least, the command stays below its limit of 12 N and F_env steps at "
+                      "updates by 0.5 N at most",
+         .measured = fmt::format("{} collisions, up to {:.1f} N, steps of up to {:.2g} N; "
+                                 "{:.0f} % of the time",
+                                 p.collisions, p.largest_force, p.update_step, 100 * p.judged),
+         .holds = !p.broken && p.judged >= 0.75 && p.limited_at == 0 && p.update_step <= 0.5});
   }
 }
 

@@ -71,7 +71,7 @@ TEST_CASE("Each break of the chain is named at its link") {
     stops_at(f, "updates", "lets the force fade");
   }
   SECTION("old contacts") {
-    f.age = 0.3;
+    f.age = 0.6;
     stops_at(f, "updates", "contacts are old");
   }
   SECTION("disabled device") {

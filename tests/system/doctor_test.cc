@@ -163,6 +163,26 @@ TEST_CASE("The doctor names a firewall before a server that runs") {
   CHECK_THAT(finished.output, ContainsSubstring("firewall of this machine drops it"));
 }
 
+TEST_CASE("The doctor names a wrong key and a missing one, and measures with the right one") {
+  Clinic clinic;
+  const std::string right = clinic.directory.file("right.key");
+  const std::string wrong = clinic.directory.file("wrong.key");
+  for (const std::string& key : {right, wrong}) REQUIRE(run({HLM_KEYGEN, key}, 5).exit_code == 0);
+  clinic.start_server({"--key-file", right});
+  REQUIRE(wait_until(10, [&] { return clinic.has_state(); }));
+
+  const Finished measured = clinic.doctor("network", {"--key-file", right});
+  INFO(measured.output << measured.error);
+  CHECK(measured.exit_code == kNoProblem);
+  for (const auto& [options, reason] : {std::pair{Arguments{"--key-file", wrong}, "wrong key"},
+                                        std::pair{Arguments{}, "unsealed"}}) {
+    const Finished finished = clinic.doctor("network", options);
+    INFO(finished.output << finished.error);
+    CHECK(finished.exit_code == kProblem);
+    CHECK_THAT(std::string(only_problem(finished.output).at("text")), ContainsSubstring(reason));
+  }
+}
+
 TEST_CASE("The doctor names a slow client") {
   Clinic clinic;
   clinic.start_session({}, {"--rate", "2"});

@@ -11,6 +11,7 @@ protocol::ClientSessionOptions session_options(const HapticClientOptions& option
   session.hello.q = options.q;
   session.hello.ve_rate = options.ve_rate;
   session.hello.epsilon = options.epsilon;
+  session.clears_fault = options.clears_fault;
   session.telemetry = options.telemetry;
   return session;
 }

@@ -19,6 +19,8 @@ struct HapticClientOptions {
   double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
   double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
   std::uint64_t nonce = 0;  ///< Of the first session; 0: drawn at random, as all later ones are.
+  /// A person asks for the first session: if it is had within 2 s it ends a fault of the server.
+  bool clears_fault = true;
   protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
 };
 

@@ -61,6 +61,7 @@ TEST_CASE("The columns are those that readers of the log rely on") {
         "env_torque_x_N_m,env_torque_y_N_m,env_torque_z_N_m,"
         "command_force_x_N,command_force_y_N,command_force_z_N,"
         "command_torque_x_N_m,command_torque_y_N_m,command_torque_z_N_m,force_limit,"
+        "port_given_J,port_taken_J,port_explained_J,port_tank_J,brought_J,"
         "active_contacts,predicted_contacts,smallest_separation_m,adopted,age_s,"
         "lateness_s,execution_s,overruns,datagrams,dropped\n");
 }
