@@ -85,12 +85,12 @@ class MemoryNetwork {
     if (drawn(conditions_.loss)) return;
     const int copies = drawn(conditions_.duplication) ? 2 : 1;
     protocol::DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
-    std::vector<std::byte> altered(bytes.begin(), bytes.end());
-    if (alter_ && to == kServer) alter_(altered);
+    protocol::DatagramBytes altered(bytes.begin(), bytes.end());
+    if (alter_ && to == kServer) alter_({altered.data(), altered.size()});
     for (int i = 0; i < copies; ++i) {
       double arrival = now_ + conditions_.delay + uniform(engine_) * conditions_.jitter;
       if (drawn(conditions_.reordering)) arrival += conditions_.reorder_time;
-      incoming.hold(arrival, {from, {altered.begin(), altered.end()}});
+      incoming.hold(arrival, {from, altered, 0, {}});
     }
   }
 
