@@ -258,6 +258,21 @@ TEST_CASE("A refusal is shown, of another version of the protocol too, and the c
   CHECK(client.nonce() == 11);
 }
 
+TEST_CASE("A client that waits for its turn does not end a fault that comes meanwhile") {
+  Client client;
+  const auto clears_fault = [&] {
+    Hello hello;
+    REQUIRE_FALSE(decode(view(client.link.sent().back().bytes), hello));
+    return hello.clears_fault;
+  };
+  client.session.poll(5);
+  CHECK(clears_fault());
+  client.session.poll(6.9);
+  CHECK(clears_fault());
+  client.session.poll(7.1);
+  CHECK_FALSE(clears_fault());
+}
+
 TEST_CASE("Hellos carry the tool's present configuration") {
   Client client;
   client.session.set_initial_configuration(Vector3(1, 2, 3));

@@ -182,6 +182,17 @@ TEST_CASE("Goodbye: force fades, the proxy goes on meanwhile, then the device is
   CHECK(bench.journal.empty());
 }
 
+TEST_CASE("Force rises anew when the device's enable switch closes") {
+  ServoBench bench;
+  begin_under_load(bench);
+  bench.device.state->health = DeviceHealth::kForceOff;
+  CHECK(bench.tick_with(bench.update()).F_command.isZero(0));
+  CHECK(bench.ticks(20).F_command.isZero(0));
+  bench.device.state->health = DeviceHealth::kGood;
+  CHECK(bench.tick_with(bench.update()).F_command.norm() < 0.1);  // N
+  CHECK(bench.ticks(200).F_command.norm() == Approx(3).epsilon(0.1));
+}
+
 TEST_CASE("A silent client: the session stays, and an update brings force back") {
   ServoBench bench;
   begin_under_load(bench);

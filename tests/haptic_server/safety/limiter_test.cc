@@ -243,6 +243,23 @@ TEST_CASE("Energy that is owed is taken back while force is on, and not after it
   CHECK(limiter.level() == ForceLevel::kNone);
 }
 
+TEST_CASE("What takes energy back stays within the limits of force and torque") {
+  Limiter limiter = faded_in({.max_force = 2, .max_torque = 0});
+  Wrench F = push(2);
+  F[5] = 1;
+  limiter.limit(F);
+  Pose X_WD;
+  limiter.observe(X_WD, 0);
+  X_WD.p.y() += 0.4;  // m: 0.8 J at once, 0.3 J too much
+  limiter.observe(X_WD, 0);
+  Twist V = Twist::Zero();
+  V[1] = 0.5;  // m/s: a damper of 30 N·s/m would take 15 N
+  V[5] = 5;
+  const Wrench& command = limiter.limit(F, Wrench::Zero(), V);
+  CHECK(command[1] == Approx(-2));  // N
+  CHECK(command.tail<3>().isZero(0));
+}
+
 TEST_CASE(
     "Where the port gives energy without end, as none of its limits sees it, that is a fault") {
   Limiter limiter = faded_in();
