@@ -114,7 +114,8 @@ class Device {
   /// enable(). Called in handlers of fatal signals, while the servo thread may be anywhere, and in
   /// a process that was forked after the device had been opened: a driver may do nothing here but
   /// async-signal-safe calls on what such a process inherits, descriptors and shared memory. A
-  /// device that cannot be stopped so does not rate `halts`; only its own time guard ends its force.
+  /// device that cannot be stopped so does not rate `halts`; only its own time guard ends its
+  /// force.
   virtual void halt() noexcept {}
 };
 

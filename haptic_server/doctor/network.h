@@ -15,7 +15,7 @@ struct NetworkOptions {
   std::string name;  ///< Of the server, for a person.
   protocol::Endpoint server;
   std::optional<protocol::noise::Key> key;  ///< The server's, if it has one.
-  double time = 2;  ///< How long an idle server is measured, s.
+  double time = 2;                          ///< How long an idle server is measured, s.
 };
 
 /// Takes a session of its own, without contacts, from an idle server: round trip, jitter, loss and
