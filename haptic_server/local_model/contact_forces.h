@@ -5,22 +5,9 @@
 #include <span>
 
 #include "common/tool_model.h"
-#include "haptic_server/local_model/frames.h"
-#include "haptic_server/local_model/local_contact.h"
-#include "haptic_server/local_model/parameters.h"
+#include "haptic_server/local_model/contact_law.h"
 
 namespace hlm::server {
-
-/// What every contact of a group shares in a step.
-struct ContactLaw {
-  double stiffness = 0;         ///< k, N/m, after limiting.
-  double damping = 0;           ///< b, N·s/m.
-  double static_friction = 0;   ///< μ_s where a contact has no coefficient of its own.
-  double kinetic_friction = 0;  ///< μ_k, likewise.
-  double friction_scale = 1;    ///< On a contact's own coefficient.
-  double dt = 0;                ///< Step, s.
-  ContactStep step = ContactStep::kImplicit;
-};
 
 /// Contacts and the law that they follow.
 struct ContactGroup {
