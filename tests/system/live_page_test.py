@@ -273,7 +273,7 @@ class LivePage(PageTest):
             return "Fault overrun" in self.ask("haptic.banner()")
 
         wait_for(stopped_for_a_while, "the fault")
-        self.assertIn("then Reset", self.ask("haptic.banner()"))
+        self.assertIn("then press Reset", self.ask("haptic.banner()"))
         self.driver.find_element("id", "reset").click()
         wait_for(lambda: self.ask("haptic.banner()") == "", "no banner")
 
