@@ -36,7 +36,7 @@ ContactNumbers newton(const ImpulseColumns& A, const ContactNumbers& w) noexcept
 }
 
 /// min |A p|²/2 + w·p over p >= 0 by active sets (after Lawson and Hanson 1974). The passive
-/// columns are independent, hence at most n.
+/// columns are independent, so there are at most n.
 class NonnegativeImpulses {
  public:
   NonnegativeImpulses(const ImpulseColumns& A, const ContactNumbers& w,

@@ -222,7 +222,8 @@ ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
 }
 
 /// The proxy's step. What hand and weight put into the proxy and it did not keep went on into
-/// contacts and coupling; moving constraints push the proxy and, but for a coupler, the device.
+/// contacts and coupling; moving constraints push the proxy, and the
+/// device too unless a coupler stands between.
 ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
   const Pose X_WP = proxy.X_WH();

@@ -86,7 +86,7 @@ void static_contact(Bench& bench) {
   for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
     if (sway[name].empty()) continue;
     bench.claim({.what = fmt::format("14(b), {}", method(name).label),
-                 .paper = "the device settles upon the wall",
+                 .paper = "the device settles on the wall",
                  .criterion = "last 2 s peak to peak < 0.01 mm and < 0.01°, all seeds",
                  .measured = fmt::format("{} mm, {}°", spread(sway_y[name], 1e3),
                                          spread(sway[name], kDegree)),

@@ -47,7 +47,7 @@ std::string shape_collision(const std::string& shape) {
   return "<collision name='c'><geometry>" + geometry + "</geometry></collision>";
 }
 
-TEST_CASE("A body of each shape comes to rest upon a fixed body of each shape") {
+TEST_CASE("A body of each shape comes to rest on a fixed body of each shape") {
   const std::string lower =
       GENERATE(as<std::string>{}, "plane", "box", "sphere", "cylinder", "capsule");
   const std::string upper = GENERATE(as<std::string>{}, "box", "sphere", "cylinder", "capsule");

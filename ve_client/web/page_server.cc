@@ -77,7 +77,7 @@ constexpr std::chrono::seconds kIdleTimeout{10};
 /// Until the next try when no connection can be accepted, usually for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptPause{100};
 
-/// The page's import map is inline, hence 'unsafe-inline' for scripts.
+/// The page's import map is inline, so scripts need 'unsafe-inline'.
 constexpr const char* kContentSecurityPolicy =
     "default-src 'self'; connect-src 'self' ws: ; img-src 'self' data:; "
     "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'";
@@ -397,7 +397,7 @@ void HttpConnection::send(http::response<Body> response) {
   response.set("X-Content-Type-Options", "nosniff");
   response.set("Content-Security-Policy", kContentSecurityPolicy);
   response.set("Cross-Origin-Resource-Policy", "same-origin");
-  // Bodies of requests are not read, hence nothing can follow them.
+  // Bodies of requests are not read, so nothing can follow them.
   response.keep_alive(parser_->is_done() && request().keep_alive());
   response.prepare_payload();
   if (request().method() != http::verb::head) return write(std::move(response));

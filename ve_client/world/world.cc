@@ -233,7 +233,7 @@ void World::keep_planar(int body) {
 
 int World::substeps(double dt) const noexcept {
   if (!description_.solver.largest_step && !has_movable_) return 1;
-  // Frames whose length is a whole number of steps but for rounding get no further one.
+  // A frame that is a whole number of steps long, up to rounding, gets no further one.
   constexpr double kRounding = 1e-9;
   const double largest = description_.solver.largest_step.value_or(1 / kSolverRate);
   return std::max(1, static_cast<int>(std::ceil(dt / largest - kRounding)));
