@@ -164,9 +164,12 @@ TEST_CASE("A value out of range is named with its option and what is allowed") {
   CHECK(error_of({"--stones", "2.5"}) ==
         "mill: --stones 2.5 must be a whole number, 1 to 4 stones\n");
   CHECK_THAT(error_of({"--stones", "5"}), ContainsSubstring("--stones 5 stones must be 1 to 4"));
+  std::string rules;
+  for (const Word<UpdateRule>& word : kWords<UpdateRule>) {
+    rules += (rules.empty() ? "" : ", ") + std::string(word.name);
+  }
   CHECK(error_of({"--update-rule", "magic"}) ==
-        "mill: --update-rule magic must be one of retain, paper, intermediate_representation, "
-        "plane_recovery\n");
+        "mill: --update-rule magic must be one of " + rules + "\n");
   CHECK_THAT(error_of({"--speeds", "3", "2"}), ContainsSubstring("LOW not above HIGH"));
   CHECK(error_of({"--speeds", "3"}) == "mill: --speeds needs 2 values, not 1\n");
   CHECK_THAT(error_of({"--wind", "maybe"}), ContainsSubstring("maybe must be true or false"));
