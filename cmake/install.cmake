@@ -6,7 +6,8 @@ set(package ${CMAKE_INSTALL_LIBDIR}/cmake/haptic_local_model)
 set(share ${CMAKE_INSTALL_DATADIR}/haptic_local_model)
 set(documents ${CMAKE_INSTALL_DATADIR}/doc/haptic_local_model)
 
-# The client library, for find_package(haptic_local_model): hlm::client, and hlm::sealing if it was built.
+# The client library, for find_package(haptic_local_model): hlm::client, and with sealing hlm::sealing
+# and hlm::haptic, the C interface, with its Python package.
 set(libraries common protocol udp client)
 if(HLM_SEALING)
   list(APPEND libraries sealing)
@@ -15,6 +16,15 @@ foreach(library ${libraries})
   set_target_properties(hlm_${library} PROPERTIES EXPORT_NAME ${library})
   install(TARGETS hlm_${library} EXPORT haptic_local_model FILE_SET HEADERS DESTINATION ${headers})
 endforeach()
+if(HLM_SEALING)
+  set_target_properties(hlm_haptic PROPERTIES EXPORT_NAME haptic)
+  install(TARGETS hlm_haptic EXPORT haptic_local_model FILE_SET HEADERS
+    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  configure_file(cmake/haptic.pc.in haptic.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/haptic.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+  install(DIRECTORY ve_client/client/python/haptic DESTINATION lib/python3/dist-packages
+    FILES_MATCHING PATTERN "*.py")
+endif()
 install(EXPORT haptic_local_model NAMESPACE hlm:: FILE haptic_local_modelTargets.cmake
   DESTINATION ${package})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake

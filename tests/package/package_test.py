@@ -5,6 +5,7 @@ Usage: package_test.py SOURCE BUILD, where all programs have been built in BUILD
 """
 
 import contextlib
+import os
 import pathlib
 import re
 import shutil
@@ -155,6 +156,26 @@ class Package(unittest.TestCase):
     def test_an_installed_sealing_library_serves_a_users_project(self):
         cmake_lists = (EXAMPLE / "CMakeLists.txt").read_text().replace("hlm::client", "hlm::client hlm::sealing")
         self.build_example("sealed", cmake_lists, f"-DCMAKE_PREFIX_PATH={self.prefix}", code=USES_SEALING)
+
+    def test_the_installed_c_interface_serves_c_by_pkg_config_and_python(self):
+        paths = {**os.environ, "PKG_CONFIG_PATH": next(self.prefix.rglob("pkgconfig")).as_posix()}
+        flags = subprocess.run(["pkg-config", "--cflags", "--libs", "haptic"], env=paths, text=True, check=True,
+                               stdout=subprocess.PIPE).stdout.split()
+        library = next(flag[2:] for flag in flags if flag.startswith("-L"))
+        program = self.folder / "abi"
+        (self.folder / "abi.c").write_text("#include <haptic.h>\n"
+                                           "int main(void) { return haptic_abi() != HAPTIC_ABI; }\n")
+        sanitizers = [f"-fsanitize={cached('HLM_SANITIZE')}"] if cached("HLM_SANITIZE") else []
+        run("cc", "-std=c99", "-Wall", "-Werror", self.folder / "abi.c", "-o", program, f"-Wl,-rpath,{library}", *flags,
+            *sanitizers)
+        run(program)
+        if sanitizers:
+            return  # The interpreter is not instrumented; test `python` has it so.
+        found = subprocess.run(["/usr/bin/python3", "-c", "import haptic; haptic.Session(); print(haptic.__file__)"],
+                               text=True, check=True, stdout=subprocess.PIPE, cwd=self.folder,
+                               env={"PYTHONPATH": str(self.prefix / "lib/python3/dist-packages"),
+                                    "LD_LIBRARY_PATH": library}).stdout
+        self.assertIn(str(self.prefix), found)
 
     def test_a_subdirectory_builds_the_client_library_with_eigen_and_boost_alone(self):
         cmake_lists = re.sub(r"find_package\(.*\)", f"add_subdirectory({SOURCE} haptic_local_model)",

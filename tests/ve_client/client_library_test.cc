@@ -1,0 +1,156 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tests/support/catch.h"
+#include "tests/support/random.h"
+#include "ve_client/client/contact_check.h"
+#include "ve_client/client/identity_tracker.h"
+
+namespace hlm {
+namespace {
+
+ToolModel box_tool() {
+  ToolDescription tool;
+  tool.links.emplace_back();
+  return ToolModel(tool);
+}
+
+ReportedContact contact_at(const Vector3& p_W, double separation = 0) {
+  ReportedContact contact;
+  contact.p_WC = p_W;
+  contact.separation = separation;
+  return contact;
+}
+
+/// The lower corners of a box of 40 mm at `pose`, over a floor at z = 0.
+ReportedContacts corners(const ToolModel& tool) {
+  ReportedContacts contacts;
+  for (const double x : {-0.02, 0.02}) {
+    for (const double y : {-0.02, 0.02}) {
+      const Vector3 p_W = tool.X_WL(0) * Vector3(x, y, -0.02);
+      contacts.push_back(contact_at({p_W.x(), p_W.y(), 0}, p_W.z()));
+    }
+  }
+  return contacts;
+}
+
+TEST_CASE("Corners keep their identities while the box moves, turns and is listed in any order") {
+  ToolModel tool = box_tool();
+  IdentityTracker tracker;
+  test::Random random;
+  std::array<std::uint64_t, 4> first{};
+  for (int frame = 0; frame < 300; ++frame) {
+    Configuration q = tool.neutral();
+    const double turn = 0.01 * frame;
+    q << 0.005 * frame, 0.003 * frame, 0.02, std::cos(turn / 2), 0, 0, std::sin(turn / 2);
+    tool.set_configuration(q);
+    ReportedContacts contacts = corners(tool);
+    std::array<std::size_t, 4> order{0, 1, 2, 3};
+    std::shuffle(order.begin(), order.end(), random.engine());
+    ReportedContacts listed;
+    for (const std::size_t i : order) listed.push_back(contacts[i]);
+    tracker.assign(tool, {}, listed);
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (frame == 0) first[order[i]] = listed[i].identity;
+      REQUIRE(listed[i].identity == first[order[i]]);
+    }
+  }
+  CHECK(tracker.given() == 4);
+}
+
+TEST_CASE("A contact that is left out for three frames keeps its identity, for four it does not") {
+  const int missing = GENERATE(3, 4);
+  const ToolModel tool = box_tool();
+  IdentityTracker tracker;
+  ReportedContacts contacts{contact_at({0, 0, 0})};
+  tracker.assign(tool, {}, contacts);
+  const std::uint64_t before = contacts[0].identity;
+  ReportedContacts none;
+  for (int frame = 0; frame < missing; ++frame) tracker.assign(tool, {}, none);
+  tracker.assign(tool, {}, contacts);
+  CHECK((contacts[0].identity == before) == (missing == 3));
+}
+
+TEST_CASE("Contacts of other sides, of another pair, farther away or turned are others") {
+  const ToolModel tool = box_tool();
+  IdentityTracker tracker;
+  ReportedContacts contacts{contact_at({0, 0, 0})};
+  tracker.assign(tool, {}, contacts);
+  const std::uint64_t before = contacts[0].identity;
+  SECTION("another body") { contacts[0].b = {SideKind::kMovableBody, 3}; }
+  SECTION("another pair") { contacts[0].pair = 1; }
+  SECTION("11 mm away") { contacts[0].p_WC.x() = 0.011; }
+  SECTION("turned by 0.4 rad") { contacts[0].n_W = {std::sin(0.4), 0, std::cos(0.4)}; }
+  tracker.assign(tool, {}, contacts);
+  CHECK(contacts[0].identity != before);
+}
+
+TEST_CASE("Of two contacts the nearer goes on, and none shares an identity") {
+  const ToolModel tool = box_tool();
+  IdentityTracker tracker;
+  ReportedContacts contacts{contact_at({0, 0, 0})};
+  tracker.assign(tool, {}, contacts);
+  const std::uint64_t before = contacts[0].identity;
+  contacts = {contact_at({0.004, 0, 0}), contact_at({-0.001, 0, 0})};
+  tracker.assign(tool, {}, contacts);
+  CHECK(contacts[1].identity == before);
+  CHECK(contacts[0].identity != before);
+}
+
+TEST_CASE("A body's own contacts are followed where the body goes") {
+  const ToolModel tool = box_tool();
+  IdentityTracker tracker;
+  MovableBodies bodies(1);
+  bodies[0].id = 5;
+  std::uint64_t first = 0;
+  for (int frame = 0; frame < 50; ++frame) {
+    bodies[0].p_WCom.x() = 0.03 * frame;  // 30 mm a frame: more than the reach
+    ReportedContacts contacts{contact_at({0.03 * frame, 0, 0})};
+    contacts[0].a = {SideKind::kMovableBody, 5};
+    tracker.assign(tool, bodies, contacts);
+    if (frame == 0) first = contacts[0].identity;
+    REQUIRE(contacts[0].identity == first);
+  }
+}
+
+TEST_CASE("What cannot be meant so is named with its place and what is allowed") {
+  const ToolModel tool = box_tool();
+  ReportedContacts contacts{contact_at({0, 0, 0}), contact_at({0.01, 0, 0})};
+  contacts[1].identity = 1;
+  MovableBodies bodies(1);
+  const auto error = [&] { return find_error(contacts, bodies, tool).value_or(""); };
+  REQUIRE(error().empty());
+  SECTION("normal") {
+    contacts[1].n_W = {0, 0, 0.9};
+    CHECK(error() == "contact 1: normal (0, 0, 0.9) must be of length 1, not 0.9");
+  }
+  SECTION("not finite") {
+    contacts[0].separation = NAN;
+    CHECK(error() == "contact 0: separation nan must be finite, m");
+  }
+  SECTION("identity") {
+    contacts[1].identity = 0;
+    CHECK_THAT(error(),
+               Catch::Matchers::ContainsSubstring("contact 1: identity 0 is that of an earlier"));
+  }
+  SECTION("tool on the wrong side") {
+    std::swap(contacts[0].a, contacts[0].b);
+    CHECK(error() == "contact 0: the tool must be side a, to which the normal points");
+  }
+  SECTION("millimetres") {
+    contacts[0].p_WC = {50, 0, 20};
+    CHECK_THAT(error(), Catch::Matchers::ContainsSubstring("are lengths in metres"));
+  }
+  SECTION("inverse inertia") {
+    bodies[0].W(0, 1) = 1;
+    CHECK(error() == "body 0: its inverse inertia must be symmetric");
+  }
+  SECTION("bodies of one number") {
+    bodies.push_back(bodies[0]);
+    CHECK(error() == "body 0: its id is that of an earlier body");
+  }
+}
+
+}  // namespace
+}  // namespace hlm

@@ -1,0 +1,270 @@
+#!/usr/bin/python3
+"""The Python package and the C interface below it, against the real server.
+
+Usage: haptic_test.py HAPTIC_SERVER HAPTIC_KEYGEN LIBHAPTIC PACKAGE_FOLDER
+"""
+
+import contextlib
+import os
+import pathlib
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+SERVER, KEYGEN, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:5])
+os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
+sys.path.insert(0, str(PACKAGE))
+
+import haptic  # noqa: E402
+import numpy as np  # noqa: E402
+
+RATE = 60  # Hz
+PERIOD = 1 / RATE
+EDGE = 0.04  # m, of the tool
+FLOOR = -0.025  # z, m, of the world; the tool begins 5 mm above it
+STIFFNESS = 4000  # N/m, of each contact: the server's default
+PATIENCE = 10  # s
+
+# A spring that wants the tool 10 mm deep in the floor: 2 N.
+HAND_STIFFNESS = 200  # N/m
+TARGET = FLOOR + EDGE / 2 - 0.01  # z, m
+HAND = f"""after = "hold"
+[grip]
+stiffness = {HAND_STIFFNESS}
+damping = 20
+angular_stiffness = 2.0
+angular_damping = 0.08
+max_force = 30
+max_torque = 0.3
+[[segment]]
+duration = 0.5
+move_to = {{ position = [0, 0, {TARGET}], rotation = [0, 0, 0] }}
+"""
+
+
+@contextlib.contextmanager
+def server(*options):
+    """A server with a spatial device and HAND. Yields its address."""
+    with tempfile.TemporaryDirectory() as folder, \
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = "127.0.0.1:%d" % probe.getsockname()[1]
+        probe.close()
+        hand = pathlib.Path(folder) / "hand.toml"
+        hand.write_text(HAND)
+        process = subprocess.Popen([SERVER, "--listen", address, "--hand", hand, "--status", "false",
+                                    "--device-option", "freedom=spatial",
+                                    "--device-option", "friction=0", *options], stderr=subprocess.DEVNULL)
+        try:
+            yield address, process
+        finally:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+            process.wait(timeout=PATIENCE)
+
+
+def box():
+    return haptic.box(mass=0.3, size=(EDGE,) * 3)
+
+
+def corners(q):
+    """The four lower corners of the tool that is at q and does not turn, and the floor below them."""
+    found = haptic.contacts(4)
+    for i, (x, y) in enumerate(((-1, -1), (-1, 1), (1, -1), (1, 1))):
+        found["point"][i] = q[0] + x * EDGE / 2, q[1] + y * EDGE / 2, FLOOR
+    found["normal"] = 0, 0, 1
+    found["separation"] = q[2] - EDGE / 2 - FLOOR
+    return found
+
+
+def play(session, seconds, contacts=corners):
+    """Steps of a world in which the tool is where the proxy is. Returns the last contacts."""
+    found = haptic.contacts(0)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and session.poll():
+        session.sample(session.q, session.v, PERIOD)
+        found = session.track(contacts(session.q))
+        session.send(found[found["separation"] < 0.005])
+        time.sleep(PERIOD)
+    return found
+
+
+def until(session, holds, contacts=corners):
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        if time.monotonic() > end:
+            raise AssertionError("it took too long")
+        play(session, 2 * PERIOD, contacts)
+
+
+class WithServer(unittest.TestCase):
+    def test_a_tool_pressed_on_four_contacts_rests_where_their_springs_bear_the_push(self):
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            until(touch, lambda: touch.server_state == "active")
+            play(touch, 2)
+            depth = FLOOR + EDGE / 2 - touch.q[2]
+            push = HAND_STIFFNESS * (touch.state.device_position[2] - TARGET)
+            self.assertEqual(touch.state.active, 4)
+            self.assertAlmostEqual(push, 2, delta=0.05)                         # N
+            self.assertAlmostEqual(touch.force[2], push, delta=0.01)            # N
+            self.assertAlmostEqual(depth, push / (4 * STIFFNESS), delta=2e-6)   # m
+            np.testing.assert_allclose(touch.force[:2], 0, atol=0.05)
+
+    def test_tracked_contacts_keep_their_identities_while_the_tool_slides(self):
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            first = None
+            for step in range(100):
+                touch.poll()
+                q = np.array([0.002 * step, 0.001 * step, 0, 1, 0, 0, 0])
+                touch.sample(q, np.zeros(6), PERIOD)
+                found = corners(q)
+                order = np.roll(np.arange(4), step)  # The engine lists them as it likes.
+                found = touch.track(np.ascontiguousarray(found[order]))
+                identities = [found["identity"][np.flatnonzero(order == i)[0]] for i in range(4)]
+                first = first or identities
+                self.assertEqual(identities, first)
+            self.assertEqual(len(set(first)), 4)
+
+    def test_a_sealed_session_needs_the_key(self):
+        with tempfile.TemporaryDirectory() as folder:
+            key = pathlib.Path(folder) / "key"
+            subprocess.run([KEYGEN, key], check=True, stdout=subprocess.DEVNULL)
+            with server("--key-file", str(key)) as (address, _):
+                with haptic.Session(address, box(), key_file=str(key)) as touch:
+                    until(touch, lambda: touch.connected)
+                with haptic.Session(address, box()) as touch:
+                    play(touch, 0.5)
+                    self.assertFalse(touch.connected)
+
+    def test_nothing_waits_for_a_server_that_stands_still_which_is_a_fault_that_a_new_session_ends(self):
+        with server() as (address, process), haptic.Session(address, box(), rate=RATE) as touch:
+            until(touch, lambda: touch.connected)
+            process.send_signal(signal.SIGSTOP)
+            begin = time.monotonic()
+            for _ in range(1000):
+                touch.poll()
+                touch.sample(touch.q, touch.v, PERIOD)
+                touch.send(touch.track(corners(touch.q)))
+            self.assertLess(time.monotonic() - begin, 5)  # s: 5 ms a step, on any machine
+            until(touch, lambda: not touch.connected)
+            process.send_signal(signal.SIGCONT)
+            until(touch, lambda: "fault" in touch.message)
+            touch.close()
+            with haptic.Session(address, box(), rate=RATE) as anew:
+                until(anew, lambda: anew.connected)
+
+    def test_a_body_gets_the_impulse_of_the_push_on_it(self):
+        """The floor is a body of 2 kg that floats: it moves off as momentum says."""
+        mass = 2.0
+        body = haptic.bodies(1)
+        body["id"] = 7
+        body["inverse_inertia"][0][:3, :3] = np.eye(3) / mass
+        gained = np.zeros(3)
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            end = time.monotonic() + 3
+            while time.monotonic() < end and touch.poll():
+                for number, impulse in touch.impulses(PERIOD).items():
+                    self.assertEqual(number, 7)
+                    gained += impulse[:3]
+                    body["velocity"][0][:3] += impulse[:3] / mass
+                body["centre"][0] += body["velocity"][0][:3] * PERIOD
+                touch.sample(touch.q, touch.v, PERIOD)
+                found = corners(touch.q)
+                found["b_kind"], found["b_index"] = haptic.MOVABLE_BODY, 7
+                found["point"][:, 2] += body["centre"][0][2]
+                found["separation"] -= body["centre"][0][2]
+                touch.send(touch.track(found, body), body)
+                time.sleep(PERIOD)
+        self.assertLess(gained[2], -0.02)  # N·s, down
+        np.testing.assert_allclose(gained[:2], 0, atol=0.01)
+
+
+class Mistakes(unittest.TestCase):
+    def refused(self, text, **changes):
+        contacts = corners([0, 0, 0.05, 1, 0, 0, 0])
+        contacts["identity"] = 1, 2, 3, 4
+        for name, value in changes.items():
+            contacts[name] = value
+        with haptic.Session("127.0.0.1:9", box()) as touch, self.assertRaises(haptic.HapticError) as caught:
+            touch.sample([0, 0, 0.05, 1, 0, 0, 0], np.zeros(6), PERIOD)
+            touch.send(contacts)
+        self.assertIn(text, str(caught.exception))
+
+    def test_a_normal_that_is_not_unit_is_named(self):
+        self.refused("contact 0: normal (0, 0, 2) must be of length 1, not 2", normal=(0, 0, 2))
+
+    def test_identities_that_come_twice_are_named(self):
+        self.refused("contact 1: identity 5 is that of an earlier contact", identity=5)
+
+    def test_a_link_that_the_tool_does_not_have_is_named(self):
+        self.refused("side a: link 3 must be less than 1", a_index=3)
+
+    def test_numbers_that_are_not_finite_are_named(self):
+        self.refused("separation nan must be finite", separation=np.nan)
+
+    def test_millimetres_are_asked_about(self):
+        self.refused("are lengths in metres", point=(0, 0, 40000))
+
+    def test_options_that_cannot_be_used_are_named(self):
+        for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
+                              ("epsilon", {"epsilon": -1}), ("rate", {"rate": 0}),
+                              ("q must have 7 numbers", {"q": [0, 0, 0]})):
+            with self.assertRaises(haptic.HapticError, msg=text) as caught:
+                haptic.Session(**options)
+            self.assertIn(text, str(caught.exception))
+
+    def test_arrays_of_another_kind_are_named(self):
+        with haptic.Session("127.0.0.1:9", box()) as touch:
+            with self.assertRaisesRegex(haptic.HapticError, "haptic.contacts"):
+                touch.send(np.zeros((4, 3)))
+            with self.assertRaisesRegex(haptic.HapticError, r"v must have 6 numbers, not the shape \(3,\)"):
+                touch.sample([0, 0, 0, 1, 0, 0, 0], [0, 0, 0], PERIOD)
+
+    def test_a_closed_session_says_so(self):
+        touch = haptic.Session("127.0.0.1:9", box())
+        touch.close()
+        self.assertFalse(touch.poll())
+        with self.assertRaisesRegex(haptic.HapticError, "closed"):
+            touch.send(haptic.contacts(0))
+
+    def test_a_missing_library_says_where_it_was_looked_for(self):
+        done = subprocess.run([sys.executable, "-c", "import haptic; haptic.Session()"], text=True,
+                              stderr=subprocess.PIPE, cwd=PACKAGE,
+                              env={**os.environ, "HAPTIC_LIBRARY": "/nowhere/libhaptic.so"})
+        self.assertIn("set HAPTIC_LIBRARY to its file: /nowhere/libhaptic.so", done.stderr)
+
+
+class Interface(unittest.TestCase):
+    def test_the_library_shows_the_functions_of_the_header_and_no_others(self):
+        header = (PACKAGE.parent / "haptic.h").read_text()
+        declared = set(re.findall(r"HAPTIC_API [\w* ]+?\b(haptic_\w+)\(", header))
+        listed = subprocess.run(["nm", "-D", "--defined-only", LIBRARY], text=True, check=True,
+                                stdout=subprocess.PIPE).stdout
+        found = {line.split()[2].split("@")[0] for line in listed.splitlines() if line.split()[1] in "TWVu"}
+        self.assertEqual(found, declared)
+
+    def test_records_have_the_layout_of_the_header(self):
+        """A C compiler says what the header's structs are."""
+        kinds = {"haptic_contact": haptic.CONTACT.itemsize, "haptic_body": haptic.BODY.itemsize}
+        from haptic import _library
+        import ctypes
+        for name, kind in (("haptic_link", _library.Link), ("haptic_options", _library.Options),
+                           ("haptic_state", _library.State), ("haptic_impulse", _library.Impulse)):
+            kinds[name] = ctypes.sizeof(kind)
+        offsets = {field: haptic.CONTACT.fields[field][1] for field in haptic.CONTACT.names}
+        claims = [f"_Static_assert(sizeof({name}) == {size}, \"{name}\");" for name, size in kinds.items()]
+        claims += [f"_Static_assert(offsetof(haptic_contact, {field}) == {offset}, \"{field}\");"
+                   for field, offset in offsets.items()]
+        code = '#include "haptic.h"\n' + "\n".join(claims)
+        subprocess.run(["cc", "-std=c99", "-Wall", "-Wpedantic", "-Werror", "-fsyntax-only", "-x", "c",
+                        f"-I{PACKAGE.parent}", "-D_Static_assert(a,b)=extern int claim[(a)?1:-1]", "-"], input=code,
+                       text=True, check=True)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)

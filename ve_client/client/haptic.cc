@@ -1,0 +1,309 @@
+#include "ve_client/client/haptic.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "protocol/sealing/key_file.h"
+#include "protocol/sealing/sealed_client_link.h"
+#include "protocol/transport/udp_socket.h"
+#include "ve_client/client/contact_check.h"
+#include "ve_client/client/haptic_client.h"
+#include "ve_client/client/identity_tracker.h"
+
+static_assert(HAPTIC_MAX_DOF == hlm::kMaxDof && HAPTIC_MAX_CONFIGURATION == hlm::kMaxConfiguration);
+static_assert(HAPTIC_MAX_CONTACTS == hlm::kMaxContacts && HAPTIC_MAX_BODIES == hlm::kMaxBodies);
+static_assert(HAPTIC_SERVER_RAMPING == static_cast<int>(hlm::ServerState::kRamping));
+static_assert(HAPTIC_SERVER_FAULT == static_cast<int>(hlm::ServerState::kFault));
+static_assert(HAPTIC_MAX_TEXT > hlm::protocol::kMaxText);
+
+namespace {
+
+using namespace hlm;
+using protocol::SealedClientLink;
+using protocol::UdpSocket;
+
+double now() {
+  using Seconds = std::chrono::duration<double>;
+  return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+void copy(std::string_view text, char* to, std::size_t size) {
+  if (size == 0) return;
+  const std::size_t length = std::min(text.size(), size - 1);
+  std::copy_n(text.data(), length, to);
+  to[length] = '\0';
+}
+
+Vector3 vector_of(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
+Vector6 vector_of(const double (&v)[6]) { return Eigen::Map<const Vector6>(v); }
+Pose pose_of(const double (&p)[3], const double (&R)[4]) {
+  return {vector_of(p), Quaternion(R[0], R[1], R[2], R[3])};
+}
+
+template <std::size_t size, class Vector>
+void store(const Vector& from, double (&to)[size]) {
+  std::copy_n(from.data(), std::min<std::size_t>(size, static_cast<std::size_t>(from.size())), to);
+}
+
+Link link_of(const haptic_link& from) {
+  Link link;
+  link.parent = from.parent;
+  link.joint = static_cast<JointType>(from.joint);
+  link.X_PJ = pose_of(from.position, from.rotation);
+  link.axis = vector_of(from.axis);
+  link.mass = from.mass;
+  link.p_LCom = vector_of(from.centre);
+  link.I_LCom = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(from.inertia);
+  link.lower = from.lower;
+  link.upper = from.upper;
+  return link;
+}
+
+ToolDescription tool_of(const haptic_options& options) {
+  if (options.links == nullptr || options.link_count < 1 || options.link_count > kMaxLinks) {
+    throw std::invalid_argument("link_count " + std::to_string(options.link_count) +
+                                " must be 1 to " + std::to_string(kMaxLinks));
+  }
+  ToolDescription tool;
+  for (std::size_t i = 0; i < options.link_count; ++i) {
+    const haptic_link& link = options.links[i];
+    if (link.joint < HAPTIC_FIXED || link.joint > HAPTIC_FREE) {
+      throw std::invalid_argument("link " + std::to_string(i) + ": joint " +
+                                  std::to_string(link.joint) + " must be 0 to 4");
+    }
+    tool.links.push_back(link_of(link));
+  }
+  tool.hand_link = options.hand_link;
+  tool.X_LH = pose_of(options.hand_position, options.hand_rotation);
+  tool.gravity_W = vector_of(options.gravity);
+  tool.length = options.length;
+  if (const auto error = find_error(tool)) throw std::invalid_argument(*error);
+  return tool;
+}
+
+HapticClientOptions client_options(const haptic_options& options) {
+  HapticClientOptions client;
+  if (options.server == nullptr) throw std::invalid_argument("server must be HOST:PORT, not NULL");
+  client.server = protocol::resolve(options.server);
+  client.tool = tool_of(options);
+  client.q = Eigen::Map<const Configuration>(options.q, client.tool.configuration_size());
+  client.ve_rate = options.rate;
+  client.epsilon = options.epsilon;
+  client.clears_fault = options.clears_fault != 0;
+  return client;
+}
+
+ReportedContact contact_of(const haptic_contact& from) {
+  ReportedContact contact;
+  contact.identity = from.identity;
+  contact.pair = from.pair;
+  contact.axis = from.axis;
+  contact.a = {static_cast<SideKind>(from.a_kind), from.a_index};
+  contact.b = {static_cast<SideKind>(from.b_kind), from.b_index};
+  contact.p_WC = vector_of(from.point);
+  contact.n_W = vector_of(from.normal);
+  contact.separation = from.separation;
+  contact.v_WC = vector_of(from.velocity);
+  contact.friction = from.friction;
+  contact.load = from.load;
+  return contact;
+}
+
+MovableBody body_of(const haptic_body& from) {
+  MovableBody body;
+  body.id = from.id;
+  body.p_WCom = vector_of(from.centre);
+  body.V_W = vector_of(from.velocity);
+  body.W = Eigen::Map<const Matrix6>(from.inverse_inertia);
+  body.A_W = vector_of(from.acceleration);
+  return body;
+}
+
+/// What `most` holds of a list.
+template <class Items, class From, class Make>
+Items items_of(const From* from, std::size_t count, Make make) {
+  Items items;
+  for (std::size_t i = 0; i < count && items.size() < items.capacity(); ++i) {
+    items.push_back(make(from[i]));
+  }
+  return items;
+}
+
+ReportedContacts contacts_of(const haptic_contact* from, std::size_t count) {
+  return items_of<ReportedContacts>(from, count, contact_of);
+}
+MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
+  return items_of<MovableBodies>(from, count, body_of);
+}
+
+}  // namespace
+
+struct haptic_session {
+  explicit haptic_session(const haptic_options& options)
+      : client_options_(client_options(options)), tool(client_options_.tool), socket({}) {
+    if (options.key_file != nullptr) {
+      sealed.emplace(socket, client_options_.server, protocol::read_key(options.key_file));
+    }
+    client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : socket,
+                   client_options_);
+    tool.set_configuration(client_options_.q);
+  }
+
+  /// Keeps the latest refusal until a session begins.
+  void hear(const HapticClient::Inbox& inbox) {
+    if (inbox.welcomed) message.clear();
+    if (inbox.reject) {
+      message.assign(inbox.reject->text.data(), inbox.reject->text.size());
+    } else if (inbox.refusal) {
+      message = meaning_of(inbox.refusal->error);
+      if (!inbox.refusal->whole) message += ": item " + std::to_string(inbox.refusal->item);
+    }
+  }
+
+  HapticClientOptions client_options_;
+  ToolModel tool;  ///< At the latest sample.
+  UdpSocket socket;
+  std::optional<SealedClientLink> sealed;
+  std::optional<HapticClient> client;
+  IdentityTracker tracker;
+  std::string message;
+  std::string error;
+};
+
+int haptic_abi(void) { return HAPTIC_ABI; }
+
+haptic_link haptic_box(double mass, const double size[3]) {
+  haptic_link link{};
+  link.parent = -1;
+  link.joint = HAPTIC_FREE;
+  link.rotation[0] = 1;
+  link.axis[2] = 1;
+  link.mass = mass;
+  for (int i = 0; i < 3; ++i) {
+    const double b = size[(i + 1) % 3];
+    const double c = size[(i + 2) % 3];
+    link.inertia[4 * i] = mass * (b * b + c * c) / 12;
+  }
+  link.lower = -kNoLimit;
+  link.upper = kNoLimit;
+  return link;
+}
+
+haptic_options haptic_default_options(void) {
+  constexpr double kEdge = 0.1;  // m
+  static const double size[3] = {kEdge, kEdge, kEdge};
+  static const haptic_link link = haptic_box(1, size);
+  haptic_options options{};
+  options.server = "127.0.0.1:47800";
+  options.links = &link;
+  options.link_count = 1;
+  options.hand_rotation[0] = 1;
+  options.length = kEdge;
+  options.q[3] = 1;
+  options.rate = 60;
+  options.epsilon = 0.005;
+  options.clears_fault = 1;
+  return options;
+}
+
+haptic_session* haptic_open(const haptic_options* options, char* error, std::size_t error_size) {
+  try {
+    return new haptic_session(*options);
+  } catch (const std::exception& failure) {
+    if (error != nullptr) copy(failure.what(), error, error_size);
+    return nullptr;
+  }
+}
+
+void haptic_close(haptic_session* session) {
+  if (session == nullptr) return;
+  session->client->close(now());
+  delete session;
+}
+
+void haptic_poll(haptic_session* session, haptic_state* state) {
+  HapticClient& client = *session->client;
+  const HapticClient::Inbox inbox = client.poll(now());
+  state->connected = client.connected();
+  state->began = inbox.welcomed;
+  state->lost = inbox.lost;
+  state->fresh = inbox.state != nullptr;
+  state->round_trip = client.round_trip();
+  state->servo_rate = client.connected() ? client.welcome().servo_rate : 0;
+  session->hear(inbox);
+  copy(session->message, state->message, HAPTIC_MAX_TEXT);
+  if (inbox.state == nullptr) return;
+  const protocol::ProxyState& proxy = *inbox.state;
+  state->step = proxy.step;
+  state->acknowledged = proxy.acknowledged;
+  state->q_count = static_cast<std::int32_t>(proxy.q.size());
+  state->v_count = static_cast<std::int32_t>(proxy.v.size());
+  store(proxy.q, state->q);
+  store(proxy.v, state->v);
+  store(proxy.F_env, state->contact_wrench);
+  store(proxy.F_command, state->command);
+  store(proxy.X_WD.p, state->device_position);
+  const Quaternion& R = proxy.X_WD.R;
+  store(Eigen::Vector4d(R.w(), R.x(), R.y(), R.z()), state->device_rotation);
+  state->server = static_cast<std::int32_t>(proxy.server);
+  state->active = proxy.active_contacts;
+  state->predicted = proxy.predicted_contacts;
+  state->buttons = proxy.buttons;
+  state->gripper = proxy.gripper;
+}
+
+std::size_t haptic_take_impulses(haptic_session* session, double period, haptic_impulse* impulses) {
+  std::size_t count = 0;
+  for (const protocol::BodyImpulse& due : session->client->take_impulses(period)) {
+    impulses[count] = {.body = due.body, .reserved = 0, .impulse = {}};
+    store(due.P_W, impulses[count].impulse);
+    ++count;
+  }
+  return count;
+}
+
+int haptic_sample(haptic_session* session, const double* q, const double* v, double period) {
+  const ToolDescription& tool = session->tool.description();
+  Configuration configuration = Eigen::Map<const Configuration>(q, tool.configuration_size());
+  const Velocity velocity = Eigen::Map<const Velocity>(v, tool.dof());
+  if (!configuration.allFinite() || !velocity.allFinite() || !(period > 0)) {
+    session->error = "q and v must be finite, the period (s) > 0";
+    return -1;
+  }
+  session->tool.set_configuration(configuration);
+  session->client->sample(now(), configuration, velocity, period);
+  return 0;
+}
+
+void haptic_track(haptic_session* session, haptic_contact* contacts, std::size_t count,
+                  const haptic_body* bodies, std::size_t body_count) {
+  ReportedContacts reported = contacts_of(contacts, count);
+  session->tracker.assign(session->tool, bodies_of(bodies, body_count), reported);
+  for (std::size_t i = 0; i < reported.size(); ++i) contacts[i].identity = reported[i].identity;
+}
+
+std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts, std::size_t count,
+                         const haptic_body* bodies, std::size_t body_count) {
+  if (count > HAPTIC_MAX_CONTACTS || body_count > HAPTIC_MAX_BODIES) {
+    session->error = std::to_string(count) + " contacts and " + std::to_string(body_count) +
+                     " bodies must be at most " + std::to_string(HAPTIC_MAX_CONTACTS) + " and " +
+                     std::to_string(HAPTIC_MAX_BODIES);
+    return -1;
+  }
+  const ReportedContacts reported = contacts_of(contacts, count);
+  const MovableBodies movable = bodies_of(bodies, body_count);
+  if (auto error = find_error(reported, movable, session->tool)) {
+    session->error = std::move(*error);
+    return -1;
+  }
+  return static_cast<std::int64_t>(session->client->send(now(), reported, movable));
+}
+
+const char* haptic_error(const haptic_session* session) { return session->error.c_str(); }

@@ -1,0 +1,191 @@
+/* Touch a simulated world with a haptic device: the client library as a C interface.
+ *
+ *   haptic_options options = haptic_default_options();
+ *   haptic_session* touch = haptic_open(&options, error, sizeof error);
+ *   while (running) {
+ *     haptic_poll(touch, &state);                       // move the tool towards state.q
+ *     step(period);                                     // your engine
+ *     haptic_sample(touch, q, v, period);               // where the tool is now
+ *     haptic_send(touch, contacts, contact_count, NULL, 0);
+ *   }
+ *   haptic_close(touch);
+ *
+ * SI units, world axes, right-handed. Quaternions are (w, x, y, z). No call waits for the network
+ * or throws; a session is used by one thread at a time. What a field means in full: PROTOCOL.md.
+ */
+#ifndef HAPTIC_H
+#define HAPTIC_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(__GNUC__)
+#define HAPTIC_API __attribute__((visibility("default")))
+#else
+#define HAPTIC_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Rises whenever a struct or function below changes. haptic_abi() is that of the library. */
+#define HAPTIC_ABI 1
+
+#define HAPTIC_MAX_DOF 16
+#define HAPTIC_MAX_CONFIGURATION 17
+#define HAPTIC_MAX_CONTACTS 192
+#define HAPTIC_MAX_BODIES 16
+#define HAPTIC_MAX_TEXT 240
+
+enum haptic_joint {
+  HAPTIC_FIXED = 0,
+  HAPTIC_REVOLUTE = 1,  /* q: angle, rad */
+  HAPTIC_PRISMATIC = 2, /* q: distance, m */
+  HAPTIC_PLANAR = 3,    /* q: x, y (m), angle (rad), in the plane z = 0 of the joint's frame */
+  HAPTIC_FREE = 4 /* q: position (m) and quaternion of the link; v: linear, angular velocity */
+};
+
+typedef struct haptic_session haptic_session;
+
+/* A link of the virtual tool. The first one is the root; parents come before children. */
+typedef struct haptic_link {
+  int32_t parent;      /* index of a link before it; -1: the world */
+  int32_t joint;       /* enum haptic_joint; FREE and PLANAR for the root only */
+  double position[3];  /* joint's frame in the parent's link frame, m */
+  double rotation[4];  /* unit */
+  double axis[3];      /* of REVOLUTE and PRISMATIC, unit, in the joint's frame */
+  double mass;         /* kg, >= 0 */
+  double centre[3];    /* centre of mass in the link's frame, m */
+  double inertia[9];   /* about the centre of mass, link's axes, kg m^2 */
+  double lower, upper; /* limits of q of REVOLUTE and PRISMATIC; +-1e9: none */
+} haptic_link;
+
+typedef struct haptic_options {
+  const char* server;   /* "HOST:PORT" */
+  const char* key_file; /* shared with the server; NULL: unsealed, for this machine alone */
+  const haptic_link* links;
+  size_t link_count;                  /* 1 to 16 */
+  int32_t hand_link;                  /* which one the user holds */
+  double hand_position[3];            /* hand's frame in that link's frame, m */
+  double hand_rotation[4];            /* unit */
+  double gravity[3];                  /* on the tool, m/s^2 */
+  double length;                      /* size of the tool, m, > 0 */
+  double q[HAPTIC_MAX_CONFIGURATION]; /* where the tool is now */
+  double rate;                        /* of the simulator's steps, Hz */
+  double epsilon;                     /* contacts are sent up to this separation, m, >= 0 */
+  int32_t clears_fault;               /* 1: a person asks for this session, which ends a fault */
+} haptic_options;
+
+enum haptic_side { HAPTIC_WORLD = 0, HAPTIC_TOOL_LINK = 1, HAPTIC_MOVABLE_BODY = 2 };
+
+/* A contact that touches (separation <= 0) or is near. The normal points from side b to side a,
+ * which is the tool if that takes part. */
+typedef struct haptic_contact {
+  uint64_t identity; /* the same from frame to frame, unique in one; see haptic_track() */
+  uint32_t pair;     /* which two convex pieces; 0 if the engine does not say */
+  uint16_t axis;     /* which separating axis of the pair; 0 if only one is sent */
+  uint8_t a_kind;    /* enum haptic_side */
+  uint8_t b_kind;
+  uint32_t a_index; /* of the link; of a body, your own number for it */
+  uint32_t b_index;
+  double point[3];    /* on the surface of b, m */
+  double normal[3];   /* unit, from b to a */
+  double separation;  /* true distance, m; negative: they overlap */
+  double velocity[3]; /* of b's point, m/s */
+  double friction;    /* coefficient of the two materials; negative: the server's own */
+  double load;        /* normal force of a contact without the tool, N */
+} haptic_contact;
+
+/* A body that the tool can push. */
+typedef struct haptic_body {
+  uint32_t id;
+  uint32_t reserved;          /* 0 */
+  double centre[3];           /* of mass, m */
+  double velocity[6];         /* linear (m/s), angular (rad/s) */
+  double inverse_inertia[36]; /* 6x6 about the centre of mass: linear, then angular; what joints
+                                 leave */
+  double acceleration[6];     /* by all forces except contacts */
+} haptic_body;
+
+/* What the tool did to a body: apply impulse / period as a wrench at its centre during the step. */
+typedef struct haptic_impulse {
+  uint32_t body;
+  uint32_t reserved;
+  double impulse[6]; /* N s, N m s */
+} haptic_impulse;
+
+enum haptic_server {
+  HAPTIC_SERVER_OFF = 0,
+  HAPTIC_SERVER_ACTIVE = 1, /* force is on */
+  HAPTIC_SERVER_FADING = 2,
+  HAPTIC_SERVER_FAULT = 3,  /* until a person asks for a session */
+  HAPTIC_SERVER_ARMING = 4, /* waits for the first update */
+  HAPTIC_SERVER_RAMPING = 5 /* force rises */
+};
+
+/* The newest news of the server. Booleans are 0 or 1. */
+typedef struct haptic_state {
+  int32_t connected;
+  int32_t began;         /* a session began in this poll: the proxy is at options.q */
+  int32_t lost;          /* it ended in this poll */
+  int32_t fresh;         /* what follows came in this poll */
+  uint64_t step;         /* of the server's loop */
+  uint64_t acknowledged; /* the newest update that the server has taken */
+  int32_t q_count, v_count;
+  double q[HAPTIC_MAX_CONFIGURATION]; /* of the proxy: move the tool there */
+  double v[HAPTIC_MAX_DOF];
+  double contact_wrench[6]; /* of the contacts on the hand, N and N m */
+  double command[6];        /* what the device was told, after limits */
+  double device_position[3];
+  double device_rotation[4];
+  int32_t server;                /* enum haptic_server */
+  int32_t active, predicted;     /* local contacts */
+  uint32_t buttons;              /* bit i: button i is down */
+  double gripper;                /* 0 closed to 1 open */
+  double round_trip;             /* s */
+  double servo_rate;             /* Hz */
+  char message[HAPTIC_MAX_TEXT]; /* why a session, an update or a contact was refused last; "" when
+                                    one begins */
+} haptic_state;
+
+HAPTIC_API int haptic_abi(void);
+/* Server 127.0.0.1:47800, a free rigid tool of 1 kg and 0.1 m at the origin, 60 Hz, epsilon 5 mm.
+ */
+HAPTIC_API haptic_options haptic_default_options(void);
+/* A solid box of that mass and those edge lengths as a link, free: a start for your own. */
+HAPTIC_API haptic_link haptic_box(double mass, const double size[3]);
+
+/* NULL if the options cannot be used; `error` then says why, in one line. The server need not run
+ * yet: it is asked until it answers. */
+HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* error,
+                                       size_t error_size);
+/* Says goodbye and frees the session. NULL is ignored. */
+HAPTIC_API void haptic_close(haptic_session* session);
+
+/* Once per step, before it. */
+HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
+/* The impulses for a step of `period` seconds that begins. Returns how many, at most
+ * HAPTIC_MAX_BODIES, which `impulses` must hold. */
+HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,
+                                       haptic_impulse* impulses);
+/* After the step: the tool's configuration and velocity, for which the contacts are found. 0, or
+ * -1 with haptic_error() if a number is not finite. */
+HAPTIC_API int haptic_sample(haptic_session* session, const double* q, const double* v,
+                             double period);
+/* Gives contacts lasting identities where the engine has none: by pair, place on side a and normal.
+ * After haptic_sample(), before haptic_send(), with the bodies of that. */
+HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, size_t count,
+                             const haptic_body* bodies, size_t body_count);
+/* Sends what is near. Returns the update's sequence, 0 without a session, -1 if something given is
+ * wrong: nothing is sent then, and haptic_error() names it. */
+HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* contacts,
+                               size_t count, const haptic_body* bodies, size_t body_count);
+/* What was wrong with the latest call that failed. Valid until the next call. */
+HAPTIC_API const char* haptic_error(const haptic_session* session);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,52 @@
+// Lasting identities for the contacts of an engine that does not name them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/contact.h"
+#include "common/tool_model.h"
+
+namespace hlm {
+
+struct IdentityTrackerOptions {
+  /// A contact goes on if its point on side a has moved in a's frame by no more than this between
+  /// two frames, m, > 0. A contact of a's vertex does not move there; one of the environment's
+  /// vertex moves by speed times period. More lets neighbours change places, less loses fast ones.
+  double reach = 0.01;
+  /// And if its normal has turned by no more than this, rad, (0, π).
+  double cone = 0.35;
+  /// Frames for which a contact that is not listed keeps its identity, >= 0: engines leave out one
+  /// now and then.
+  int memory = 3;
+};
+
+/// Gives each contact the identity of the nearest contact of the frame before between the same two
+/// sides and of the same pair, or a new one. Where the engine names features, their hash is better.
+class IdentityTracker {
+ public:
+  explicit IdentityTracker(const IdentityTrackerOptions& options = {}) : options_(options) {}
+
+  /// Sets ReportedContact::identity. `tool`: at the configuration for which the contacts hold.
+  /// Call once per frame, also without contacts.
+  void assign(const ToolModel& tool, const MovableBodies& bodies, ReportedContacts& contacts);
+  /// Identities given so far.
+  std::uint64_t given() const noexcept { return next_ - 1; }
+
+ private:
+  struct Known {
+    ContactSide a;
+    ContactSide b;
+    std::uint32_t pair = 0;
+    Vector3 p_A = Vector3::Zero();  ///< Point on side a, a's frame, m.
+    Vector3 n_A = Vector3::UnitZ();
+    std::uint64_t identity = 0;
+    int unseen = 0;  ///< Frames.
+  };
+
+  IdentityTrackerOptions options_;
+  std::vector<Known> known_;
+  std::uint64_t next_ = 1;
+};
+
+}  // namespace hlm

@@ -1,0 +1,254 @@
+"""Touch a simulated world with a haptic device.
+
+    with haptic.Session(tool=haptic.box(mass=0.1, size=(0.04, 0.04, 0.04))) as touch:
+        while touch.poll():                        # False once the program is to end
+            q, v = touch.q, touch.v                # of the proxy: move the tool there
+            step(period)                           # your engine
+            touch.sample(q, v, period)             # where the tool is now
+            contacts = haptic.contacts(4)          # a numpy array of records, see CONTACT
+            contacts["point"], contacts["normal"], contacts["separation"] = ...
+            touch.send(touch.track(contacts))
+
+SI units, world axes. No call waits for the network; there are no threads. Needs numpy and the
+library libhaptic.so, which is found beside this package, where HAPTIC_LIBRARY names it, or where the
+system keeps its libraries.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from typing import Optional, Sequence
+
+import numpy as np
+
+from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, NO_LIMIT, Impulse, Link, Options, State,
+                             load)
+
+__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MOVABLE_BODY", "SERVER_STATES", "Session",
+           "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "sphere"]
+
+WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
+JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}
+SERVER_STATES = ("off", "active", "fading", "fault", "arming", "ramping")
+
+#: A contact: from side b to side a, which is the tool if that takes part.
+CONTACT = np.dtype([
+    ("identity", "u8"),     # the same from frame to frame; Session.track() sets it
+    ("pair", "u4"),         # which two convex pieces, 0 if the engine does not say
+    ("axis", "u2"),
+    ("a_kind", "u1"), ("b_kind", "u1"),     # WORLD, TOOL_LINK or MOVABLE_BODY
+    ("a_index", "u4"), ("b_index", "u4"),   # of the link; of a body, your own number for it
+    ("point", "f8", 3),     # on the surface of b, m
+    ("normal", "f8", 3),    # unit, from b to a
+    ("separation", "f8"),   # true distance, m; negative: they overlap
+    ("velocity", "f8", 3),  # of b's point, m/s
+    ("friction", "f8"),     # negative: the server's own
+    ("load", "f8"),         # normal force of a contact without the tool, N
+], align=True)
+
+#: A body that the tool can push.
+BODY = np.dtype([
+    ("id", "u4"), ("reserved", "u4"),
+    ("centre", "f8", 3),                 # of mass, m
+    ("velocity", "f8", 6),               # linear, angular
+    ("inverse_inertia", "f8", (6, 6)),   # about the centre of mass, what the joints leave
+    ("acceleration", "f8", 6),           # by all forces except contacts
+], align=True)
+
+
+class HapticError(ValueError):
+    """What was given cannot be used; the text names it, its value and what is allowed."""
+
+
+def contacts(count: int) -> np.ndarray:
+    """`count` contacts of the tool's first link with the world, all else zero, friction the server's."""
+    made = np.zeros(count, CONTACT)
+    made["a_kind"] = TOOL_LINK
+    made["friction"] = -1
+    return made
+
+
+def bodies(count: int) -> np.ndarray:
+    return np.zeros(count, BODY)
+
+
+def _link(mass: float, inertia: Sequence[float], joint: str) -> Link:
+    if joint not in JOINTS:
+        raise HapticError(f"joint {joint!r} must be one of {', '.join(JOINTS)}")
+    link = Link(parent=-1, joint=JOINTS[joint], mass=mass, lower=-NO_LIMIT, upper=NO_LIMIT)
+    link.rotation[0] = link.axis[2] = 1
+    for i, value in enumerate(inertia):
+        link.inertia[4 * i] = value
+    return link
+
+
+def box(mass: float = 1, size: Sequence[float] = (0.1, 0.1, 0.1), joint: str = "free") -> Link:
+    """A solid box (kg, edge lengths in m) about its centre, as the root of a tool."""
+    x, y, z = (edge * edge * mass / 12 for edge in size)
+    return _link(mass, (y + z, z + x, x + y), joint)
+
+
+def sphere(mass: float = 1, radius: float = 0.05, joint: str = "free") -> Link:
+    """A solid sphere (kg, m) about its centre, as the root of a tool."""
+    return _link(mass, (0.4 * mass * radius * radius,) * 3, joint)
+
+
+class Session:
+    """One client of a haptic server. It keeps asking until a server answers, and after one is gone.
+
+    tool: the root link, or all links, parents before children. q: where the tool is now (default: all
+    zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
+    on, m. Raises HapticError where something cannot be used, OSError where there is no library.
+    """
+
+    def __init__(self, server: str = "127.0.0.1:47800", tool: Link | Sequence[Link] | None = None, *,
+                 q: Optional[Sequence[float]] = None, key_file: Optional[str] = None, rate: float = 60,
+                 epsilon: float = 0.005, length: Optional[float] = None,
+                 gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True):
+        self._session = None
+        self._library = load()
+        options = self._library.haptic_default_options()
+        links = [tool] if isinstance(tool, Link) else list(tool or [])
+        if links:
+            kept = (Link * len(links))(*links)
+            options.links, options.link_count = kept, len(links)
+        count = sum((0, 1, 1, 3, 7)[link.joint] for link in links) if links else 7
+        start = np.zeros(count)
+        if not links or links[0].joint == JOINTS["free"]:
+            start[3] = 1
+        if q is not None:
+            start = _array(q, count, "q")
+        options.q[:count] = start
+        options.server = server.encode()
+        options.key_file = os.fsencode(key_file) if key_file is not None else None
+        options.rate, options.epsilon = rate, epsilon
+        options.gravity[:] = tuple(gravity)
+        options.hand_link, options.clears_fault = hand_link, clears_fault
+        if length is not None:
+            options.length = length
+        error = ctypes.create_string_buffer(512)
+        self._session = self._library.haptic_open(ctypes.byref(options), error, len(error))
+        if not self._session:
+            raise HapticError(error.value.decode())
+        self._state = State()
+        self._impulses = (Impulse * MAX_BODIES)()
+        self._q_count = count
+        self._v_count = count - 1 if count and (not links or links[0].joint == JOINTS["free"]) else count
+        self.q: np.ndarray = start                         #: Of the proxy: move the tool there.
+        self.v: np.ndarray = np.zeros(self._v_count)       #: Its velocity.
+        self.running = True                                #: Set to False to end `while touch.poll()`.
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Says goodbye. What follows raises HapticError."""
+        if self._session:
+            self._library.haptic_close(self._session)
+        self._session = None
+        self.running = False
+
+    def poll(self) -> bool:
+        """Takes what arrived. Once per step, before it. Returns `running`."""
+        if not self.running:
+            return False
+        self._library.haptic_poll(self._open(), ctypes.byref(self._state))
+        if self._state.fresh:
+            self.q = np.array(self._state.q[:self._state.q_count])
+            self.v = np.array(self._state.v[:self._state.v_count])
+        return True
+
+    @property
+    def connected(self) -> bool:
+        return bool(self._state.connected)
+
+    @property
+    def server_state(self) -> str:
+        """One of SERVER_STATES; force is on in "ramping" and "active"."""
+        return SERVER_STATES[self._state.server] if 0 <= self._state.server < len(SERVER_STATES) else "unknown"
+
+    @property
+    def state(self) -> State:
+        """The newest news of the server; its fields are those of haptic_state in haptic.h."""
+        return self._state
+
+    @property
+    def force(self) -> np.ndarray:
+        """What the device was told after limits: force (N) and torque (N m)."""
+        return np.array(self._state.command)
+
+    @property
+    def message(self) -> str:
+        """Why the server refused a session, an update or a contact last; empty when a session begins."""
+        return self._state.message.decode(errors="replace")
+
+    def impulses(self, period: float) -> dict[int, np.ndarray]:
+        """The tool's impulses on bodies for a step that begins: apply each / period as a wrench at
+        the body's centre of mass during it. The next send() says that its bodies contain them."""
+        count = self._library.haptic_take_impulses(self._open(), period, self._impulses)
+        return {each.body: np.array(each.impulse) for each in self._impulses[:count]}
+
+    def sample(self, q: Sequence[float], v: Sequence[float], period: float) -> None:
+        """After a step of `period` seconds: where the tool is, for which contacts are found."""
+        q = _array(q, self._q_count, "q")
+        v = _array(v, self._v_count, "v")
+        if self._library.haptic_sample(self._open(), _doubles(q), _doubles(v), period) != 0:
+            self._fail()
+
+    def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
+        """Sets lasting identities, by pair, place on side a and normal, for an engine that has none.
+        After sample(), once per step. Returns the same array."""
+        bodies = _records(bodies, BODY, "bodies")
+        if _records(contacts, CONTACT, "contacts") is not contacts:
+            raise HapticError("contacts must be a contiguous array: haptic.contacts(count)")
+        self._library.haptic_track(self._open(), _pointer(contacts), len(contacts), _pointer(bodies), len(bodies))
+        return contacts
+
+    def send(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> int:
+        """Sends what is near. Returns the update's sequence, 0 without a session. Raises HapticError
+        where something is wrong with a contact or a body; nothing is sent then."""
+        contacts = _records(contacts, CONTACT, "contacts")
+        bodies = _records(bodies, BODY, "bodies")
+        sequence = self._library.haptic_send(self._open(), _pointer(contacts), len(contacts),
+                                             _pointer(bodies), len(bodies))
+        if sequence < 0:
+            self._fail()
+        return sequence
+
+    def _open(self) -> ctypes.c_void_p:
+        if not self._session:
+            raise HapticError("the session is closed")
+        return self._session
+
+    def _fail(self) -> None:
+        raise HapticError(self._library.haptic_error(self._open()).decode())
+
+
+def _array(values: Sequence[float], count: int, name: str) -> np.ndarray:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.shape != (count,):
+        raise HapticError(f"{name} must have {count} numbers, not the shape {array.shape}")
+    return array
+
+
+def _records(array: Optional[np.ndarray], dtype: np.dtype, name: str) -> np.ndarray:
+    if array is None:
+        return np.zeros(0, dtype)
+    if not isinstance(array, np.ndarray) or array.dtype != dtype or array.ndim != 1:
+        raise HapticError(f"{name} must be a one-dimensional array of haptic.{name}(count)")
+    return np.ascontiguousarray(array)
+
+
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    return array.ctypes.data_as(ctypes.c_void_p)
+
+
+def _doubles(array: np.ndarray):
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
