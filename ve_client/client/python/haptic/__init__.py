@@ -132,9 +132,12 @@ class Session:
         if not self._session:
             raise HapticError(error.value.decode())
         self._state = State()
+        self._q_now = np.frombuffer(self._state.q)[:count]
+        self._address = ctypes.addressof(self._state)
         self._impulses = (Impulse * MAX_BODIES)()
         self._q_count = count
         self._v_count = count - 1 if count and (not links or links[0].joint == JOINTS["free"]) else count
+        self._v_now = np.frombuffer(self._state.v)[:self._v_count]
         self.q: np.ndarray = start                         #: Of the proxy: move the tool there.
         self.v: np.ndarray = np.zeros(self._v_count)       #: Its velocity.
         self.running = True                                #: Set to False to end `while touch.poll()`.
@@ -159,10 +162,10 @@ class Session:
         """Takes what arrived. Once per step, before it. Returns `running`."""
         if not self.running:
             return False
-        self._library.haptic_poll(self._open(), ctypes.byref(self._state))
+        self._library.haptic_poll(self._open(), self._address)
         if self._state.fresh:
-            self.q = np.array(self._state.q[:self._state.q_count])
-            self.v = np.array(self._state.v[:self._state.v_count])
+            self.q = self._q_now.copy()
+            self.v = self._v_now.copy()
         return True
 
     @property
@@ -199,25 +202,21 @@ class Session:
         """After a step of `period` seconds: where the tool is, for which contacts are found."""
         q = _array(q, self._q_count, "q")
         v = _array(v, self._v_count, "v")
-        if self._library.haptic_sample(self._open(), _doubles(q), _doubles(v), period) != 0:
+        if self._library.haptic_sample(self._open(), q.ctypes.data, v.ctypes.data, period) != 0:
             self._fail()
 
     def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
         """Sets lasting identities, by pair, place on side a and normal, for an engine that has none.
         After sample(), once per step. Returns the same array."""
-        bodies = _records(bodies, BODY, "bodies")
-        if _records(contacts, CONTACT, "contacts") is not contacts:
-            raise HapticError("contacts must be a contiguous array: haptic.contacts(count)")
-        self._library.haptic_track(self._open(), _pointer(contacts), len(contacts), _pointer(bodies), len(bodies))
+        at, count = _records(contacts, CONTACT, "contacts")
+        self._library.haptic_track(self._open(), at, count, *_records(bodies, BODY, "bodies"))
         return contacts
 
     def send(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> int:
         """Sends what is near. Returns the update's sequence, 0 without a session. Raises HapticError
         where something is wrong with a contact or a body; nothing is sent then."""
-        contacts = _records(contacts, CONTACT, "contacts")
-        bodies = _records(bodies, BODY, "bodies")
-        sequence = self._library.haptic_send(self._open(), _pointer(contacts), len(contacts),
-                                             _pointer(bodies), len(bodies))
+        sequence = self._library.haptic_send(self._open(), *_records(contacts, CONTACT, "contacts"),
+                                             *_records(bodies, BODY, "bodies"))
         if sequence < 0:
             self._fail()
         return sequence
@@ -238,17 +237,11 @@ def _array(values: Sequence[float], count: int, name: str) -> np.ndarray:
     return array
 
 
-def _records(array: Optional[np.ndarray], dtype: np.dtype, name: str) -> np.ndarray:
+def _records(array: Optional[np.ndarray], dtype: np.dtype, name: str) -> tuple[Optional[int], int]:
+    """(address, count)"""
     if array is None:
-        return np.zeros(0, dtype)
-    if not isinstance(array, np.ndarray) or array.dtype != dtype or array.ndim != 1:
-        raise HapticError(f"{name} must be a one-dimensional array of haptic.{name}(count)")
-    return np.ascontiguousarray(array)
-
-
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
-    return array.ctypes.data_as(ctypes.c_void_p)
-
-
-def _doubles(array: np.ndarray):
-    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+        return None, 0
+    if (not isinstance(array, np.ndarray) or array.dtype != dtype or array.ndim != 1
+            or not array.flags.c_contiguous):
+        raise HapticError(f"{name} must be a contiguous one-dimensional array, as haptic.{name}(count) makes it")
+    return array.ctypes.data, len(array)

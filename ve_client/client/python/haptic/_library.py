@@ -67,14 +67,13 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
     if library.haptic_abi() != ABI:
         raise OSError(f"{name} has the interface {library.haptic_abi()}, this package needs {ABI}")
     session, address = ctypes.c_void_p, ctypes.c_void_p
-    doubles = ctypes.POINTER(_double)
     for function, result, *arguments in (
             ("haptic_default_options", Options),
             ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
             ("haptic_close", None, session),
-            ("haptic_poll", None, session, ctypes.POINTER(State)),
+            ("haptic_poll", None, session, address),
             ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
-            ("haptic_sample", ctypes.c_int, session, doubles, doubles, _double),
+            ("haptic_sample", ctypes.c_int, session, address, address, _double),
             ("haptic_track", None, session, address, _size, address, _size),
             ("haptic_send", ctypes.c_int64, session, address, _size, address, _size),
             ("haptic_error", ctypes.c_char_p, session)):
