@@ -25,7 +25,7 @@ import numpy as np
 from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, NO_LIMIT, Impulse, Link, Options, State,
                              load)
 
-__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MOVABLE_BODY", "SERVER_STATES", "Session",
+__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MOVABLE_BODY", "SERVER_STATES", "Session",
            "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "sphere"]
 
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
@@ -118,7 +118,7 @@ class Session:
         if not links or links[0].joint == JOINTS["free"]:
             start[3] = 1
         if q is not None:
-            start = _array(q, count, "q")
+            start = _array(q, count, "q").copy()
         options.q[:count] = start
         options.server = server.encode()
         options.key_file = os.fsencode(key_file) if key_file is not None else None

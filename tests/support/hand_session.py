@@ -1,0 +1,67 @@
+"""A server whose simulated device a scripted hand moves, and what its tick log says."""
+
+import contextlib
+import csv
+import pathlib
+import socket
+import statistics
+import subprocess
+import tempfile
+
+STIFFNESS = 400  # N/m, of the hand
+GRIP = f"""after = "hold"
+[grip]
+stiffness = {STIFFNESS}
+damping = 30
+angular_stiffness = 2.0
+angular_damping = 0.08
+max_force = 30
+max_torque = 0.3
+"""
+PATIENCE = 10  # s
+
+
+def reach(seconds, x, z):
+    """The hand moves its target to (x, 0, z), m, in the world."""
+    return f"[[segment]]\nduration = {seconds}\nmove_to = {{ position = [{x}, 0, {z}], rotation = [0, 0, 0] }}\n"
+
+
+class Server:
+    def __init__(self, program, hand, folder, *options):
+        self._log = pathlib.Path(folder) / "ticks.csv"
+        script = pathlib.Path(folder) / "hand.toml"
+        script.write_text(GRIP + hand)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.address = "127.0.0.1:%d" % probe.getsockname()[1]
+        self._process = subprocess.Popen(
+            [program, "--listen", self.address, "--hand", script, "--log", self._log, "--status", "false",
+             "--device-option", "freedom=spatial", "--device-option", "friction=0", *options],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def end(self):
+        self._process.terminate()
+        self._process.wait(timeout=PATIENCE)
+
+    def ticks(self):
+        """Ends the server. The ticks in which force was on, by the log's columns."""
+        self.end()
+        with self._log.open() as file:
+            return [row for row in csv.DictReader(file) if row["server_state"] == "active"]
+
+
+@contextlib.contextmanager
+def server(program, hand, *options):
+    with tempfile.TemporaryDirectory() as folder:
+        running = Server(program, hand, folder, *options)
+        try:
+            yield running
+        finally:
+            running.end()
+
+
+def mean(ticks, column, begin, end):
+    """Mean and standard deviation from `begin` to `end`, s since force was on."""
+    start = float(ticks[0]["time_s"])
+    chosen = [float(row[column]) for row in ticks if begin <= float(row["time_s"]) - start < end]
+    return statistics.mean(chosen), statistics.pstdev(chosen)

@@ -1,0 +1,197 @@
+"""A MuJoCo world in the hand.
+
+    with haptic.mujoco.Session(model, data, tool="peg", epsilon=0.005) as touch:
+        while touch.running:
+            touch.drive(data)               # proxy pose onto the tool, impulses onto bodies
+            mujoco.mj_step(model, data)
+            touch.send(data)                # contacts within epsilon, and what the tool can push
+
+`model` and `data` are those of the official binding. The tool is a body with a free joint. While the server
+answers, its geoms make no force of their own: the tool is where the proxy is, and bodies are pushed by
+the impulses that the hand felt. Any body with degrees of freedom can be pushed; what its joints leave of
+its mobility is computed at the present pose, without the centripetal part of its acceleration.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+import numpy as np
+
+import haptic
+
+_FREE = 0  # mjJNT_FREE
+_BODY = 1  # mjOBJ_BODY
+_ELLIPTIC = 1  # mjCONE_ELLIPTIC
+_HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
+_NO_FORCE = 1e3  # m: a gap that no depth reaches
+
+
+class Session:
+    """A client for one model.
+
+    tool: name of a body with a free joint. period: of your frames, s (default: one step of the model).
+    binding: the module `mujoco`, or one with its functions. Other arguments are those of
+    haptic.Session. Raises haptic.HapticError where the model has no such tool.
+
+    Changes the model: geoms that move are listed `epsilon` before they touch, and have their force where
+    they had it.
+    """
+
+    def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
+                 period: Optional[float] = None, binding: Any = None, **options: Any):
+        if binding is None:
+            import mujoco as binding
+        self._binding, self._model = binding, model
+        self._tool = binding.mj_name2id(model, _BODY, tool)
+        if self._tool < 0:
+            raise haptic.HapticError(f"the model has no body {tool!r}")
+        joint = model.body_jntadr[self._tool]
+        if joint < 0 or model.jnt_type[joint] != _FREE:
+            raise haptic.HapticError(f"body {tool!r} must have a free joint, as the tool moves freely in the hand")
+        self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
+        self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
+        self._period = model.opt.timestep if period is None else period
+        for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
+            inertia[self._v] = _HELD
+        self._pushed: set[int] = set()
+        self._list_early(epsilon)
+        self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
+        self._gaps = np.array(model.geom_gap[self._geoms])
+        self._answered = False
+        binding.mj_forward(model, data)
+        size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
+        defaults = {"length": size, "gravity": model.opt.gravity, "rate": 1 / self._period}
+        self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
+                                    **{**defaults, **options})
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self.touch.close()
+
+    @property
+    def running(self) -> bool:
+        return self.touch.running
+
+    def drive(self, data: Any) -> None:
+        """Before a frame: the tool where the proxy is, and the tool's impulses on bodies."""
+        self.touch.poll()
+        self._answered = self.touch.connected and (self._answered or bool(self.touch.state.fresh))
+        self._model.geom_gap[self._geoms] = _NO_FORCE if self._answered else self._gaps
+        data.qpos[self._q] = self.touch.q
+        data.qvel[self._v] = self.touch.v
+        data.qvel[self._v][3:] = _rotation(self.touch.q[3:]).T @ self.touch.v[3:]
+        for body in self._pushed:
+            data.xfrc_applied[body] = 0
+        impulses = self.touch.impulses(self._period)
+        self._pushed = set(impulses)
+        for body, impulse in impulses.items():
+            data.xfrc_applied[body] = impulse / self._period
+
+    def send(self, data: Any) -> None:
+        """After a frame: what is near the tool, at the pose that the step led to."""
+        self._binding.mj_forward(self._model, data)
+        q, v = data.qpos[self._q], np.array(data.qvel[self._v])
+        v[3:] = _rotation(q[3:]) @ v[3:]
+        self.touch.sample(q, v, self._period)
+        contacts = self._contacts(data)
+        bodies = self._bodies(data, contacts)
+        self.touch.send(self.touch.track(contacts, bodies), bodies)
+
+    def _link(self) -> haptic.Link:
+        model, body = self._model, self._tool
+        link = haptic.box(mass=float(model.body_mass[body]), size=(0, 0, 0))
+        link.centre[:] = model.body_ipos[body]
+        R = _rotation(model.body_iquat[body])
+        link.inertia[:] = ((R * model.body_inertia[body]) @ R.T).ravel()
+        return link
+
+    def _list_early(self, epsilon: float) -> None:
+        """Margin and gap of a pair are the larger of its geoms', or their sum, by MuJoCo's version:
+        either way the force begins where it did, and the list `epsilon` before."""
+        model = self._model
+        for geom in range(model.ngeom):
+            if model.body_weldid[model.geom_bodyid[geom]] != 0:
+                model.geom_margin[geom] += epsilon
+                model.geom_gap[geom] += epsilon
+
+    def _contacts(self, data: Any) -> np.ndarray:
+        model, n = self._model, data.ncon
+        found, listed = haptic.contacts(n), data.contact
+        geom1, geom2 = np.asarray(listed.geom1)[:n], np.asarray(listed.geom2)[:n]
+        body1 = model.body_weldid[model.geom_bodyid[geom1]]
+        body2 = model.body_weldid[model.geom_bodyid[geom2]]
+        # Side a, to which the normal points, is the tool, else a body that moves.
+        first = (body1 == self._tool) | ((body2 != self._tool) & (body2 == 0))
+        a, b = np.where(first, body1, body2), np.where(first, body2, body1)
+        normal = np.asarray(listed.frame)[:n].reshape(n, 9)[:, :3] * np.where(first, -1, 1)[:, None]
+        distance = np.asarray(listed.dist)[:n]
+        found["pair"] = geom1 * model.ngeom + geom2
+        for side, body in (("a", a), ("b", b)):
+            found[side + "_kind"] = np.where(body == self._tool, haptic.TOOL_LINK,
+                                             np.where(body == 0, haptic.WORLD, haptic.MOVABLE_BODY))
+            found[side + "_index"] = np.where(body == self._tool, 0, body)
+        found["normal"] = normal
+        found["point"] = np.asarray(listed.pos)[:n] - 0.5 * distance[:, None] * normal
+        found["separation"] = distance
+        found["friction"] = np.asarray(listed.friction)[:n].reshape(n, 5)[:, 0]
+        found["load"] = [self._load(data, i) for i in range(n)]
+        found["load"][a == self._tool] = 0
+        found = found[(found["a_kind"] != haptic.WORLD) & (a != b)]
+        return np.ascontiguousarray(self._near(found))
+
+    @staticmethod
+    def _near(found: np.ndarray) -> np.ndarray:
+        """Contacts of the tool, and of the bodies that it is near or that these touch."""
+        of_tool = found["a_kind"] == haptic.TOOL_LINK
+        near = set(found["b_index"][of_tool & (found["b_kind"] == haptic.MOVABLE_BODY)])
+        between = found["b_kind"] == haptic.MOVABLE_BODY
+        for _ in range(2):
+            touching = between & (np.isin(found["a_index"], list(near)) | np.isin(found["b_index"], list(near)))
+            near |= set(found["a_index"][touching & ~of_tool]) | set(found["b_index"][touching])
+        kept = found[of_tool | np.isin(found["a_index"], list(near))]
+        order = np.argsort(kept["separation"], kind="stable")
+        return kept[order[:haptic.MAX_CONTACTS]]
+
+    def _load(self, data: Any, contact: int) -> float:
+        """Normal force, N."""
+        first = int(np.asarray(data.contact.efc_address)[contact])
+        if first < 0:
+            return 0
+        rows = 1
+        dimension = int(np.asarray(data.contact.dim)[contact])
+        if self._model.opt.cone != _ELLIPTIC and dimension > 1:
+            rows = 2 * (dimension - 1)  # edges of the friction pyramid
+        return max(0.0, float(np.sum(data.efc_force[first:first + rows])))
+
+    def _bodies(self, data: Any, contacts: np.ndarray) -> np.ndarray:
+        near = set(contacts["b_index"][contacts["b_kind"] == haptic.MOVABLE_BODY])
+        near |= set(contacts["a_index"][contacts["a_kind"] == haptic.MOVABLE_BODY])
+        chosen = sorted(near)[:haptic.MAX_BODIES]
+        found = haptic.bodies(len(chosen))
+        nv = self._model.nv
+        J, solved = np.zeros((6, nv)), np.zeros((6, nv))
+        for to, body in zip(found, chosen):
+            body = int(body)
+            self._binding.mj_jacBodyCom(self._model, data, J[:3], J[3:], body)
+            self._binding.mj_solveM(self._model, data, solved, J)
+            W = J @ solved.T
+            to["id"] = body
+            to["centre"] = data.xipos[body]
+            to["velocity"] = J @ data.qvel
+            to["inverse_inertia"] = 0.5 * (W + W.T)
+            to["acceleration"] = J @ data.qacc_smooth - W @ data.xfrc_applied[body]
+        return found
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    """The matrix of (w, x, y, z)."""
+    w, x, y, z = quaternion
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
