@@ -3,6 +3,7 @@
 #include <iostream>
 #include <stdexcept>
 
+#include "haptic_server/doctor/contact_examination.h"
 #include "haptic_server/doctor/device_examination.h"
 #include "haptic_server/doctor/force_examination.h"
 #include "haptic_server/doctor/machine.h"
@@ -14,19 +15,21 @@
 namespace hlm::server {
 
 /// What is examined.
-enum class Part { kAll, kMachine, kNetwork, kDevice, kForce };
+enum class Part { kAll, kMachine, kNetwork, kDevice, kForce, kContacts };
 
 }  // namespace hlm::server
 
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<server::Part>, 5> kWords<server::Part>{{
+inline constexpr std::array<Word<server::Part>, 6> kWords<server::Part>{{
     {server::Part::kAll, "all", "everything"},
     {server::Part::kMachine, "machine", "rights, kernel, clocks, the loop"},
     {server::Part::kNetwork, "network", "round trip, jitter, loss, order"},
     {server::Part::kDevice, "device", "present, opened, rated"},
     {server::Part::kForce, "force", "the chain from contact to force"},
+    {server::Part::kContacts, "contacts",
+     "of a capture: whether the client's contacts can be trusted"},
 }};
 
 }  // namespace hlm
@@ -44,15 +47,24 @@ struct DoctorOptions {
   PhysicsOptions physics;  ///< Of it the rate and the device.
 };
 
-std::vector<Examination> examine_capture(const std::string& capture) {
+std::vector<Examination> examine_capture(const DoctorOptions& options) {
+  const auto wanted = [&](Part part) { return options.part == part || options.part == Part::kAll; };
   std::vector<Examination> examinations;
-  for (const RecordedSession& session : read_sessions(capture)) {
-    examinations.push_back(examine_force(session));
+  for (const RecordedSession& session : read_sessions(options.capture)) {
+    if (wanted(Part::kForce)) examinations.push_back(examine_force(session));
+    if (wanted(Part::kContacts)) examinations.push_back(examine_contacts(session));
+  }
+  if (examinations.empty()) {
+    throw settings::UsageError("--check " + std::string(name_of(options.part)) +
+                               " must be all, force or contacts for a capture");
   }
   return examinations;
 }
 
 std::vector<Examination> examine_present(const DoctorOptions& options) {
+  if (options.part == Part::kContacts) {
+    throw settings::UsageError("--check contacts needs a capture: record a session with --record");
+  }
   const protocol::Endpoint server = resolve_option("--server", options.server);
   // Machine and device are those of a server here, unless a person asks for them.
   const bool here = protocol::is_own_address(server);
@@ -83,7 +95,7 @@ std::vector<Examination> examine_present(const DoctorOptions& options) {
 
 int run_doctor(const DoctorOptions& options) {
   const std::vector<Examination> examinations =
-      options.capture.empty() ? examine_present(options) : examine_capture(options.capture);
+      options.capture.empty() ? examine_present(options) : examine_capture(options);
   std::cout << (options.json ? as_json(examinations) : as_text(examinations)) << std::flush;
   if (!std::cout) throw std::runtime_error("standard output takes no report");
   return worst(examinations) == Verdict::kProblem ? kProblem : kOk;
@@ -96,6 +108,7 @@ const char* const kFooter =
   haptic_doctor --check force                    while something should be felt, and is not
   haptic_doctor --device NAME --check device     a device, before the first session
   haptic_doctor run.pcap                         a session recorded with --record
+  haptic_doctor run.pcap --check contacts        whether its client's contacts can be trusted
 
 An idle server is measured in a session of two seconds, in which its device is enabled; contacts and
 faults are left alone, and so is a server that has a client.
@@ -106,7 +119,7 @@ Exit codes: 0 no problem was found; 1 failed; 2 wrong usage or configuration; 4 
 void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& options) {
   command_line.optional_positional(
       "CAPTURE", options.capture,
-      "A recorded session, pcap or pcapng: only its chain of force is examined");
+      "A recorded session, pcap or pcapng: its chain of force and its contacts are examined");
   settings::Table& table = command_line.table();
   table.group("Doctor");
   table.text("server", options.server, "HOST:PORT", "The server that is meant");

@@ -1,0 +1,142 @@
+#include "protocol/contact_audit.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace hlm::protocol {
+namespace {
+
+/// Longest time between two updates that are compared, s.
+constexpr double kGap = 0.25;
+/// A contact goes on if its point on the tool stays within this, m, and half of its travel.
+constexpr double kSamePlace = 0.003;
+/// Further than this, m, and twice its travel, and it is another place.
+constexpr double kOtherPlace = 0.005;
+/// cos of the angle within which normals are the same: 18°.
+constexpr double kSameNormal = 0.95;
+/// Motion along the normal that tells whether a separation follows it, m.
+constexpr double kNoticeable = 2e-4;
+/// What a separation may be off by what the motion says, m, and as a part of the travel.
+constexpr double kJump = 5e-4;
+constexpr double kJumpShare = 0.25;
+/// By so much of epsilon, or at most this, m, a contact may be seen late.
+constexpr double kLate = 1e-3;
+/// A point farther from its link's origin than so many lengths of the tool, and this, m, is of
+/// another unit.
+constexpr double kLengths = 20;
+constexpr double kFar = 2;
+
+/// Contacts that one may go on as the other.
+bool same_sides(const ReportedContact& a, const ReportedContact& b) {
+  return a.a.index == b.a.index && a.b.index == b.b.index &&
+         (a.b.kind == SideKind::kToolLink) == (b.b.kind == SideKind::kToolLink);
+}
+
+}  // namespace
+
+Vector3 ContactAudit::tool_point(const Seen& seen) const {
+  return tool_.X_WL(static_cast<int>(seen.contact.a.index)) * seen.p_A;
+}
+
+std::vector<ContactAudit::Seen> ContactAudit::see(const ContactUpdate& update) {
+  std::vector<Seen> seen;
+  tool_.set_configuration(update.q_VE);
+  for (const ReportedContact& contact : update.contacts) {
+    const bool of_tool = contact.a.kind == SideKind::kToolLink &&
+                         contact.a.index < static_cast<std::uint32_t>(tool_.links());
+    if (!of_tool) continue;
+    ++counts_.contacts;
+    counts_.predicted += contact.separation > 0;
+    counts_.seen_from = std::max(counts_.seen_from, contact.separation);
+    const auto same = [&](const Seen& other) { return other.contact.identity == contact.identity; };
+    if (std::ranges::any_of(seen, same)) {
+      ++counts_.duplicates;
+      continue;
+    }
+    const int link = static_cast<int>(contact.a.index);
+    const Vector3 p_W = contact.p_WC + contact.separation * contact.n_W;
+    Seen& one = seen.emplace_back();
+    one.contact = contact;
+    one.p_A = tool_.X_WL(link).inverse() * p_W;
+    counts_.far += one.p_A.norm() > std::max(kFar, kLengths * tool_.description().length);
+    const Vector3 v = tool_.point_jacobian(link, p_W).lazyProduct(update.v_VE);
+    one.v_n = contact.n_W.dot(v - contact.v_WC);
+  }
+  return seen;
+}
+
+void ContactAudit::add(const ContactUpdate& update) {
+  const double dt = update.ve_time - time_;
+  const bool follows = counts_.updates > 0 && dt > 0 && dt < kGap;
+  std::vector<Seen> now = see(update);
+  if (follows) compare(now, dt);
+  before_ = std::move(now);
+  time_ = update.ve_time;
+  ++counts_.updates;
+}
+
+void ContactAudit::compare(std::vector<Seen>& now, double dt) {
+  std::vector<const Seen*> unknown;
+  for (const Seen& one : now) {
+    const auto known = std::ranges::find_if(before_, [&](const Seen& before) {
+      return before.contact.identity == one.contact.identity;
+    });
+    if (known == before_.end()) {
+      unknown.push_back(&one);
+      continue;
+    }
+    known->goes_on = true;
+    compare(*known, one, dt);
+  }
+  for (const Seen* one : unknown) {
+    const auto goes_on = std::ranges::find_if(before_, [&](const Seen& before) {
+      return !before.goes_on && same_sides(before.contact, one->contact) &&
+             before.contact.n_W.dot(one->contact.n_W) > kSameNormal &&
+             (before.p_A - one->p_A).norm() < kSamePlace;
+    });
+    if (goes_on != before_.end()) {
+      goes_on->goes_on = true;
+      ++counts_.renamed;
+      continue;
+    }
+    ++counts_.appeared;
+    const double one_update_ago = one->contact.separation - one->v_n * dt;
+    counts_.late += one_update_ago < epsilon_ - std::min(kLate, epsilon_ / 2);
+  }
+  for (const Seen& before : before_) {
+    if (before.goes_on) continue;
+    const Vector3 c = before.contact.p_WC + dt * before.contact.v_WC;
+    const double separation = before.contact.n_W.dot(tool_point(before) - c);
+    counts_.vanished += separation < std::min(epsilon_, counts_.seen_from) / 2;
+  }
+}
+
+void ContactAudit::compare(const Seen& before, const Seen& now, double dt) {
+  const ReportedContact& was = before.contact;
+  const ReportedContact& is = now.contact;
+  const Vector3 relative = tool_point(before) - (was.p_WC + dt * was.v_WC);
+  const Vector3 travel = relative - was.separation * was.n_W;
+  if (!same_sides(was, is) || (before.p_A - now.p_A).norm() > kOtherPlace + 2 * travel.norm()) {
+    ++counts_.wandered;
+    return;
+  }
+  if (was.n_W.dot(is.n_W) < 0) {
+    ++counts_.flipped;
+    return;
+  }
+  ++counts_.kept;
+  const double motion = was.n_W.dot(travel);
+  const double change = is.separation - was.separation;
+  const bool moves = std::abs(motion) > kNoticeable;
+  counts_.moved += moves;
+  if (moves && std::abs(change + motion) < 0.3 * std::abs(motion)) {
+    ++counts_.reversed;
+    return;
+  }
+  const double jump = std::abs(change - motion);
+  if (jump < kJump + kJumpShare * travel.norm()) return;
+  ++counts_.jumped;
+  counts_.largest_jump = std::max(counts_.largest_jump, jump);
+}
+
+}  // namespace hlm::protocol

@@ -1,0 +1,65 @@
+// Whether a client's contacts can be trusted: what changes from update to update otherwise than the
+// motion says.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/tool_model.h"
+#include "protocol/messages.h"
+
+namespace hlm::protocol {
+
+/// Contacts of the tool with world and bodies, counted once in each update.
+struct ContactCounts {
+  std::uint64_t updates = 0;
+  std::uint64_t contacts = 0;
+  std::uint64_t predicted = 0;   ///< Not yet touching.
+  std::uint64_t duplicates = 0;  ///< Of an identity that another contact of the update has.
+  std::uint64_t far = 0;         ///< Whose point no tool of this size has.
+  std::uint64_t kept = 0;        ///< That were there in the update before, at about the same place;
+  std::uint64_t renamed = 0;     ///< that were, under another identity.
+  std::uint64_t wandered = 0;    ///< Whose identity was at another place,
+  std::uint64_t flipped = 0;     ///< or had a normal of the other direction.
+  std::uint64_t moved = 0;       ///< Of those kept: that came nearer or went by a noticeable way;
+  std::uint64_t reversed = 0;    ///< the separation said the opposite,
+  std::uint64_t jumped = 0;      ///< or changed otherwise than the motion says.
+  double largest_jump = 0;       ///< m.
+  std::uint64_t vanished = 0;    ///< That were left out while their place was still near.
+  std::uint64_t appeared = 0;    ///< First seen in the update;
+  std::uint64_t late = 0;        ///< which epsilon should have shown before.
+  double seen_from = 0;          ///< Largest separation of any contact, m.
+};
+
+/// Compares each update with the one before.
+class ContactAudit {
+ public:
+  /// `tool` must be valid; epsilon as the hello has it, m.
+  ContactAudit(const ToolDescription& tool, double epsilon) : tool_(tool), epsilon_(epsilon) {}
+
+  /// In the order of their times. After a gap nothing is compared.
+  void add(const ContactUpdate& update);
+  const ContactCounts& counts() const noexcept { return counts_; }
+
+ private:
+  struct Seen {
+    ReportedContact contact;
+    Vector3 p_A = Vector3::Zero();  ///< The tool's point, link's frame, m.
+    double v_n = 0;                 ///< Of that point against the constraint, m/s.
+    bool goes_on = false;           ///< Is in the next update too.
+  };
+
+  std::vector<Seen> see(const ContactUpdate& update);
+  void compare(std::vector<Seen>& now, double dt);
+  /// The same identity in both.
+  void compare(const Seen& before, const Seen& now, double dt);
+  Vector3 tool_point(const Seen& seen) const;
+
+  ToolModel tool_;
+  double epsilon_;
+  std::vector<Seen> before_;
+  double time_ = 0;  ///< Of `before_`, s.
+  ContactCounts counts_;
+};
+
+}  // namespace hlm::protocol

@@ -1,0 +1,178 @@
+#include "haptic_server/doctor/contact_examination.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "tests/support/catch.h"
+#include "tests/support/random.h"
+
+namespace hlm::server {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using protocol::ContactUpdate;
+
+constexpr double kEpsilon = 0.005;  // m
+constexpr double kPeriod = 1.0 / 60;
+constexpr double kHalf = 0.02;  // m, of the tool's edges
+
+ToolDescription box() {
+  ToolDescription tool;
+  tool.links.emplace_back();
+  tool.length = 2 * kHalf;
+  return tool;
+}
+
+/// A box that touches and leaves a floor at z = 0 while it slides and turns: what a good client
+/// sends of it at `time`.
+ContactUpdate good_update(double time) {
+  const auto pose = [](double t) {
+    const double turn = 0.5 * std::sin(0.7 * t);
+    Configuration q(7);
+    q << 0.1 * std::sin(2 * t), 0.05 * std::sin(3 * t), kHalf + 0.006 - 0.0065 * std::cos(4 * t),
+        std::cos(turn / 2), 0, 0, std::sin(turn / 2);
+    return q;
+  };
+  constexpr double kStep = 1e-6;
+  ContactUpdate update;
+  update.ve_time = time;
+  update.q_VE = pose(time);
+  update.v_VE = Velocity::Zero(6);
+  update.v_VE.head<3>() = (pose(time + kStep) - pose(time - kStep)).head<3>() / (2 * kStep);
+  update.v_VE[5] = 0.35 * std::cos(0.7 * time);
+  ToolModel tool(box());
+  tool.set_configuration(update.q_VE);
+  for (std::uint64_t i = 0; i < 4; ++i) {
+    const Vector3 corner(i % 2 ? kHalf : -kHalf, i / 2 ? kHalf : -kHalf, -kHalf);
+    const Vector3 p_W = tool.X_WL(0) * corner;
+    ReportedContact contact;
+    contact.identity = 100 + i;
+    contact.p_WC = {p_W.x(), p_W.y(), 0};
+    contact.separation = p_W.z();
+    if (contact.separation <= kEpsilon) update.contacts.push_back(contact);
+  }
+  return update;
+}
+
+/// The findings on ten seconds of a client that does something to each good update.
+std::vector<Finding> findings_of(const std::function<void(ContactUpdate&)>& fault) {
+  protocol::ContactAudit audit(box(), kEpsilon);
+  for (int frame = 1; frame <= 600; ++frame) {
+    ContactUpdate update = good_update(frame * kPeriod);
+    fault(update);
+    audit.add(update);
+  }
+  return findings_on(audit.counts(), kEpsilon);
+}
+
+/// The first thing to mend.
+Finding first_of(const std::function<void(ContactUpdate&)>& fault) {
+  const Finding first = findings_of(fault).front();
+  CAPTURE(first.text);
+  CHECK(first.verdict >= Verdict::kWarning);
+  CHECK_FALSE(first.advice.empty());
+  return first;
+}
+
+TEST_CASE("Contacts that change as the tool moves are found good") {
+  const std::vector<Finding> findings = findings_of([](ContactUpdate&) {});
+  REQUIRE(findings.size() == 1);
+  CHECK(findings.front().verdict == Verdict::kGood);
+  CHECK_THAT(findings.front().text, ContainsSubstring("change as the tool moves"));
+}
+
+TEST_CASE("A new identity in each update is named") {
+  std::uint64_t next = 1;
+  const Finding first = first_of([&](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts) contact.identity = next++;
+  });
+  CHECK_THAT(first.text, ContainsSubstring("go on under another identity"));
+}
+
+TEST_CASE("The index in a list as identity is named") {
+  test::Random random;
+  const Finding first = first_of([&](ContactUpdate& update) {
+    std::shuffle(update.contacts.begin(), update.contacts.end(), random.engine());
+    std::uint64_t index = 0;
+    for (ReportedContact& contact : update.contacts) contact.identity = index++;
+  });
+  CHECK_THAT(first.text, ContainsSubstring("at another place an update before"));
+}
+
+TEST_CASE("The pair of geoms as identity is named") {
+  const Finding first = first_of([](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts) contact.identity = 1;
+  });
+  CHECK_THAT(first.text, ContainsSubstring("share the identity of another one"));
+}
+
+TEST_CASE("Normals that point away from the tool are named") {
+  const Finding first = first_of([](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts) contact.n_W *= -1;
+  });
+  CHECK(first.subject == "normal");
+  CHECK_THAT(first.advice, ContainsSubstring("let normals point to the tool"));
+}
+
+TEST_CASE("Normals that turn round with the engine's order of bodies are named") {
+  test::Random random;
+  const Finding first = first_of([&](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts) {
+      if (random.uniform(0, 1) < 0.5) contact.n_W *= -1;
+    }
+  });
+  CHECK_THAT(first.text, ContainsSubstring("turned round"));
+}
+
+TEST_CASE("Millimetres are named") {
+  const Finding first = first_of([](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts) {
+      contact.p_WC += Vector3(0, 0, 0.1);
+      contact.p_WC *= 1000;
+      contact.separation *= 1000;
+    }
+  });
+  CHECK(first.subject == "units");
+}
+
+TEST_CASE("A client that sends touching contacts alone is named") {
+  const Finding first = first_of([](ContactUpdate& update) {
+    erase_if(update.contacts, [](const ReportedContact& c) { return c.separation > 0; });
+  });
+  CHECK_THAT(first.text, ContainsSubstring("nothing is sent before it touches"));
+}
+
+TEST_CASE("A separation that the engine's margin is taken from is named") {
+  const Finding first = first_of([](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts) contact.separation -= 0.003;
+  });
+  CHECK_THAT(first.text, ContainsSubstring("first seen later than epsilon"));
+}
+
+TEST_CASE("Corners that come and go are named") {
+  test::Random random;
+  const Finding first = first_of([&](ContactUpdate& update) {
+    erase_if(update.contacts, [&](const ReportedContact&) { return random.uniform(0, 1) < 0.3; });
+  });
+  CHECK(first.subject == "missing");
+}
+
+TEST_CASE("Separations that are not those of the sampled pose are named") {
+  test::Random random;
+  const Finding first = first_of([&](ContactUpdate& update) {
+    for (ReportedContact& contact : update.contacts)
+      contact.separation += random.uniform(-1, 1) * 0.003;
+  });
+  CHECK(first.subject == "separation");
+}
+
+TEST_CASE("A session without contacts is too short to tell") {
+  const std::vector<Finding> findings =
+      findings_of([](ContactUpdate& update) { update.contacts.clear(); });
+  REQUIRE(findings.size() == 1);
+  CHECK(findings.front().verdict == Verdict::kNote);
+}
+
+}  // namespace
+}  // namespace hlm::server
