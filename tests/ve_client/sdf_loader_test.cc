@@ -183,7 +183,7 @@ TEST_CASE("What this program does not support is an error that names the element
 
 TEST_CASE("A value out of range is an error that names it and what is allowed") {
   CHECK_THAT(error_of(with_geometry("<sphere><radius>-0.1</radius></sphere>")),
-             ContainsSubstring("collision 'c' radius -0.1 m") && ContainsSubstring("above 0"));
+             ContainsSubstring("collision 'c': radius -0.1 m") && ContainsSubstring("above 0"));
   CHECK_THAT(error_of(with_geometry("<box><size>1 0 1</size></box>")),
              ContainsSubstring("size y 0 m"));
   CHECK_THAT(error_of(fixed_model("wall", "0 0 0 0 0 0",

@@ -31,7 +31,8 @@ Pose resolve_pose(const Named& element, const std::string& where, const std::str
 /// Reads one top-level model with its nested models into a world.
 class ModelReader {
  public:
-  explicit ModelReader(WorldDescription& world) : world_(world) {}
+  ModelReader(WorldDescription& world, Diagnostics& diagnostics)
+      : world_(world), diagnostics_(diagnostics) {}
 
   void read(const sdf::Model& model) {
     const std::string where = "model '" + model.Name() + "'";
@@ -135,12 +136,13 @@ class ModelReader {
                                " collisions; at most 256 are allowed");
     }
     for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
-      const sdf::Collision& collision = *link.CollisionByIndex(i);
-      const std::string what = where + " collision '" + collision.Name() + "'";
-      body.collisions.push_back(to_collision(collision, body.p_BS, what));
-      if (!fixed && std::holds_alternative<HalfSpace>(body.collisions.back().shape)) {
-        throw std::runtime_error(what + ": a plane is allowed in static models only");
+      const sdf::Collision& source = *link.CollisionByIndex(i);
+      const auto collision = to_collision(source, body.p_BS, diagnostics_);
+      if (!collision) continue;
+      if (!fixed && std::holds_alternative<HalfSpace>(collision->shape)) {
+        diagnostics_.refuse(place_of(source.Element()), "a plane is allowed in static models only");
       }
+      body.collisions.push_back(*collision);
     }
     world_.bodies.push_back(std::move(body));
   }
@@ -218,6 +220,7 @@ class ModelReader {
   }
 
   WorldDescription& world_;
+  Diagnostics& diagnostics_;
 };
 
 /// <physics>: of all that may stand there, the step and the solver's iterations.
@@ -267,11 +270,13 @@ WorldDescription read(const sdf::Root& root) {
   WorldDescription world;
   world.gravity_W = to_vector(source.Gravity());
   world.solver = read_solver(*source.Element());
-  ModelReader reader(world);
+  Diagnostics diagnostics;
+  ModelReader reader(world, diagnostics);
   for (std::uint64_t i = 0; i < source.ModelCount(); ++i) reader.read(*source.ModelByIndex(i));
   world.tool = read_text(*source.Element(), "haptic:tool");
   world.description = read_text(*source.Element(), "haptic:description");
   if (!world.tool.empty()) find_model(world, world.tool);
+  if (!diagnostics.usable()) throw RefusedWorld(std::move(diagnostics));
   return world;
 }
 

@@ -76,6 +76,10 @@ std::string describe(sdf::ElementPtr element) {
   return text.empty() ? "world" : text;
 }
 
+Place place_of(const sdf::ElementPtr& element) {
+  return {element->FilePath(), element->LineNumber().value_or(0), describe(element)};
+}
+
 void require_supported(const sdf::ElementPtr& root) {
   const auto allowed = supported_children().find(root->GetName());
   if (allowed == supported_children().end()) return;

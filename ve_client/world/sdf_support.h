@@ -5,6 +5,8 @@
 
 #include <sdf/Element.hh>
 
+#include "ve_client/world/diagnostics.h"
+
 namespace hlm::ve {
 
 /// Throws std::runtime_error at the first element below `root` (<sdf>) that would change how bodies
@@ -14,5 +16,8 @@ void require_supported(const sdf::ElementPtr& root);
 
 /// The element and its named ancestors, for example "model 'a' link 'b' collision 'c'".
 std::string describe(sdf::ElementPtr element);
+
+/// Where an element stands.
+Place place_of(const sdf::ElementPtr& element);
 
 }  // namespace hlm::ve
