@@ -12,7 +12,7 @@
 
 #include "common/range.h"
 #include "ve_client/world/sdf_messages.h"
-#include "ve_client/world/sdf_support.h"
+#include "ve_client/world/sdf_places.h"
 
 namespace hlm::ve {
 namespace {
@@ -80,7 +80,7 @@ std::optional<CollisionDescription> to_collision(const sdf::Collision& collision
                                                  const Vector3& p_BS, Diagnostics& diagnostics) {
   try {
     ignition::math::Pose3d X_SG;
-    require_none(collision.SemanticPose().Resolve(X_SG), "pose");
+    require_none(collision.SemanticPose().Resolve(X_SG));
     CollisionDescription result;
     result.name = collision.Name();
     result.shape = to_shape(*collision.Geom());

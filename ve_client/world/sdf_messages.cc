@@ -3,8 +3,6 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "common/one_line.h"
-
 namespace hlm::ve {
 
 std::mutex CapturedMessages::mutex_;
@@ -25,13 +23,8 @@ std::string CapturedMessages::first_error() const {
   return text.substr(begin, text.find('\n', begin) - begin);
 }
 
-void require_none(const sdf::Errors& errors, const std::string& where, const std::string& detail) {
-  if (errors.empty()) return;
-  const sdf::Error& first = errors.front();
-  std::string message = where + ": " + first.Message();
-  if (first.LineNumber()) message += " in line " + std::to_string(*first.LineNumber());
-  if (!detail.empty()) message += ": " + detail;
-  throw std::runtime_error(one_line(message));
+void require_none(const sdf::Errors& errors) {
+  if (!errors.empty()) throw std::runtime_error(errors.front().Message());
 }
 
 }  // namespace hlm::ve
