@@ -34,7 +34,9 @@ std::string to_string(const Finding& finding) {
 }
 
 void Diagnostics::refuse(const Place& place, const std::string& what) {
-  findings_.push_back({Verdict::kRefused, place, what});
+  const Finding finding{Verdict::kRefused, place, what};
+  const auto is_same = [&](const Finding& other) { return to_string(other) == to_string(finding); };
+  if (std::ranges::none_of(findings_, is_same)) findings_.push_back(finding);
 }
 
 void Diagnostics::approximate(const Place& place, const std::string& what) {

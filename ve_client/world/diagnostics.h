@@ -37,6 +37,7 @@ std::string to_string(const Finding& finding);
 /// Collects what is found while a world is read, so that one run tells everything.
 class Diagnostics {
  public:
+  /// Once for each place and `what`.
   void refuse(const Place& place, const std::string& what);
   /// One finding for all with the same `what`.
   void approximate(const Place& place, const std::string& what);

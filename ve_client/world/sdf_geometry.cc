@@ -87,6 +87,7 @@ std::optional<CollisionDescription> to_collision(const sdf::Collision& collision
     result.friction = friction_of(collision);
     result.X_BG = Pose{p_BS, Quaternion::Identity()} * to_pose(X_SG);
     if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
+      if (!(plane->Normal().Length() > 0)) throw std::runtime_error("normal must not be 0 0 0");
       result.X_BG.R =
           result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
     }

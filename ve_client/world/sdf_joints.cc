@@ -1,6 +1,7 @@
 #include "ve_client/world/sdf_joints.h"
 
 #include <numbers>
+#include <stdexcept>
 
 #include <sdf/JointAxis.hh>
 
@@ -47,6 +48,7 @@ class AxisReader {
     try {
       ignition::math::Vector3d axis_J;
       require_none(axis_.ResolveXyz(axis_J));
+      if (to_vector(axis_J).isZero(0)) throw std::runtime_error("<xyz> must not be 0 0 0");
       joint_.axis_J = to_vector(axis_J).normalized();
     } catch (const std::runtime_error& error) {
       diagnostics_.refuse(place_, error.what());

@@ -59,6 +59,30 @@ std::string read_text(const sdf::ElementPtr& world, const std::string& name,
   return text;
 }
 
+/// Whether a check of ours says the same, or the error says nothing.
+bool is_checked_before(const sdf::Error& error) {
+  return error.Code() == sdf::ErrorCode::LINK_INERTIA_INVALID ||
+         error.Code() == sdf::ErrorCode::ELEMENT_INVALID;
+}
+
+/// Whether the error only shows that there is another.
+bool is_consequence(const sdf::Error& error) {
+  return error.Code() == sdf::ErrorCode::POSE_RELATIVE_TO_GRAPH_ERROR ||
+         error.Code() == sdf::ErrorCode::FRAME_ATTACHED_TO_GRAPH_ERROR;
+}
+
+/// The element below `root` that a message of the parser means by "TYPE with name[NAME]"; null if
+/// it means none.
+sdf::ElementPtr find_meant(const sdf::ElementPtr& root, const std::string& message) {
+  for (sdf::ElementPtr child = root->GetFirstElement(); child; child = child->GetNextElement()) {
+    if (sdf::ElementPtr inner = find_meant(child, message)) return inner;
+    if (!child->GetAttributeSet("name")) continue;
+    const std::string name = child->Get<std::string>("name");
+    if (message.find(child->GetName() + " with name[" + name + "]") != message.npos) return child;
+  }
+  return nullptr;
+}
+
 /// Reads one file.
 class WorldReader {
  public:
@@ -93,7 +117,9 @@ class WorldReader {
     if (const sdf::ElementPtr tool = element->FindElement("haptic:tool")) {
       tool_place_ = place_of(tool);
     }
-    // It has been read, and libsdformat's World wants what the schema leaves out of it.
+    // Nothing depends on the world's name, but some are reserved. <physics> has been read, and
+    // libsdformat's World wants what the schema leaves out of it.
+    element->GetAttribute("name")->SetFromString("default");
     while (const sdf::ElementPtr physics = element->FindElement("physics")) {
       element->RemoveChild(physics);
     }
@@ -110,7 +136,7 @@ class WorldReader {
       world->InsertElement(model);
     }
     sdf::Root root;
-    report(root.Load(sdf, parser_config()), models);
+    report(root.Load(sdf, parser_config()), world);
     const sdf::World* source = root.WorldByIndex(0);
     for (std::uint64_t i = 0; source != nullptr && i < source->ModelCount(); ++i) {
       add_model(*source->ModelByIndex(i), world_, diagnostics_);
@@ -125,16 +151,20 @@ class WorldReader {
                         "or rename one");
   }
 
-  /// The parser's errors that no check of ours makes before.
-  void report(const sdf::Errors& errors, const std::vector<sdf::ElementPtr>& models) {
-    for (const sdf::Error& error : errors) {
-      const sdf::ErrorCode code = error.Code();
-      if (code == sdf::ErrorCode::LINK_INERTIA_INVALID || code == sdf::ErrorCode::ELEMENT_INVALID) {
-        continue;
+  /// What the parser finds wrong between elements: names and frames. Of what follows from that it
+  /// has more to say.
+  void report(const sdf::Errors& errors, const sdf::ElementPtr& world) {
+    const int refused = diagnostics_.count(Verdict::kRefused);
+    std::set<std::string> places;
+    for (const bool consequences : {false, true}) {
+      if (consequences && diagnostics_.count(Verdict::kRefused) > refused) return;
+      for (const sdf::Error& error : errors) {
+        if (is_checked_before(error) || is_consequence(error) != consequences) continue;
+        const sdf::ElementPtr meant = find_meant(world, error.Message());
+        const Place place = meant ? place_of(meant) : Place{file_.name, 0, ""};
+        if (meant && !places.insert(to_string(place)).second) continue;
+        diagnostics_.refuse(place, error.Message());
       }
-      Place place = models.size() == 1 ? place_of(models.front()) : Place{file_.name, 0, ""};
-      if (error.LineNumber()) place.line = *error.LineNumber();
-      diagnostics_.refuse(place, error.Message());
     }
   }
 

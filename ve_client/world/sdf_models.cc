@@ -56,6 +56,7 @@ class ModelReader {
   void read(const sdf::Model& model) {
     ModelDescription description;
     description.name = model.Name();
+    description.place = place_of(model.Element());
     description.fixed = model.Static();
     description.first_body = static_cast<int>(world_.bodies.size());
     read_tool_elements(model.Element(), description);
@@ -73,7 +74,8 @@ class ModelReader {
       require_none(named.SemanticPose().Resolve(pose, frame));
       return to_pose(pose);
     } catch (const std::runtime_error& error) {
-      diagnostics_.refuse(place_of(named.Element()), error.what());
+      // Why, is mostly said already.
+      if (diagnostics_.usable()) diagnostics_.refuse(place_of(named.Element()), error.what());
       return {};
     }
   }

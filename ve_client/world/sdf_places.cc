@@ -1,31 +1,36 @@
 #include "ve_client/world/sdf_places.h"
 
-#include <vector>
+#include <algorithm>
+#include <optional>
+#include <string_view>
 
 namespace hlm::ve {
 namespace {
 
 bool begins_path(const std::string& name) { return name == "world" || name == "model"; }
 
-std::string named(const std::string& type, const std::string& name) {
-  return type + " '" + name + "'";
-}
-
-void append(std::string& line, const std::string& word) {
-  line.append(line.empty() ? "" : " ").append(word);
+bool is_named(const sdf::Element& element) {
+  return element.GetName() != "world" && element.GetAttributeSet("name");
 }
 
 }  // namespace
 
-std::string describe(sdf::ElementPtr element) {
-  std::vector<std::string> names;
-  for (; element; element = element->GetParent()) {
-    if (!element->HasAttribute("name") || element->GetName() == "world") continue;
-    names.push_back(named(element->GetName(), element->Get<std::string>("name")));
-  }
+std::string describe(const std::vector<NamedElement>& elements) {
   std::string text;
-  for (auto name = names.rbegin(); name != names.rend(); ++name) append(text, *name);
+  for (const NamedElement& element : elements) {
+    if (!text.empty()) text += " ";
+    text += element.type + " '" + element.name + "'";
+  }
   return text;
+}
+
+std::string describe(sdf::ElementPtr element) {
+  std::vector<NamedElement> elements;
+  for (; element; element = element->GetParent()) {
+    if (!is_named(*element)) continue;
+    elements.insert(elements.begin(), {element->GetName(), element->Get<std::string>("name")});
+  }
+  return describe(elements);
 }
 
 Place place_of(const sdf::ElementPtr& element) {
@@ -50,28 +55,25 @@ std::string path_of(const sdf::ElementPtr& element) {
 ParserPath parse_parser_path(const std::string& text) {
   constexpr std::string_view kName = "[@name=\"";
   ParserPath result;
-  std::string pending;  // What describes the last element.
-  std::size_t at = 0;
-  while (at < text.size()) {
+  std::optional<NamedElement> last;
+  for (std::size_t at = 0; at < text.size();) {
     ++at;  // The slash.
-    const std::size_t end = text.find_first_of("/[", at);
+    const std::size_t end = std::min(text.find_first_of("/[", at), text.size());
     result.last = text.substr(at, end - at);
     if (begins_path(result.last)) result.path.clear();
     if (result.last != "sdf") {
       result.path.append(result.path.empty() ? "" : "/").append(result.last);
     }
-    if (!pending.empty()) append(result.element, pending);
-    pending.clear();
-    if (end == text.npos) break;
+    if (last && last->type != "world") result.above.push_back(*last);
+    last.reset();
     at = end;
     if (text.compare(at, kName.size(), kName) == 0) {
       const std::size_t name = at + kName.size();
-      const std::size_t name_end = text.find("\"]", name);
-      if (name_end == text.npos) break;
-      if (result.last != "world") pending = named(result.last, text.substr(name, name_end - name));
-      at = name_end + 2;
+      const std::size_t name_end = std::min(text.find("\"]", name), text.size());
+      last = {result.last, text.substr(name, name_end - name)};
+      at = name_end;
     }
-    at = text.find('/', at);
+    at = std::min(text.find('/', at), text.size());
   }
   return result;
 }

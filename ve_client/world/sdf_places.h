@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <sdf/Element.hh>
 
@@ -18,12 +19,21 @@ Place place_of(const sdf::ElementPtr& element);
 /// Names from <world> or the innermost <model> down: "model/link/inertial".
 std::string path_of(const sdf::ElementPtr& element);
 
+/// An element that has a name.
+struct NamedElement {
+  std::string type;
+  std::string name;
+};
+
 /// Where the parser found something: what it says as "/sdf/model[@name="a"]/link[@name="b"]/…".
 struct ParserPath {
-  std::string path;     ///< As path_of().
-  std::string element;  ///< As describe(), of the element above the last.
-  std::string last;     ///< Name of the last element.
+  std::string path;                 ///< As path_of().
+  std::vector<NamedElement> above;  ///< Those with names above the last.
+  std::string last;                 ///< Name of the last element.
 };
 ParserPath parse_parser_path(const std::string& text);
+
+/// "model 'a' link 'b'".
+std::string describe(const std::vector<NamedElement>& elements);
 
 }  // namespace hlm::ve

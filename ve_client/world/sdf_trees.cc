@@ -1,5 +1,7 @@
 #include "ve_client/world/sdf_trees.h"
 
+#include <algorithm>
+
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
@@ -57,6 +59,12 @@ int line_in_urdf(const SdfFile& file, const std::string& type, const std::string
   return 0;
 }
 
+int line_in_urdf(const SdfFile& file, const std::vector<NamedElement>& above) {
+  int line = 0;
+  for (const auto& [type, name] : above) line = std::max(line, line_in_urdf(file, type, name));
+  return line > 0 ? line : file.root->GetLineNum();
+}
+
 void set_urdf_lines(const ElementPtr& element, int line, const SdfFile& file) {
   const std::string& type = element->GetName();
   if (type == "link" || type == "joint") {
@@ -91,15 +99,23 @@ void carry_over(const XMLElement& given, const SdfFile& file, const ElementPtr& 
   check_values(own, diagnostics);
 }
 
-/// Elements with a colon are not the parser's: it keeps them without a word. Ours must be known.
-void check_own(const ElementPtr& element, Diagnostics& diagnostics) {
-  for (ElementPtr child = element->GetFirstElement(); child; child = child->GetNextElement()) {
-    const std::string& name = child->GetName();
-    if (name.starts_with("haptic:") && !is_used(path_of(child))) {
+/// The parser keeps what it does not know, and libsdformat would look at it. Elements with a colon
+/// it keeps without a word: ours must be known.
+void drop_unused(const ElementPtr& element, Diagnostics& diagnostics) {
+  for (ElementPtr child = element->GetFirstElement(); child;) {
+    const ElementPtr next = child->GetNextElement();
+    if (element->HasElementDescription(child->GetName())) {
+      drop_unused(child, diagnostics);
+      child = next;
+      continue;
+    }
+    const std::string name = child->GetName();
+    if (name.starts_with("haptic:")) {
       diagnostics.refuse(place_of(child),
                          tag(name) + " is not known here; " + allowed_beside(path_of(child)));
     }
-    check_own(child, diagnostics);
+    element->RemoveChild(child);
+    child = next;
   }
 }
 
@@ -113,7 +129,7 @@ sdf::ParserConfig parser_config() {
 
 SdfTrees::SdfTrees(SdfFile& file, CapturedMessages& messages, Diagnostics& diagnostics)
     : file_(file), messages_(messages), diagnostics_(diagnostics) {
-  world_ = file.urdf ? nullptr : file.root->FirstChildElement("world");
+  if (!file.urdf) world_ = file.root->FirstChildElement("world");
   if (world_ == nullptr) {
     if (XMLElement* model = find_root_model(file, diagnostics)) models_.push_back(model);
     return;
@@ -203,7 +219,7 @@ ElementPtr SdfTrees::parse(const XMLElement& element, const SdfFile& file,
   const ElementPtr root = sdf->Root();
   root->SetFilePath(file.name);
   if (file.urdf) set_urdf_lines(root, file.root->GetLineNum(), file);
-  check_own(root, diagnostics_);
+  drop_unused(root, diagnostics_);
   check_values(root, diagnostics_);
   return root;
 }
@@ -212,8 +228,9 @@ void SdfTrees::report(const sdf::Errors& errors, const SdfFile& file, const std:
   for (const sdf::Error& error : errors) {
     const ParserPath at = parse_parser_path(error.XmlPath().value_or(""));
     Place place{file.name, error.LineNumber().value_or(0), scope};
-    if (!at.element.empty()) place.element += (scope.empty() ? "" : " ") + at.element;
-    if (file.urdf) place.line = file.root->GetLineNum();
+    if (!scope.empty() && !at.above.empty()) place.element += " ";
+    place.element += describe(at.above);
+    if (file.urdf) place.line = line_in_urdf(file, at.above);
     if (error.Code() != sdf::ErrorCode::ELEMENT_INCORRECT_TYPE || at.path.empty()) {
       if (error.LineNumber()) diagnostics_.refuse(place, error.Message());
       continue;
