@@ -29,7 +29,7 @@ void write(const Scene& scene, std::ostream& out) {
   std::size_t collisions = 0;
   for (const BodyDescription& body : world.bodies) collisions += body.collisions.size();
   const auto fixed = std::ranges::count(world.bodies, true, &BodyDescription::fixed);
-  out << fmt::format("{}: {} models, {} bodies, {} of them fixed, {} collisions, {} joints\n",
+  out << fmt::format("{}: models: {}, bodies: {} ({} fixed), collisions: {}, joints: {}\n",
                      scene.file.string(), world.models.size(), world.bodies.size(), fixed,
                      collisions, world.joints.size());
   if (scene.tool.empty()) {
@@ -40,8 +40,8 @@ void write(const Scene& scene, std::ostream& out) {
 
 void write_tool(const Scene& scene, std::ostream& out) {
   const ToolDescription tool = assemble_tool(scene.world, scene.tool).description;
-  out << fmt::format("tool '{}': {} links, {} degrees of freedom\n", scene.tool, tool.links.size(),
-                     tool.dof());
+  out << fmt::format("tool '{}': links: {}, degrees of freedom: {}\n", scene.tool,
+                     tool.links.size(), tool.dof());
 }
 
 void write(const Diagnostics& diagnostics, Verdict verdict, const char* title, std::ostream& out) {

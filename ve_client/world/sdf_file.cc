@@ -1,6 +1,7 @@
 #include "ve_client/world/sdf_file.h"
 
 #include <algorithm>
+#include <cctype>
 #include <fstream>
 #include <sstream>
 
@@ -47,12 +48,18 @@ std::pair<int, int> numbers_of(const std::string& version) {
   return numbers;
 }
 
+/// What libsdformat converts, and what can be read nearly as well.
+bool is_known(const std::string& version) {
+  const auto [major, minor] = numbers_of(version);
+  return major == 1 && minor >= 2;
+}
+
 bool read_version(SdfFile& file, Diagnostics& diagnostics) {
   const char* version = file.root->Attribute("version");
-  if (version == nullptr || numbers_of(version).first != 1) {
-    diagnostics.refuse(place_of(*file.root, file), std::string("<sdf> version '") +
-                                                       (version == nullptr ? "" : version) +
-                                                       "' must be 1.0 to " + kLatestVersion);
+  if (version == nullptr || !is_known(version)) {
+    diagnostics.refuse(place_of(*file.root, file),
+                       std::string("<sdf> version '") + (version == nullptr ? "" : version) +
+                           "' must be 1.2 to " + kLatestVersion + ", or a later 1");
     return false;
   }
   file.version = version;
@@ -66,11 +73,42 @@ bool read_version(SdfFile& file, Diagnostics& diagnostics) {
   return true;
 }
 
+/// What the translation of URDF to SDF would lose without a word.
+bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
+  for (const XMLElement* child = file.root->FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    const std::string_view name = child->Name();
+    if (name.starts_with("xacro:")) {
+      diagnostics.refuse(place_of(*child, file), tag(name) + " must be expanded: run xacro first");
+      return false;
+    }
+    const char* type = name == "joint" ? child->Attribute("type") : nullptr;
+    const bool lost = type != nullptr &&
+                      (std::string_view(type) == "floating" || std::string_view(type) == "planar");
+    if (lost) {
+      diagnostics.refuse(place_of(*child, file),
+                         std::string("type '") + type +
+                             "' must be fixed, revolute, continuous or prismatic; put what moves "
+                             "freely into a file of its own");
+    }
+  }
+  return true;
+}
+
+/// "XML_ERROR_MISMATCHED_ELEMENT" as a person says it.
+std::string reason_of(const tinyxml2::XMLDocument& document) {
+  std::string reason = document.ErrorName();
+  constexpr std::string_view kPrefix = "XML_ERROR_";
+  if (reason.starts_with(kPrefix)) reason.erase(0, kPrefix.size());
+  for (char& c : reason) c = c == '_' ? ' ' : static_cast<char>(std::tolower(c));
+  return reason;
+}
+
 bool read_root(SdfFile& file, Diagnostics& diagnostics) {
   const Place whole{file.name, 0, ""};
   if (file.document->Error()) {
     diagnostics.refuse({file.name, file.document->ErrorLineNum(), ""},
-                       std::string("is not XML: ") + file.document->ErrorName());
+                       "is not XML: " + reason_of(*file.document));
     return false;
   }
   file.root = file.document->RootElement();
@@ -80,9 +118,8 @@ bool read_root(SdfFile& file, Diagnostics& diagnostics) {
   }
   const std::string name = file.root->Name();
   file.urdf = name == "robot";
-  if (file.urdf) return true;
-  if (name == "gazebo") file.root->SetName("sdf");  // Of version 1.0 and older.
-  if (name == "sdf" || name == "gazebo") return read_version(file, diagnostics);
+  if (file.urdf) return check_urdf(file, diagnostics);
+  if (name == "sdf") return read_version(file, diagnostics);
   diagnostics.refuse(place_of(*file.root, file),
                      tag(name) + " must be <sdf>, or <robot> of a URDF file");
   return false;
@@ -109,9 +146,12 @@ fs::path model_file(const fs::path& found) {
 }
 
 std::string chain_of(const SdfFile& file, const fs::path& last) {
+  const auto shown = [](const fs::path& path) {
+    return (path.parent_path().filename() / path.filename()).string();
+  };
   std::string chain;
-  for (const fs::path& path : file.includers) chain += path.filename().string() + ", ";
-  return chain + file.path.filename().string() + ", " + last.filename().string();
+  for (const fs::path& path : file.includers) chain += shown(path) + ", ";
+  return chain + shown(file.path) + ", " + shown(last);
 }
 
 }  // namespace
@@ -184,7 +224,8 @@ std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile&
                            "' leads back to a file that it is part of: " + chain_of(file, path));
     return nullptr;
   }
-  const std::shared_ptr<SdfFile> included = read_file(path, diagnostics);
+  const fs::path shown = file.path.is_absolute() ? path : fs::proximate(path, error);
+  const std::shared_ptr<SdfFile> included = read_file(shown, diagnostics);
   if (!included) return nullptr;
   included->includers = file.includers;
   if (!file.path.empty()) included->includers.push_back(file.path);

@@ -80,7 +80,8 @@ std::optional<CollisionDescription> to_collision(const sdf::Collision& collision
                                                  const Vector3& p_BS, Diagnostics& diagnostics) {
   try {
     ignition::math::Pose3d X_SG;
-    require_none(collision.SemanticPose().Resolve(X_SG));
+    const sdf::Errors errors = collision.SemanticPose().Resolve(X_SG);
+    if (diagnostics.usable()) require_none(errors);  // Otherwise the cause is told.
     CollisionDescription result;
     result.name = collision.Name();
     result.shape = to_shape(*collision.Geom());

@@ -45,14 +45,7 @@ class AxisReader {
       : axis_(axis), place_(place_of(axis.Element())), diagnostics_(diagnostics), joint_(joint) {}
 
   void read(bool continuous) {
-    try {
-      ignition::math::Vector3d axis_J;
-      require_none(axis_.ResolveXyz(axis_J));
-      if (to_vector(axis_J).isZero(0)) throw std::runtime_error("<xyz> must not be 0 0 0");
-      joint_.axis_J = to_vector(axis_J).normalized();
-    } catch (const std::runtime_error& error) {
-      diagnostics_.refuse(place_, error.what());
-    }
+    read_direction();
     joint_.stiffness = at_least_zero(axis_.SpringStiffness(), "spring_stiffness");
     joint_.damping = at_least_zero(axis_.Damping(), "damping");
     joint_.rest = axis_.SpringReference();
@@ -60,6 +53,20 @@ class AxisReader {
   }
 
  private:
+  void read_direction() {
+    // libsdformat takes a direction of length 0 for one that is not given.
+    if (axis_.Element()->Get<ignition::math::Vector3d>("xyz").Length() == 0) {
+      return diagnostics_.refuse(place_, "<xyz> must not be 0 0 0");
+    }
+    try {
+      ignition::math::Vector3d axis_J;
+      require_none(axis_.ResolveXyz(axis_J));
+      joint_.axis_J = to_vector(axis_J).normalized();
+    } catch (const std::runtime_error& error) {
+      diagnostics_.refuse(place_, error.what());
+    }
+  }
+
   double at_least_zero(double value, const char* what) {
     const auto error = find_error(what, value, from_zero(""));
     if (error) diagnostics_.refuse(place_, *error);

@@ -68,7 +68,14 @@ bool is_checked_before(const sdf::Error& error) {
 /// Whether the error only shows that there is another.
 bool is_consequence(const sdf::Error& error) {
   return error.Code() == sdf::ErrorCode::POSE_RELATIVE_TO_GRAPH_ERROR ||
-         error.Code() == sdf::ErrorCode::FRAME_ATTACHED_TO_GRAPH_ERROR;
+         error.Code() == sdf::ErrorCode::FRAME_ATTACHED_TO_GRAPH_ERROR ||
+         error.Message().starts_with("FrameAttachedToGraph unable") ||
+         error.Message().starts_with("PoseRelativeToGraph unable");
+}
+
+std::string in_words(const sdf::Error& error) {
+  const bool is_default = error.Message().find("[__default__]") != std::string::npos;
+  return is_default ? "must have a <parent> and a <child>" : error.Message();
 }
 
 /// The element below `root` that a message of the parser means by "TYPE with name[NAME]"; null if
@@ -163,7 +170,7 @@ class WorldReader {
         const sdf::ElementPtr meant = find_meant(world, error.Message());
         const Place place = meant ? place_of(meant) : Place{file_.name, 0, ""};
         if (meant && !places.insert(to_string(place)).second) continue;
-        diagnostics_.refuse(place, error.Message());
+        diagnostics_.refuse(place, in_words(error));
       }
     }
   }

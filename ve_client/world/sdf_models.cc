@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include <Eigen/Eigenvalues>
+#include <sdf/Collision.hh>
+#include <sdf/Geometry.hh>
 #include <sdf/Joint.hh>
 #include <sdf/Link.hh>
 
@@ -186,6 +188,11 @@ class ModelReader {
     }
     for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
       const sdf::Collision& source = *link.CollisionByIndex(i);
+      if (source.Geom()->Type() == sdf::GeometryType::EMPTY) {
+        diagnostics_.approximate(place_of(source.Element()),
+                                 "a collision without a shape that can be used is left out");
+        continue;
+      }
       const auto collision = to_collision(source, body.p_BS, diagnostics_);
       if (!collision) continue;
       if (!body.fixed && std::holds_alternative<HalfSpace>(collision->shape)) {
