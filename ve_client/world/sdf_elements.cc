@@ -17,7 +17,7 @@ constexpr std::string_view kHard = "contacts are as stiff as the server sets";
 constexpr std::string_view kAll = "everything collides with everything";
 constexpr std::string_view kIsotropic = "friction is the same in all directions, with mu";
 constexpr std::string_view kPrimitive =
-    "make it of <box>, <sphere>, <cylinder>, <capsule> or <plane>";
+    "make it of box, sphere, cylinder, capsule or plane";
 
 constexpr ElementRule kRules[] = {
     {"world/model", kUsed, ""},
@@ -47,7 +47,7 @@ constexpr ElementRule kRules[] = {
     {"world/road", kIgnored, kNoPart},
     {"world/spherical_coordinates", kIgnored, kNoPart},
     {"world/actor", kApproximated, "it is left out, and nothing can touch it"},
-    {"world/state", kApproximated, "it is not read; models begin at their <pose>"},
+    {"world/state", kApproximated, "it is not read; models begin at their own poses"},
     {"world/joint", kRefused, "put both models into one, with the joint"},
     {"world/population", kRefused, "write its models out"},
 
