@@ -165,7 +165,7 @@ TEST_CASE("What this program does not support is an error that names the element
   CHECK_THAT(error_of(with_geometry("<mesh><uri>peg.dae</uri></mesh>")),
              ContainsSubstring("test.sdf") && ContainsSubstring("<mesh>") &&
                  ContainsSubstring("model 'wall' link 'body' collision 'c'") &&
-                 ContainsSubstring("<capsule>"));
+                 ContainsSubstring("capsule"));
   CHECK_THAT(error_of(with_geometry("<ellipsoid><radii>1 1 1</radii></ellipsoid>")),
              ContainsSubstring("<ellipsoid>"));
   CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"

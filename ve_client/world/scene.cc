@@ -4,8 +4,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include <boost/property_tree/ptree.hpp>
-#include <boost/property_tree/xml_parser.hpp>
+#include <tinyxml2.h>
 
 #include "ve_client/world/sdf_loader.h"
 #include "ve_client/world/tool_assembly.h"
@@ -19,14 +18,14 @@ constexpr const char* kExtension = ".sdf";
 
 /// Of a file that may be anything.
 std::string description_in(const fs::path& file) {
-  namespace xml = boost::property_tree;
-  try {
-    xml::ptree tree;
-    xml::read_xml(file.string(), tree);
-    return single_spaced(tree.get<std::string>("sdf.world.haptic:description", ""));
-  } catch (const xml::ptree_error&) {
-    return "";
+  tinyxml2::XMLDocument document;
+  document.LoadFile(file.c_str());
+  const tinyxml2::XMLElement* element = document.RootElement();
+  for (const char* name : {"world", "haptic:description"}) {
+    if (element != nullptr) element = element->FirstChildElement(name);
   }
+  const char* text = element != nullptr ? element->GetText() : nullptr;
+  return text != nullptr ? single_spaced(text) : "";
 }
 
 /// Whether the file that is meant stands in that folder (canonical).
