@@ -34,9 +34,13 @@ std::string to_string(const Finding& finding) {
 }
 
 void Diagnostics::refuse(const Place& place, const std::string& what) {
-  const Finding finding{Verdict::kRefused, place, what};
-  const auto is_same = [&](const Finding& other) { return to_string(other) == to_string(finding); };
-  if (std::ranges::none_of(findings_, is_same)) findings_.push_back(finding);
+  const auto is_same = [&](const Finding& other) {
+    return other.place.line == place.line && other.what == what &&
+           to_string(other.place) == to_string(place);
+  };
+  if (std::ranges::none_of(findings_, is_same)) {
+    findings_.push_back({Verdict::kRefused, place, what});
+  }
 }
 
 void Diagnostics::approximate(const Place& place, const std::string& what) {

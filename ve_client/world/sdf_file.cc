@@ -5,8 +5,6 @@
 #include <fstream>
 #include <sstream>
 
-#include <sdf/parser.hh>
-
 #include "ve_client/world/resources.h"
 #include "ve_client/world/sdf_elements.h"
 
@@ -73,7 +71,23 @@ bool read_version(SdfFile& file, Diagnostics& diagnostics) {
   return true;
 }
 
-/// What the translation of URDF to SDF would lose without a word.
+bool is_massless(const XMLElement& urdf_link) {
+  const XMLElement* inertial = urdf_link.FirstChildElement("inertial");
+  const XMLElement* mass = inertial != nullptr ? inertial->FirstChildElement("mass") : nullptr;
+  return mass == nullptr || mass->DoubleAttribute("value") == 0;
+}
+
+void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics& diagnostics) {
+  const char* type = joint.Attribute("type");
+  if (type == nullptr) return;
+  if (std::string_view(type) != "floating" && std::string_view(type) != "planar") return;
+  diagnostics.refuse(place_of(joint, file),
+                     std::string("type '") + type +
+                         "' must be fixed, revolute, continuous or prismatic; put what moves "
+                         "freely into a file of its own");
+}
+
+/// Says what the translation of URDF to SDF loses without a word. Whether it can begin.
 bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
   for (const XMLElement* child = file.root->FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
@@ -82,14 +96,11 @@ bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
       diagnostics.refuse(place_of(*child, file), tag(name) + " must be expanded: run xacro first");
       return false;
     }
-    const char* type = name == "joint" ? child->Attribute("type") : nullptr;
-    const bool lost = type != nullptr &&
-                      (std::string_view(type) == "floating" || std::string_view(type) == "planar");
-    if (lost) {
-      diagnostics.refuse(place_of(*child, file),
-                         std::string("type '") + type +
-                             "' must be fixed, revolute, continuous or prismatic; put what moves "
-                             "freely into a file of its own");
+    if (name == "joint") check_urdf_joint(*child, file, diagnostics);
+    if (name == "link" && child->FirstChildElement("collision") != nullptr && is_massless(*child)) {
+      diagnostics.approximate(place_of(*child, file),
+                              "a link without mass is left out, as in Gazebo, unless a fixed joint "
+                              "joins it to one that has mass");
     }
   }
   return true;
@@ -137,12 +148,31 @@ std::string text_in(const XMLElement& parent, const char* child) {
   return element != nullptr && element->GetText() != nullptr ? element->GetText() : "";
 }
 
+/// What a model.config names: the file of the latest version that is known. Empty if it names none.
+std::string named_in(const fs::path& config) {
+  tinyxml2::XMLDocument document;
+  document.LoadFile(config.c_str());
+  const XMLElement* root = document.RootElement();
+  const XMLElement* best = nullptr;
+  const auto rank = [](const XMLElement& element) {
+    const char* version = element.Attribute("version");
+    const auto numbers = numbers_of(version != nullptr ? version : "");
+    return numbers <= numbers_of(kLatestVersion) ? numbers : std::pair(-1, 0);
+  };
+  for (const XMLElement* each = root != nullptr ? root->FirstChildElement("sdf") : nullptr;
+       each != nullptr; each = each->NextSiblingElement("sdf")) {
+    if (best == nullptr || rank(*each) > rank(*best)) best = each;
+  }
+  return best != nullptr && best->GetText() != nullptr ? best->GetText() : "";
+}
+
 /// The SDF or URDF file that a file or a model's folder stands for; empty if it holds none.
 fs::path model_file(const fs::path& found) {
-  if (!fs::is_directory(found)) return found;
-  const std::string named = sdf::getModelFilePath(found.string());
-  const fs::path file = named.empty() ? found / "model.sdf" : fs::path(named);
-  return fs::is_regular_file(file) ? file : fs::path();
+  std::error_code error;
+  if (!fs::is_directory(found, error)) return found;
+  const std::string named = named_in(found / "model.config");
+  const fs::path file = found / (named.empty() ? "model.sdf" : named);
+  return fs::is_regular_file(file, error) ? file : fs::path();
 }
 
 std::string chain_of(const SdfFile& file, const fs::path& last) {
