@@ -85,7 +85,9 @@ sdf::ElementPtr find_meant(const sdf::ElementPtr& root, const std::string& messa
     if (sdf::ElementPtr inner = find_meant(child, message)) return inner;
     if (!child->GetAttributeSet("name")) continue;
     const std::string name = child->Get<std::string>("name");
-    if (message.find(child->GetName() + " with name[" + name + "]") != message.npos) return child;
+    // Some messages begin with the type, as "Joint with …".
+    const std::string type = child->GetName().substr(1);
+    if (message.find(type + " with name[" + name + "]") != message.npos) return child;
   }
   return nullptr;
 }
@@ -143,7 +145,9 @@ class WorldReader {
       world->InsertElement(model);
     }
     sdf::Root root;
-    report(root.Load(sdf, parser_config()), world);
+    const bool alone = models.size() == 1;
+    report(root.Load(sdf, parser_config()), world,
+           alone ? place_of(models.front()) : Place{file_.name, 0, ""});
     const sdf::World* source = root.WorldByIndex(0);
     for (std::uint64_t i = 0; source != nullptr && i < source->ModelCount(); ++i) {
       add_model(*source->ModelByIndex(i), world_, diagnostics_);
@@ -160,7 +164,7 @@ class WorldReader {
 
   /// What the parser finds wrong between elements: names and frames. Of what follows from that it
   /// has more to say.
-  void report(const sdf::Errors& errors, const sdf::ElementPtr& world) {
+  void report(const sdf::Errors& errors, const sdf::ElementPtr& world, const Place& otherwise) {
     const int refused = diagnostics_.count(Verdict::kRefused);
     std::set<std::string> places;
     for (const bool consequences : {false, true}) {
@@ -168,7 +172,7 @@ class WorldReader {
       for (const sdf::Error& error : errors) {
         if (is_checked_before(error) || is_consequence(error) != consequences) continue;
         const sdf::ElementPtr meant = find_meant(world, error.Message());
-        const Place place = meant ? place_of(meant) : Place{file_.name, 0, ""};
+        const Place place = meant ? place_of(meant) : otherwise;
         if (meant && !places.insert(to_string(place)).second) continue;
         diagnostics_.refuse(place, in_words(error));
       }
