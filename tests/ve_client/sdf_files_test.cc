@@ -66,6 +66,11 @@ TEST_CASE("Included models are placed relative to frames, to each other and by t
   CHECK(body(world, "old_crate::body").X_WB.p.isApprox(Vector3(0.2, 0, 1.15), 1e-12));
 }
 
+TEST_CASE("Before SDFormat 1.7 an included model is placed relative to a 'frame'") {
+  const WorldDescription world = load("include_before_1_7.sdf");
+  CHECK(body(world, "second::body").X_WB.p.isApprox(Vector3(0, 0, 1.1), 1e-12));
+}
+
 TEST_CASE("A model as root makes a world with that model, and gravity as SDFormat has it") {
   const WorldDescription world = load("root_model.sdf");
   REQUIRE(world.models.size() == 1);

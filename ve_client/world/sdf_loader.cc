@@ -145,7 +145,7 @@ class WorldReader {
       world->InsertElement(model);
     }
     sdf::Root root;
-    const bool alone = models.size() == 1;
+    const bool alone = !trees_.connected();
     report(root.Load(sdf, parser_config()), world,
            alone ? place_of(models.front()) : Place{file_.name, 0, ""});
     const sdf::World* source = root.WorldByIndex(0);

@@ -94,7 +94,8 @@ void carry_over(const XMLElement& given, const SdfFile& file, const ElementPtr& 
     if (!value.empty()) attribute->SetFromString(value);
   }
   const std::string frame = word(given, "frame");  // Before SDFormat 1.7.
-  if (!frame.empty()) own->GetAttribute("relative_to")->SetFromString(frame);
+  const sdf::ParamPtr relative_to = own->GetAttribute("relative_to");
+  if (relative_to && !frame.empty()) relative_to->SetFromString(frame);
   own->GetValue()->SetFromString(text_in(&given));
   check_values(own, diagnostics);
 }
