@@ -74,12 +74,17 @@ bool is_consequence(const sdf::Error& error) {
 }
 
 std::string in_words(const sdf::Error& error) {
-  const bool is_default = error.Message().find("[__default__]") != std::string::npos;
-  return is_default ? "must have a <parent> and a <child>" : error.Message();
+  const std::string message = error.Message();
+  if (error.Code() == sdf::ErrorCode::POSE_RELATIVE_TO_CYCLE ||
+      error.Code() == sdf::ErrorCode::FRAME_ATTACHED_TO_CYCLE) {
+    return "its frame depends on itself, by relative_to or attached_to";
+  }
+  const bool is_default = message.find("[__default__]") != message.npos;
+  return is_default ? "must have a <parent> and a <child>" : message;
 }
 
-/// The element below `root` that a message of the parser means by "TYPE with name[NAME]"; null if
-/// it means none.
+/// The element below `root` that a message of the parser means by "TYPE with name[NAME]" or "vertex
+/// [NAME]"; null if it means none.
 sdf::ElementPtr find_meant(const sdf::ElementPtr& root, const std::string& message) {
   for (sdf::ElementPtr child = root->GetFirstElement(); child; child = child->GetNextElement()) {
     if (sdf::ElementPtr inner = find_meant(child, message)) return inner;
@@ -88,6 +93,7 @@ sdf::ElementPtr find_meant(const sdf::ElementPtr& root, const std::string& messa
     // Some messages begin with the type, as "Joint with …".
     const std::string type = child->GetName().substr(1);
     if (message.find(type + " with name[" + name + "]") != message.npos) return child;
+    if (message.ends_with("vertex [" + name + "].")) return child;
   }
   return nullptr;
 }
