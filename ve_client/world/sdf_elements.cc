@@ -16,8 +16,7 @@ constexpr std::string_view kOtherEngine = "tunes another solver or engine";
 constexpr std::string_view kHard = "contacts are as stiff as the server sets";
 constexpr std::string_view kAll = "everything collides with everything";
 constexpr std::string_view kIsotropic = "friction is the same in all directions, with mu";
-constexpr std::string_view kPrimitive =
-    "make it of box, sphere, cylinder, capsule or plane";
+constexpr std::string_view kPrimitive = "make it of box, sphere, cylinder, capsule or plane";
 
 constexpr ElementRule kRules[] = {
     {"world/model", kUsed, ""},
