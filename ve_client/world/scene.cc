@@ -43,8 +43,8 @@ Scene load_scene(const fs::path& file, const std::string& tool, const std::strin
   // A file that could not be read, or names a tool that it does not have, says so itself.
   const auto& models = scene.world.models;
   const auto model = std::ranges::find(models, scene.tool, &ModelDescription::name);
-  const bool told = model == models.end() && !diagnostics.usable();
-  if (scene.tool.empty() || told) return scene;
+  const bool reported = model == models.end() && !diagnostics.usable();
+  if (scene.tool.empty() || reported) return scene;
   try {
     assemble_tool(with_start(scene.world, scene.tool, start), scene.tool);
   } catch (const std::runtime_error& error) {

@@ -81,7 +81,7 @@ std::optional<CollisionDescription> to_collision(const sdf::Collision& collision
   try {
     ignition::math::Pose3d X_SG;
     const sdf::Errors errors = collision.SemanticPose().Resolve(X_SG);
-    if (diagnostics.usable()) require_none(errors);  // Otherwise the cause is told.
+    if (diagnostics.usable()) require_none(errors);  // Otherwise the cause is reported already.
     CollisionDescription result;
     result.name = collision.Name();
     result.shape = to_shape(*collision.Geom());
