@@ -24,11 +24,33 @@ HapticClientOptions client_options(const Settings& settings, const VirtualEnviro
   return options;
 }
 
+/// What of the world's file is not used as it stands.
+void report(const Diagnostics& diagnostics) {
+  for (const Finding& finding : diagnostics.findings()) {
+    switch (finding.verdict) {
+      case Verdict::kRefused:
+        spdlog::error("{}", to_string(finding));
+        break;
+      case Verdict::kApproximated:
+        spdlog::warn("approximated: {}", to_string(finding));
+        break;
+      case Verdict::kIgnored:
+        spdlog::info("ignored: {}", to_string(finding));
+        break;
+    }
+  }
+}
+
 /// The scene of the options. What is wrong with it, an option is.
 Scene first_scene(const Settings& settings) {
   try {
-    return load_scene(settings.world, settings.tool, settings.start);
-  } catch (const std::runtime_error& error) {
+    Diagnostics diagnostics;
+    Scene scene = load_scene(settings.world, settings.tool, settings.start, diagnostics);
+    require_usable(scene, diagnostics);
+    report(diagnostics);
+    return scene;
+  } catch (const RefusedWorld& error) {
+    if (error.diagnostics().count(Verdict::kRefused) > 1) report(error.diagnostics());
     throw settings::UsageError(error.what());
   }
 }

@@ -9,6 +9,7 @@
 
 #include "common/one_line.h"
 #include "common/settings/table.h"
+#include "ve_client/check.h"
 #include "ve_client/client_run.h"
 #include "ve_client/settings.h"
 
@@ -53,6 +54,9 @@ int main(int argc, char** argv) {
   if (!arguments.settings) return arguments.exit_code;
   try {
     configure_logging(arguments.settings->log_level);
+    if (arguments.settings->check) {
+      return check_scene(*arguments.settings, std::cout) ? kFinished : hlm::settings::kUsageError;
+    }
     install_signal_handlers();
     ClientRun(*arguments.settings).go([] { return stop_requested != 0; });
   } catch (const hlm::settings::UsageError& error) {

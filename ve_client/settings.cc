@@ -19,9 +19,10 @@ const char* const kFooter =
   ve_client --world worlds/testbed.sdf --page 127.0.0.1:8080    with the live page
   ve_client --world worlds/push.sdf --tool brick                with another tool than the world's
   ve_client --world worlds/testbed.sdf --network-delay 0.02     as over a slow network
+  ve_client --world robot.urdf --check                          what would be used of a file
 
-Exit codes: 0 finished; 1 failed while running; 2 wrong usage or configuration; 3 the server never
-answered.
+Exit codes: 0 finished, or the world can be used; 1 failed while running; 2 wrong usage,
+configuration or world; 3 the server never answered.
 )";
 
 /// The command line, bound to the settings.
@@ -58,11 +59,13 @@ class CommandLine {
 
   void add_environment(Table& table) {
     table.group("Environment");
-    table.file("world", settings_.world, "World, an SDFormat file (required)");
+    table.file("world", settings_.world, "World or model, an SDFormat or URDF file (required)");
     table.text("tool", settings_.tool, "MODEL",
                "Model of the world that is the virtual tool; otherwise the world's <haptic:tool>");
     table.text("start", settings_.start, "NAME",
                "Where the tool begins, one of its <haptic:start>; otherwise as the file places it");
+    table.flag("check", settings_.check,
+               "Say what of the world would be used, approximated, ignored or refused, and end");
   }
 
   void add_frame(Table& table) {
@@ -146,7 +149,7 @@ class CommandLine {
     }
     // A configuration can be printed without a world.
     if (!command_line_.prints_configuration() && settings_.world.empty()) {
-      throw UsageError("--world is missing: which world to simulate, an SDFormat file");
+      throw UsageError("--world is missing: which world to simulate, an SDFormat or URDF file");
     }
   }
 

@@ -31,6 +31,7 @@ struct Settings {
   std::string recordings;      ///< Of the server, on this machine; empty: where they usually are.
   NetworkConditions network;
   std::string log_level = "info";
+  bool check = false;  ///< Only say what would be used of the world.
 };
 
 /// What the arguments ask for.

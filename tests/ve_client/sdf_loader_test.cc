@@ -65,7 +65,7 @@ TEST_CASE("A world may name its tool, and say what is to be felt") {
   CHECK(silent.description.empty());
 
   CHECK_THAT(error_of("<haptic:tool>hammer</haptic:tool>" + peg),
-             ContainsSubstring("test.sdf: ") && ContainsSubstring("tool 'hammer'") &&
+             ContainsSubstring("test.sdf:1: ") && ContainsSubstring("tool 'hammer'") &&
                  ContainsSubstring("it has: peg"));
   CHECK_THAT(error_of("<haptic:tool> </haptic:tool>" + peg),
              ContainsSubstring("<haptic:tool> must not be empty"));
@@ -165,33 +165,27 @@ TEST_CASE("What this program does not support is an error that names the element
   CHECK_THAT(error_of(with_geometry("<mesh><uri>peg.dae</uri></mesh>")),
              ContainsSubstring("test.sdf") && ContainsSubstring("<mesh>") &&
                  ContainsSubstring("model 'wall' link 'body' collision 'c'") &&
-                 ContainsSubstring("<capsule>"));
+                 ContainsSubstring("capsule"));
   CHECK_THAT(error_of(with_geometry("<ellipsoid><radii>1 1 1</radii></ellipsoid>")),
              ContainsSubstring("<ellipsoid>"));
   CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
                       "<joint name='hip' type='ball'><parent>a</parent><child>b</child></joint>"
                       "</model>"),
-             ContainsSubstring("joint 'm::hip'") && ContainsSubstring("ball"));
-  CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
-                      "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
-                      "<axis><xyz>0 0 1</xyz><dynamics><friction>1</friction></dynamics></axis>"
-                      "</joint></model>"),
-             ContainsSubstring("<friction>") && ContainsSubstring("joint 'j'"));
+             ContainsSubstring("model 'm' joint 'hip'") && ContainsSubstring("ball"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", "<haptic:tool_join>planar</haptic:tool_join>")),
              ContainsSubstring("<haptic:tool_join>"));
 }
 
 TEST_CASE("A value out of range is an error that names it and what is allowed") {
   CHECK_THAT(error_of(with_geometry("<sphere><radius>-0.1</radius></sphere>")),
-             ContainsSubstring("collision 'c' radius -0.1 m") && ContainsSubstring("above 0"));
+             ContainsSubstring("collision 'c': radius -0.1 m") && ContainsSubstring("above 0"));
   CHECK_THAT(error_of(with_geometry("<box><size>1 0 1</size></box>")),
              ContainsSubstring("size y 0 m"));
   CHECK_THAT(error_of(fixed_model("wall", "0 0 0 0 0 0",
                                   "<collision name='c'><geometry><sphere><radius>1</radius>"
                                   "</sphere></geometry><surface><friction><ode><mu>-1</mu></ode>"
                                   "</friction></surface></collision>")),
-             ContainsSubstring("<mu>") && ContainsSubstring("-1") &&
-                 ContainsSubstring("minimum allowed value of [0]"));
+             ContainsSubstring("friction mu -1 must be at least 0"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0",
                             "<collision name='c'><geometry><plane><normal>0 0 1</normal></plane>"
                             "</geometry></collision>")),
@@ -203,12 +197,12 @@ TEST_CASE("A value out of range is an error that names it and what is allowed") 
                       "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
                       "<axis><xyz>0 0 1</xyz><limit><lower>0.5</lower><upper>1</upper></limit>"
                       "</axis></joint></model>"),
-             ContainsSubstring("joint 'm::j'") && ContainsSubstring("include 0"));
+             ContainsSubstring("model 'm' joint 'j'") && ContainsSubstring("include 0"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", "<haptic:tool_joint>ball</haptic:tool_joint>")),
              ContainsSubstring("model 'm'") && ContainsSubstring("'ball' must be free or planar"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",
                             "<haptic:hand><link>body</link><pose>1 2 x</pose></haptic:hand>")),
-             ContainsSubstring("<haptic:hand>") && ContainsSubstring("six numbers"));
+             ContainsSubstring("<haptic:hand> <pose> '1 2 x'") && ContainsSubstring("6 numbers"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",
                             "<haptic:start><pose>1 2 3 0 0 0</pose></haptic:start>")),
              ContainsSubstring("<haptic:start>") && ContainsSubstring("<name>"));
@@ -221,8 +215,9 @@ TEST_CASE("A missing or broken file is one line that names it") {
   CHECK_THROWS_WITH(load_world("/nonexistent/w.sdf"), ContainsSubstring("/nonexistent/w.sdf"));
   CHECK_THROWS_WITH(parse_world("<sdf version='1.9'><world", "broken.sdf"),
                     ContainsSubstring("broken.sdf") && !ContainsSubstring("\n"));
-  CHECK_THROWS_WITH(parse_world("<sdf version='1.9'></sdf>", "empty.sdf"),
-                    ContainsSubstring("empty.sdf") && ContainsSubstring("exactly one"));
+  CHECK_THROWS_WITH(
+      parse_world("<sdf version='1.9'></sdf>", "empty.sdf"),
+      ContainsSubstring("empty.sdf:1: ") && ContainsSubstring("no <world> and no <model>"));
   CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
                       "<joint name='j' type='fixed'><parent>a</parent><child>nobody</child>"
                       "</joint></model>"),

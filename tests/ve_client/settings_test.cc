@@ -55,6 +55,11 @@ TEST_CASE("Options without a value have their defaults") {
   CHECK(settings->connect_timeout == 0);  // For ever: either side starts first.
 }
 
+TEST_CASE("A check is asked for with one flag") {
+  CHECK_FALSE(parse({"--world", "w.sdf"}).arguments.settings->check);
+  CHECK(parse({"--world", "w.sdf", "--check"}).arguments.settings->check);
+}
+
 TEST_CASE("Options set what they name") {
   const auto settings = parse({"--world", "w.sdf", "--rate-range", "30", "60", "--epsilon", "0",
                                "--follow", "kinematic", "--delay", "0.01", "--quiet"})

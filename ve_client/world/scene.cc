@@ -4,8 +4,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include <boost/property_tree/ptree.hpp>
-#include <boost/property_tree/xml_parser.hpp>
+#include <tinyxml2.h>
 
 #include "ve_client/world/sdf_loader.h"
 #include "ve_client/world/tool_assembly.h"
@@ -19,14 +18,14 @@ constexpr const char* kExtension = ".sdf";
 
 /// Of a file that may be anything.
 std::string description_in(const fs::path& file) {
-  namespace xml = boost::property_tree;
-  try {
-    xml::ptree tree;
-    xml::read_xml(file.string(), tree);
-    return single_spaced(tree.get<std::string>("sdf.world.haptic:description", ""));
-  } catch (const xml::ptree_error&) {
-    return "";
+  tinyxml2::XMLDocument document;
+  document.LoadFile(file.c_str());
+  const tinyxml2::XMLElement* element = document.RootElement();
+  for (const char* name : {"world", "haptic:description"}) {
+    if (element != nullptr) element = element->FirstChildElement(name);
   }
+  const char* text = element != nullptr ? element->GetText() : nullptr;
+  return text != nullptr ? single_spaced(text) : "";
 }
 
 /// Whether the file that is meant stands in that folder (canonical).
@@ -37,16 +36,39 @@ bool is_inside(const fs::path& folder, const fs::path& file) {
 
 }  // namespace
 
-Scene load_scene(const fs::path& file, const std::string& tool, const std::string& start) {
-  Scene scene{file, load_world(file), tool};
+Scene load_scene(const fs::path& file, const std::string& tool, const std::string& start,
+                 Diagnostics& diagnostics) {
+  Scene scene{file, load_world(file, diagnostics), tool};
   if (scene.tool.empty()) scene.tool = scene.world.tool;
-  if (scene.tool.empty()) {
-    throw std::runtime_error(file.string() +
-                             ": which model is the tool? Say it with --tool, or with <haptic:tool> "
-                             "in its <world>; it has: " +
-                             model_names(scene.world));
+  // A file that could not be read, or names a tool that it does not have, says so itself.
+  const auto& models = scene.world.models;
+  const auto model = std::ranges::find(models, scene.tool, &ModelDescription::name);
+  const bool reported = model == models.end() && !diagnostics.usable();
+  if (scene.tool.empty() || reported) return scene;
+  try {
+    assemble_tool(with_start(scene.world, scene.tool, start), scene.tool);
+  } catch (const std::runtime_error& error) {
+    Place place = model == models.end() ? Place{file.string(), 0, ""} : model->place;
+    place.element.clear();  // The message names the tool.
+    diagnostics.refuse(place, error.what());
   }
-  assemble_tool(with_start(scene.world, scene.tool, start), scene.tool);
+  return scene;
+}
+
+void require_usable(const Scene& scene, Diagnostics diagnostics) {
+  if (scene.tool.empty() && diagnostics.usable()) {
+    diagnostics.refuse({scene.file.string(), 0, ""},
+                       "which model is the tool? Say it with --tool, or with <haptic:tool> in its "
+                       "<world>; it has: " +
+                           model_names(scene.world));
+  }
+  if (!diagnostics.usable()) throw RefusedWorld(std::move(diagnostics));
+}
+
+Scene load_scene(const fs::path& file, const std::string& tool, const std::string& start) {
+  Diagnostics diagnostics;
+  Scene scene = load_scene(file, tool, start, diagnostics);
+  require_usable(scene, std::move(diagnostics));
   return scene;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "ve_client/world/diagnostics.h"
 #include "ve_client/world/world_description.h"
 
 namespace hlm::ve {
@@ -16,9 +17,17 @@ struct Scene {
   std::string tool;
 };
 
-/// The world in `file`. tool: its model that the user holds; empty: the one that the file names.
-/// start: where that begins, for the check that there is such a start. Throws std::runtime_error
-/// with one line as load_world(), with_start() and assemble_tool() do, and if there is no tool.
+/// The world in `file`. tool: its model that the user holds; empty: the one that the file names,
+/// and if that names none the scene has none. start: where that begins, for the check that there is
+/// such a start. All that is wrong with world and tool is refused to `diagnostics`; the scene is
+/// then what is left.
+Scene load_scene(const std::filesystem::path& file, const std::string& tool,
+                 const std::string& start, Diagnostics& diagnostics);
+
+/// Throws RefusedWorld where something was refused, or the scene has no tool.
+void require_usable(const Scene& scene, Diagnostics diagnostics);
+
+/// Both in one.
 Scene load_scene(const std::filesystem::path& file, const std::string& tool = "",
                  const std::string& start = "");
 

@@ -11,48 +11,48 @@
 #include <sdf/Sphere.hh>
 
 #include "common/range.h"
+#include "ve_client/world/sdf_messages.h"
+#include "ve_client/world/sdf_places.h"
 
 namespace hlm::ve {
 namespace {
 
+/// Throws std::runtime_error, for to_collision() to report.
 double positive_size(double value, const std::string& what) {
   if (const auto error = find_error(what, value, above_zero("m"))) throw std::runtime_error(*error);
   return value;
 }
 
-Shape to_shape(const sdf::Geometry& geometry, const std::string& where) {
+Shape to_shape(const sdf::Geometry& geometry) {
   switch (geometry.Type()) {
     case sdf::GeometryType::SPHERE:
-      return Sphere{positive_size(geometry.SphereShape()->Radius(), where + " radius")};
+      return Sphere{positive_size(geometry.SphereShape()->Radius(), "radius")};
     case sdf::GeometryType::CAPSULE:
-      return Capsule{positive_size(geometry.CapsuleShape()->Radius(), where + " radius"),
-                     positive_size(geometry.CapsuleShape()->Length(), where + " length")};
+      return Capsule{positive_size(geometry.CapsuleShape()->Radius(), "radius"),
+                     positive_size(geometry.CapsuleShape()->Length(), "length")};
     case sdf::GeometryType::CYLINDER:
-      return Cylinder{positive_size(geometry.CylinderShape()->Radius(), where + " radius"),
-                      positive_size(geometry.CylinderShape()->Length(), where + " length")};
+      return Cylinder{positive_size(geometry.CylinderShape()->Radius(), "radius"),
+                      positive_size(geometry.CylinderShape()->Length(), "length")};
     case sdf::GeometryType::BOX: {
       const ignition::math::Vector3d size = geometry.BoxShape()->Size();
-      return Box{{positive_size(size.X(), where + " size x"),
-                  positive_size(size.Y(), where + " size y"),
-                  positive_size(size.Z(), where + " size z")}};
+      return Box{{positive_size(size.X(), "size x"), positive_size(size.Y(), "size y"),
+                  positive_size(size.Z(), "size z")}};
     }
     case sdf::GeometryType::PLANE:
       return HalfSpace{};
     default:
-      throw std::runtime_error(where +
-                               ": no geometry; allowed: box, sphere, cylinder, capsule, "
-                               "plane");
+      throw std::runtime_error("no geometry; allowed: box, sphere, cylinder, capsule, plane");
   }
 }
 
-std::optional<double> friction_of(const sdf::Collision& collision, const std::string& where) {
+std::optional<double> friction_of(const sdf::Collision& collision) {
   sdf::ElementPtr element = collision.Element();
   for (const char* child : {"surface", "friction", "ode", "mu"}) {
     if (!element->HasElement(child)) return std::nullopt;
     element = element->GetElement(child);
   }
   const auto mu = element->Get<double>();
-  const auto error = find_error(where + ": friction mu", mu, from_zero(""));
+  const auto error = find_error("friction mu", mu, from_zero(""));
   if (error) throw std::runtime_error(*error);
   return mu;
 }
@@ -76,22 +76,27 @@ Pose to_pose(const ignition::math::Pose3d& pose) {
   return {to_vector(pose.Pos()), Quaternion(R.W(), R.X(), R.Y(), R.Z()).normalized()};
 }
 
-CollisionDescription to_collision(const sdf::Collision& collision, const Vector3& p_BS,
-                                  const std::string& where) {
-  ignition::math::Pose3d X_SG;
-  if (const sdf::Errors errors = collision.SemanticPose().Resolve(X_SG); !errors.empty()) {
-    throw std::runtime_error(where + ": " + errors.front().Message());
+std::optional<CollisionDescription> to_collision(const sdf::Collision& collision,
+                                                 const Vector3& p_BS, Diagnostics& diagnostics) {
+  try {
+    ignition::math::Pose3d X_SG;
+    const sdf::Errors errors = collision.SemanticPose().Resolve(X_SG);
+    if (diagnostics.usable()) require_none(errors);  // Otherwise the cause is reported already.
+    CollisionDescription result;
+    result.name = collision.Name();
+    result.shape = to_shape(*collision.Geom());
+    result.friction = friction_of(collision);
+    result.X_BG = Pose{p_BS, Quaternion::Identity()} * to_pose(X_SG);
+    if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
+      if (!(plane->Normal().Length() > 0)) throw std::runtime_error("normal must not be 0 0 0");
+      result.X_BG.R =
+          result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
+    }
+    return result;
+  } catch (const std::runtime_error& error) {
+    diagnostics.refuse(place_of(collision.Element()), error.what());
+    return std::nullopt;
   }
-  CollisionDescription result;
-  result.name = collision.Name();
-  result.shape = to_shape(*collision.Geom(), where);
-  result.friction = friction_of(collision, where);
-  result.X_BG = Pose{p_BS, Quaternion::Identity()} * to_pose(X_SG);
-  if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
-    result.X_BG.R =
-        result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
-  }
-  return result;
 }
 
 }  // namespace hlm::ve

@@ -1,294 +1,225 @@
 #include "ve_client/world/sdf_loader.h"
 
 #include <algorithm>
+#include <set>
 #include <sstream>
-#include <stdexcept>
 
-#include <sdf/Joint.hh>
-#include <sdf/JointAxis.hh>
-#include <sdf/Link.hh>
-#include <sdf/Model.hh>
-#include <sdf/ParserConfig.hh>
+#include <malloc.h>
 #include <sdf/Root.hh>
+#include <sdf/SDFImpl.hh>
 #include <sdf/World.hh>
 
-#include "common/one_line.h"
 #include "common/range.h"
+#include "ve_client/world/sdf_elements.h"
 #include "ve_client/world/sdf_geometry.h"
 #include "ve_client/world/sdf_messages.h"
-#include "ve_client/world/sdf_support.h"
+#include "ve_client/world/sdf_models.h"
+#include "ve_client/world/sdf_places.h"
+#include "ve_client/world/sdf_trees.h"
 
 namespace hlm::ve {
 namespace {
 
-template <class Named>
-Pose resolve_pose(const Named& element, const std::string& where, const std::string& frame = "") {
-  ignition::math::Pose3d pose;
-  require_none(element.SemanticPose().Resolve(pose, frame), where);
-  return to_pose(pose);
+/// A value of <physics>, if the file has it; path: the elements below <physics> down to it.
+std::optional<double> physics_value(sdf::ElementPtr at, std::initializer_list<const char*> path,
+                                    const Range& range, Diagnostics& diagnostics) {
+  for (const char* name : path) {
+    if (at) at = at->FindElement(name);
+  }
+  if (!at || !at->GetExplicitlySetInFile()) return std::nullopt;
+  const auto value = at->Get<double>();
+  if (const auto error = find_error("physics: " + at->GetName(), value, range)) {
+    diagnostics.refuse(place_of(at), *error);
+    return std::nullopt;
+  }
+  return value;
 }
 
-/// Reads one top-level model with its nested models into a world.
-class ModelReader {
- public:
-  explicit ModelReader(WorldDescription& world) : world_(world) {}
-
-  void read(const sdf::Model& model) {
-    const std::string where = "model '" + model.Name() + "'";
-    ModelDescription description;
-    description.name = model.Name();
-    description.fixed = model.Static();
-    description.first_body = static_cast<int>(world_.bodies.size());
-    read_tool_elements(*model.Element(), where, description);
-    description.X_WM = resolve_pose(model, where);
-    read_contents(model, description.X_WM, model.Name(), model.Static());
-    description.body_count = static_cast<int>(world_.bodies.size()) - description.first_body;
-    world_.models.push_back(description);
-  }
-
- private:
-  static void read_tool_elements(sdf::Element& model, const std::string& where,
-                                 ModelDescription& description) {
-    if (model.HasElement("haptic:tool_joint")) {
-      const std::string type = model.Get<std::string>("haptic:tool_joint");
-      if (type != "free" && type != "planar") {
-        throw std::runtime_error(where + ": <haptic:tool_joint> '" + type +
-                                 "' must be free or planar");
-      }
-      description.tool_joint = type == "free" ? JointType::kFree : JointType::kPlanar;
-    }
-    if (model.HasElement("haptic:hand"))
-      read_hand(*model.GetElement("haptic:hand"), where, description);
-    if (!model.HasElement("haptic:start")) return;
-    for (sdf::ElementPtr start = model.GetElement("haptic:start"); start;
-         start = start->GetNextElement("haptic:start")) {
-      description.starts.push_back(read_start(*start, where, description.starts));
-    }
-  }
-
-  static void read_hand(sdf::Element& hand, const std::string& where,
-                        ModelDescription& description) {
-    if (!hand.HasElement("link")) {
-      throw std::runtime_error(where + ": <haptic:hand> must name the held <link>");
-    }
-    description.hand_link = hand.Get<std::string>("link");
-    if (hand.HasElement("pose")) description.X_SH = read_pose(hand, where + ": <haptic:hand>");
-  }
-
-  static StartDescription read_start(sdf::Element& start, const std::string& where,
-                                     const std::vector<StartDescription>& others) {
-    if (!start.HasElement("name") || !start.HasElement("pose")) {
-      throw std::runtime_error(where + ": <haptic:start> must have a <name> and a <pose>");
-    }
-    const auto name = start.Get<std::string>("name");
-    const std::string what = where + ": <haptic:start> '" + name + "'";
-    const bool is_taken = std::ranges::find(others, name, &StartDescription::name) != others.end();
-    if (name.empty() || is_taken) {
-      throw std::runtime_error(what + " must have a name of its own, and not an empty one");
-    }
-    return {name, read_pose(start, what)};
-  }
-
-  static Pose read_pose(sdf::Element& parent, const std::string& where) {
-    ignition::math::Pose3d pose;
-    std::istringstream text(parent.Get<std::string>("pose"));
-    if (!(text >> pose)) {
-      throw std::runtime_error(where + " <pose> '" + text.str() +
-                               "' must be six numbers: x y z (m) roll pitch yaw (rad)");
-    }
-    return to_pose(pose);
-  }
-
-  void read_contents(const sdf::Model& model, const Pose& X_WM, const std::string& scope,
-                     bool fixed) {
-    for (std::uint64_t i = 0; i < model.LinkCount(); ++i) {
-      read_link(*model.LinkByIndex(i), X_WM, scope, fixed);
-    }
-    for (std::uint64_t i = 0; i < model.ModelCount(); ++i) {
-      const sdf::Model& nested = *model.ModelByIndex(i);
-      const std::string name = scope + "::" + nested.Name();
-      read_contents(nested, X_WM * resolve_pose(nested, "model '" + name + "'"), name,
-                    fixed || nested.Static());
-    }
-    for (std::uint64_t i = 0; i < model.JointCount(); ++i) {
-      read_joint(*model.JointByIndex(i), X_WM, scope);
-    }
-  }
-
-  void read_link(const sdf::Link& link, const Pose& X_WM, const std::string& scope, bool fixed) {
-    const std::string name = scope + "::" + link.Name();
-    const std::string where = "link '" + name + "'";
-    const Pose X_WS = X_WM * resolve_pose(link, where);
-    const Vector3 p_SB = to_vector(link.Inertial().Pose().Pos());
-
-    BodyDescription body;
-    body.name = name;
-    body.fixed = fixed;
-    body.weightless = !link.Element()->Get<bool>("gravity", true).first;
-    body.mass = link.Inertial().MassMatrix().Mass();
-    body.I_B = to_matrix(link.Inertial().Moi());
-    body.X_WB = {X_WS * p_SB, X_WS.R};
-    body.p_BS = -p_SB;
-    constexpr std::uint64_t kMostCollisions = 256;  // Feature::shape is one byte.
-    if (link.CollisionCount() > kMostCollisions) {
-      throw std::runtime_error(where + ": " + std::to_string(link.CollisionCount()) +
-                               " collisions; at most 256 are allowed");
-    }
-    for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
-      const sdf::Collision& collision = *link.CollisionByIndex(i);
-      const std::string what = where + " collision '" + collision.Name() + "'";
-      body.collisions.push_back(to_collision(collision, body.p_BS, what));
-      if (!fixed && std::holds_alternative<HalfSpace>(body.collisions.back().shape)) {
-        throw std::runtime_error(what + ": a plane is allowed in static models only");
-      }
-    }
-    world_.bodies.push_back(std::move(body));
-  }
-
-  int find_body(const std::string& scoped_name, const std::string& where) const {
-    const auto body = std::ranges::find(world_.bodies, scoped_name, &BodyDescription::name);
-    if (body == world_.bodies.end()) {
-      throw std::runtime_error(where + ": no link '" + scoped_name + "'");
-    }
-    return static_cast<int>(body - world_.bodies.begin());
-  }
-
-  void read_joint(const sdf::Joint& joint, const Pose& X_WM, const std::string& scope) {
-    const std::string where = "joint '" + scope + "::" + joint.Name() + "'";
-    JointDescription description;
-    description.name = scope + "::" + joint.Name();
-    description.type = joint_type(joint, where);
-    std::string parent;
-    std::string child;
-    require_none(joint.ResolveParentLink(parent), where);
-    require_none(joint.ResolveChildLink(child), where);
-    if (child == "world") throw std::runtime_error(where + ": child 'world' must be a link");
-    description.parent = parent == "world" ? -1 : find_body(scope + "::" + parent, where);
-    description.child = find_body(scope + "::" + child, where);
-    description.X_WJ = X_WM * resolve_pose(joint, where, "__model__");
-    if (description.type != JointType::kFixed) read_axis(joint, where, description);
-    world_.joints.push_back(description);
-  }
-
-  static JointType joint_type(const sdf::Joint& joint, const std::string& where) {
-    switch (joint.Type()) {
-      case sdf::JointType::FIXED:
-        return JointType::kFixed;
-      case sdf::JointType::REVOLUTE:
-      case sdf::JointType::CONTINUOUS:
-        return JointType::kRevolute;
-      case sdf::JointType::PRISMATIC:
-        return JointType::kPrismatic;
-      default:
-        throw std::runtime_error(where + ": type '" + joint.Element()->Get<std::string>("type") +
-                                 "' must be fixed, revolute, continuous or prismatic");
-    }
-  }
-
-  static void read_axis(const sdf::Joint& joint, const std::string& where,
-                        JointDescription& description) {
-    const sdf::JointAxis* axis = joint.Axis(0);
-    if (axis == nullptr) throw std::runtime_error(where + ": has no <axis>");
-    ignition::math::Vector3d axis_J;
-    require_none(axis->ResolveXyz(axis_J), where);
-    description.axis_J = to_vector(axis_J).normalized();
-    read_dynamics(*axis, where, description);
-    if (joint.Type() == sdf::JointType::CONTINUOUS) return;
-    // SDF writes "no limit" as a very large number.
-    constexpr double kNoLimit = 1e15;
-    if (axis->Lower() > -kNoLimit) description.lower = axis->Lower();
-    if (axis->Upper() < kNoLimit) description.upper = axis->Upper();
-    if (!(description.lower <= 0 && description.upper >= 0)) {
-      throw std::runtime_error(where + ": limits " + std::to_string(axis->Lower()) + " to " +
-                               std::to_string(axis->Upper()) +
-                               " must include 0, the initial position");
-    }
-  }
-
-  static void read_dynamics(const sdf::JointAxis& axis, const std::string& where,
-                            JointDescription& description) {
-    description.stiffness = at_least_zero(axis.SpringStiffness(), where + ": spring_stiffness");
-    description.damping = at_least_zero(axis.Damping(), where + ": damping");
-    description.rest = axis.SpringReference();
-  }
-
-  static double at_least_zero(double value, const std::string& what) {
-    if (const auto error = find_error(what, value, from_zero(""))) throw std::runtime_error(*error);
-    return value;
-  }
-
-  WorldDescription& world_;
-};
-
 /// <physics>: of all that may stand there, the step and the solver's iterations.
-SolverDescription read_solver(sdf::Element& world) {
-  constexpr Range kSteps{1e-4, 0.1, "s"};
-  constexpr Range kSweeps{1, 1000};
+SolverDescription read_solver(const sdf::ElementPtr& world, Diagnostics& diagnostics) {
   SolverDescription solver;
-  if (!world.HasElement("physics")) return solver;
-  const sdf::ElementPtr physics = world.GetElement("physics");
-  const sdf::ElementPtr step = physics->FindElement("max_step_size");
-  if (step && step->GetExplicitlySetInFile()) {
-    solver.largest_step = step->Get<double>();
-    const auto error = find_error("physics: max_step_size", *solver.largest_step, kSteps);
-    if (error) throw std::runtime_error(*error);
-  }
-  sdf::ElementPtr sweeps = physics;
-  for (const char* child : {"ode", "solver", "iters"}) {
-    if (sweeps) sweeps = sweeps->FindElement(child);
-  }
-  if (sweeps && sweeps->GetExplicitlySetInFile()) {
-    solver.sweeps = sweeps->Get<int>();
-    const auto error = find_error("physics: iters", *solver.sweeps, kSweeps);
-    if (error) throw std::runtime_error(*error);
-  }
+  const sdf::ElementPtr physics = world->FindElement("physics");
+  solver.largest_step = physics_value(physics, {"max_step_size"}, {1e-4, 0.1, "s"}, diagnostics);
+  const auto sweeps = physics_value(physics, {"ode", "solver", "iters"}, {1, 1000}, diagnostics);
+  if (sweeps) solver.sweeps = static_cast<int>(*sweeps);
   return solver;
 }
 
 /// The text of a world's own element, with single spaces; empty if there is none.
-std::string read_text(sdf::Element& world, const std::string& name) {
-  if (!world.HasElement(name)) return "";
-  const sdf::ElementPtr element = world.GetElement(name);
-  const std::string text = single_spaced(element->Get<std::string>());
-  if (text.empty()) throw std::runtime_error("<" + name + "> must not be empty");
-  if (element->GetNextElement(name)) {
-    throw std::runtime_error("<" + name + "> '" + text + "' must be the only one of the world");
+std::string read_text(const sdf::ElementPtr& world, const std::string& name,
+                      Diagnostics& diagnostics) {
+  const sdf::ElementPtr element = world->FindElement(name);
+  if (!element) return "";
+  std::string text = single_spaced(element->Get<std::string>());
+  if (text.empty()) diagnostics.refuse(place_of(element), tag(name) + " must not be empty");
+  if (const sdf::ElementPtr second = element->GetNextElement(name)) {
+    diagnostics.refuse(place_of(second),
+                       tag(name) + " '" + text + "' must be the only one of the world");
   }
   return text;
 }
 
-WorldDescription read(const sdf::Root& root) {
-  require_supported(root.Element());
-  if (root.WorldCount() != 1) {
-    throw std::runtime_error(std::to_string(root.WorldCount()) +
-                             " <world> elements; exactly one is allowed");
+/// Whether a check of ours says the same, or the error says nothing.
+bool is_checked_before(const sdf::Error& error) {
+  return error.Code() == sdf::ErrorCode::LINK_INERTIA_INVALID ||
+         error.Code() == sdf::ErrorCode::ELEMENT_INVALID;
+}
+
+/// Whether the error only shows that there is another.
+bool is_consequence(const sdf::Error& error) {
+  return error.Code() == sdf::ErrorCode::POSE_RELATIVE_TO_GRAPH_ERROR ||
+         error.Code() == sdf::ErrorCode::FRAME_ATTACHED_TO_GRAPH_ERROR ||
+         error.Message().starts_with("FrameAttachedToGraph unable") ||
+         error.Message().starts_with("PoseRelativeToGraph unable");
+}
+
+std::string in_words(const sdf::Error& error) {
+  const std::string message = error.Message();
+  if (error.Code() == sdf::ErrorCode::POSE_RELATIVE_TO_CYCLE ||
+      error.Code() == sdf::ErrorCode::FRAME_ATTACHED_TO_CYCLE) {
+    return "its frame depends on itself, by relative_to or attached_to";
   }
-  const sdf::World& source = *root.WorldByIndex(0);
+  const bool is_default = message.find("[__default__]") != message.npos;
+  return is_default ? "must have a <parent> and a <child>" : message;
+}
+
+/// The element below `root` that a message of the parser means by "TYPE with name[NAME]" or "vertex
+/// [NAME]"; null if it means none.
+sdf::ElementPtr find_meant(const sdf::ElementPtr& root, const std::string& message) {
+  for (sdf::ElementPtr child = root->GetFirstElement(); child; child = child->GetNextElement()) {
+    if (sdf::ElementPtr inner = find_meant(child, message)) return inner;
+    if (!child->GetAttributeSet("name")) continue;
+    const std::string name = child->Get<std::string>("name");
+    // Some messages begin with the type, as "Joint with …".
+    const std::string type = child->GetName().substr(1);
+    if (message.find(type + " with name[" + name + "]") != message.npos) return child;
+    if (message.ends_with("vertex [" + name + "].")) return child;
+  }
+  return nullptr;
+}
+
+/// Reads one file.
+class WorldReader {
+ public:
+  WorldReader(SdfFile& file, CapturedMessages& messages, Diagnostics& diagnostics)
+      : file_(file), diagnostics_(diagnostics), trees_(file, messages, diagnostics) {}
+
+  WorldDescription read() {
+    const sdf::ElementPtr root = trees_.world();
+    if (!root || !root->HasElement("world")) return {};
+    bare_ = root;
+    read_world(root->GetElement("world"));
+    // Each model takes libsdformat some hundred kilobytes: one after the other is enough, unless
+    // their poses depend on each other.
+    std::vector<sdf::ElementPtr> group;
+    for (int i = 0; i < trees_.model_count(); ++i) {
+      if (const sdf::ElementPtr model = trees_.model(i)) group.push_back(model);
+      if (trees_.connected()) continue;
+      add_models(group);
+      group.clear();
+    }
+    add_models(group);
+    check_tool();
+    return std::move(world_);
+  }
+
+ private:
+  void read_world(const sdf::ElementPtr& element) {
+    world_.gravity_W = to_vector(element->Get<ignition::math::Vector3d>("gravity"));
+    world_.solver = read_solver(element, diagnostics_);
+    world_.tool = read_text(element, "haptic:tool", diagnostics_);
+    world_.description = read_text(element, "haptic:description", diagnostics_);
+    if (const sdf::ElementPtr tool = element->FindElement("haptic:tool")) {
+      tool_place_ = place_of(tool);
+    }
+    // Nothing depends on the world's name, but some are reserved. <physics> has been read, and
+    // libsdformat's World wants what the schema leaves out of it.
+    element->GetAttribute("name")->SetFromString("default");
+    while (const sdf::ElementPtr physics = element->FindElement("physics")) {
+      element->RemoveChild(physics);
+    }
+  }
+
+  void add_models(const std::vector<sdf::ElementPtr>& models) {
+    if (models.empty()) return;
+    const auto sdf = std::make_shared<sdf::SDF>();
+    sdf->Root(bare_->Clone());
+    const sdf::ElementPtr world = sdf->Root()->GetElement("world");
+    for (const sdf::ElementPtr& model : models) {
+      require_own_name(model);
+      model->SetParent(world);
+      world->InsertElement(model);
+    }
+    sdf::Root root;
+    const bool alone = !trees_.connected();
+    report(root.Load(sdf, parser_config()), world,
+           alone ? place_of(models.front()) : Place{file_.name, 0, ""});
+    const sdf::World* source = root.WorldByIndex(0);
+    for (std::uint64_t i = 0; source != nullptr && i < source->ModelCount(); ++i) {
+      add_model(*source->ModelByIndex(i), world_, diagnostics_);
+    }
+  }
+
+  void require_own_name(const sdf::ElementPtr& model) {
+    const auto name = model->Get<std::string>("name");
+    if (names_.insert(name).second) return;
+    diagnostics_.refuse(place_of(model),
+                        "a second model of this name; give the <include> a <name>, "
+                        "or rename one");
+  }
+
+  /// What the parser finds wrong between elements: names and frames. Of what follows from that it
+  /// has more to say.
+  void report(const sdf::Errors& errors, const sdf::ElementPtr& world, const Place& otherwise) {
+    const int refused = diagnostics_.count(Verdict::kRefused);
+    std::set<std::string> places;
+    for (const bool consequences : {false, true}) {
+      if (consequences && diagnostics_.count(Verdict::kRefused) > refused) return;
+      for (const sdf::Error& error : errors) {
+        if (is_checked_before(error) || is_consequence(error) != consequences) continue;
+        const sdf::ElementPtr meant = find_meant(world, error.Message());
+        const Place place = meant ? place_of(meant) : otherwise;
+        if (meant && !places.insert(to_string(place)).second) continue;
+        diagnostics_.refuse(place, in_words(error));
+      }
+    }
+  }
+
+  void check_tool() {
+    if (world_.tool.empty()) return;
+    try {
+      find_model(world_, world_.tool);
+    } catch (const std::runtime_error& error) {
+      diagnostics_.refuse(tool_place_, error.what());
+    }
+  }
+
+  SdfFile& file_;
+  Diagnostics& diagnostics_;
+  SdfTrees trees_;
+  sdf::ElementPtr bare_;  ///< <sdf> with the world, without models.
+  WorldDescription world_;
+  Place tool_place_;
+  std::set<std::string> names_;
+};
+
+/// `open(diagnostics)`: the file.
+template <class Open>
+WorldDescription read_with(Open open, Diagnostics& diagnostics) {
   WorldDescription world;
-  world.gravity_W = to_vector(source.Gravity());
-  world.solver = read_solver(*source.Element());
-  ModelReader reader(world);
-  for (std::uint64_t i = 0; i < source.ModelCount(); ++i) reader.read(*source.ModelByIndex(i));
-  world.tool = read_text(*source.Element(), "haptic:tool");
-  world.description = read_text(*source.Element(), "haptic:description");
-  if (!world.tool.empty()) find_model(world, world.tool);
+  {
+    CapturedMessages messages;
+    if (const std::shared_ptr<SdfFile> file = open(diagnostics)) {
+      world = WorldReader(*file, messages, diagnostics).read();
+    }
+  }
+  malloc_trim(0);  // What the parser has used goes back to the system.
   return world;
 }
 
-/// Loads with `load(root, config)`; every message names `name`.
-template <class Load>
-WorldDescription load_with(const std::string& name, Load load) {
-  const CapturedMessages messages;
-  sdf::ParserConfig config;
-  config.SetUnrecognizedElementsPolicy(sdf::EnforcementPolicy::ERR);
-  sdf::Root root;
-  const sdf::Errors errors = load(root, config);
-  require_none(errors, name, messages.first_error());
-  try {
-    return read(root);
-  } catch (const std::runtime_error& error) {
-    throw std::runtime_error(one_line(name + ": " + error.what()));
-  }
+WorldDescription usable(WorldDescription world, Diagnostics diagnostics) {
+  if (!diagnostics.usable()) throw RefusedWorld(std::move(diagnostics));
+  return world;
 }
 
 }  // namespace
@@ -300,19 +231,25 @@ std::string single_spaced(const std::string& text) {
   return line;
 }
 
+WorldDescription load_world(const std::filesystem::path& file, Diagnostics& diagnostics) {
+  return read_with([&](Diagnostics& sink) { return read_file(file, sink); }, diagnostics);
+}
+
 WorldDescription load_world(const std::filesystem::path& file) {
-  if (!std::filesystem::is_regular_file(file)) {
-    throw std::runtime_error("world file '" + file.string() + "' does not exist");
-  }
-  return load_with(file.string(), [&](sdf::Root& root, const sdf::ParserConfig& config) {
-    return root.Load(file.string(), config);
-  });
+  Diagnostics diagnostics;
+  WorldDescription world = load_world(file, diagnostics);
+  return usable(std::move(world), std::move(diagnostics));
+}
+
+WorldDescription parse_world(const std::string& text, const std::string& name,
+                             Diagnostics& diagnostics) {
+  return read_with([&](Diagnostics& sink) { return parse_file(text, name, sink); }, diagnostics);
 }
 
 WorldDescription parse_world(const std::string& text, const std::string& name) {
-  return load_with(name, [&](sdf::Root& root, const sdf::ParserConfig& config) {
-    return root.LoadSdfString(text, config);
-  });
+  Diagnostics diagnostics;
+  WorldDescription world = parse_world(text, name, diagnostics);
+  return usable(std::move(world), std::move(diagnostics));
 }
 
 }  // namespace hlm::ve

@@ -1,9 +1,8 @@
 #include "ve_client/world/sdf_messages.h"
 
+#include <algorithm>
 #include <iostream>
 #include <stdexcept>
-
-#include "common/one_line.h"
 
 namespace hlm::ve {
 
@@ -18,6 +17,12 @@ std::string CapturedMessages::first_error() const {
   constexpr std::string_view kPositionEnd = "]\033[0m ";
   const std::string text = text_.str();
   const std::size_t error = text.find("Error [");
+  constexpr std::string_view kUrdf = "Error:";
+  if (const std::size_t urdf = text.find(kUrdf); urdf < error) {
+    const std::size_t begin =
+        std::min(text.find_first_not_of(" ", urdf + kUrdf.size()), text.size());
+    return text.substr(begin, text.find('\n', begin) - begin);
+  }
   if (error == text.npos) return "";
   const std::size_t position_end = text.find(kPositionEnd, error);
   if (position_end == text.npos) return "";
@@ -25,13 +30,8 @@ std::string CapturedMessages::first_error() const {
   return text.substr(begin, text.find('\n', begin) - begin);
 }
 
-void require_none(const sdf::Errors& errors, const std::string& where, const std::string& detail) {
-  if (errors.empty()) return;
-  const sdf::Error& first = errors.front();
-  std::string message = where + ": " + first.Message();
-  if (first.LineNumber()) message += " in line " + std::to_string(*first.LineNumber());
-  if (!detail.empty()) message += ": " + detail;
-  throw std::runtime_error(one_line(message));
+void require_none(const sdf::Errors& errors) {
+  if (!errors.empty()) throw std::runtime_error(errors.front().Message());
 }
 
 }  // namespace hlm::ve

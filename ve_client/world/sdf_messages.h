@@ -19,7 +19,9 @@ class CapturedMessages {
   CapturedMessages(const CapturedMessages&) = delete;
   CapturedMessages& operator=(const CapturedMessages&) = delete;
 
-  /// The first error of the SDF parser so far, without its source position; empty if none.
+  /// Forgets what was said so far.
+  void clear() { text_.str(""); }
+  /// The first error since, without its source position; empty if there is none.
   std::string first_error() const;
 
  private:
@@ -29,9 +31,7 @@ class CapturedMessages {
   std::streambuf* original_;
 };
 
-/// Throws std::runtime_error "where: …" with the first of the parser's errors, its line in the file
-/// and `detail` (may be empty) in one line; returns if there is no error.
-void require_none(const sdf::Errors& errors, const std::string& where,
-                  const std::string& detail = "");
+/// Throws std::runtime_error with the first of the parser's errors; returns if there is none.
+void require_none(const sdf::Errors& errors);
 
 }  // namespace hlm::ve

@@ -1,15 +1,24 @@
 #include "ve_client/world/world_description.h"
 
 #include <algorithm>
+#include <span>
 #include <stdexcept>
 
 namespace hlm::ve {
 namespace {
 
+/// More would hide what a message is about.
+constexpr std::size_t kMostNames = 20;
+
 template <class Named>
 std::string names_of(const std::vector<Named>& all) {
   std::string names;
-  for (const Named& one : all) names.append(names.empty() ? "" : ", ").append(one.name);
+  for (const Named& one : std::span(all).first(std::min(all.size(), kMostNames))) {
+    names.append(names.empty() ? "" : ", ").append(one.name);
+  }
+  if (all.size() > kMostNames) {
+    names.append(" and ").append(std::to_string(all.size() - kMostNames)).append(" more");
+  }
   return names.empty() ? "none" : names;
 }
 

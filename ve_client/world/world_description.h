@@ -10,6 +10,7 @@
 #include "common/spatial.h"
 #include "common/tool_description.h"
 #include "ve_client/contacts/shape.h"
+#include "ve_client/world/diagnostics.h"
 
 namespace hlm::ve {
 
@@ -76,6 +77,7 @@ struct ModelDescription {
   std::optional<std::string> hand_link;
   Pose X_SH;
   std::vector<StartDescription> starts;
+  Place place;  ///< In its file.
 };
 
 /// How finely the world is simulated; what is not given the world chooses (World).

@@ -1,0 +1,74 @@
+// ve_client --check: what it says of a world, and whether that can be used.
+#include "ve_client/check.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include <unistd.h>
+
+#include "tests/support/catch.h"
+#include "tests/support/worlds.h"
+
+namespace hlm::ve {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+
+struct Checked {
+  bool usable = false;
+  std::string text;
+};
+
+Checked check(const std::string& world, const std::string& tool = "") {
+  Settings settings;
+  settings.world = world;
+  settings.tool = tool;
+  std::ostringstream out;
+  const bool usable = check_scene(settings, out);
+  return {usable, out.str()};
+}
+
+TEST_CASE("A world that can be used is counted, with what is approximated and ignored in it") {
+  const auto [usable, text] = check(HLM_TEST_WORLDS "/materials.sdf");
+  CHECK(usable);
+  CHECK_THAT(text, ContainsSubstring("models: 1, bodies: 1 (0 fixed), collisions: 1, joints: 0") &&
+                       ContainsSubstring("no tool: ") && ContainsSubstring("\napproximated:\n") &&
+                       ContainsSubstring("materials.sdf:19: model 'm' link 'body' collision 'box': "
+                                         "<mu2>") &&
+                       ContainsSubstring("\nignored:\n") && ContainsSubstring("\ncan be used\n"));
+}
+
+TEST_CASE("All that is wrong with a world is said at once") {
+  const auto [usable, text] = check(HLM_TEST_WORLDS "/bad_values.sdf");
+  CHECK_FALSE(usable);
+  CHECK(std::ranges::count(text, '\n') == 13);  // Nine faults.
+  CHECK_THAT(text, ContainsSubstring("\nrefused:\n") && ContainsSubstring("cannot be used\n"));
+}
+
+TEST_CASE("A tool is checked too, the named one and another") {
+  const auto [usable, text] = check(HLM_WORLDS "/linkage.sdf");
+  CHECK(usable);
+  CHECK_THAT(text, ContainsSubstring("tool 'arm': links: 2, degrees of freedom: 2"));
+  const auto [other, why] = check(HLM_WORLDS "/linkage.sdf", "hammer");
+  CHECK_FALSE(other);
+  CHECK_THAT(why, ContainsSubstring("tool 'hammer'") && ContainsSubstring("it has: arm"));
+}
+
+TEST_CASE("What only the engine refuses is refused by the check") {
+  const std::string file = std::filesystem::temp_directory_path() /
+                           ("hlm_check_test." + std::to_string(getpid()) + ".sdf");
+  std::ofstream(file) << "<sdf version='1.9'><world name='w'><model name='m'><link name='l'>"
+                      << test::kInertial
+                      << "</link><joint name='j' type='revolute'><parent>world</parent>"
+                         "<child>l</child><axis><xyz>0 0 1</xyz><dynamics><spring_stiffness>1e9"
+                         "</spring_stiffness></dynamics></axis></joint></model></world></sdf>";
+  const auto [usable, text] = check(file);
+  std::filesystem::remove(file);
+  CHECK_FALSE(usable);
+  CHECK_THAT(text, ContainsSubstring("spring_stiffness") && ContainsSubstring("to be stable"));
+}
+
+}  // namespace
+}  // namespace hlm::ve

@@ -1,0 +1,257 @@
+// Files as Gazebo's users have them: what they include, models as root, URDF, older versions,
+// frames; where URIs lead; the memory that a large world takes; the table of elements.
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <numbers>
+#include <sstream>
+
+#include <malloc.h>
+#include <sdf/SDFImpl.hh>
+#include <sdf/parser.hh>
+
+#include "tests/support/catch.h"
+#include "tests/support/worlds.h"
+#include "ve_client/world/resources.h"
+#include "ve_client/world/sdf_elements.h"
+
+namespace hlm::ve {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+namespace fs = std::filesystem;
+
+const fs::path kFolder = HLM_TEST_WORLDS;
+
+WorldDescription load(const std::string& name) { return load_world(kFolder / name); }
+
+const BodyDescription& body(const WorldDescription& world, const std::string& name) {
+  const auto found = std::ranges::find(world.bodies, name, &BodyDescription::name);
+  if (found == world.bodies.end()) throw std::runtime_error("no body " + name);
+  return *found;
+}
+
+TEST_CASE("An included model has the name, the pose and <static> of its <include>") {
+  const WorldDescription world = load("include_folder.sdf");
+  REQUIRE(world.models.size() == 2);
+  CHECK(world.models[0].name == "crate");
+  CHECK(body(world, "crate::body").X_WB.p.isApprox(Vector3(0, 0, 1), 1e-12));
+  CHECK_FALSE(body(world, "crate::body").fixed);
+  CHECK(body(world, "second::body").X_WB.p.isApprox(Vector3(1, 0, 0), 1e-12));
+  CHECK(body(world, "second::body").fixed);
+}
+
+TEST_CASE("A model's folder stands for its file of the latest version that can be read") {
+  const WorldDescription world = load("include_newest_version.sdf");
+  CHECK(std::holds_alternative<Sphere>(body(world, "old_crate::body").collisions.at(0).shape));
+}
+
+TEST_CASE("A model that is included in a model is part of it, and its joints reach it") {
+  const WorldDescription world = load("include_in_model.sdf");
+  REQUIRE(world.models.size() == 1);
+  CHECK(body(world, "cart::load::body").X_WB.p.isApprox(Vector3(0, 0, 0.6), 1e-12));
+  REQUIRE(world.joints.size() == 1);
+  const auto name_of = [&](int index) {
+    return world.bodies.at(static_cast<std::size_t>(index)).name;
+  };
+  CHECK(name_of(world.joints[0].parent) == "cart::bed");
+  CHECK(name_of(world.joints[0].child) == "cart::load::body");
+}
+
+TEST_CASE("Included models are placed relative to frames, to each other and by their own frames") {
+  const WorldDescription world = load("include_relative_to_frame.sdf");
+  CHECK(body(world, "crate::body").X_WB.p.isApprox(Vector3(0.2, 0, 1), 1e-12));
+  // Its frame "grip", 0.05 m above its link, is 0.2 m above the crate.
+  CHECK(body(world, "old_crate::body").X_WB.p.isApprox(Vector3(0.2, 0, 1.15), 1e-12));
+}
+
+TEST_CASE("Before SDFormat 1.7 an included model is placed relative to a 'frame'") {
+  const WorldDescription world = load("include_before_1_7.sdf");
+  CHECK(body(world, "second::body").X_WB.p.isApprox(Vector3(0, 0, 1.1), 1e-12));
+}
+
+TEST_CASE("A model as root makes a world with that model, and gravity as SDFormat has it") {
+  const WorldDescription world = load("root_model.sdf");
+  REQUIRE(world.models.size() == 1);
+  CHECK(world.models[0].name == "lever");
+  CHECK(world.gravity_W.isApprox(Vector3(0, 0, -9.8), 1e-12));
+  CHECK(world.joints.at(0).upper == 1);
+}
+
+TEST_CASE("A URDF file makes a world with that robot: links, limits, friction, what is mounted") {
+  const WorldDescription world = load("root_urdf.urdf");
+  CHECK(world.models.at(0).name == "robot");
+  const auto joint = [&](const std::string& name) {
+    return *std::ranges::find(world.joints, "robot::" + name, &JointDescription::name);
+  };
+  CHECK(joint("mount").parent == -1);
+  CHECK(joint("shoulder").lower == -2);
+  CHECK(joint("shoulder").damping == 0.1);
+  const BodyDescription& arm = body(world, "robot::arm");
+  CHECK(arm.X_WB.p.isApprox(Vector3(0, 0, 0.15), 1e-12));
+  CHECK(arm.collisions.at(0).X_BG.p.isApprox(Vector3(0.2, 0, 0), 1e-12));
+  CHECK(arm.collisions[0].friction == 0.4);
+}
+
+TEST_CASE("Older versions mean what they meant: an axis in the model's frame") {
+  const WorldDescription world = load("version_1_5_frames.sdf");
+  const JointDescription& slide = world.joints.at(0);
+  CHECK((slide.X_WJ.R * slide.axis_J).isApprox(Vector3::UnitX(), 1e-9));
+  CHECK(slide.lower == -0.1);
+  CHECK(std::isinf(slide.upper));
+}
+
+TEST_CASE("Poses in degrees and as quaternions") {
+  const WorldDescription world = load("pose_formats.sdf");
+  const Quaternion quarter(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitZ()));
+  CHECK(body(world, "m::body").X_WB.R.angularDistance(quarter) < 1e-6);
+  CHECK(body(world, "n::body").X_WB.R.angularDistance(quarter) < 1e-6);
+}
+
+TEST_CASE("Models in models in models are placed, and joints reach through them") {
+  const WorldDescription world = load("nested_models.sdf");
+  CHECK(body(world, "outer::middle::inner::tip").X_WB.p.isApprox(Vector3(0, 0, 0.4), 1e-12));
+  CHECK(world.joints.size() == 2);
+}
+
+TEST_CASE("What <physics> says beyond step and iterations changes nothing") {
+  const WorldDescription world = load("decorated.sdf");
+  CHECK(world.solver.largest_step == 0.002);
+  CHECK(world.solver.sweeps == 50);
+}
+
+// Where URIs lead.
+
+/// A variable of the environment, for as long as this lives.
+class Variable {
+ public:
+  Variable(const char* name, const std::string& value) : name_(name) {
+    setenv(name, value.c_str(), 1);
+  }
+  ~Variable() { unsetenv(name_); }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+
+ private:
+  const char* name_;
+};
+
+TEST_CASE("A URI is searched in the folders of the environment, beside the file and above it") {
+  const fs::path crate = kFolder / "models" / "crate";
+  const fs::path inner = kFolder / "models" / "cart" / "model.sdf";
+  CHECK(find_resource("model://crate", inner) == crate);
+  CHECK(find_resource("../crate", inner) == crate);
+  CHECK(find_resource("file://" + crate.string(), "elsewhere.sdf") == crate);
+  CHECK_FALSE(find_resource("model://crate", "/elsewhere.sdf"));
+  CHECK_FALSE(find_resource("", inner));
+  CHECK_FALSE(find_resource("https://example.org/crate", inner));
+  const std::string models = (kFolder / "models").string();
+  for (const char* name : {"SDF_PATH", "GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH"}) {
+    const Variable variable(name, std::string("/nowhere:").append(models));
+    CHECK(find_resource("model://crate", "/elsewhere.sdf") == crate);
+    CHECK(find_resource("crate/model.sdf", "/elsewhere.sdf") == crate / "model.sdf");
+  }
+  const Variable packages("ROS_PACKAGE_PATH", models);
+  CHECK(find_resource("package://crate/model.sdf", "/elsewhere.sdf") == crate / "model.sdf");
+  CHECK_FALSE(find_resource("model://crate", "/elsewhere.sdf"));
+}
+
+// Large worlds.
+
+/// Of this process, kB: "VmRSS" now, "VmHWM" the most since the latest reset.
+long memory(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;) {
+    long value = 0;
+    if (word == key + ":" && status >> value) return value;
+  }
+  return -1;
+}
+
+std::string many_models(int count) {
+  std::ostringstream models;
+  for (int i = 0; i < count; ++i) {
+    models << test::model(std::to_string(i), std::to_string(i) + " 0 0 0 0 0",
+                          test::box("1 1 1") +
+                              "<visual name='v'><geometry><box><size>1 1 1</size></box></geometry>"
+                              "</visual><sensor name='s' type='contact'/>");
+  }
+  return models.str();
+}
+
+#ifndef __SANITIZE_ADDRESS__  // With it memory is not given back at once.
+
+TEST_CASE("A thousand models take at most 200 MB while they load, and leave at most 20 MB") {
+  const std::string models = many_models(1000);
+  test::world_of("");  // What is made once and kept.
+  malloc_trim(0);
+  const long before = memory("VmRSS");
+  std::ofstream("/proc/self/clear_refs") << "5";  // The most is counted from now on.
+  const WorldDescription world = test::world_of(models);
+  CHECK(world.bodies.size() == 1000);
+  CHECK(memory("VmHWM") - before < 200'000);
+  CHECK(memory("VmRSS") - before < 20'000);
+}
+
+TEST_CASE("Where poses depend on each other all models are read together, and leave as little") {
+  const std::string models =
+      "<frame name='shelf'><pose>0 0 1 0 0 0</pose></frame>" + many_models(300);
+  test::world_of("");
+  malloc_trim(0);
+  const long before = memory("VmRSS");
+  std::ofstream("/proc/self/clear_refs") << "5";
+  const WorldDescription world = test::world_of(models);
+  CHECK(world.bodies.size() == 300);
+  CHECK(memory("VmHWM") - before > 30'000);  // Enough to show whether it is given back.
+  CHECK(memory("VmRSS") - before < 20'000);
+}
+
+#endif
+
+// The table of elements.
+
+/// Elements of the installed format that no rule covers.
+void find_uncovered(const sdf::ElementPtr& description, const std::string& path,
+                    std::vector<std::string>& uncovered) {
+  for (unsigned i = 0; i < description->GetElementDescriptionCount(); ++i) {
+    const sdf::ElementPtr child = description->GetElementDescription(i);
+    const std::string own = path + "/" + child->GetName();
+    const ElementRule* rule = find_rule(own);
+    const bool nested = child->GetName() == "model";
+    if (!is_used(own) && rule == nullptr) uncovered.push_back(own);
+    if (is_used(own) && !nested) find_uncovered(child, own, uncovered);
+  }
+}
+
+TEST_CASE("Every element of SDFormat is used, or a rule says what becomes of it") {
+  const auto format = std::make_shared<sdf::SDF>();
+  sdf::init(format);
+  std::vector<std::string> uncovered;
+  for (const std::string top : {"world", "model"}) {
+    find_uncovered(format->Root()->GetElementDescription(top), top, uncovered);
+  }
+  CHECK(uncovered == std::vector<std::string>{});
+}
+
+TEST_CASE("docs/worlds.md has the table of elements") {
+  std::vector<std::string> rows;
+  std::ifstream document(HLM_DOCS "/worlds.md");
+  for (std::string line; std::getline(document, line);) {
+    if (line.starts_with("| `world/") || line.starts_with("| `model/")) rows.push_back(line);
+  }
+  const auto verdict = [](const ElementRule& rule) -> std::string {
+    if (!rule.verdict) return "used";
+    if (*rule.verdict == Verdict::kRefused) return "refused";
+    return *rule.verdict == Verdict::kIgnored ? "ignored" : "approximated";
+  };
+  std::vector<std::string> due;
+  for (const ElementRule& rule : element_rules()) {
+    due.push_back("| `" + std::string(rule.path) + "` | " + verdict(rule) + " | " +
+                  std::string(rule.note) + " |");
+  }
+  CHECK(rows == due);
+}
+
+}  // namespace
+}  // namespace hlm::ve

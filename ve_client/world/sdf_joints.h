@@ -1,0 +1,15 @@
+// From SDFormat's joints to ours.
+#pragma once
+
+#include <sdf/Joint.hh>
+
+#include "ve_client/world/diagnostics.h"
+#include "ve_client/world/world_description.h"
+
+namespace hlm::ve {
+
+/// Type, axis, limits, spring and damping of a joint; its name, bodies and pose are left as they
+/// are. What cannot be used is refused and left at its default: the type at fixed.
+JointDescription to_joint(const sdf::Joint& joint, Diagnostics& diagnostics);
+
+}  // namespace hlm::ve
