@@ -63,6 +63,20 @@ std::string tiled_square(double step, double gap) {
   return fixed_model("floor", "0 0 0 0 0 0", collisions);
 }
 
+/// count × count feet under a square of 0.168 m, 1 mm apart.
+std::string feet(int count) {
+  std::string collisions;
+  const double pitch = 0.168 / count;
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < count; ++j) {
+      collisions += box_at("foot" + std::to_string(count * i + j),
+                           {(i + 0.5) * pitch - 0.084, (j + 0.5) * pitch - 0.084, -0.01},
+                           {pitch - 0.001, pitch - 0.001, 0.02});
+    }
+  }
+  return fixed_model("feet", "0 0 0 0 0 0", collisions);
+}
+
 struct Tool {
   std::string name;
   std::string collisions;
@@ -234,6 +248,16 @@ TEST_CASE("A floor bears a tool that is pressed into a corner, also where it goe
   CHECK(felt.sideways > 1);     // N: it is pressed into the corner.
   CHECK(felt.lowest > -3e-4);   // m: f/k is 0.25 mm.
   CHECK(felt.highest < -2e-4);  // m
+}
+
+TEST_CASE("A plate lies flat on any number of feet, and sinks as far on 4 contacts as on 256") {
+  const double push = 5;  // N
+  for (const int count : {1, 2, 4, 8}) {
+    const Slide felt = slide({kPlate, feet(count), Vector3::Zero(), {0.001, 0, 0}, 0, push});
+    CHECK(felt.lean < 0.1);  // degrees
+    CHECK(felt.lowest == Approx(-push / (4 * 4000)).epsilon(0.05));
+    CHECK(felt.highest == Approx(-push / (4 * 4000)).epsilon(0.05));
+  }
 }
 
 TEST_CASE("A plate lies flat on 8 x 8 tiles without gaps too") {
