@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "common/uniform.h"
-#include "ve_client/contacts/select.h"
 
 namespace hlm::ve {
 
@@ -35,7 +34,7 @@ namespace {
 /// Takes over what the server says: where the tool goes, and its impulses on bodies.
 void follow_server(VirtualEnvironment& environment, HapticClient& client, double period,
                    FrameResult& result) {
-  auto& [assembly, world, tool, proximity, surroundings] = environment;
+  auto& [assembly, world, tool, proximity, surroundings, selection] = environment;
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
@@ -63,7 +62,7 @@ std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double 
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
     return contact.separation > epsilon + hold;
   });
-  return select_contacts(contacts, environment.assembly.planar_normal_W);
+  return contacts;
 }
 
 }  // namespace
@@ -97,8 +96,11 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
   client.sample(sampled_at, tool.q(), tool.v(), period);
   const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
-  std::vector<FoundContact> contacts =
+  const std::vector<FoundContact> found =
       tool_contacts(environment, result.epsilon, delay + 2 * period);
+  const auto selected = environment.selection.select(found, environment.assembly.planar_normal_W);
+  std::vector<FoundContact> contacts(selected.begin(), selected.end());
+  result.found = found.size();
   for (const FoundContact& contact : contacts) {
     ++(contact.separation <= 0 ? result.active : result.predicted);
   }

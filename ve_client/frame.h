@@ -8,6 +8,7 @@
 #include "common/range.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/clock.h"
+#include "ve_client/contacts/select.h"
 #include "ve_client/world/proximity.h"
 #include "ve_client/world/surroundings.h"
 #include "ve_client/world/virtual_tool.h"
@@ -26,6 +27,7 @@ struct VirtualEnvironment {
   VirtualTool tool;
   Proximity proximity;
   Surroundings surroundings;
+  ContactSelection selection;
 };
 
 inline constexpr Range kEpsilons{0, 0.1, "m"};
@@ -55,6 +57,7 @@ struct FrameResult {
   /// Why the world stands still (World::fault); nothing is sent any more, so force fades. Null as
   /// long as it moves.
   const std::string* fault = nullptr;
+  std::size_t found = 0;      ///< Contacts of the tool within ε, before any was left out.
   std::size_t active = 0;     ///< Contacts of the tool sent with σ <= 0.
   std::size_t predicted = 0;  ///< Contacts of the tool sent with σ > 0.
   std::size_t bodies = 0;     ///< Movable bodies sent.

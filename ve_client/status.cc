@@ -101,6 +101,7 @@ std::string describe(const protocol::Refusal& refusal) {
 
 void Status::count(const FrameResult& frame) {
   ++frames_;
+  found_ = frame.found;
   active_ = frame.active;
   predicted_ = frame.predicted;
   if (frame.state_refused) ++refused_;
@@ -120,9 +121,10 @@ std::string Status::connection(const HapticClient& client) const {
 void Status::report(double now, const HapticClient& client, const ProximityStatistics& proximity) {
   constexpr double kReportPeriod = 1;  // s.
   if (now - last_report_ < kReportPeriod) return;
-  spdlog::info("{:.1f} Hz | contacts {} active, {} predicted | round trip {:.2f} ms | {} | {}",
-               frames_ / (now - last_report_), active_, predicted_, 1e3 * client.round_trip(),
-               connection(client), protocol::describe_drops(client.statistics().dropped));
+  spdlog::info(
+      "{:.1f} Hz | contacts {} active, {} predicted of {} found | round trip {:.2f} ms | {} | {}",
+      frames_ / (now - last_report_), active_, predicted_, found_, 1e3 * client.round_trip(),
+      connection(client), protocol::describe_drops(client.statistics().dropped));
   if (refusal_) spdlog::warn("{}", describe(*refusal_));
   refusal_.reset();
   if (refused_ > warned_refused_) spdlog::warn("{} proxy states could not be followed", refused_);

@@ -76,6 +76,7 @@ class Status {
   Fault fault_ = Fault::kNone;  ///< Of the server, in this session.
   double last_report_ = 0;
   int frames_ = 0;
+  std::size_t found_ = 0;                     ///< Contacts of the tool, of the latest frame.
   std::size_t active_ = 0;                    ///< Of the latest frame.
   std::size_t predicted_ = 0;                 ///< Of the latest frame.
   std::optional<protocol::Refusal> refusal_;  ///< By the server, since the latest report.

@@ -390,9 +390,10 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
 }
 
 void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept {
-  if (!limits_stiffness(parameters_)) return;
   const double target =
-      server::stiffness_scale(unit_stiffness(contacts(), proxy_), D, H, parameters_);
+      limits_stiffness(parameters_)
+          ? server::stiffness_scale(unit_stiffness(contacts(), proxy_), D, H, parameters_)
+          : 1;
   const double change = kStiffnessScaleRate * dt_;
   stiffness_scale_ = std::clamp(target, stiffness_scale_ - change, stiffness_scale_ + change);
 }
@@ -408,7 +409,7 @@ void LocalModel::evaluate(const FrameMotions& frames) noexcept {
 UpdatePolicy LocalModel::policy() const noexcept {
   return {.rule = parameters_.update_rule,
           .release_force = parameters_.release_step,
-          .stiffness = parameters_.stiffness,
+          .stiffness = stiffness_scale_ * parameters_.stiffness,
           .healing_step = parameters_.healing_speed * dt_,
           .healing_share = dt_ / kHealingTime,
           .recovery_steps = parameters_.recovery_steps};
@@ -416,7 +417,7 @@ UpdatePolicy LocalModel::policy() const noexcept {
 
 ContactLaw LocalModel::contact_law(ContactStep step) const noexcept {
   return {.stiffness = stiffness_scale_ * parameters_.stiffness,
-          .damping = parameters_.damping,
+          .damping = stiffness_scale_ * parameters_.damping,
           .static_friction = parameters_.static_friction,
           .kinetic_friction = parameters_.kinetic_friction,
           .dt = dt_,

@@ -73,15 +73,20 @@ struct LocalModelParameters {
 
   int recovery_steps = 10;  ///< N of rule `plane_recovery`, steps of the loop, >= 1.
 
+  /// Stiffness that all contacts together may show at the hand in one direction, as a multiple of
+  /// that of one contact. More lets a plate on 64 contacts feel harder than on 4, which is what a
+  /// face of a box has; less makes that face softer. Infinite: stiffness adds up.
+  double max_stiffness_sum = 4;
+
   /// Largest stiffness that all contacts together may show at the hand, N/m and N·m/rad, and
   /// largest natural frequency of the proxy on its contacts, rad/s. The stiffness of all contacts
-  /// is scaled by one factor to stay below. Infinite: stiffness adds up unlimited.
+  /// is scaled by one factor to stay below all of these limits.
   double max_hand_stiffness = std::numeric_limits<double>::infinity();
   double max_hand_angular_stiffness = std::numeric_limits<double>::infinity();
   double max_contact_frequency = std::numeric_limits<double>::infinity();
 };
 
-inline constexpr std::array<NumberOf<LocalModelParameters>, 10> kLocalModelNumbers{{
+inline constexpr std::array<NumberOf<LocalModelParameters>, 11> kLocalModelNumbers{{
     {range_of(&Tuning::stiffness), "stiffness", &LocalModelParameters::stiffness,
      "Stiffness of each contact"},
     {range_of(&Tuning::damping), "damping", &LocalModelParameters::damping,
@@ -101,6 +106,10 @@ inline constexpr std::array<NumberOf<LocalModelParameters>, 10> kLocalModelNumbe
      "healing speed",
      &LocalModelParameters::healing_speed,
      "Largest speed at which a loaded contact comes back to where it is reported; 0: never"},
+    {{0, Range::kInfinite, "", true},
+     "max stiffness sum",
+     &LocalModelParameters::max_stiffness_sum,
+     "Largest stiffness of all contacts together at the hand, in stiffnesses of one contact"},
     {{0, Range::kInfinite, "N/m", true},
      "max hand stiffness",
      &LocalModelParameters::max_hand_stiffness,

@@ -12,7 +12,7 @@ namespace hlm::server {
 /// Whether any limit is set.
 bool limits_stiffness(const LocalModelParameters& parameters) noexcept;
 
-/// The factor in (0, 1] for k: the largest that keeps the stiffness at the hand (force over
+/// The factor in (0, 1] for k and b: the largest that keeps the stiffness at the hand (force over
 /// translation, torque over rotation) and the natural frequency sqrt(λ_max(D⁻¹ K)) within the
 /// parameters' limits.
 /// unit_stiffness: Σ J_iᵀ n nᵀ J_i, d×d; D: Cholesky factor of the mass matrix; H: hand map.

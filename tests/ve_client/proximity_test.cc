@@ -31,13 +31,16 @@ struct Scene {
     const double reach = tool.follow(kStep);
     world.step(kStep, proximity.within_reach(tool, reach), [&](double h) { tool.pull(h); });
     tool.read_back();
-    return select_contacts(proximity.query(tool, epsilon), assembly.planar_normal_W);
+    const auto contacts =
+        selection.select(proximity.query(tool, epsilon), assembly.planar_normal_W);
+    return {contacts.begin(), contacts.end()};
   }
 
   ToolAssembly assembly;
   World world;
   VirtualTool tool;
   Proximity proximity;
+  ContactSelection selection;
 };
 
 struct Testbed : Scene {

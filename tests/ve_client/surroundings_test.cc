@@ -48,8 +48,9 @@ struct Scene {
 
   /// The contacts of the tool; the rest is in `surroundings`.
   std::vector<FoundContact> find(double epsilon = kEpsilon) {
-    std::vector<FoundContact> contacts =
-        select_contacts(proximity.query(tool, epsilon), assembly.planar_normal_W);
+    const auto selected =
+        selection.select(proximity.query(tool, epsilon), assembly.planar_normal_W);
+    std::vector<FoundContact> contacts(selected.begin(), selected.end());
     surroundings.find(contacts, epsilon);
     return contacts;
   }
@@ -74,6 +75,7 @@ struct Scene {
   VirtualTool tool;
   Proximity proximity;
   Surroundings surroundings;
+  ContactSelection selection;
 };
 
 double load(const std::vector<FoundContact>& contacts) {

@@ -61,6 +61,7 @@ std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double e
     query_shape(side_of_link(link), id, X_WG, epsilon);
   }
   for (const ToolPair& pair : tool_pairs_) query_tool_pair(tool, pair, epsilon);
+  merge();
   return contacts_;
 }
 
@@ -72,15 +73,22 @@ void Proximity::query_tool_pair(const VirtualTool& tool, const ToolPair& pair, d
   const Convex& shape_b = world_.convex(b.id);
   if (!inflated(shape_a.bounds(X_WA), epsilon).intersects(shape_b.bounds(X_WB))) return;
   const auto friction = friction_between(world_.collision(a.id), world_.collision(b.id));
+  const std::size_t first = contacts_.size();
   for (const ManifoldPoint& point :
        find_contacts(shape_a, X_WA, shape_b, X_WB, epsilon, statistics_)) {
-    FoundContact& contact = contacts_.emplace_back();
-    contact.key = key_of(point, side_of_link(a.link), a.id, side_of_link(b.link), b.id);
-    contact.p_WC = point.p_WC;
-    contact.n_W = point.n_W;
-    contact.separation = point.separation;
+    FoundContact& contact = contacts_.emplace_back(
+        found_contact(point, side_of_link(a.link), a.id, side_of_link(b.link), b.id));
     contact.friction = friction.value_or(contact.friction);
   }
+  resolve({world_.pieces().of(a.id), X_WA}, {world_.pieces().of(b.id), X_WB}, first);
+}
+
+void Proximity::resolve(const PairSide& a, const PairSide& b, std::size_t first) {
+  shared_ |= resolve_seams(world_.pieces(), a, b, contacts_, first);
+}
+
+void Proximity::merge() {
+  if (std::exchange(shared_, false)) merge_same(contacts_, world_.pieces());
 }
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
@@ -91,6 +99,7 @@ std::span<const FoundContact> Proximity::query(int body, double epsilon) {
     query_shape({SideKind::kMovableBody, static_cast<std::uint32_t>(body)}, id, world_.X_WG(id),
                 epsilon);
   }
+  merge();
   return contacts_;
 }
 
@@ -120,15 +129,14 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }
+  const std::size_t first = contacts_.size();
   for (const ManifoldPoint& point : manifold) {
-    FoundContact& contact = contacts_.emplace_back();
-    contact.key = key_of(point, side, id, other_side, other);
-    contact.p_WC = point.p_WC;
-    contact.n_W = point.n_W;
-    contact.separation = point.separation;
+    FoundContact& contact =
+        contacts_.emplace_back(found_contact(point, side, id, other_side, other));
     contact.v_WC = world_.velocity_at(other.body, point.p_WC);
     contact.friction = friction.value_or(contact.friction);
   }
+  resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
 }
 
 std::span<const ToolContact> Proximity::within_reach(

@@ -11,6 +11,7 @@
 #include "ve_client/contacts/convex.h"
 #include "ve_client/contacts/feature.h"
 #include "ve_client/contacts/manifold.h"
+#include "ve_client/world/seams.h"
 #include "ve_client/world/virtual_tool.h"
 #include "ve_client/world/world.h"
 
@@ -56,6 +57,8 @@ class Proximity {
   void query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon);
   void query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                    double epsilon);
+  void resolve(const PairSide& a, const PairSide& b, std::size_t first);
+  void merge();
   void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                   const CollisionId& other, double epsilon);
 
@@ -68,6 +71,7 @@ class Proximity {
   std::vector<ToolPair> tool_pairs_;
   std::vector<CollisionId> near_;
   std::vector<FoundContact> contacts_;
+  bool shared_ = false;  ///< Whether pieces may have found the same contact.
   std::vector<ToolContact> within_reach_;
   Sides sides_before_;  ///< At the query of the tool before.
   Sides sides_;         ///< At the present or latest one.

@@ -77,14 +77,6 @@ dContact frictional_contact(double friction, const Vector3& p_W, const Vector3& 
 
 }  // namespace
 
-ContactKey key_of(const ManifoldPoint& point, const ContactSide& a, const CollisionId& shape_a,
-                  const ContactSide& b, const CollisionId& shape_b) {
-  ContactKey key{a, point.tool_feature, b, point.body_feature};
-  key.a_feature.shape = static_cast<std::uint8_t>(shape_a.shape);
-  key.b_feature.shape = static_cast<std::uint8_t>(shape_b.shape);
-  return key;
-}
-
 World::World(const WorldDescription& description, std::span<const int> tool_bodies)
     : description_(description),
       is_tool_(description.bodies.size()),
@@ -104,6 +96,7 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   dWorldSetAutoDisableFlag(world_.get(), 0);
   for (const int body : tool_bodies) is_tool_[at(body)] = true;
   add_bodies();
+  pieces_.emplace(description_, shapes_);
   dWorldSetQuickStepNumIterations(
       world_.get(), description_.solver.sweeps.value_or(has_movable_ ? kSweeps : kSweepsOfTool));
   joints_.emplace(world_.get(), description_, bodies_);
@@ -320,40 +313,45 @@ void World::collide(CollisionId first, CollisionId second) {
   if (handle(first.body) == nullptr) std::swap(first, second);
   const double friction =
       friction_between(collision(first), collision(second)).value_or(kDefaultFriction);
-  const Manifold manifold =
-      find_contacts(convex(first), X_WG(first), convex(second), X_WG(second), 0, statistics_);
-  for (const ManifoldPoint& point : manifold) {
-    const auto side = [](const CollisionId& id) {
-      return ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(id.body)};
-    };
-    add_contact(key_of(point, side(first), first, side(second), second), point, friction);
+  const PairSide a{pieces_->of(first), X_WG(first)};
+  const PairSide b{pieces_->of(second), X_WG(second)};
+  const auto side = [](const CollisionId& id) {
+    return ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(id.body)};
+  };
+  touching_.clear();
+  for (const ManifoldPoint& point :
+       find_contacts(convex(first), a.X_WG, convex(second), b.X_WG, 0, statistics_)) {
+    touching_.push_back(found_contact(point, side(first), first, side(second), second));
+    touching_.back().friction = friction;
   }
+  resolve_seams(*pieces_, a, b, touching_, 0);
+  for (const FoundContact& contact : touching_) add_contact(contact);
 }
 
-void World::add_contact(const ContactKey& key, const ManifoldPoint& point, double friction) {
-  const int first = static_cast<int>(key.a.index);
-  const int second = static_cast<int>(key.b.index);
-  dContact contact = frictional_contact(friction, point.p_WC, point.n_W);
-  contact.geom.depth = std::max(0.0, -point.separation - kRestingOverlap);
+void World::add_contact(const FoundContact& found) {
+  const int first = static_cast<int>(found.key.a.index);
+  const int second = static_cast<int>(found.key.b.index);
+  dContact contact = frictional_contact(found.friction, found.p_WC, found.n_W);
+  contact.geom.depth = std::max(0.0, -found.separation - kRestingOverlap);
   const double spring = substep_ * kContactStiffness;
   contact.surface.mode |= dContactSoftERP | dContactSoftCFM;
   contact.surface.soft_erp = spring / (spring + kContactDamping);
   contact.surface.soft_cfm = 1 / (spring + kContactDamping);
 
-  bound_friction(contact, key, point);
+  bound_friction(contact, found);
   const dJointID joint = dJointCreateContact(world_.get(), contacts_.get(), &contact);
   dJointAttach(joint, handle(first), handle(second));
-  dJointSetFeedback(joint, &memory_.add(key, point.n_W));
+  dJointSetFeedback(joint, &memory_.add(found.key, found.n_W));
 }
 
 /// The engine bounds friction along two directions, each by μ f_n: together by up to √2 of that.
 /// So the first is that in which it acts, and the second gets what that leaves.
-void World::bound_friction(dContact& contact, const ContactKey& key,
-                           const ManifoldPoint& point) const {
-  const Vector3& n = point.n_W;
+void World::bound_friction(dContact& contact, const FoundContact& found) const {
+  const ContactKey& key = found.key;
+  const Vector3& n = found.n_W;
   const auto across = [&](const Vector3& v) { return Vector3(v - v.dot(n) * n); };
-  const Vector3 slip = across(velocity_at(static_cast<int>(key.a.index), point.p_WC) -
-                              velocity_at(static_cast<int>(key.b.index), point.p_WC));
+  const Vector3 slip = across(velocity_at(static_cast<int>(key.a.index), found.p_WC) -
+                              velocity_at(static_cast<int>(key.b.index), found.p_WC));
   const ContactMemory::Carried latest = memory_.latest(key);
   const double bound = contact.surface.mu * latest.normal;
   const bool slips = slip.norm() > kSlipSpeed;

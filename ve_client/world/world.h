@@ -16,21 +16,11 @@
 #include "ve_client/world/carried_contact.h"
 #include "ve_client/world/contact_memory.h"
 #include "ve_client/world/joints.h"
+#include "ve_client/world/pieces.h"
+#include "ve_client/world/seams.h"
 #include "ve_client/world/world_description.h"
 
 namespace hlm::ve {
-
-/// One collision shape of the world.
-struct CollisionId {
-  int body = 0;
-  int shape = 0;
-
-  auto operator<=>(const CollisionId&) const = default;
-};
-
-/// The key of a contact between two shapes: `a` is whom its normal points to.
-ContactKey key_of(const ManifoldPoint& point, const ContactSide& a, const CollisionId& shape_a,
-                  const ContactSide& b, const CollisionId& shape_b);
 
 /// Bodies are named by their index in the description. Repeatable: two worlds that are given the
 /// same calls have the same states bit for bit. One thread makes and uses a world; others may have
@@ -63,6 +53,7 @@ class World {
     return description_.bodies[at(id.body)].collisions[at(id.shape)];
   }
   const Convex& convex(const CollisionId& id) const { return shapes_[at(id.body)][at(id.shape)]; }
+  const Pieces& pieces() const noexcept { return *pieces_; }
   /// Pose of a collision shape's frame.
   Pose X_WG(const CollisionId& id) const { return X_WB(id.body) * collision(id).X_BG; }
 
@@ -112,14 +103,15 @@ class World {
   void find_fault();
   /// Contacts of two shapes that are not the tool's.
   void collide(CollisionId first, CollisionId second);
-  void add_contact(const ContactKey& key, const ManifoldPoint& point, double friction);
-  void bound_friction(dContact& contact, const ContactKey& key, const ManifoldPoint& point) const;
+  void add_contact(const FoundContact& found);
+  void bound_friction(dContact& contact, const FoundContact& found) const;
   void add_contact(const ToolContact& tool_contact);
 
   WorldDescription description_;
   std::vector<bool> is_tool_;
   bool has_movable_ = false;
   std::vector<std::vector<Convex>> shapes_;  ///< [body][shape].
+  std::optional<Pieces> pieces_;
   Handle<dxWorld, dWorldDestroy> world_;
   Handle<dxSpace, dSpaceDestroy> space_;
   Handle<dxJointGroup, dJointGroupDestroy> contacts_;
@@ -131,6 +123,7 @@ class World {
   bool stepping_ = false;
   double substep_ = 0;  ///< Length of the present one, s.
   ContactMemory memory_;
+  std::vector<FoundContact> touching_;  ///< Of the present pair.
   ProximityStatistics statistics_;
   unsigned long steps_ = 0;
   std::optional<std::string> fault_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <compare>
 #include <limits>
 #include <optional>
 #include <string>
@@ -23,6 +24,14 @@ struct CollisionDescription {
   Shape shape;
   Pose X_BG;
   std::optional<double> friction;  ///< μ, >= 0; none: the file does not say.
+};
+
+/// Names one collision shape of a world: by its body and its place in there.
+struct CollisionId {
+  int body = 0;
+  int shape = 0;
+
+  auto operator<=>(const CollisionId&) const = default;
 };
 
 /// A rigid body: one SDF link. Its frame B has its origin at the centre of mass and the link's

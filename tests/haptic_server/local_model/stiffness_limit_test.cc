@@ -1,6 +1,8 @@
 // Limited stiffness (docs/method.md 4.5).
 #include "haptic_server/local_model/stiffness_limit.h"
 
+#include <limits>
+
 #include "haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
@@ -22,7 +24,16 @@ double felt_stiffness(const LocalModelParameters& parameters, std::uint16_t coun
 }
 
 TEST_CASE("Without a limit c contacts feel c times as stiff as one") {
-  CHECK(felt_stiffness({}, 8) == Approx(8 * 4000.0).epsilon(1e-3));
+  LocalModelParameters parameters;
+  parameters.max_stiffness_sum = std::numeric_limits<double>::infinity();
+  CHECK(felt_stiffness(parameters, 8) == Approx(8 * 4000.0).epsilon(1e-3));
+}
+
+TEST_CASE("Up to 4 contacts add up, and any more feel as 4 do") {
+  CHECK(felt_stiffness({}, 1) == Approx(4000).epsilon(1e-3));
+  CHECK(felt_stiffness({}, 4) == Approx(4 * 4000).epsilon(1e-3));
+  CHECK(felt_stiffness({}, 16) == Approx(4 * 4000).epsilon(1e-3));
+  CHECK(felt_stiffness({}, 64) == Approx(4 * 4000).epsilon(1e-3));
 }
 
 TEST_CASE("The stiffness felt at the hand stays at its limit however many contacts there are") {
@@ -35,6 +46,7 @@ TEST_CASE("The stiffness felt at the hand stays at its limit however many contac
 
 TEST_CASE("The natural frequency on the contacts stays at its limit") {
   LocalModelParameters parameters;
+  parameters.max_stiffness_sum = std::numeric_limits<double>::infinity();
   parameters.max_contact_frequency = 100;  // rad/s: 1e4 N/m on 1 kg
   CHECK(felt_stiffness(parameters, 8) == Approx(1e4).epsilon(1e-3));
 }

@@ -1,0 +1,223 @@
+#include "ve_client/world/pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+
+#include "ve_client/contacts/gjk.h"
+
+namespace hlm::ve {
+namespace {
+
+/// Faces whose normals differ by less, rad, can go on in each other: 0.1°. Larger flattens meshes.
+constexpr double kSameDirection = 1.7e-3;
+/// So far from a point pieces are looked for, m: where its neighbourhood is probed.
+constexpr double kNeighbourhood = 2 * (kSeamGap + kSeamStep);
+
+/// Calls `use(side)` for the sides that bound a piece, until it returns false: the planes of
+/// its faces, and of a curved surface the part that looks to the point.
+template <class Use>
+void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
+  for (std::size_t i = 0; i < piece.planes.size(); ++i) {
+    const auto& [n_F, offset] = piece.planes[i];
+    if (!use(PieceSide{n_F, n_F.dot(p_F) - offset, i})) return;
+  }
+  const Convex& convex = *piece.convex;
+  const bool round = convex.margin() > 0;
+  if (!round && !convex.is_cylinder()) return;
+  const Vector3 p_G = piece.X_FG.inverse() * p_F;
+  Vector3 nearest = Vector3::Zero();  // Of the core, or of a cylinder's axis.
+  nearest.z() = p_G.z();
+  if (round) {
+    const double half = convex.is_point() ? 0 : convex.support(Vector3::UnitZ()).z();
+    nearest.z() = std::clamp(p_G.z(), -half, half);
+  }
+  const Vector3 away = p_G - nearest;
+  const double distance = away.norm();
+  if (distance == 0) return;  // In the middle.
+  const double radius = round ? convex.margin() : convex.support(away).head<2>().norm();
+  use(PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}});
+}
+
+Eigen::AlignedBox3d grown(Eigen::AlignedBox3d box, double by) {
+  box.min().array() -= by;
+  box.max().array() += by;
+  return box;
+}
+
+bool adjoin(const Piece& a, const Piece& b) {
+  const Piece& tool = a.convex->is_half_space() ? b : a;
+  const Piece& body = a.convex->is_half_space() ? a : b;
+  if (tool.convex->is_half_space()) return false;
+  const CorePair pair(*tool.convex, tool.X_FG, *body.convex, body.X_FG);
+  const double margins = tool.convex->margin() + body.convex->margin();
+  if (body.convex->is_half_space()) {
+    const Vector3 n = Vector3::UnitZ();
+    return pair.tool_support(-n).z() - margins <= kSeamGap;
+  }
+  return closest_points(pair, kSeamGap + margins).relation != ClosestPoints::Relation::kBeyond;
+}
+
+}  // namespace
+
+bool contains(const Piece& piece, const Vector3& p_F, double slack) {
+  const Vector3 beyond = (p_F - p_F.cwiseMax(piece.bounds_F.min()).cwiseMin(piece.bounds_F.max()));
+  if (beyond.cwiseAbs().maxCoeff() > slack) return false;
+  bool inside = true;
+  for_each_side(piece, p_F, [&](const PieceSide& side) { return inside = side.height <= slack; });
+  return inside;
+}
+
+PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach) {
+  PieceSides sides;
+  for_each_side(piece, p_F, [&](const PieceSide& side) {
+    if (std::abs(side.height) <= reach) sides.push_back(side);
+    return sides.size() < kMaxSides;
+  });
+  return sides;
+}
+
+Pieces::Pieces(const WorldDescription& description,
+               const std::vector<std::vector<Convex>>& shapes) {
+  for (std::size_t body = 0; body < shapes.size(); ++body) {
+    const BodyDescription& described = description.bodies[body];
+    first_.push_back(pieces_.size());
+    fixed_.push_back(described.fixed);
+    for (std::size_t shape = 0; shape < shapes[body].size(); ++shape) {
+      Piece& piece = pieces_.emplace_back();
+      piece.id = {static_cast<int>(body), static_cast<int>(shape)};
+      piece.convex = &shapes[body][shape];
+      const Pose& X_BG = described.collisions[shape].X_BG;
+      piece.X_FG = described.fixed ? described.X_WB * X_BG : X_BG;
+      piece.bounds_F = piece.convex->bounds(piece.X_FG);
+      for (const Vector3& n_G : piece.convex->face_normals()) {
+        const Vector3 on_face =
+            piece.convex->is_half_space() ? Vector3(Vector3::Zero()) : piece.convex->support(n_G);
+        const Vector3 n_F = piece.X_FG.R * n_G;
+        piece.planes.push_back({n_F, n_F.dot(piece.X_FG * on_face)});
+      }
+    }
+  }
+  constexpr int kFixed = -1;
+  std::map<int, Assembly> assemblies;
+  for (Piece& piece : pieces_) {
+    assemblies[is_fixed(piece.id.body) ? kFixed : piece.id.body].push_back(&piece);
+  }
+  for (auto& [body, assembly] : assemblies) {
+    if (assembly.size() < 2) continue;
+    find_adjoining(assembly);
+    join_faces(assembly);
+    number_borders(assembly);
+  }
+}
+
+void Pieces::find_adjoining(Assembly& assembly) {
+  const auto from = [](const Piece* piece) { return piece->bounds_F.min().x(); };
+  std::ranges::stable_sort(assembly, {}, from);
+  for (auto a = assembly.begin(); a != assembly.end(); ++a) {
+    const Eigen::AlignedBox3d reach = grown((*a)->bounds_F, kSeamGap);
+    for (auto b = a + 1; b != assembly.end() && from(*b) <= reach.max().x(); ++b) {
+      if (!reach.intersects((*b)->bounds_F) || !adjoin(**a, **b)) continue;
+      // A plane has no sides: where another piece covers it, that piece is in the way.
+      if (!(*a)->convex->is_half_space()) (*a)->adjoining.push_back(*b);
+      if (!(*b)->convex->is_half_space()) (*b)->adjoining.push_back(*a);
+    }
+  }
+  for (Piece* piece : assembly) {
+    std::ranges::stable_sort(piece->adjoining, {}, from);
+    for (const Piece* other : piece->adjoining) {
+      piece->widest = std::max(piece->widest, other->bounds_F.sizes().x());
+    }
+  }
+}
+
+/// Coplanar faces of pieces that adjoin go on in each other, and so do those of a chain of such
+/// pieces.
+void Pieces::join_faces(Assembly& assembly) {
+  struct Face {
+    Piece* piece;
+    std::size_t face;
+    auto operator<=>(const Face&) const = default;
+  };
+  std::map<Face, Face> leads_to;  // Towards the face of the smallest piece, which has no entry.
+  const auto root = [&](Face face) {
+    for (auto next = leads_to.find(face); next != leads_to.end(); next = leads_to.find(face)) {
+      face = next->second;
+    }
+    return face;
+  };
+  const auto join = [&](Face a, Face b) {
+    a = root(a);
+    b = root(b);
+    if (a == b) return;
+    const bool b_stands = std::pair(b.piece->id, b.face) < std::pair(a.piece->id, a.face);
+    leads_to.emplace(b_stands ? a : b, b_stands ? b : a);
+  };
+  for (Piece* a : assembly) {
+    for (Piece* b : a->adjoining) {
+      const Vector3 there = a->bounds_F.intersection(b->bounds_F).center();  // Also of a gap.
+      for (std::size_t i = 0; i < a->planes.size(); ++i) {
+        for (std::size_t j = 0; j < b->planes.size(); ++j) {
+          const auto& [n, offset] = a->planes[i];
+          if ((n - b->planes[j].n_F).norm() > kSameDirection) continue;
+          const double step = (n - b->planes[j].n_F).dot(there) - offset + b->planes[j].offset;
+          if (std::abs(step) <= kSeamStep) join({a, i}, {b, j});
+        }
+      }
+    }
+  }
+  std::map<Face, bool> joined;
+  for (const auto& [face, next] : leads_to) joined[face] = joined[root(face)] = true;
+  for (const auto& [face, is_joined] : joined) {
+    const Face stands = root(face);
+    Piece* const piece = face.piece;
+    if (piece->surfaces.empty()) {
+      for (std::size_t i = 0; i < piece->planes.size(); ++i) {
+        piece->surfaces.push_back({piece->id, static_cast<std::uint16_t>(i)});
+      }
+    }
+    piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face)};
+  }
+}
+
+void Pieces::number_borders(const Assembly& assembly) {
+  constexpr std::uint16_t kFirst = 1 << 15;
+  std::uint16_t next = kFirst;
+  for (const Piece* piece : assembly) {
+    for (const Piece::Surface& a : piece->surfaces) {
+      for (const Piece::Surface& b : piece->surfaces) {
+        if (next >= kFirst && a < b && borders_.try_emplace({a, b}, next).second) ++next;
+      }
+    }
+  }
+}
+
+std::optional<std::uint16_t> Pieces::border_of(const Piece& piece, std::size_t face_a,
+                                               std::size_t face_b) const {
+  if (piece.surfaces.empty()) return {};
+  const auto found = borders_.find(std::minmax(piece.surfaces[face_a], piece.surfaces[face_b]));
+  if (found == borders_.end()) return {};
+  return found->second;
+}
+
+PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F) {
+  PiecesAtPoint found{&piece};
+  const auto from = [](const Piece* other) { return other->bounds_F.min().x(); };
+  const double first = p_F.x() - kNeighbourhood - piece.widest;
+  for (auto other = std::ranges::lower_bound(piece.adjoining, first, {}, from);
+       other != piece.adjoining.end() && from(*other) <= p_F.x() + kNeighbourhood; ++other) {
+    if (found.size() < found.capacity() && contains(**other, p_F, kNeighbourhood)) {
+      found.push_back(*other);
+    }
+  }
+  return found;
+}
+
+bool is_covered(const Vector3& p_F, const Piece& own, const PiecesAtPoint& pieces) {
+  return std::ranges::any_of(
+      pieces, [&](const Piece* piece) { return piece != &own && contains(*piece, p_F, 0); });
+}
+
+}  // namespace hlm::ve

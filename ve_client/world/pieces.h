@@ -1,0 +1,98 @@
+// The convex pieces that a rigid assembly is made of: which of them adjoin, and whose faces go on
+// in each other?
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "common/static_vector.h"
+#include "ve_client/contacts/convex.h"
+#include "ve_client/world/world_description.h"
+
+namespace hlm::ve {
+
+/// Pieces that are no farther apart than this leave no gap between them, m. A gap that a tool could
+/// feel is wider; files that give places to a tenth of a millimetre make such.
+inline constexpr double kSeamGap = 1.5e-4;
+/// Faces whose heights differ by less make no step, m. More hides steps that can be felt.
+inline constexpr double kSeamStep = 3e-5;
+
+/// One convex piece, in the frame F of its assembly: the world for fixed bodies, else its body's.
+struct Piece {
+  struct Plane {
+    Vector3 n_F;
+    double offset = 0;  ///< n_Fᵀ x of its points, m.
+  };
+  /// The face of a piece, which stands for all coplanar faces that go on in each other.
+  struct Surface {
+    CollisionId id;
+    std::uint16_t face = 0;
+    auto operator<=>(const Surface&) const = default;
+  };
+
+  CollisionId id;
+  const Convex* convex = nullptr;
+  Pose X_FG;
+  Eigen::AlignedBox3d bounds_F;
+  std::vector<Plane> planes;      ///< Of the faces of its core, in their order.
+  std::vector<Surface> surfaces;  ///< Of each face; empty if none goes on in another piece's.
+  std::vector<Piece*> adjoining;  ///< By the smallest x of their bounds.
+  double widest = 0;              ///< Of those along x, m.
+};
+
+/// What of a piece's surface is near a point.
+struct PieceSide {
+  Vector3 n_F = Vector3::UnitZ();   ///< Outward, unit.
+  double height = 0;                ///< Of the point over it, m.
+  std::optional<std::size_t> face;  ///< Of the core; none: curved.
+};
+inline constexpr std::size_t kMaxSides = 16;
+using PieceSides = StaticVector<PieceSide, kMaxSides>;
+
+/// Whether a point is in a piece or no farther outside of each of its sides than `slack`, m.
+bool contains(const Piece& piece, const Vector3& p_F, double slack);
+/// The sides that are no farther from a point than `reach` on either side, m; the first kMaxSides.
+PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach);
+
+/// Of a whole world.
+class Pieces {
+ public:
+  /// shapes: [body][shape], as the description's collisions; they outlive this.
+  Pieces(const WorldDescription& description, const std::vector<std::vector<Convex>>& shapes);
+  Pieces(const Pieces&) = delete;
+  Pieces& operator=(const Pieces&) = delete;
+
+  const Piece& of(const CollisionId& id) const {
+    return pieces_[first_[static_cast<std::size_t>(id.body)] + static_cast<std::size_t>(id.shape)];
+  }
+  /// Number of the edge in which two surfaces meet, among all such edges of their assembly: from
+  /// 2^15 on, after all edges of a piece. None if either face of the piece is its alone.
+  std::optional<std::uint16_t> border_of(const Piece& piece, std::size_t face_a,
+                                         std::size_t face_b) const;
+  bool is_fixed(int body) const { return fixed_[static_cast<std::size_t>(body)]; }
+
+ private:
+  using Assembly = std::vector<Piece*>;
+
+  static void find_adjoining(Assembly& assembly);
+  static void join_faces(Assembly& assembly);
+  void number_borders(const Assembly& assembly);
+
+  std::vector<Piece> pieces_;
+  std::map<std::pair<Piece::Surface, Piece::Surface>, std::uint16_t> borders_;
+  std::vector<std::size_t> first_;  ///< Of each body.
+  std::vector<bool> fixed_;         ///< Of each body.
+};
+
+/// The pieces at a point of a piece: that one, and those that adjoin it there.
+inline constexpr std::size_t kMaxPiecesAtPoint = 16;
+using PiecesAtPoint = StaticVector<const Piece*, kMaxPiecesAtPoint>;
+PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F);
+/// Whether a point is in one of these pieces other than its own.
+bool is_covered(const Vector3& p_F, const Piece& own, const PiecesAtPoint& pieces);
+
+}  // namespace hlm::ve

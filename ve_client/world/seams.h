@@ -1,0 +1,35 @@
+// Which contacts are on no surface because another piece goes on there, and which are on one and
+// the same surface of several pieces (docs/method.md 8.5)?
+#pragma once
+
+#include <vector>
+
+#include "ve_client/contacts/feature.h"
+#include "ve_client/contacts/manifold.h"
+#include "ve_client/world/pieces.h"
+
+namespace hlm::ve {
+
+/// A contact of two shapes: `a` is whom its normal points to. Without velocity, friction and load.
+FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
+                           const CollisionId& shape_a, const ContactSide& b,
+                           const CollisionId& shape_b);
+
+/// One of the two shapes of a pair, in its present pose.
+struct PairSide {
+  const Piece& piece;
+  Pose X_WG;
+};
+
+/// Of the contacts of one pair, from `first` on, those stay that are on a surface of the pieces
+/// that are fixed to either shape. Their normals are some of that surface, and those of a corner
+/// with a surface of several pieces have the same key on each of them. Returns whether other pairs
+/// may have the same contacts: then merge_same() is needed.
+bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
+                   std::vector<FoundContact>& contacts, std::size_t first);
+
+/// Of contacts that several pieces have with the same feature in the same place, the one of the
+/// smallest separation stays. The order of the others remains.
+void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
+
+}  // namespace hlm::ve

@@ -1,0 +1,13 @@
+// Which normals has the surface that several pieces make together?
+#pragma once
+
+#include "ve_client/world/pieces.h"
+
+namespace hlm::ve {
+
+/// Of the normals of the surface of these pieces at a point of one of them, the one nearest to the
+/// unit vector n; zero if none is within 45° of it. Those of all sides at the point count that no
+/// other piece covers, and what lies between them.
+Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces);
+
+}  // namespace hlm::ve
