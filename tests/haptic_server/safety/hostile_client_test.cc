@@ -40,7 +40,8 @@ class HostileSession {
     }
   }
 
-  /// The most that was given beyond what was taken and explained, over any stretch of time, J.
+  /// The most that was given beyond what was taken and explained, and what time without force
+  /// fills again, over any stretch of time, J.
   double most() const { return most_; }
   double given() const { return given_; }  ///< J.
   double taken() const { return taken_; }  ///< J.
@@ -118,6 +119,9 @@ class HostileSession {
       explained_before_ = record.port.explained;
       ledger_error_ = std::max({ledger_error_, std::abs(session_given_ - record.port.given),
                                 std::abs(session_taken_ - record.port.taken)});
+    }
+    if (command_.isZero(0) && record.F_command.isZero(0) && !renders_force(record.server)) {
+      net_ -= options_.limits.max_energy / EnergyTank::kRefillTime / options_.rate;
     }
     least_ = std::min(least_, net_);
     most_ = std::max(most_, net_ - least_);
