@@ -32,9 +32,9 @@ import time
 from machine import SteppedClock, on_small_disk
 
 LIMIT = 12  # N
-RECOVERY = 15  # s in which the session must be back
+RECOVERY = 30  # s in which the session must be back
 SETTLE = 1  # s in a session before the next blow
-PATIENCE = 3  # s that a person waits for a client to begin
+PATIENCE = 3  # s that a person waits for a client that has spoken
 BLOWS_PER_LIFE = 8  # of a server, before a new one begins with a new log
 
 # To and fro, 50 mm into the bottom wall: 20 N where it stands.
@@ -259,15 +259,17 @@ class Soak:
         """Waits for a session; a person ends a fault by starting the client anew."""
         end = time.monotonic() + RECOVERY
         since = None
-        asked = 0
+        asked, gone = 0, None
         while time.monotonic() < end:
             self.server.check_alive()
             self.client.check_alive()
             state, session = self.state()
+            if self.relay.client == gone:  # The client that was started has not spoken yet.
+                asked = time.monotonic()
             if state == "fault" and time.monotonic() > asked + PATIENCE:
                 self.counts["faults ended by a person"] += 1
+                gone = self.relay.client
                 self.end_client()
-                asked = time.monotonic()
             if state != "active" or session != since:
                 since, begun = session if state == "active" else None, time.monotonic()
             elif time.monotonic() - begun >= SETTLE:
