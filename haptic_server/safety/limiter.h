@@ -27,8 +27,8 @@ class Limiter {
   /// Where the force is heading: full where it is wanted, fading to none where it is not. Once in
   /// each step, with a session and without.
   void allow(bool wanted) noexcept {
+    if (level() == ForceLevel::kNone) tank_.rest(dt_);  // in the step that has ended
     wanted_ = wanted;
-    if (portion_ == 0 && command_.isZero(0)) tank_.rest(dt_);
   }
   /// No force from this very step on.
   void cut() noexcept;

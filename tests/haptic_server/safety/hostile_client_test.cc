@@ -120,12 +120,13 @@ class HostileSession {
       ledger_error_ = std::max({ledger_error_, std::abs(session_given_ - record.port.given),
                                 std::abs(session_taken_ - record.port.taken)});
     }
-    if (command_.isZero(0) && record.F_command.isZero(0) && !renders_force(record.server)) {
+    if (command_.isZero(0) && !renders_force(server_)) {
       net_ -= options_.limits.max_energy / EnergyTank::kRefillTime / options_.rate;
     }
     least_ = std::min(least_, net_);
     most_ = std::max(most_, net_ - least_);
     command_ = record.F_command;
+    server_ = record.server;
     X_WD_ = record.X_WD;
   }
 
@@ -147,6 +148,7 @@ class HostileSession {
   int faults_ = 0;
 
   Wrench command_ = Wrench::Zero();
+  ServerState server_ = ServerState::kOff;
   Pose X_WD_;
   double explained_before_ = 0;
   double session_given_ = 0;

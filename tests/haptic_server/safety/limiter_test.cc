@@ -59,9 +59,7 @@ TEST_CASE("What limits the force is reported: fade, force, torque or rate, or no
 }
 
 TEST_CASE("The device's own rating counts where it is lower") {
-  DeviceRatings device;
-  device.max_force = 3;
-  CHECK(faded_in(device).limit(push(10))[1] == Approx(3));
+  CHECK(faded_in({.max_force = 3, .max_force_rate = 1e6}).limit(push(10))[1] == Approx(3));
 }
 
 TEST_CASE("Force changes by no more than the device's rate") {
@@ -239,6 +237,12 @@ TEST_CASE(
   CHECK(of_device.max_torque_step == Approx(0.01));
   CHECK(of_device.max_power == 2);
   CHECK(of_device.max_turning_power == 0.2);
+  CHECK(of_device.max_energy == Approx(3 * 0.042));  // J
+  const ForceBudget of_force = ForceBudget::of({}, {.max_force = 3, .max_torque = 0.1}, kStep);
+  CHECK(of_force.max_force_step == Approx(0.75));  // N: 3 N in 4 ms
+  CHECK(of_force.max_torque_step == Approx(0.025));
+  CHECK(of_force.max_power == Approx(3.75));  // W: 3 N at 1.25 m/s
+  CHECK(of_force.max_turning_power == Approx(0.5));
   const ForceBudget of_user = ForceBudget::of({}, {}, kStep);
   CHECK(of_user.max_force == 12);
   CHECK(of_user.max_torque == 0.6);
@@ -246,6 +250,7 @@ TEST_CASE(
   CHECK(of_user.max_torque_step == Approx(0.15));
   CHECK(of_user.max_power == 15);
   CHECK(of_user.max_turning_power == 3);
+  CHECK(of_user.max_energy == 0.5);
 }
 
 TEST_CASE("Force that gives more than the tank holds stops, and resists until it is paid back") {
@@ -319,7 +324,7 @@ TEST_CASE(
 }
 
 TEST_CASE("What takes energy back stays within the limits of force and torque") {
-  Limiter limiter = faded_in({.max_force = 2, .max_torque = 0});
+  Limiter limiter = faded_in({.max_force = 2, .max_torque = 0, .max_force_rate = 1e6});
   Wrench F = push(2);
   F[5] = 1;
   limiter.limit(F);
