@@ -221,6 +221,21 @@ class Client:
         return heard
 
 
+class Spoofer:
+    """Sends blindly from an address and port that are another's, by a raw socket."""
+
+    def __init__(self, source, target):
+        self.source, self.target = source, target
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_RAW)
+
+    def send(self, data):
+        addresses = socket.inet_aton(self.source[0]), socket.inet_aton(self.target[0])
+        length = 8 + len(data)
+        ip = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 20 + length, 0, 0, 64, socket.IPPROTO_UDP, 0, *addresses)
+        udp = struct.pack("!HHHH", self.source[1], self.target[1], length, 0)
+        self.socket.sendto(ip + udp + data, self.target)
+
+
 @contextlib.contextmanager
 def pressing(*options, seconds=1.0):
     """A server and its client, which has pressed on the wall for a while."""
@@ -331,6 +346,29 @@ class Attacks(ForceTest):
             client.press(1, meanwhile=guess)
             ticks = server.ticks()
         self.assertEqual(goes_on([row for row in ticks if row["session"] != str(known)]), str(mine))
+
+    def test_blind_hellos_and_goodbyes_with_the_clients_address_forged_change_nothing(self):
+        with pressing(*PATIENT) as (server, client):
+            try:
+                blind = Spoofer(client.socket.getsockname(), server.address)
+            except PermissionError:
+                self.skipTest("raw sockets need CAP_NET_RAW")
+            self.addCleanup(blind.socket.close)
+            sent = 0
+
+            def attack():
+                nonlocal sent
+                for _ in range(100):
+                    number = int.from_bytes(os.urandom(8), "little") | 1
+                    blind.send(DOC.encode("hello", sequence=number, nonce=number, gravity="100 0 0"))
+                    blind.send(DOC.encode("goodbye", session=number, sequence=2**40))
+                    sent += 2
+            dropped = client.state["dropped"]
+            client.press(1, meanwhile=attack)
+            self.assertGreater(client.state["dropped"] - dropped, sent / 10)  # they do arrive
+            ticks = server.ticks()
+        self.assertEqual(goes_on(ticks), str(client.session))
+        self.check_force(ticks)
 
     # Absurd numbers.
 

@@ -125,6 +125,17 @@ TEST_CASE("Buttons, gripper, scale and health of the device are reported") {
   CHECK(state.scale == 2);
 }
 
+TEST_CASE("The ledger of a scaled device counts the way of the handle, not that in the world") {
+  ServoBench bench(ServoBench::patient(), 0, {.scale = 4});
+  begin_under_load(bench);
+  const double force = bench.device.written[0];
+  const PortLedger before = bench.tick().port;
+  bench.device.state->X_WD.p.x() += 1e-3;  // m, of which 0.25 mm at the handle
+  const PortLedger after = bench.tick().port;
+  const double work = (after.given - after.taken) - (before.given - before.taken);
+  CHECK(work == Approx(force * 0.25e-3).epsilon(0.02));  // J
+}
+
 TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {
   ServoBench bench;
   begin_under_load(bench);
