@@ -63,11 +63,12 @@ class Wire {
     Client& client = clients_[whom];
     switch (step.action) {
       case WireAction::kSay:
-        client.link.send(kServer, protocol::view(new_text(step.size, whom, client.has_key)));
+        client.link.send(kServer,
+                         protocol::view(new_text(step.size, {true, whom, client.has_key})));
         break;
       case WireAction::kAnswer:
         if (heard_)
-          server_.send(*heard_, protocol::view(new_text(step.size, heard_client(), true)));
+          server_.send(*heard_, protocol::view(new_text(step.size, {false, speaker_, true})));
         break;
       case WireAction::kPass:
         if (const Packet* packet = find(step.which)) deliver(*packet);
@@ -99,17 +100,18 @@ class Wire {
 
  private:
   struct Text {
-    std::size_t client = 0;  ///< Whose channel it was sent in.
+    bool to_server = false;
+    std::size_t client = 0;  ///< At the other end, whatever address the enemy gives him.
     bool may_arrive = false;
     bool arrived = false;
   };
 
   /// No two are alike.
-  DatagramBytes new_text(std::size_t size, std::size_t client, bool may_arrive) {
+  DatagramBytes new_text(std::size_t size, const Text& text) {
     DatagramBytes bytes(8 + 4 * size);
     const std::uint64_t number = texts_.size();
     std::memcpy(bytes.data(), &number, sizeof number);
-    texts_.push_back({client, may_arrive});
+    texts_.push_back(text);
     return bytes;
   }
 
@@ -134,8 +136,6 @@ class Wire {
     return back < packets_.size() ? &packets_[packets_.size() - 1 - back] : nullptr;
   }
 
-  std::size_t heard_client() const { return heard_->port - address_of(0).port; }
-
   void forget(Client& client, bool at_client) {
     if (at_client) client.link.forget(kServer);
     if (!at_client && heard_) server_.forget(*heard_);
@@ -145,16 +145,23 @@ class Wire {
     if (packet.to) {
       Client& client = clients_[*packet.to];
       client.wire.deliver(kServer, packet.bytes);
-      receive(client.link, *packet.to);
+      receive(client.link, [&](const Text& text, const Endpoint&) {
+        demand(!text.to_server && text.client == *packet.to, "what opens was sealed for him");
+      });
     } else {
       wire_.deliver(address_of(packet.client), packet.bytes);
-      if (const auto peer = receive(server_, packet.client)) heard_ = *peer;
+      receive(server_, [&](const Text& text, const Endpoint& peer) {
+        demand(text.to_server, "what opens was sealed for the server");
+        demand(peer.port == address_of(packet.client).port, "its peer is where it came from");
+        heard_ = peer;
+        speaker_ = text.client;
+      });
     }
   }
 
-  /// All that a link has to give. The peer of what it let through.
-  std::optional<Endpoint> receive(protocol::DatagramLink& link, std::size_t client) {
-    std::optional<Endpoint> peer;
+  /// All that a link has to give.
+  template <class Check>
+  void receive(protocol::DatagramLink& link, Check check) {
     Datagram datagram;
     while (link.receive(datagram)) {
       if (datagram.dropped) {
@@ -167,13 +174,11 @@ class Wire {
       demand(number < texts_.size(), "what opens is a text that was sealed");
       Text& text = texts_[number];
       demand(text.may_arrive, "without the key nothing opens");
-      demand(text.client == client, "a text comes from its own sender's address");
       demand(!text.arrived, "a text opens once");
       text.arrived = true;
-      peer = datagram.peer;
+      check(text, datagram.peer);
       ++accepted;
     }
-    return peer;
   }
 
   /// What the links have sent is the enemy's.
@@ -201,7 +206,8 @@ class Wire {
   std::deque<Client> clients_;
   std::deque<Packet> packets_;
   std::deque<Text> texts_;
-  std::optional<Endpoint> heard_;  ///< By the server, the latest.
+  std::optional<Endpoint> heard_;  ///< By the server, the latest,
+  std::size_t speaker_ = 0;        ///< and which client that is.
   double responses_ = 0;
 };
 
