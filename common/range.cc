@@ -16,13 +16,14 @@ class Digits {
     const double size = std::abs(value);
     const bool fixed = size == 0 || !std::isfinite(value) || (size >= kSmallest && size < kLargest);
     const auto format = fixed ? std::chars_format::fixed : std::chars_format::scientific;
-    end_ = std::to_chars(std::begin(text_), std::end(text_), value, format).ptr;
+    const char* const end = std::to_chars(std::begin(text_), std::end(text_), value, format).ptr;
+    size_ = static_cast<std::size_t>(end - text_);
   }
-  operator std::string_view() const noexcept { return {text_, end_}; }
+  operator std::string_view() const noexcept { return {text_, size_}; }
 
  private:
   char text_[32];
-  const char* end_;
+  std::size_t size_;
 };
 
 template <class Text>
