@@ -49,6 +49,18 @@ TEST_CASE("A tick receives, reads the device, commands it, and then acknowledges
   CHECK(bench.journal == Journal{"read", "write"});
 }
 
+TEST_CASE("The force of a contact is commanded in the tick that takes its update") {
+  ServoOptions options = untied();
+  options.local_model.update_rule = UpdateRule::kIntermediateRepresentation;
+  ServoBench bench(options);
+  bench.begin();
+  bench.tick_with(bench.update());
+  REQUIRE(bench.ticks(150).F_command.isZero(0));
+  const TickRecord& record = bench.tick_with(bench.update({wall_ahead(-0.5e-3)}));  // m
+  CHECK(record.F_env[0] == Approx(-2).epsilon(0.2));                                // N: 4 kN/m
+  CHECK(bench.device.written[0] < -1);
+}
+
 TEST_CASE("Without a session a tick touches no device") {
   ServoBench bench;
   const TickRecord& record = bench.ticks(3);
