@@ -16,7 +16,10 @@ class SteppedClock:
                         pathlib.Path(__file__).with_name("stepped_clock.cc")], check=True)
         offset = pathlib.Path(folder) / "clock_offset"
         offset.write_bytes(struct.pack("d", 0))
-        self.environment = {**os.environ, "LD_PRELOAD": str(library), "HLM_CLOCK_OFFSET": str(offset)}
+        # A program that was built with sanitizers wants its own library first.
+        options = os.environ.get("ASAN_OPTIONS", "") + ":verify_asan_link_order=0"
+        self.environment = {**os.environ, "LD_PRELOAD": str(library), "HLM_CLOCK_OFFSET": str(offset),
+                            "ASAN_OPTIONS": options}
         with open(offset, "r+b") as file:
             self._memory = mmap.mmap(file.fileno(), 8)
 

@@ -43,6 +43,8 @@ class ClockSteps(ForceTest):
         client.terminate()
         said = client.communicate(timeout=10)[1]
         ticks = server.ticks()
+        years = {path.name[7:11] for path in pathlib.Path(folder).glob("flight-*")}
+        self.assertGreater(len(years), 1)  # the server did see its clock set
         in_session = [row for row in ticks if row["server_state"] not in ("off", "fading")]
         self.assertIsNotNone(goes_on(in_session))
         self.assertEqual({row["fault"] for row in ticks}, {"none"})
