@@ -22,6 +22,10 @@ constexpr double kLargestMass = 1e3;     ///< kg.
 constexpr double kLargestInertia = 1e6;  ///< kg·m².
 constexpr double kLargestGravity = 100;  ///< m/s²: 9810 are millimetres.
 
+// What a joint moves and turns at least: with less, divisions by it are no longer finite.
+constexpr double kSmallestMass = 1e-6;      ///< kg.
+constexpr double kSmallestInertia = 1e-12;  ///< kg·m².
+
 /// Why a vector is not finite and within ±bound; empty if it is.
 template <class Values>
 std::optional<Sentence> find_error(const char* name, const Values& values, double bound,
@@ -78,9 +82,15 @@ std::optional<Sentence> find_massless_error(const ToolDescription& tool) {
       mass += moved.mass;
       inertia += moved.I_LCom.trace() + moved.mass * moved.p_LCom.squaredNorm();
     }
-    if (!(mass > 0)) return Sentence("link ") + i + ": its joint moves no mass; must be > 0 kg";
-    if (tool.links[static_cast<std::size_t>(i)].joint != JointType::kPrismatic && !(inertia > 0)) {
-      return Sentence("link ") + i + ": its joint turns no inertia; must be > 0 kg·m²";
+    if (!(mass >= kSmallestMass)) {
+      return Sentence("link ") + i + ": its joint moves too little: mass " + brief_text(mass) +
+             " kg must be at least " + brief_text(kSmallestMass) + " kg";
+    }
+    if (tool.links[static_cast<std::size_t>(i)].joint != JointType::kPrismatic &&
+        !(inertia >= kSmallestInertia)) {
+      return Sentence("link ") + i + ": its joint turns too little: inertia " +
+             brief_text(inertia) + " kg·m² must be at least " + brief_text(kSmallestInertia) +
+             " kg·m²";
     }
   }
   return std::nullopt;

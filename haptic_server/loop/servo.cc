@@ -192,7 +192,7 @@ void Servo::simulate() noexcept {
 
   ++step_;
   const ContactWrench felt = move_proxy(*device);
-  if (!local_model_->velocity().allFinite()) return fail(Fault::kNonFinite);
+  if (!local_model_->velocity().allFinite() || !felt.F.allFinite()) return fail(Fault::kNonFinite);
   if (!is_plausible(*device)) return fail(Fault::kImplausible);
   render(*device, felt);
 }

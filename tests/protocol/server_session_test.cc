@@ -445,7 +445,10 @@ struct BadHello {
 const BadHello kBadHellos[] = {
     {"a tool must have at least one link", [](Hello& h) { h.tool.links.clear(); }},
     {"link 0: mass -1 kg must be 0 to 1000 kg", [](Hello& h) { h.tool.links[0].mass = -1; }},
-    {"link 0: its joint moves no mass; must be > 0 kg", [](Hello& h) { h.tool.links[0].mass = 0; }},
+    {"link 0: its joint moves too little: mass 0 kg must be at least 1e-06 kg",
+     [](Hello& h) { h.tool.links[0].mass = 0; }},
+    {"link 0: its joint moves too little: mass 5e-312 kg must be at least 1e-06 kg",
+     [](Hello& h) { h.tool.links[0].mass = 5e-312; }},
     {"link 0: centre of mass must be finite and within ±10000 m",
      [](Hello& h) { h.tool.links[0].p_LCom.x() = 1e9; }},
     {"link 0: inertia must not be negative", [](Hello& h) { h.tool.links[0].I_LCom(0, 0) = -1; }},
