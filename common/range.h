@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "common/sentence.h"
+
 namespace hlm {
 
 /// The numbers from `least` to `most`, both included; NaN is in no range. A `most` of infinity
@@ -33,12 +35,17 @@ constexpr Range from_zero(const char* unit) noexcept { return {0, Range::kFinite
 
 /// The shortest decimal text that is read back as the same number.
 std::string shortest_text(double value);
+/// The same, without allocation.
+Sentence brief_text(double value) noexcept;
 
 /// "0.1 to 1000 N", "at least 0.01 N", "above 0 m and finite".
 std::string to_string(const Range& range);
 
 /// "NAME VALUE UNIT must be RANGE" if `value` is outside; empty if inside.
 std::optional<std::string> find_error(std::string_view name, double value, const Range& range);
+/// The same, without allocation, for names that are short.
+std::optional<Sentence> find_brief_error(std::string_view name, double value,
+                                         const Range& range) noexcept;
 
 /// A number of a structure and what it can be.
 template <class Owner>

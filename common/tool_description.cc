@@ -22,18 +22,20 @@ constexpr double kLargestMass = 1e3;     ///< kg.
 constexpr double kLargestInertia = 1e6;  ///< kg·m².
 constexpr double kLargestGravity = 100;  ///< m/s²: 9810 are millimetres.
 
+// What a joint moves and turns at least: with less, divisions by it are no longer finite.
+constexpr double kSmallestMass = 1e-6;      ///< kg.
+constexpr double kSmallestInertia = 1e-12;  ///< kg·m².
+
 /// Why a vector is not finite and within ±bound; empty if it is.
 template <class Values>
-std::optional<std::string> find_error(const char* name, const Values& values, double bound,
-                                      const char* unit) {
+std::optional<Sentence> find_error(const char* name, const Values& values, double bound,
+                                   const char* unit) {
   if (values.allFinite() && values.cwiseAbs().maxCoeff() <= bound) return std::nullopt;
-  std::string text = name;
-  text.append(" must be finite and within ±").append(shortest_text(bound));
-  return text.append(" ").append(unit);
+  return Sentence(name) + " must be finite and within ±" + brief_text(bound) + " " + unit;
 }
 
-std::optional<std::string> find_inertia_error(const Link& link) {
-  if (auto error = find_error("mass", link.mass, Range{0, kLargestMass, "kg"})) return error;
+std::optional<Sentence> find_inertia_error(const Link& link) {
+  if (auto error = find_brief_error("mass", link.mass, Range{0, kLargestMass, "kg"})) return error;
   if (auto error = find_error("centre of mass", link.p_LCom, kLargestLength, "m")) return error;
   if (auto error = find_error("inertia", link.I_LCom, kLargestInertia, "kg·m²")) return error;
   const double tolerance = kInertiaTolerance * link.I_LCom.cwiseAbs().maxCoeff();
@@ -45,13 +47,13 @@ std::optional<std::string> find_inertia_error(const Link& link) {
   return std::nullopt;
 }
 
-std::optional<std::string> find_joint_error(const Link& link, int index) {
+std::optional<Sentence> find_joint_error(const Link& link, int index) {
   if (static_cast<unsigned>(link.joint) > static_cast<unsigned>(JointType::kFree)) {
-    return "joint type " + std::to_string(static_cast<unsigned>(link.joint)) + " must be 0 to 4";
+    return Sentence("joint type ") + static_cast<unsigned>(link.joint) + " must be 0 to 4";
   }
   if (index == 0 && link.parent != -1) return "the root's parent must be the world (-1)";
   if (index > 0 && (link.parent < 0 || link.parent >= index)) {
-    return "parent " + std::to_string(link.parent) + " must be 0 to " + std::to_string(index - 1);
+    return Sentence("parent ") + link.parent + " must be 0 to " + (index - 1);
   }
   if (index > 0 && link.joint == JointType::kFree) return "only the root may have a free joint";
   if (!is_finite(link.X_PJ)) return "joint frame must be finite";
@@ -60,12 +62,13 @@ std::optional<std::string> find_joint_error(const Link& link, int index) {
   if (!link.axis.allFinite()) return "axis must be finite";
   if (!has_axis(link.joint)) return std::nullopt;
   if (!is_unit(link.axis.norm())) return "axis must have length 1";
-  if (auto error = find_error("lower limit", link.lower, Range{-kNoLimit, kNoLimit})) return error;
-  return find_error("upper limit", link.upper, Range{link.lower, kNoLimit});
+  if (auto error = find_brief_error("lower limit", link.lower, Range{-kNoLimit, kNoLimit}))
+    return error;
+  return find_brief_error("upper limit", link.upper, Range{link.lower, kNoLimit});
 }
 
 /// Whether D(q) can be inverted: every velocity coordinate must move some mass or inertia.
-std::optional<std::string> find_massless_error(const ToolDescription& tool) {
+std::optional<Sentence> find_massless_error(const ToolDescription& tool) {
   const int count = static_cast<int>(tool.links.size());
   for (int i = 0; i < count; ++i) {
     if (tool.links[static_cast<std::size_t>(i)].joint == JointType::kFixed) continue;
@@ -79,10 +82,15 @@ std::optional<std::string> find_massless_error(const ToolDescription& tool) {
       mass += moved.mass;
       inertia += moved.I_LCom.trace() + moved.mass * moved.p_LCom.squaredNorm();
     }
-    if (!(mass > 0))
-      return "link " + std::to_string(i) + ": its joint moves no mass; must be > 0 kg";
-    if (tool.links[static_cast<std::size_t>(i)].joint != JointType::kPrismatic && !(inertia > 0)) {
-      return "link " + std::to_string(i) + ": its joint turns no inertia; must be > 0 kg·m²";
+    if (!(mass >= kSmallestMass)) {
+      return Sentence("link ") + i + ": its joint moves too little: mass " + brief_text(mass) +
+             " kg must be at least " + brief_text(kSmallestMass) + " kg";
+    }
+    if (tool.links[static_cast<std::size_t>(i)].joint != JointType::kPrismatic &&
+        !(inertia >= kSmallestInertia)) {
+      return Sentence("link ") + i + ": its joint turns too little: inertia " +
+             brief_text(inertia) + " kg·m² must be at least " + brief_text(kSmallestInertia) +
+             " kg·m²";
     }
   }
   return std::nullopt;
@@ -121,27 +129,26 @@ int ToolDescription::configuration_size() const noexcept {
   return sum;
 }
 
-std::optional<std::string> find_error(const ToolDescription& tool) {
+std::optional<Sentence> find_error(const ToolDescription& tool) {
   if (tool.links.empty()) return "a tool must have at least one link";
   for (std::size_t i = 0; i < tool.links.size(); ++i) {
     const Link& link = tool.links[i];
-    std::optional<std::string> error = find_joint_error(link, static_cast<int>(i));
+    std::optional<Sentence> error = find_joint_error(link, static_cast<int>(i));
     if (!error) error = find_inertia_error(link);
-    if (error) return "link " + std::to_string(i) + ": " + *error;
+    if (error) return Sentence("link ") + i + ": " + *error;
   }
   const int dof = tool.dof();
   if (dof < 1 || dof > kMaxDof) {
-    return "degrees of freedom " + std::to_string(dof) + " must be 1 to " + std::to_string(kMaxDof);
+    return Sentence("degrees of freedom ") + dof + " must be 1 to " + kMaxDof;
   }
   if (tool.hand_link < 0 || tool.hand_link >= static_cast<int>(tool.links.size())) {
-    return "hand link " + std::to_string(tool.hand_link) + " must be 0 to " +
-           std::to_string(tool.links.size() - 1);
+    return Sentence("hand link ") + tool.hand_link + " must be 0 to " + (tool.links.size() - 1);
   }
   if (!is_finite(tool.X_LH)) return "hand frame must be finite";
   if (auto error = find_error("hand frame", tool.X_LH.p, kLargestLength, "m")) return error;
   if (!is_unit(tool.X_LH.R.norm())) return "hand frame's quaternion must have length 1";
   if (auto error = find_error("gravity", tool.gravity_W, kLargestGravity, "m/s²")) return error;
-  if (auto error = find_error("length", tool.length, Range{0, kLargestLength, "m", true})) {
+  if (auto error = find_brief_error("length", tool.length, Range{0, kLargestLength, "m", true})) {
     return error;
   }
   return find_massless_error(tool);

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <string>
 
+#include "common/sentence.h"
 #include "common/spatial.h"
 #include "common/static_vector.h"
 
@@ -67,7 +67,7 @@ struct ToolDescription {
 /// Why a description cannot be used, naming the link, the value and what is allowed; empty if
 /// valid. Checks the tree's order, joint types and their place, finite values, unit axes and
 /// quaternions, limits in order, non-negative masses, symmetric non-negative inertias, d within [1,
-/// kMaxDof].
-std::optional<std::string> find_error(const ToolDescription& tool);
+/// kMaxDof]. Allocates nothing.
+std::optional<Sentence> find_error(const ToolDescription& tool);
 
 }  // namespace hlm

@@ -20,7 +20,8 @@ std::optional<DropReason> Assembler::add(const Header& header, std::span<const s
   }
   if (header.parts != parts_) return DropReason::kMalformed;
   if (arrived_ & bit) return DropReason::kStale;
-  bytes_[header.part].assign(bytes.begin(), bytes.end());
+  // By pointers: a span's iterators are copied byte by byte.
+  bytes_[header.part].assign(bytes.data(), bytes.data() + bytes.size());
   arrived_ |= bit;
   return std::nullopt;
 }

@@ -22,8 +22,7 @@ struct ServerSessionOptions {
   double timeout = 0.5;
 };
 
-/// Not thread-safe; no function waits or throws. None allocates, except the text that tells a
-/// client what is wrong with its hello; that never happens while another client is live.
+/// Not thread-safe; no function waits, allocates or throws.
 class ServerSession {
  public:
   /// Datagrams taken in one poll, so that a flood cannot stall the tick; the rest waits in the

@@ -84,20 +84,22 @@ bool fits(const ToolDescription& tool, const ProxyState& state) noexcept {
   return fits(tool, state.q) && state.v.size() == tool.dof();
 }
 
-std::optional<std::string> find_error(const Hello& hello) {
+std::optional<Sentence> find_error(const Hello& hello) {
   if (auto error = find_error(hello.tool)) return error;
   if (hello.q.size() != hello.tool.configuration_size()) {
-    return "initial configuration has " + std::to_string(hello.q.size()) +
-           " coordinates; the tool has " + std::to_string(hello.tool.configuration_size());
+    return Sentence("initial configuration has ") + hello.q.size() + " coordinates; the tool has " +
+           hello.tool.configuration_size();
   }
   if (!fits(hello.tool, hello.q)) {
     return "initial configuration must be finite and its quaternion of length 1";
   }
   if (hello.q.cwiseAbs().maxCoeff() > kLargestLength) {
-    return "initial configuration must be within ±" + shortest_text(kLargestLength) + " m or rad";
+    return Sentence("initial configuration must be within ±") + brief_text(kLargestLength) +
+           " m or rad";
   }
-  if (auto error = find_error("VE rate", hello.ve_rate, Range{0, 1e5, "Hz", true})) return error;
-  return find_error("epsilon", hello.epsilon, Range{0, 10, "m"});
+  if (auto error = find_brief_error("VE rate", hello.ve_rate, Range{0, 1e5, "Hz", true}))
+    return error;
+  return find_brief_error("epsilon", hello.epsilon, Range{0, 10, "m"});
 }
 
 }  // namespace hlm::protocol

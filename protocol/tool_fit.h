@@ -2,8 +2,8 @@
 #pragma once
 
 #include <optional>
-#include <string>
 
+#include "common/sentence.h"
 #include "common/tool_description.h"
 #include "common/tool_model.h"
 #include "protocol/messages.h"
@@ -26,7 +26,7 @@ std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
 bool fits(const ToolDescription& tool, const ProxyState& state) noexcept;
 
 /// Why a hello cannot be used, naming the value and what is allowed; empty if it can. Allocates
-/// only the text.
-std::optional<std::string> find_error(const Hello& hello);
+/// nothing.
+std::optional<Sentence> find_error(const Hello& hello);
 
 }  // namespace hlm::protocol

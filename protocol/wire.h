@@ -11,6 +11,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <optional>
 #include <span>
 
@@ -180,8 +181,9 @@ class Writer : public CompoundFields<Writer> {
   template <std::unsigned_integral T>
   void append(T value) noexcept {
     const T little = boost::endian::native_to_little(value);
-    const auto raw = std::bit_cast<std::array<std::byte, sizeof(T)>>(little);
-    bytes_.insert(bytes_.end(), raw.begin(), raw.end());
+    const std::size_t end = bytes_.size();
+    bytes_.resize(end + sizeof(T), boost::container::default_init);
+    std::memcpy(bytes_.data() + end, &little, sizeof(T));
   }
 
   DatagramBytes& bytes_;
@@ -327,10 +329,10 @@ class Reader : public CompoundFields<Reader> {
       refuse(DropReason::kMalformed, UpdateError::kLayout);
       return 0;
     }
-    std::array<std::byte, sizeof(T)> raw;
-    std::ranges::copy(bytes_.subspan(position_, sizeof(T)), raw.begin());
+    T little = 0;
+    std::memcpy(&little, bytes_.data() + position_, sizeof(T));
     position_ += sizeof(T);
-    return boost::endian::little_to_native(std::bit_cast<T>(raw));
+    return boost::endian::little_to_native(little);
   }
 
   std::span<const std::byte> bytes_;

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Checks a receipt of haptic_replay --receipt against the tick log of the same session.
 
-Usage: energy_receipt.py TICKS.csv RECEIPT.csv
+Usage: energy_receipt.py TICKS.csv RECEIPT.csv [SCALE]
 
 From the commanded wrenches and the poses of the handle in the tick log it adds up what the device port gave and took
-between updates, by itself, and compares. Exit status 1 if any line differs by more than 1e-9 J.
+between updates, by itself, and compares. SCALE: that of the device, metres in the world for each metre of the handle,
+1 unless given. Exit status 1 if any line differs by more than 1e-9 J.
 """
 
 import csv
@@ -33,19 +34,19 @@ def numbers(row, names):
     return [float(row[name]) for name in names]
 
 
-def work(before, after):
+def work(before, after, scale):
     """Of the wrench commanded in one tick on the handle's way to the next, J."""
     position = [f"device_{axis}_m" for axis in "xyz"]
     orientation = [f"device_q{part}" for part in "wxyz"]
     force = numbers(before, [f"command_force_{axis}_N" for axis in "xyz"])
     torque = numbers(before, [f"command_torque_{axis}_N_m" for axis in "xyz"])
-    move = [b - a for a, b in zip(numbers(before, position), numbers(after, position))]
+    move = [(b - a) / scale for a, b in zip(numbers(before, position), numbers(after, position))]
     w, x, y, z = numbers(before, orientation)
     turn = rotation_vector(product(numbers(after, orientation), (w, -x, -y, -z)))
     return sum(f * d for f, d in zip(force + torque, move + turn))
 
 
-def receipt_of(ticks):
+def receipt_of(ticks, scale):
     """{(session, step): (given, taken)} between updates, and the totals."""
     lines, total = {}, [0.0, 0.0]
     given = taken = 0.0
@@ -56,7 +57,7 @@ def receipt_of(ticks):
         if before is not None and before["session"] == row["session"]:
             if int(row["step"]) != int(before["step"]) + 1:
                 sys.exit(f"the tick log lacks the steps between {before['step']} and {row['step']}")
-            passed = work(before, row)
+            passed = work(before, row, scale)
             given += max(passed, 0)
             taken += max(-passed, 0)
         before = row
@@ -69,9 +70,10 @@ def receipt_of(ticks):
 
 
 def main():
-    ticks, receipt = sys.argv[1:]
+    ticks, receipt, *given = sys.argv[1:]
+    scale = float(given[0]) if given else 1.0
     with open(ticks, encoding="utf-8") as file:
-        own, total = receipt_of(csv.DictReader(file))
+        own, total = receipt_of(csv.DictReader(file), scale)
     with open(receipt, encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     largest = 0.0

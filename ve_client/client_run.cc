@@ -123,7 +123,7 @@ ClientRun::ClientRun(const Settings& settings)
       live_(settings_at_start()),
       spread_((settings.rate_high - settings.rate_low) / 2),
       engine_(settings.seed),
-      connection_(settings.server, settings.key_file, settings.connect_timeout) {
+      connection_(settings.server, settings.key_file, settings.connect_timeout, page_ != nullptr) {
   link_.set_conditions(live_.network);
   begin(true);
 }

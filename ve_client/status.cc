@@ -20,7 +20,7 @@ void Connection::watch(double now, const HapticClient::Inbox& inbox, bool connec
   if (inbox.welcomed) {
     spdlog::info("session with {} began", server_);
     ever_connected_ = true;
-    rejected_ = nullptr;
+    rejected_.clear();
   }
   if (connected) {
     next_message_ = now + kPatience;
@@ -28,7 +28,7 @@ void Connection::watch(double now, const HapticClient::Inbox& inbox, bool connec
     return;
   }
   if (inbox.reject) {
-    const char* const before = std::exchange(rejected_, judge(*inbox.reject));
+    const std::string before = std::exchange(rejected_, judge(*inbox.reject));
     if (rejected_ != before) next_message_ = now;
   }
   if (!ever_connected_ && timeout_ > 0 && now > timeout_) {
@@ -43,15 +43,14 @@ void Connection::end(double now) const {
 
 void Connection::give_up(const std::string& when) const {
   throw NeverAnswered("server " + server_ + ' ' +
-                      (rejected_ != nullptr
-                           ? "granted no session " + when + ": " + rejected_
-                           : "has not answered " + when + ": " + reasons_for_silence()));
+                      (rejected_.empty() ? "has not answered " + when + ": " + reasons_for_silence()
+                                         : "granted no session " + when + ": " + rejected_));
 }
 
 void Connection::say_what_is_awaited(double now) {
   if (now < next_message_) return;
   spdlog::warn("waiting for server {}: {}", server_,
-               rejected_ != nullptr ? rejected_ : "it does not answer: " + reasons_for_silence());
+               rejected_.empty() ? "it does not answer: " + reasons_for_silence() : rejected_);
   next_message_ = now + pause_;
   pause_ = std::min(2 * pause_, kLongestPause);
 }
@@ -63,7 +62,7 @@ std::string Connection::reasons_for_silence() const {
   return "haptic_server does not run there, the network is in the way, or " + key;
 }
 
-const char* Connection::judge(const protocol::Reject& reject) const {
+std::string Connection::judge(const protocol::Reject& reject) const {
   const std::string text(reject.text.begin(), reject.text.end());
   switch (reject.reason) {
     case protocol::RejectReason::kVersion:
@@ -71,6 +70,9 @@ const char* Connection::judge(const protocol::Reject& reject) const {
           "server {} speaks version {} of the protocol, this client version {}; both must be equal",
           server_, reject.version, protocol::kProtocolVersion));
     case protocol::RejectReason::kTool:
+      if (tool_may_change_) {
+        return "it cannot use the tool: " + text + "; choose another scene on the page";
+      }
       throw std::runtime_error("server " + server_ + " cannot use the tool: " + text);
     case protocol::RejectReason::kBusy:
       return "it is busy with another client";  // It may be free later.

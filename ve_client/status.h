@@ -22,13 +22,17 @@ struct NeverAnswered : std::runtime_error {
 class Connection {
  public:
   /// `server` is its name in messages, `key_file` that of the key in use, empty: none; `timeout`
-  /// (s) holds until the first session, 0: for ever.
-  Connection(std::string server, std::string key_file, double timeout)
-      : server_(std::move(server)), key_file_(std::move(key_file)), timeout_(timeout) {}
+  /// (s) holds until the first session, 0: for ever. tool_may_change: a page can choose another
+  /// scene.
+  Connection(std::string server, std::string key_file, double timeout, bool tool_may_change)
+      : server_(std::move(server)),
+        key_file_(std::move(key_file)),
+        timeout_(timeout),
+        tool_may_change_(tool_may_change) {}
 
   /// Logs what changed. Throws std::runtime_error with one line if the server speaks another
-  /// version or refuses the tool, NeverAnswered if it has not granted a session in time. `now`: s
-  /// since the start.
+  /// version, or refuses a tool that cannot change; NeverAnswered if it has not granted a session
+  /// in time. `now`: s since the start.
   void watch(double now, const HapticClient::Inbox& inbox, bool connected);
   /// The run is over. Throws NeverAnswered if there has been no session at all. `now`: s since the
   /// start.
@@ -41,7 +45,7 @@ class Connection {
   static constexpr double kLongestPause = 60;  ///< s.
 
   /// Why there is no session yet, where there may be one later. Throws where there will be none.
-  const char* judge(const protocol::Reject& reject) const;
+  std::string judge(const protocol::Reject& reject) const;
   void say_what_is_awaited(double now);
   [[noreturn]] void give_up(const std::string& when) const;
 
@@ -51,8 +55,9 @@ class Connection {
   std::string server_;
   std::string key_file_;
   double timeout_;
+  bool tool_may_change_;
   bool ever_connected_ = false;
-  const char* rejected_ = nullptr;   ///< Why the server gives no session; null: it has not said.
+  std::string rejected_;             ///< Why the server gives no session; empty: it has not said.
   double next_message_ = kPatience;  ///< Of what is awaited, s since the start.
   double pause_ = kFirstPause;       ///< From that message to the one after, s.
 };

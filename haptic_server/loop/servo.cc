@@ -192,7 +192,7 @@ void Servo::simulate() noexcept {
 
   ++step_;
   const ContactWrench felt = move_proxy(*device);
-  if (!local_model_->velocity().allFinite()) return fail(Fault::kNonFinite);
+  if (!local_model_->velocity().allFinite() || !felt.F.allFinite()) return fail(Fault::kNonFinite);
   if (!is_plausible(*device)) return fail(Fault::kImplausible);
   render(*device, felt);
 }
@@ -222,20 +222,22 @@ ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
 }
 
 /// The proxy's step. What hand and weight put into the proxy and it did not keep went on into
-/// contacts and coupling; moving constraints push the proxy, and the
-/// device too unless a coupler stands between.
+/// contacts and coupling; moving constraints push the proxy and, except with a coupler, the device.
+/// All in J at the handle.
 ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
   const Pose X_WP = proxy.X_WH();
   const ContactWrench felt =
       local_model_->step(controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
   const Wrench F_hand = controller_.passes_hand_wrench(device) ? *device.F_hand : Wrench::Zero();
-  const double hand = F_hand.dot(displacement(X_WP, proxy.X_WH()));
-  const double weight = -proxy.gravity().dot(local_model_->velocity()) * dt_;
+  const double scale = device_.ratings().scale;
+  const double hand = work_at_handle(F_hand, displacement(X_WP, proxy.X_WH()), scale);
+  const double weight = -proxy.gravity().dot(local_model_->velocity()) * dt_ / scale;
   const double moved = limiter_.explained(environment_power(*local_model_));
   const bool twice = controller_.kind() != ControllerKind::kVirtualCoupler;
   in_proxy_ += hand + weight + (twice ? 2 : 1) * moved;
-  const double kept = std::clamp(in_proxy_, 0.0, kinetic_energy(*local_model_));
+  const double kept =
+      std::clamp(in_proxy_, 0.0, kinetic_energy(*local_model_) / std::min(1.0, scale));
   supply_ = in_proxy_ - kept;
   in_proxy_ = kept;
   return felt;

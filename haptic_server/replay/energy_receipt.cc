@@ -15,7 +15,8 @@ EnergyReceipt::EnergyReceipt(std::ostream& out) : out_(out) {
 void EnergyReceipt::observe(const TickRecord& record) {
   if (record.step == 0) return;
   if (before_ && before_->session == record.session) {
-    const double work = before_->F_command.dot(displacement(before_->X_WD, record.X_WD));
+    const double work =
+        work_at_handle(before_->F_command, displacement(before_->X_WD, record.X_WD), record.scale);
     (work > 0 ? all_.given : all_.taken) += std::abs(work);
     (work > 0 ? since_update_.given : since_update_.taken) += std::abs(work);
   }

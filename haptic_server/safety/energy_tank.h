@@ -6,7 +6,13 @@
 
 namespace hlm::server {
 
-/// What has passed the device port since the session began, J.
+/// Work of a wrench at the handle, J, over a displacement in the world. scale: metres in the world
+/// for each metre of the handle.
+inline double work_at_handle(const Wrench& F, const Vector6& moves, double scale) noexcept {
+  return F.head<3>().dot(moves.head<3>()) / scale + F.tail<3>().dot(moves.tail<3>());
+}
+
+/// What has passed the device port since the session began, J at the handle.
 struct PortLedger {
   double given = 0;  ///< To the hand, over all periods in which it was given any.
   double taken = 0;  ///< From the hand, likewise.
@@ -19,15 +25,21 @@ struct PortLedger {
 /// Keeps the ledger. Each period counts F · Δx, exact for a wrench that is held while the handle
 /// moves from one sample to the next; a turn counts as one about a fixed axis. What is given and
 /// not explained comes out of a tank, what is taken goes into it up to its capacity. So in any
-/// stretch of time the port gives no more than what it took, what is explained and one tank.
+/// stretch of time the port gives no more than what it took, what is explained and one tank; and
+/// one more for each kRefillTime without force.
 class EnergyTank {
  public:
   /// The power that may be given is the tank's level over this time, s. Longer softens the return
   /// of springs while the tank is low, shorter lets the force drop within a few steps.
   static constexpr double kDrainTime = 0.02;
+  /// Time without force that fills an empty tank, s. A hand that moves into a wall meanwhile is
+  /// pushed out again by energy that nothing explains. Longer lets the wall give way after a few
+  /// pauses of the client, shorter lets a client that stalls on purpose give more.
+  static constexpr double kRefillTime = 0.5;
 
-  /// capacity: J, > 0.
-  explicit EnergyTank(double capacity) noexcept : capacity_(capacity), ledger_{.tank = capacity} {}
+  /// capacity: J, > 0; scale: metres in the world for each metre of the handle.
+  explicit EnergyTank(double capacity, double scale = 1) noexcept
+      : capacity_(capacity), scale_(scale), ledger_{.tank = capacity} {}
 
   /// A session begins. The tank stays as it is, for a client could ask for ever new sessions, but
   /// owes nothing.
@@ -40,6 +52,8 @@ class EnergyTank {
   /// part of F that is the tool's weight, whose work is a potential; supply: what else explains
   /// the work in it, J.
   void observe(const Pose& X_WD, const Wrench& F, const Wrench& weight, double supply) noexcept;
+  /// There was no force for so long, s.
+  void rest(double time) noexcept;
 
   const PortLedger& ledger() const noexcept { return ledger_; }
   /// Largest power that may be given now, W; below 0 so much must be taken.
@@ -50,6 +64,7 @@ class EnergyTank {
 
  private:
   double capacity_;
+  double scale_;
   bool known_ = false;  ///< Whether a handle was seen.
   Pose X_WD_;           ///< At the beginning of the period.
   PortLedger ledger_;

@@ -2,14 +2,24 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "haptic_server/device/device.h"
 #include "haptic_server/safety/limiter_options.h"
 
 namespace hlm::server {
 
-/// The smaller of what the user allows and what the device is rated for.
+/// The smaller of what the user allows and what the device is rated for. What a device does not
+/// rate follows from its force and its torque, so that the defaults limit a weak one, too.
 struct ForceBudget {
+  /// In so short a time an unrated device takes its whole force, s.
+  static constexpr double kWholeForceTime = 4e-3;
+  /// At these speeds it gives its whole force and torque, m/s and rad/s.
+  static constexpr double kWholeForceSpeed = 1.25;
+  static constexpr double kWholeTorqueRate = 5;
+  /// Over so long a way it gives its whole force beyond what is explained, m.
+  static constexpr double kWholeForceWay = 0.042;
+
   double max_force = 0;        ///< N.
   double max_torque = 0;       ///< N·m.
   double max_force_step = 0;   ///< Change per servo period, N.
@@ -17,16 +27,23 @@ struct ForceBudget {
 
   double max_power = 0;          ///< Of the force, given to the hand, W.
   double max_turning_power = 0;  ///< Of the torque, W.
+  double max_energy = 0;         ///< Given beyond what was taken and is explained, J.
 
   /// dt: servo period, s.
   static ForceBudget of(const LimiterOptions& allowed, const DeviceRatings& device,
                         double dt) noexcept {
-    return {std::min(allowed.max_force, device.max_force),
-            std::min(allowed.max_torque, device.max_torque),
-            std::min(allowed.max_force_rate, device.max_force_rate) * dt,
-            std::min(allowed.max_torque_rate, device.max_torque_rate) * dt,
-            std::min(allowed.max_power, device.max_power),
-            std::min(allowed.max_turning_power, device.max_turning_power)};
+    const auto least = [](double allows, double rating, double otherwise) {
+      return std::min(allows, std::isfinite(rating) ? rating : otherwise);
+    };
+    const double force = device.max_force;
+    const double torque = device.max_torque;
+    return {std::min(allowed.max_force, force),
+            std::min(allowed.max_torque, torque),
+            least(allowed.max_force_rate, device.max_force_rate, force / kWholeForceTime) * dt,
+            least(allowed.max_torque_rate, device.max_torque_rate, torque / kWholeForceTime) * dt,
+            least(allowed.max_power, device.max_power, force * kWholeForceSpeed),
+            least(allowed.max_turning_power, device.max_turning_power, torque * kWholeTorqueRate),
+            std::min(allowed.max_energy, force * kWholeForceWay)};
   }
 };
 

@@ -53,10 +53,11 @@ Vector3 share_of(const Vector3& part, const Vector3& F, const Vector3& rendered)
 Limiter::Limiter(const LimiterOptions& allowed, const DeviceRatings& device, double dt) noexcept
     : budget_(ForceBudget::of(allowed, device, dt)),
       dt_(dt),
+      scale_(device.scale),
       fade_step_(step_of(allowed.fade_time, dt)),
       rise_step_(step_of(allowed.rise_time, dt)),
       spreader_(budget_, dt),
-      tank_(allowed.max_energy) {}
+      tank_(budget_.max_energy, device.scale) {}
 
 void Limiter::cut() noexcept {
   wanted_ = false;
@@ -82,7 +83,7 @@ Wrench Limiter::limit_power(const Wrench& F, const Twist& V) noexcept {
     return less == f ? f : shortened(less, size);
   };
   Wrench less;
-  less << limited(F.head<3>(), V.head<3>(), budget_.max_power, portion_ * kLargestDamping,
+  less << limited(F.head<3>(), V.head<3>() / scale_, budget_.max_power, portion_ * kLargestDamping,
                   budget_.max_force),
       limited(F.tail<3>(), V.tail<3>(), budget_.max_turning_power,
               portion_ * kLargestAngularDamping, budget_.max_torque);

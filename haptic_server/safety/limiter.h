@@ -24,8 +24,12 @@ class Limiter {
   /// dt: servo period, s.
   Limiter(const LimiterOptions& allowed, const DeviceRatings& device, double dt) noexcept;
 
-  /// Where the force is heading: full where it is wanted, fading to none where it is not.
-  void allow(bool wanted) noexcept { wanted_ = wanted; }
+  /// Where the force is heading: full where it is wanted, fading to none where it is not. Once in
+  /// each step, with a session and without.
+  void allow(bool wanted) noexcept {
+    if (level() == ForceLevel::kNone) tank_.rest(dt_);  // in the step that has ended
+    wanted_ = wanted;
+  }
   /// No force from this very step on.
   void cut() noexcept;
   /// A session begins: what force is left falls at its rate, and new force rises from none.
@@ -41,9 +45,10 @@ class Limiter {
   void observe(const Pose& X_WD, double supply) noexcept {
     tank_.observe(X_WD, command_, weight_, supply);
   }
-  /// The work of a step that moving constraints explain, J, of the power with which they push, W.
+  /// The work of a step that moving constraints explain, J, of the power with which they push in
+  /// the world, W.
   double explained(double power) const noexcept {
-    return std::clamp(power, 0.0, budget_.max_power + budget_.max_turning_power) * dt_;
+    return std::clamp(power / scale_, 0.0, budget_.max_power + budget_.max_turning_power) * dt_;
   }
   const PortLedger& ledger() const noexcept { return tank_.ledger(); }
   /// Whether the device gave more energy than the limits on force could hold back.
@@ -52,9 +57,9 @@ class Limiter {
   /// The wrench to command for the wanted one, and for an impulse (N·s, N·m·s) beside it. The
   /// wanted wrench is limited in magnitude, then scaled by the fade: in this order one far above
   /// the limit fades like any other. The impulse is spread over what is left. With V, the
-  /// handle's twist, their sum gives no more power than the budget and the tank have, and changes
-  /// by no more per step than the budget has. weight: the part of F that is the tool's weight. What
-  /// is not finite gives zero.
+  /// handle's twist in the world, their sum gives no more power than the budget and the tank have,
+  /// and changes by no more per step than the budget has. weight: the part of F that is the tool's
+  /// weight. What is not finite gives zero.
   const Wrench& limit(const Wrench& F, const Wrench& impulse = Wrench::Zero(),
                       const Twist& V = Twist::Zero(),
                       const Wrench& weight = Wrench::Zero()) noexcept;
@@ -70,6 +75,7 @@ class Limiter {
 
   ForceBudget budget_;
   double dt_;
+  double scale_;        ///< Metres in the world for each metre of the handle.
   double fade_step_;    ///< Of portion_ per step.
   double rise_step_;    ///< Likewise.
   double portion_ = 0;  ///< Of the limited wrench that is rendered, 0 to 1.

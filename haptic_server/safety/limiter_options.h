@@ -59,7 +59,8 @@ inline constexpr std::array<NumberOf<LimiterOptions>, 9> kLimiterNumbers{{
     {{1e-3, 1e6, "J"},
      "energy budget",
      &LimiterOptions::max_energy,
-     "Energy that the hand may get beyond what is explained, before force is damped"},
+     "Energy that the hand may get beyond what is explained, before force is damped; the device's "
+     "rated force over 42 mm counts too"},
 }};
 
 }  // namespace hlm::server

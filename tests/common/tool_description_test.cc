@@ -51,7 +51,7 @@ TEST_CASE("A bad tool is refused with the link and what is allowed") {
                t.links[1].mass = 0;
                t.links[1].I_LCom.setZero();
              }),
-             ContainsSubstring("moves no mass"));
+             ContainsSubstring("moves too little: mass 0 kg"));
 }
 
 TEST_CASE("Degrees of freedom are limited") {

@@ -73,8 +73,8 @@ void read(Program program, const std::string& path) {
 }  // namespace hlm::fuzz
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const hlm::fuzz::MemoryFile file({data, size});
-  hlm::fuzz::read(hlm::fuzz::run_server, file.path());
-  hlm::fuzz::read(hlm::fuzz::run_client, file.path());
-  return 0;
+  using namespace hlm::fuzz;
+  return give_file(
+      data, size, [](const std::string& path) { read(run_server, path); },
+      [](const std::string& path) { read(run_client, path); });
 }

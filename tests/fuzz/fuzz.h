@@ -76,4 +76,12 @@ class MemoryFile {
   std::string path_;
 };
 
+/// One input of a target that reads files: each reader gets the path of one.
+template <class... Readers>
+int give_file(const std::uint8_t* data, std::size_t size, Readers... read) {
+  const MemoryFile file({data, size});
+  (read(file.path()), ...);
+  return 0;
+}
+
 }  // namespace hlm::fuzz

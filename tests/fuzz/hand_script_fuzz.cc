@@ -32,7 +32,5 @@ void read(const std::string& path) {
 }  // namespace hlm::fuzz
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const hlm::fuzz::MemoryFile file({data, size});
-  hlm::fuzz::read(file.path());
-  return 0;
+  return hlm::fuzz::give_file(data, size, hlm::fuzz::read);
 }

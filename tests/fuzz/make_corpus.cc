@@ -13,6 +13,7 @@
 #include "protocol/transport/capture.h"
 #include "protocol/transport/ip_packet.h"
 #include "tests/fuzz/deliveries.h"
+#include "tests/fuzz/wire_actions.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/protocol/transport/capture_files.h"
@@ -189,6 +190,46 @@ void write_client_sessions(const fs::path& folder) {
       .write_to(folder / "telemetry");
 }
 
+// Sealed links: handshakes, and an enemy on the wire.
+
+class WireSteps {
+ public:
+  WireSteps& add(const WireStep& step, int times = 1) {
+    for (int i = 0; i < times; ++i) step.write_to(bytes_);
+    return *this;
+  }
+  /// The newest packet arrives, after a while.
+  WireSteps& pass() { return add({WireAction::kWait, 0, 0, 0, 30}).add({WireAction::kPass}); }
+  /// A client asks, is answered and proves itself; the server answers.
+  WireSteps& connect(std::uint8_t whom) {
+    add({WireAction::kSay, whom, 0, 3}).pass().pass();
+    add({WireAction::kSay, whom, 0, 3}).pass();
+    return add({WireAction::kKeep}).add({WireAction::kAnswer, whom, 0, 9}).pass();
+  }
+  void write_to(const fs::path& path) const { write(path, bytes_); }
+
+ private:
+  Bytes bytes_;
+};
+
+void write_sealed_sessions(const fs::path& folder) {
+  WireSteps session;
+  session.connect(0);
+  for (int i = 0; i < 4; ++i) session.add({WireAction::kSay, 0, 0, 50}).pass();
+  session.write_to(folder / "session");
+  WireSteps replayed = session;
+  for (std::uint8_t back = 0; back < 8; ++back) {
+    replayed.add({WireAction::kPass, 0, back}).add({WireAction::kRedirect, 1, back});
+    replayed.add({WireAction::kReflect, 1, back}).add({WireAction::kAlter, 0, back, 0, 20});
+    replayed.add({WireAction::kAlter, 0, back, 0xFB, 5});
+  }
+  replayed.write_to(folder / "replayed");
+  WireSteps two;
+  two.connect(0).connect(1).add({WireAction::kSay, 2}, 3).pass();
+  two.add({WireAction::kForget, 0, 0, 0, 1}).add({WireAction::kForget, 1}).connect(1);
+  two.add({WireAction::kInvent, 0, 0, 5}).add({WireAction::kWait}).write_to(folder / "two_clients");
+}
+
 // A capture of a server's session.
 
 void write_capture(const fs::path& path) {
@@ -268,6 +309,7 @@ int main(int argc, char** argv) {
   write_messages(folder / "decoder");
   write_server_sessions(folder / "server");
   write_client_sessions(folder / "client");
+  write_sealed_sessions(folder / "sealing");
   write_capture(folder / "capture" / "session.pcap");
   write_foreign_captures(folder / "capture");
   write_configurations(folder / "configuration");

@@ -599,7 +599,7 @@ TEST_CASE("Values out of their range are refused") {
 }
 
 TEST_CASE("A hello that a user could have meant otherwise is read, and said to be wrong") {
-  const auto error = [](auto change) {
+  const auto error = [](auto change) -> std::string {
     Hello hello = documented_hello();
     change(hello);
     Hello decoded;

@@ -13,6 +13,7 @@
 namespace hlm::protocol {
 namespace {
 
+using Catch::Matchers::ContainsSubstring;
 using test::planar_hello;
 using test::planar_update;
 
@@ -436,39 +437,54 @@ TEST_CASE("A hello of another version is answered with both versions; garbage is
   CHECK(server.link.sent().empty());
 }
 
-TEST_CASE("A hello without a link is refused in words") {
-  Server server;
-  Hello hello = planar_hello();
-  hello.tool.links.clear();
-  server.link.deliver(kClient, {.sequence = 1}, hello);
-  CHECK(server.session.poll(0).hello == nullptr);
-  const auto reject = server.link.last_sent<Reject>();
-  CHECK(reject.reason == RejectReason::kTool);
-  CHECK(std::string(reject.text.begin(), reject.text.end()) ==
-        "a tool must have at least one link");
-}
+struct BadHello {
+  const char* reason;  ///< What the client reads, or a part of it.
+  void (*spoil)(Hello&);
+};
 
-TEST_CASE("A tool that cannot be used is refused with the reason in words") {
-  Server server;
-  Hello hello = planar_hello(3);
-  hello.tool.links[0].mass = -1;
-  server.link.deliver(kClient, {}, hello);
-  CHECK(server.poll(0).hello == nullptr);
-  const auto reject = server.link.last_sent<Reject>();
-  CHECK(reject.reason == RejectReason::kTool);
-  CHECK_THAT(std::string(reject.text.begin(), reject.text.end()),
-             Catch::Matchers::ContainsSubstring("mass"));
-}
+const BadHello kBadHellos[] = {
+    {"a tool must have at least one link", [](Hello& h) { h.tool.links.clear(); }},
+    {"link 0: mass -1 kg must be 0 to 1000 kg", [](Hello& h) { h.tool.links[0].mass = -1; }},
+    {"link 0: its joint moves too little: mass 0 kg must be at least 1e-06 kg",
+     [](Hello& h) { h.tool.links[0].mass = 0; }},
+    {"link 0: its joint moves too little: mass 5e-312 kg must be at least 1e-06 kg",
+     [](Hello& h) { h.tool.links[0].mass = 5e-312; }},
+    {"link 0: centre of mass must be finite and within ±10000 m",
+     [](Hello& h) { h.tool.links[0].p_LCom.x() = 1e9; }},
+    {"link 0: inertia must not be negative", [](Hello& h) { h.tool.links[0].I_LCom(0, 0) = -1; }},
+    {"link 0: the root's parent must be the world (-1)",
+     [](Hello& h) { h.tool.links[0].parent = 3; }},
+    {"link 0: joint frame's quaternion must have length 1",
+     [](Hello& h) { h.tool.links[0].X_PJ.R.w() = 2; }},
+    {"hand link 7 must be 0 to 0", [](Hello& h) { h.tool.hand_link = 7; }},
+    {"gravity must be finite and within ±100 m/s²", [](Hello& h) { h.tool.gravity_W.x() = 1e6; }},
+    {"length -0.12345678901234568 m must be above 0 to 10000 m",
+     [](Hello& h) { h.tool.length = -0.12345678901234568; }},
+    {"initial configuration has 2 coordinates; the tool has 3",
+     [](Hello& h) { h.q = Eigen::Vector2d(0, 0); }},
+    {"initial configuration must be within ±", [](Hello& h) { h.q[0] = 1e9; }},
+    {"VE rate 1e+09 Hz must be above 0 to 100000 Hz", [](Hello& h) { h.ve_rate = 1e9; }},
+    {"epsilon 100 m must be 0 to 10 m", [](Hello& h) { h.epsilon = 100; }},
+};
 
-TEST_CASE("An initial configuration that does not fit the tool is refused with the reason") {
-  Server server;
-  Hello hello = planar_hello(3);
-  hello.q = Eigen::Vector2d(0, 0);
-  server.link.deliver(kClient, {}, hello);
-  CHECK(server.poll(0).hello == nullptr);
-  const auto reject = server.link.last_sent<Reject>();
-  CHECK_THAT(std::string(reject.text.begin(), reject.text.end()),
-             Catch::Matchers::ContainsSubstring("configuration"));
+TEST_CASE("A hello that cannot be used is refused with the reason in words, and no allocation") {
+  for (const BadHello& bad : kBadHellos) {
+    INFO(bad.reason);
+    Server server;
+    Hello hello = planar_hello(3);
+    bad.spoil(hello);
+    server.link.deliver(kClient, {.sequence = 1}, hello);
+    std::size_t allocations = 0;
+    {
+      const test::NoMalloc guard;
+      REQUIRE(server.session.poll(0).hello == nullptr);
+      allocations = guard.allocations();
+    }
+    CHECK(allocations == 0);
+    const auto reject = server.link.last_sent<Reject>();
+    CHECK(reject.reason == RejectReason::kTool);
+    CHECK_THAT(std::string(reject.text.begin(), reject.text.end()), ContainsSubstring(bad.reason));
+  }
 }
 
 TEST_CASE("The caller's refusal reaches the client, cut to what fits between characters") {
@@ -570,6 +586,32 @@ TEST_CASE("Polling and acknowledging allocate nothing, whatever comes") {
   }
   CHECK(taken == 20);
   CHECK(allocations == 0);
+}
+
+TEST_CASE("Refusing for the version, for a busy server and for the caller allocates nothing") {
+  Server server;
+  DatagramBytes hello = encode({.sequence = 1}, planar_hello(3), 0);
+  hello[4] = std::byte{9};
+  server.link.deliver(kClient, hello);
+  const test::NoMalloc guard;
+  server.session.poll(0);
+  const std::size_t of_version = guard.allocations();
+  CHECK(server.link.last_sent<Reject>().reason == RejectReason::kVersion);
+
+  server.say_hello(kClient, 1);
+  const std::size_t before = guard.allocations();
+  const bool asked = server.session.poll(0).hello != nullptr;
+  server.session.reject(0, RejectReason::kTool, "this tool is of no use here");
+  const std::size_t of_caller = guard.allocations() - before;
+  CHECK(asked);
+
+  server.begin();
+  server.say_hello(kOther, 2);
+  const std::size_t alive = guard.allocations();
+  server.session.poll(0.01);
+  const std::size_t of_busy = guard.allocations() - alive;
+  CHECK(server.link.last_sent<Reject>().reason == RejectReason::kBusy);
+  CHECK(of_version + of_caller + of_busy == 0);
 }
 
 TEST_CASE("Beginning a session allocates nothing") {

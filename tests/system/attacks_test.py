@@ -32,8 +32,9 @@ SILENT = 0.1  # N
 PERIOD = 1e-3  # s, of the server
 HEADER = 40
 
-# Drawn 50 mm past the wall: 20 N where it stands, 12 N where the device gives way.
-HAND = """after = "hold"
+def drawn_to(x, y, seconds):
+    """A hand that draws the handle there, 50 mm past a wall: 20 N where it stands, 12 N where the device gives way."""
+    return f"""after = "hold"
 [grip]
 stiffness = 400
 damping = 30
@@ -42,9 +43,14 @@ angular_damping = 0.08
 max_force = 30
 max_torque = 0.3
 [[segment]]
-duration = 0.4
-move_to = { position = [0.06, 0, 0], rotation = [0, 0, 0] }
+duration = {seconds}
+move_to = {{ position = [{x}, {y}, 0], rotation = [0, 0, 0] }}
 """
+
+
+HAND = drawn_to(WALL + 0.05, 0, 0.4)
+# Endures whatever pauses a busy machine makes in test or server.
+PATIENT = ("--silence-time", "10", "--max-gap", "60")
 
 
 def load_document(path):
@@ -90,9 +96,9 @@ class Document:
 
 
 class Server:
-    """The real program, its hand and its tick log."""
+    """The real program, its hand and its tick log. wrap: of its command, for example in a namespace."""
 
-    def __init__(self, *options, hand_script=HAND):
+    def __init__(self, *options, hand_script=HAND, wrap=lambda command: command, environment=None):
         self.clients = []
         self.folder = tempfile.TemporaryDirectory()
         self.log = pathlib.Path(self.folder.name) / "ticks.csv"
@@ -102,9 +108,9 @@ class Server:
             probe.bind(("127.0.0.1", 0))
             self.address = probe.getsockname()
         self.process = subprocess.Popen(
-            [SERVER, "--listen", "%s:%d" % self.address, "--hand", hand, "--log", self.log, "--status", "false",
-             "--device-option", "friction=0", *options],
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            wrap([SERVER, "--listen", "%s:%d" % self.address, "--hand", hand, "--log", self.log, "--status", "false",
+                  "--device-option", "friction=0", *options]),
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment)
         while "listening" not in (line := self.process.stderr.readline()):
             if not line:
                 raise RuntimeError("the server did not start")
@@ -215,6 +221,21 @@ class Client:
         return heard
 
 
+class Spoofer:
+    """Sends blindly from an address and port that are another's, by a raw socket."""
+
+    def __init__(self, source, target):
+        self.source, self.target = source, target
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_RAW)
+
+    def send(self, data):
+        addresses = socket.inet_aton(self.source[0]), socket.inet_aton(self.target[0])
+        length = 8 + len(data)
+        ip = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 20 + length, 0, 0, 64, socket.IPPROTO_UDP, 0, *addresses)
+        udp = struct.pack("!HHHH", self.source[1], self.target[1], length, 0)
+        self.socket.sendto(ip + udp + data, self.target)
+
+
 @contextlib.contextmanager
 def pressing(*options, seconds=1.0):
     """A server and its client, which has pressed on the wall for a while."""
@@ -272,7 +293,7 @@ class Attacks(ForceTest):
     # Taking over.
 
     def test_a_hello_from_the_clients_own_address_does_not_replace_its_session(self):
-        with pressing() as (server, client):
+        with pressing(*PATIENT) as (server, client):
             mine = client.session
             answers = client.press(1, meanwhile=lambda: client.hello(nonce=12345))
             ticks = server.ticks()
@@ -281,7 +302,7 @@ class Attacks(ForceTest):
         self.assertEqual(goes_on(ticks), str(mine))
 
     def test_a_flood_of_hellos_from_the_clients_address_takes_nothing(self):
-        with pressing() as (server, client):
+        with pressing(*PATIENT) as (server, client):
             def flood():
                 for _ in range(200):
                     client.hello(nonce=int.from_bytes(os.urandom(8), "little"), gravity="100 0 0")
@@ -291,7 +312,7 @@ class Attacks(ForceTest):
         self.check_force(ticks)
 
     def test_the_sessions_own_hello_again_is_answered_again(self):
-        with pressing() as (server, client):
+        with pressing(*PATIENT) as (server, client):
             message, welcome = client.ask()
         self.assertEqual((message, welcome["session"]), ("welcome", client.session))
 
@@ -310,7 +331,7 @@ class Attacks(ForceTest):
             number = (number ^ number >> 30) * 0xBF58476D1CE4E5B9 % 2**64
             number = (number ^ number >> 27) * 0x94D049BB133111EB % 2**64
             return number ^ number >> 31
-        with Server() as server:
+        with Server(*PATIENT) as server:
             spy = Client(server)
             known = spy.begin()["session"]
             spy.send(DOC.encode("goodbye", session=known, sequence=1))
@@ -325,6 +346,29 @@ class Attacks(ForceTest):
             client.press(1, meanwhile=guess)
             ticks = server.ticks()
         self.assertEqual(goes_on([row for row in ticks if row["session"] != str(known)]), str(mine))
+
+    def test_blind_hellos_and_goodbyes_with_the_clients_address_forged_change_nothing(self):
+        with pressing(*PATIENT) as (server, client):
+            try:
+                blind = Spoofer(client.socket.getsockname(), server.address)
+            except PermissionError:
+                self.skipTest("raw sockets need CAP_NET_RAW")
+            self.addCleanup(blind.socket.close)
+            sent = 0
+
+            def attack():
+                nonlocal sent
+                for _ in range(100):
+                    number = int.from_bytes(os.urandom(8), "little") | 1
+                    blind.send(DOC.encode("hello", sequence=number, nonce=number, gravity="100 0 0"))
+                    blind.send(DOC.encode("goodbye", session=number, sequence=2**40))
+                    sent += 2
+            dropped = client.state["dropped"]
+            client.press(1, meanwhile=attack)
+            self.assertGreater(client.state["dropped"] - dropped, sent / 10)  # they do arrive
+            ticks = server.ticks()
+        self.assertEqual(goes_on(ticks), str(client.session))
+        self.check_force(ticks)
 
     # Absurd numbers.
 
@@ -367,7 +411,7 @@ class Attacks(ForceTest):
         self.check_force(ticks)
 
     def test_one_update_with_the_last_sequence_does_not_silence_the_client(self):
-        with pressing() as (server, client):
+        with pressing(*PATIENT) as (server, client):
             client.update(sequence=2**64 - 1)
             client.press(0.5)
             ticks = server.ticks()

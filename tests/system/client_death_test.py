@@ -14,25 +14,14 @@ import time
 import unittest
 
 import attacks_test
-from attacks_test import LIMIT, PERIOD, SILENT, ForceTest, Server
+from attacks_test import LIMIT, PERIOD, SILENT, ForceTest, Server, drawn_to
 
 CLIENT, WORLD = None, None
 GONE = 0.1  # s
 RISE = LIMIT / 0.1  # N/s, of the default rise time
 
-# Drawn 50 mm into the bottom wall, which the peg touches at y = 0.124 m: 20 N.
-HAND = """after = "hold"
-[grip]
-stiffness = 400
-damping = 30
-angular_stiffness = 2.0
-angular_damping = 0.08
-max_force = 30
-max_torque = 0.3
-[[segment]]
-duration = 1
-move_to = { position = [-0.05, 0.174, 0], rotation = [0, 0, 0] }
-"""
+WALL = 0.124  # m, where the peg touches the bottom wall
+HAND = drawn_to(-0.05, WALL + 0.05, 1)
 
 
 class ClientDeath(ForceTest):

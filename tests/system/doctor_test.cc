@@ -215,22 +215,19 @@ TEST_CASE("The doctor names contacts that are far") {
   }
 }
 
-TEST_CASE("The doctor names contacts without stiffness") {
+TEST_CASE("The doctor names contacts without stiffness, a force that fades, a limit of nothing") {
+  struct Option {
+    Arguments given;
+    const char* link;
+    const char* reason;
+  };
+  const auto option = GENERATE(
+      Option{{"--stiffness", "1"}, "penalty", "the stiffness is only 1.00 N/m"},
+      Option{{"--rise-time", "10"}, "limiter", "the force fades"},
+      Option{{"--force-limit", "0.01"}, "limiter", "the force limit lets nothing through"});
   Clinic clinic;
-  clinic.start_session({"--stiffness", "1"});
-  clinic.names("penalty", "the stiffness is only 1.00 N/m");
-}
-
-TEST_CASE("The doctor names a force that fades") {
-  Clinic clinic;
-  clinic.start_session({"--rise-time", "10"});
-  clinic.names("limiter", "the force fades");
-}
-
-TEST_CASE("The doctor names a force limit that lets nothing through") {
-  Clinic clinic;
-  clinic.start_session({"--force-limit", "0.01"});
-  clinic.names("limiter", "the force limit lets nothing through");
+  clinic.start_session(option.given);
+  clinic.names(option.link, option.reason);
 }
 
 TEST_CASE("The doctor names a disabled device") {

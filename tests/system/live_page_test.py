@@ -93,13 +93,14 @@ class PageTest(unittest.TestCase):
     WORLD = "testbed"
     FOLDER = WORLDS
     CLIENT_OPTIONS = ()
+    SERVER_OPTIONS = ()
     SERVING = True   # whether haptic_server runs from the beginning
 
     @classmethod
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
         cls.session = cls.stack.enter_context(live_session(
-            SERVER, CLIENT, cls.FOLDER, "--log-level", "off", world=cls.WORLD, serving=cls.SERVING,
+            SERVER, CLIENT, cls.FOLDER, "--log-level", "off", *cls.SERVER_OPTIONS, world=cls.WORLD, serving=cls.SERVING,
             client_options=("--log-level", "off", *cls.CLIENT_OPTIONS)))
         cls.url = cls.session.url
         cls.driver = browser()
@@ -644,6 +645,30 @@ class Scenes(PageTest):
             self.assertLess(sentence, width - 40)   # pixels, of its frame and arrow
         finally:
             self.driver.set_window_size(before["width"], before["height"])
+
+
+class RefusedScene(PageTest):
+    """A server that takes tools of one link alone, and scenes with and without."""
+
+    SERVER_OPTIONS = ("--controller", "direct")
+
+    def choose(self, scene):
+        Select(self.driver.find_element("id", "scenes")).select_by_value(scene)
+
+    def test_a_scene_that_the_server_refuses_says_why_and_another_one_is_played(self):
+        show(self.driver, self.url)
+        for _ in range(2):
+            self.choose("linkage")
+            wait_for(lambda: "needs a tool of one link" in self.ask("haptic.banner()"), "the server's reason")
+            self.assertEqual(self.ask("haptic.world.scene"), "linkage")
+            self.assertEqual(self.conclusion(), ("At “session”: haptic_server cannot use the tool.", "stops"))
+            self.assertIsNone(self.session.client.poll())
+            self.choose("testbed")
+            wait_for(lambda: self.ask("haptic.world.scene === 'testbed' && haptic.frame.connected && haptic.frame.device"),
+                     "a session")
+            wait_for(lambda: self.ask("haptic.banner()") == "", "no complaint")
+        self.pull(0.0, WALL + 0.03)
+        wait_for(lambda: self.frame()["F_env"][1] < -0.5, "a force on the wall")
 
 
 class Linkage(PageTest):

@@ -202,6 +202,16 @@ void send_datagrams(int port, int count, Next next) {
   close(descriptor);
 }
 
+TEST_CASE("A client without a page ends with the server's reason where its tool is refused") {
+  const int port = free_port();
+  const Process direct(server(port) + Arguments{"--controller", "direct"});
+  REQUIRE(direct.wait_for_error("listening", 10));
+  Process linkage({HLM_CLIENT, "--server", address(port), "--world", HLM_WORLDS "/linkage.sdf"});
+  CHECK(linkage.wait(10) == 1);
+  CHECK_THAT(linkage.error(),
+             ContainsSubstring("cannot use the tool: this controller needs a tool of one link"));
+}
+
 TEST_CASE("Garbage and floods change counters, not the session") {
   Random random;
   const TemporaryDirectory directory;

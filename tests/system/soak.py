@@ -4,8 +4,9 @@
 Usage: soak.py HAPTIC_SERVER VE_CLIENT WORLDS [--minutes M] [--seed N] [--keep FOLDER]
 
 A relay between them loses, duplicates, delays, reorders and damages datagrams; meanwhile either side is
-stopped, killed and restarted, and the server is flooded, while a hand presses a wall harder than the
-limit. After each blow the network is left alone, and the session must come back. From every tick that
+stopped, killed and restarted, the server is flooded, and the clock of both is set, while a hand presses a
+wall harder than the limit. In every second life of the server the disk of its recordings is full within
+seconds. After each blow the network is left alone, and the session must come back. From every tick that
 the server logged: no force that is not finite, above the limit, or without a session. Exit status 1 if
 any of this fails; the log of the server's life in which it did is kept.
 """
@@ -28,20 +29,29 @@ import tempfile
 import threading
 import time
 
+from machine import SteppedClock, on_small_disk
+
 LIMIT = 12  # N
-RECOVERY = 15  # s in which the session must be back
+RECOVERY = 30  # s in which the session must be back
 SETTLE = 1  # s in a session before the next blow
-PATIENCE = 3  # s that a person waits for a client to begin
+PATIENCE = 3  # s that a person waits for a client that has spoken
 BLOWS_PER_LIFE = 8  # of a server, before a new one begins with a new log
 
-# To and fro between the walls, 20 N.
+# To and fro, 50 mm into the bottom wall: 20 N where it stands.
 HAND = """after = "repeat"
+[grip]
+stiffness = 400
+damping = 30
+angular_stiffness = 2.0
+angular_damping = 0.08
+max_force = 30
+max_torque = 0.3
 [[segment]]
 duration = 1.5
-wrench = { force = [20, 3, 0] }
+move_to = { position = [-0.05, 0.174, 0], rotation = [0, 0, 0] }
 [[segment]]
 duration = 1.5
-wrench = { force = [-20, -3, 0] }
+move_to = { position = [-0.02, 0, 0], rotation = [0, 0, 0] }
 """
 
 # loss, duplication, bit flips: probabilities. delay, jitter: s; jitter reorders.
@@ -129,15 +139,14 @@ def free_address():
 class Program:
     """A process that may be stopped, killed and started again."""
 
-    def __init__(self, name, folder, command):
-        self.name, self.command = name, [str(part) for part in command]
+    def __init__(self, name, folder, command, environment):
+        self.name, self.command, self.environment = name, [str(part) for part in command], environment
         self.errors = open(folder / f"{name}.err", "ab")
         self.process = None
-        self.killed = False
 
-    def start(self):
-        self.killed = False
-        self.process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, stderr=self.errors)
+    def start(self, command=None):
+        self.process = subprocess.Popen(command or self.command, stdout=subprocess.DEVNULL, stderr=self.errors,
+                                        env=self.environment)
 
     def stop_for(self, seconds):
         self.process.send_signal(signal.SIGSTOP)
@@ -149,8 +158,8 @@ class Program:
             caught = next(line.split()[1] for line in status if line.startswith("SigCgt"))
         return int(caught, 16) >> (signal_number - 1) & 1
 
-    def end(self, signal_number=signal.SIGTERM):
-        """Ends it; a status that the signal does not explain is a crash."""
+    def end(self, signal_number=signal.SIGTERM, allowed=(0,)):
+        """Ends it; a status that is neither allowed nor explained by the signal is a crash."""
         self.check_alive()
         while signal_number != signal.SIGKILL and not self.catches(signal_number):
             time.sleep(0.05)  # It has only just begun.
@@ -161,8 +170,7 @@ class Program:
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise Failure(f"{self.name} did not end within 10 s of signal {signal_number}") from None
-        allowed = (0, -signal_number) if signal_number == signal.SIGKILL else (0,)
-        if status not in allowed:
+        if status not in allowed and (signal_number, status) != (signal.SIGKILL, -signal.SIGKILL):
             raise Failure(f"{self.name} ended with status {status} after signal {signal_number}")
 
     def check_alive(self):
@@ -181,15 +189,20 @@ class Soak:
         self.relay.start()
         hand = folder / "hand.toml"
         hand.write_text(HAND)
+        self.clock = SteppedClock(folder)
         self.server = Program("haptic_server", folder, [
             arguments.server, "--listen", "%s:%d" % address, "--hand", hand, "--log", self.log,
-            "--status", "false", "--log-level", "warn"])
+            "--status", "false", "--log-level", "warn"], self.clock.environment)
         self.client = Program("ve_client", folder, [
             arguments.client, "--server", "%s:%d" % self.relay.address, "--world",
-            pathlib.Path(arguments.worlds) / "testbed.sdf", "--quiet"])
+            pathlib.Path(arguments.worlds) / "testbed.sdf", "--quiet"], self.clock.environment)
+        self.disk = folder / "disk"
+        self.disk.mkdir()
+        self.with_small_disk = on_small_disk(self.disk, [
+            *self.server.command, "--record", self.disk / "run.pcap", "--recordings", self.disk])
         self.counts = collections.Counter()
         self.blows = [self.bad_network, self.bad_network, self.flood, self.stop_client,
-                      self.stop_server, self.kill_client, self.end_client, self.stop_both]
+                      self.stop_server, self.kill_client, self.end_client, self.stop_both, self.set_clock]
 
     # Blows.
 
@@ -227,6 +240,9 @@ class Soak:
         self.client.end()
         self.client.start()
 
+    def set_clock(self):
+        self.clock.set(self.random.choice((-1, 1)) * 10 ** self.random.uniform(-2, 8))
+
     # The session after a blow.
 
     def state(self):
@@ -243,15 +259,17 @@ class Soak:
         """Waits for a session; a person ends a fault by starting the client anew."""
         end = time.monotonic() + RECOVERY
         since = None
-        asked = 0
+        asked, gone = 0, None
         while time.monotonic() < end:
             self.server.check_alive()
             self.client.check_alive()
             state, session = self.state()
+            if self.relay.client == gone:  # The client that was started has not spoken yet.
+                asked = time.monotonic()
             if state == "fault" and time.monotonic() > asked + PATIENCE:
                 self.counts["faults ended by a person"] += 1
+                gone = self.relay.client
                 self.end_client()
-                asked = time.monotonic()
             if state != "active" or session != since:
                 since, begun = session if state == "active" else None, time.monotonic()
             elif time.monotonic() - begun >= SETTLE:
@@ -262,7 +280,8 @@ class Soak:
     # A server's life.
 
     def live(self, end):
-        self.server.start()
+        full = self.with_small_disk if self.counts["lives of the server"] % 2 else None
+        self.server.start(full)
         while not self.log.exists() or self.log.stat().st_size == 0:
             self.server.check_alive()
             time.sleep(0.05)
@@ -276,8 +295,9 @@ class Soak:
             blow()
             self.counts[blow.__name__.replace("_", " ")] += 1
             self.recover(blow.__name__.replace("_", " "))
-        self.server.end(self.random.choice((signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)))
+        self.server.end(self.random.choice((signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)), (0, 1) if full else (0,))
         self.counts["lives of the server"] += 1
+        self.counts["with a full disk"] += full is not None
         self.check_log()
         self.log.unlink()
 

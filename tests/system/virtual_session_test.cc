@@ -9,6 +9,8 @@
 #include "haptic_server/device/hand_script.h"
 #include "haptic_server/replay/offline_replay.h"
 #include "haptic_server/replay/recorded_session.h"
+#include "tests/protocol/queue_link.h"
+#include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 
@@ -364,6 +366,45 @@ TEST_CASE("A tick allocates nothing: in free motion, in contact, adopting and an
     allocations += guard.allocations();
   }
   CHECK(session.last().active_contacts > 0);
+  CHECK(allocations == 0);
+}
+
+TEST_CASE(
+    "A tick allocates nothing that refuses a hello, in a fault or for its tool, or grants it") {
+  QueueLink link;
+  protocol::ServerSession session(link, {});
+  server::SimulatedDevice device({}, {}, 1e-3);
+  server::ServoOptions options;
+  options.controller = ControllerKind::kDirect;
+  const auto servo = std::make_unique<server::Servo>(options, 0, session, device);
+  std::size_t allocations = 0;
+  server::Timing timing;
+  const auto tick_with = [&](protocol::Hello hello) {
+    hello.nonce = ++timing.tick;
+    timing.begin = timing.scheduled = static_cast<double>(timing.tick);  // s
+    link.deliver(MemoryNetwork::kClient, {.sequence = hello.nonce}, hello);
+    const NoMalloc guard;
+    servo->tick(timing);
+    allocations += guard.allocations();
+  };
+  protocol::Hello linkage = planar_hello();
+  linkage.tool.links.push_back(linkage.tool.links[0]);
+  linkage.tool.links[1].parent = 0;
+  linkage.tool.links[1].joint = JointType::kRevolute;
+  linkage.q = Eigen::Vector4d::Zero();
+  tick_with(linkage);
+  CHECK(link.last_sent<protocol::Reject>().reason == protocol::RejectReason::kTool);
+  protocol::Hello heavy = planar_hello();
+  heavy.tool.links[0].mass = 1e9;
+  tick_with(heavy);
+  CHECK(link.last_sent<protocol::Reject>().reason == protocol::RejectReason::kTool);
+  servo->stop();
+  tick_with(planar_hello());
+  CHECK(link.last_sent<protocol::Reject>().reason == protocol::RejectReason::kFault);
+  protocol::Hello of_a_person = planar_hello();
+  of_a_person.clears_fault = true;
+  tick_with(of_a_person);
+  CHECK(session.active());
   CHECK(allocations == 0);
 }
 

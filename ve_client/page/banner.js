@@ -25,6 +25,11 @@ export function troubleOf(link, frame, now) {
     return { kind: 'busy', cut: 'haptic_server is busy',
              text: 'haptic_server is busy with another client: end that one, or wait.' };
   }
+  if (frame.rejected === 'tool') {
+    return { kind: 'tool', cut: 'haptic_server cannot use the tool',
+             text: `haptic_server cannot use the tool of this scene: ${frame.rejection}. Choose another scene, or `
+               + 'start haptic_server with other options.' };
+  }
   if (!frame.connected) {
     return { kind: 'no_server', cut: 'haptic_server does not answer',
              text: 'haptic_server does not answer: start it, or check --server.' };

@@ -92,7 +92,7 @@ void LivePage::show_world(const WorldView& view) {
 
 void LivePage::show_frame(FrameView view) {
   if (view.state != nullptr) state_ = *view.state;
-  if (view.result.inbox.reject) rejected_ = view.result.inbox.reject->reason;
+  if (view.result.inbox.reject) rejected_ = view.result.inbox.reject;
   if (view.client.connected()) rejected_.reset();
   if (server_.pages() == 0) {
     if (!ticks_.empty()) ticks_.take();
@@ -110,6 +110,7 @@ void LivePage::show_frame(FrameView view) {
 
 void LivePage::forget_session() {
   state_.reset();
+  rejected_.reset();
   contacts_.reset();
   holding_page_.reset();
 }

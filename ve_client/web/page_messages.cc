@@ -181,9 +181,15 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["age"] = state.age;
 }
 
+/// What the server says to a tool that it cannot use; to other refusals the page has its own words.
+std::string rejection_of(const FrameView& view) {
+  if (!view.rejected || view.rejected->reason != protocol::RejectReason::kTool) return {};
+  return {view.rejected->text.begin(), view.rejected->text.end()};
+}
+
 std::string refusal_of(const FrameView& view) {
   if (!view.rejected) return "haptic_server does not answer";
-  return "haptic_server gives no session: " + std::string(meaning_of(*view.rejected));
+  return "haptic_server gives no session: " + std::string(meaning_of(view.rejected->reason));
 }
 
 protocol::ForceFacts facts_of(const FrameView& view) {
@@ -282,7 +288,8 @@ std::string frame_message(const FrameView& view) {
   const Method* const method = method_in_effect(view.settings);
   json frame{{"type", "frame"},
              {"connected", view.client.connected()},
-             {"rejected", view.rejected ? name_of(*view.rejected) : ""},
+             {"rejected", view.rejected ? name_of(view.rejected->reason) : ""},
+             {"rejection", rejection_of(view)},
              {"bodies", std::move(bodies)},
              {"held", view.held},
              {"reported", view.result.active + view.result.predicted},
@@ -296,7 +303,7 @@ std::string frame_message(const FrameView& view) {
              {"chain", chain_json(view)},
              {"recording", view.recording}};
   if (view.state != nullptr) add_state(frame, environment, *view.state);
-  return frame.dump();
+  return frame.dump(-1, ' ', false, json::error_handler_t::replace);  // A server's text, too.
 }
 
 std::string refused_message(const std::string& field, const std::string& value,

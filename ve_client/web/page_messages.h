@@ -35,7 +35,7 @@ struct FrameView {
   const LiveSettings& settings;
   bool held = false;  ///< A page holds the hand.
   /// Why the server gives no session; empty in one, and before it has said.
-  std::optional<protocol::RejectReason> rejected{};
+  std::optional<protocol::Reject> rejected{};
   std::string recording{};  ///< Name of the newest flight recording; empty: none is known here.
 };
 std::string frame_message(const FrameView& view);

@@ -49,6 +49,18 @@ TEST_CASE("A tick receives, reads the device, commands it, and then acknowledges
   CHECK(bench.journal == Journal{"read", "write"});
 }
 
+TEST_CASE("The force of a contact is commanded in the tick that takes its update") {
+  ServoOptions options = untied();
+  options.local_model.update_rule = UpdateRule::kIntermediateRepresentation;
+  ServoBench bench(options);
+  bench.begin();
+  bench.tick_with(bench.update());
+  REQUIRE(bench.ticks(150).F_command.isZero(0));
+  const TickRecord& record = bench.tick_with(bench.update({wall_ahead(-0.5e-3)}));  // m
+  CHECK(record.F_env[0] == Approx(-2).epsilon(0.2));                                // N: 4 kN/m
+  CHECK(bench.device.written[0] < -1);
+}
+
 TEST_CASE("Without a session a tick touches no device") {
   ServoBench bench;
   const TickRecord& record = bench.ticks(3);
@@ -123,6 +135,17 @@ TEST_CASE("Buttons, gripper, scale and health of the device are reported") {
   CHECK(state.buttons == 0b101);
   CHECK(state.gripper == 0.25);
   CHECK(state.scale == 2);
+}
+
+TEST_CASE("The ledger of a scaled device counts the way of the handle, not that in the world") {
+  ServoBench bench(ServoBench::patient(), 0, {.scale = 4});
+  begin_under_load(bench);
+  const double force = bench.device.written[0];
+  const PortLedger before = bench.tick().port;
+  bench.device.state->X_WD.p.x() += 1e-3;  // m, of which 0.25 mm at the handle
+  const PortLedger after = bench.tick().port;
+  const double work = (after.given - after.taken) - (before.given - before.taken);
+  CHECK(work == Approx(force * 0.25e-3).epsilon(0.02));  // J
 }
 
 TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {

@@ -72,6 +72,21 @@ TEST_CASE("A weight that is lowered and lifted, and a wall that pushes, leave th
   CHECK(tank.ledger().tank == Approx(0.5));
 }
 
+TEST_CASE("What passes the port of a scaled device is counted at the handle; turns have no scale") {
+  EnergyTank tank(10, 4);
+  tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), 0);
+  tank.observe(at(0.2), push(4), Wrench::Zero(), 0);  // 50 mm at the handle
+  CHECK(tank.ledger().given == Approx(0.2));          // J
+  tank.observe(at(0.4), push(4), push(4), 0);
+  CHECK(tank.ledger().explained == Approx(0.2));
+  Pose turned = at(0.4);
+  turned.R = Eigen::AngleAxisd(0.5, Vector3::UnitZ());
+  Wrench torque = Wrench::Zero();
+  torque[5] = 0.6;
+  tank.observe(turned, torque, Wrench::Zero(), 0);
+  CHECK(tank.ledger().given == Approx(0.7));
+}
+
 TEST_CASE("A new session starts its sums anew and with the tank as it was, but owes nothing") {
   EnergyTank tank(0.5);
   tank.observe(at(0), Wrench::Zero(), Wrench::Zero(), 0);

@@ -40,7 +40,8 @@ class HostileSession {
     }
   }
 
-  /// The most that was given beyond what was taken and explained, over any stretch of time, J.
+  /// The most that was given beyond what was taken and explained, and what time without force
+  /// fills again, over any stretch of time, J.
   double most() const { return most_; }
   double given() const { return given_; }  ///< J.
   double taken() const { return taken_; }  ///< J.
@@ -119,9 +120,13 @@ class HostileSession {
       ledger_error_ = std::max({ledger_error_, std::abs(session_given_ - record.port.given),
                                 std::abs(session_taken_ - record.port.taken)});
     }
+    if (command_.isZero(0) && !renders_force(server_)) {
+      net_ -= options_.limits.max_energy / EnergyTank::kRefillTime / options_.rate;
+    }
     least_ = std::min(least_, net_);
     most_ = std::max(most_, net_ - least_);
     command_ = record.F_command;
+    server_ = record.server;
     X_WD_ = record.X_WD;
   }
 
@@ -143,6 +148,7 @@ class HostileSession {
   int faults_ = 0;
 
   Wrench command_ = Wrench::Zero();
+  ServerState server_ = ServerState::kOff;
   Pose X_WD_;
   double explained_before_ = 0;
   double session_given_ = 0;

@@ -1,6 +1,7 @@
 // The last gate before the device.
 #include "haptic_server/safety/limiter.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "tests/support/catch.h"
@@ -58,9 +59,7 @@ TEST_CASE("What limits the force is reported: fade, force, torque or rate, or no
 }
 
 TEST_CASE("The device's own rating counts where it is lower") {
-  DeviceRatings device;
-  device.max_force = 3;
-  CHECK(faded_in(device).limit(push(10))[1] == Approx(3));
+  CHECK(faded_in({.max_force = 3, .max_force_rate = 1e6}).limit(push(10))[1] == Approx(3));
 }
 
 TEST_CASE("Force changes by no more than the device's rate") {
@@ -198,6 +197,62 @@ TEST_CASE(
   CHECK(limiter.limit(across, none, V)[0] == Approx(12));
 }
 
+TEST_CASE("The device's own power counts where it is lower, of force and of torque") {
+  Limiter limiter = faded_in({.max_power = 5, .max_turning_power = 0.5});
+  Twist V = Twist::Zero();
+  V[1] = 1;  // m/s
+  V[5] = 2;  // rad/s
+  Wrench F = push(12);
+  F[5] = 0.6;
+  const Wrench& command = limiter.limit(F, Wrench::Zero(), V);
+  CHECK(command[1] == Approx(5));     // N: 5 W
+  CHECK(command[5] == Approx(0.25));  // N·m: 0.5 W
+}
+
+TEST_CASE("Power is that at the handle: with a scale it moves less, or more, than in the world") {
+  const auto [scale, speed, force] = GENERATE(table<double, double, double>({
+      {4, 4, 12},       // m/s in the world, 1 m/s at the handle: 12 W
+      {4, 8, 7.5},      // 2 m/s at the handle
+      {0.25, 0.5, 7.5}  // likewise
+  }));
+  Limiter limiter = faded_in({.scale = scale});
+  Twist V = Twist::Zero();
+  V[1] = speed;
+  CHECK(limiter.limit(push(12), Wrench::Zero(), V)[1] == Approx(force));
+  CHECK(limiter.explained(10) == Approx(std::min(10 / scale, 18.0) * kStep));  // J
+}
+
+TEST_CASE(
+    "Every limit on force is the device's where it rates less, the user's where he allows less") {
+  const DeviceRatings weak{.max_force = 3,
+                           .max_torque = 0.1,
+                           .max_force_rate = 300,
+                           .max_torque_rate = 10,
+                           .max_power = 2,
+                           .max_turning_power = 0.2};
+  const ForceBudget of_device = ForceBudget::of({}, weak, kStep);
+  CHECK(of_device.max_force == 3);
+  CHECK(of_device.max_torque == 0.1);
+  CHECK(of_device.max_force_step == Approx(0.3));
+  CHECK(of_device.max_torque_step == Approx(0.01));
+  CHECK(of_device.max_power == 2);
+  CHECK(of_device.max_turning_power == 0.2);
+  CHECK(of_device.max_energy == Approx(3 * 0.042));  // J
+  const ForceBudget of_force = ForceBudget::of({}, {.max_force = 3, .max_torque = 0.1}, kStep);
+  CHECK(of_force.max_force_step == Approx(0.75));  // N: 3 N in 4 ms
+  CHECK(of_force.max_torque_step == Approx(0.025));
+  CHECK(of_force.max_power == Approx(3.75));  // W: 3 N at 1.25 m/s
+  CHECK(of_force.max_turning_power == Approx(0.5));
+  const ForceBudget of_user = ForceBudget::of({}, {}, kStep);
+  CHECK(of_user.max_force == 12);
+  CHECK(of_user.max_torque == 0.6);
+  CHECK(of_user.max_force_step == Approx(3));
+  CHECK(of_user.max_torque_step == Approx(0.15));
+  CHECK(of_user.max_power == 15);
+  CHECK(of_user.max_turning_power == 3);
+  CHECK(of_user.max_energy == 0.5);
+}
+
 TEST_CASE("Force that gives more than the tank holds stops, and resists until it is paid back") {
   Limiter limiter = faded_in();
   Twist V = Twist::Zero();
@@ -243,8 +298,33 @@ TEST_CASE("Energy that is owed is taken back while force is on, and not after it
   CHECK(limiter.level() == ForceLevel::kNone);
 }
 
+TEST_CASE(
+    "Half a second without force fills the tank again, a second of force that gives nothing does "
+    "not") {
+  Limiter limiter = faded_in();
+  limiter.limit(push(10));
+  Pose X_WD;
+  limiter.observe(X_WD, 0);
+  X_WD.p.y() += 0.05;  // m: the whole 0.5 J
+  limiter.observe(X_WD, 0);
+  CHECK(limiter.ledger().tank == Approx(0).margin(1e-9));
+  const auto pass = [&](bool wanted, double time) {
+    for (int i = 0; i < time / kStep; ++i) {
+      limiter.allow(wanted);
+      limiter.limit(push(10));
+      limiter.observe(X_WD, 0);
+    }
+  };
+  pass(true, 1);
+  CHECK(limiter.ledger().tank == Approx(0).margin(1e-9));
+  pass(false, 0.1 + 0.2);  // s: the fade, and the time after it
+  CHECK(limiter.ledger().tank == Approx(0.2).margin(2e-3));
+  pass(false, 1);
+  CHECK(limiter.ledger().tank == Approx(0.5));
+}
+
 TEST_CASE("What takes energy back stays within the limits of force and torque") {
-  Limiter limiter = faded_in({.max_force = 2, .max_torque = 0});
+  Limiter limiter = faded_in({.max_force = 2, .max_torque = 0, .max_force_rate = 1e6});
   Wrench F = push(2);
   F[5] = 1;
   limiter.limit(F);

@@ -189,13 +189,15 @@ struct Stage {
   }
   std::string frame_message(const protocol::ProxyState* state,
                             const protocol::LocalState* contacts) const {
+    protocol::Reject reject;
+    reject.reason = protocol::RejectReason::kFault;
     return ve::frame_message({.environment = environment,
                               .client = client,
                               .state = state,
                               .contacts = contacts,
                               .result = {},
                               .settings = settings,
-                              .rejected = protocol::RejectReason::kFault});
+                              .rejected = reject});
   }
   protocol::ProxyState state() const {
     protocol::ProxyState state;
