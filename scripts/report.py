@@ -286,7 +286,7 @@ def draw_limits(folder):
                 place = methods.index(row["method"])
                 k_max = float(row["k_max"]) / 1000
                 axis.barh(place + shift, k_max, height=0.38, color=STYLES[row["method"]][0], **look)
-                text = kilonewtons(row) if row is baseline else f"{ratio(row, baseline)} × IR"
+                text = kilonewtons(row) if baseline in (None, row) else f"{ratio(row, baseline)} × IR"
                 text += "" if row["monotonous"] == "1" else " *"
                 axis.text(max(k_max, 0.1) * 1.1, place + shift, text, va="center", fontsize=7)
             axis.barh([-1], [0], color="#555555", label=f"by {criterion}", **look)
