@@ -15,7 +15,9 @@
 namespace hlm::server {
 
 /// Impulses are those of the tool on a body about its centre of mass, world axes, N·s and N·m·s.
-/// Bodies are named by the slot that they were given.
+/// Bodies are named by the slot that they were given. An environment that falls silent has no time
+/// for its bodies: its silence is left out of `world steps`, and so is what came after the latest
+/// report before it.
 class BodyImpulses {
  public:
   /// Bodies that the tool may touch in one session; others are moving constraints to it.
@@ -28,6 +30,7 @@ class BodyImpulses {
     std::uint32_t body = 0;  ///< The environment's number for it.
     Vector6 P_W = Vector6::Zero();
     std::uint64_t last_step = 0;  ///< In which it changed; 0: never.
+    Vector6 reported_W = Vector6::Zero();
   };
 
   /// The slot of a body, the same for the whole session. Empty if there is no room for another.
@@ -36,11 +39,20 @@ class BodyImpulses {
   void add(std::size_t slot, const Vector6& P_W) noexcept;
   void end_step() noexcept;
 
+  /// The totals are reported to the environment.
+  void report() noexcept;
+  void begin_silence() noexcept;
+  void end_silence() noexcept { silent_ = false; }
+
   /// Steps that have ended.
-  std::uint64_t step() const noexcept { return step_; }
-  /// Sum over the steps in (from, to], as far as they are remembered.
+  std::uint64_t step() const noexcept { return step_ + left_out_; }
+  /// The same in world steps.
+  std::uint64_t world_step() const noexcept { return step_; }
+  /// A step in world steps; may lie between two.
+  double world_step(double step) const noexcept;
+  /// Sum over the world steps in (from, to], as far as they are remembered.
   Vector6 between(std::size_t slot, std::uint64_t from, std::uint64_t to) const noexcept;
-  /// First step from which between() is complete.
+  /// First world step from which between() is complete.
   std::uint64_t oldest() const noexcept { return step_ < kHistory ? 0 : step_ - kHistory + 1; }
   /// Since the session began.
   const Vector6& total(std::size_t slot) const noexcept { return totals_[slot].P_W; }
@@ -58,7 +70,12 @@ class BodyImpulses {
   Step& at(std::uint64_t step) noexcept { return history_[step % kHistory]; }
   const Step& at(std::uint64_t step) const noexcept { return history_[step % kHistory]; }
 
-  std::uint64_t step_ = 0;
+  std::uint64_t step_ = 0;             ///< World step.
+  std::uint64_t reported_ = 0;         ///< World step of the latest report.
+  std::uint64_t left_out_ = 0;         ///< Steps that are no world steps,
+  std::uint64_t left_out_before_ = 0;  ///< and those of them before the latest silence,
+  std::uint64_t silence_ = 0;          ///< which began at this world step.
+  bool silent_ = false;
   std::array<Step, kHistory> history_;  ///< The step that has begun is step_ + 1.
   Totals totals_;
 };

@@ -298,6 +298,16 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   return unspent;
 }
 
+void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
+                    const UpdatePolicy& policy) noexcept {
+  erase_if(contacts, [&](LocalContact& contact) {
+    if (!touches_body(contact)) return false;
+    const auto orphan = released(contact, frames, policy);
+    if (orphan) contact = *orphan;
+    return !orphan || policy.rule != UpdateRule::kRetain;
+  });
+}
+
 void adopt_supports(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double stiffness, LocalContacts& updated) noexcept {
   const PlacedReports reports = sorted_reports(reported, frames, [](const ReportedContact& report) {
@@ -321,6 +331,8 @@ void advance_constraints(LocalContacts& contacts, double dt) noexcept {
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
                       double damping, double dt, double& tank) noexcept {
   const double largest_change = policy.release_force / damping;  // m/s; infinite without damping
+  const auto orphans = std::count_if(contacts.begin(), contacts.end(),
+                                     [](const auto& contact) { return contact.orphaned(); });
   advance_constraints(contacts, dt);
   for (LocalContact& contact : contacts) {
     if (contact.frame_b == kWorldFrame) {
@@ -328,7 +340,7 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
       const double size = contact.loaded ? change.norm() : 0;
       contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
     }
-    contact.cap -= policy.release_force;
+    if (contact.orphaned()) contact.cap -= policy.release_force / static_cast<double>(orphans);
     if (contact.deferred == 0) continue;
     const double given = due(contact, poses, policy, tank);
     const Vector3 n_A =

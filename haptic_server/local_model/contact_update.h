@@ -52,6 +52,11 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
                     LocalContacts& updated) noexcept;
 
+/// Nothing is known of the bodies any more: the contacts of the tool with them stay in the world as
+/// contacts that are no longer reported. frames: without bodies, except `before`.
+void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
+                    const UpdatePolicy& policy) noexcept;
+
 /// The contacts of the bodies without the tool, as they were when the environment found them.
 /// Nobody feels them, so they begin with the load that is reported, on a penalty of `stiffness`
 /// (N/m).

@@ -121,9 +121,11 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
 void LocalModel::adopt(const ModelUpdate& update) noexcept {
   ve_tool_.set_configuration(update.q_VE);
   // An environment that does not say which step its bodies are at has them as old as its contacts.
-  const auto now = static_cast<double>(impulses_.step());
-  const double state_step =
-      update.impulse_step > 0 ? std::min(update.impulse_step, now) : now - update.age / dt_;
+  impulses_.end_silence();
+  const auto now = static_cast<double>(impulses_.world_step());
+  const double state_step = update.impulse_step > 0
+                                ? std::min(impulses_.world_step(update.impulse_step), now)
+                                : now - update.age / dt_;
   LocalBodies bodies;
   for (const MovableBody& reported : update.bodies) {
     if (bodies.size() == bodies.capacity()) break;
@@ -133,7 +135,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
     LocalBody& body = bodies.emplace_back(reported);
     body.slot = *slot;
     body.pending_W = impulses_.total(*slot) - reported.P_W -
-                     impulses_.between(*slot, whole_steps(state_step), impulses_.step());
+                     impulses_.between(*slot, whole_steps(state_step), impulses_.world_step());
   }
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies,
@@ -166,11 +168,24 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   bodies_ = bodies;
 }
 
-/// Brings bodies and their own contacts from the step that an update is about to the present, under
-/// the impulses that came since.
+void LocalModel::release_bodies() noexcept {
+  const LocalBodies none;
+  UpdateFrames frames{.tool = proxy_,
+                      .bodies = none,
+                      .reported = poses_of(proxy_, none),
+                      .before = poses_of(proxy_, bodies_)};
+  frames.set_now(frames.reported);
+  server::release_bodies(present(), frames, policy());
+  present_supports().clear();
+  bodies_.clear();
+  impulses_.begin_silence();
+}
+
+/// Brings bodies and their own contacts from the world step that an update is about to the present,
+/// under the impulses that came since.
 void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept {
   if (bodies.empty()) return;
-  const std::uint64_t now = impulses_.step();
+  const std::uint64_t now = impulses_.world_step();
   const double start =
       std::clamp(from, static_cast<double>(impulses_.oldest()), static_cast<double>(now));
   for (LocalBody& body : bodies) {
@@ -200,16 +215,29 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
 }
 
 /// Bodies go on at the velocity that they have; what the update has found it to be wrong by enters
-/// over one frame, so that no damping force jumps.
+/// over one frame, or slower where that would make the damping force jump.
 void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
   for (LocalBody& body : updated) {
     for (const LocalBody& known : bodies_) {
       if (known.id != body.id || !is_plausible(known)) continue;
       body.correction = body.V_W - known.V_W;
-      body.correction_steps = static_cast<int>(std::clamp(period, dt_, kLongestCorrection) / dt_);
+      const double frame = std::clamp(period, dt_, kLongestCorrection) / dt_;
+      const double gentle =
+          damping_on(body) * body.correction.head<3>().norm() / parameters_.release_step;
+      body.correction_steps =
+          static_cast<int>(std::max(frame, std::min(gentle, kLongestCorrection / dt_)));
       body.V_W = known.V_W;
     }
   }
+}
+
+/// Of the tool's loaded contacts with a body, N·s/m.
+double LocalModel::damping_on(const LocalBody& body) const noexcept {
+  const ContactSide side{SideKind::kMovableBody, body.id};
+  const auto loaded = std::count_if(contacts().begin(), contacts().end(), [&](const auto& contact) {
+    return contact.loaded && contact.b == side;
+  });
+  return static_cast<double>(loaded) * parameters_.damping;
 }
 
 ContactWrench LocalModel::step(const HandInput& hand) noexcept {

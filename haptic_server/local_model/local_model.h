@@ -61,6 +61,12 @@ class LocalModel {
 
   void adopt(const ModelUpdate& update) noexcept;
 
+  /// What bodies have received so far is reported to the environment.
+  void report_impulses() noexcept { impulses_.report(); }
+  /// The environment is silent: the tool lets go of the bodies. The next update brings them back as
+  /// they are then.
+  void release_bodies() noexcept;
+
   /// Moves the proxy and the bodies by one step under the hand's wrench, weight and contacts
   /// (Eqs. 7-12).
   ContactWrench step(const HandInput& hand) noexcept;
@@ -98,6 +104,7 @@ class LocalModel {
 
   void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
+  double damping_on(const LocalBody& body) const noexcept;
   void evaluate(const FrameMotions& frames) noexcept;
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
                                     Unknowns& x) noexcept;
@@ -117,7 +124,7 @@ class LocalModel {
   std::size_t current_ = 0;
   JointLimits limits_;
   LocalBodies bodies_;
-  double adopted_step_ = 0;  ///< Of impulses, that the latest update is about.
+  double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   double stiffness_scale_ = 1;

@@ -137,6 +137,10 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
     fail(Fault::kOverrun);
   }
   limiter_.allow(renders_force(machine_.state()));
+  // Nobody moves the bodies, and a hand without force holds none.
+  if (machine_.state() == ServerState::kFading && before != ServerState::kFading) {
+    local_model_->release_bodies();
+  }
   if (machine_.state() == ServerState::kOff && before != ServerState::kOff) {
     device_.disable();
     local_model_.reset();
@@ -283,6 +287,7 @@ void Servo::acknowledge(double now) noexcept {
   telemetry_.contacts(now, step_, *model, session_);
   const protocol::Impulses impulses = impulses_of(*model, contained_impulses_);
   if (!impulses.bodies.empty()) session_.inform(now, impulses);
+  local_model_->report_impulses();
 }
 
 }  // namespace hlm::server

@@ -44,8 +44,9 @@ std::vector<Steady> steady_tasks(const Bench& bench) {
                      slide({.off_centre = off}), -Vector3::UnitX(), slides, 0, 1.5, 3.5, 0.98, 1.1,
                      0.3, 0.6});
   }
+  // The device's dry friction of 0.2 N bears up to as much of the push, either way.
   tasks.push_back({"jam", "a brick that is jammed against a post bears the push", jam({}),
-                   -Vector3::UnitX(), 3, 0, 3, 4.5, 0.97, 1.03, 0.06, 0.06});
+                   -Vector3::UnitX(), 3, 0, 3, 4.5, 0.93, 1.07, 0.05, 0.05});
   tasks.push_back({"rest", "a loose box bears the push", rest(0.3), Vector3::UnitZ(), 2, 0, 3, 4.5,
                    0.97, 1.03, 0.05, 0.05});
   return tasks;

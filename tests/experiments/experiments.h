@@ -15,6 +15,8 @@ void stiffness_limits(Bench& bench);       ///< k_max of each method, side by si
 void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter, loss.
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.
 void spatial(Bench& bench);                ///< Six degrees of freedom.
+void linkages(Bench& bench);               ///< Tools of several links.
+void collisions(Bench& bench);             ///< Collisions and friction.
 void bodies(Bench& bench);                 ///< Bodies that move when pushed.
 void body_limits(Bench& bench);            ///< Where their forces are right.
 void scenes(Bench& bench);                 ///< The scenes of scripts/run.

@@ -28,6 +28,8 @@ constexpr Experiment kExperiments[] = {
     {"updates", updates, true},
     {"limits", stiffness_limits, true},
     {"spatial", spatial, true},
+    {"collisions", collisions, true},
+    {"linkages", linkages, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
     {"scenes", scenes, true},

@@ -5,6 +5,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "haptic_server/local_model/parameters.h"
 #include "tests/experiments/experiments.h"
 #include "tests/experiments/hole_task.h"
 #include "tests/experiments/stiffness_search.h"
@@ -27,24 +28,40 @@ server::SimulatedDeviceOptions realistic(server::SimulatedDeviceOptions device) 
 
 using Limits = std::map<std::string_view, StiffnessLimits>;
 
-Limits limits(Bench& bench, const std::vector<std::string>& names, bool on_realistic_device,
-              Table& table) {
+/// On what the methods are compared.
+enum class Setting { kIdeal, kRealistic, kIdealHealing };
+
+std::string_view name_of(Setting setting) {
+  switch (setting) {
+    case Setting::kIdeal:
+      return "ideal";
+    case Setting::kRealistic:
+      return "1 tick of delay and filtered velocity";
+    case Setting::kIdealHealing:
+      return "ideal, deformation heals";
+  }
+  return {};
+}
+
+Limits limits(Bench& bench, const std::vector<std::string>& names, Setting setting, Table& table) {
   const std::vector<Method> methods = bench.methods(names);
   Trial trial{hole_task(kPush, 0, kDamping, kDuration), {}, {}, bench.seed()};
-  if (on_realistic_device) trial.task.device = realistic(trial.task.device);
+  if (setting == Setting::kRealistic) trial.task.device = realistic(trial.task.device);
+  if (setting == Setting::kIdealHealing) {
+    trial.conditions.healing_speed = server::LocalModelParameters{}.healing_speed;
+  }
   const std::vector<StiffnessLimits> found = bench.map(methods, [&](const Method& method) {
     Trial of_method = trial;
     of_method.method = method;
     return find_stiffness_limits(of_method, bench.quick() ? 1 : 10);
   });
   Limits result;
-  const char* device = on_realistic_device ? "1 tick of delay and filtered velocity" : "ideal";
   for (std::size_t i = 0; i < methods.size(); ++i) {
     result[methods[i].name] = found[i];
     for (const Criterion& criterion : kCriteria) {
       const StiffnessLimit& limit = found[i].*criterion.limit;
-      table.row(device, methods[i].label, criterion.name, limit.k_max, limit.beyond ? 1.0 : 0.0,
-                limit.monotonous ? 1.0 : 0.0);
+      table.row(name_of(setting), methods[i].label, criterion.name, limit.k_max,
+                limit.beyond ? 1.0 : 0.0, limit.monotonous ? 1.0 : 0.0);
     }
   }
   return result;
@@ -86,9 +103,12 @@ void stiffness_limits(Bench& bench) {
     }
   }
   Table& table = bench.table("limits", "device,method,criterion,k_max,beyond,monotonous");
-  Limits ideal = limits(bench, names, false, table);
+  Limits ideal = limits(bench, names, Setting::kIdeal, table);
+  std::vector<std::string> healing{"lm0-direct", "lm5-direct"};
+  if (!bench.quick()) healing.insert(healing.end(), {"lm0", "lm5"});
+  Limits healed = limits(bench, healing, Setting::kIdealHealing, table);
   Limits real;
-  if (!bench.quick()) real = limits(bench, names, true, table);
+  if (!bench.quick()) real = limits(bench, names, Setting::kRealistic, table);
   if (!bench.complete()) return;
 
   const auto claim_gain = [&](const char* name, const char* paper, bool by_motion) {
@@ -106,6 +126,27 @@ void stiffness_limits(Bench& bench) {
   claim_gain("lm5", "four times", true);
   claim_gain("lm0-direct", "", true);
   claim_gain("lm5-direct", "", true);
+  for (const std::string& name : healing) {
+    if (name == "lm0-direct") continue;
+    std::string text;
+    bool holds = true;
+    for (const Criterion& criterion : kCriteria) {
+      const StiffnessLimit& with = healed[name].*criterion.limit;
+      const StiffnessLimit& without = ideal[name].*criterion.limit;
+      holds = holds && 1.1 * with.k_max >= without.k_max;
+      text += fmt::format("{}{} with, {} without by {}", text.empty() ? "" : "; ", described(with),
+                          described(without), criterion.name);
+    }
+    bench.claim({.what = fmt::format("k_max where deformation heals, {}", method(name).label),
+                 .criterion = "no lower than without healing, within the 10 % of the search",
+                 .measured = text,
+                 .holds = holds});
+  }
+  bench.find(
+      fmt::format("Healing brings walls that arrived late back to their place, and with direct "
+                  "coupling that costs "
+                  "stiffness by energy: LM₀ direct has {} with healing, {} without.",
+                  described(healed["lm0-direct"].energy), described(ideal["lm0-direct"].energy)));
   bench.find(fmt::format(
       "What counts as stable decides k_max. By energy a method must not give out more than {:.0f} "
       "mJ in {:.0f} s. By motion, the paper's sense, the handle must stay below {} m/s and within "

@@ -19,7 +19,8 @@ struct Conditions {
   double ve_high = 60;      ///< Hz.
   double ve_delay = 0;      ///< From sampling the tool to sending its contacts, s.
   test::LinkConditions link{.delay = 0.002};
-  bool waits = false;  ///< The VE begins a frame when the update before is acknowledged.
+  double healing_speed = 0;  ///< m/s; the paper has no healing.
+  bool waits = false;        ///< The VE begins a frame when the update before is acknowledged.
 };
 
 /// What is touched, and how.

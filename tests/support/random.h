@@ -1,6 +1,7 @@
 // Random values for tests, repeatable from one printed seed.
 #pragma once
 
+#include <cstdint>
 #include <random>
 
 #include "common/spatial.h"
@@ -13,6 +14,7 @@ unsigned random_seed();
 class Random {
  public:
   Random() : engine_(random_seed()) {}
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
 
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(engine_);

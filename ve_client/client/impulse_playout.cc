@@ -9,6 +9,9 @@ namespace {
 constexpr double kLag = 1;
 /// Farther behind than this, frames, what has gathered is skipped to.
 constexpr double kLargestLag = 4;
+/// What is no deviation from that distance but jitter, frames: a report that comes just before or
+/// just after a frame begins.
+constexpr double kJitter = 1;
 /// How much faster or slower than the server's time the playout may run to keep its distance. More
 /// is felt as a change of the impulses' force against the bodies' weight.
 constexpr double kLargestSkew = 0.02;
@@ -34,6 +37,7 @@ void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
   if (step <= reports_.back().step) return;
   Report report{step, reports_.back().totals};
   for (const auto& [body, P_W] : impulses.bodies) report.totals[body] = P_W;
+  idle_ = report.totals == reports_.back().totals;
   reports_.push_back(std::move(report));
 }
 
@@ -64,10 +68,11 @@ Vector6 ImpulsePlayout::taken(std::uint32_t body) const { return total(taken_, b
 void ImpulsePlayout::advance(double steps) {
   const double before = step_;
   const double behind = (newest_ - step_) / steps - 1 - kLag;
-  step_ += steps * (1 + std::clamp(kGain * behind, -kLargestSkew, kLargestSkew));
-  const bool nothing_due = reports_.back().totals == taken_;
+  const double astray = behind - std::clamp(behind, -kJitter, kJitter);
+  step_ += steps * (1 + std::clamp(kGain * astray, -kLargestSkew, kLargestSkew));
+  const bool nothing_due = idle_ && reports_.back().totals == taken_;
   if (nothing_due || behind > kLargestLag) step_ = newest_ - kLag * steps;
-  step_ = std::clamp(step_, before, newest_);
+  step_ = std::clamp(step_, before, newest_ + kLargestLag * steps);
 }
 
 /// Keeps the newest report that step_ has passed, and those after it.

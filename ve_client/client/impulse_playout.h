@@ -26,7 +26,8 @@ class ImpulsePlayout {
   /// A frame of so many steps of the server begins: what is due in it.
   DueImpulses take(double steps);
 
-  /// Step of the server up to which impulses were taken; may lie between two.
+  /// Step of the server up to which impulses were taken, as far as they were reported; may lie
+  /// between two.
   double step() const noexcept { return step_; }
   /// Sum of all that was taken for a body.
   Vector6 taken(std::uint32_t body) const;
@@ -45,6 +46,7 @@ class ImpulsePlayout {
   double step_ = 0;
   std::deque<Report> reports_{Report{}};  ///< The last that was played out, and those after it.
   Totals taken_;
+  bool idle_ = true;  ///< The latest report brought nothing new.
 };
 
 }  // namespace hlm

@@ -94,6 +94,62 @@ TEST_CASE("Between updates a constraint goes on at its speed: 0.1 m/s are 10 mm 
   CHECK(separation(model.contacts()[0], poses_of(model.proxy(), {})) == Approx(0.01).margin(1e-9));
 }
 
+TEST_CASE("A wall that changes its speed changes the damper's force by 0.5 N a step at most") {
+  LocalModelParameters parameters;
+  parameters.damping = 100;  // N·s/m
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
+  ReportedContact wall;
+  model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
+  double before = 0;
+  for (int i = 0; i < 2000; ++i) before = model.step(push_down(5)).F[2];
+  REQUIRE(before == Approx(5).epsilon(1e-3));  // N
+  wall.v_WC = {0, 0, GENERATE(0.07, -0.07)};   // m/s: 7 N of the damper
+  wall.separation = model.contacts()[0].s;
+  model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
+  for (int i = 0; i < 100; ++i) {
+    const double f = model.step(push_down(5)).F[2];
+    CHECK(std::abs(f - before) < 0.5 + 0.07e-3 * parameters.stiffness);  // N: and the spring
+    before = f;
+  }
+}
+
+TEST_CASE("A contact that closes begins without energy, at 1 MN/m too") {
+  test::Random random;
+  LocalModelParameters parameters;
+  parameters.stiffness = 1e6;
+  const Matrix3 inertia = Matrix3::Identity() * 1e-3;
+  const ToolDescription tool = test::rigid_tool(1, inertia);
+  for (int trial = 0; trial < 100; ++trial) {
+    LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
+    Velocity v(6);
+    v << random.vector(0.5), random.vector(5);
+    model.follow(model.proxy().configuration(), v);
+    ReportedContacts contacts;
+    for (std::uint64_t i = 0; i < 3; ++i) {
+      ReportedContact& contact = contacts.emplace_back();
+      contact.identity = i;
+      contact.n_W = random.direction();
+      contact.separation = random.uniform(0, 0.01);
+      contact.p_WC = random.vector(0.05) - contact.separation * contact.n_W;
+    }
+    model.adopt({.contacts = contacts, .q_VE = model.proxy().configuration()});
+    const auto energy = [&] {
+      double sum = 0.5 * model.velocity().dot(model.proxy().mass_matrix() * model.velocity());
+      for (const LocalContact& contact : model.contacts()) {
+        const double s = std::min(0.0, separation(contact, poses_of(model.proxy(), {})));
+        sum += 0.5 * parameters.stiffness * s * s;
+      }
+      return sum;
+    };
+    const double begin = energy();
+    for (int i = 0; i < 200; ++i) {
+      model.step({});
+      REQUIRE(energy() <= begin * 1.01);
+    }
+  }
+}
+
 TEST_CASE("A tool that slides on a floor under an overhang is stopped by both, not driven in") {
   LocalModelParameters frictionless;
   frictionless.static_friction = frictionless.kinetic_friction = 0;

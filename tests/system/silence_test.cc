@@ -1,0 +1,144 @@
+// A client that falls silent while the hand holds a body, and comes back: server and client
+// together, in virtual time (docs/method.md 11).
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/support/catch.h"
+#include "tests/support/virtual_session.h"
+
+namespace hlm::test {
+namespace {
+
+using server::TickRecord;
+
+constexpr double kWeight = 0.3 * 9.81;  // N
+constexpr int kCube = 1;                // Body of the world.
+
+std::string box(const std::string& name, const std::string& size, const std::string& pose) {
+  return "<collision name='" + name + "'><pose>" + pose + "</pose><geometry><box><size>" + size +
+         "</size></box></geometry></collision>";
+}
+
+std::string body(const std::string& name, double mass, const std::string& pose,
+                 const std::string& elements) {
+  const std::string m = std::to_string(mass);
+  return "<model name='" + name + "'><pose>" + pose + "</pose><link name='body'><inertial><mass>" +
+         m + "</mass><inertia><ixx>2e-4</ixx><iyy>2e-4</iyy><izz>2e-4</izz></inertia></inertial>" +
+         elements + "</link></model>";
+}
+
+/// A cube of 0.3 kg on two rails, and a tray without weight below it.
+ve::WorldDescription cube_and_tray() {
+  return world_of(
+      "<model name='rails'><static>true</static><link name='body'>" +
+          box("left", "0.01 0.1 0.02", "-0.02 0 -0.01 0 0 0") +
+          box("right", "0.01 0.1 0.02", "0.02 0 -0.01 0 0 0") + "</link></model>" +
+          body("cube", 0.3, "0 0 0.025 0 0 0", box("box", "0.05 0.05 0.05", "0 0 0 0 0 0")) +
+          body("tray", 0.4, "0 0 -0.01 0 0 0",
+               "<gravity>false</gravity>" + box("box", "0.026 0.06 0.01", "0 0 0 0 0 0")),
+      "0 0 -9.81");
+}
+
+server::HandSegment move_up(double way, double duration) {
+  server::Reach reach;
+  reach.position = Vector3(0, 0, way);
+  reach.relative = true;
+  reach.grip = {.stiffness = 1000,
+                .damping = 40,
+                .angular_stiffness = 20,
+                .angular_damping = 0.5,
+                .max_force = 100,
+                .max_torque = 5};
+  return {duration, reach};
+}
+
+/// What changes most from tick to tick, except about collisions, which explain what the force does.
+struct Largest {
+  double env_step = 0;      ///< Of F_env, N.
+  double command_step = 0;  ///< Of the command, N.
+};
+
+Largest largest_steps(const std::vector<TickRecord>& ticks) {
+  constexpr double kImpact = 0.025;  // s: an impulse pushes on for 20 ms at most
+  std::vector<double> collisions;
+  for (const TickRecord& tick : ticks) {
+    if (tick.contact_state == ProxyContactState::kColliding) collisions.push_back(tick.time);
+  }
+  Largest largest;
+  for (std::size_t i = 1; i < ticks.size(); ++i) {
+    const auto explains = [&](double time) { return std::abs(time - ticks[i].time) < kImpact; };
+    if (std::any_of(collisions.begin(), collisions.end(), explains)) continue;
+    const auto step = [&](Wrench TickRecord::*F) {
+      return (ticks[i].*F - ticks[i - 1].*F).head<3>().norm();
+    };
+    largest.env_step = std::max(largest.env_step, step(&TickRecord::F_env));
+    largest.command_step = std::max(largest.command_step, step(&TickRecord::F_command));
+  }
+  return largest;
+}
+
+TEST_CASE("A client falls silent while a body is held: without a jump the force goes, and comes") {
+  const double silence = GENERATE(0.2, 1.0, 5.0);  // s
+  const double delay = GENERATE(0.0, 0.02);        // s each way
+  // Its world stands still, as when its program is stopped; or goes on unheard, and the cube falls.
+  const bool stands_still = GENERATE(true, false);
+  // Where the hand goes meanwhile: it stays, or leaves the cube behind.
+  const double height = GENERATE(0.1, 0.15);  // m
+  CAPTURE(silence, delay, stands_still, height);
+  VirtualSessionOptions options;
+  options.world = cube_and_tray();
+  options.tool = "tray";
+  options.hand = {{move_up(0, 0.4), move_up(0.1, 1), move_up(0.1, 1.7), move_up(height, silence)},
+                  server::AfterLastSegment::kHold};
+  options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.link = {.delay = delay};
+  options.rate_low = options.rate_high = 60;
+  std::vector<TickRecord> ticks;
+  double body_speed = 0;  // m/s, in the local model
+  VirtualSession* running = nullptr;
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    ticks.push_back(tick);
+    const auto& model = running->servo().local_model();
+    if (!model) return;
+    for (const server::LocalBody& body : model->bodies()) {
+      body_speed = std::max(body_speed, body.V_W.head<3>().norm());
+    }
+  });
+  running = &session;
+  session.run(3);
+  const ve::World& world = session.environment().world;
+  REQUIRE(session.last().F_env[2] == Approx(-kWeight).epsilon(0.03));
+
+  ticks.clear();
+  if (stands_still) {
+    session.run_server_alone(silence);
+  } else {
+    session.network().set_conditions({.delay = delay, .loss = 1});
+    session.run(silence);
+    session.network().set_conditions({.delay = delay});
+  }
+  CHECK(largest_steps(ticks).env_step <= 0.5);  // N: released step by step
+  CHECK(session.last().F_env.norm() < 0.01);
+  CHECK(session.last().F_command.norm() < 1e-9);
+
+  ticks.clear();
+  body_speed = 0;
+  session.run(0.3);
+  CHECK(largest_steps(ticks).env_step <= 1);  // N: the cube comes to rest on the tray
+  // Where the tray has gone on through the cube, its contacts change sides.
+  CHECK(largest_steps(ticks).command_step <= (height == 0.1 ? 0.5 : 0.75));
+  CHECK(body_speed < 3);                                            // m/s: of its fall in 0.3 s
+  if (stands_still) CHECK(world.V_WB(kCube).head<3>().norm() < 3);  // m/s
+  session.run(2);
+  CHECK(session.last().fault == Fault::kNone);
+  if (stands_still && height == 0.1) {
+    CHECK(session.last().F_env[2] == Approx(-kWeight).epsilon(0.03));
+    CHECK(world.X_WB(kCube).p.z() ==
+          Approx(session.environment().tool.q().z() + 0.03).margin(1e-3));
+  }
+}
+
+}  // namespace
+}  // namespace hlm::test
