@@ -28,6 +28,7 @@ constexpr Experiment kExperiments[] = {
     {"updates", updates, true},
     {"limits", stiffness_limits, true},
     {"spatial", spatial, true},
+    {"corners", corners, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
     {"scenes", scenes, true},
