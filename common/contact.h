@@ -18,6 +18,11 @@ inline constexpr std::size_t kMaxContacts = 192;
 inline constexpr std::size_t kMaxBodies = 16;
 inline constexpr std::size_t kMaxMovedBodies = 8;
 
+/// Axes of a pair that are less apart than this, rad, are one to its forces, those of the first.
+/// Larger values make forces along a normal that is off by so much, smaller ones split the contacts
+/// of two faces that lie on each other with a tilt.
+inline constexpr double kOneAxis = 0.1;
+
 /// So old may contacts be when they come, s: their computation and half a round trip. More renders
 /// force from a world that has moved on, less shuts out far networks.
 inline constexpr double kOldestContacts = 0.5;
@@ -49,7 +54,8 @@ struct ReportedContact {
   /// update. Whoever makes contacts chooses it: feature pairs, or a tracker's own numbers.
   std::uint64_t identity = 0;
   /// The pair of convex pieces that the contact belongs to, and which of the pair's separating axes
-  /// it lies on. Contacts of one axis share the normal.
+  /// it lies on. Contacts of one axis share the normal. Of the tool's only those of the axis with
+  /// the greatest gap act, and an axis within kOneAxis of one with a lower number never bears.
   std::uint32_t pair = 0;
   std::uint16_t axis = 0;
   ContactSide a{SideKind::kToolLink,

@@ -55,6 +55,7 @@ SECTIONS = {
     "limits": "Largest stable stiffness, side by side",
     "maps": "Where each method stops working",
     "approach": "Where a wall is felt, over approach speed",
+    "corners": "Convex edges: all near axes of each pair of shapes, or the best one alone",
     "spatial": "Six degrees of freedom",
     "collisions": "Collisions and friction",
     "linkages": "Linkages",
@@ -108,6 +109,9 @@ INTRODUCTION = {
     "approach": "A peg meets a wall at a steady speed, 20 ms away one way, environment at 30 to 60 Hz. "
     "Left: where the handle comes to rest, from where it should. Middle: how far it gets beyond the wall. "
     "Right: how far handle and the environment's tool drift apart on the way.",
+    "corners": "A peg enters holes with 0.2 to 3 mm to spare on each side, straight or askew, at up to 0.5 m/s, "
+    "0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
+    "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
     "spatial": "A free body of six degrees of freedom: a square peg in an exactly fitting square hole, "
     "held down with 0.5 N and shaken along x and y; and a box, set down on an edge and pressed flat "
     "with 0.5 N.",
@@ -383,6 +387,24 @@ def draw_approach(folder):
     return figure
 
 
+def draw_corners(folder):
+    rows = [r for r in read_table(folder / "corners.csv") if float(r["least_gap_m"]) > 1e-5]
+    epsilons = sorted({float(row["epsilon_m"]) for row in rows})
+    figure, panel = panels(len(epsilons), 4)
+    for axis, epsilon in zip(panel, epsilons):
+        for axes, color, shift in (("one", "#d62728", 0.93), ("all", "#1f77b4", 1.07)):
+            points = [r for r in rows if r["axes"] == axes and float(r["epsilon_m"]) == epsilon]
+            x = [1e3 * shift * float(point["clearance_m"]) for point in points]
+            y = [max(float(point["largest_force_n"]), 1e-3) for point in points]
+            axis.plot(x, y, "o", markersize=4, color=color, alpha=0.5,
+                      label="best axis alone" if axes == "one" else "all near axes")
+        axis.axhline(0.5, color="#999999", linewidth=0.8)
+        axis.set(xscale="log", yscale="log", title=f"ε = {1e3 * epsilon:g} mm")
+        label(axis, "to spare on each side, mm", "largest force felt, N (0.001: none)")
+        axis.legend(fontsize=7)
+    return figure
+
+
 def draw_spatial(folder):
     figure, axes = panels(3, 4)
     hole = read_table(folder / "spatial_hole_series.csv")
@@ -565,6 +587,7 @@ DRAW = {
     "limits": draw_limits,
     "maps": draw_maps,
     "approach": draw_approach,
+    "corners": draw_corners,
     "spatial": draw_spatial,
     "collisions": draw_collisions,
     "linkages": draw_linkages,

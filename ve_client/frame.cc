@@ -17,10 +17,13 @@ VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
 namespace {
 
 /// Factor on what is travelled until contacts are replaced. 1 covers steady speed and equal periods
-/// only; 2 nearly doubles the ghosts past edges.
+/// only; larger values send more contacts.
 constexpr double kMargin = 1.5;
 /// Farthest that a body is held beyond ε, m.
 constexpr double kFarthestHold = 0.05;
+/// Most contacts of the tool, on all axes: what is left is for those of bodies.
+constexpr std::size_t kMostToolContacts = 2 * kMaxSelected;
+static_assert(kMostToolContacts <= kMaxContacts);
 
 }  // namespace
 
@@ -48,20 +51,60 @@ void follow_server(VirtualEnvironment& environment, HapticClient& client, double
   }
 }
 
+/// Adds the contacts on the other axes of the pairs that are sent, nearest pairs first: all of a
+/// pair's or none, for a server treats what is missing as no obstacle to the others.
+void add_other_axes(std::vector<FoundContact> others, const std::optional<Vector3>& planar_normal_W,
+                    std::vector<FoundContact>& contacts) {
+  std::vector<const FoundContact*> nearest;
+  for (const FoundContact& contact : contacts) nearest.push_back(&contact);
+  std::ranges::stable_sort(nearest, {}, &FoundContact::separation);
+  std::vector<std::uint32_t> pairs;
+  for (const FoundContact* contact : nearest) {
+    if (std::ranges::find(pairs, contact->pair) == pairs.end()) pairs.push_back(contact->pair);
+  }
+  for (const std::uint32_t pair : pairs) {
+    std::vector<FoundContact> of_pair;
+    std::erase_if(others, [&](const FoundContact& contact) {
+      if (contact.pair != pair) return false;
+      of_pair.push_back(contact);
+      return true;
+    });
+    ContactSelection selection;
+    const auto selected = selection.select(of_pair, planar_normal_W);
+    if (contacts.size() + selected.size() > kMostToolContacts) return;
+    contacts.insert(contacts.end(), selected.begin(), selected.end());
+  }
+}
+
 /// The contacts of the tool within epsilon. A body in the engine follows the tool's impulses by
 /// `lag` seconds: what was reported of it is, until it is farther than both can have moved in that.
-std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double epsilon,
-                                        double lag) {
+std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double epsilon, double lag,
+                                        bool all_axes) {
   const VirtualTool& tool = environment.tool;
   const Surroundings& surroundings = environment.surroundings;
   const bool holds = !surroundings.bodies().empty();
-  const auto found = environment.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0));
+  const auto found =
+      environment.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0), all_axes);
   std::vector<FoundContact> contacts(found.begin(), found.end());
   std::erase_if(contacts, [&](const FoundContact& contact) {
     const double travel = kMargin * lag * (tool.target_speed() + contact.v_WC.norm());
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
     return contact.separation > epsilon + hold;
   });
+  return contacts;
+}
+
+/// Those to send: the selected ones of the best axes, and the other axes of their pairs.
+std::vector<FoundContact> selected(VirtualEnvironment& environment,
+                                   std::vector<FoundContact> found) {
+  const auto other = std::ranges::stable_partition(
+      found, [](const FoundContact& contact) { return contact.axis == 0; });
+  std::vector<FoundContact> others(other.begin(), other.end());
+  found.erase(other.begin(), other.end());
+  const auto& planar_normal_W = environment.assembly.planar_normal_W;
+  const auto best = environment.selection.select(found, planar_normal_W);
+  std::vector<FoundContact> contacts(best.begin(), best.end());
+  add_other_axes(std::move(others), planar_normal_W, contacts);
   return contacts;
 }
 
@@ -96,13 +139,19 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
   client.sample(sampled_at, tool.q(), tool.v(), period);
   const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
-  const std::vector<FoundContact> found =
-      tool_contacts(environment, result.epsilon, delay + 2 * period);
-  const auto selected = environment.selection.select(found, environment.assembly.planar_normal_W);
-  std::vector<FoundContact> contacts(selected.begin(), selected.end());
-  result.found = found.size();
+  const bool all_axes =
+      client.connected() && client.welcome().capabilities.axes && !options.one_axis;
+  std::vector<FoundContact> found =
+      tool_contacts(environment, result.epsilon, delay + 2 * period, all_axes);
+  result.found = static_cast<std::size_t>(
+      std::ranges::count(found, 0, &FoundContact::axis));
+  std::vector<FoundContact> contacts = selected(environment, std::move(found));
   for (const FoundContact& contact : contacts) {
-    ++(contact.separation <= 0 ? result.active : result.predicted);
+    if (contact.axis > 0) {
+      ++result.on_other_axes;
+    } else {
+      ++(contact.separation <= 0 ? result.active : result.predicted);
+    }
   }
   if (!options.report_friction) {
     for (FoundContact& contact : contacts) contact.friction = -1;

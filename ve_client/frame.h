@@ -34,8 +34,8 @@ inline constexpr Range kEpsilons{0, 0.1, "m"};
 
 struct FrameOptions {
   double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
-  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Constraints extend infinitely
-  /// in the local model, so larger values let the tool feel walls past the edges where they end.
+  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). To a server that does not
+  /// choose among axes, larger values let the tool feel walls past the edges where they end.
   double largest_epsilon = 0;
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
@@ -43,6 +43,9 @@ struct FrameOptions {
   /// Contacts of the tool carry the friction of the materials where the world states it; otherwise
   /// the server's own holds everywhere.
   bool report_friction = true;
+  /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
+  /// near ones. For comparisons.
+  bool one_axis = false;
   /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
   /// moving constraints: what a server without movable bodies gets. For comparisons.
   bool push_by_following = false;
@@ -57,12 +60,13 @@ struct FrameResult {
   /// Why the world stands still (World::fault); nothing is sent any more, so force fades. Null as
   /// long as it moves.
   const std::string* fault = nullptr;
-  std::size_t found = 0;      ///< Contacts of the tool within ε, before any was left out.
-  std::size_t active = 0;     ///< Contacts of the tool sent with σ <= 0.
-  std::size_t predicted = 0;  ///< Contacts of the tool sent with σ > 0.
-  std::size_t bodies = 0;     ///< Movable bodies sent.
-  std::size_t supports = 0;   ///< Contacts sent of bodies without the tool.
-  double epsilon = 0;         ///< ε of this frame, m.
+  std::size_t found = 0;  ///< Contacts of the tool within ε on the best axes, before any was left out.
+  std::size_t active = 0;         ///< Contacts of the tool sent with σ <= 0, on the best axes.
+  std::size_t predicted = 0;      ///< Contacts of the tool sent with σ > 0, on the best axes.
+  std::size_t on_other_axes = 0;  ///< Contacts of the tool sent on others.
+  std::size_t bodies = 0;         ///< Movable bodies sent.
+  std::size_t supports = 0;       ///< Contacts sent of bodies without the tool.
+  double epsilon = 0;             ///< ε of this frame, m.
 };
 
 /// ε for a tool whose fastest point moves at `speed` (m/s): what it travels until contacts found

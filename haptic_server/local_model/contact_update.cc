@@ -1,6 +1,11 @@
 #include "haptic_server/local_model/contact_update.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "haptic_server/local_model/pair_axes.h"
 
 namespace hlm::server {
 namespace {
@@ -31,6 +36,7 @@ struct Placed {
   const ReportedContact* report;
   FrameIndex a;
   FrameIndex b;
+  std::uint16_t axis = kOnlyAxis;  ///< LocalContact::axis.
 };
 using PlacedReports = StaticVector<Placed, kMaxContacts>;
 
@@ -65,6 +71,7 @@ void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& f
               double age) noexcept {
   const ReportedContact& report = *placed.report;
   contact.identity = report.identity;
+  contact.axis = placed.axis;
   contact.a = report.a;
   contact.b = report.b;
   contact.frame_a = placed.a;
@@ -104,15 +111,6 @@ void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vec
   contact.s = s_plus;
 }
 
-/// The friction anchor and the history of an existing contact survive its update.
-void inherit(LocalContact& contact, const LocalContact& existing) noexcept {
-  contact.z_W = existing.z_W - contact.n_W.dot(existing.z_W) * contact.n_W;
-  contact.slipping = existing.slipping;
-  contact.loaded = existing.loaded;
-  contact.state = existing.state;
-  contact.f_W = existing.f_W;
-}
-
 bool touches_body(const LocalContact& contact) noexcept {
   const auto is_local_body = [](const ContactSide& side, FrameIndex frame) {
     return side.kind == SideKind::kMovableBody && frame != kWorldFrame;
@@ -145,21 +143,20 @@ void defer(LocalContact& contact, double sigma, std::optional<double> s_p, doubl
   s_plus = held;
 }
 
+/// s_p of an existing contact, if there is one.
+std::optional<double> held(const LocalContact* existing, const UpdateFrames& frames,
+                           const UpdatePolicy& policy) noexcept {
+  if (existing == nullptr) return std::nullopt;
+  return held_separation(*existing, separation(*existing, frames.before), policy);
+}
+
 void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalContact* existing,
                       const UpdateFrames& frames, double age, const UpdatePolicy& policy) noexcept {
   describe(contact, placed, frames, age);
   const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
   const double sigma = true_separation(contact, frames.now[placed.b], x_W);
-  std::optional<double> s_p;
-  if (existing != nullptr) {
-    s_p = separation(*existing, frames.before);
-    // One that was being released bears no more than its cap.
-    if (existing->orphaned())
-      s_p = std::max(*s_p, -std::max(0.0, existing->cap) / policy.stiffness);
-  }
-  double s_plus = updated_separation(policy.rule, sigma, s_p);
-  defer(contact, sigma, s_p, s_plus, policy);
-  place_contact_point(contact, frames.now[placed.a], x_W, sigma, s_plus);
+  contact.p_W = x_W;
+  deform(contact, frames.now[placed.a], sigma, held(existing, frames, policy), policy);
 
   if (existing != nullptr) {
     inherit(contact, *existing);
@@ -191,25 +188,24 @@ void set_support(LocalContact& contact, const Placed& placed, const LocalContact
 std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
                                      const UpdatePolicy& policy) noexcept {
   locate(contact, frames.before[contact.frame_a], frames.before[contact.frame_b]);
-  const double f_n = std::max(contact.f_W.dot(contact.n_W), -policy.stiffness * contact.s);
   const auto a = frame_of(contact.a, frames.tool, frames.bodies);
-  if (contact.s >= 0 || f_n <= 0 || !a || *a == kWorldFrame) return std::nullopt;
+  if (!release(contact, policy) || !a || *a == kWorldFrame) return std::nullopt;
   contact.frame_a = *a;
   contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
   contact.p_A = frames.now[contact.frame_a].inverse() * contact.p_W;
   const Placement X_BW = frames.now[contact.frame_b].inverse();
   contact.c_B = X_BW * contact.c_W;
   contact.n_B = X_BW.R * contact.n_W;
-  contact.cap = std::min(contact.cap, f_n);
-  contact.deferred = 0;
+  contact.axis = kOnlyAxis;
   return contact;
 }
 
 double load(const LocalContact& contact) noexcept { return contact.cap; }
 
-/// Adds what fits of the released contacts: the most loaded.
-void add_released(LocalContacts& contacts, LocalContacts& orphans) noexcept {
-  const std::size_t room = contacts.capacity() - contacts.size();
+/// Adds what fits of the released contacts beside all that are reported: the most loaded.
+void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
+  LocalContacts& contacts = updated.acting;
+  const std::size_t room = contacts.capacity() - contacts.size() - updated.waiting.size();
   if (orphans.size() > room) {
     std::nth_element(orphans.begin(), orphans.begin() + static_cast<std::ptrdiff_t>(room),
                      orphans.end(), [](const auto& x, const auto& y) { return load(x) > load(y); });
@@ -251,7 +247,100 @@ void match(const PlacedReports& reports, const LocalContacts& existing, Reported
   while (old != existing.end()) unreported(*old++);
 }
 
+/// The axes of all pairs that have several; writes into the reports which is theirs.
+PairAxes axes_of(PlacedReports& reports) noexcept {
+  PairAxes axes;
+  const auto has_others = [](const Placed& placed) { return placed.report->axis > 0; };
+  if (std::none_of(reports.begin(), reports.end(), has_others)) return axes;
+  const auto pair = [](const Placed* placed) {
+    return std::tie(placed->report->pair, placed->report->a, placed->report->b);
+  };
+  StaticVector<Placed*, kMaxContacts> sorted;
+  for (Placed& placed : reports) sorted.push_back(&placed);
+  std::sort(sorted.begin(), sorted.end(), [&](const Placed* x, const Placed* y) {
+    return pair(x) != pair(y) ? pair(x) < pair(y) : x->report->axis < y->report->axis;
+  });
+  for (auto first = sorted.begin(); first != sorted.end();) {
+    const auto last =
+        std::find_if(first, sorted.end(), [&](const Placed* p) { return pair(p) != pair(*first); });
+    const bool several = (*first)->report->axis != (*(last - 1))->report->axis;
+    const auto of_pair = static_cast<std::uint16_t>(axes.size());
+    const auto begin = first;
+    for (const Placed* before = nullptr; first != last; before = *first++) {
+      if (!several) continue;
+      if (before == nullptr || before->report->axis != (*first)->report->axis) {
+        const auto parallel = [&](const Placed* p) {
+          return p->report->n_W.dot((*first)->report->n_W) > std::cos(kOneAxis);
+        };
+        axes.push_back({.pair = of_pair, .bears = std::none_of(begin, first, parallel)});
+      }
+      (*first)->axis = static_cast<std::uint16_t>(axes.size() - 1);
+    }
+  }
+  return axes;
+}
+
+/// The gaps of the axes where the proxy is, deformed as it is on the axis that acted.
+void measure_axes(const PlacedReports& reports, const LocalContacts& existing,
+                  const UpdateFrames& frames, double age, const UpdatePolicy& policy,
+                  PairAxes& axes) noexcept {
+  if (axes.empty()) return;
+  for (PairAxis& axis : axes) axis.gap = std::numeric_limits<double>::infinity();
+  match(
+      reports, existing,
+      [&](const Placed& placed, const LocalContact* known) {
+        if (placed.axis == kOnlyAxis) return;
+        LocalContact contact;
+        describe(contact, placed, frames, age);
+        const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
+        double s = true_separation(contact, frames.now[placed.b], x_W);
+        PairAxis& axis = axes[placed.axis];
+        if (known != nullptr && !known->orphaned()) {
+          axis.acts = true;
+          s = updated_separation(policy.rule, s, held(known, frames, policy));
+        }
+        axis.gap = axis.next = std::min(axis.gap, s);
+      },
+      [](const LocalContact&) {});
+}
+
+/// A contact on an axis that does not act.
+void set_waiting(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
+                 double age) noexcept {
+  describe(contact, placed, frames, age);
+  const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
+  const double sigma = true_separation(contact, frames.now[placed.b], x_W);
+  place_contact_point(contact, frames.now[placed.a], x_W, sigma, sigma);
+}
+
 }  // namespace
+
+void deform(LocalContact& contact, const Placement& X_WA, double sigma, std::optional<double> s_p,
+            const UpdatePolicy& policy) noexcept {
+  double s_plus = updated_separation(policy.rule, sigma, s_p);
+  defer(contact, sigma, s_p, s_plus, policy);
+  place_contact_point(contact, X_WA, contact.p_W, sigma, s_plus);
+}
+
+double held_separation(const LocalContact& known, double s, const UpdatePolicy& policy) noexcept {
+  return known.orphaned() ? std::max(s, -std::max(0.0, known.cap) / policy.stiffness) : s;
+}
+
+void inherit(LocalContact& contact, const LocalContact& known) noexcept {
+  contact.z_W = known.z_W - contact.n_W.dot(known.z_W) * contact.n_W;
+  contact.slipping = known.slipping;
+  contact.loaded = known.loaded;
+  contact.state = known.state;
+  contact.f_W = known.f_W;
+}
+
+bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept {
+  const double f_n = std::max(contact.f_W.dot(contact.n_W), -policy.stiffness * contact.s);
+  if (policy.rule != UpdateRule::kRetain || contact.s >= 0 || f_n <= 0) return false;
+  contact.cap = std::min(contact.cap, f_n);
+  contact.deferred = 0;
+  return true;
+}
 
 void UpdateFrames::set_now(const FramePoses& poses) noexcept {
   now = poses;
@@ -273,27 +362,37 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
 
 double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                    LocalContacts& updated) noexcept {
+                    ToolContacts& updated) noexcept {
   const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
-  const PlacedReports reports =
-      sorted_reports(reported, frames, [&](const ReportedContact& report) {
-        return is_tool(report.a) && (!only_active || report.separation <= 0);
-      });
-  updated.clear();
+  PlacedReports reports = sorted_reports(
+      reported, frames, [](const ReportedContact& report) { return is_tool(report.a); });
+  updated.acting.clear();
+  updated.waiting.clear();
+  updated.axes = axes_of(reports);
+  measure_axes(reports, existing, frames, age, policy, updated.axes);
+  decide_axes(updated.axes);
   LocalContacts orphans;
+  const auto orphan = [&](const LocalContact& contact) {
+    if (policy.rule != UpdateRule::kRetain) return;
+    if (const auto left = released(contact, frames, policy)) orphans.push_back(*left);
+  };
   double unspent = 0;
   match(
       reports, existing,
       [&](const Placed& placed, const LocalContact* known) {
-        LocalContact& contact = updated.emplace_back();
+        if (placed.axis != kOnlyAxis && !updated.axes[placed.axis].acts) {
+          set_waiting(updated.waiting.emplace_back(), placed, frames, age);
+          if (known != nullptr) orphan(*known);
+          return;
+        }
+        if (only_active && placed.report->separation > 0) return;
+        LocalContact& contact = updated.acting.emplace_back();
         set_tool_contact(contact, placed, known, frames, age, policy);
         if (known == nullptr || !contact.loaded || !touches_body(contact)) return;
         unspent += contact.f_W.dot(contact.n_W) * (known->deferred - contact.deferred);
       },
-      [&](const LocalContact& contact) {
-        if (policy.rule != UpdateRule::kRetain) return;
-        if (const auto orphan = released(contact, frames, policy)) orphans.push_back(*orphan);
-      });
+      orphan);
+  if (only_active) updated.waiting.clear();
   if (!orphans.empty()) add_released(updated, orphans);
   return unspent;
 }

@@ -41,16 +41,31 @@ struct UpdateFrames {
   void set_now(const FramePoses& poses) noexcept;
 };
 
-/// The contacts of the tool after an update, sorted by identity, into `updated` (another object
-/// than `existing`: contacts are large, so callers keep two sets and swap roles). existing: the
-/// contacts before, sorted by identity, their constraints advanced to now. reported: contacts of
+/// Gives a contact whose point is undeformed, at separation sigma, the separation of the update
+/// rule. s_p: as in updated_separation(). X_WA: pose of side a.
+void deform(LocalContact& contact, const Placement& X_WA, double sigma, std::optional<double> s_p,
+            const UpdatePolicy& policy) noexcept;
+
+/// s_p of a known contact with the separation s: one that is released bears no more than its cap.
+double held_separation(const LocalContact& known, double s, const UpdatePolicy& policy) noexcept;
+
+/// The friction anchor and the history of a known contact go on.
+void inherit(LocalContact& contact, const LocalContact& known) noexcept;
+
+/// Rule `retain`: from now on an evaluated contact that carries load is released, not dropped.
+/// False if it carries none.
+bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept;
+
+/// The contacts of the tool after an update into `updated` (`existing` is in another object:
+/// contacts are large, so callers keep two sets and swap roles). existing: the acting contacts
+/// before, sorted by identity, their constraints advanced to now. reported: contacts of
 /// the environment, `age` seconds old where their constraint is the world's. Those without the
 /// tool, of links that it does not have, or with the identity of one before them are left out.
 /// Returns the energy that loaded contacts with movable bodies may heal with for it, J: a body that
 /// was pushed here farther than there has taken work that it did not do.
 double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                    LocalContacts& updated) noexcept;
+                    ToolContacts& updated) noexcept;
 
 /// Nothing is known of the bodies any more: the contacts of the tool with them stay in the world as
 /// contacts that are no longer reported. frames: without bodies, except `before`.

@@ -7,6 +7,7 @@
 #include "haptic_server/local_model/body_friction.h"
 #include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/free_motion.h"
+#include "haptic_server/local_model/pair_axes.h"
 #include "haptic_server/local_model/stiffness_limit.h"
 
 namespace hlm::server {
@@ -153,7 +154,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   }
   frames.set_now(poses_of(proxy_, bodies));
   const double unspent =
-      adopt_update(existing, update.contacts, frames, update.age, policy(), present());
+      adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]);
   if (std::isfinite(unspent)) tank_ = std::clamp(tank_ + unspent, -kTankSize, kTankSize);
   correct_gradually(bodies, update.period);
   const FrictionReport report{.contacts = update.contacts,
@@ -337,6 +338,7 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   advance_bodies(bodies_, frames, frame_of_body(proxy_, 0), x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);
   advance_constraints(present_supports(), dt_);
+  advance_constraints(contacts_[current_].waiting, dt_);
   fill_tank();
   advance_contacts(present(), poses, policy(), parameters_.damping, dt_, tank_);
 }
@@ -428,6 +430,7 @@ void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap&
 
 void LocalModel::evaluate(const FrameMotions& frames) noexcept {
   evaluate_contacts(present(), frames);
+  choose_axes(contacts_[current_], frames, policy(), dt_);
   limits_.place(proxy_);
   evaluate_contacts(limits_.contacts(), frames);
   evaluate_contacts(present_supports(), frames);

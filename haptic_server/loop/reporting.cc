@@ -102,7 +102,7 @@ protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint
           .silence_time = silence_time,
           .fade_time = options.limits.fade_time,
           .least_update_rate = 1 / options.silence_time.value_or(kDefaultSilenceTimes.most),
-          .capabilities = {.movable_bodies = true, .axes = false, .self_contacts = true},
+          .capabilities = {.movable_bodies = true, .axes = true, .self_contacts = true},
           .device = report_of(device)};
 }
 

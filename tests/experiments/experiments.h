@@ -14,6 +14,7 @@ void updates(Bench& bench);                ///< What adopting an update changes.
 void stiffness_limits(Bench& bench);       ///< k_max of each method, side by side.
 void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter, loss.
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.
+void corners(Bench& bench);                ///< Convex edges.
 void spatial(Bench& bench);                ///< Six degrees of freedom.
 void linkages(Bench& bench);               ///< Tools of several links.
 void collisions(Bench& bench);             ///< Collisions and friction.

@@ -30,6 +30,7 @@ constexpr Experiment kExperiments[] = {
     {"spatial", spatial, true},
     {"collisions", collisions, true},
     {"linkages", linkages, true},
+    {"corners", corners, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
     {"scenes", scenes, true},

@@ -31,24 +31,12 @@ std::uint64_t number_of(const ContactSide& side, SideKind usual) noexcept {
   return side.index + (is_link == (usual == SideKind::kToolLink) ? 0 : kOther);
 }
 
-/// Number of the contact's normal among those of its pair that came before it.
-std::uint16_t axis_of(const FoundContact& contact, std::span<const FoundContact> before,
-                      const ReportedContacts& reports) noexcept {
-  constexpr double kSameNormal = 1e-9;  // Difference of unit vectors: rounding.
-  std::uint16_t next = 0;
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    if (reports[i].pair != pair_of(contact.key)) continue;
-    if ((before[i].n_W - contact.n_W).norm() < kSameNormal) return reports[i].axis;
-    next = std::max<std::uint16_t>(next, reports[i].axis + 1);
-  }
-  return next;
-}
-
 }  // namespace
 
 std::uint64_t identity_of(const ContactKey& key) noexcept {
   return hash({number_of(key.a, SideKind::kToolLink), packed(key.a_feature),
-               number_of(key.b, SideKind::kWorld), packed(key.b_feature)});
+               number_of(key.b, SideKind::kWorld),
+               std::uint64_t{key.face} << 32 | packed(key.b_feature)});
 }
 
 std::uint32_t pair_of(const ContactKey& key) noexcept {
@@ -62,8 +50,8 @@ ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
   for (const FoundContact& contact : contacts) {
     ReportedContact& report = reports.emplace_back();
     report.identity = identity_of(contact.key);
-    report.pair = pair_of(contact.key);
-    report.axis = axis_of(contact, contacts.first(reports.size() - 1), reports);
+    report.pair = contact.pair;
+    report.axis = contact.axis;
     report.a = contact.key.a;
     report.b = contact.key.b;
     report.p_WC = contact.p_WC;

@@ -30,6 +30,7 @@ struct ContactKey {
   Feature a_feature;
   ContactSide b;  ///< A body by its index in the world, or a link of the tool.
   Feature b_feature;
+  std::uint32_t face = 0;  ///< ManifoldPoint::face.
 
   auto operator<=>(const ContactKey&) const = default;
 };
@@ -49,6 +50,8 @@ struct FoundContact {
   Vector3 v_WC = Vector3::Zero();  ///< Velocity of b's point, world, m/s.
   double friction = -1;            ///< μ of the two materials; negative: neither says.
   double load = 0;                 ///< Present normal force of a contact without the tool, N.
+  std::uint32_t pair = 0;          ///< Of the two pieces that it was found of (pair_of).
+  std::uint16_t axis = 0;          ///< Which axis of its pair it is on; 0 is the best.
 };
 
 /// As they are reported to the server; at most kMaxContacts.

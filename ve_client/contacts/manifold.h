@@ -1,4 +1,5 @@
-// All basic contacts of one pair of convex shapes within ε (docs/method.md 8.3).
+// All basic contacts of one pair of convex shapes within ε (docs/method.md 8.3), on the best of its
+// separating axes or on all near ones (2.8).
 #pragma once
 
 #include <cstdint>
@@ -16,9 +17,15 @@ struct ManifoldPoint {
   Vector3 p_WC = Vector3::Zero();  ///< On the environment's surface, world, m.
   Vector3 n_W = Vector3::UnitZ();  ///< Unit, environment to tool.
   double separation = 0;           ///< True separation σ, m.
+  std::uint16_t axis = 0;          ///< Which axis of the pair it is on; 0 is the best.
+  /// What tells apart contacts of find_axes() between the same two features: of two edges that
+  /// cross over a face, which face; kTellsApart and more on other axes. Otherwise 0.
+  std::uint32_t face = 0;
 };
+inline constexpr std::uint32_t kTellsApart = std::uint32_t{1} << 31;
 inline constexpr std::size_t kMaxManifoldPoints = 32;
 using Manifold = StaticVector<ManifoldPoint, kMaxManifoldPoints>;
+using AxesManifold = StaticVector<ManifoldPoint, 4 * kMaxManifoldPoints>;
 
 /// Counts of answers that were refused, over the life of the caller's program.
 struct ProximityStatistics {
@@ -33,6 +40,15 @@ struct ProximityStatistics {
 /// to where they overlap (find_penetration_near); then the normal is near it, and separations are
 /// along it.
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
+                       double epsilon, ProximityStatistics& statistics,
+                       const std::optional<Vector3>& before_B = {});
+
+/// Likewise on all axes that can become the best while the tool moves by no more than epsilon: two
+/// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is
+/// its gap: so on an axis with none over a face they are the shapes' outermost points, also beyond
+/// the face's border. Of axes less than kOneAxis apart the first is meant to bear; normals of the
+/// body's faces follow to tell, as the tool turns, whether the shapes are apart.
+AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
                        const std::optional<Vector3>& before_B = {});
 

@@ -13,8 +13,6 @@ namespace {
 /// A later candidate replaces an earlier one if its gap is larger by more than this, m. It keeps
 /// the face normal when cross products of nearly parallel edges tie with it.
 constexpr double kAdvantage = 1e-9;
-/// Two directions with a smaller sine have no cross product worth trying.
-constexpr double kParallel = 1e-9;
 
 /// libccd: the cores are swept by a ball of this radius, m, so that cores that only touch have a
 /// depth. It is taken off again exactly.
@@ -64,22 +62,6 @@ class BestNormal {
   std::optional<Vector3> near_B_;
   CoreSeparation best_;
 };
-
-/// Normals of faces and cross products of edge directions. Among these is every face normal of the
-/// Minkowski difference of two polytopes, and no gap is larger than the signed distance, so that
-/// the largest is the distance; which pairs of edges make a face need not be known.
-void consider_axes(const CorePair& pair, BestNormal& best) {
-  for (const Vector3& n : pair.body.face_normals()) best.consider(n);
-  for (const Vector3& n_T : pair.tool.face_normals()) best.consider(-(pair.R_BT * n_T));
-  for (const Vector3& e_T : pair.tool.edge_directions()) {
-    const Vector3 e = pair.R_BT * e_T;
-    for (const Vector3& f : pair.body.edge_directions()) {
-      const Vector3 n = e.cross(f);
-      const double sine = n.norm();
-      if (sine > kParallel) best.consider_both(n / sine);
-    }
-  }
-}
 
 /// Cores without faces can have a Minkowski difference without volume; then any normal of it will
 /// do.
@@ -175,7 +157,7 @@ CoreSeparation curved_penetration(const CorePair& pair, BestNormal& best, double
 
 CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& nearest) {
   BestNormal best(pair);
-  consider_axes(pair, best);
+  for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
   if (pair.tool.face_normals().empty() && pair.body.face_normals().empty()) {
     consider_perpendiculars(pair, best);
   }
@@ -194,7 +176,7 @@ CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& neare
 
 CoreSeparation find_penetration_near(const CorePair& pair, const Vector3& before_B) {
   BestNormal best(pair, before_B);
-  consider_axes(pair, best);
+  for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
   if (is_point_in_cylinder(pair)) consider_radial(pair, best);
   if (best.best().n_B.isZero(0)) best.consider(before_B);
   CoreSeparation result = best.best();

@@ -1,5 +1,9 @@
 #include "ve_client/world/proximity.h"
 
+#include <algorithm>
+#include <iterator>
+#include <limits>
+
 namespace hlm::ve {
 namespace {
 
@@ -34,6 +38,42 @@ Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double epsilon) {
   return box;
 }
 
+/// Leaves of each pair the contacts of one axis: the best one, unless the pair is apart along
+/// another one now and where the tool is drawn to.
+void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& contacts) {
+  constexpr double kApart = -1e-4;  // m: what the engine leaves of overlap where the tool rests.
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  struct Gap {
+    double now = kNone;
+    double there = kNone;
+  };
+  std::vector<FoundContact> kept;
+  for (auto first = contacts.begin(); first != contacts.end();) {
+    const auto last = std::find_if(first, contacts.end(), [&](const FoundContact& contact) {
+      return contact.pair != first->pair;
+    });
+    const int link = static_cast<int>(first->key.a.index);
+    const Pose X_WT = tool.X_WB_target(link) * tool.X_WB(link).inverse();
+    std::vector<Gap> gaps;
+    for (auto contact = first; contact != last; ++contact) {
+      gaps.resize(std::max<std::size_t>(gaps.size(), contact->axis + 1));
+      const Vector3 p_W = contact->p_WC + contact->separation * contact->n_W;
+      Gap& gap = gaps[contact->axis];
+      gap.now = std::min(gap.now, contact->separation);
+      gap.there = std::min(gap.there, contact->n_W.dot(X_WT * p_W - contact->p_WC));
+    }
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < gaps.size(); ++i) {
+      const bool apart = gaps[i].now > kApart && gaps[i].there > 0;
+      if (apart && gaps[i].there > gaps[best].there) best = i;
+    }
+    std::copy_if(first, last, std::back_inserter(kept),
+                 [&](const FoundContact& contact) { return contact.axis == best; });
+    first = last;
+  }
+  contacts = std::move(kept);
+}
+
 }  // namespace
 
 Proximity::Proximity(World& world, const ToolAssembly& assembly)
@@ -53,7 +93,16 @@ Proximity::Proximity(World& world, const ToolAssembly& assembly)
   }
 }
 
-std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon) {
+AxesManifold Proximity::find(const Convex& a, const Pose& X_WA, const Convex& b, const Pose& X_WB,
+                             double epsilon, const std::optional<Vector3>& before_B) {
+  if (all_axes_) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+  const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+  return {best.begin(), best.end()};
+}
+
+std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon,
+                                               bool all_axes) {
+  all_axes_ = all_axes;
   contacts_.clear();
   sides_before_ = std::exchange(sides_, {});
   for (const auto& [link, id] : tool_shapes_) {
@@ -74,8 +123,7 @@ void Proximity::query_tool_pair(const VirtualTool& tool, const ToolPair& pair, d
   if (!inflated(shape_a.bounds(X_WA), epsilon).intersects(shape_b.bounds(X_WB))) return;
   const auto friction = friction_between(world_.collision(a.id), world_.collision(b.id));
   const std::size_t first = contacts_.size();
-  for (const ManifoldPoint& point :
-       find_contacts(shape_a, X_WA, shape_b, X_WB, epsilon, statistics_)) {
+  for (const ManifoldPoint& point : find(shape_a, X_WA, shape_b, X_WB, epsilon)) {
     FoundContact& contact = contacts_.emplace_back(
         found_contact(point, side_of_link(a.link), a.id, side_of_link(b.link), b.id));
     contact.friction = friction.value_or(contact.friction);
@@ -89,9 +137,11 @@ void Proximity::resolve(const PairSide& a, const PairSide& b, std::size_t first)
 
 void Proximity::merge() {
   if (std::exchange(shared_, false)) merge_same(contacts_, world_.pieces());
+  if (all_axes_) keep_whole_pairs(contacts_);
 }
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
+  all_axes_ = false;
   contacts_.clear();
   const auto count = world_.description().bodies[at(body)].collisions.size();
   for (int shape = 0; shape < static_cast<int>(count); ++shape) {
@@ -124,8 +174,8 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  const Manifold manifold = find_contacts(world_.convex(id), X_WG, world_.convex(other), X_WO,
-                                          epsilon, statistics_, before);
+  const AxesManifold manifold =
+      find(world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon, before);
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }
@@ -142,7 +192,9 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
 std::span<const ToolContact> Proximity::within_reach(
     const VirtualTool& tool, double reach, const std::function<bool(int body)>& stops_tool) {
   within_reach_.clear();
-  for (const FoundContact& found : query(tool, reach)) {
+  query(tool, reach, true);
+  keep_axes_in_the_way(tool, contacts_);
+  for (const FoundContact& found : contacts_) {
     // What the links do to each other is the proxy's business: the world's tool follows it.
     if (found.key.b.kind == SideKind::kToolLink) continue;
     if (!stops_tool(static_cast<int>(found.key.b.index))) continue;

@@ -24,18 +24,22 @@ class Proximity {
   /// `world` outlives this.
   Proximity(World& world, const ToolAssembly& assembly);
 
-  /// All contacts with σ <= epsilon (m, >= 0) in the present poses, in an order that depends on the
-  /// world alone; the velocities are those of the bodies. Bodies and shapes are named by their
+  /// All contacts with σ <= epsilon (m, >= 0) in the present poses, on the best axis of each pair
+  /// of shapes or on all near ones (find_axes()), in an order that depends on the world alone; the
+  /// velocities are those of the bodies. Bodies and shapes are named by their
   /// index in the world's description; all bodies count as the world. Where the tool overlaps a
   /// movable body it stays on the side on which it was at the call before. Of two links the normal
   /// points to the one farther from the root, and the velocity is zero: both are the tool's. Valid
   /// until the next call.
-  std::span<const FoundContact> query(const VirtualTool& tool, double epsilon);
+  std::span<const FoundContact> query(const VirtualTool& tool, double epsilon,
+                                      bool all_axes = false);
   /// Likewise those of a body that is not fixed, whose normals point to it, with all bodies that
   /// the engine lets it touch. Valid until the next call.
   std::span<const FoundContact> query(int body, double epsilon);
   /// The contacts for the world's next step, in which no point of the tool moves farther than
-  /// `reach` (m, >= 0), with the bodies that stop the tool. Valid until the next call.
+  /// `reach` (m, >= 0), with the bodies that stop the tool: of each pair of shapes on the best
+  /// axis, or on one along which they are apart now and where the tool is drawn to. Valid until the
+  /// next call.
   std::span<const ToolContact> within_reach(
       const VirtualTool& tool, double reach,
       const std::function<bool(int body)>& stops_tool = [](int) { return true; });
@@ -65,7 +69,12 @@ class Proximity {
   /// Normals between shapes of the tool and of movable bodies, in the frame of the body's shape.
   using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
 
+  /// Contacts of a pair of shapes, without what the world knows of it.
+  AxesManifold find(const Convex& a, const Pose& X_WA, const Convex& b, const Pose& X_WB,
+                    double epsilon, const std::optional<Vector3>& before_B = {});
+
   World& world_;
+  bool all_axes_ = false;
   std::vector<int> tool_bodies_;
   std::vector<ToolShape> tool_shapes_;
   std::vector<ToolPair> tool_pairs_;

@@ -267,7 +267,11 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     });
     const bool real = is_on_surface({begin, end});
     for (; begin != end; ++begin) {
-      if ((real || put_on_surface(*begin)) && settle(*begin)) contacts.push_back(reported(*begin));
+      // On another than the best axis contacts tell whether the pieces are apart, on a surface or beside it.
+      const bool stays = begin->contact.axis > 0
+                             ? real
+                             : (real || put_on_surface(*begin)) && settle(*begin);
+      if (stays) contacts.push_back(reported(*begin));
     }
   }
   return shared_;
@@ -278,6 +282,7 @@ bool has_neighbours(const Piece& piece) {
 }
 
 bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces) {
+  if (x.axis > 0 || y.axis > 0) return false;
   if (x.key == y.key) return true;
   if (x.key.a != y.key.a || x.key.b.kind != y.key.b.kind) return false;
   if (x.key.b != y.key.b &&
@@ -297,9 +302,11 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
                            const CollisionId& shape_a, const ContactSide& b,
                            const CollisionId& shape_b) {
   FoundContact contact;
-  contact.key = {a, point.tool_feature, b, point.body_feature};
+  contact.key = {a, point.tool_feature, b, point.body_feature, point.face};
   contact.key.a_feature.shape = static_cast<std::uint8_t>(shape_a.shape);
   contact.key.b_feature.shape = static_cast<std::uint8_t>(shape_b.shape);
+  contact.pair = pair_of(contact.key);
+  contact.axis = point.axis;
   contact.p_WC = point.p_WC;
   contact.n_W = point.n_W;
   contact.separation = point.separation;
@@ -332,6 +339,22 @@ void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
     }
   }
   contacts.resize(kept);
+}
+
+void keep_whole_pairs(std::vector<FoundContact>& contacts) {
+  std::vector<std::uint32_t> pairs;
+  std::vector<ContactKey> keys;
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0) continue;
+    pairs.push_back(contact.pair);
+    keys.push_back(contact.key);
+  }
+  std::ranges::sort(pairs);
+  std::ranges::sort(keys);
+  std::erase_if(contacts, [&](const FoundContact& contact) {
+    return contact.axis > 0 && (!std::ranges::binary_search(pairs, contact.pair) ||
+                                std::ranges::binary_search(keys, contact.key));
+  });
 }
 
 }  // namespace hlm::ve

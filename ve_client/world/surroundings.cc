@@ -60,7 +60,9 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon) {
     if (contact.key.b.kind != SideKind::kToolLink) with_bodies.push_back(&contact);
   }
   std::ranges::stable_sort(with_bodies, {}, &FoundContact::separation);
-  for (const FoundContact* contact : with_bodies) report(body_of(contact->key.b));
+  for (const FoundContact* contact : with_bodies) {
+    if (contact->axis == 0) report(body_of(contact->key.b));  // The others say no distance.
+  }
   for (FoundContact* contact : with_bodies) contact->key.b = side_of(body_of(contact->key.b));
 
   for (std::size_t i = 0; i < reported_.size(); ++i) add_contacts_of(reported_[i], epsilon);

@@ -73,6 +73,8 @@ class VirtualTool {
   const Velocity& v() const noexcept { return v_; }
   /// Pose of the body of a link in the world.
   Pose X_WB(int link) const { return model_.X_WL(link) * assembly_.X_LB[at(link)]; }
+  /// And where that is drawn to.
+  Pose X_WB_target(int link) const { return target_.X_WL(link) * assembly_.X_LB[at(link)]; }
 
  private:
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
@@ -82,7 +84,6 @@ class VirtualTool {
   Vector6 acceleration(int link, const Vector6& e, const Twist& V_WB, double h) const;
   /// How far the points of a link move if it is drawn for dt and nothing stops it, m.
   double free_travel(int link, double dt) const;
-  Pose X_WB_target(int link) const { return target_.X_WL(link) * assembly_.X_LB[at(link)]; }
   /// Of a body about its centre of mass, world axes, kg·m².
   Matrix3 inertia(int body) const;
   void read_joint(int link, int coordinate, int velocity, Configuration& q);

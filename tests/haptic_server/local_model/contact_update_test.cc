@@ -42,7 +42,7 @@ UpdatePolicy policy(UpdateRule rule) {
 LocalContacts adopted(const LocalContacts& existing, const ReportedContacts& reported,
                       const ToolModel& ve_tool, const ToolModel& proxy, double age,
                       UpdateRule rule) {
-  LocalContacts updated;
+  ToolContacts updated;
   const LocalBodies none;
   UpdateFrames frames{.tool = proxy,
                       .bodies = none,
@@ -50,7 +50,7 @@ LocalContacts adopted(const LocalContacts& existing, const ReportedContacts& rep
                       .before = poses_of(proxy, none)};
   frames.set_now(poses_of(proxy, none));
   adopt_update(existing, reported, frames, age, policy(rule), updated);
-  return updated;
+  return updated.acting;
 }
 
 double separation(const LocalContact& contact, const ToolModel& proxy) {

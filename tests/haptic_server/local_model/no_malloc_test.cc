@@ -24,6 +24,9 @@ void crowd(ReportedContacts& contacts, MovableBodies& bodies, double depth) {
                     0.002 * static_cast<double>(i % 7), 0);
     ReportedContact contact;
     contact.identity = 2 * i;
+    contact.pair = body;
+    contact.axis = static_cast<std::uint16_t>(i % 3);
+    contact.n_W = Vector3(i % 3 == 2 ? 1 : 0, 0, 1).normalized();
     contact.b = {SideKind::kMovableBody, body};
     contact.p_WC = p;
     contact.separation = -depth;
@@ -31,6 +34,7 @@ void crowd(ReportedContacts& contacts, MovableBodies& bodies, double depth) {
     contact.identity = 2 * i + 1;
     contact.a = {SideKind::kMovableBody, body};
     contact.b = {};
+    contact.n_W = Vector3::UnitZ();
     contact.load = 1;
     contacts.push_back(contact);
   }

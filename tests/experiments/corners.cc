@@ -1,0 +1,300 @@
+// What is felt at convex edges: pegs that enter holes and touch nothing, and a wall that is met in
+// full motion; all near axes of each pair of shapes against the best one alone.
+#include "tests/experiments/corners.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <random>
+
+#include <spdlog/fmt/fmt.h>
+
+#include "common/uniform.h"
+#include "tests/experiments/experiments.h"
+#include "tests/support/virtual_session.h"
+
+namespace hlm::experiments {
+namespace {
+
+constexpr double kHalfWidth = 0.02;   // m, of the peg, along x
+constexpr double kHalfLength = 0.04;  // m, of the peg, along y
+constexpr double kRest = 0.3;         // s: before the hand begins, and after each reach
+
+std::string block(const std::string& name, double x, double y, double width, double height) {
+  return test::fixed_model(name, fmt::format("{} {} 0 0 0 0", x, y),
+                           test::box(fmt::format("{} {} 0.04", width, height)));
+}
+
+std::string peg(double x, double y) {
+  return test::model("peg", fmt::format("{} {} 0 0 0 0", x, y), test::box("0.04 0.08 0.04"),
+                     "<haptic:tool_joint>planar</haptic:tool_joint>");
+}
+
+server::HandSegment reach(double duration, const Vector3& p, double angle = 0) {
+  server::Reach reach;
+  reach.position = p;
+  reach.rotation = Vector3(0, 0, angle);
+  reach.grip = {.stiffness = 2000,
+                .damping = 80,
+                .angular_stiffness = 10,
+                .angular_damping = 0.3,
+                .max_force = 100,
+                .max_torque = 5};
+  return {duration, reach};
+}
+
+/// How long a reach with minimum jerk takes whose largest speed is `speed`, m/s.
+double duration_of(double length, double speed) { return 1.875 * length / speed; }
+
+struct Path {
+  Vector3 start;
+  server::HandScript hand;
+  double duration;  ///< s.
+};
+
+/// Into a hole with its mouth at y = 0: straight, or from the side, 3 mm above the mouth's edge,
+/// and from there across the hole with a tilt.
+Path path_of(const Entry& entry, double delay) {
+  std::mt19937_64 engine(entry.seed);
+  const auto within = [&](double most) { return uniform(engine, -most, most); };
+  const double bottom = -0.06;
+  Path path;
+  auto& segments = path.hand.segments;
+  path.hand.after = server::AfterLastSegment::kHold;
+  const Vector3 mouth(within(0.6 * entry.clearance), kHalfLength + 0.003, 0);
+  path.start = mouth;
+  if (entry.wanders) {
+    path.start.x() += std::copysign(uniform(engine, 0.015, 0.03), within(1));
+  } else {
+    path.start.y() += 0.05;
+  }
+  const server::HandSegment waits = reach(kRest + 4 * delay, path.start);
+  segments.push_back(waits);
+  if (entry.wanders) {
+    segments.push_back(reach(duration_of((mouth - path.start).norm(), entry.speed), mouth));
+    segments.push_back(reach(kRest, mouth));
+  }
+  Vector3 end(mouth.x(), kHalfLength + bottom, 0);
+  double tilt = 0;
+  if (entry.wanders) {
+    end.x() = within(0.6 * entry.clearance);
+    tilt = within(0.2 * entry.clearance / kHalfLength);
+  }
+  const Vector3 from = entry.wanders ? mouth : path.start;
+  segments.push_back(reach(duration_of((end - from).norm(), entry.speed), end, tilt));
+  segments.push_back(reach(kRest, end, tilt));
+  for (const auto& segment : segments) path.duration += segment.duration;
+  return path;
+}
+
+test::VirtualSessionOptions session_options(const Path& path, const std::string& obstacles,
+                                            const CornerConditions& conditions,
+                                            std::uint64_t seed) {
+  test::VirtualSessionOptions options;
+  options.world = test::world_of(obstacles + peg(path.start.x(), path.start.y()));
+  options.hand = path.hand;
+  options.device.dry_friction = 0;
+  options.device.max_force = 100;
+  options.device.max_torque = 5;
+  options.device.max_force_rate = 1e9;
+  options.servo.limits.max_force = 100;
+  options.servo.limits.max_torque = 5;
+  options.servo.handle = {.max_speed = 1e9, .max_rate = 1e9, .workspace = 1e9};
+  options.servo.silence_time = 2;
+  options.link.delay = conditions.delay;
+  options.seed = seed;
+  options.rate_low = conditions.ve_low;
+  options.rate_high = conditions.ve_high;
+  options.frame = {.epsilon = conditions.epsilon, .one_axis = conditions.one_axis};
+  return options;
+}
+
+/// Gap of the peg from a wall of the hole: x beyond `wall` on the side of `side` (+1, -1), y < 0.
+double gap(const Pose& X_WP, double side, double wall) {
+  std::array<Vector3, 4> corners;
+  double along_x = std::numeric_limits<double>::infinity();
+  double along_y = along_x;
+  for (std::size_t i = 0; i < 4; ++i) {
+    corners[i] =
+        X_WP * Vector3(i & 1 ? kHalfWidth : -kHalfWidth, i & 2 ? kHalfLength : -kHalfLength, 0);
+    along_x = std::min(along_x, wall - side * corners[i].x());
+    along_y = std::min(along_y, corners[i].y());
+  }
+  // The wall's edge in the axes of the peg.
+  const Vector3 edge = X_WP.inverse() * Vector3(side * wall, 0, 0);
+  const double along_own_x = std::abs(edge.x()) - kHalfWidth;
+  const double along_own_y = std::abs(edge.y()) - kHalfLength;
+  // Of the peg's own axes only those that leave the whole wall on one side separate them.
+  const bool level = std::abs(X_WP.R.z()) < 1e-9;
+  const double own =
+      level ? -1
+            : std::max(side * edge.x() > 0 ? along_own_x : -1, edge.y() < 0 ? along_own_y : -1);
+  return std::max({along_x, along_y, own});
+}
+
+}  // namespace
+
+EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
+  const Path path = path_of(entry, conditions.delay);
+  const double wall = kHalfWidth + entry.clearance;
+  const auto walls = [&](double at) {
+    return block("left", -at - 0.05, -0.07, 0.1, 0.14) +
+           block("right", at + 0.05, -0.07, 0.1, 0.14);
+  };
+  EntryOutcome outcome;
+  outcome.least_gap = std::numeric_limits<double>::infinity();
+  test::VirtualSession free(session_options(path, walls(1), conditions, entry.seed),
+                            [&](const server::TickRecord& record) {
+                              if (record.step == 0) return;
+                              const double left = gap(record.X_WP, -1, wall);
+                              const double right = gap(record.X_WP, 1, wall);
+                              outcome.least_gap = std::min({outcome.least_gap, left, right});
+                            });
+  free.run(path.duration + kRest);
+
+  double contacts = 0;
+  double updates = 0;
+  test::VirtualSession session(session_options(path, walls(wall), conditions, entry.seed),
+                               [&](const server::TickRecord& record) {
+                                 outcome.largest_force =
+                                     std::max(outcome.largest_force, record.F_env.head<3>().norm());
+                                 if (record.adopted == 0) return;
+                                 contacts += record.active_contacts + record.predicted_contacts;
+                                 ++updates;
+                               });
+  session.run(path.duration + kRest);
+  outcome.enters = session.last().X_WP.p.y() < kHalfLength - 0.055;
+  outcome.acting_contacts = contacts / std::max(1.0, updates);
+  return outcome;
+}
+
+double wall_error(double speed, const CornerConditions& conditions, std::uint64_t seed) {
+  // The hand is fastest half way, where the wall is.
+  const double length = 0.3;
+  Path path{.start = {0, length / 2 + kHalfLength, 0}, .hand = {}, .duration = 0};
+  std::mt19937_64 engine(seed);
+  const double waits = kRest + 4 * conditions.delay + uniform(engine, 0, 0.05);
+  const Vector3 end = path.start - Vector3(0, length, 0);
+  path.hand = {{reach(waits, path.start), reach(duration_of(length, speed), end)},
+               server::AfterLastSegment::kHold};
+  double felt = std::numeric_limits<double>::infinity();
+  test::VirtualSession session(
+      session_options(path, block("wall", 0, -0.05, 0.2, 0.1), conditions, seed),
+      [&](const server::TickRecord& record) {
+        if (std::isfinite(felt) || record.F_env.head<3>().norm() < 0.5) return;
+        felt = record.X_WP.p.y() - kHalfLength;
+      });
+  session.run(waits + duration_of(length, speed));
+  return std::abs(felt);
+}
+
+namespace {
+
+struct Case {
+  Entry entry;
+  CornerConditions conditions;
+};
+
+std::string in_words(const CornerConditions& c) {
+  return c.one_axis ? "best axis alone" : "all near axes";
+}
+
+void entries(Bench& bench) {
+  const bool quick = bench.quick();
+  const std::vector<double> speeds =
+      quick ? std::vector{0.1, 0.5} : std::vector{0.1, 0.2, 0.35, 0.5};
+  const std::vector<double> epsilons =
+      quick ? std::vector{0.005, 0.02} : std::vector{0.005, 0.02, 0.05};
+  std::vector<Case> cases;
+  for (const std::uint64_t seed : bench.seed_list(quick ? 1 : 5)) {
+    for (const double clearance : {0.0002, 0.001, 0.003}) {
+      for (const double speed : speeds) {
+        for (const bool wanders : {false, true}) {
+          for (const double delay : {0.0, 0.02}) {
+            for (const double epsilon : epsilons) {
+              for (const bool one_axis : {false, true}) {
+                cases.push_back({{clearance, speed, wanders, seed},
+                                 {.delay = delay, .epsilon = epsilon, .one_axis = one_axis}});
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+  const auto outcomes =
+      bench.map(cases, [](const Case& c) { return enter(c.entry, c.conditions); });
+  Table& table =
+      bench.table("corners",
+                  "axes,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
+                  "largest_force_n,enters,contacts");
+  struct Count {
+    int entries = 0;
+    int felt = 0;
+    int stuck = 0;
+    double largest = 0;
+  };
+  std::map<bool, Count> counts;
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const auto& [entry, conditions] = cases[i];
+    const EntryOutcome& o = outcomes[i];
+    table.row(conditions.one_axis ? "one" : "all", entry.clearance, entry.speed,
+              entry.wanders ? 1.0 : 0.0, conditions.delay, conditions.epsilon,
+              static_cast<double>(entry.seed), o.least_gap, o.largest_force, o.enters ? 1.0 : 0.0,
+              o.acting_contacts);
+    if (o.least_gap < kTouchesNothing) continue;
+    Count& count = counts[conditions.one_axis];
+    ++count.entries;
+    count.felt += o.largest_force > kGhostForce;
+    count.stuck += !o.enters;
+    count.largest = std::max(count.largest, o.largest_force);
+  }
+  const Count& all = counts[false];
+  const Count& one = counts[true];
+  bench.claim({.what = "entries into holes, all near axes",
+               .criterion = "no entry that touches nothing meets more than 0.5 N; all get in",
+               .measured = fmt::format("{} of {} entries, up to {:.2g} N; {} do not get in (best "
+                                       "axis alone: {} of {}, up to {:.2g} N; {})",
+                                       all.felt, all.entries, all.largest, all.stuck, one.felt,
+                                       one.entries, one.largest, one.stuck),
+               .holds = all.entries > 0 && all.felt == 0 && all.stuck == 0});
+}
+
+void walls(Bench& bench) {
+  struct Wall {
+    CornerConditions conditions;
+    std::uint64_t seed;
+  };
+  std::vector<Wall> cases;
+  for (const std::uint64_t seed : bench.seed_list(bench.quick() ? 2 : 10)) {
+    for (const auto& [delay, epsilon] :
+         std::vector<std::pair<double, double>>{{0, 0.05}, {0.02, 0.05}, {0.1, 0.15}}) {
+      cases.push_back({{.delay = delay, .epsilon = epsilon, .one_axis = false}, seed});
+    }
+  }
+  const auto errors = bench.map(
+      cases, [](const Wall& wall) { return wall_error(0.5, wall.conditions, wall.seed); });
+  Table& table = bench.table("corner_walls", "axes,delay_s,epsilon_m,seed,error_m");
+  double worst = 0;
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const auto& [conditions, seed] = cases[i];
+    table.row(in_words(conditions), conditions.delay, conditions.epsilon, static_cast<double>(seed),
+              errors[i]);
+    worst = std::max(worst, errors[i]);
+  }
+  bench.claim({.what = "a wall that is met at 0.5 m/s, 0, 20 and 100 ms each way",
+               .criterion = "felt within 1 mm of where it is",
+               .measured = fmt::format("{:.2f} mm at worst", 1e3 * worst),
+               .holds = worst < 1e-3});
+}
+
+}  // namespace
+
+void corners(Bench& bench) {
+  entries(bench);
+  walls(bench);
+}
+
+}  // namespace hlm::experiments

@@ -1,0 +1,40 @@
+// A peg that enters a hole, and one that meets a wall, in virtual time.
+#pragma once
+
+#include <cstdint>
+
+namespace hlm::experiments {
+
+struct CornerConditions {
+  double delay = 0;        ///< One way, s.
+  double epsilon = 0.005;  ///< m.
+  bool one_axis = false;   ///< Only the best axis of each pair of shapes is sent.
+  double ve_low = 30;      ///< Hz. The rate of each frame is drawn between these.
+  double ve_high = 60;     ///< Hz.
+};
+
+/// How a peg of 40 x 80 mm is led into a hole.
+struct Entry {
+  double clearance = 0.001;  ///< On each side, m.
+  double speed = 0.2;        ///< Largest, m/s.
+  bool wanders = false;      ///< It comes from the side over the edge, and goes in askew.
+  std::uint64_t seed = 1;
+};
+
+/// An entry with at least this gap, m, touches nothing.
+inline constexpr double kTouchesNothing = 1e-5;
+/// Force that is felt although nothing is there, N.
+inline constexpr double kGhostForce = 0.5;
+
+struct EntryOutcome {
+  double least_gap = 0;        ///< From the walls, on the same path without them, m.
+  double largest_force = 0;    ///< Of the contacts on the hand, N.
+  bool enters = false;         ///< The peg is in at the end.
+  double acting_contacts = 0;  ///< In the local model, mean.
+};
+EntryOutcome enter(const Entry& entry, const CornerConditions& conditions);
+
+/// How far from a wall force begins that a peg meets at `speed` (m/s), m; infinite if none does.
+double wall_error(double speed, const CornerConditions& conditions, std::uint64_t seed);
+
+}  // namespace hlm::experiments

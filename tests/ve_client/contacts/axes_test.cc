@@ -1,0 +1,131 @@
+// Do all near axes of a pair tell, wherever the tool goes, whether the shapes are apart?
+#include <algorithm>
+#include <limits>
+#include <set>
+#include <tuple>
+#include <vector>
+
+#include "tests/support/catch.h"
+#include "tests/ve_client/contacts/reference.h"
+
+namespace hlm::ve::test {
+namespace {
+
+constexpr double kEpsilon = 0.02;  // m
+
+AxesManifold axes_of(const Placed& tool, const Placed& body, double epsilon = kEpsilon) {
+  ProximityStatistics statistics;
+  return find_axes(Convex(tool.shape), tool.X_WS, Convex(body.shape), body.X_WS, epsilon,
+                   statistics);
+}
+
+/// The greatest gap of all axes once the tool has moved by d_W and turned by `turn`, m.
+double gap_after(const AxesManifold& manifold, const Placed& tool, const Vector3& d_W,
+                 const Quaternion& turn) {
+  std::vector<double> gaps;
+  for (const ManifoldPoint& point : manifold) {
+    const Vector3 arm = point.p_WC + point.separation * point.n_W - tool.X_WS.p;
+    const Vector3 p_W = tool.X_WS.p + d_W + turn * arm;
+    if (point.axis >= gaps.size()) {
+      gaps.resize(point.axis + 1, std::numeric_limits<double>::infinity());
+    }
+    gaps[point.axis] = std::min(gaps[point.axis], point.n_W.dot(p_W - point.p_WC));
+  }
+  return *std::max_element(gaps.begin(), gaps.end());
+}
+
+std::pair<Placed, Placed> random_boxes(Random& random) {
+  Placed body{random_shape(3, random), random.pose(0.5)};
+  Placed tool{random_shape(3, random), random.pose(0.5)};
+  tool.X_WS.p = body.X_WS.p + random.uniform(0.01, 0.12) * random.direction();
+  if (random.integer(0, 1) == 0) {  // As in holes and on tables.
+    tool.X_WS.R = body.X_WS.R * rotation_from_vector(random.uniform(0, 0.05) * random.direction());
+  }
+  return {tool, body};
+}
+
+double true_separation(const Placed& tool, const Placed& body) {
+  return box_separation(std::get<Box>(tool.shape), tool.X_WS, std::get<Box>(body.shape), body.X_WS);
+}
+
+}  // namespace
+
+TEST_CASE("Wherever the tool goes within epsilon its axes tell whether boxes are apart") {
+  Random random;
+  int tried = 0;
+  while (tried < 3000) {
+    const auto [tool, body] = random_boxes(random);
+    const AxesManifold manifold = axes_of(tool, body);
+    if (manifold.empty()) continue;
+    ++tried;
+    const Vector3 d_W = random.uniform(0, kEpsilon) * random.direction();
+    Placed moved = tool;
+    moved.X_WS.p += d_W;
+    const double exact = true_separation(moved, body);
+    const double told = gap_after(manifold, tool, d_W, Quaternion::Identity());
+    CAPTURE(tried, exact, told);
+    // Axes less than 0.1 rad apart are one: that may be off by a tenth of the way.
+    const double uncertain = 0.1 * d_W.norm() + 1e-6;
+    if (exact > uncertain) CHECK(told > 0);
+    if (exact < -uncertain) CHECK(told < 0);
+  }
+}
+
+TEST_CASE(
+    "Contacts on all axes of a pair have identities of their own, and normals of their axis") {
+  Random random;
+  for (int i = 0; i < 2000; ++i) {
+    const auto [tool, body] = random_boxes(random);
+    std::set<std::tuple<Feature, Feature, std::uint32_t>> known;
+    std::vector<Vector3> normals;
+    for (const ManifoldPoint& point : axes_of(tool, body)) {
+      CAPTURE(i, point.axis);
+      CHECK(known.emplace(point.tool_feature, point.body_feature, point.face).second);
+      if (point.axis >= normals.size()) normals.push_back(point.n_W);
+      REQUIRE(point.axis < normals.size());
+      CHECK((normals[point.axis] - point.n_W).norm() == 0);
+    }
+  }
+}
+
+TEST_CASE("A peg beside the edge of a block has the axes of its side and its top") {
+  const Placed block{Box{Vector3(0.1, 0.1, 0.1)}, Pose{}};
+  const Placed peg{Box{Vector3(0.04, 0.04, 0.08)},
+                   {Vector3(0.071, 0, 0.093), Quaternion::Identity()}};
+  const AxesManifold manifold = axes_of(peg, block);
+  const auto least = [&](const Vector3& n) {
+    double separation = std::numeric_limits<double>::infinity();
+    for (const ManifoldPoint& point : manifold) {
+      if (point.n_W.isApprox(n)) separation = std::min(separation, point.separation);
+    }
+    return separation;
+  };
+  CHECK(manifold.front().n_W.isApprox(Vector3::UnitZ()));
+  CHECK(least(Vector3::UnitX()) == Approx(0.001).margin(1e-9));  // m
+  CHECK(least(Vector3::UnitZ()) == Approx(0.003).margin(1e-9));
+  CHECK(manifold.size() == 8);
+}
+
+TEST_CASE(
+    "A sphere at the edge of a block has the axis of nearest points and those of both faces") {
+  const Placed block{Box{Vector3(0.1, 0.1, 0.1)}, Pose{}};
+  const Placed sphere{Sphere{0.02}, {Vector3(0.066, 0, 0.066), Quaternion::Identity()}};
+  const AxesManifold manifold = axes_of(sphere, block);
+  REQUIRE(manifold.size() == 3);
+  CHECK(manifold[0].n_W.isApprox(Vector3(1, 0, 1).normalized()));
+  CHECK(manifold[0].separation == Approx(0.016 * std::sqrt(2.0) - 0.02).margin(1e-9));  // m
+  CHECK(manifold[1].separation == Approx(-0.004).margin(1e-9));
+  CHECK(manifold[2].separation == Approx(-0.004).margin(1e-9));
+}
+
+TEST_CASE("With epsilon 0, and on a half-space, there is the best axis alone") {
+  const Placed block{Box{Vector3(0.1, 0.1, 0.1)}, Pose{}};
+  const Placed ground{HalfSpace{}, Pose{}};
+  const Placed peg{Box{Vector3(0.04, 0.04, 0.08)},
+                   {Vector3(0.069, 0, 0.083), Quaternion::Identity()}};
+  for (const ManifoldPoint& point : axes_of(peg, block, 0)) CHECK(point.axis == 0);
+  for (const ManifoldPoint& point : axes_of(peg, ground, 0.1)) CHECK(point.axis == 0);
+  CHECK(axes_of(peg, ground, 0.1).size() == 4);
+}
+
+}  // namespace hlm::ve::test
