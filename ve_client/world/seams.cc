@@ -267,18 +267,10 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     });
     const bool real = is_on_surface({begin, end});
     for (; begin != end; ++begin) {
-      // On another than the best axis contacts tell whether the pieces are apart, on a surface or beside it.
-      const bool stays = begin->contact.axis > 0
-                             ? real
-                             : (real || put_on_surface(*begin)) && settle(*begin);
-      if (stays) contacts.push_back(reported(*begin));
+      if ((real || put_on_surface(*begin)) && settle(*begin)) contacts.push_back(reported(*begin));
     }
   }
   return shared_;
-}
-
-bool has_neighbours(const Piece& piece) {
-  return !piece.adjoining.empty() || !piece.surfaces.empty();
 }
 
 bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces) {
@@ -313,6 +305,10 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
   return contact;
 }
 
+bool has_neighbours(const Piece& piece) {
+  return !piece.adjoining.empty() || !piece.surfaces.empty();
+}
+
 bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
                    std::vector<FoundContact>& contacts, std::size_t first) {
   bool shared = false;
@@ -339,22 +335,6 @@ void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
     }
   }
   contacts.resize(kept);
-}
-
-void keep_whole_pairs(std::vector<FoundContact>& contacts) {
-  std::vector<std::uint32_t> pairs;
-  std::vector<ContactKey> keys;
-  for (const FoundContact& contact : contacts) {
-    if (contact.axis > 0) continue;
-    pairs.push_back(contact.pair);
-    keys.push_back(contact.key);
-  }
-  std::ranges::sort(pairs);
-  std::ranges::sort(keys);
-  std::erase_if(contacts, [&](const FoundContact& contact) {
-    return contact.axis > 0 && (!std::ranges::binary_search(pairs, contact.pair) ||
-                                std::ranges::binary_search(keys, contact.key));
-  });
 }
 
 }  // namespace hlm::ve
