@@ -68,7 +68,8 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
                     ToolContacts& updated) noexcept;
 
 /// Nothing is known of the bodies any more: the acting contacts of the tool with them stay in the
-/// world as contacts that are no longer reported, the waiting ones go. frames: without bodies, except `before`.
+/// world as contacts that are no longer reported, the waiting ones go. frames: without bodies,
+/// except `before`.
 void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept;
 
