@@ -169,7 +169,7 @@ TEST_CASE("A URI is searched in the folders of the environment, beside the file 
   return -1;
 }
 
-std::string many_models(int count) {
+[[maybe_unused]] std::string many_models(int count) {
   std::ostringstream models;
   for (int i = 0; i < count; ++i) {
     models << test::model(std::to_string(i), std::to_string(i) + " 0 0 0 0 0",
