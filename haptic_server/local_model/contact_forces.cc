@@ -57,6 +57,13 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
   return loads.generalised();
 }
 
+StepSystem unit_system(const FrameMotions& frames) noexcept {
+  StepSystem system;
+  system.E.setIdentity(frames.unknowns(), frames.unknowns());
+  system.r.setZero(frames.unknowns());
+  return system;
+}
+
 MassMatrix unit_stiffness(const LocalContacts& contacts, const ToolModel& tool) noexcept {
   MassMatrix K = MassMatrix::Zero(tool.dof(), tool.dof());
   for (const LocalContact& contact : contacts) {

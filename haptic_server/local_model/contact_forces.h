@@ -32,6 +32,9 @@ struct StepSystem {
   Unknowns r;
 };
 
+/// That of a step in which nothing acts except contacts: unit mass in all unknowns.
+StepSystem unit_system(const FrameMotions& frames) noexcept;
+
 /// Solves a step with the contact forces above for x, by Newton's method with a line search
 /// (docs/method.md 4.3), from the modes of the step before. A contact that would close within the
 /// step takes part.

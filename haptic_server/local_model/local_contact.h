@@ -97,7 +97,7 @@ using PairAxes = StaticVector<PairAxis, kMaxContacts>;
 /// The contacts of the tool.
 struct ToolContacts {
   LocalContacts acting;   ///< Sorted by identity.
-  LocalContacts waiting;  ///< On axes that do not act: undeformed, they bear nothing.
+  LocalContacts waiting;  ///< On axes that do not act: they bear nothing.
   PairAxes axes;          ///< Of the pairs that have several.
 };
 

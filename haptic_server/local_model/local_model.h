@@ -113,7 +113,8 @@ class LocalModel {
   GeneralisedForce collide(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D) noexcept;
   void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept;
   void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
-  void fill_tank() noexcept;
+  /// Adds energy that there is to heal with, J, within the tank's bounds.
+  void fill_tank(double energy) noexcept;
   void end_step(const FrameMotions& frames, const Unknowns& x) noexcept;
 
   LocalModelParameters parameters_;
