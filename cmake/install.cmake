@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 set(headers ${CMAKE_INSTALL_INCLUDEDIR}/haptic_local_model)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/haptic_local_model)
 set(share ${CMAKE_INSTALL_DATADIR}/haptic_local_model)
-set(documents ${CMAKE_INSTALL_DATADIR}/doc/haptic_local_model)
+set(documents ${CMAKE_INSTALL_DOCDIR})
 
 # The client library, for find_package(haptic_local_model): hlm::client, and with sealing hlm::sealing
 # and hlm::haptic, the C interface, with its Python package.
@@ -72,6 +72,13 @@ if(HLM_VE_CLIENT)
 endif()
 install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
 
+# bash-completion reads the programs' --help.
+foreach(program haptic_doctor haptic_keygen haptic_replay haptic_server ve_client)
+  file(CONFIGURE OUTPUT completions/${program} CONTENT "complete -F _longopt ${program}\n")
+  install(FILES ${PROJECT_BINARY_DIR}/completions/${program}
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+endforeach()
+
 # Manual pages, from the programs' own --help.
 find_program(HELP2MAN help2man)
 function(manual_page program purpose)
@@ -79,13 +86,17 @@ function(manual_page program purpose)
     return()
   endif()
   set(page ${PROJECT_BINARY_DIR}/man/${program}.1)
-  add_custom_command(OUTPUT ${page}
+  add_custom_command(OUTPUT ${page}.gz
     COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
     COMMAND ${HELP2MAN} --no-info --locale C.UTF-8 --name ${purpose} --output ${page}
       $<TARGET_FILE:${program}>
+    COMMAND gzip -9nf ${page}
     DEPENDS ${program} VERBATIM)
-  add_custom_target(${program}_man ALL DEPENDS ${page})
-  install(FILES ${page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+  add_custom_target(${program}_man ALL DEPENDS ${page}.gz)
+  install(FILES ${page}.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+  if(TARGET optimised_tests)
+    add_dependencies(optimised_tests ${program}_man)
+  endif()
 endfunction()
 manual_page(haptic_keygen "makes the key that haptic server and client share")
 manual_page(haptic_server "runs the local model of interaction with a haptic device")

@@ -62,6 +62,7 @@ void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model
   add(model.contacts(), true);
   add(model.supports(), true);
   add(model.contacts(), false);
+  add(model.supports(), false);
   session.inform(now, state_);
 }
 

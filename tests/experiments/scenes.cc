@@ -29,6 +29,7 @@ const std::vector<Scene> kScenes{
     {"linkage", "arm", "linkage", server::DeviceFreedom::kPlanar, 25},
     {"corner", "arm", "corner", server::DeviceFreedom::kPlanar, 27},
     {"scissors", "scissors", "scissors", server::DeviceFreedom::kPlanar, 25},
+    {"peg_in_hole_3d", "peg", "peg_in_hole_3d", server::DeviceFreedom::kSpatial, 28},
 };
 
 /// A collision, of the tool or of a body with another, explains what the force does so long before

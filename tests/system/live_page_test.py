@@ -615,8 +615,8 @@ class Scenes(PageTest):
         self.device_at_rest()
         on_body = float(self.text("value-on-body").split()[0])
         self.assertAlmostEqual(on_body, math.hypot(*self.frame()["F_env"][:3]), delta=0.1)   # N
-        of_bodies = [c for c in self.frame()["contacts"] if c["of"] == "movable_body"]
-        self.assertGreaterEqual(len(of_bodies), 3)   # on the table
+        wait_for(lambda: sum(c["of"] == "movable_body" for c in self.frame()["contacts"]) >= 3,
+                 "the brick's contacts with the table")
         discs = self.ask("haptic.scene().discs")
         self.driver.find_element("id", "bodies-contacts").click()
         wait_for(lambda: self.ask("haptic.scene().discs") <= discs - 3, "fewer discs")

@@ -188,7 +188,7 @@ TEST_CASE("Two equal worlds stay equal bit for bit, whatever is stepped between 
   }
 }
 
-TEST_CASE("The objects of the shipped worlds stay where their files put them") {
+TEST_CASE("The objects of the shipped worlds stay where their files put them", "[optimised]") {
   const auto [file, tool] = GENERATE(table<std::string, std::string>({{"playground.sdf", "peg"},
                                                                       {"push.sdf", "pusher"},
                                                                       {"lift.sdf", "fork"},
@@ -220,7 +220,8 @@ const std::string kTable = fixed_model("table", "0 0 0 0 0 0",
                                        "<collision name='c'><geometry><plane><normal>0 0 1</normal>"
                                        "</plane></geometry></collision>");
 
-TEST_CASE("Six stacked cubes stand for a minute within a millimetre, each with its load") {
+TEST_CASE("Six stacked cubes stand for a minute within a millimetre, each with its load",
+          "[optimised]") {
   const double rate = GENERATE(30.0, 60.0);
   constexpr int kCubes = 6;
   std::string models = kTable;

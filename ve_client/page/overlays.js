@@ -51,8 +51,11 @@ export class Contacts {
   }
 
   #contact(contact, magnify) {
-    if (contact.of !== 'tool_link') return this.#disc(contact, 'ofBodies', 0.6);
     const active = contact.state === 'penetrating' || contact.state === 'colliding';
+    if (contact.of !== 'tool_link') {
+      this.#disc(contact, active ? 'ofBodies' : 'predicted', 0.6);
+      return;
+    }
     const color = active ? COLORS.active : COLORS.predicted;
     this.#disc(contact, active ? 'active' : 'predicted', 1);
     const c = vector(contact.c), n = vector(contact.n), p = vector(contact.p);

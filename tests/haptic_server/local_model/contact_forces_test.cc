@@ -92,7 +92,8 @@ TEST_CASE("The explicit step is stable up to its bound and not beyond") {
   CHECK(stable == (stiffness < 4e6));
 }
 
-TEST_CASE("Friction sticks without drift below μ_s f_n and slips with μ_k f_n above") {
+TEST_CASE("Friction sticks without drift below μ_s f_n and slips with μ_k f_n above",
+          "[optimised]") {
   LocalModelParameters parameters;
   parameters.static_friction = 0.5;
   parameters.kinetic_friction = 0.3;

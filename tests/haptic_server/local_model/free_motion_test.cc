@@ -50,7 +50,7 @@ ToolDescription lopsided_tool() {
   return tool;
 }
 
-TEST_CASE("The proxy of a free linkage keeps its energy within 1 % over 60 s") {
+TEST_CASE("The proxy of a free linkage keeps its energy within 1 % over 60 s", "[optimised]") {
   Random random;
   const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute);
   const auto [links, energy] = GENERATE(std::pair(2, 0.5), std::pair(7, 5.0));  // J
@@ -68,7 +68,8 @@ TEST_CASE("The proxy of a free linkage keeps its energy within 1 % over 60 s") {
   CHECK(smallest > 0.99 * energy);
 }
 
-TEST_CASE("The proxy of a free tool moves as in MuJoCo for 1 s, to 1e-3 rad and 1 mm") {
+TEST_CASE("The proxy of a free tool moves as in MuJoCo for 1 s, to 1e-3 rad and 1 mm",
+          "[optimised]") {
   Random random;
   const JointType root = GENERATE(JointType::kFree, JointType::kPlanar, JointType::kRevolute);
   const auto [links, energy] =
@@ -107,7 +108,8 @@ TEST_CASE("Half the step leaves a sixteenth of the error") {
   CHECK(coarse / fine > 13);
 }
 
-TEST_CASE("A spinning tool of unequal moments of inertia keeps momentum and energy over 60 s") {
+TEST_CASE("A spinning tool of unequal moments of inertia keeps momentum and energy over 60 s",
+          "[optimised]") {
   Random random;
   const double energy = 0.1;  // J, some 25 rad/s
   const Moving start = random_motion(random, lopsided_tool(), energy);

@@ -109,7 +109,8 @@ double felt_of_1_N(const ToolModel& tool, const HandMap& H, int link, const Vect
   return std::sqrt((felt.transpose() * felt).eigenvalues().real().maxCoeff());
 }
 
-TEST_CASE("In no posture does a linkage feel more than three times its contact forces") {
+TEST_CASE("In no posture does a linkage feel more than three times its contact forces",
+          "[optimised]") {
   Random random;
   double largest = 0;
   for (int trial = 0; trial < 5000; ++trial) {

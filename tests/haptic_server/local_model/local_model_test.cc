@@ -220,7 +220,8 @@ TEST_CASE("A wall that arrived late is felt where it is a second later") {
   CHECK(largest_step <= 0.6);  // N: half a newton of healing, and the proxy's own motion
 }
 
-TEST_CASE("Through a hundred thousand random updates the healing tank is never below zero") {
+TEST_CASE("Through a hundred thousand random updates the healing tank is never below zero",
+          "[optimised]") {
   test::Random random;
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   LocalModel model(tool, ToolModel(tool).neutral(), {}, 1e-3);

@@ -250,7 +250,8 @@ Weight weigh(const Loop& loop) {
   return weight;
 }
 
-TEST_CASE("A cube that is held weighs what it weighs, however late and slow its environment") {
+TEST_CASE("A cube that is held weighs what it weighs, however late and slow its environment",
+          "[optimised]") {
   const double mass = GENERATE(0.3, 3.0);               // kg
   const double rate = GENERATE(30.0, 60.0);             // Hz
   const int delay = GENERATE(0, 20);                    // ms each way
@@ -379,7 +380,8 @@ struct Tower {
   }
 };
 
-TEST_CASE("The bodies of a pushed tower move by the forces of their contacts in every step") {
+TEST_CASE("The bodies of a pushed tower move by the forces of their contacts in every step",
+          "[optimised]") {
   test::Random random;
   const Tower tower;
   ToolDescription tool = test::rigid_tool(0.5, Matrix3::Identity() * 1e-3);

@@ -29,14 +29,15 @@ TEST_CASE("Without a limit c contacts feel c times as stiff as one") {
   CHECK(felt_stiffness(parameters, 8) == Approx(8 * 4000.0).epsilon(1e-3));
 }
 
-TEST_CASE("Up to 4 contacts add up, and any more feel as 4 do") {
+TEST_CASE("Up to 4 contacts add up, and any more feel as 4 do", "[optimised]") {
   CHECK(felt_stiffness({}, 1) == Approx(4000).epsilon(1e-3));
   CHECK(felt_stiffness({}, 4) == Approx(4 * 4000).epsilon(1e-3));
   CHECK(felt_stiffness({}, 16) == Approx(4 * 4000).epsilon(1e-3));
   CHECK(felt_stiffness({}, 64) == Approx(4 * 4000).epsilon(1e-3));
 }
 
-TEST_CASE("The stiffness felt at the hand stays at its limit however many contacts there are") {
+TEST_CASE("The stiffness felt at the hand stays at its limit however many contacts there are",
+          "[optimised]") {
   LocalModelParameters parameters;
   parameters.max_hand_stiffness = 6000;  // N/m
   CHECK(felt_stiffness(parameters, 1) == Approx(4000).epsilon(1e-3));

@@ -134,5 +134,24 @@ TEST_CASE("Each acknowledgement comes with the contacts: plane, point, separatio
   CHECK(contact.f_W.x() < -1);                                             // N
 }
 
+TEST_CASE("Contacts of bodies are reported too, touching or not") {
+  ServoBench bench;
+  begin_watched(bench);
+  ReportedContact above_table;
+  above_table.identity = 7;
+  above_table.a = {SideKind::kMovableBody, 3};
+  above_table.b = {SideKind::kWorld, 0};
+  above_table.n_W = {0, 0, 1};
+  above_table.separation = 0.001;
+  protocol::ContactUpdate update = bench.update({wall_ahead(0.002), above_table});
+  update.bodies.push_back({.id = 3, .W = Matrix6::Identity()});
+  bench.tick_with(update);
+  const protocol::LocalState state = sent<protocol::LocalState>(bench).at(0);
+  REQUIRE(state.contacts.size() == 2);
+  CHECK(state.contacts[1].identity == 7);
+  CHECK(state.contacts[1].a.kind == SideKind::kMovableBody);
+  CHECK(state.contacts[1].s > 0);
+}
+
 }  // namespace
 }  // namespace hlm::server
