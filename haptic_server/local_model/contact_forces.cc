@@ -64,20 +64,4 @@ StepSystem unit_system(const FrameMotions& frames) noexcept {
   return system;
 }
 
-MassMatrix unit_stiffness(const LocalContacts& contacts, const ToolModel& tool) noexcept {
-  MassMatrix K = MassMatrix::Zero(tool.dof(), tool.dof());
-  for (const LocalContact& contact : contacts) {
-    Velocity along = Velocity::Zero(tool.dof());
-    const auto add = [&](const ContactSide& side, double sign) {
-      if (side.kind != SideKind::kToolLink) return;
-      const PointJacobian J = tool.point_jacobian(static_cast<int>(side.index), contact.p_W);
-      along += sign * J.transpose().lazyProduct(contact.n_W);
-    };
-    add(contact.a, 1);
-    add(contact.b, -1);
-    K.noalias() += along * along.transpose();
-  }
-  return K;
-}
-
 }  // namespace hlm::server

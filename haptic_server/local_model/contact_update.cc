@@ -126,6 +126,10 @@ void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
             [](const auto& x, const auto& y) { return x.identity < y.identity; });
 }
 
+void advance_constraint(LocalContact& contact, double dt) noexcept {
+  if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
+}
+
 /// How much of what was deferred a step gives, m. What adds force is paid for from the tank.
 double due(const LocalContact& contact, const FramePoses& poses, const UpdatePolicy& policy,
            double& tank) noexcept {
@@ -295,9 +299,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 }
 
 void advance_constraints(LocalContacts& contacts, double dt) noexcept {
-  for (LocalContact& contact : contacts) {
-    if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
-  }
+  for (LocalContact& contact : contacts) advance_constraint(contact, dt);
 }
 
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
@@ -306,8 +308,8 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
       policy.release_force / policy.damping;  // m/s; infinite without damping
   const auto orphans = std::count_if(contacts.begin(), contacts.end(),
                                      [](const auto& contact) { return contact.orphaned(); });
-  advance_constraints(contacts, dt);
   for (LocalContact& contact : contacts) {
+    advance_constraint(contact, dt);
     if (contact.frame_b == kWorldFrame) {
       const Vector3 change = contact.v_reported_W - contact.v_WC;
       const double size = contact.loaded ? change.norm() : 0;
@@ -321,6 +323,7 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
     contact.p_A += given * n_A;
     contact.deferred -= given;
   }
+  if (orphans == 0) return;
   erase_if(contacts, [&](const LocalContact& contact) {
     return contact.orphaned() && (contact.cap <= 0 || separation(contact, poses) >= 0);
   });

@@ -18,6 +18,7 @@
 #include "haptic_server/local_model/joint_limits.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
+#include "haptic_server/local_model/stiffness_limit.h"
 
 namespace hlm::server {
 
@@ -111,7 +112,8 @@ class LocalModel {
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
                                     Unknowns& x) noexcept;
   GeneralisedForce collide(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D) noexcept;
-  void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept;
+  void limit_stiffness(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
+                       const HandMap& H) noexcept;
   void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
   /// Adds energy that there is to heal with, J, within the tank's bounds.
   void fill_tank(double energy) noexcept;
@@ -130,6 +132,7 @@ class LocalModel {
   double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
+  StiffnessLimit stiffness_limit_;
   double stiffness_scale_ = 1;
   double tank_ = 0;  ///< J.
 };
