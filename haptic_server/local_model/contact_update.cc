@@ -18,7 +18,7 @@ void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vec
                          double sigma, double s_plus) noexcept {
   contact.p_W = x_W + (s_plus - sigma) * contact.n_W;
   contact.p_A = X_WA.R.transpose() * (contact.p_W - X_WA.p);
-  contact.s = s_plus;
+  contact.s = contact.s_left = s_plus;
 }
 
 bool touches_body(const LocalContact& contact) noexcept {
@@ -310,7 +310,9 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
                                      [](const auto& contact) { return contact.orphaned(); });
   for (LocalContact& contact : contacts) {
     advance_constraint(contact, dt);
+    contact.s_left = contact.s;
     if (contact.frame_b == kWorldFrame) {
+      contact.s_left -= contact.v_constr * dt;
       const Vector3 change = contact.v_reported_W - contact.v_WC;
       const double size = contact.loaded ? change.norm() : 0;
       contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
@@ -322,6 +324,7 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
         poses[contact.frame_a].R.transpose() * (poses[contact.frame_b].R * contact.n_B);
     contact.p_A += given * n_A;
     contact.deferred -= given;
+    contact.s_left += given;
   }
   if (orphans == 0) return;
   erase_if(contacts, [&](const LocalContact& contact) {

@@ -126,7 +126,9 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   limit_stiffness(frames, D, H);
 
   Unknowns x;
-  const GeneralisedForce tau = apply_explicitly(frames, contact_law(ContactStep::kExplicit), x);
+  ContactLaw law = contact_law(ContactStep::kExplicit);
+  law.rendered = rendered_;
+  const GeneralisedForce tau = apply_explicitly(frames, law, x);
   ContactWrench felt;
   felt.weight = -H.lazyProduct(proxy_.gravity());
   felt.F = H.lazyProduct(tau) + felt.weight;
@@ -153,13 +155,12 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
 
 /// Impulses are kept, bodies and constraints go on.
 void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcept {
-  double damper_power = 0;
+  double taken = 0;
   for (const LocalContact& contact : contacts()) {
-    if (!contact.loaded) continue;
-    add_impulse(contact, dt_ * contact.f_W);
-    damper_power += contact.damper_power;
+    taken += contact.taken;
+    if (contact.loaded) add_impulse(contact, dt_ * contact.f_W);
   }
-  fill_tank(damper_power * dt_);
+  fill_tank(taken);
   impulses_.end_step();
   advance_bodies(bodies_, proxy_, frames, x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);

@@ -75,6 +75,9 @@ class LocalModel {
   /// Without proxy dynamics: puts the proxy at q with velocity v and evaluates its contacts there.
   /// There is no impulse: what collides is the device, whose own mass the contacts' penalty stops.
   ContactWrench follow(const Configuration& q, const Velocity& v) noexcept;
+  /// Share in [0, 1] of the work of what follow() returned that the device renders. What it does
+  /// not, the hand does not pay for, so nothing heals with it.
+  void set_rendered(double share) noexcept { rendered_ = share; }
 
   const ToolModel& proxy() const noexcept { return proxy_; }
   const Velocity& velocity() const noexcept { return v_; }
@@ -135,6 +138,7 @@ class LocalModel {
   StiffnessLimit stiffness_limit_;
   double stiffness_scale_ = 1;
   double tank_ = 0;  ///< J.
+  double rendered_ = 1;
 };
 
 }  // namespace hlm::server
