@@ -41,7 +41,4 @@ StepSystem unit_system(const FrameMotions& frames) noexcept;
 Unknowns solve_contact_step(ContactGroups groups, const FrameMotions& frames,
                             const StepSystem& system) noexcept;
 
-/// Σ J_iᵀ n nᵀ J_i over all evaluated contacts, d×d: how their stiffness adds up per unit of k.
-MassMatrix unit_stiffness(const LocalContacts& contacts, const ToolModel& tool) noexcept;
-
 }  // namespace hlm::server

@@ -18,6 +18,7 @@ struct ContactLaw {
   double kinetic_friction = 0;  ///< μ_k, likewise.
   double friction_scale = 1;    ///< On a contact's own coefficient.
   double dt = 0;                ///< Step, s.
+  double rendered = 1;          ///< Explicit step: share of the force before that did its work.
   ContactStep step = ContactStep::kImplicit;
 };
 

@@ -18,7 +18,7 @@ void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vec
                          double sigma, double s_plus) noexcept {
   contact.p_W = x_W + (s_plus - sigma) * contact.n_W;
   contact.p_A = X_WA.R.transpose() * (contact.p_W - X_WA.p);
-  contact.s = s_plus;
+  contact.s = contact.s_left = s_plus;
 }
 
 bool touches_body(const LocalContact& contact) noexcept {
@@ -124,6 +124,10 @@ void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
   contacts.insert(contacts.end(), orphans.begin(), orphans.end());
   std::sort(contacts.begin(), contacts.end(),
             [](const auto& x, const auto& y) { return x.identity < y.identity; });
+}
+
+void advance_constraint(LocalContact& contact, double dt) noexcept {
+  if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
 }
 
 /// How much of what was deferred a step gives, m. What adds force is paid for from the tank.
@@ -295,9 +299,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 }
 
 void advance_constraints(LocalContacts& contacts, double dt) noexcept {
-  for (LocalContact& contact : contacts) {
-    if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
-  }
+  for (LocalContact& contact : contacts) advance_constraint(contact, dt);
 }
 
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
@@ -306,9 +308,11 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
       policy.release_force / policy.damping;  // m/s; infinite without damping
   const auto orphans = std::count_if(contacts.begin(), contacts.end(),
                                      [](const auto& contact) { return contact.orphaned(); });
-  advance_constraints(contacts, dt);
   for (LocalContact& contact : contacts) {
+    advance_constraint(contact, dt);
+    contact.s_left = contact.s;
     if (contact.frame_b == kWorldFrame) {
+      contact.s_left -= contact.v_constr * dt;
       const Vector3 change = contact.v_reported_W - contact.v_WC;
       const double size = contact.loaded ? change.norm() : 0;
       contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
@@ -320,7 +324,9 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
         poses[contact.frame_a].R.transpose() * (poses[contact.frame_b].R * contact.n_B);
     contact.p_A += given * n_A;
     contact.deferred -= given;
+    contact.s_left += given;
   }
+  if (orphans == 0) return;
   erase_if(contacts, [&](const LocalContact& contact) {
     return contact.orphaned() && (contact.cap <= 0 || separation(contact, poses) >= 0);
   });

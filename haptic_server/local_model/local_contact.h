@@ -65,7 +65,9 @@ struct LocalContact {
   bool slipping = false;
   bool loaded = false;            ///< Whether the normal force was > 0 in the latest step.
   Vector3 f_W = Vector3::Zero();  ///< Contact force on a in the latest step, world, N.
-  double damper_power = 0;        ///< What the normal damper took out in the latest step, W.
+  double s_left = 0;              ///< s where the latest step or update left it, m.
+  double taken =
+      0;  ///< Energy that the normal force took in the latest step and does not store, J.
 };
 
 /// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.

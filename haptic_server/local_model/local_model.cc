@@ -6,7 +6,6 @@
 #include "haptic_server/local_model/collision.h"
 #include "haptic_server/local_model/free_motion.h"
 #include "haptic_server/local_model/pair_axes.h"
-#include "haptic_server/local_model/stiffness_limit.h"
 
 namespace hlm::server {
 namespace {
@@ -71,7 +70,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   const HandMap H = hand_map(proxy_, D, J_h);
   FrameMotions frames(proxy_, &v_, bodies_, dt_);
   evaluate(frames);
-  limit_stiffness(D, H);
+  limit_stiffness(frames, D, H);
 
   ContactWrench felt;
   if (state_ == ProxyContactState::kColliding) {
@@ -124,10 +123,12 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
   const FrameMotions frames(proxy_, &v_, bodies_, dt_);
   evaluate(frames);
-  limit_stiffness(D, H);
+  limit_stiffness(frames, D, H);
 
   Unknowns x;
-  const GeneralisedForce tau = apply_explicitly(frames, contact_law(ContactStep::kExplicit), x);
+  ContactLaw law = contact_law(ContactStep::kExplicit);
+  law.rendered = rendered_;
+  const GeneralisedForce tau = apply_explicitly(frames, law, x);
   ContactWrench felt;
   felt.weight = -H.lazyProduct(proxy_.gravity());
   felt.F = H.lazyProduct(tau) + felt.weight;
@@ -154,15 +155,17 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
 
 /// Impulses are kept, bodies and constraints go on.
 void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcept {
+  double taken = 0;
   for (const LocalContact& contact : contacts()) {
+    taken += contact.taken;
     if (contact.loaded) add_impulse(contact, dt_ * contact.f_W);
   }
+  fill_tank(taken);
   impulses_.end_step();
   advance_bodies(bodies_, proxy_, frames, x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);
   advance_constraints(present_supports(), dt_);
   advance_constraints(contacts_[current_].waiting, dt_);
-  for (const LocalContact& contact : contacts()) fill_tank(contact.damper_power * dt_);
   advance_contacts(present(), poses, policy(), dt_, tank_);
 }
 
@@ -238,11 +241,9 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
   return on_tool;
 }
 
-void LocalModel::limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept {
-  const double target =
-      limits_stiffness(parameters_)
-          ? server::stiffness_scale(unit_stiffness(contacts(), proxy_), D, H, parameters_)
-          : 1;
+void LocalModel::limit_stiffness(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
+                                 const HandMap& H) noexcept {
+  const double target = stiffness_limit_.scale(proxy_, contacts(), frames, D, H, parameters_);
   const double change = kStiffnessScaleRate * dt_;
   stiffness_scale_ = std::clamp(target, stiffness_scale_ - change, stiffness_scale_ + change);
 }

@@ -47,7 +47,7 @@ LocalContact at_rest(LocalContact contact, const FrameMotions& frames) noexcept 
   contact.state = ContactState::kImpending;
   contact.z_W.setZero();
   contact.f_W.setZero();
-  contact.damper_power = 0;
+  contact.taken = 0;
   contact.slipping = contact.loaded = false;
   return contact;
 }
