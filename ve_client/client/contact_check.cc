@@ -76,6 +76,13 @@ Error find_error(const MovableBody& body) {
   if (!finite) return "its numbers must be finite";
   const double asymmetry = (body.W - body.W.transpose()).norm();
   if (asymmetry > 1e-6 * body.W.norm()) return "its inverse inertia must be symmetric";
+  if (kWords<Roundness>.size() <= static_cast<std::size_t>(body.roundness)) {
+    return "round is " + std::to_string(static_cast<int>(body.roundness)) + ", must be 0, 1 or 2";
+  }
+  if (body.roundness == Roundness::kAxis && !(std::abs(body.axis_W.norm() - 1) <= kUnitTolerance)) {
+    return "the axis " + numbers(body.axis_W) + " of a round body must be of length 1, not " +
+           number(body.axis_W.norm());
+  }
   if (body.W.diagonal().minCoeff() < 0) return "the diagonal of its inverse inertia must be >= 0";
   return std::nullopt;
 }
