@@ -66,8 +66,7 @@ struct LocalContact {
   bool loaded = false;            ///< Whether the normal force was > 0 in the latest step.
   Vector3 f_W = Vector3::Zero();  ///< Contact force on a in the latest step, world, N.
   double s_left = 0;              ///< s where the latest step or update left it, m.
-  double taken =
-      0;  ///< Energy that the normal force took in the latest step and does not store, J.
+  double taken = 0;               ///< Normal energy that went in at the latest step for good, J.
 };
 
 /// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.
