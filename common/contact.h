@@ -72,6 +72,19 @@ struct ReportedContact {
 
 using ReportedContacts = StaticVector<ReportedContact, kMaxContacts>;
 
+/// What turning leaves a body's shape as it is. Its contacts do not go round with it.
+enum class Roundness : std::uint8_t {
+  kNone = 0,
+  kAxis = 1,
+  kSphere = 2,
+};
+template <>
+inline constexpr std::array<Word<Roundness>, 3> kWords<Roundness>{{
+    {Roundness::kNone, "none", "every turn changes where its surface is"},
+    {Roundness::kAxis, "axis", "a surface of revolution about an axis through the centre of mass"},
+    {Roundness::kSphere, "sphere", "a sphere about the centre of mass"},
+}};
+
 /// A body that the tool can push, at the environment's latest step. World axes, about its centre of
 /// mass.
 struct MovableBody {
@@ -85,6 +98,8 @@ struct MovableBody {
   /// Total impulse of the tool that this state contains, of those that the server has reported
   /// since the session began: N·s and N·m·s.
   Vector6 P_W = Vector6::Zero();
+  Roundness roundness = Roundness::kNone;
+  Vector3 axis_W = Vector3::Zero();  ///< Unit axis of revolution, with Roundness::kAxis.
 };
 
 using MovableBodies = StaticVector<MovableBody, kMaxBodies>;

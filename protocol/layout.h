@@ -51,7 +51,7 @@ inline constexpr std::size_t kItemSize = 0;
 template <>
 inline constexpr std::size_t kItemSize<Link> = 178;
 template <>
-inline constexpr std::size_t kItemSize<MovableBody> = 340;
+inline constexpr std::size_t kItemSize<MovableBody> = 353;
 template <>
 inline constexpr std::size_t kItemSize<ReportedContact> = 100;
 template <>
@@ -193,6 +193,8 @@ void fields(Io& io, M& body) requires std::same_as<const M, const MovableBody> {
   io.vector_within(body.A_W, kLargestAcceleration);
   io.symmetric_within(body.W, kLargestMobility);
   io.vector_within(body.P_W, kLargestImpulse);
+  io.enumeration(body.roundness);
+  io.short_vector_within(body.axis_W, kLargestUnit);
 }
 
 template <class Io, class M>

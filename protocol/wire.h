@@ -34,6 +34,7 @@ inline constexpr double kLargestMobility = 1e12;
 /// Of the tool on a body in a session, N·s and N·m·s.
 inline constexpr double kLargestImpulse = 1e6;
 inline constexpr double kLargestFriction = 10;
+inline constexpr double kLargestUnit = 2;  ///< Of a coordinate of a unit vector that is made one.
 inline constexpr double kLargestForce = 1e6;  ///< N.
 inline constexpr double kLongestSpan = 1e6;   ///< s.
 

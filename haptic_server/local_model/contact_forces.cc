@@ -4,6 +4,20 @@
 #include <cmath>
 
 namespace hlm::server {
+namespace {
+
+/// What the normal force of the step before, held since, has taken on the way and the spring does
+/// not store, J.
+double taken_since(const LocalContact& contact, const ContactLaw& law) noexcept {
+  if (!contact.loaded) return 0;
+  const double f_n = law.rendered * contact.f_W.dot(contact.n_W);
+  const double depth = std::min(contact.s, 0.0);
+  const double depth_before = std::min(contact.s_left, 0.0);
+  const double stored = law.stiffness * (depth * depth - depth_before * depth_before) / 2;
+  return f_n * (contact.s_left - contact.s) - stored;
+}
+
+}  // namespace
 
 void evaluate_contacts(LocalContacts& contacts, const FrameMotions& frames) noexcept {
   if (contacts.empty()) return;
@@ -32,9 +46,10 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
   RelativeTwists relative(twists);
   FrameLoads loads(frames);
   for (LocalContact& contact : group.contacts) {
+    const bool implicit = law.step == ContactStep::kImplicit;
+    contact.taken = implicit ? 0 : taken_since(contact, law);
     contact.f_W.setZero();
     contact.loaded = false;
-    contact.damper_power = 0;
     if (!takes_part(contact, law)) {
       contact.z_W.setZero();
       contact.slipping = false;
@@ -48,29 +63,22 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
     contact.z_W =
         (-law.dt * f.friction + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
     contact.loaded = f.normal > 0;
-    // It cannot take out more than the whole normal force does, under a cap for instance.
-    contact.damper_power =
-        std::min(law.damping * v.normal * v.normal, f.normal * std::abs(v.normal));
+    // The damper takes no more than the whole normal force does, under a cap for instance.
+    if (implicit) {
+      contact.taken =
+          law.dt * std::min(law.damping * v.normal * v.normal, f.normal * std::abs(v.normal));
+    }
     contact.f_W = f.normal * contact.n_W + f.friction;
     loads.add(contact, arm, contact.f_W);
   }
   return loads.generalised();
 }
 
-MassMatrix unit_stiffness(const LocalContacts& contacts, const ToolModel& tool) noexcept {
-  MassMatrix K = MassMatrix::Zero(tool.dof(), tool.dof());
-  for (const LocalContact& contact : contacts) {
-    Velocity along = Velocity::Zero(tool.dof());
-    const auto add = [&](const ContactSide& side, double sign) {
-      if (side.kind != SideKind::kToolLink) return;
-      const PointJacobian J = tool.point_jacobian(static_cast<int>(side.index), contact.p_W);
-      along += sign * J.transpose().lazyProduct(contact.n_W);
-    };
-    add(contact.a, 1);
-    add(contact.b, -1);
-    K.noalias() += along * along.transpose();
-  }
-  return K;
+StepSystem unit_system(const FrameMotions& frames) noexcept {
+  StepSystem system;
+  system.E.setIdentity(frames.unknowns(), frames.unknowns());
+  system.r.setZero(frames.unknowns());
+  return system;
 }
 
 }  // namespace hlm::server

@@ -32,13 +32,13 @@ struct StepSystem {
   Unknowns r;
 };
 
+/// That of a step in which nothing acts except contacts: unit mass in all unknowns.
+StepSystem unit_system(const FrameMotions& frames) noexcept;
+
 /// Solves a step with the contact forces above for x, by Newton's method with a line search
 /// (docs/method.md 4.3), from the modes of the step before. A contact that would close within the
 /// step takes part.
 Unknowns solve_contact_step(ContactGroups groups, const FrameMotions& frames,
                             const StepSystem& system) noexcept;
-
-/// Σ J_iᵀ n nᵀ J_i over all evaluated contacts, d×d: how their stiffness adds up per unit of k.
-MassMatrix unit_stiffness(const LocalContacts& contacts, const ToolModel& tool) noexcept;
 
 }  // namespace hlm::server

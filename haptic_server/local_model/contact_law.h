@@ -18,8 +18,18 @@ struct ContactLaw {
   double kinetic_friction = 0;  ///< μ_k, likewise.
   double friction_scale = 1;    ///< On a contact's own coefficient.
   double dt = 0;                ///< Step, s.
+  double rendered = 1;          ///< Explicit step: share of the force before that did its work.
   ContactStep step = ContactStep::kImplicit;
 };
+
+/// Stiffness and damping of contacts without the tool, N/m and N·s/m. Nobody feels them, so they
+/// may be as good as rigid: softer, a jammed body yields under the tool; much stiffer, rounding of
+/// their separation is felt.
+inline constexpr double kSupportStiffness = 1e6;
+inline constexpr double kSupportDamping = 1e3;
+/// On the friction of contacts without the tool between updates. With 1, a body that slides in the
+/// environment sticks here now and then: it is lost and hit again.
+inline constexpr double kSupportFriction = 0.9;
 
 inline Vector3 tangential(const Vector3& v, const Vector3& n) noexcept { return v - n.dot(v) * n; }
 

@@ -12,103 +12,13 @@ namespace {
 
 bool is_tool(const ContactSide& side) noexcept { return side.kind == SideKind::kToolLink; }
 
-/// The frame of a side: the world's for a body that the local model does not have. Empty for a link
-/// that the tool does not have.
-std::optional<FrameIndex> frame_of(const ContactSide& side, const ToolModel& tool,
-                                   const LocalBodies& bodies) noexcept {
-  switch (side.kind) {
-    case SideKind::kWorld:
-      return kWorldFrame;
-    case SideKind::kToolLink:
-      if (side.index >= static_cast<std::uint32_t>(tool.links())) return std::nullopt;
-      return frame_of_link(side.index);
-    case SideKind::kMovableBody:
-      for (std::size_t slot = 0; slot < bodies.size(); ++slot) {
-        if (bodies[slot].id == side.index) return frame_of_body(tool, slot);
-      }
-      return kWorldFrame;
-  }
-  return std::nullopt;
-}
-
-/// A report and the frames of its sides.
-struct Placed {
-  const ReportedContact* report;
-  FrameIndex a;
-  FrameIndex b;
-  std::uint16_t axis = kOnlyAxis;  ///< LocalContact::axis.
-};
-using PlacedReports = StaticVector<Placed, kMaxContacts>;
-
-/// The reports that are wanted and have a place, sorted by identity, of equal ones the first.
-template <class Wanted>
-PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrames& frames,
-                             Wanted wanted) noexcept {
-  PlacedReports sorted;
-  for (const ReportedContact& report : reported) {
-    if (!wanted(report)) continue;
-    const auto a = frame_of(report.a, frames.tool, frames.bodies);
-    const auto b = frame_of(report.b, frames.tool, frames.bodies);
-    if (!a || !b || *a == kWorldFrame || *a == *b) continue;
-    sorted.push_back({&report, *a, *b});
-  }
-  const auto before = [](const Placed& x, const Placed& y) {
-    if (x.report->identity != y.report->identity) return x.report->identity < y.report->identity;
-    return x.report < y.report;
-  };
-  if (!std::is_sorted(sorted.begin(), sorted.end(), before)) {
-    std::sort(sorted.begin(), sorted.end(), before);
-  }
-  const auto same = [](const Placed& x, const Placed& y) {
-    return x.report->identity == y.report->identity;
-  };
-  sorted.erase(std::unique(sorted.begin(), sorted.end(), same), sorted.end());
-  return sorted;
-}
-
-/// Fills in the contact as reported, its constraint `age` older; without its point on a.
-void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
-              double age) noexcept {
-  const ReportedContact& report = *placed.report;
-  contact.identity = report.identity;
-  contact.axis = placed.axis;
-  contact.a = report.a;
-  contact.b = report.b;
-  contact.frame_a = placed.a;
-  contact.frame_b = placed.b;
-  contact.friction = report.friction;
-  if (placed.b == kWorldFrame) {
-    contact.v_constr = report.n_W.dot(report.v_WC);
-    contact.v_WC = contact.v_reported_W = report.v_WC;
-    contact.c_B = report.p_WC + contact.v_constr * age * report.n_W;
-    contact.n_B = report.n_W;
-  } else {
-    const Placement X_BW = frames.reported[placed.b].inverse();
-    contact.c_B = X_BW * report.p_WC;
-    contact.n_B = X_BW.R * report.n_W;
-  }
-}
-
-/// Where a's true point was when the contact was found, world, m.
-Vector3 reported_point(const Placed& placed) noexcept {
-  return placed.report->p_WC + placed.report->separation * placed.report->n_W;
-}
-
-/// Evaluates the constraint with its frame at X_WB. Returns σ for a's true point at x_W.
-double true_separation(LocalContact& contact, const Placement& X_WB, const Vector3& x_W) noexcept {
-  const bool in_world = contact.frame_b == kWorldFrame;
-  contact.c_W = in_world ? contact.c_B : X_WB * contact.c_B;
-  contact.n_W = in_world ? contact.n_B : X_WB.R * contact.n_B;
-  return contact.n_W.dot(x_W - contact.c_W);
-}
-
 /// Places the local contact point so that Eq. 3 gives s_plus with the frame of a at X_WA, over the
 /// foot of a's true point x_W on the constraint: deforms the proxy.
 void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
                          double sigma, double s_plus) noexcept {
   contact.p_W = x_W + (s_plus - sigma) * contact.n_W;
   contact.p_A = X_WA.R.transpose() * (contact.p_W - X_WA.p);
-  contact.s = s_plus;
+  contact.s = contact.s_left = s_plus;
 }
 
 bool touches_body(const LocalContact& contact) noexcept {
@@ -216,6 +126,10 @@ void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
             [](const auto& x, const auto& y) { return x.identity < y.identity; });
 }
 
+void advance_constraint(LocalContact& contact, double dt) noexcept {
+  if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
+}
+
 /// How much of what was deferred a step gives, m. What adds force is paid for from the tank.
 double due(const LocalContact& contact, const FramePoses& poses, const UpdatePolicy& policy,
            double& tank) noexcept {
@@ -245,39 +159,6 @@ void match(const PlacedReports& reports, const LocalContacts& existing, Reported
     reported(placed, known ? &*old++ : nullptr);
   }
   while (old != existing.end()) unreported(*old++);
-}
-
-/// The axes of all pairs that have several; writes into the reports which is theirs.
-PairAxes axes_of(PlacedReports& reports) noexcept {
-  PairAxes axes;
-  const auto has_others = [](const Placed& placed) { return placed.report->axis > 0; };
-  if (std::none_of(reports.begin(), reports.end(), has_others)) return axes;
-  const auto pair = [](const Placed* placed) {
-    return std::tie(placed->report->pair, placed->report->a);
-  };
-  StaticVector<Placed*, kMaxContacts> sorted;
-  for (Placed& placed : reports) sorted.push_back(&placed);
-  std::sort(sorted.begin(), sorted.end(), [&](const Placed* x, const Placed* y) {
-    return pair(x) != pair(y) ? pair(x) < pair(y) : x->report->axis < y->report->axis;
-  });
-  for (auto first = sorted.begin(); first != sorted.end();) {
-    const auto last =
-        std::find_if(first, sorted.end(), [&](const Placed* p) { return pair(p) != pair(*first); });
-    const bool several = (*first)->report->axis != (*(last - 1))->report->axis;
-    const auto of_pair = static_cast<std::uint16_t>(axes.size());
-    const auto begin = first;
-    for (const Placed* before = nullptr; first != last; before = *first++) {
-      if (!several) continue;
-      if (before == nullptr || before->report->axis != (*first)->report->axis) {
-        const auto parallel = [&](const Placed* p) {
-          return p->report->n_W.dot((*first)->report->n_W) > std::cos(kOneAxis);
-        };
-        axes.push_back({.pair = of_pair, .bears = std::none_of(begin, first, parallel)});
-      }
-      (*first)->axis = static_cast<std::uint16_t>(axes.size() - 1);
-    }
-  }
-  return axes;
 }
 
 /// The gaps of the axes where the proxy is, deformed as it is on the axis that acted.
@@ -342,12 +223,6 @@ bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept {
   return true;
 }
 
-void UpdateFrames::set_now(const FramePoses& poses) noexcept {
-  now = poses;
-  moved.clear();
-  for (std::size_t i = 0; i < now.size(); ++i) moved.push_back(now[i] * reported[i].inverse());
-}
-
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept {
   switch (rule) {
     case UpdateRule::kRetain:
@@ -365,7 +240,7 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
                     ToolContacts& updated) noexcept {
   const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
   PlacedReports reports = sorted_reports(
-      reported, frames, [](const ReportedContact& report) { return is_tool(report.a); });
+      reported, frames, [](const ReportedContact& report) noexcept { return is_tool(report.a); });
   updated.acting.clear();
   updated.waiting.clear();
   updated.axes = axes_of(reports);
@@ -410,9 +285,10 @@ void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
 
 void adopt_supports(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double stiffness, LocalContacts& updated) noexcept {
-  const PlacedReports reports = sorted_reports(reported, frames, [](const ReportedContact& report) {
-    return !is_tool(report.a) && !is_tool(report.b);
-  });
+  const PlacedReports reports =
+      sorted_reports(reported, frames, [](const ReportedContact& report) noexcept {
+        return !is_tool(report.a) && !is_tool(report.b);
+      });
   updated.clear();
   match(
       reports, existing,
@@ -423,19 +299,20 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 }
 
 void advance_constraints(LocalContacts& contacts, double dt) noexcept {
-  for (LocalContact& contact : contacts) {
-    if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
-  }
+  for (LocalContact& contact : contacts) advance_constraint(contact, dt);
 }
 
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
-                      double damping, double dt, double& tank) noexcept {
-  const double largest_change = policy.release_force / damping;  // m/s; infinite without damping
+                      double dt, double& tank) noexcept {
+  const double largest_change =
+      policy.release_force / policy.damping;  // m/s; infinite without damping
   const auto orphans = std::count_if(contacts.begin(), contacts.end(),
                                      [](const auto& contact) { return contact.orphaned(); });
-  advance_constraints(contacts, dt);
   for (LocalContact& contact : contacts) {
+    advance_constraint(contact, dt);
+    contact.s_left = contact.s;
     if (contact.frame_b == kWorldFrame) {
+      contact.s_left -= contact.v_constr * dt;
       const Vector3 change = contact.v_reported_W - contact.v_WC;
       const double size = contact.loaded ? change.norm() : 0;
       contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
@@ -447,7 +324,9 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
         poses[contact.frame_a].R.transpose() * (poses[contact.frame_b].R * contact.n_B);
     contact.p_A += given * n_A;
     contact.deferred -= given;
+    contact.s_left += given;
   }
+  if (orphans == 0) return;
   erase_if(contacts, [&](const LocalContact& contact) {
     return contact.orphaned() && (contact.cap <= 0 || separation(contact, poses) >= 0);
   });

@@ -3,11 +3,9 @@
 
 #include <optional>
 
-#include "common/contact.h"
-#include "common/tool_model.h"
-#include "haptic_server/local_model/frames.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
+#include "haptic_server/local_model/placed_reports.h"
 
 namespace hlm::server {
 
@@ -20,25 +18,14 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
 struct UpdatePolicy {
   UpdateRule rule = UpdateRule::kRetain;
   double release_force = 0.5;  ///< `retain`: largest change of a force in a step, N.
-  double stiffness = 4000;     ///< k, N/m.
+  double stiffness = 4000;     ///< k, N/m, after limiting.
+  double damping = 30;         ///< b, N·s/m, likewise.
   double healing_step = 0;     ///< `retain`: largest change of s in a step that adds force, m,
   double healing_share = 0;    ///< and largest share of the deformation at the update.
   int recovery_steps = 10;     ///< `plane_recovery`: N.
 
   /// Largest change of s in a step, m.
   double release_step() const noexcept { return release_force / stiffness; }
-};
-
-/// Where the frames are that an update is about.
-struct UpdateFrames {
-  const ToolModel& tool;      ///< Tells which links there are.
-  const LocalBodies& bodies;  ///< Of the update; a body that is not among them is the world's.
-  FramePoses reported;        ///< As the environment had them when it found the contacts.
-  FramePoses before;          ///< Now, with the bodies that the existing contacts refer to.
-  FramePoses now{};           ///< With those of the update.
-  FramePoses moved{};         ///< From where they were reported to now.
-
-  void set_now(const FramePoses& poses) noexcept;
 };
 
 /// Gives a contact whose point is undeformed, at separation sigma, the separation of the update
@@ -83,7 +70,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
 /// of dt seconds. poses: at the end of the step. Contacts that are released and no longer reported
 /// go. tank: energy that healing may add, J (docs/method.md 12).
 void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const UpdatePolicy& policy,
-                      double damping, double dt, double& tank) noexcept;
+                      double dt, double& tank) noexcept;
 
 /// Moves constraints in the world's frame with their v_constr for dt seconds.
 void advance_constraints(LocalContacts& contacts, double dt) noexcept;

@@ -52,4 +52,14 @@ FrameTwists FrameMotions::twists(const Unknowns& x) const noexcept {
   return twists;
 }
 
+void advance_bodies(LocalBodies& bodies, const ToolModel& tool, const FrameMotions& frames,
+                    const Unknowns& x, double dt) noexcept {
+  for (std::size_t slot = 0; slot < bodies.size(); ++slot) {
+    LocalBody& body = bodies[slot];
+    const FrameMotion& frame = frames[frame_of_body(tool, slot)];
+    const Twist change = body.B.lazyProduct(x.segment(frame.first, frame.J.cols()));
+    body.advance(body.free_twist(dt) + change, dt);
+  }
+}
+
 }  // namespace hlm::server

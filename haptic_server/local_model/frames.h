@@ -65,4 +65,8 @@ class FrameMotions {
   StaticVector<FrameMotion, kMaxFrames> frames_;
 };
 
+/// Moves the bodies by a step of dt (s) that ends with the unknowns x. tool: the one of the frames.
+void advance_bodies(LocalBodies& bodies, const ToolModel& tool, const FrameMotions& frames,
+                    const Unknowns& x, double dt) noexcept;
+
 }  // namespace hlm::server

@@ -27,7 +27,12 @@ Jacobian square_root(const Matrix6& W) noexcept {
 }  // namespace
 
 LocalBody::LocalBody(const MovableBody& reported) noexcept
-    : id(reported.id), V_W(reported.V_W), B(square_root(reported.W)), A_W(reported.A_W) {
+    : id(reported.id),
+      roundness(reported.roundness),
+      axis_B(reported.axis_W.normalized()),
+      V_W(reported.V_W),
+      B(square_root(reported.W)),
+      A_W(reported.A_W) {
   X_WB.p = reported.p_WCom;
 }
 
@@ -37,6 +42,14 @@ Twist LocalBody::free_twist(double dt) const noexcept {
   return V;
 }
 
+Vector3 LocalBody::turning_W() const noexcept {
+  const Vector3 omega_W = V_W.tail<3>();
+  if (roundness == Roundness::kSphere) return Vector3::Zero();
+  if (roundness != Roundness::kAxis) return omega_W;
+  const Vector3 axis_W = X_WB.R * axis_B;
+  return omega_W - axis_W.dot(omega_W) * axis_W;
+}
+
 void LocalBody::advance(const Twist& V, double dt) noexcept {
   if (correction_steps > 0) {
     correction -= correction / correction_steps;
@@ -44,7 +57,7 @@ void LocalBody::advance(const Twist& V, double dt) noexcept {
   }
   V_W = V;
   X_WB.p += dt * V_W.head<3>();
-  X_WB.R = (rotation_from_vector(dt * V_W.tail<3>()) * X_WB.R).normalized();
+  X_WB.R = (rotation_from_vector(dt * turning_W()) * X_WB.R).normalized();
 }
 
 }  // namespace hlm::server

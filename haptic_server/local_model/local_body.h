@@ -23,7 +23,11 @@ struct LocalBody {
 
   std::uint32_t id = 0;
   std::size_t slot = 0;  ///< Of its impulses.
-  Pose X_WB;             ///< Origin at the centre of mass; the world's axes in the reported state.
+  /// Origin at the centre of mass; the world's axes in the reported state. It turns as the shape
+  /// does: not about the axis of a surface of revolution, and a sphere's never.
+  Pose X_WB;
+  Roundness roundness = Roundness::kNone;
+  Vector3 axis_B = Vector3::Zero();  ///< Of revolution, unit.
   Twist V_W = Twist::Zero();
   /// 6×n: W = B Bᵀ, so that an impulse P changes the velocity by B (Bᵀ P): in these coordinates the
   /// body has unit mass, and moves only as its joints allow.
@@ -43,6 +47,8 @@ struct LocalBody {
 
   /// V at the end of a step of dt (s) without contacts.
   Twist free_twist(double dt) const noexcept;
+  /// The part of its angular velocity that turns its shape, rad/s.
+  Vector3 turning_W() const noexcept;
   /// Goes on for dt with V at the end of the step.
   void advance(const Twist& V, double dt) noexcept;
 };

@@ -65,7 +65,8 @@ struct LocalContact {
   bool slipping = false;
   bool loaded = false;            ///< Whether the normal force was > 0 in the latest step.
   Vector3 f_W = Vector3::Zero();  ///< Contact force on a in the latest step, world, N.
-  double damper_power = 0;        ///< What the normal damper took out in the latest step, W.
+  double s_left = 0;              ///< s where the latest step or update left it, m.
+  double taken = 0;               ///< Normal energy that went in at the latest step for good, J.
 };
 
 /// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.
@@ -97,7 +98,7 @@ using PairAxes = StaticVector<PairAxis, kMaxContacts>;
 /// The contacts of the tool.
 struct ToolContacts {
   LocalContacts acting;   ///< Sorted by identity.
-  LocalContacts waiting;  ///< On axes that do not act: undeformed, they bear nothing.
+  LocalContacts waiting;  ///< On axes that do not act: they bear nothing.
   PairAxes axes;          ///< Of the pairs that have several.
 };
 

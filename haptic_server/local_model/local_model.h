@@ -18,6 +18,7 @@
 #include "haptic_server/local_model/joint_limits.h"
 #include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
+#include "haptic_server/local_model/stiffness_limit.h"
 
 namespace hlm::server {
 
@@ -74,6 +75,9 @@ class LocalModel {
   /// Without proxy dynamics: puts the proxy at q with velocity v and evaluates its contacts there.
   /// There is no impulse: what collides is the device, whose own mass the contacts' penalty stops.
   ContactWrench follow(const Configuration& q, const Velocity& v) noexcept;
+  /// Share in [0, 1] of the work of what follow() returned that the device renders. What it does
+  /// not, the hand does not pay for, so nothing heals with it.
+  void set_rendered(double share) noexcept { rendered_ = share; }
 
   const ToolModel& proxy() const noexcept { return proxy_; }
   const Velocity& velocity() const noexcept { return v_; }
@@ -111,9 +115,11 @@ class LocalModel {
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
                                     Unknowns& x) noexcept;
   GeneralisedForce collide(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D) noexcept;
-  void limit_stiffness(const Eigen::LLT<MassMatrix>& D, const HandMap& H) noexcept;
+  void limit_stiffness(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
+                       const HandMap& H) noexcept;
   void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
-  void fill_tank() noexcept;
+  /// Adds energy that there is to heal with, J, within the tank's bounds.
+  void fill_tank(double energy) noexcept;
   void end_step(const FrameMotions& frames, const Unknowns& x) noexcept;
 
   LocalModelParameters parameters_;
@@ -129,8 +135,10 @@ class LocalModel {
   double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
+  StiffnessLimit stiffness_limit_;
   double stiffness_scale_ = 1;
   double tank_ = 0;  ///< J.
+  double rendered_ = 1;
 };
 
 }  // namespace hlm::server

@@ -37,7 +37,8 @@ void measure(const ToolContacts& contacts, double dt, PairAxes& axes) noexcept {
   }
 }
 
-/// The contact as it waits: undeformed, without load or history.
+/// The contact as it waits: without load or history, and where the rule has deferred a change of
+/// its separation, with that change.
 LocalContact at_rest(LocalContact contact, const FrameMotions& frames) noexcept {
   const Matrix3& R_WA = frames[contact.frame_a].X_W.R;
   contact.p_A += R_WA.transpose() * (contact.deferred * contact.n_W);
@@ -46,7 +47,7 @@ LocalContact at_rest(LocalContact contact, const FrameMotions& frames) noexcept 
   contact.state = ContactState::kImpending;
   contact.z_W.setZero();
   contact.f_W.setZero();
-  contact.damper_power = 0;
+  contact.taken = 0;
   contact.slipping = contact.loaded = false;
   return contact;
 }

@@ -3,20 +3,29 @@
 
 #include <Eigen/Cholesky>
 
-#include "common/tool_model.h"
+#include "haptic_server/local_model/frames.h"
 #include "haptic_server/local_model/hand_map.h"
+#include "haptic_server/local_model/local_contact.h"
 #include "haptic_server/local_model/parameters.h"
 
 namespace hlm::server {
 
-/// Whether any limit is set.
-bool limits_stiffness(const LocalModelParameters& parameters) noexcept;
+class StiffnessLimit {
+ public:
+  /// The factor in (0, 1] for k and b: the largest that keeps the stiffness of all contacts at the
+  /// hand (force over translation, torque over rotation) and the natural frequency sqrt(λ_max(D⁻¹
+  /// K)) within the parameters' limits. The contacts are evaluated with `frames`; D: Cholesky
+  /// factor of the mass matrix; H: hand map.
+  double scale(const ToolModel& tool, const LocalContacts& contacts, const FrameMotions& frames,
+               const Eigen::LLT<MassMatrix>& D, const HandMap& H,
+               const LocalModelParameters& parameters) noexcept;
 
-/// The factor in (0, 1] for k and b: the largest that keeps the stiffness at the hand (force over
-/// translation, torque over rotation) and the natural frequency sqrt(λ_max(D⁻¹ K)) within the
-/// parameters' limits.
-/// unit_stiffness: Σ J_iᵀ n nᵀ J_i, d×d; D: Cholesky factor of the mass matrix; H: hand map.
-double stiffness_scale(const MassMatrix& unit_stiffness, const Eigen::LLT<MassMatrix>& D,
-                       const HandMap& H, const LocalModelParameters& parameters) noexcept;
+ private:
+  double largest_of(const Matrix3& per_k) noexcept;
+
+  // Most steps have the normals of the step before.
+  Matrix3 per_k_ = Matrix3::Zero();  ///< Force at the hand over translation, per unit of k,
+  double largest_ = 0;               ///< and its largest eigenvalue.
+};
 
 }  // namespace hlm::server

@@ -262,6 +262,11 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
   record_.F_env = felt.F + limiter_.impulse_wrench();
   record_.limit = limiter_.limited_by();
   if (limiter_.met_non_finite()) return fail(Fault::kNonFinite);
+  if (traits(controller_.kind()).replaces_proxy) {
+    const double asked = felt.F.dot(device.V_WD);
+    const double given = record_.F_command.dot(device.V_WD);
+    local_model_->set_rendered(asked == 0 ? 1 : std::clamp(given / asked, 0.0, 1.0));
+  }
   if (!device_.write(record_.F_command)) fail(Fault::kDevice);
 }
 

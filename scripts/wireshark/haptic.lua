@@ -247,6 +247,8 @@ local link = group("link", "Link of the tool", {
   field(F64, "upper", "Largest position of the joint", "rad or m"),
 })
 
+local ROUNDNESS = {[0] = "none", "axis", "sphere"}
+
 local movable_body = group("movable_body", "Movable body", {
   field(U32, "id", "The environment's number for it"),
   vector("p_WCom", "Centre of mass, world", "m", LENGTH),
@@ -254,6 +256,8 @@ local movable_body = group("movable_body", "Movable body", {
   acceleration("A_W", "Acceleration by all forces except contacts, world"),
   symmetric("W", "Inverse inertia, world [1/kg, 1/(kg m²)]", 6, MOBILITY),
   impulse("P_W", "Total impulse of the tool that this state contains, world", IMPULSE),
+  code("roundness", "What turning leaves its shape as it is", ROUNDNESS),
+  vector("axis_W", "Axis of revolution, world", nil, between(-2, 2), F32),
 })
 
 local contact = group("contact", "Contact", append(append({

@@ -142,11 +142,11 @@ void stiffness_limits(Bench& bench) {
                  .measured = text,
                  .holds = holds});
   }
-  bench.find(
-      fmt::format("Healing brings walls that arrived late back to their place, and with direct "
-                  "coupling that costs "
-                  "stiffness by energy: LM₀ direct has {} with healing, {} without.",
-                  described(healed["lm0-direct"].energy), described(ideal["lm0-direct"].energy)));
+  bench.find(fmt::format(
+      "Healing brings walls that arrived late back to their place, paid for by what the "
+      "contacts took from the device. With direct coupling that costs stiffness by energy: LM₀ "
+      "direct has {} with healing, {} without.",
+      described(healed["lm0-direct"].energy), described(ideal["lm0-direct"].energy)));
   bench.find(fmt::format(
       "What counts as stable decides k_max. By energy a method must not give out more than {:.0f} "
       "mJ in {:.0f} s. By motion, the paper's sense, the handle must stay below {} m/s and within "

@@ -176,6 +176,8 @@ inline Expected expected_item(const MovableBody& body) {
     }
   }
   fields.halves("P_W", body.P_W);
+  fields.code("roundness", body.roundness);
+  fields.short_vector("axis_W", body.axis_W);
   return fields;
 }
 

@@ -104,6 +104,8 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     const Vector6 w = random_vector6(random, 1);
     body.W = Matrix6::Identity() + w * w.transpose();
     body.P_W = random_vector6(random, 1);
+    body.roundness = static_cast<Roundness>(i % 3);
+    body.axis_W = random.vector(1).cast<float>().cast<double>();
     update.bodies.push_back(body);
   }
   return update;

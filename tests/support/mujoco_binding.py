@@ -16,10 +16,13 @@ MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeo
          "jnt_type": ("int*", "njnt", 1), "jnt_qposadr": ("int*", "njnt", 1), "jnt_dofadr": ("int*", "njnt", 1),
          "dof_armature": ("double*", "nv", 1), "dof_M0": ("double*", "nv", 1), "njnt": ("int", None), "njmax": ("int", None), "geom_bodyid": ("int*", "ngeom", 1),
          "geom_margin": ("double*", "ngeom", 1), "geom_gap": ("double*", "ngeom", 1),
-         "geom_size": ("double*", "ngeom", 3)}
+         "geom_size": ("double*", "ngeom", 3), "geom_type": ("int*", "ngeom", 1),
+         "geom_contype": ("int*", "ngeom", 1), "geom_conaffinity": ("int*", "ngeom", 1),
+         "jnt_bodyid": ("int*", "njnt", 1), "jnt_limited": ("byte*", "njnt", 1)}
 DATA = {"ncon": ("int", None), "qpos": ("double*", "nq", 1), "qvel": ("double*", "nv", 1),
         "xipos": ("double*", "nbody", 3), "xpos": ("double*", "nbody", 3), "xfrc_applied": ("double*", "nbody", 6),
-        "qacc_smooth": ("double*", "nv", 1), "efc_force": ("double*", "njmax", 1)}
+        "qacc_smooth": ("double*", "nv", 1), "efc_force": ("double*", "njmax", 1),
+        "geom_xpos": ("double*", "ngeom", 3), "geom_xmat": ("double*", "ngeom", 9)}
 CONTACT = {"dist": ("double", 1), "pos": ("double", 3), "frame": ("double", 9), "friction": ("double", 5),
            "dim": ("int", 1), "geom1": ("int", 1), "geom2": ("int", 1), "efc_address": ("int", 1)}
 OPTION = {"timestep": ("double", 1), "gravity": ("double", 3), "cone": ("int", 1)}
@@ -50,8 +53,10 @@ def _number(address, kind):
 
 
 def _view(address, kind, shape):
-    data = (ctypes.c_int if kind.startswith("int") else ctypes.c_double) * int(np.prod(shape))
-    return np.frombuffer(data.from_address(address), np.int32 if kind.startswith("int") else np.float64).reshape(shape)
+    number, dtype = {"int": (ctypes.c_int, np.int32), "byte": (ctypes.c_ubyte, np.uint8),
+                     "double": (ctypes.c_double, np.float64)}[kind.rstrip("*")]
+    data = number * int(np.prod(shape))
+    return np.frombuffer(data.from_address(address), dtype).reshape(shape)
 
 
 class _Fields:

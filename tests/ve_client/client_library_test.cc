@@ -116,10 +116,15 @@ TEST_CASE("A body's own contacts are followed where the body goes") {
 
 TEST_CASE("What cannot be meant so is named with its place and what is allowed") {
   const ToolModel tool = box_tool();
-  ReportedContacts contacts{contact_at({0, 0, 0}), contact_at({0.01, 0, 0})};
+  protocol::ContactUpdate update;
+  update.q_VE = tool.neutral();
+  update.v_VE = Velocity::Zero(6);
+  ReportedContacts& contacts = update.contacts;
+  contacts = {contact_at({0, 0, 0}), contact_at({0.01, 0, 0})};
   contacts[1].identity = 1;
-  MovableBodies bodies(1);
-  const auto error = [&] { return find_error(contacts, bodies, tool).value_or(""); };
+  MovableBodies& bodies = update.bodies;
+  bodies.resize(1);
+  const auto error = [&] { return find_error(update, tool).value_or(""); };
   REQUIRE(error().empty());
   SECTION("normal") {
     contacts[1].n_W = {0, 0, 0.9};
@@ -145,6 +150,14 @@ TEST_CASE("What cannot be meant so is named with its place and what is allowed")
   SECTION("inverse inertia") {
     bodies[0].W(0, 1) = 1;
     CHECK(error() == "body 0: its inverse inertia must be symmetric");
+  }
+  SECTION("what the server alone has a range for") {
+    contacts[1].friction = 11;
+    CHECK(error() == "item 1: a number is outside its range");
+  }
+  SECTION("a configuration that is none") {
+    update.q_VE[3] = 2;
+    CHECK_THAT(error(), Catch::Matchers::ContainsSubstring("quaternion"));
   }
   SECTION("bodies of one number") {
     bodies.push_back(bodies[0]);

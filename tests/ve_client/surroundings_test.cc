@@ -255,5 +255,31 @@ TEST_CASE("Bodies that a joint connects have no contacts with each other") {
   CHECK(scene.surroundings.contacts().empty());
 }
 
+TEST_CASE(
+    "Bodies are round as all their collisions together are, unless a joint's limits hold them") {
+  const auto shape = [](const std::string& name, const std::string& geometry,
+                        const std::string& pose = "0 0 0 0 0 0") {
+    return "<collision name='" + name + "'><pose>" + pose + "</pose><geometry>" + geometry +
+           "</geometry></collision>";
+  };
+  const std::string ball = "<sphere><radius>0.02</radius></sphere>";
+  const std::string rod = "<cylinder><radius>0.01</radius><length>0.1</length></cylinder>";
+  const std::string cube = "<box><size>0.02 0.02 0.02</size></box>";
+  const auto of = [](const std::string& collisions, const std::string& pose = "0 0 0 0 0 0") {
+    return roundness_of(test::world_of(test::model("it", pose, collisions)), 0);
+  };
+  CHECK(of(shape("a", ball)).kind == Roundness::kSphere);
+  CHECK(of(shape("a", cube)).kind == Roundness::kNone);
+  CHECK(of(shape("a", rod)).axis_B == Vector3::UnitZ());
+  const BodyRoundness lying = of(shape("a", rod, "0 0 0 0 1.57079632679489662 0"));
+  CHECK(lying.kind == Roundness::kAxis);
+  CHECK((lying.axis_B - Vector3::UnitX()).norm() < 1e-12);
+  // A wheel on an axle, and a ball on its end; then a crank.
+  CHECK(of(shape("a", rod) + shape("b", ball, "0 0 0.06 0 0 0")).kind == Roundness::kAxis);
+  CHECK(of(shape("a", rod) + shape("b", ball, "0.001 0 0.06 0 0 0")).kind == Roundness::kNone);
+  CHECK(of(shape("a", rod, "0.001 0 0 0 0 0")).kind == Roundness::kNone);
+  CHECK(of(shape("a", rod) + shape("b", cube)).kind == Roundness::kNone);
+}
+
 }  // namespace
 }  // namespace hlm::ve

@@ -5,6 +5,9 @@
 #include <cstdio>
 #include <unordered_set>
 
+#include "protocol/codec.h"
+#include "protocol/tool_fit.h"
+
 namespace hlm {
 namespace {
 
@@ -73,25 +76,33 @@ Error find_error(const MovableBody& body) {
   if (!finite) return "its numbers must be finite";
   const double asymmetry = (body.W - body.W.transpose()).norm();
   if (asymmetry > 1e-6 * body.W.norm()) return "its inverse inertia must be symmetric";
+  if (kWords<Roundness>.size() <= static_cast<std::size_t>(body.roundness)) {
+    return "round is " + std::to_string(static_cast<int>(body.roundness)) + ", must be 0, 1 or 2";
+  }
+  if (body.roundness == Roundness::kAxis && !(std::abs(body.axis_W.norm() - 1) <= kUnitTolerance)) {
+    return "the axis " + numbers(body.axis_W) + " of a round body must be of length 1, not " +
+           number(body.axis_W.norm());
+  }
   if (body.W.diagonal().minCoeff() < 0) return "the diagonal of its inverse inertia must be >= 0";
   return std::nullopt;
 }
 
-}  // namespace
-
-std::optional<std::string> find_error(const ReportedContacts& contacts, const MovableBodies& bodies,
-                                      const ToolModel& tool) {
-  const auto of_contact = [](std::size_t i, const std::string& what) {
-    return "contact " + std::to_string(i) + ": " + what;
-  };
+Error find_error(const ReportedContacts& contacts, const ToolModel& tool) {
   std::unordered_set<std::uint64_t> identities;
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    if (const Error error = find_error(contacts[i], tool)) return of_contact(i, *error);
+    const auto of_contact = [&](const std::string& what) {
+      return "contact " + std::to_string(i) + ": " + what;
+    };
+    if (const Error error = find_error(contacts[i], tool)) return of_contact(*error);
     if (!identities.insert(contacts[i].identity).second) {
-      return of_contact(i, "identity " + std::to_string(contacts[i].identity) +
-                               " is that of an earlier contact; each must have its own");
+      return of_contact("identity " + std::to_string(contacts[i].identity) +
+                        " is that of an earlier contact; each must have its own");
     }
   }
+  return std::nullopt;
+}
+
+Error find_error(const MovableBodies& bodies) {
   std::unordered_set<std::uint32_t> ids;
   for (const MovableBody& body : bodies) {
     const auto of_body = [&](const std::string& what) {
@@ -101,6 +112,32 @@ std::optional<std::string> find_error(const ReportedContacts& contacts, const Mo
     if (!ids.insert(body.id).second) return of_body("its id is that of an earlier body");
   }
   return std::nullopt;
+}
+
+/// What the server's own checks say, which have ranges too.
+Error find_refusal(const protocol::ContactUpdate& update, const ToolDescription& tool) {
+  if (const auto misfit = protocol::find_misfit(tool, update)) {
+    return std::string(meaning_of(misfit->error));
+  }
+  const protocol::Envelope envelope{.session = 1};
+  protocol::ContactUpdate read;
+  for (std::uint8_t part = 0; part < protocol::part_count(update); ++part) {
+    const protocol::DatagramBytes bytes = protocol::encode(envelope, update, part);
+    const auto error = protocol::decode_part(protocol::view(bytes), read);
+    if (!error) continue;
+    const std::string item = error->in_item ? "item " + std::to_string(error->item) : "update";
+    return std::string(item).append(": ").append(meaning_of(error->error));
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<std::string> find_error(const protocol::ContactUpdate& update,
+                                      const ToolModel& tool) {
+  if (const Error error = find_error(update.contacts, tool)) return error;
+  if (const Error error = find_error(update.bodies)) return error;
+  return find_refusal(update, tool.description());
 }
 
 }  // namespace hlm

@@ -4,18 +4,15 @@
 #include <optional>
 #include <string>
 
-#include "common/contact.h"
 #include "common/tool_model.h"
+#include "protocol/messages.h"
 
 namespace hlm {
 
 /// What is wrong with the first contact or body that cannot be meant so, naming its place in the
-/// list, the value and what is allowed; empty if nothing is. `tool`: at the configuration for which
-/// the contacts hold. Found: numbers that are not finite, normals that are not unit, identities and
-/// body ids that come twice, links and sides that cannot be, and lengths of another unit (a point
-/// kFarthest away from its link).
-std::optional<std::string> find_error(const ReportedContacts& contacts, const MovableBodies& bodies,
-                                      const ToolModel& tool);
+/// list, the value and what is allowed; empty if nothing is. `tool`: at update.q_VE. Whatever a
+/// server would refuse is found, and lengths of another unit: a point kFarthest from its link.
+std::optional<std::string> find_error(const protocol::ContactUpdate& update, const ToolModel& tool);
 
 /// No point of a tool that a hand holds is farther away from its link's origin, m.
 inline constexpr double kFarthest = 20;

@@ -124,6 +124,8 @@ MovableBody body_of(const haptic_body& from) {
   body.V_W = vector_of(from.velocity);
   body.W = Eigen::Map<const Matrix6>(from.inverse_inertia);
   body.A_W = vector_of(from.acceleration);
+  body.roundness = static_cast<Roundness>(from.round);
+  body.axis_W = vector_of(from.axis);
   return body;
 }
 
@@ -155,6 +157,8 @@ struct haptic_session {
     client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : socket,
                    client_options_);
     tool.set_configuration(client_options_.q);
+    update.q_VE = client_options_.q;
+    update.v_VE = Velocity::Zero(tool.dof());
   }
 
   /// Keeps the latest refusal until a session begins.
@@ -169,7 +173,8 @@ struct haptic_session {
   }
 
   HapticClientOptions client_options_;
-  ToolModel tool;  ///< At the latest sample.
+  ToolModel tool;                  ///< At the latest sample.
+  protocol::ContactUpdate update;  ///< Of it, to be checked.
   UdpSocket socket;
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
@@ -289,6 +294,8 @@ int haptic_sample(haptic_session* session, const double* q, const double* v, dou
     return -1;
   }
   session->tool.set_configuration(configuration);
+  session->update.q_VE = configuration;
+  session->update.v_VE = velocity;
   session->client->sample(now(), configuration, velocity, period);
   return 0;
 }
@@ -308,14 +315,15 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
                      std::to_string(HAPTIC_MAX_BODIES);
     return -1;
   }
-  const ReportedContacts reported = contacts_of(contacts, count);
-  const MovableBodies movable = bodies_of(bodies, body_count);
-  if (auto error = find_error(reported, movable, session->tool)) {
+  protocol::ContactUpdate& update = session->update;
+  update.contacts = contacts_of(contacts, count);
+  update.bodies = bodies_of(bodies, body_count);
+  if (auto error = find_error(update, session->tool)) {
     session->error = std::move(*error);
     return -1;
   }
-  for (const MovableBody& body : movable) session->sent.insert(body.id);
-  return static_cast<std::int64_t>(session->client->send(now(), reported, movable));
+  for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
+  return static_cast<std::int64_t>(session->client->send(now(), update.contacts, update.bodies));
 }
 
 const char* haptic_error(const haptic_session* session) { return session->error.c_str(); }

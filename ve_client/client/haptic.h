@@ -101,12 +101,15 @@ typedef struct haptic_contact {
  * first eight, the others are moving constraints to it, by the velocity of their contacts. */
 typedef struct haptic_body {
   uint32_t id;
-  uint32_t reserved;          /* 0 */
+  uint32_t round;             /* 1: a surface of revolution about `axis`, 2: a sphere; 0 otherwise.
+                                 A round body's contacts do not go round with it: without this word
+                                 one that rolls pushes back as if it had facets */
   double centre[3];           /* of mass, m */
   double velocity[6];         /* linear (m/s), angular (rad/s) */
   double inverse_inertia[36]; /* 6x6 about the centre of mass: linear, then angular; what joints
                                  leave */
   double acceleration[6];     /* by all forces except contacts */
+  double axis[3];             /* with round 1: unit, through the centre of mass */
 } haptic_body;
 
 /* What the tool did to a body: apply impulse / period as a wrench at its centre during the step. */

@@ -32,6 +32,7 @@ Surroundings::Surroundings(World& world, Proximity& proximity)
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
     const double own = 1 / world.description().bodies[at(body)].mass;
     pushable_.push_back(world.is_movable(body) && mobility_of(world, body).W.norm() > kHeld * own);
+    round_.push_back(roundness_of(world.description(), body));
   }
 }
 
@@ -86,6 +87,8 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon) {
     const Mobility mobility = mobility_of(world_, body);
     movable.W = mobility.W;
     movable.A_W = mobility.A_W;
+    movable.roundness = round_[at(body)].kind;
+    movable.axis_W = world_.X_WB(body).R * round_[at(body)].axis_B;
   }
 }
 

@@ -7,6 +7,7 @@
 #include "common/contact.h"
 #include "ve_client/contacts/feature.h"
 #include "ve_client/world/proximity.h"
+#include "ve_client/world/roundness.h"
 #include "ve_client/world/world.h"
 
 namespace hlm::ve {
@@ -46,6 +47,7 @@ class Surroundings {
   World& world_;
   Proximity& proximity_;
   std::vector<bool> pushable_;  ///< Bodies that their joints let move.
+  std::vector<BodyRoundness> round_;
   std::vector<int> reported_;
   std::vector<int> left_out_;
   MovableBodies bodies_;

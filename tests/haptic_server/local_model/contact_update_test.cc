@@ -59,7 +59,7 @@ double separation(const LocalContact& contact, const ToolModel& proxy) {
 
 void advance(LocalContacts& contacts, const ToolModel& proxy, UpdateRule rule) {
   double tank = 0;
-  advance_contacts(contacts, poses_of(proxy, {}), policy(rule), 30, 1e-3, tank);
+  advance_contacts(contacts, poses_of(proxy, {}), policy(rule), 1e-3, tank);
 }
 
 /// A tool on its way through random contacts that come and go, seen late.

@@ -114,6 +114,30 @@ TEST_CASE("A wall that changes its speed changes the damper's force by 0.5 N a s
   }
 }
 
+TEST_CASE("Directly coupled, the tank gains what the device paid and the spring does not keep") {
+  const double rendered = GENERATE(1.0, 0.9);
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModelParameters parameters;
+  LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
+  const ReportedContacts floor(1);
+  model.adopt({.contacts = floor, .q_VE = model.proxy().configuration(), .age = 0});
+  // In, and slowly out again under load.
+  double paid = 0;  // J
+  double z = 0;     // m
+  for (int i = 0; i < 40; ++i) {
+    Configuration q = model.proxy().configuration();
+    q[2] = z;
+    const double v = i < 20 ? -0.1 : 0.02;  // m/s
+    const ContactWrench felt = model.follow(q, v * Velocity::Unit(6, 2));
+    model.set_rendered(rendered);
+    if (i == 39) break;
+    paid -= rendered * felt.F[2] * v * 1e-3;
+    z += v * 1e-3;
+  }
+  CHECK(paid > 1e-3);
+  CHECK(model.healing_tank() == Approx(paid - parameters.stiffness * z * z / 2).margin(1e-9));
+}
+
 TEST_CASE("A contact that closes begins without energy, at 1 MN/m too") {
   test::Random random;
   LocalModelParameters parameters;

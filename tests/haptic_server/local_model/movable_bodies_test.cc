@@ -343,6 +343,26 @@ TEST_CASE("A body without mobility of its own in a direction does not move in it
   CHECK((body.B * body.B.transpose() - reported.W).norm() < 1e-12);
 }
 
+TEST_CASE("A round body's contacts do not go round with it, those of others do") {
+  const Roundness roundness = GENERATE(Roundness::kNone, Roundness::kAxis, Roundness::kSphere);
+  MovableBody reported;
+  reported.W.setIdentity();
+  reported.roundness = roundness;
+  reported.axis_W = {0, 1, 0};
+  LocalBody body(reported);
+  Twist V = Twist::Zero();
+  V.tail<3>() << 0, 3, 0;  // rad/s: it rolls
+  for (int i = 0; i < 100; ++i) body.advance(V, 1e-3);
+  V.tail<3>() << 0, 0, 2;  // rad/s: it is turned across its axis
+  for (int i = 0; i < 100; ++i) body.advance(V, 1e-3);
+  const Eigen::AngleAxisd rolled(0.3, Vector3::UnitY());
+  const Eigen::AngleAxisd turned(0.2, Vector3::UnitZ());
+  Quaternion expected = Quaternion::Identity();
+  if (roundness == Roundness::kAxis) expected = turned;
+  if (roundness == Roundness::kNone) expected = turned * rolled;
+  CHECK(body.X_WB.R.angularDistance(expected) < 1e-9);  // rad
+}
+
 /// The floor and six cubes of 50 mm and 0.3 kg on it; the tool touches the top one at its side.
 struct Tower {
   static constexpr double kSize = 0.05;  // m

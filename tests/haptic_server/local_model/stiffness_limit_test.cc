@@ -3,6 +3,8 @@
 
 #include <limits>
 
+#include <Eigen/Eigenvalues>
+
 #include "haptic_server/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
@@ -43,6 +45,46 @@ TEST_CASE("The stiffness felt at the hand stays at its limit however many contac
   CHECK(felt_stiffness(parameters, 1) == Approx(4000).epsilon(1e-3));
   CHECK(felt_stiffness(parameters, 8) == Approx(6000).epsilon(1e-3));
   CHECK(felt_stiffness(parameters, 64) == Approx(6000).epsilon(1e-3));
+}
+
+TEST_CASE("The stiffness at the hand is that of all contacts, on whichever links they are") {
+  test::Random random;
+  for (int trial = 0; trial < 200; ++trial) {
+    const ToolDescription description = test::random_tool(
+        random, random.integer(1, 5), trial % 2 == 0 ? JointType::kFree : JointType::kPlanar);
+    ToolModel tool(description);
+    tool.set_configuration(test::random_configuration(random, tool));
+    const Velocity v = Velocity::Zero(tool.dof());
+    const FrameMotions frames(tool, &v, {}, 1e-3);
+    const Eigen::LLT<MassMatrix> D(tool.mass_matrix());
+    const HandMap H = hand_map(tool, D, tool.hand_jacobian());
+
+    LocalContacts contacts;
+    Matrix3 per_k = Matrix3::Zero();  // Of the hand's force, N/m for each N/m.
+    for (int i = random.integer(0, 12); i-- > 0;) {
+      LocalContact& contact = contacts.emplace_back();
+      contact.n_W = random.direction();
+      contact.p_W = random.vector(0.2);  // m
+      contact.a.index = static_cast<std::uint32_t>(random.integer(0, tool.links() - 1));
+      contact.frame_a = frame_of_link(contact.a.index);
+      Velocity along =
+          tool.point_jacobian(static_cast<int>(contact.a.index), contact.p_W).transpose() *
+          contact.n_W;
+      if (random.integer(0, 1) == 1) {  // The tool with itself.
+        contact.b = {SideKind::kToolLink,
+                     static_cast<std::uint32_t>(random.integer(0, tool.links() - 1))};
+        contact.frame_b = frame_of_link(contact.b.index);
+        along -= tool.point_jacobian(static_cast<int>(contact.b.index), contact.p_W).transpose() *
+                 contact.n_W;
+      }
+      const Vector3 f = H.topRows<3>() * along;
+      per_k += f * f.transpose();
+    }
+    const Eigen::SelfAdjointEigenSolver<Matrix3> eigen(per_k);
+    const double due = std::min(1.0, 4 / std::max(1e-9, eigen.eigenvalues().maxCoeff()));
+    StiffnessLimit limit;
+    CHECK(limit.scale(tool, contacts, frames, D, H, {}) == Approx(due).epsilon(1e-9));
+  }
 }
 
 TEST_CASE("The natural frequency on the contacts stays at its limit") {

@@ -379,6 +379,21 @@ TEST_CASE("A proxy that leaves all bounds is a fault, and the client learns it i
   CHECK(bench.last_sent<protocol::ProxyState>().fault == fault);
 }
 
+TEST_CASE("A contact wrench that is not finite is a fault, and no record has it") {
+  ServoOptions options = untied();
+  options.controller = ControllerKind::kDirect;
+  options.local_model.update_rule = UpdateRule::kIntermediateRepresentation;
+  options.local_model.stiffness = 1e308;  // N/m
+  ServoBench bench(options);
+  bench.begin();
+  const TickRecord& record = bench.tick_with(bench.update({wall_ahead(-2)}));  // m
+  CHECK(record.fault == Fault::kNonFinite);
+  CHECK(record.F_env.allFinite());
+  CHECK(bench.device.written.norm() == 0);
+  CHECK_FALSE(bench.device.enabled);
+  CHECK(bench.last_sent<protocol::ProxyState>().fault == Fault::kNonFinite);
+}
+
 TEST_CASE("A gap of 250 periods is endured, one of 251 is an overrun") {
   ServoBench bench;
   bench.begin();

@@ -25,10 +25,11 @@ import numpy as np
 from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, NO_LIMIT, Impulse, Link, Options, State,
                              load)
 
-__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MOVABLE_BODY", "SERVER_STATES", "Session",
-           "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "sphere"]
+__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MOVABLE_BODY", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+           "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "sphere"]
 
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
+NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
 JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}
 SERVER_STATES = ("off", "active", "fading", "fault", "arming", "ramping")
 
@@ -49,11 +50,13 @@ CONTACT = np.dtype([
 
 #: A body that the tool can push.
 BODY = np.dtype([
-    ("id", "u4"), ("reserved", "u4"),
+    ("id", "u4"),
+    ("round", "u4"),                     # NOT_ROUND, or ROUND_ABOUT_AXIS, SPHERE: of the shape
     ("centre", "f8", 3),                 # of mass, m
     ("velocity", "f8", 6),               # linear, angular
     ("inverse_inertia", "f8", (6, 6)),   # about the centre of mass, what the joints leave
     ("acceleration", "f8", 6),           # by all forces except contacts
+    ("axis", "f8", 3),                   # of a body that is round about it: unit, through its centre
 ], align=True)
 
 

@@ -21,6 +21,8 @@ import numpy as np
 import haptic
 
 _FREE = 0  # mjJNT_FREE
+_SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
+_OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther away
 _BODY = 1  # mjOBJ_BODY
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
@@ -61,6 +63,7 @@ class Session:
         if len(welded) > 1:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
                                      "it; put their geoms into it")
+        self._round = self._round_geoms()
         self._gaps = np.array(model.geom_gap[self._geoms])
         self._answered = False
         binding.mj_forward(model, data)
@@ -192,7 +195,33 @@ class Session:
             to["velocity"] = J @ data.qvel
             to["inverse_inertia"] = 0.5 * (W + W.T)
             to["acceleration"] = J @ data.qacc_smooth - W @ data.xfrc_applied[body]
+            to["round"], to["axis"] = self._roundness(data, body)
         return found
+
+    def _round_geoms(self) -> dict[int, int]:
+        """Of each body with one geom that collides, and that revolves, this geom."""
+        model = self._model
+        collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
+        bodies = np.asarray(model.body_weldid)[model.geom_bodyid]
+        limited = model.body_weldid[np.asarray(model.jnt_bodyid)[np.asarray(model.jnt_limited) != 0]]
+        found = {}
+        for body in set(bodies[collides].tolist()) - {0} - set(limited.tolist()):
+            geoms = np.flatnonzero(collides & (bodies == body))
+            if len(geoms) == 1 and model.geom_type[geoms[0]] in _REVOLVES:
+                found[body] = int(geoms[0])
+        return found
+
+    def _roundness(self, data: Any, body: int) -> tuple[int, Any]:
+        geom = self._round.get(body)
+        if geom is None:
+            return haptic.NOT_ROUND, 0
+        offset = data.geom_xpos[geom] - data.xipos[body]
+        axis = np.reshape(data.geom_xmat[geom], (3, 3))[:, 2]
+        if self._model.geom_type[geom] == _SPHERE and np.linalg.norm(offset) < _OFF_AXIS:
+            return haptic.SPHERE, 0
+        if self._model.geom_type[geom] != _SPHERE and np.linalg.norm(np.cross(axis, offset)) < _OFF_AXIS:
+            return haptic.ROUND_ABOUT_AXIS, axis
+        return haptic.NOT_ROUND, 0
 
     @staticmethod
     def _set_velocities(contacts: np.ndarray, bodies: np.ndarray) -> None:

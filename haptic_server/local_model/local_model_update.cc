@@ -1,0 +1,163 @@
+// How the local model takes over what the environment reports (docs/method.md 2, 11).
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "haptic_server/local_model/body_friction.h"
+#include "haptic_server/local_model/local_model.h"
+
+namespace hlm::server {
+namespace {
+
+/// Longest time in which a correction of a body's velocity enters, s: a slow environment's frame.
+constexpr double kLongestCorrection = 0.1;
+/// Speeds at which nothing that a hand touches moves, m/s and rad/s: a body beyond them is the
+/// product of numbers without sense.
+constexpr double kLargestBodySpeed = 100;
+constexpr double kLargestBodySpin = 1000;
+/// Most steps in which an update with one body is brought to the present; longer loops take longer
+/// steps, and so do more bodies: the time of a tick bounds both.
+constexpr std::uint64_t kReplaySteps = 40;
+
+std::uint64_t whole_steps(double steps) noexcept {
+  return static_cast<std::uint64_t>(std::max(0.0, steps));
+}
+
+bool is_plausible(const LocalBody& body) noexcept {
+  return body.X_WB.p.allFinite() && body.X_WB.R.coeffs().allFinite() &&
+         body.V_W.head<3>().norm() <= kLargestBodySpeed &&
+         body.V_W.tail<3>().norm() <= kLargestBodySpin;
+}
+
+/// Makes a body one that nothing moves.
+void hold(LocalBody& body, const Pose& X_WB) noexcept {
+  body.X_WB = X_WB;
+  body.V_W.setZero();
+  body.A_W.setZero();
+  body.B.resize(6, 0);
+}
+
+}  // namespace
+
+void LocalModel::adopt(const ModelUpdate& update) noexcept {
+  ve_tool_.set_configuration(update.q_VE);
+  impulses_.end_silence();
+  const auto now = static_cast<double>(impulses_.world_step());
+  // An environment that does not say which step its bodies are at has them as old as its contacts.
+  const double state_step = update.impulse_step > 0
+                                ? std::min(impulses_.world_step(update.impulse_step), now)
+                                : now - update.age / dt_;
+  LocalBodies bodies;
+  for (const MovableBody& reported : update.bodies) {
+    if (bodies.size() == bodies.capacity()) break;
+    const auto has_id = [&](const LocalBody& body) { return body.id == reported.id; };
+    const std::optional<std::size_t> slot = impulses_.enrol(reported.id);
+    if (!slot || std::any_of(bodies.begin(), bodies.end(), has_id)) continue;
+    LocalBody& body = bodies.emplace_back(reported);
+    body.slot = *slot;
+    body.pending_W = impulses_.total(*slot) - reported.P_W -
+                     impulses_.between(*slot, whole_steps(state_step), impulses_.world_step());
+  }
+  UpdateFrames frames{.tool = proxy_,
+                      .bodies = bodies,
+                      .reported = poses_of(ve_tool_, bodies),
+                      .before = poses_of(proxy_, bodies_)};
+  const LocalContacts& existing = contacts();
+  const LocalContacts& existing_supports = supports();
+  current_ = 1 - current_;
+  adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
+  scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
+  const LocalBodies reported = bodies;
+  replay(bodies, present_supports(), state_step);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    if (!is_plausible(bodies[i])) hold(bodies[i], reported[i].X_WB);
+  }
+  frames.set_now(poses_of(proxy_, bodies));
+  fill_tank(
+      adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
+  correct_gradually(bodies, update.period);
+  const FrictionReport report{.contacts = update.contacts,
+                              .kinetic_friction = parameters_.kinetic_friction,
+                              .ahead = kSupportFriction,
+                              .elapsed = (state_step - adopted_step_) * dt_,
+                              .late = (now - state_step) * dt_};
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    learn_friction(bodies[i], reported[i].X_WB, reported[i].V_W, report);
+  }
+  adopted_step_ = state_step;
+  bodies_ = bodies;
+}
+
+void LocalModel::release_bodies() noexcept {
+  const LocalBodies none;
+  UpdateFrames frames{.tool = proxy_,
+                      .bodies = none,
+                      .reported = poses_of(proxy_, none),
+                      .before = poses_of(proxy_, bodies_)};
+  frames.set_now(frames.reported);
+  server::release_bodies(contacts_[current_], frames, policy());
+  present_supports().clear();
+  bodies_.clear();
+  impulses_.begin_silence();
+}
+
+/// Brings bodies and their own contacts from the world step that an update is about to the present,
+/// under the impulses that came since.
+void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept {
+  if (bodies.empty()) return;
+  const std::uint64_t now = impulses_.world_step();
+  const double start =
+      std::clamp(from, static_cast<double>(impulses_.oldest()), static_cast<double>(now));
+  for (LocalBody& body : bodies) {
+    body.V_W += body.B * body.B.transpose().lazyProduct(body.pending_W);
+  }
+  std::uint64_t done = whole_steps(start);
+  double into_step = start - static_cast<double>(done);
+  const std::uint64_t most = std::max<std::uint64_t>(8, 2 * kReplaySteps / (1 + bodies.size()));
+  const std::uint64_t stride = (now - done + most - 1) / most;
+  while (done < now) {
+    const std::uint64_t next = std::min(done + stride, now);
+    const double dt = (static_cast<double>(next - done) - into_step) * dt_;
+    into_step = 0;
+    for (LocalBody& body : bodies) {
+      const Vector6 P = impulses_.between(body.slot, done, next);
+      body.V_W += body.B * body.B.transpose().lazyProduct(P);
+    }
+    const FrameMotions frames(proxy_, nullptr, bodies, dt);
+    evaluate_contacts(supports, frames);
+    const ContactGroup group{supports, support_law(dt, 1)};
+    const Unknowns x = solve_contact_step({&group, 1}, frames, unit_system(frames));
+    apply_contact_forces(group, frames, x);
+    advance_bodies(bodies, proxy_, frames, x, dt);
+    advance_constraints(supports, dt);
+    done = next;
+  }
+}
+
+/// Bodies go on at the velocity that they have; what the update has found it to be wrong by enters
+/// over one frame, or slower where that would make the damping force jump.
+void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
+  for (LocalBody& body : updated) {
+    for (const LocalBody& known : bodies_) {
+      if (known.id != body.id || !is_plausible(known)) continue;
+      body.correction = body.V_W - known.V_W;
+      const double frame = std::clamp(period, dt_, kLongestCorrection) / dt_;
+      const double gentle =
+          damping_on(body) * body.correction.head<3>().norm() / parameters_.release_step;
+      body.correction_steps =
+          static_cast<int>(std::max(frame, std::min(gentle, kLongestCorrection / dt_)));
+      body.V_W = known.V_W;
+    }
+  }
+}
+
+/// Of the tool's loaded contacts with a body, N·s/m.
+double LocalModel::damping_on(const LocalBody& body) const noexcept {
+  const ContactSide side{SideKind::kMovableBody, body.id};
+  const auto loaded = std::count_if(contacts().begin(), contacts().end(), [&](const auto& contact) {
+    return contact.loaded && contact.b == side;
+  });
+  return static_cast<double>(loaded) * policy().damping;
+}
+
+}  // namespace hlm::server

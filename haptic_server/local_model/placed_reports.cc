@@ -1,0 +1,118 @@
+#include "haptic_server/local_model/placed_reports.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace hlm::server {
+
+void UpdateFrames::set_now(const FramePoses& poses) noexcept {
+  now = poses;
+  moved.clear();
+  for (std::size_t i = 0; i < now.size(); ++i) moved.push_back(now[i] * reported[i].inverse());
+}
+
+std::optional<FrameIndex> frame_of(const ContactSide& side, const ToolModel& tool,
+                                   const LocalBodies& bodies) noexcept {
+  switch (side.kind) {
+    case SideKind::kWorld:
+      return kWorldFrame;
+    case SideKind::kToolLink:
+      if (side.index >= static_cast<std::uint32_t>(tool.links())) return std::nullopt;
+      return frame_of_link(side.index);
+    case SideKind::kMovableBody:
+      for (std::size_t slot = 0; slot < bodies.size(); ++slot) {
+        if (bodies[slot].id == side.index) return frame_of_body(tool, slot);
+      }
+      return kWorldFrame;
+  }
+  return std::nullopt;
+}
+
+PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrames& frames,
+                             bool (*wanted)(const ReportedContact&) noexcept) noexcept {
+  PlacedReports sorted;
+  for (const ReportedContact& report : reported) {
+    if (!wanted(report)) continue;
+    const auto a = frame_of(report.a, frames.tool, frames.bodies);
+    const auto b = frame_of(report.b, frames.tool, frames.bodies);
+    if (!a || !b || *a == kWorldFrame || *a == *b) continue;
+    sorted.push_back({&report, *a, *b});
+  }
+  const auto before = [](const Placed& x, const Placed& y) {
+    if (x.report->identity != y.report->identity) return x.report->identity < y.report->identity;
+    return x.report < y.report;
+  };
+  if (!std::is_sorted(sorted.begin(), sorted.end(), before)) {
+    std::sort(sorted.begin(), sorted.end(), before);
+  }
+  const auto same = [](const Placed& x, const Placed& y) {
+    return x.report->identity == y.report->identity;
+  };
+  sorted.erase(std::unique(sorted.begin(), sorted.end(), same), sorted.end());
+  return sorted;
+}
+
+PairAxes axes_of(PlacedReports& reports) noexcept {
+  PairAxes axes;
+  const auto has_others = [](const Placed& placed) { return placed.report->axis > 0; };
+  if (std::none_of(reports.begin(), reports.end(), has_others)) return axes;
+  const auto pair = [](const Placed* placed) {
+    return std::tie(placed->report->pair, placed->report->a);
+  };
+  StaticVector<Placed*, kMaxContacts> sorted;
+  for (Placed& placed : reports) sorted.push_back(&placed);
+  std::sort(sorted.begin(), sorted.end(), [&](const Placed* x, const Placed* y) {
+    return pair(x) != pair(y) ? pair(x) < pair(y) : x->report->axis < y->report->axis;
+  });
+  for (auto first = sorted.begin(); first != sorted.end();) {
+    const auto last =
+        std::find_if(first, sorted.end(), [&](const Placed* p) { return pair(p) != pair(*first); });
+    const bool several = (*first)->report->axis != (*(last - 1))->report->axis;
+    const auto of_pair = static_cast<std::uint16_t>(axes.size());
+    const auto begin = first;
+    for (const Placed* before = nullptr; first != last; before = *first++) {
+      if (!several) continue;
+      if (before == nullptr || before->report->axis != (*first)->report->axis) {
+        const auto parallel = [&](const Placed* p) {
+          return axes[p->axis].bears &&
+                 p->report->n_W.dot((*first)->report->n_W) > std::cos(kOneAxis);
+        };
+        axes.push_back({.pair = of_pair, .bears = std::none_of(begin, first, parallel)});
+      }
+      (*first)->axis = static_cast<std::uint16_t>(axes.size() - 1);
+    }
+  }
+  return axes;
+}
+
+void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
+              double age) noexcept {
+  const ReportedContact& report = *placed.report;
+  contact.identity = report.identity;
+  contact.axis = placed.axis;
+  contact.a = report.a;
+  contact.b = report.b;
+  contact.frame_a = placed.a;
+  contact.frame_b = placed.b;
+  contact.friction = report.friction;
+  if (placed.b == kWorldFrame) {
+    contact.v_constr = report.n_W.dot(report.v_WC);
+    contact.v_WC = contact.v_reported_W = report.v_WC;
+    contact.c_B = report.p_WC + contact.v_constr * age * report.n_W;
+    contact.n_B = report.n_W;
+  } else {
+    const Placement X_BW = frames.reported[placed.b].inverse();
+    contact.c_B = X_BW * report.p_WC;
+    contact.n_B = X_BW.R * report.n_W;
+  }
+}
+
+double true_separation(LocalContact& contact, const Placement& X_WB, const Vector3& x_W) noexcept {
+  const bool in_world = contact.frame_b == kWorldFrame;
+  contact.c_W = in_world ? contact.c_B : X_WB * contact.c_B;
+  contact.n_W = in_world ? contact.n_B : X_WB.R * contact.n_B;
+  return contact.n_W.dot(x_W - contact.c_W);
+}
+
+}  // namespace hlm::server

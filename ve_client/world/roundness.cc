@@ -1,0 +1,51 @@
+#include "ve_client/world/roundness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace hlm::ve {
+namespace {
+
+/// How far an axis may pass the centre of mass, m, and how much two may differ, rad.
+constexpr double kOffAxis = 1e-6;
+
+bool same_axis(const Vector3& a, const Vector3& b) { return a.cross(b).norm() <= kOffAxis; }
+
+/// Of one collision about the body's origin, its centre of mass.
+BodyRoundness roundness_of(const CollisionDescription& collision) {
+  const Vector3& p = collision.X_BG.p;
+  if (std::holds_alternative<Sphere>(collision.shape)) {
+    if (p.norm() <= kOffAxis) return {.kind = Roundness::kSphere};
+    return {.kind = Roundness::kAxis, .axis_B = p.normalized()};
+  }
+  const bool revolves = std::holds_alternative<Cylinder>(collision.shape) ||
+                        std::holds_alternative<Capsule>(collision.shape);
+  const Vector3 axis_B = collision.X_BG.R * Vector3::UnitZ();
+  if (!revolves || axis_B.cross(p).norm() > kOffAxis) return {};
+  return {.kind = Roundness::kAxis, .axis_B = axis_B};
+}
+
+}  // namespace
+
+BodyRoundness roundness_of(const WorldDescription& world, int body) {
+  const auto limits = [&](const JointDescription& joint) {
+    return (joint.child == body || joint.parent == body) &&
+           (std::isfinite(joint.lower) || std::isfinite(joint.upper));
+  };
+  if (std::ranges::any_of(world.joints, limits)) return {};
+  std::optional<BodyRoundness> common;
+  for (const CollisionDescription& collision :
+       world.bodies[static_cast<std::size_t>(body)].collisions) {
+    const BodyRoundness own = roundness_of(collision);
+    if (own.kind == Roundness::kNone) return {};
+    if (!common || common->kind == Roundness::kSphere) {
+      common = own;
+    } else if (own.kind == Roundness::kAxis && !same_axis(own.axis_B, common->axis_B)) {
+      return {};
+    }
+  }
+  return common.value_or(BodyRoundness{});
+}
+
+}  // namespace hlm::ve
