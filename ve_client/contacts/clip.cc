@@ -27,7 +27,7 @@ struct ClipCorner {
   std::optional<Feature> second;  ///< The reference's edge, if that crosses one.
   Line after;                     ///< Line of the side from here to the next corner.
 };
-using Polygon = StaticVector<ClipCorner, kMaxOpposites>;
+using Polygon = StaticVector<ClipCorner, 2 * kMaxFaceCorners>;
 
 Polygon polygon_of(const Patch& incident) {
   Polygon polygon;
@@ -101,6 +101,23 @@ bool has_pair(const Opposites& points, const Feature& first, const Feature& seco
   });
 }
 
+/// Lower for what stays of too many. The numbers of a hull's vertices are spread over it; those of
+/// its edges are not, so that they are mixed.
+std::uint32_t rank(const Opposite& point) {
+  constexpr std::uint32_t kVertex = 1U << 16;
+  constexpr std::uint32_t kMixing = 40503;  // Knuth's multiplier for 16 bits.
+  if (point.first.kind == FeatureKind::kVertex) return kVertex + point.first.index;
+  if (point.second.kind == FeatureKind::kVertex) return kVertex + point.second.index;
+  return (kMixing * (point.first.index + point.second.index)) % kVertex;
+}
+
+void keep_most_spread(Opposites& points) {
+  if (points.size() <= kMaxOpposites) return;
+  std::stable_sort(points.begin(), points.end(),
+                   [](const Opposite& a, const Opposite& b) { return rank(a) < rank(b); });
+  points.erase(points.begin() + kMaxOpposites, points.end());
+}
+
 /// An edge with a coordinate along a direction.
 struct Span {
   const Patch& patch;
@@ -133,6 +150,7 @@ Opposites overlap(const Patch& incident, const Patch& reference, const Vector3& 
     // The two sides of an edge seen as a polygon meet a border in one point.
     if (point && !has_pair(points, point->first, point->second)) points.push_back(*point);
   }
+  keep_most_spread(points);
   return points;
 }
 

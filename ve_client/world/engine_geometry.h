@@ -8,7 +8,8 @@
 
 namespace hlm::ve {
 
-/// A geometry with the shape, at X_WG; with a body, fixed in it at X_BG.
+/// A geometry with the shape, at X_WG; with a body, fixed in it at X_BG. Of shapes that the engine
+/// does not have it is a box around them: only bounding boxes are asked of the engine.
 dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dBodyID body,
                         const Pose& X_BG);
 

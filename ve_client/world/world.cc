@@ -80,8 +80,8 @@ dContact frictional_contact(double friction, const Vector3& p_W, const Vector3& 
 ContactKey key_of(const ManifoldPoint& point, const ContactSide& a, const CollisionId& shape_a,
                   const ContactSide& b, const CollisionId& shape_b) {
   ContactKey key{a, point.tool_feature, b, point.body_feature};
-  key.a_feature.shape = static_cast<std::uint8_t>(shape_a.shape);
-  key.b_feature.shape = static_cast<std::uint8_t>(shape_b.shape);
+  key.a_feature.shape = static_cast<std::uint32_t>(shape_a.shape);
+  key.b_feature.shape = static_cast<std::uint32_t>(shape_b.shape);
   return key;
 }
 
