@@ -67,7 +67,7 @@ void check(std::span<const Vector3> points) {
                                   {-kFarthest, kFarthest, "m"});
     if (error) throw std::invalid_argument(*error);
   }
-  if (!(thickness(points) > kThinnest)) {
+  if (!has_inside(points)) {
     throw fault("its points lie in a plane; it must be thicker than 1e-06 m");
   }
 }
@@ -217,6 +217,10 @@ class Merger {
 };
 
 }  // namespace
+
+bool has_inside(std::span<const Vector3> points) {
+  return points.size() >= 4 && thickness(points) > kThinnest;
+}
 
 HullFaces convex_hull(std::span<const Vector3> points) {
   check(points);

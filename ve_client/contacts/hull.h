@@ -25,6 +25,9 @@ struct HullFaces {
   std::vector<std::vector<std::uint16_t>> neighbours;
 };
 
+/// Whether convex_hull() finds a hull that is thicker than 1 µm.
+bool has_inside(std::span<const Vector3> points);
+
 /// The hull of at least four points (m) by Qhull (Barber, Dobkin, Huhdanpaa 1996). The same points
 /// in any order give the same vertices and faces except for ties. Throws std::invalid_argument with
 /// one line if a coordinate is not finite or larger than 1 km, if the points lie in a plane (the

@@ -129,15 +129,11 @@ class ModelReader {
     body.I_B = to_matrix(link.Inertial().Moi());
     body.X_WB = {X_WS * p_SB, X_WS.R};
     body.p_BS = -p_SB;
-    constexpr std::uint64_t kMostCollisions = 256;  // Feature::shape is one byte.
-    if (link.CollisionCount() > kMostCollisions) {
-      throw std::runtime_error(where + ": " + std::to_string(link.CollisionCount()) +
-                               " collisions; at most 256 are allowed");
-    }
     for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
       const sdf::Collision& collision = *link.CollisionByIndex(i);
       const std::string what = where + " collision '" + collision.Name() + "'";
-      body.collisions.push_back(to_collision(collision, body.p_BS, what));
+      auto pieces = to_collisions(collision, body.p_BS, what, fixed, world_.repairs);
+      std::ranges::move(pieces, std::back_inserter(body.collisions));
       if (!fixed && std::holds_alternative<HalfSpace>(body.collisions.back().shape)) {
         throw std::runtime_error(what + ": a plane is allowed in static models only");
       }

@@ -23,7 +23,7 @@ const std::map<std::string_view, Names>& supported_children() {
       {"haptic:start", {"name", "pose"}},
       {"link", {"pose", "gravity", "inertial", "collision"}},
       {"collision", {"pose", "geometry", "surface"}},
-      {"geometry", {"box", "sphere", "cylinder", "capsule", "plane"}},
+      {"geometry", {"box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh", "plane"}},
       {"surface", {"friction"}},
       {"friction", {"ode"}},
       {"ode", {"mu"}},

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "common/spatial.h"
 #include "common/tool_description.h"
 #include "ve_client/contacts/shape.h"
+#include "ve_client/world/mesh.h"
 
 namespace hlm::ve {
 
@@ -21,7 +23,8 @@ struct CollisionDescription {
   std::string name;
   Shape shape;
   Pose X_BG;
-  std::optional<double> friction;  ///< μ, >= 0; none: the file does not say.
+  std::optional<double> friction;    ///< μ, >= 0; none: the file does not say.
+  std::shared_ptr<const Mesh> mesh;  ///< What the shape is a piece of the skin of; mostly null.
 };
 
 /// A rigid body: one SDF link. Its frame B has its origin at the centre of mass and the link's
@@ -96,6 +99,7 @@ struct WorldDescription {
   std::vector<BodyDescription> bodies;  ///< In the file's order: the index is a stable identity.
   std::vector<JointDescription> joints;
   std::vector<ModelDescription> models;
+  std::vector<std::string> repairs;  ///< What was done to meshes that had faults, a line each.
 };
 
 /// For messages: its models, or "none".
