@@ -24,7 +24,6 @@ namespace fs = std::filesystem;
 constexpr double kConcavity = 10;
 /// Weight of compact pieces against few.
 constexpr double kCompactness = 0.1;
-constexpr std::size_t kMostVerticesOfPart = 64;
 /// More triangles take minutes.
 constexpr std::size_t kMostToDecompose = 5000;
 
@@ -35,7 +34,7 @@ std::uint64_t fingerprint(const Mesh& mesh) {
     const auto* bytes = static_cast<const unsigned char*>(data);
     for (std::size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * 0x100000001B3u;
   };
-  const double parameters[] = {kConcavity, kCompactness, double{kMostVerticesOfPart}};
+  const double parameters[] = {kConcavity, kCompactness};
   add(parameters, sizeof parameters);
   for (const Vector3& p : mesh.points) add(p.data(), 3 * sizeof(double));
   for (const auto& triangle : mesh.triangles) add(triangle.data(), sizeof triangle);
@@ -62,7 +61,7 @@ std::optional<std::vector<Hull>> read_pieces(const fs::path& file) {
   std::vector<Hull> hulls(pieces);
   for (Hull& hull : hulls) {
     std::size_t count = 0;
-    if (!(in >> count) || count > kMostVerticesOfPart) return {};
+    if (!(in >> count) || count > kMaxHullVertices) return {};
     hull.vertices.resize(count);
     for (Vector3& p : hull.vertices) {
       if (!(in >> p.x() >> p.y() >> p.z())) return {};
@@ -87,6 +86,19 @@ void write_pieces(const fs::path& file, const std::vector<Hull>& hulls) {
   if (!out || ignored) fs::remove(part, ignored);
 }
 
+/// Parts of the surface that are flat get the skin behind it.
+void give_inside(const Mesh& mesh, const long* partition, std::vector<Hull>& hulls) {
+  const std::vector<Hull> skin = skin_of(mesh);
+  std::vector<bool> is_flat;
+  for (const Hull& hull : hulls) is_flat.push_back(!has_inside(hull.vertices));
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto part = static_cast<std::size_t>(partition[t]);
+    if (!is_flat[part]) continue;
+    auto& vertices = hulls[part].vertices;
+    vertices.insert(vertices.end(), skin[t].vertices.begin(), skin[t].vertices.end());
+  }
+}
+
 std::vector<Hull> decompose(const Mesh& mesh) {
   std::vector<HACD::Vec3<HACD::Real>> points;
   std::vector<HACD::Vec3<long>> triangles;
@@ -101,23 +113,17 @@ std::vector<Hull> decompose(const Mesh& mesh) {
   hacd.SetVolumeWeight(0);
   hacd.SetNClusters(1);
   hacd.SetConcavity(kConcavity);
-  hacd.SetNVerticesPerCH(kMostVerticesOfPart);
   hacd.SetAddExtraDistPoints(true);
   hacd.SetAddNeighboursDistPoints(true);
   hacd.SetAddFacesPoints(true);
   if (!hacd.Compute()) throw std::runtime_error("no convex decomposition was found");
-  std::vector<Hull> hulls;
-  for (std::size_t i = 0; i < hacd.GetNClusters(); ++i) {
-    std::vector<HACD::Vec3<HACD::Real>> corners(hacd.GetNPointsCH(i));
-    std::vector<HACD::Vec3<long>> faces(hacd.GetNTrianglesCH(i));
-    hacd.GetCH(i, corners.data(), faces.data());
-    Hull hull;
-    for (const auto& c : corners) hull.vertices.emplace_back(c.X(), c.Y(), c.Z());
-    // A part of the surface can be flat; others cover it.
-    if (has_inside(hull.vertices)) hulls.push_back(std::move(hull));
+  std::vector<Hull> hulls(hacd.GetNClusters());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    Hull& hull = hulls[static_cast<std::size_t>(hacd.GetPartition()[t])];
+    for (std::size_t i = 0; i < 3; ++i) hull.vertices.push_back(mesh.corner(t, i));
   }
-  if (hulls.empty())
-    throw std::runtime_error("its convex decomposition has no parts with a volume");
+  give_inside(mesh, hacd.GetPartition(), hulls);
+  for (Hull& hull : hulls) hull.vertices = convex_hull(hull.vertices).vertices;
   return hulls;
 }
 
