@@ -24,10 +24,18 @@ HapticClientOptions client_options(const Settings& settings, const VirtualEnviro
   return options;
 }
 
+/// Loads a scene, and says what was done to its meshes.
+Scene load_and_tell(const std::filesystem::path& file, const std::string& tool,
+                    const std::string& start = "") {
+  Scene scene = load_scene(file, tool, start);
+  for (const std::string& repair : scene.world.repairs) spdlog::warn("{}", repair);
+  return scene;
+}
+
 /// The scene of the options. What is wrong with it, an option is.
 Scene first_scene(const Settings& settings) {
   try {
-    return load_scene(settings.world, settings.tool, settings.start);
+    return load_and_tell(settings.world, settings.tool, settings.start);
   } catch (const std::runtime_error& error) {
     throw settings::UsageError(error.what());
   }
@@ -197,7 +205,7 @@ void ClientRun::change_scene() {
     const auto& file = std::ranges::find(scenes_, chosen_.name, &SceneSummary::name)->file;
     // --tool is for --world; others are played with the tool that they name.
     const std::string tool = file == settings_.world ? settings_.tool : "";
-    loading_ = std::async(std::launch::async, [=] { return load_scene(file, tool); });
+    loading_ = std::async(std::launch::async, [=] { return load_and_tell(file, tool); });
   }
   if (loading_.wait_for(0s) != std::future_status::ready) return;
   try {

@@ -7,11 +7,14 @@
 
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
+#include "tests/support/worlds.h"
 #include "ve_client/contacts/hull.h"
 #include "ve_client/contacts/manifold.h"
 #include "ve_client/world/mesh_pieces.h"
 #include "ve_client/world/mesh_rays.h"
 #include "ve_client/world/sdf_loader.h"
+#include "ve_client/world/tool_assembly.h"
+#include "ve_client/world/world.h"
 
 namespace hlm::ve::test {
 namespace {
@@ -275,6 +278,58 @@ TEST_CASE("Convex parts cover a concave mesh and leave its hollow open") {
     CHECK(bare < tolerance);
     CHECK(filled < tolerance);
   }
+}
+
+TEST_CASE("A mesh of a world file is a skin if it is fixed, and parts if it moves") {
+  const WorldDescription world = hlm::test::repository_world("mesh.sdf");
+  CHECK(world.repairs.empty());
+  const auto& ground = world.bodies.at(0).collisions;
+  CHECK(ground.size() == shipped("terrain.obj").triangles.size() + 1);
+  CHECK(ground.front().mesh != nullptr);
+  CHECK(ground.back().mesh == nullptr);
+  const auto& hook = world.bodies.at(1).collisions;
+  CHECK(hook.size() > 1);
+  for (const CollisionDescription& part : hook) CHECK(part.friction == 0.4);
+}
+
+TEST_CASE("A mesh of a world file that cannot be used is refused with its place") {
+  const fs::path folder = fs::temp_directory_path() / "haptic_mesh_world";
+  fs::create_directories(folder);
+  const auto load = [&](const std::string& mesh, bool fixed) {
+    std::ofstream(folder / "w.sdf")
+        << "<sdf version='1.9'><world name='w'><model name='m'><static>"
+        << (fixed ? "true" : "false")
+        << "</static><link name='l'><collision name='c'><geometry><mesh>" << mesh
+        << "</mesh></geometry></collision></link></model></world></sdf>";
+    return load_world(folder / "w.sdf");
+  };
+  const std::string cup = "<uri>" HLM_WORLDS "/meshes/cup.obj</uri>";
+  CHECK_THROWS_WITH(load("<uri>none.stl</uri>", true),
+                    ContainsSubstring("collision 'c': mesh 'none.stl' is not a file") &&
+                        ContainsSubstring((folder / "none.stl").string()));
+  CHECK_THROWS_WITH(load(cup + "<scale>1 0 1</scale>", true), ContainsSubstring("scale"));
+  CHECK_THROWS_WITH(load(cup + "<haptic:pieces>all</haptic:pieces>", true),
+                    ContainsSubstring("'all' must be hull, parts or"));
+  CHECK_THROWS_WITH(load(cup + "<haptic:pieces>triangles</haptic:pieces>", false),
+                    ContainsSubstring("in static models, triangles"));
+  CHECK(load(cup + "<haptic:pieces>hull</haptic:pieces>", false).bodies[0].collisions.size() == 1);
+  std::ofstream(folder / "flat.obj") << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+  CHECK(load("<uri>flat.obj</uri>", true).bodies[0].collisions.size() == 2);
+  CHECK_THROWS_WITH(load("<uri>flat.obj</uri><haptic:pieces>hull</haptic:pieces>", true),
+                    ContainsSubstring("collision 'c'") && ContainsSubstring("lie in a plane"));
+  fs::remove_all(folder);
+}
+
+TEST_CASE("The cup of the shipped world stays where it stands, and the pebble in its hollow") {
+  const WorldDescription description = hlm::test::repository_world("mesh.sdf");
+  World world(description, assemble_tool(description, "hook").bodies);
+  for (int i = 0; i < 120; ++i) world.step(1.0 / 60, {});
+  CHECK_FALSE(world.fault());
+  const auto moved = [&](int body) {
+    return (world.X_WB(body).p - description.bodies[static_cast<std::size_t>(body)].X_WB.p).norm();
+  };
+  CHECK(moved(2) < 0.001);
+  CHECK(moved(3) < 0.03);
 }
 
 }  // namespace hlm::ve::test

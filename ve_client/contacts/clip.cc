@@ -12,6 +12,9 @@ constexpr double kOnBorder = 1e-6;
 /// Edges with a smaller sine between them, rad, touch along a line: the ends of 0.1 m then part by
 /// 0.1 mm. Larger values put more of the environment's points beside its edge, by that much.
 constexpr double kParallelEdges = 1e-3;
+/// The same of edges that are swept by spheres: there a place beside the edge differs little, by
+/// 0.1 mm at the ends of 0.1 m and 20 mm radius. With less, such a pair rocks on one contact.
+constexpr double kParallelRoundEdges = 25e-3;
 
 /// The line on which a side of the clipped polygon lies.
 struct Line {
@@ -158,7 +161,8 @@ Opposites overlap_of_edges(const Patch& first, const Patch& second) {
   if (first.corners.size() != 2 || second.corners.size() != 2) return {};
   const Vector3 e = (first.corners[1].p - first.corners[0].p).normalized();
   const Vector3 f = (second.corners[1].p - second.corners[0].p).normalized();
-  if (e.cross(f).norm() > kParallelEdges) return {};
+  const double parallel = first.round && second.round ? kParallelRoundEdges : kParallelEdges;
+  if (e.cross(f).norm() > parallel) return {};
   const Span a(first, f);
   const Span b(second, f);
   Opposites points;

@@ -312,6 +312,7 @@ Patch Convex::face_patch(std::size_t index) const {
 Patch Convex::edge_patch(std::size_t index) const {
   const Edge& e = edges_[index];
   Patch patch{.corners = {}, .feature = edge(index)};
+  patch.round = margin_ > 0;
   patch.corners.push_back({vertices_[e.from], vertex(e.from), edge(index)});
   patch.corners.push_back({vertices_[e.to], vertex(e.to), edge(index)});
   return patch;

@@ -29,6 +29,7 @@ struct Patch {
   StaticVector<Corner, kMaxFaceCorners> corners;
   Feature feature;                    ///< The face, edge or vertex itself.
   Vector3 normal = Vector3::UnitZ();  ///< Of a face: outward, unit, frame of the shape.
+  bool round = false;                 ///< Whether a sphere sweeps it.
 
   bool is_face() const noexcept { return corners.size() != 1 && corners.size() != 2; }
 };

@@ -47,6 +47,9 @@ constexpr double kPlausibleRate = 1000;
 /// A body farther from the origin than this, m, has left the world: it is left there at rest.
 constexpr double kWorldRadius = 100;
 
+/// The engine's category of geometries that never move.
+constexpr unsigned long kFixed = 1;
+
 /// Prepares the engine for the calling thread, once in the program's life.
 void initialise_engine() {
   static const bool kInitialised = dInitODE2(0) != 0;
@@ -163,6 +166,10 @@ void World::add_geometries(int index) {
         space_.get(), collision.shape, body.X_WB * collision.X_BG, handle(index), collision.X_BG);
     collision_ids_.push_back({index, static_cast<int>(i)});
     dGeomSetData(geometry, &collision_ids_.back());
+    if (body.fixed) {  // What is fixed does not touch what is fixed.
+      dGeomSetCategoryBits(geometry, kFixed);
+      dGeomSetCollideBits(geometry, ~kFixed);
+    }
   }
 }
 

@@ -250,6 +250,26 @@ TEST_CASE("Moving both shapes rigidly moves their contacts with them") {
   }
 }
 
+TEST_CASE("Small cylinders at touch are never refused, and exact to a micrometre") {
+  Random random;
+  ProximityStatistics statistics;
+  for (int i = 0; i < 3000; ++i) {
+    const auto small = [&] {
+      return Cylinder{random.uniform(0.0005, 0.005), random.uniform(0.001, 0.01)};
+    };
+    const Placed body{small(), random.pose(0.1)};
+    Placed tool{small(), {body.X_WS.p, body.X_WS.R * random_turn(kTurns[i % 4], random)}};
+    tool.X_WS.p += random.uniform(0.001, 0.02) * random.direction();
+    const Manifold before = contacts_of(tool, body, 1);
+    tool.X_WS.p += (random.uniform(-5e-6, 2e-6) - smallest_separation(before)) * before.front().n_W;
+    const Manifold manifold = contacts_of(tool, body, kEpsilon, statistics);
+    REQUIRE_FALSE(manifold.empty());
+    const double separation = smallest_separation(manifold);
+    CHECK(largest_gap(tool, body, manifold[0].n_W, random) < separation + kTolerance);
+  }
+  CHECK(statistics.failures == 0);
+}
+
 TEST_CASE("An answer that the supports do not confirm is counted and makes no contact") {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();
