@@ -47,9 +47,6 @@ constexpr double kPlausibleRate = 1000;
 /// A body farther from the origin than this, m, has left the world: it is left there at rest.
 constexpr double kWorldRadius = 100;
 
-/// The engine's category of geometries that never move.
-constexpr unsigned long kFixed = 1;
-
 /// Prepares the engine for the calling thread, once in the program's life.
 void initialise_engine() {
   static const bool kInitialised = dInitODE2(0) != 0;
@@ -68,6 +65,8 @@ void set(dVector3& target, const Vector3& v) {
 const CollisionId& id_of(dGeomID geometry) {
   return *static_cast<const CollisionId*>(dGeomGetData(geometry));
 }
+
+dGeomID as_geometry(dSpaceID space) { return reinterpret_cast<dGeomID>(space); }
 
 dContact frictional_contact(double friction, const Vector3& p_W, const Vector3& n_W) {
   dContact contact{};
@@ -106,6 +105,7 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   dWorldSetContactSurfaceLayer(world_.get(), 0);
   dWorldSetAutoDisableFlag(world_.get(), 0);
   for (const int body : tool_bodies) is_tool_[at(body)] = true;
+  skins_.reset(create_mesh_space(description_));
   add_bodies();
   dWorldSetQuickStepNumIterations(
       world_.get(), description_.solver.sweeps.value_or(has_movable_ ? kSweeps : kSweepsOfTool));
@@ -162,14 +162,11 @@ void World::add_geometries(int index) {
   const BodyDescription& body = description_.bodies[at(index)];
   for (std::size_t i = 0; i < body.collisions.size(); ++i) {
     const CollisionDescription& collision = body.collisions[i];
-    const dGeomID geometry = create_geometry(
-        space_.get(), collision.shape, body.X_WB * collision.X_BG, handle(index), collision.X_BG);
+    const dGeomID geometry =
+        create_geometry(collision.mesh ? skins_.get() : space_.get(), collision.shape,
+                        body.X_WB * collision.X_BG, handle(index), collision.X_BG);
     collision_ids_.push_back({index, static_cast<int>(i)});
     dGeomSetData(geometry, &collision_ids_.back());
-    if (body.fixed) {  // What is fixed does not touch what is fixed.
-      dGeomSetCategoryBits(geometry, kFixed);
-      dGeomSetCollideBits(geometry, ~kFixed);
-    }
   }
 }
 
@@ -259,9 +256,11 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
     push_held();
     joints_->push_springs();
     if (drive) drive(substep_);
-    dSpaceCollide(space_.get(), this, [](void* world, dGeomID first, dGeomID second) {
+    const dNearCallback* const meet = [](void* world, dGeomID first, dGeomID second) {
       static_cast<World*>(world)->collide(id_of(first), id_of(second));
-    });
+    };
+    dSpaceCollide(space_.get(), this, meet);
+    if (skins_) dSpaceCollide2(as_geometry(space_.get()), as_geometry(skins_.get()), this, meet);
     for (const CarriedContact& contact : carried) {
       add_contact(contact.at(X_WB(contact.tool_body()), X_WB(contact.body())));
     }
@@ -391,11 +390,12 @@ void World::find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& 
   const Vector3 size = box.sizes();
   dGeomBoxSetLengths(query_box_.get(), size.x(), size.y(), size.z());
   dGeomSetPosition(query_box_.get(), center.x(), center.y(), center.z());
-  dSpaceCollide2(query_box_.get(), reinterpret_cast<dGeomID>(space_.get()), &found,
-                 [](void* result, dGeomID first, dGeomID second) {
-                   const dGeomID other = dGeomGetData(first) != nullptr ? first : second;
-                   static_cast<std::vector<CollisionId>*>(result)->push_back(id_of(other));
-                 });
+  const dNearCallback* const add = [](void* result, dGeomID first, dGeomID second) {
+    const dGeomID other = dGeomGetData(first) != nullptr ? first : second;
+    static_cast<std::vector<CollisionId>*>(result)->push_back(id_of(other));
+  };
+  dSpaceCollide2(query_box_.get(), as_geometry(space_.get()), &found, add);
+  if (skins_) dSpaceCollide2(query_box_.get(), as_geometry(skins_.get()), &found, add);
   std::ranges::sort(found);
 }
 

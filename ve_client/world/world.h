@@ -122,6 +122,7 @@ class World {
   std::vector<std::vector<Convex>> shapes_;  ///< [body][shape].
   Handle<dxWorld, dWorldDestroy> world_;
   Handle<dxSpace, dSpaceDestroy> space_;
+  Handle<dxSpace, dSpaceDestroy> skins_;  ///< Of the pieces of fixed meshes; null: there are none.
   Handle<dxJointGroup, dJointGroupDestroy> contacts_;
   Handle<dxGeom, dGeomDestroy> query_box_;  ///< In no space.
   std::vector<dBodyID> bodies_;             ///< Null for fixed bodies.
