@@ -14,8 +14,8 @@
 namespace hlm::ve {
 
 /// Most corners of one face. A face of a hull that has more is represented by those whose loss
-/// would cost most of its area: of a circle of 100 mm at most 0.5 mm are cut off. With more, two
-/// round faces cost more time to clip.
+/// would cost most of its area: of a circle of 100 mm radius at most 0.5 mm are cut off. With more,
+/// two round faces cost more time to clip.
 inline constexpr std::size_t kMaxFaceCorners = 32;
 
 /// The part of a core that looks in one direction: a face (3 or more corners, counter-clockwise

@@ -9,8 +9,8 @@
 namespace hlm::ve {
 namespace {
 
-/// Most points of the polytope. 30 to 60 are usual; a pair of curved cores with a circle of equally
-/// good normals needs the most.
+/// Most points of the polytope. A pair of curved cores with a circle of equally good normals needs
+/// the most; one for which this is too small is refused.
 constexpr std::size_t kMaxPoints = 1024;
 constexpr std::size_t kMaxFaces = 2 * kMaxPoints;
 /// A point this far under the plane of a face, m, counts as above it: faces that it would lie in

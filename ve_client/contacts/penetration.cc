@@ -19,7 +19,7 @@ constexpr double kAdvantage = 1e-9;
 constexpr double kParallel = 1e-9;
 
 /// Difference, m, between the bounds of the expanding polytope at which curved cores are done: half
-/// of what is believed. A tenth of it takes three times as long.
+/// of what is believed. Less takes more points.
 constexpr double kCurvedTolerance = kAccuracy / 2;
 /// Where the expanding polytope starts, one attempt each, beside the line between the origins. From
 /// some directions a symmetrical pair yields slivers.

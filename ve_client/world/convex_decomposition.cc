@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// How far a piece may bridge a hollow, in thousandths of the mesh's size. A tenth of it gives half
-/// as many pieces again on a cup and ten times as many on rolling ground.
+/// as many pieces again on a cup and nine times as many on rolling ground.
 constexpr double kConcavity = 10;
 /// Weight of compact pieces against few.
 constexpr double kCompactness = 0.1;
