@@ -111,7 +111,7 @@ void consider_radial(const CorePair& pair, BestNormal& best) {
 /// nearest points. Where rounding stops the polytope, libccd has the last word.
 CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
                                  bool curved) {
-  double upper = std::numeric_limits<double>::infinity();
+  double upper = touching_upper;
   const auto is_done_with = [&](const std::optional<CoreSeparation>& found) {
     if (!found) return false;
     best.consider(found->n_B);
