@@ -29,7 +29,7 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
       break;
   }
   CoreSeparation separation{nearest.lower, nearest.upper, nearest.n_B};
-  if (separation.is_confirmed()) return separation;
+  if (!(nearest.upper - nearest.lower > kAccuracy)) return separation;
   // Curved cores a few micrometres apart: rounding stops the search early.
   const Vector3 n = closest_points_moved_apart(pair, separation.n_B, separation.gap).n_B;
   const double gap = pair.gap(n);
