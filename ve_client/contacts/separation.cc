@@ -28,7 +28,16 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
     case ClosestPoints::Relation::kSeparate:
       break;
   }
-  return CoreSeparation{nearest.lower, nearest.upper, nearest.n_B};
+  CoreSeparation separation{nearest.lower, nearest.upper, nearest.n_B};
+  if (!(nearest.upper - nearest.lower > kAccuracy)) return separation;
+  // Curved cores a few micrometres apart: rounding stops the search early.
+  const Vector3 n = closest_points_moved_apart(pair, separation.n_B, separation.gap).n_B;
+  const double gap = pair.gap(n);
+  if (gap > separation.gap) {
+    separation.gap = gap;
+    separation.n_B = n;
+  }
+  return separation;
 }
 
 Witness find_witness(const CorePair& pair, const CoreSeparation& separation) {

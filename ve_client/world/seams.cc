@@ -212,7 +212,7 @@ void Resolver::name(FoundContact& contact, const CollisionId& id, FeatureKind ki
   if (id.body != own_.id.body) {  // Both fixed, so on side b.
     contact.key.b.index = static_cast<std::uint32_t>(id.body);
   }
-  own_feature(contact) = {kind, static_cast<std::uint8_t>(id.shape), index};
+  own_feature(contact) = {kind, static_cast<std::uint32_t>(id.shape), index};
   shared_ = true;
 }
 
@@ -267,10 +267,10 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     });
     const bool real = is_on_surface({begin, end});
     for (; begin != end; ++begin) {
-      // On another than the best axis contacts tell whether the pieces are apart, on a surface or beside it.
-      const bool stays = begin->contact.axis > 0
-                             ? real
-                             : (real || put_on_surface(*begin)) && settle(*begin);
+      // On another than the best axis contacts tell whether the pieces are apart, on a surface or
+      // beside it.
+      const bool stays =
+          begin->contact.axis > 0 ? real : (real || put_on_surface(*begin)) && settle(*begin);
       if (stays) contacts.push_back(reported(*begin));
     }
   }
@@ -303,8 +303,8 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
                            const CollisionId& shape_b) {
   FoundContact contact;
   contact.key = {a, point.tool_feature, b, point.body_feature, point.face};
-  contact.key.a_feature.shape = static_cast<std::uint8_t>(shape_a.shape);
-  contact.key.b_feature.shape = static_cast<std::uint8_t>(shape_b.shape);
+  contact.key.a_feature.shape = static_cast<std::uint32_t>(shape_a.shape);
+  contact.key.b_feature.shape = static_cast<std::uint32_t>(shape_b.shape);
   contact.pair = pair_of(contact.key);
   contact.axis = point.axis;
   contact.p_WC = point.p_WC;
