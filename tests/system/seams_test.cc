@@ -2,9 +2,13 @@
 // together, in virtual time.
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <numbers>
 #include <string>
 #include <utility>
+
+#include <unistd.h>
 
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
@@ -62,6 +66,41 @@ std::string tiled_square(double step, double gap) {
   }
   return fixed_model("floor", "0 0 0 0 0 0", collisions);
 }
+
+/// A sheet of triangles at z = 0, two for each square of a tile's length, in a file of its own.
+class SheetOfTriangles {
+ public:
+  SheetOfTriangles()
+      : file_(std::filesystem::temp_directory_path() /
+              ("haptic_sheet_" + std::to_string(getpid()) + ".obj")) {
+    constexpr int kRows = 6;
+    std::ofstream obj(file_);
+    for (int i = 0; i <= kTiles; ++i) {
+      for (int j = 0; j <= kRows; ++j) {
+        obj << "v " << kTile * i << ' ' << kTile * (j - kRows / 2) << " 0\n";
+      }
+    }
+    for (int i = 0; i < kTiles; ++i) {
+      for (int j = 0; j < kRows; ++j) {
+        const int a = (kRows + 1) * i + j + 1;  // OBJ counts from 1.
+        const int b = a + kRows + 1;
+        obj << "f " << a << ' ' << b << ' ' << b + 1 << '\n';
+        obj << "f " << a << ' ' << b + 1 << ' ' << a + 1 << '\n';
+      }
+    }
+  }
+  ~SheetOfTriangles() { std::filesystem::remove(file_); }
+  SheetOfTriangles(const SheetOfTriangles&) = delete;
+  SheetOfTriangles& operator=(const SheetOfTriangles&) = delete;
+
+  std::string floor() const {
+    const std::string mesh = "<mesh><uri>" + file_.string() + "</uri></mesh>";
+    return fixed_model("floor", "0 0 0 0 0 0", collision("sheet", "0 0 0 0 0 0", mesh));
+  }
+
+ private:
+  std::filesystem::path file_;
+};
 
 /// count × count feet under a square of 0.168 m, 1 mm apart.
 std::string feet(int count) {
@@ -186,6 +225,13 @@ TEST_CASE("A tool slides over 20 tiles with steps and gaps as over one slab") {
 
 TEST_CASE("So it does where each tile is a body of its own") {
   check_smooth(slide({kBox, tiled_floor(kStep, kGap, false)}));
+}
+
+TEST_CASE("A tool slides over a flat sheet of triangles as over one slab") {
+  const SheetOfTriangles sheet;
+  for (const Tool& tool : {kBox, kSphere, kPeg, kCapsule}) {
+    check_smooth(slide({tool, sheet.floor()}));
+  }
 }
 
 TEST_CASE("Over 20 seams a sphere sinks as far as its push presses it in: f/k") {

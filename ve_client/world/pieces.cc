@@ -178,7 +178,7 @@ void Pieces::join_faces(Assembly& assembly) {
         piece->surfaces.push_back({piece->id, static_cast<std::uint16_t>(i)});
       }
     }
-    piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face)};
+    piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face), true};
   }
 }
 

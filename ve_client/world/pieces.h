@@ -31,6 +31,7 @@ struct Piece {
   struct Surface {
     CollisionId id;
     std::uint16_t face = 0;
+    bool shared = false;  ///< Whether it is of several pieces.
     auto operator<=>(const Surface&) const = default;
   };
 

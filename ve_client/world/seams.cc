@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -62,6 +63,7 @@ class Resolver {
   FoundContact reported(Meeting meeting) const;
 
   bool is_on_surface(std::span<const Meeting> set) const;
+  Vector3 within_own(const Vector3& p_F) const;
   bool put_on_surface(Meeting& meeting) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
@@ -71,6 +73,7 @@ class Resolver {
   void name(FoundContact& contact, const CollisionId& id, FeatureKind kind, std::uint16_t index);
   void name_surface(FoundContact& contact, std::size_t face);
   void name_border(FoundContact& contact, std::size_t face, std::size_t other_face);
+  static void pair_with_surface(FoundContact& contact);
 
   const Pieces& pieces_;
   const Piece& own_;
@@ -98,11 +101,26 @@ FoundContact Resolver::reported(Meeting meeting) const {
   return contact;
 }
 
+/// A point, or about the nearest to it in the piece.
+Vector3 Resolver::within_own(const Vector3& p_F) const {
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
+  Vector3 within = p_F;
+  for (int i = 0; i < kRounds; ++i) {
+    const Vector3 from = within;
+    for (const PieceSide& side : sides_at(own_, from, kAll)) {
+      within -= std::max(0.0, side.height + side.n_F.dot(within - from)) * side.n_F;
+    }
+  }
+  return within;
+}
+
 /// Whether the normal of a set of contacts is one of the surface at any of them or in their middle.
 /// One such place is enough: a floor goes on under the walls that stand on its border.
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const Vector3& n = set.front().n;
-  const auto is_on = [&](const Vector3& p_F) {
+  const auto is_on = [&](const Vector3& outermost) {
+    const Vector3 p_F = within_own(outermost);
     const PiecesAtPoint pieces = pieces_at(own_, p_F);
     return pieces.size() == 1 || (surface_normal(n, p_F, pieces) - n).norm() < kIsNormal;
   };
@@ -218,17 +236,25 @@ void Resolver::name(FoundContact& contact, const CollisionId& id, FeatureKind ki
 
 void Resolver::name_surface(FoundContact& contact, std::size_t face) {
   const bool joined = !own_.surfaces.empty();
-  const auto [id, index] =
+  const auto surface =
       joined ? own_.surfaces[face] : Piece::Surface{own_.id, static_cast<std::uint16_t>(face)};
-  name(contact, id, FeatureKind::kFace, index);
+  name(contact, surface.id, FeatureKind::kFace, surface.face);
+  contact.key.face = 0;
+  if (surface.shared) pair_with_surface(contact);
 }
 
 void Resolver::name_border(FoundContact& contact, std::size_t face, std::size_t other_face) {
   const auto number = pieces_.border_of(own_, face, other_face);
   if (!number) return;
-  const Piece::Surface& first = std::min(own_.surfaces[face], own_.surfaces[other_face]);
-  name(contact, first.id, FeatureKind::kEdge, *number);
+  const Piece::Surface& surface = own_.surfaces[face];
+  name(contact, std::min(surface, own_.surfaces[other_face]).id, FeatureKind::kEdge, *number);
+  contact.key.face = 2 * std::uint32_t{surface.face} + 1;
+  if (surface.shared) pair_with_surface(contact);
 }
+
+/// The contacts of a surface of several pieces are of one pair, which has no other axes: those of
+/// the first piece do not tell whether the others are apart.
+void Resolver::pair_with_surface(FoundContact& contact) { contact.pair = ~pair_of(contact.key); }
 
 /// Gives a contact its place on a surface of several pieces. False if it has none: it is at a
 /// border inside of that.
@@ -265,13 +291,12 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     const auto end = std::find_if(begin, meetings.end(), [n = begin->n](const Meeting& meeting) {
       return (meeting.n - n).norm() > kSameNormal;
     });
+    // Those on another than the best axis are sent as they are, or not.
+    const bool other_axis = begin->contact.axis > 0;
     const bool real = is_on_surface({begin, end});
     for (; begin != end; ++begin) {
-      // On another than the best axis contacts tell whether the pieces are apart, on a surface or
-      // beside it.
-      const bool stays =
-          begin->contact.axis > 0 ? real : (real || put_on_surface(*begin)) && settle(*begin);
-      if (stays) contacts.push_back(reported(*begin));
+      const bool stays = real || (!other_axis && put_on_surface(*begin));
+      if (stays && (other_axis || settle(*begin))) contacts.push_back(reported(*begin));
     }
   }
   return shared_;
