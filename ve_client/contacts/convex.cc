@@ -360,7 +360,7 @@ std::size_t Convex::face_above(const Vector3& p) const noexcept {
   std::size_t best = 0;
   double highest = -std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < faces_.size(); ++i) {
-    const double height = face_normals_[i].dot(p - vertices_[faces_[i].vertices[0]]);
+    const double height = height_over_face(i, p);
     if (height > highest) {
       highest = height;
       best = i;

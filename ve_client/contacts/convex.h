@@ -72,6 +72,10 @@ class Convex {
   Vector3 support(const Vector3& direction) const noexcept;
   /// Outward unit normals of the core's faces.
   std::span<const Vector3> face_normals() const noexcept { return face_normals_; }
+  /// How high the point p of the shape's frame is over the plane of a face, m. Not for half-spaces.
+  double height_over_face(std::size_t face, const Vector3& p) const noexcept {
+    return face_normals_[face].dot(p - vertices_[faces_[face].vertices[0]]);
+  }
   /// Unit directions of the core's straight edges, each once. None if is_hull().
   std::span<const Vector3> edge_directions() const noexcept { return edge_directions_; }
 

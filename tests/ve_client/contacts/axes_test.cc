@@ -88,6 +88,32 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("Wherever the tool goes within epsilon no axis tells that hulls are apart that overlap") {
+  constexpr double kNear = 0.005;  // m, epsilon.
+  Random random;
+  int tried = 0;
+  int too_deep = 0;
+  while (tried < 1000) {
+    const int sizes[] = {4, 8, 16, 32, 64};
+    const Hull a = random_hull(sizes[random.integer(0, 4)], random);
+    const Hull b = random_hull(sizes[random.integer(0, 3)], random);
+    const Placed body{b, random.pose(0.5)};
+    const Vector3 p = body.X_WS.p + random.uniform(0.01, 0.12) * random.direction();
+    const Placed tool{a, {p, random.rotation()}};
+    const AxesManifold manifold = axes_of(tool, body, kNear);
+    if (manifold.empty() || manifold.front().separation < -0.02) continue;
+    const Vector3 d_W = random.uniform(0, kNear) * random.direction();
+    const double exact = hull_separation(a, {p + d_W, tool.X_WS.R}, b, body.X_WS);
+    if (exact > 0) continue;
+    ++tried;
+    const double told = gap_after(manifold, tool, d_W, Quaternion::Identity());
+    CAPTURE(tried, exact, told);
+    CHECK(told <= exact + 0.1 * d_W.norm() + 1e-6);  // Axes less than 0.1 rad apart are one.
+    if (told < exact - 2e-4) ++too_deep;
+  }
+  CHECK(too_deep < 80);  // Axes of edges of hulls are not listed, except the best.
+}
+
 TEST_CASE("A peg beside the edge of a block has the axes of its side and its top") {
   const Placed block{Box{Vector3(0.1, 0.1, 0.1)}, Pose{}};
   const Placed peg{Box{Vector3(0.04, 0.04, 0.08)},
