@@ -11,6 +11,14 @@ CoreSeparation separation_from_half_space(const CorePair& pair) {
   return {height, height, n};
 }
 
+/// Of curved cores a few micrometres apart, where rounding stopped the search early.
+CoreSeparation made_exact(const CorePair& pair, const ClosestPoints& nearest) {
+  const Vector3 n = closest_points_moved_apart(pair, nearest.n_B, nearest.lower).n_B;
+  const double gap = pair.gap(n);
+  if (gap > nearest.lower) return {gap, nearest.upper, n};
+  return {nearest.lower, nearest.upper, nearest.n_B};
+}
+
 }  // namespace
 
 std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond) {
@@ -28,16 +36,8 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
     case ClosestPoints::Relation::kSeparate:
       break;
   }
-  CoreSeparation separation{nearest.lower, nearest.upper, nearest.n_B};
-  if (!(nearest.upper - nearest.lower > kAccuracy)) return separation;
-  // Curved cores a few micrometres apart: rounding stops the search early.
-  const Vector3 n = closest_points_moved_apart(pair, separation.n_B, separation.gap).n_B;
-  const double gap = pair.gap(n);
-  if (gap > separation.gap) {
-    separation.gap = gap;
-    separation.n_B = n;
-  }
-  return separation;
+  if (nearest.upper - nearest.lower > kAccuracy) return made_exact(pair, nearest);
+  return CoreSeparation{nearest.lower, nearest.upper, nearest.n_B};
 }
 
 Witness find_witness(const CorePair& pair, const CoreSeparation& separation) {
