@@ -67,35 +67,55 @@ std::string tiled_square(double step, double gap) {
   return fixed_model("floor", "0 0 0 0 0 0", collisions);
 }
 
-/// A sheet of triangles at z = 0, two for each square of a tile's length, in a file of its own.
-class SheetOfTriangles {
- public:
-  SheetOfTriangles()
-      : file_(std::filesystem::temp_directory_path() /
-              ("haptic_sheet_" + std::to_string(getpid()) + ".obj")) {
-    constexpr int kRows = 6;
-    std::ofstream obj(file_);
-    for (int i = 0; i <= kTiles; ++i) {
-      for (int j = 0; j <= kRows; ++j) {
-        obj << "v " << kTile * i << ' ' << kTile * (j - kRows / 2) << " 0\n";
-      }
+/// OBJ text of a flat sheet at z = 0: two triangles for each square of a tile's length.
+std::string sheet_of_triangles() {
+  constexpr int kRows = 6;
+  std::string obj;
+  for (int i = 0; i <= kTiles; ++i) {
+    for (int j = 0; j <= kRows; ++j) {
+      obj += "v " + numbers({kTile * i, kTile * (j - kRows / 2), 0}) + '\n';
     }
-    for (int i = 0; i < kTiles; ++i) {
-      for (int j = 0; j < kRows; ++j) {
-        const int a = (kRows + 1) * i + j + 1;  // OBJ counts from 1.
-        const int b = a + kRows + 1;
-        obj << "f " << a << ' ' << b << ' ' << b + 1 << '\n';
-        obj << "f " << a << ' ' << b + 1 << ' ' << a + 1 << '\n';
+  }
+  for (int i = 0; i < kTiles; ++i) {
+    for (int j = 0; j < kRows; ++j) {
+      const int a = (kRows + 1) * i + j + 1;  // OBJ counts from 1.
+      const int b = a + kRows + 1;
+      for (const auto& [second, third] : {std::pair{b, b + 1}, {b + 1, a + 1}}) {
+        obj += "f " + std::to_string(a) + ' ' + std::to_string(second) + ' ' +
+               std::to_string(third) + '\n';
       }
     }
   }
-  ~SheetOfTriangles() { std::filesystem::remove(file_); }
-  SheetOfTriangles(const SheetOfTriangles&) = delete;
-  SheetOfTriangles& operator=(const SheetOfTriangles&) = delete;
+  return obj;
+}
 
-  std::string floor() const {
+/// The same of a flat disk whose triangles meet in its middle, at x = 0.2 m.
+std::string fan_of_triangles(int count) {
+  std::string obj = "v 0.2 0 0\n";
+  std::string triangles;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2 * std::numbers::pi * i / count;
+    obj += "v " + numbers({0.2 + 0.2 * std::cos(angle), 0.2 * std::sin(angle), 0}) + '\n';
+    triangles += "f 1 " + std::to_string(i + 2) + ' ' + std::to_string((i + 1) % count + 2) + '\n';
+  }
+  return obj + triangles;
+}
+
+/// A floor that is a mesh, in a file of its own.
+class MeshFloor {
+ public:
+  explicit MeshFloor(const std::string& obj)
+      : file_(std::filesystem::temp_directory_path() /
+              ("haptic_floor_" + std::to_string(getpid()) + ".obj")) {
+    std::ofstream(file_) << obj;
+  }
+  ~MeshFloor() { std::filesystem::remove(file_); }
+  MeshFloor(const MeshFloor&) = delete;
+  MeshFloor& operator=(const MeshFloor&) = delete;
+
+  std::string model() const {
     const std::string mesh = "<mesh><uri>" + file_.string() + "</uri></mesh>";
-    return fixed_model("floor", "0 0 0 0 0 0", collision("sheet", "0 0 0 0 0 0", mesh));
+    return fixed_model("floor", "0 0 0 0 0 0", collision("mesh", "0 0 0 0 0 0", mesh));
   }
 
  private:
@@ -228,9 +248,16 @@ TEST_CASE("So it does where each tile is a body of its own") {
 }
 
 TEST_CASE("A tool slides over a flat sheet of triangles as over one slab") {
-  const SheetOfTriangles sheet;
+  const MeshFloor sheet(sheet_of_triangles());
   for (const Tool& tool : {kBox, kSphere, kPeg, kCapsule}) {
-    check_smooth(slide({tool, sheet.floor()}));
+    check_smooth(slide({tool, sheet.model()}));
+  }
+}
+
+TEST_CASE("A tool slides over the middle of a fan of 24 triangles as over one slab") {
+  const MeshFloor fan(fan_of_triangles(24));
+  for (const Tool& tool : {kBox, kSphere, kPeg, kCapsule}) {
+    check_smooth(slide({tool, fan.model(), {0.1, 0.0003, 0}, {0.2, 0, 0}}));
   }
 }
 
