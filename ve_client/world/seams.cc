@@ -306,8 +306,8 @@ bool has_neighbours(const Piece& piece) {
   return !piece.adjoining.empty() || !piece.surfaces.empty();
 }
 
+/// Of contacts on the best axes of their pairs.
 bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces) {
-  if (x.axis > 0 || y.axis > 0) return false;
   if (x.key == y.key) return true;
   if (x.key.a != y.key.a || x.key.b.kind != y.key.b.kind) return false;
   if (x.key.b != y.key.b &&
@@ -351,19 +351,24 @@ bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
 }
 
 void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
-  std::size_t kept = 0;
+  std::vector<FoundContact> kept;
+  std::vector<std::size_t> best;  // Those of `kept` that are on the best axis of their pair.
+  kept.reserve(contacts.size());
   for (const FoundContact& contact : contacts) {
-    const auto end = contacts.begin() + static_cast<std::ptrdiff_t>(kept);
-    const auto known = std::find_if(contacts.begin(), end, [&](const FoundContact& other) {
-      return are_same(other, contact, pieces);
-    });
-    if (known == end) {
-      contacts[kept++] = contact;
-    } else if (contact.separation < known->separation) {
-      *known = contact;
+    if (contact.axis > 0) {
+      kept.push_back(contact);
+      continue;
+    }
+    const auto known = std::ranges::find_if(
+        best, [&](std::size_t i) { return are_same(kept[i], contact, pieces); });
+    if (known == best.end()) {
+      best.push_back(kept.size());
+      kept.push_back(contact);
+    } else if (contact.separation < kept[*known].separation) {
+      kept[*known] = contact;
     }
   }
-  contacts.resize(kept);
+  contacts = std::move(kept);
 }
 
 void keep_whole_pairs(std::vector<FoundContact>& contacts) {
