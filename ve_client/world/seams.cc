@@ -291,9 +291,15 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     const auto end = std::find_if(begin, meetings.end(), [n = begin->n](const Meeting& meeting) {
       return (meeting.n - n).norm() > kSameNormal;
     });
-    // Those on another than the best axis are sent as they are, or not.
+    // Those on another than the best axis are sent as they are, or not: not without the best one.
     const bool other_axis = begin->contact.axis > 0;
-    const bool real = is_on_surface({begin, end});
+    const bool whole =
+        !other_axis ||
+        std::any_of(contacts.begin() + static_cast<std::ptrdiff_t>(first), contacts.end(),
+                    [pair = begin->contact.pair](const FoundContact& contact) {
+                      return contact.axis == 0 && contact.pair == pair;
+                    });
+    const bool real = whole && is_on_surface({begin, end});
     for (; begin != end; ++begin) {
       const bool stays = real || (!other_axis && put_on_surface(*begin));
       if (stays && (other_axis || settle(*begin))) contacts.push_back(reported(*begin));
