@@ -89,8 +89,8 @@ class Pieces {
   std::vector<bool> fixed_;         ///< Of each body.
 };
 
-/// The pieces at a point of a piece: that one, and those that adjoin it there. Should more triangles
-/// of a mesh meet in a point, those left out look open.
+/// The pieces at a point of a piece: that one, and those that adjoin it there. Should more
+/// triangles of a mesh meet in a point, those left out look open.
 inline constexpr std::size_t kMaxPiecesAtPoint = 64;
 using PiecesAtPoint = StaticVector<const Piece*, kMaxPiecesAtPoint>;
 PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F);

@@ -174,8 +174,12 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  const AxesManifold manifold =
+  AxesManifold manifold =
       find(world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon, before);
+  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
+  if (world_.collision(other).mesh) {
+    erase_if(manifold, [](const ManifoldPoint& point) { return point.axis > 0; });
+  }
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }
