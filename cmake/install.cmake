@@ -20,6 +20,7 @@ if(HLM_SEALING)
   set_target_properties(hlm_haptic PROPERTIES EXPORT_NAME haptic)
   install(TARGETS hlm_haptic EXPORT haptic_local_model FILE_SET HEADERS
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  file(RELATIVE_PATH from_pkgconfig /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
   configure_file(cmake/haptic.pc.in haptic.pc @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/haptic.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
   install(DIRECTORY ve_client/client/python/haptic DESTINATION lib/python3/dist-packages

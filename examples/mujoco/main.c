@@ -49,29 +49,44 @@ static void drive(const double* q, const double* v) {
 }
 
 /* The world as it is at the start of a step, which is what MuJoCo's contacts are of. */
-static size_t find_bodies(haptic_body* bodies) {
-  size_t count = 0;
-  int body, i;
-  for (body = 1; body < model->nbody && count < HAPTIC_MAX_BODIES; ++body) {
-    haptic_body* to = bodies + count;
-    const double* inertia = model->body_inertia + 3 * body;
-    double R[9], turned[9], W[9], V[6];
-    if (body == tool || !is_free(body)) continue;
-    memset(to, 0, sizeof *to);
-    to->id = (uint32_t)body;
-    memcpy(to->centre, data->xipos + 3 * body, sizeof to->centre);
-    mj_objectVelocity(model, data, mjOBJ_BODY, body, V, 0); /* angular first; about the centre */
-    memcpy(to->velocity, V + 3, 3 * sizeof(double));
-    memcpy(to->velocity + 3, V, 3 * sizeof(double));
-    memcpy(R, data->ximat + 9 * body, sizeof R);
-    for (i = 0; i < 9; ++i) turned[i] = R[i] / inertia[i % 3];
-    mju_mulMatMatT(W, turned, R, 3, 3, 3);
-    for (i = 0; i < 3; ++i) {
-      to->inverse_inertia[7 * i] = 1 / model->body_mass[body];
-      memcpy(to->inverse_inertia + 6 * (3 + i) + 3, W + 3 * i, 3 * sizeof(double));
-      to->acceleration[i] = model->opt.gravity[i];
+static void describe_body(int body, haptic_body* to) {
+  const double* inertia = model->body_inertia + 3 * body;
+  double R[9], turned[9], W[9], V[6];
+  int i;
+  memset(to, 0, sizeof *to);
+  to->id = (uint32_t)body;
+  memcpy(to->centre, data->xipos + 3 * body, sizeof to->centre);
+  mj_objectVelocity(model, data, mjOBJ_BODY, body, V, 0); /* angular first; about the centre */
+  memcpy(to->velocity, V + 3, 3 * sizeof(double));
+  memcpy(to->velocity + 3, V, 3 * sizeof(double));
+  memcpy(R, data->ximat + 9 * body, sizeof R);
+  for (i = 0; i < 9; ++i) turned[i] = R[i] / inertia[i % 3];
+  mju_mulMatMatT(W, turned, R, 3, 3, 3);
+  for (i = 0; i < 3; ++i) {
+    to->inverse_inertia[7 * i] = 1 / model->body_mass[body];
+    memcpy(to->inverse_inertia + 6 * (3 + i) + 3, W + 3 * i, 3 * sizeof(double));
+    to->acceleration[i] = model->opt.gravity[i];
+  }
+}
+
+/* The bodies of the contacts, those first that the tool touches: the server moves eight. */
+static size_t find_bodies(const haptic_contact* contacts, size_t contact_count,
+                          haptic_body* bodies) {
+  size_t count = 0, i, j;
+  int of_tool, side;
+  for (of_tool = 1; of_tool >= 0; --of_tool) {
+    for (i = 0; i < contact_count; ++i) {
+      const haptic_contact* contact = contacts + i;
+      if ((contact->a_kind == HAPTIC_TOOL_LINK) != of_tool) continue;
+      for (side = 0; side < 2; ++side) {
+        const uint8_t kind = side ? contact->a_kind : contact->b_kind;
+        const uint32_t body = side ? contact->a_index : contact->b_index;
+        for (j = 0; j < count && bodies[j].id != body; ++j) {
+        }
+        if (kind != HAPTIC_MOVABLE_BODY || j < count || count == HAPTIC_MAX_BODIES) continue;
+        describe_body((int)body, bodies + count++);
+      }
     }
-    ++count;
   }
   return count;
 }
@@ -139,7 +154,8 @@ static int simulate(haptic_session* touch, const haptic_options* options, double
   haptic_state state = {0};
   double q[7], v[6] = {0};
   struct timespec time;
-  const int frames = (int)(seconds * RATE), substeps = (int)(1.0 / RATE / model->opt.timestep + 0.5);
+  const int frames = (int)(seconds * RATE),
+            substeps = (int)(1.0 / RATE / model->opt.timestep + 0.5);
   int frame, i, brick = mj_name2id(model, mjOBJ_BODY, "brick");
   mju_copy(q, options->q, 7);
   clock_gettime(CLOCK_MONOTONIC, &time);
@@ -159,13 +175,15 @@ static int simulate(haptic_session* touch, const haptic_options* options, double
     mj_forward(model, data); /* contacts and loads of this very moment */
     if (haptic_sample(touch, q, v, 1.0 / RATE) != 0) break;
     contact_count = find_contacts(contacts);
-    body_count = find_bodies(bodies);
+    body_count = find_bodies(contacts, contact_count, bodies);
     haptic_track(touch, contacts, contact_count, bodies, body_count);
     if (haptic_send(touch, contacts, contact_count, bodies, body_count) < 0) break;
     if (frame % (RATE / 2) == 0) {
       printf("%s tool %.4f %.4f %.4f force %.3f %.3f %.3f brick %.4f contacts %d\n",
-             state.connected ? "connected" : state.message[0] ? state.message : "no server", q[0], q[1],
-             q[2], state.command[0], state.command[1], state.command[2],
+             state.connected    ? "connected"
+             : state.message[0] ? state.message
+                                : "no server",
+             q[0], q[1], q[2], state.command[0], state.command[1], state.command[2],
              brick < 0 ? 0 : data->xpos[3 * brick], (int)contact_count);
     }
     sleep_until(&time, 1.0 / RATE);

@@ -253,7 +253,7 @@ PairAxes axes_of(PlacedReports& reports) noexcept {
   const auto has_others = [](const Placed& placed) { return placed.report->axis > 0; };
   if (std::none_of(reports.begin(), reports.end(), has_others)) return axes;
   const auto pair = [](const Placed* placed) {
-    return std::tie(placed->report->pair, placed->report->a, placed->report->b);
+    return std::tie(placed->report->pair, placed->report->a);
   };
   StaticVector<Placed*, kMaxContacts> sorted;
   for (Placed& placed : reports) sorted.push_back(&placed);
@@ -397,9 +397,10 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   return unspent;
 }
 
-void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
+void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept {
-  erase_if(contacts, [&](LocalContact& contact) {
+  erase_if(contacts.waiting, touches_body);
+  erase_if(contacts.acting, [&](LocalContact& contact) {
     if (!touches_body(contact)) return false;
     const auto orphan = released(contact, frames, policy);
     if (orphan) contact = *orphan;

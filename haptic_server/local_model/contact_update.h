@@ -67,9 +67,10 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
                     ToolContacts& updated) noexcept;
 
-/// Nothing is known of the bodies any more: the contacts of the tool with them stay in the world as
-/// contacts that are no longer reported. frames: without bodies, except `before`.
-void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
+/// Nothing is known of the bodies any more: the acting contacts of the tool with them stay in the
+/// world as contacts that are no longer reported, the waiting ones go. frames: without bodies,
+/// except `before`.
+void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept;
 
 /// The contacts of the bodies without the tool, as they were when the environment found them.

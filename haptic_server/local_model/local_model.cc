@@ -176,7 +176,7 @@ void LocalModel::release_bodies() noexcept {
                       .reported = poses_of(proxy_, none),
                       .before = poses_of(proxy_, bodies_)};
   frames.set_now(frames.reported);
-  server::release_bodies(present(), frames, policy());
+  server::release_bodies(contacts_[current_], frames, policy());
   present_supports().clear();
   bodies_.clear();
   impulses_.begin_silence();

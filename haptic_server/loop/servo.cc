@@ -161,12 +161,14 @@ double Servo::age_of(const protocol::ContactUpdate& update) const noexcept {
 void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
   record_.age = age_of(update);
   const bool uses_contacts = traits(controller_.kind()).uses_contacts;
+  // A hand without force pushes nothing.
+  const bool moves_bodies = uses_contacts && machine_.state() != ServerState::kFading;
   const double stiffness = local_model_->parameters().stiffness;
   const double stored = stored_energy(*local_model_, stiffness);
   local_model_->adopt({.contacts = uses_contacts ? update.contacts : kNoContacts,
                        .q_VE = update.q_VE,
                        .age = record_.age,
-                       .bodies = uses_contacts ? update.bodies : kNoBodies,
+                       .bodies = moves_bodies ? update.bodies : kNoBodies,
                        .impulse_step = update.impulse_step,
                        .period = update.ve_period});
   brought_ += std::max(0.0, stored_energy(*local_model_, stiffness) - stored);

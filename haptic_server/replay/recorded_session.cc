@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "protocol/tool_fit.h"
 #include "protocol/transport/capture.h"
 
 namespace hlm::server {
@@ -113,7 +114,7 @@ class SessionReader {
     session.time_ns = datagram.time_ns;
     session.client = datagram.to;
     session.hello_parts = in_order(hellos_[{datagram.to.address, datagram.to.port}].parts);
-    if (decode(session.hello_parts, session.hello)) return;
+    if (decode(session.hello_parts, session.hello) || find_error(session.hello)) return;
     if (decode(protocol::view(datagram.bytes), session.welcome)) return;
     sessions_.push_back({std::move(session), {}, {}});
   }

@@ -146,7 +146,8 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   servo.silence_time = 2;  // Losses must not end a trial.
   servo.local_model.update_rule = method.update_rule;
   servo.local_model.healing_speed = conditions.healing_speed;
-  servo.local_model.max_stiffness_sum = std::numeric_limits<double>::infinity();  // Not the paper's.
+  servo.local_model.max_stiffness_sum =
+      std::numeric_limits<double>::infinity();  // Not the paper's.
   servo.local_model.stiffness = task.stiffness;
   servo.local_model.damping = task.damping;
   servo.local_model.static_friction = servo.local_model.kinetic_friction = task.friction;

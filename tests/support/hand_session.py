@@ -36,12 +36,17 @@ class Server:
             self.address = "127.0.0.1:%d" % probe.getsockname()[1]
         self._process = subprocess.Popen(
             [program, "--listen", self.address, "--hand", script, "--log", self._log, "--status", "false",
-             "--device-option", "freedom=spatial", "--device-option", "friction=0", *options],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+             "--device-option", "freedom=spatial", "--device-option", "friction=0",
+             # A machine that stalls is no matter here.
+             "--silence-time", "10", "--max-gap", "60", *options],
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        while "listening" not in (line := self._process.stderr.readline()):
+            if not line:
+                raise RuntimeError("the server did not start")
 
     def end(self):
         self._process.terminate()
-        self._process.wait(timeout=PATIENCE)
+        self._process.communicate(timeout=PATIENCE)
 
     def ticks(self):
         """Ends the server. The ticks in which force was on, by the log's columns."""

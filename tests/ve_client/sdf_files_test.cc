@@ -160,7 +160,7 @@ TEST_CASE("A URI is searched in the folders of the environment, beside the file 
 // Large worlds.
 
 /// Of this process, kB: "VmRSS" now, "VmHWM" the most since the latest reset.
-long memory(const std::string& key) {
+[[maybe_unused]] long memory(const std::string& key) {
   std::ifstream status("/proc/self/status");
   for (std::string word; status >> word;) {
     long value = 0;
@@ -169,7 +169,7 @@ long memory(const std::string& key) {
   return -1;
 }
 
-std::string many_models(int count) {
+[[maybe_unused]] std::string many_models(int count) {
   std::ostringstream models;
   for (int i = 0; i < count; ++i) {
     models << test::model(std::to_string(i), std::to_string(i) + " 0 0 0 0 0",

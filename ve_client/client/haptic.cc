@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -173,6 +174,7 @@ struct haptic_session {
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
   IdentityTracker tracker;
+  std::set<std::uint32_t> sent;  ///< Bodies that the server was told of.
   std::string message;
   std::string error;
 };
@@ -239,6 +241,12 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
   state->servo_rate = client.connected() ? client.welcome().servo_rate : 0;
   session->hear(inbox);
   copy(session->message, state->message, HAPTIC_MAX_TEXT);
+  if (!state->connected) {
+    state->server = HAPTIC_SERVER_OFF;
+    state->active = state->predicted = 0;
+    std::fill_n(state->command, 6, 0.0);
+    std::fill_n(state->contact_wrench, 6, 0.0);
+  }
   if (inbox.state == nullptr) return;
   const protocol::ProxyState& proxy = *inbox.state;
   state->step = proxy.step;
@@ -261,7 +269,10 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
 
 std::size_t haptic_take_impulses(haptic_session* session, double period, haptic_impulse* impulses) {
   std::size_t count = 0;
+  if (!(period > 0 && period < 1e6)) return 0;
   for (const protocol::BodyImpulse& due : session->client->take_impulses(period)) {
+    // Whatever a server says, it can push no body that it was not told of.
+    if (!session->sent.contains(due.body)) continue;
     impulses[count] = {.body = due.body, .reserved = 0, .impulse = {}};
     store(due.P_W, impulses[count].impulse);
     ++count;
@@ -273,7 +284,7 @@ int haptic_sample(haptic_session* session, const double* q, const double* v, dou
   const ToolDescription& tool = session->tool.description();
   Configuration configuration = Eigen::Map<const Configuration>(q, tool.configuration_size());
   const Velocity velocity = Eigen::Map<const Velocity>(v, tool.dof());
-  if (!configuration.allFinite() || !velocity.allFinite() || !(period > 0)) {
+  if (!configuration.allFinite() || !velocity.allFinite() || !(period > 0 && period < 1e6)) {
     session->error = "q and v must be finite, the period (s) > 0";
     return -1;
   }
@@ -303,6 +314,7 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
     session->error = std::move(*error);
     return -1;
   }
+  for (const MovableBody& body : movable) session->sent.insert(body.id);
   return static_cast<std::int64_t>(session->client->send(now(), reported, movable));
 }
 

@@ -97,7 +97,8 @@ typedef struct haptic_contact {
   double load;        /* normal force of a contact without the tool, N */
 } haptic_contact;
 
-/* A body that the tool can push. */
+/* A body that the tool can push. Put those first that the tool touches: haptic_server moves the
+ * first eight, the others are moving constraints to it, by the velocity of their contacts. */
 typedef struct haptic_body {
   uint32_t id;
   uint32_t reserved;          /* 0 */

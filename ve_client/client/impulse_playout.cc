@@ -42,7 +42,7 @@ void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
 }
 
 DueImpulses ImpulsePlayout::take(double steps) {
-  if (steps <= 0) return {};
+  if (!(steps > 0)) return {};
   advance(steps);
   forget_played();
   const Report& before = reports_.front();
@@ -72,7 +72,7 @@ void ImpulsePlayout::advance(double steps) {
   step_ += steps * (1 + std::clamp(kGain * astray, -kLargestSkew, kLargestSkew));
   const bool nothing_due = idle_ && reports_.back().totals == taken_;
   if (nothing_due || behind > kLargestLag) step_ = newest_ - kLag * steps;
-  step_ = std::clamp(step_, before, newest_ + kLargestLag * steps);
+  step_ = std::clamp(step_, before, std::max(before, newest_ + kLargestLag * steps));
 }
 
 /// Keeps the newest report that step_ has passed, and those after it.

@@ -152,7 +152,8 @@ void ContactSelection::cluster(std::vector<FoundContact>& contacts) const {
         was_selected(contact) ? radius * kClusterHysteresis : radius / kClusterHysteresis;
     const bool known = std::any_of(contacts.begin(), end, [&](const FoundContact& other) {
       return other.key.a == contact.key.a && other.key.b == contact.key.b &&
-             (other.p_WC - contact.p_WC).norm() <= within && have_one_normal(other, contact);
+             other.axis == contact.axis && (other.p_WC - contact.p_WC).norm() <= within &&
+             have_one_normal(other, contact);
     });
     if (!known) contacts[kept++] = contact;
   }

@@ -48,6 +48,7 @@ void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& co
     double there = kNone;
   };
   std::vector<FoundContact> kept;
+  std::ranges::stable_sort(contacts, {}, &FoundContact::pair);
   for (auto first = contacts.begin(); first != contacts.end();) {
     const auto last = std::find_if(first, contacts.end(), [&](const FoundContact& contact) {
       return contact.pair != first->pair;
@@ -93,9 +94,14 @@ Proximity::Proximity(World& world, const ToolAssembly& assembly)
   }
 }
 
-AxesManifold Proximity::find(const Convex& a, const Pose& X_WA, const Convex& b, const Pose& X_WB,
-                             double epsilon, const std::optional<Vector3>& before_B) {
-  if (all_axes_) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+AxesManifold Proximity::find(const CollisionId& id_a, const Pose& X_WA, const CollisionId& id_b,
+                             const Pose& X_WB, double epsilon,
+                             const std::optional<Vector3>& before_B) {
+  const Convex& a = world_.convex(id_a);
+  const Convex& b = world_.convex(id_b);
+  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
+  const bool skin = world_.collision(id_b).mesh != nullptr;
+  if (all_axes_ && !skin) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   return {best.begin(), best.end()};
 }
@@ -123,7 +129,7 @@ void Proximity::query_tool_pair(const VirtualTool& tool, const ToolPair& pair, d
   if (!inflated(shape_a.bounds(X_WA), epsilon).intersects(shape_b.bounds(X_WB))) return;
   const auto friction = friction_between(world_.collision(a.id), world_.collision(b.id));
   const std::size_t first = contacts_.size();
-  for (const ManifoldPoint& point : find(shape_a, X_WA, shape_b, X_WB, epsilon)) {
+  for (const ManifoldPoint& point : find(a.id, X_WA, b.id, X_WB, epsilon)) {
     FoundContact& contact = contacts_.emplace_back(
         found_contact(point, side_of_link(a.link), a.id, side_of_link(b.link), b.id));
     contact.friction = friction.value_or(contact.friction);
@@ -174,12 +180,7 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  AxesManifold manifold =
-      find(world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon, before);
-  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
-  if (world_.collision(other).mesh) {
-    erase_if(manifold, [](const ManifoldPoint& point) { return point.axis > 0; });
-  }
+  const AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before);
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }

@@ -70,7 +70,7 @@ class Proximity {
   using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
 
   /// Contacts of a pair of shapes, without what the world knows of it.
-  AxesManifold find(const Convex& a, const Pose& X_WA, const Convex& b, const Pose& X_WB,
+  AxesManifold find(const CollisionId& a, const Pose& X_WA, const CollisionId& b, const Pose& X_WB,
                     double epsilon, const std::optional<Vector3>& before_B = {});
 
   World& world_;

@@ -48,7 +48,7 @@ move_to = {{ position = [0, 0, {TARGET}], rotation = [0, 0, 0] }}
 
 
 @contextlib.contextmanager
-def server(*options):
+def server(*options, patient=True):
     """A server with a spatial device and HAND. Yields its address."""
     with tempfile.TemporaryDirectory() as folder, \
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -59,13 +59,18 @@ def server(*options):
         hand.write_text(HAND)
         process = subprocess.Popen([SERVER, "--listen", address, "--hand", hand, "--status", "false",
                                     "--device-option", "freedom=spatial",
-                                    "--device-option", "friction=0", *options], stderr=subprocess.DEVNULL)
+                                    "--device-option", "friction=0", *options,
+                                    *(("--silence-time", "10", "--max-gap", "60") if patient else ())],
+                                   stderr=subprocess.PIPE, text=True)
+        while "listening" not in (line := process.stderr.readline()):
+            if not line:
+                raise RuntimeError("the server did not start")
         try:
             yield address, process
         finally:
             process.send_signal(signal.SIGCONT)
             process.terminate()
-            process.wait(timeout=PATIENCE)
+            process.communicate(timeout=PATIENCE)
 
 
 def box():
@@ -142,7 +147,7 @@ class WithServer(unittest.TestCase):
                     self.assertFalse(touch.connected)
 
     def test_nothing_waits_for_a_server_that_stands_still_which_is_a_fault_that_a_new_session_ends(self):
-        with server() as (address, process), haptic.Session(address, box(), rate=RATE) as touch:
+        with server(patient=False) as (address, process), haptic.Session(address, box(), rate=RATE) as touch:
             until(touch, lambda: touch.connected)
             process.send_signal(signal.SIGSTOP)
             begin = time.monotonic()

@@ -57,6 +57,10 @@ class Session:
         self._pushed: set[int] = set()
         self._list_early(epsilon)
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
+        welded = np.flatnonzero(np.asarray(model.body_weldid) == self._tool)
+        if len(welded) > 1:
+            raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
+                                     "it; put their geoms into it")
         self._gaps = np.array(model.geom_gap[self._geoms])
         self._answered = False
         binding.mj_forward(model, data)
@@ -101,6 +105,7 @@ class Session:
         self.touch.sample(q, v, self._period)
         contacts = self._contacts(data)
         bodies = self._bodies(data, contacts)
+        self._set_velocities(contacts, bodies)
         self.touch.send(self.touch.track(contacts, bodies), bodies)
 
     def _link(self) -> haptic.Link:
@@ -170,14 +175,15 @@ class Session:
         return max(0.0, float(np.sum(data.efc_force[first:first + rows])))
 
     def _bodies(self, data: Any, contacts: np.ndarray) -> np.ndarray:
-        near = set(contacts["b_index"][contacts["b_kind"] == haptic.MOVABLE_BODY])
-        near |= set(contacts["a_index"][contacts["a_kind"] == haptic.MOVABLE_BODY])
-        chosen = sorted(near)[:haptic.MAX_BODIES]
+        # Those first that the tool touches, the nearest before the others: the server moves eight.
+        first = np.argsort(contacts["a_kind"] != haptic.TOOL_LINK, kind="stable")
+        sides = [(each[side + "_kind"], int(each[side + "_index"])) for each in contacts[first] for side in "ba"]
+        near = dict.fromkeys(index for kind, index in sides if kind == haptic.MOVABLE_BODY)
+        chosen = list(near)[:haptic.MAX_BODIES]
         found = haptic.bodies(len(chosen))
         nv = self._model.nv
         J, solved = np.zeros((6, nv)), np.zeros((6, nv))
         for to, body in zip(found, chosen):
-            body = int(body)
             self._binding.mj_jacBodyCom(self._model, data, J[:3], J[3:], body)
             self._binding.mj_solveM(self._model, data, solved, J)
             W = J @ solved.T
@@ -187,6 +193,14 @@ class Session:
             to["inverse_inertia"] = 0.5 * (W + W.T)
             to["acceleration"] = J @ data.qacc_smooth - W @ data.xfrc_applied[body]
         return found
+
+    @staticmethod
+    def _set_velocities(contacts: np.ndarray, bodies: np.ndarray) -> None:
+        """Of the points of bodies: that of one that the server does not move is all that it knows."""
+        for body in bodies:
+            of_body = (contacts["b_kind"] == haptic.MOVABLE_BODY) & (contacts["b_index"] == body["id"])
+            arms = contacts["point"][of_body] - body["centre"]
+            contacts["velocity"][of_body] = body["velocity"][:3] + np.cross(body["velocity"][3:], arms)
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
