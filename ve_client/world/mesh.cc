@@ -205,6 +205,10 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
     for (Triangle& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
     say("turned, as it was inside out");
   }
+  mesh.around.assign(mesh.points.size(), {});
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (const int corner : mesh.triangles[t]) mesh.around[at(corner)].push_back(t);
+  }
   return mesh;
 }
 

@@ -17,6 +17,7 @@ inline constexpr std::size_t kMostTriangles = 20000;
 struct Mesh {
   std::vector<Vector3> points;  ///< m; each is at least one triangle's corner.
   std::vector<std::array<int, 3>> triangles;
+  std::vector<std::vector<std::size_t>> around;  ///< The triangles at each point.
   bool closed = false;  ///< Every edge joins two triangles: the mesh has an inside.
 
   Vector3 corner(std::size_t triangle, std::size_t i) const {

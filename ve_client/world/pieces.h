@@ -38,6 +38,8 @@ struct Piece {
   CollisionId id;
   const Convex* convex = nullptr;
   Pose X_FG;
+  const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
+  std::size_t triangle = 0;    ///< Of that: which it is behind.
   Eigen::AlignedBox3d bounds_F;
   std::vector<Plane> planes;      ///< Of the faces of its core, in their order.
   std::vector<Surface> surfaces;  ///< Of each face; empty if none goes on in another piece's.

@@ -4,6 +4,8 @@
 #include <iterator>
 #include <limits>
 
+#include "ve_client/world/mesh_normals.h"
+
 namespace hlm::ve {
 namespace {
 
@@ -73,6 +75,33 @@ void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& co
     first = last;
   }
   contacts = std::move(kept);
+}
+
+/// Of a tool that is beside a triangle of a skin, over one that rises from it: the contact with the
+/// triangle's plane, which it will meet next. Else what was found.
+AxesManifold with_plane(const AxesManifold& found, const CollisionDescription& piece,
+                        const Convex& tool, const Pose& X_WT, const Convex& convex,
+                        const Pose& X_WG, double epsilon) {
+  if (found.empty()) return found;
+  const Pose X_GW = X_WG.inverse();
+  const ManifoldPoint& nearest = *std::ranges::min_element(found, {}, &ManifoldPoint::separation);
+  const Vector3 p_G = X_GW * nearest.p_WC;
+  if (is_normal(*piece.mesh, piece.triangle, p_G, X_GW.R * nearest.n_W).value_or(true)) {
+    return found;
+  }
+  const Vector3 n_G = piece.mesh->area(piece.triangle).normalized();
+  const Vector3 n_W = X_WG.R * n_G;
+  const Vector3 n_T = X_WT.R.conjugate() * n_W;
+  const Vector3 p_T = tool.support(-n_T);
+  const Vector3 p_W = X_WT * Vector3(p_T - tool.margin() * n_T);
+  if (!is_concave(*piece.mesh, piece.triangle, p_G, X_GW * p_W)) return found;
+  const double height = n_W.dot(p_W - X_WG * piece.mesh->corner(piece.triangle, 0));
+  if (height > epsilon) return {};
+  return {{.tool_feature = tool.feature_at(p_T),
+           .body_feature = convex.facing(n_G).feature,
+           .p_WC = p_W - height * n_W,
+           .n_W = n_W,
+           .separation = height}};
 }
 
 }  // namespace
@@ -180,7 +209,13 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  const AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before);
+  const CollisionDescription& piece = world_.collision(other);
+  if (piece.mesh) before = piece.mesh->area(piece.triangle).normalized();
+  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before);
+  if (piece.mesh) {
+    manifold =
+        with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
+  }
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }

@@ -120,6 +120,7 @@ std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDe
     if (pieces == Pieces::kTriangles) common.mesh = mesh;
     for (Hull& hull : to_hulls(*mesh, pieces)) {
       common.shape = std::move(hull);
+      common.triangle = collisions.size();
       collisions.push_back(common);
     }
   } catch (const std::exception& error) {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "ve_client/world/mesh_normals.h"
 #include "ve_client/world/surface_normal.h"
 
 namespace hlm::ve {
@@ -62,6 +63,7 @@ class Resolver {
   Meeting seen(const FoundContact& contact) const;
   FoundContact reported(Meeting meeting) const;
 
+  std::optional<bool> is_on_mesh(std::span<const Meeting> set) const;
   bool is_on_surface(std::span<const Meeting> set) const;
   Vector3 within_own(const Vector3& p_F) const;
   bool put_on_surface(Meeting& meeting) const;
@@ -115,10 +117,25 @@ Vector3 Resolver::within_own(const Vector3& p_F) const {
   return within;
 }
 
+/// Whether a set of contacts is on the mesh whose skin the piece is of; empty if it is of none, or
+/// if the mesh does not tell.
+std::optional<bool> Resolver::is_on_mesh(std::span<const Meeting> set) const {
+  if (own_.mesh == nullptr) return {};
+  const Pose X_GF = own_.X_FG.inverse();
+  bool tells = true;
+  for (const Meeting& meeting : set) {
+    const auto is = is_normal(*own_.mesh, own_.triangle, X_GF * meeting.at, X_GF.R * meeting.n);
+    if (is.value_or(false)) return true;
+    tells = tells && is;
+  }
+  return tells ? std::optional(false) : std::nullopt;
+}
+
 /// Whether the normal of a set of contacts is one of the surface at any of them or in their middle.
 /// One such place is enough: a floor goes on under the walls that stand on its border.
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const Vector3& n = set.front().n;
+  if (const auto is = is_on_mesh(set)) return *is;
   const auto is_on = [&](const Vector3& outermost) {
     const Vector3 p_F = within_own(outermost);
     const PiecesAtPoint pieces = pieces_at(own_, p_F);
@@ -264,6 +281,10 @@ bool Resolver::settle(Meeting& meeting) {
     if (feature.index < own_.planes.size()) name_surface(meeting.contact, feature.index);
     return true;
   }
+  if (own_.mesh != nullptr) {
+    const bool at_corner = other_feature(meeting.contact).kind == FeatureKind::kVertex;
+    return at_corner || !is_flat(*own_.mesh, own_.triangle, own_.X_FG.inverse() * meeting.at);
+  }
   const auto face = face_at(meeting);
   if (!face) return true;
   const PiecesAtPoint pieces = pieces_at(own_, meeting.at);
@@ -300,8 +321,9 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
                       return contact.axis == 0 && contact.pair == pair;
                     });
     const bool real = whole && is_on_surface({begin, end});
+    shared_ = shared_ || own_.mesh != nullptr;
     for (; begin != end; ++begin) {
-      const bool stays = real || (!other_axis && put_on_surface(*begin));
+      const bool stays = real || (!other_axis && own_.mesh == nullptr && put_on_surface(*begin));
       if (stays && (other_axis || settle(*begin))) contacts.push_back(reported(*begin));
     }
   }

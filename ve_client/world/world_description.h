@@ -27,6 +27,7 @@ struct CollisionDescription {
   Pose X_BG;
   std::optional<double> friction;    ///< μ, >= 0; none: the file does not say.
   std::shared_ptr<const Mesh> mesh;  ///< What the shape is a piece of the skin of; mostly null.
+  std::size_t triangle = 0;          ///< Of the mesh: which the piece is behind.
 };
 
 /// Names one collision shape of a world: by its body and its place in there.
