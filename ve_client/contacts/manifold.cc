@@ -331,6 +331,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   if (!separation) return manifold;
   const double margins = tool.margin() + body.margin();
   Axes kept;
+  Axes bearing;  // Of these.
   std::uint16_t count = 0;
   const auto add = [&](const Axis& axis, const FeaturePairs& pairs, bool bears = true) {
     if (pairs.empty() || manifold.size() + pairs.size() > manifold.capacity()) return;
@@ -354,15 +355,17 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   if (is_axis) {
     add({best.n_B, best.gap}, near_features(pair, best, epsilon + margins));
     kept.push_back({best.n_B, best.gap});
+    bearing.push_back({best.n_B, best.gap});
   } else if (!sharp(pair) || tool.is_hull() || body.is_hull()) {
     add({best.n_B, best.gap}, rounded_features(pair, best));
   }
   for (const Axis& axis : axes) {
-    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Axis& other) {
+    const bool known = std::any_of(bearing.begin(), bearing.end(), [&](const Axis& other) {
       return axis.n_B.dot(other.n_B) > std::cos(kOneAxis);
     });
     if (!known) {
       add(axis, axis_features(pair, axis, epsilon + margins));
+      bearing.push_back(axis);
     } else if (is_new_face(axis, pair.body, kept)) {
       add(axis, outermost_tool_points(pair, axis), false);
     } else {

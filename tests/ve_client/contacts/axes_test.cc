@@ -88,6 +88,56 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("Each near axis of two boxes is one to the forces with an axis that bears") {
+  Random random;
+  int in_chain = 0;  // Axes nearer to one that does not bear than to any that does.
+  for (int i = 0; i < 3000; ++i) {
+    const auto [tool, body] = random_boxes(random);
+    const AxesManifold manifold = axes_of(tool, body);
+    const bool full = manifold.size() + kMaxManifoldPoints > manifold.capacity();
+    if (manifold.empty() || full) continue;
+    const auto are_one = [](const Vector3& a, const Vector3& b) {
+      return a.dot(b) > std::cos(kOneAxis) - 1e-12;
+    };
+    std::vector<Vector3> bearing;
+    std::vector<Vector3> others;
+    for (std::size_t axis = 0; axis <= manifold.back().axis; ++axis) {
+      const Vector3 n = std::ranges::find(manifold, axis, &ManifoldPoint::axis)->n_W;
+      const bool bears =
+          std::ranges::none_of(bearing, [&](const Vector3& former) { return are_one(n, former); });
+      (bears ? bearing : others).push_back(n);
+    }
+    const auto check = [&](const Vector3& n) {
+      const auto half = [&](const Placed& box) {
+        return (box.X_WS.R.conjugate() * n).cwiseAbs().dot(std::get<Box>(box.shape).size) / 2;
+      };
+      const double gap = n.dot(tool.X_WS.p - body.X_WS.p) - half(tool) - half(body);
+      if (gap < true_separation(tool, body) - 2 * kEpsilon + 1e-6) return;
+      const auto is_one = [&](const Vector3& other) { return are_one(n, other); };
+      CAPTURE(i, gap, n.transpose());
+      CHECK(std::ranges::any_of(bearing, is_one));
+      const auto nearest = [&](const std::vector<Vector3>& axes) {
+        double cosine = -1;
+        for (const Vector3& axis : axes) cosine = std::max(cosine, n.dot(axis));
+        return cosine;
+      };
+      in_chain += nearest(others) > nearest(bearing);
+    };
+    for (int a = 0; a < 3; ++a) {
+      const Vector3 e = tool.X_WS.R * Vector3::Unit(a);
+      for (const double sign : {-1.0, 1.0}) {
+        check(sign * e);
+        check(sign * (body.X_WS.R * Vector3::Unit(a)));
+        for (int b = 0; b < 3; ++b) {
+          const Vector3 n = e.cross(body.X_WS.R * Vector3::Unit(b));
+          if (n.norm() > 1e-6) check(sign * n.normalized());
+        }
+      }
+    }
+  }
+  CHECK(in_chain > 100);
+}
+
 TEST_CASE("Wherever the tool goes within epsilon no axis tells that hulls are apart that overlap") {
   constexpr double kNear = 0.005;  // m, epsilon.
   Random random;
