@@ -55,7 +55,7 @@ struct ReportedContact {
   std::uint64_t identity = 0;
   /// The pair of convex pieces that the contact belongs to, and which of the pair's separating axes
   /// it lies on. Contacts of one axis share the normal. Of the tool's only those of the axis with
-  /// the greatest gap act, and an axis within kOneAxis of one with a lower number never bears.
+  /// the greatest gap act. One within kOneAxis of a bearing one of lower number does not bear.
   std::uint32_t pair = 0;
   std::uint16_t axis = 0;
   ContactSide a{SideKind::kToolLink,

@@ -37,7 +37,8 @@ namespace {
 /// Takes over what the server says: where the tool goes, and its impulses on bodies.
 void follow_server(VirtualEnvironment& environment, HapticClient& client, double period,
                    FrameResult& result) {
-  auto& [assembly, world, tool, proximity, surroundings, selection] = environment;
+  World& world = environment.world;
+  VirtualTool& tool = environment.tool;
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
@@ -91,6 +92,7 @@ std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double 
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
     return contact.separation > epsilon + hold;
   });
+  environment.skin_contacts.name(environment.world, tool, contacts);
   return contacts;
 }
 
@@ -143,8 +145,7 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
       client.connected() && client.welcome().capabilities.axes && !options.one_axis;
   std::vector<FoundContact> found =
       tool_contacts(environment, result.epsilon, delay + 2 * period, all_axes);
-  result.found = static_cast<std::size_t>(
-      std::ranges::count(found, 0, &FoundContact::axis));
+  result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
   std::vector<FoundContact> contacts = selected(environment, std::move(found));
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0) {

@@ -10,6 +10,7 @@
 #include "ve_client/clock.h"
 #include "ve_client/contacts/select.h"
 #include "ve_client/world/proximity.h"
+#include "ve_client/world/skin_contacts.h"
 #include "ve_client/world/surroundings.h"
 #include "ve_client/world/virtual_tool.h"
 #include "ve_client/world/world.h"
@@ -26,6 +27,7 @@ struct VirtualEnvironment {
   World world;
   VirtualTool tool;
   Proximity proximity;
+  SkinContacts skin_contacts;
   Surroundings surroundings;
   ContactSelection selection;
 };
@@ -60,7 +62,8 @@ struct FrameResult {
   /// Why the world stands still (World::fault); nothing is sent any more, so force fades. Null as
   /// long as it moves.
   const std::string* fault = nullptr;
-  std::size_t found = 0;  ///< Contacts of the tool within ε on the best axes, before any was left out.
+  std::size_t found =
+      0;  ///< Contacts of the tool within ε on the best axes, before any was left out.
   std::size_t active = 0;         ///< Contacts of the tool sent with σ <= 0, on the best axes.
   std::size_t predicted = 0;      ///< Contacts of the tool sent with σ > 0, on the best axes.
   std::size_t on_other_axes = 0;  ///< Contacts of the tool sent on others.

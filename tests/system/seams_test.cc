@@ -2,9 +2,13 @@
 // together, in virtual time.
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <numbers>
 #include <string>
 #include <utility>
+
+#include <unistd.h>
 
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
@@ -62,6 +66,61 @@ std::string tiled_square(double step, double gap) {
   }
   return fixed_model("floor", "0 0 0 0 0 0", collisions);
 }
+
+/// OBJ text of a flat sheet at z = 0: two triangles for each square of a tile's length.
+std::string sheet_of_triangles() {
+  constexpr int kRows = 6;
+  std::string obj;
+  for (int i = 0; i <= kTiles; ++i) {
+    for (int j = 0; j <= kRows; ++j) {
+      obj += "v " + numbers({kTile * i, kTile * (j - kRows / 2), 0}) + '\n';
+    }
+  }
+  for (int i = 0; i < kTiles; ++i) {
+    for (int j = 0; j < kRows; ++j) {
+      const int a = (kRows + 1) * i + j + 1;  // OBJ counts from 1.
+      const int b = a + kRows + 1;
+      for (const auto& [second, third] : {std::pair{b, b + 1}, {b + 1, a + 1}}) {
+        obj += "f " + std::to_string(a) + ' ' + std::to_string(second) + ' ' +
+               std::to_string(third) + '\n';
+      }
+    }
+  }
+  return obj;
+}
+
+/// The same of a flat disk whose triangles meet in its middle, at x = 0.2 m.
+std::string fan_of_triangles(int count) {
+  std::string obj = "v 0.2 0 0\n";
+  std::string triangles;
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2 * std::numbers::pi * i / count;
+    obj += "v " + numbers({0.2 + 0.2 * std::cos(angle), 0.2 * std::sin(angle), 0}) + '\n';
+    triangles += "f 1 " + std::to_string(i + 2) + ' ' + std::to_string((i + 1) % count + 2) + '\n';
+  }
+  return obj + triangles;
+}
+
+/// A floor that is a mesh, in a file of its own.
+class MeshFloor {
+ public:
+  explicit MeshFloor(const std::string& obj)
+      : file_(std::filesystem::temp_directory_path() /
+              ("haptic_floor_" + std::to_string(getpid()) + ".obj")) {
+    std::ofstream(file_) << obj;
+  }
+  ~MeshFloor() { std::filesystem::remove(file_); }
+  MeshFloor(const MeshFloor&) = delete;
+  MeshFloor& operator=(const MeshFloor&) = delete;
+
+  std::string model() const {
+    const std::string mesh = "<mesh><uri>" + file_.string() + "</uri></mesh>";
+    return fixed_model("floor", "0 0 0 0 0 0", collision("mesh", "0 0 0 0 0 0", mesh));
+  }
+
+ private:
+  std::filesystem::path file_;
+};
 
 /// count × count feet under a square of 0.168 m, 1 mm apart.
 std::string feet(int count) {
@@ -186,6 +245,20 @@ TEST_CASE("A tool slides over 20 tiles with steps and gaps as over one slab") {
 
 TEST_CASE("So it does where each tile is a body of its own") {
   check_smooth(slide({kBox, tiled_floor(kStep, kGap, false)}));
+}
+
+TEST_CASE("A tool slides over a flat sheet of triangles as over one slab") {
+  const MeshFloor sheet(sheet_of_triangles());
+  for (const Tool& tool : {kBox, kSphere, kPeg, kCapsule}) {
+    check_smooth(slide({tool, sheet.model()}));
+  }
+}
+
+TEST_CASE("A tool slides over the middle of a fan of 24 triangles as over one slab") {
+  const MeshFloor fan(fan_of_triangles(24));
+  for (const Tool& tool : {kBox, kSphere, kPeg, kCapsule}) {
+    check_smooth(slide({tool, fan.model(), {0.1, 0.0003, 0}, {0.2, 0, 0}}));
+  }
 }
 
 TEST_CASE("Over 20 seams a sphere sinks as far as its push presses it in: f/k") {

@@ -162,12 +162,12 @@ TEST_CASE("Of <physics> the step and the iterations count, where they are given"
 }
 
 TEST_CASE("What this program does not support is an error that names the element") {
-  CHECK_THAT(error_of(with_geometry("<mesh><uri>peg.dae</uri></mesh>")),
-             ContainsSubstring("test.sdf") && ContainsSubstring("<mesh>") &&
+  CHECK_THAT(error_of(with_geometry("<heightmap><uri>hills.png</uri></heightmap>")),
+             ContainsSubstring("test.sdf") && ContainsSubstring("<heightmap>") &&
                  ContainsSubstring("model 'wall' link 'body' collision 'c'") &&
                  ContainsSubstring("capsule"));
-  CHECK_THAT(error_of(with_geometry("<ellipsoid><radii>1 1 1</radii></ellipsoid>")),
-             ContainsSubstring("<ellipsoid>"));
+  CHECK_THAT(error_of(with_geometry("<polyline><point>1 1</point><height>1</height></polyline>")),
+             ContainsSubstring("<polyline>"));
   CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
                       "<joint name='hip' type='ball'><parent>a</parent><child>b</child></joint>"
                       "</model>"),

@@ -12,6 +12,9 @@ constexpr double kOnBorder = 1e-6;
 /// Edges with a smaller sine between them, rad, touch along a line: the ends of 0.1 m then part by
 /// 0.1 mm. Larger values put more of the environment's points beside its edge, by that much.
 constexpr double kParallelEdges = 1e-3;
+/// The same of edges that are swept by spheres: there a place beside the edge differs little, by
+/// 0.1 mm at the ends of 0.1 m and 20 mm radius. With less, such a pair rocks on one contact.
+constexpr double kParallelRoundEdges = 25e-3;
 
 /// The line on which a side of the clipped polygon lies.
 struct Line {
@@ -27,7 +30,7 @@ struct ClipCorner {
   std::optional<Feature> second;  ///< The reference's edge, if that crosses one.
   Line after;                     ///< Line of the side from here to the next corner.
 };
-using Polygon = StaticVector<ClipCorner, kMaxOpposites>;
+using Polygon = StaticVector<ClipCorner, 2 * kMaxFaceCorners>;
 
 Polygon polygon_of(const Patch& incident) {
   Polygon polygon;
@@ -101,6 +104,23 @@ bool has_pair(const Opposites& points, const Feature& first, const Feature& seco
   });
 }
 
+/// Lower for what stays of too many. The numbers of a hull's vertices are spread over it; those of
+/// its edges are not, so that they are mixed.
+std::uint32_t rank(const Opposite& point) {
+  constexpr std::uint32_t kVertex = 1U << 16;
+  constexpr std::uint32_t kMixing = 40503;  // Knuth's multiplier for 16 bits.
+  if (point.first.kind == FeatureKind::kVertex) return kVertex + point.first.index;
+  if (point.second.kind == FeatureKind::kVertex) return kVertex + point.second.index;
+  return (kMixing * (point.first.index + point.second.index)) % kVertex;
+}
+
+void keep_most_spread(Opposites& points) {
+  if (points.size() <= kMaxOpposites) return;
+  std::stable_sort(points.begin(), points.end(),
+                   [](const Opposite& a, const Opposite& b) { return rank(a) < rank(b); });
+  points.erase(points.begin() + kMaxOpposites, points.end());
+}
+
 /// An edge with a coordinate along a direction.
 struct Span {
   const Patch& patch;
@@ -133,6 +153,7 @@ Opposites overlap(const Patch& incident, const Patch& reference, const Vector3& 
     // The two sides of an edge seen as a polygon meet a border in one point.
     if (point && !has_pair(points, point->first, point->second)) points.push_back(*point);
   }
+  keep_most_spread(points);
   return points;
 }
 
@@ -140,7 +161,8 @@ Opposites overlap_of_edges(const Patch& first, const Patch& second) {
   if (first.corners.size() != 2 || second.corners.size() != 2) return {};
   const Vector3 e = (first.corners[1].p - first.corners[0].p).normalized();
   const Vector3 f = (second.corners[1].p - second.corners[0].p).normalized();
-  if (e.cross(f).norm() > kParallelEdges) return {};
+  const double parallel = first.round && second.round ? kParallelRoundEdges : kParallelEdges;
+  if (e.cross(f).norm() > parallel) return {};
   const Span a(first, f);
   const Span b(second, f);
   Opposites points;

@@ -13,17 +13,20 @@ struct Opposite {
   Feature first;                       ///< The feature of the first patch that is met there.
   Feature second;                      ///< That of the second.
 };
-inline constexpr std::size_t kMaxOpposites = 2 * kMaxFaceCorners;
-using Opposites = StaticVector<Opposite, kMaxOpposites>;
+/// Most corners of an overlap that are given: of two round faces a part spread over them.
+inline constexpr std::size_t kMaxOpposites = 24;
+using Opposites = StaticVector<Opposite, 2 * kMaxFaceCorners>;
 
 /// Corners of the overlap of `incident` (face, edge or vertex; the first patch) with the face
 /// `reference` (the second), projected along the unit vector n, all in one frame. A corner is one
 /// of the incident patch (vertex, face), one of the reference (face, vertex), or a crossing (edge,
-/// edge): the same set if the two faces change places. No feature pair occurs twice.
+/// edge): the same set if the two faces change places. No feature pair occurs twice. Of more than
+/// kMaxOpposites the crossings stay, and of the vertices those with the lowest numbers: which ones
+/// does not change while the same ones are there.
 Opposites overlap(const Patch& incident, const Patch& reference, const Vector3& n);
 
 /// Ends of the overlap of two edges that are parallel: (vertex, edge) or (edge, vertex). None if
-/// either patch is not an edge or they are not parallel.
+/// either patch is not an edge or they are not parallel (to 1 mrad, round ones to 25).
 Opposites overlap_of_edges(const Patch& first, const Patch& second);
 
 }  // namespace hlm::ve

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "common/range.h"
+#include "ve_client/contacts/hull.h"
 
 namespace hlm::ve {
 namespace {
@@ -26,6 +27,13 @@ constexpr std::uint16_t kLineVertices = 2 * kRimVertices;  ///< Of the -z end; t
 constexpr std::uint16_t kLine = 2 * kRimVertices;          ///< Line of contact, as an edge.
 constexpr std::uint16_t kRims = 2 * kRimVertices + 1;      ///< The -z rim; the +z rim follows.
 
+/// Up to so many vertices all axes of a hull are tried.
+constexpr std::size_t kFewVertices = 6;
+/// Hulls with at least so many vertices find their support by climbing from vertex to neighbour,
+/// starting at the farthest of the first kClimbStarts. With fewer, looking at all is faster.
+constexpr std::size_t kClimbFrom = 128;
+constexpr std::size_t kClimbStarts = 16;
+
 /// Edge directions with a smaller sine between them count as one.
 constexpr double kSameDirection = 1e-12;
 
@@ -42,6 +50,22 @@ Feature face(std::size_t index) {
 void check_size(double value, const char* name) {
   const auto error = find_error(name, value, above_zero("m"));
   if (error) throw std::invalid_argument(*error);
+}
+
+/// Removes corners until kMaxFaceCorners are left, each time the one that costs least area.
+void reduce(std::vector<std::uint16_t>& loop, const std::vector<Vector3>& vertices) {
+  while (loop.size() > kMaxFaceCorners) {
+    const auto cost = [&](std::size_t i) {
+      const Vector3& before = vertices[loop[(i + loop.size() - 1) % loop.size()]];
+      const Vector3& after = vertices[loop[(i + 1) % loop.size()]];
+      return (vertices[loop[i]] - before).cross(after - before).norm();
+    };
+    std::size_t least = 0;
+    for (std::size_t i = 1; i < loop.size(); ++i) {
+      if (cost(i) < cost(least)) least = i;
+    }
+    loop.erase(loop.begin() + static_cast<std::ptrdiff_t>(least));
+  }
 }
 
 double distance_to_segment(const Vector3& p, const Vector3& a, const Vector3& b) {
@@ -115,6 +139,38 @@ void Convex::build(const Box& box) {
   collect_edge_directions();
 }
 
+void Convex::build(const Ellipsoid& ellipsoid) {
+  check_size(ellipsoid.radii.x(), "ellipsoid radius x");
+  check_size(ellipsoid.radii.y(), "ellipsoid radius y");
+  check_size(ellipsoid.radii.z(), "ellipsoid radius z");
+  kind_ = Kind::kEllipsoid;
+  radii_ = ellipsoid.radii;
+}
+
+void Convex::build(const Hull& hull) {
+  HullFaces faces = convex_hull(hull.vertices);
+  vertices_ = std::move(faces.vertices);
+  for (std::vector<std::uint16_t>& loop : faces.loops) {
+    reduce(loop, vertices_);
+    add_face(std::move(loop));
+  }
+  face_normals_ = std::move(faces.normals);
+  if (vertices_.size() <= kFewVertices) return collect_edge_directions();
+  kind_ = Kind::kHull;
+  edges_of_.resize(vertices_.size());
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    for (const std::uint16_t end : {edges_[i].from, edges_[i].to}) {
+      edges_of_[end].push_back(static_cast<std::uint16_t>(i));
+    }
+  }
+  if (vertices_.size() < kClimbFrom) return;
+  for (const auto& neighbours : faces.neighbours) {
+    first_neighbour_.push_back(static_cast<std::uint32_t>(neighbours_.size()));
+    neighbours_.insert(neighbours_.end(), neighbours.begin(), neighbours.end());
+  }
+  first_neighbour_.push_back(static_cast<std::uint32_t>(neighbours_.size()));
+}
+
 void Convex::build(const HalfSpace&) {
   kind_ = Kind::kHalfSpace;
   face_normals_ = {Vector3::UnitZ()};
@@ -150,14 +206,32 @@ void Convex::collect_edge_directions() {
   }
 }
 
-std::size_t Convex::support_vertex(const Vector3& direction) const noexcept {
+std::size_t Convex::farthest_of_first(std::size_t count, const Vector3& direction) const noexcept {
   std::size_t best = 0;
   double farthest = vertices_[0].dot(direction);
-  for (std::size_t i = 1; i < vertices_.size(); ++i) {
+  for (std::size_t i = 1; i < count; ++i) {
     const double along = vertices_[i].dot(direction);
     if (along > farthest) {
       farthest = along;
       best = i;
+    }
+  }
+  return best;
+}
+
+std::size_t Convex::support_vertex(const Vector3& direction) const noexcept {
+  if (neighbours_.empty()) return farthest_of_first(vertices_.size(), direction);
+  std::size_t best = farthest_of_first(kClimbStarts, direction);
+  double farthest = vertices_[best].dot(direction);
+  for (bool higher = true; higher;) {
+    higher = false;
+    const std::uint32_t end = first_neighbour_[best + 1];
+    for (std::uint32_t i = first_neighbour_[best]; i < end; ++i) {
+      const double along = vertices_[neighbours_[i]].dot(direction);
+      if (along <= farthest) continue;
+      farthest = along;
+      best = neighbours_[i];
+      higher = true;
     }
   }
   return best;
@@ -175,7 +249,12 @@ Vector3 Convex::support(const Vector3& direction) const noexcept {
       return {scale * direction.x(), scale * direction.y(),
               std::copysign(cylinder_.length / 2, direction.z())};
     }
+    case Kind::kEllipsoid: {
+      const Vector3 scaled = radii_.cwiseProduct(direction);
+      return radii_.cwiseProduct(scaled) / scaled.norm();
+    }
     case Kind::kPolytope:
+    case Kind::kHull:
     case Kind::kHalfSpace:
       break;
   }
@@ -199,16 +278,23 @@ Patch Convex::facing(const Vector3& direction) const {
 
 Patch Convex::edge_facing(const Vector3& direction) const {
   if (kind_ == Kind::kCylinder) return lateral_patch(direction);
+  if (kind_ == Kind::kEllipsoid) return rolling_patch(direction);
   const std::size_t at = support_vertex(direction);
   std::size_t best = edges_.size();
   double smallest_slope = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < edges_.size(); ++i) {
-    if (edges_[i].from != at && edges_[i].to != at) continue;
+  const auto consider = [&](std::size_t i) {
     const Vector3 along = (vertices_[edges_[i].to] - vertices_[edges_[i].from]).normalized();
     const double slope = std::abs(along.dot(direction));
     if (slope < smallest_slope) {
       smallest_slope = slope;
       best = i;
+    }
+  };
+  if (is_hull()) {
+    for (const std::uint16_t i : edges_of_[at]) consider(i);
+  } else {
+    for (std::size_t i = 0; i < edges_.size(); ++i) {
+      if (edges_[i].from == at || edges_[i].to == at) consider(i);
     }
   }
   return best < edges_.size() ? edge_patch(best) : vertex_patch(at);
@@ -226,6 +312,7 @@ Patch Convex::face_patch(std::size_t index) const {
 Patch Convex::edge_patch(std::size_t index) const {
   const Edge& e = edges_[index];
   Patch patch{.corners = {}, .feature = edge(index)};
+  patch.round = margin_ > 0;
   patch.corners.push_back({vertices_[e.from], vertex(e.from), edge(index)});
   patch.corners.push_back({vertices_[e.to], vertex(e.to), edge(index)});
   return patch;
@@ -234,6 +321,12 @@ Patch Convex::edge_patch(std::size_t index) const {
 Patch Convex::vertex_patch(std::size_t index) const {
   Patch patch{.corners = {}, .feature = vertex(index)};
   patch.corners.push_back({vertices_[index], vertex(index), vertex(index)});
+  return patch;
+}
+
+Patch Convex::rolling_patch(const Vector3& direction) const {
+  Patch patch{.corners = {}, .feature = vertex(0)};
+  patch.corners.push_back({support(direction), vertex(0), vertex(0)});
   return patch;
 }
 
@@ -250,6 +343,8 @@ Patch Convex::lateral_patch(const Vector3& direction) const {
 Feature Convex::feature_at(const Vector3& p) const {
   if (is_half_space()) return face(0);
   if (kind_ == Kind::kCylinder) return cylinder_feature_at(p);
+  if (kind_ == Kind::kEllipsoid) return vertex(0);
+  if (is_hull()) return hull_feature_at(p);
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
     if ((p - vertices_[i]).norm() < kOnFeature) return vertex(i);
   }
@@ -258,14 +353,34 @@ Feature Convex::feature_at(const Vector3& p) const {
       return edge(i);
     }
   }
+  return face(face_above(p));
+}
+
+std::size_t Convex::face_above(const Vector3& p) const noexcept {
   std::size_t best = 0;
-  const auto height = [&](std::size_t i) {
-    return face_normals_[i].dot(p - vertices_[faces_[i].vertices[0]]);
-  };
-  for (std::size_t i = 1; i < faces_.size(); ++i) {
-    if (height(i) > height(best)) best = i;
+  double highest = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < faces_.size(); ++i) {
+    const double height = height_over_face(i, p);
+    if (height > highest) {
+      highest = height;
+      best = i;
+    }
   }
-  return face(best);
+  return best;
+}
+
+Feature Convex::hull_feature_at(const Vector3& p) const {
+  const std::size_t above = face_above(p);
+  const Face& f = faces_[above];
+  for (const std::uint16_t i : f.vertices) {
+    if ((p - vertices_[i]).norm() < kOnFeature) return vertex(i);
+  }
+  for (const std::uint16_t i : f.edges) {
+    if (distance_to_segment(p, vertices_[edges_[i].from], vertices_[edges_[i].to]) < kOnFeature) {
+      return edge(i);
+    }
+  }
+  return face(above);
 }
 
 Feature Convex::cylinder_feature_at(const Vector3& p) const {

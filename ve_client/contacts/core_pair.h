@@ -36,13 +36,10 @@ struct CorePair {
 /// Directions with a smaller sine between them have no cross product worth trying.
 inline constexpr double kParallel = 1e-9;
 
-/// Calls use(n_B) with all unit normals of faces and all cross products of edges, both ways. Among
-/// these is every face normal of the Minkowski difference of two polytopes, and no gap is larger
-/// than the signed distance; which pairs of edges make a face need not be known.
+/// Calls use(n_B) with all unit cross products of listed edges, both ways. Hulls list none: they
+/// have too many (Convex::is_hull()).
 template <class Use>
-void for_each_axis(const CorePair& pair, const Use& use) {
-  for (const Vector3& n : pair.body.face_normals()) use(n);
-  for (const Vector3& n_T : pair.tool.face_normals()) use(Vector3(-(pair.R_BT * n_T)));
+void for_each_edge_axis(const CorePair& pair, const Use& use) {
   for (const Vector3& e_T : pair.tool.edge_directions()) {
     const Vector3 e = pair.R_BT * e_T;
     for (const Vector3& f : pair.body.edge_directions()) {
@@ -53,6 +50,16 @@ void for_each_axis(const CorePair& pair, const Use& use) {
       use(Vector3(-n / sine));
     }
   }
+}
+
+/// Likewise with these and all unit normals of faces. Among them is every face normal of the
+/// Minkowski difference of two polytopes that are no hulls, and no gap is larger than the signed
+/// distance; which pairs of edges make a face need not be known.
+template <class Use>
+void for_each_axis(const CorePair& pair, const Use& use) {
+  for (const Vector3& n : pair.body.face_normals()) use(n);
+  for (const Vector3& n_T : pair.tool.face_normals()) use(Vector3(-(pair.R_BT * n_T)));
+  for_each_edge_axis(pair, use);
 }
 
 }  // namespace hlm::ve

@@ -19,7 +19,7 @@ std::uint64_t hash(std::initializer_list<std::uint64_t> words) noexcept {
 }
 
 std::uint64_t packed(const Feature& feature) noexcept {
-  return std::uint64_t{static_cast<std::uint8_t>(feature.kind)} << 24 |
+  return std::uint64_t{static_cast<std::uint8_t>(feature.kind)} << 48 |
          std::uint64_t{feature.shape} << 16 | feature.index;
 }
 

@@ -4,6 +4,7 @@
 #include <compare>
 #include <cstdint>
 #include <span>
+#include <tuple>
 
 #include "common/contact.h"
 
@@ -16,10 +17,17 @@ enum class FeatureKind : std::uint8_t { kVertex = 0, kEdge = 1, kFace = 2 };
 /// value however the bodies move.
 struct Feature {
   FeatureKind kind = FeatureKind::kVertex;
-  std::uint8_t shape = 0;   ///< Which convex shape of the body.
-  std::uint16_t index = 0;  ///< Which vertex, edge or face of that shape.
+  std::uint16_t index = 0;  ///< Which vertex, edge or face of the shape.
+  std::uint32_t shape = 0;  ///< Which convex shape of the body.
 
-  auto operator<=>(const Feature&) const = default;
+  constexpr Feature() = default;
+  constexpr Feature(FeatureKind kind_, std::uint32_t shape_, std::uint16_t index_)
+      : kind(kind_), index(index_), shape(shape_) {}
+
+  bool operator==(const Feature&) const = default;
+  auto operator<=>(const Feature& other) const {
+    return std::tie(kind, shape, index) <=> std::tie(other.kind, other.shape, other.index);
+  }
 };
 
 /// The feature pair of a contact. It is the same from frame to frame, whichever of the two bodies a

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <vector>
 
 #include "ve_client/contacts/clip.h"
 #include "ve_client/contacts/penetration.h"
@@ -129,28 +131,56 @@ struct Axis {
   Vector3 n_B;
   double gap;
 };
-/// Of 30 axes of two boxes some ten are near, with a large ε.
-using Axes = StaticVector<Axis, 32>;
+/// Most axes of faces and edges. Of 30 of two boxes some ten are near, with a large ε.
+constexpr std::size_t kMaxAxes = 31;
+using Axes = StaticVector<Axis, kMaxAxes + 1>;  // The best one may be another.
 
-/// The axes of faces and edges with a gap beyond `least`, the largest gap first.
-Axes polytope_axes(const CorePair& pair, double least) {
-  Axes axes;
-  for_each_axis(pair, [&](const Vector3& n) {
+/// The axes of faces and edges with a gap beyond `least`, m, the largest gap first. A face is
+/// looked at more closely if a point of the other core is far enough over it: of `n_B`'s supports,
+/// which are near the faces that matter. Of the faces of a hull, which may be round, those stay
+/// that are kOneAxis from all with a larger gap.
+Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
+  enum class Source : std::uint8_t { kToolHull, kBodyHull, kOther };
+  struct Candidate {
+    Axis axis;
+    Source source;
+  };
+  std::vector<Candidate> near;
+  const auto consider = [&](const Vector3& n, Source source) {
     const double gap = pair.gap(n);
-    if (!(gap > least)) return;
-    const auto place =
-        std::find_if(axes.begin(), axes.end(), [&](const Axis& axis) { return axis.gap < gap; });
-    if (axes.size() == axes.capacity()) {
-      if (place == axes.end()) return;
-      axes.pop_back();
-    }
-    axes.insert(place, {n, gap});
-  });
+    if (gap > least) near.push_back({{n, gap}, source});
+  };
+  const Vector3 tool_point = pair.tool_support(-n_B);
+  const Vector3 body_point_T = pair.R_BT.transpose() * (pair.body_support(n_B) - pair.p_BT);
+  for (std::size_t i = 0; i < pair.body.face_normals().size(); ++i) {
+    if (!(pair.body.height_over_face(i, tool_point) > least)) continue;
+    consider(pair.body.face_normals()[i], pair.body.is_hull() ? Source::kBodyHull : Source::kOther);
+  }
+  for (std::size_t i = 0; i < pair.tool.face_normals().size(); ++i) {
+    if (!(pair.tool.height_over_face(i, body_point_T) > least)) continue;
+    consider(-(pair.R_BT * pair.tool.face_normals()[i]),
+             pair.tool.is_hull() ? Source::kToolHull : Source::kOther);
+  }
+  for_each_edge_axis(pair, [&](const Vector3& n) { consider(n, Source::kOther); });
+  std::ranges::stable_sort(near, std::greater<>(), [](const Candidate& c) { return c.axis.gap; });
+
+  static const double cosine = std::cos(kOneAxis);
+  StaticVector<Candidate, kMaxAxes> kept;
+  for (const Candidate& candidate : near) {
+    const bool stood_for = std::any_of(kept.begin(), kept.end(), [&](const Candidate& other) {
+      return candidate.source != Source::kOther && other.source == candidate.source &&
+             candidate.axis.n_B.dot(other.axis.n_B) > cosine;
+    });
+    if (!stood_for && kept.size() < kept.capacity()) kept.push_back(candidate);
+  }
+  Axes axes;
+  for (const Candidate& candidate : kept) axes.push_back(candidate.axis);
   return axes;
 }
 
 /// The outermost points of either core along an axis that is normal to a face of the other, or
-/// where the edges cross that the axis is normal to.
+/// where the edges cross that the axis is normal to. The face of a hull whose normal is nearest to
+/// the axis need not have the point that is outermost of all.
 void add_outermost(const CorePair& pair, const Axis& axis, FeaturePairs& pairs) {
   const Vector3& n = axis.n_B;
   const Vector3 n_T = pair.R_BT.transpose() * n;
@@ -161,11 +191,20 @@ void add_outermost(const CorePair& pair, const Axis& axis, FeaturePairs& pairs) 
     for (const auto& corner : tool.corners) {
       put(pairs, {corner.vertex, body.feature, corner.p, corner.p + (top - n.dot(corner.p)) * n});
     }
+    if (!stands_for(pairs, n, axis.gap)) {
+      const Vector3 p = pair.tool_support(-n);
+      const Vector3 p_T = pair.R_BT.transpose() * (p - pair.p_BT);
+      put(pairs, {pair.tool.feature_at(p_T), body.feature, p, p - axis.gap * n});
+    }
   } else if (is_aligned_face(tool, -n)) {
     const double bottom = n.dot(pair.tool_support(-n));
     for (const auto& corner : body.corners) {
       put(pairs,
           {tool.feature, corner.vertex, corner.p + (bottom - n.dot(corner.p)) * n, corner.p});
+    }
+    if (!stands_for(pairs, n, axis.gap)) {
+      const Vector3 p = pair.body_support(n);
+      put(pairs, {tool.feature, pair.body.feature_at(p), p + axis.gap * n, p});
     }
   } else {
     const Patch e = in_body_frame(pair.tool.edge_facing(-n_T), pair);
@@ -219,7 +258,8 @@ FeaturePairs axis_features(const CorePair& pair, const Axis& axis, double larges
   return pairs;
 }
 
-/// Whether the normals of faces and edges alone decide if the shapes overlap.
+/// Whether the normals of faces and edges alone decide if the shapes overlap. Those of a hull's
+/// edges are not listed.
 bool sharp(const CorePair& pair) {
   return pair.tool.is_polytope() && pair.body.is_polytope() && pair.tool.margin() == 0 &&
          pair.body.margin() == 0;
@@ -291,6 +331,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   if (!separation) return manifold;
   const double margins = tool.margin() + body.margin();
   Axes kept;
+  Axes bearing;  // Of these.
   std::uint16_t count = 0;
   const auto add = [&](const Axis& axis, const FeaturePairs& pairs, bool bears = true) {
     if (pairs.empty() || manifold.size() + pairs.size() > manifold.capacity()) return;
@@ -303,7 +344,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   };
 
   const double least = separation->gap - kReach * epsilon;
-  const Axes axes = body.is_half_space() ? Axes{} : polytope_axes(pair, least);
+  const Axes axes = body.is_half_space() ? Axes{} : polytope_axes(pair, separation->n_B, least);
   CoreSeparation best = *separation;
   bool is_axis = body.is_half_space() || (sharp(pair) && best.gap <= 0);
   for (const Axis& axis : axes) {
@@ -314,15 +355,17 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   if (is_axis) {
     add({best.n_B, best.gap}, near_features(pair, best, epsilon + margins));
     kept.push_back({best.n_B, best.gap});
-  } else if (!sharp(pair)) {
+    bearing.push_back({best.n_B, best.gap});
+  } else if (!sharp(pair) || tool.is_hull() || body.is_hull()) {
     add({best.n_B, best.gap}, rounded_features(pair, best));
   }
   for (const Axis& axis : axes) {
-    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Axis& other) {
+    const bool known = std::any_of(bearing.begin(), bearing.end(), [&](const Axis& other) {
       return axis.n_B.dot(other.n_B) > std::cos(kOneAxis);
     });
     if (!known) {
       add(axis, axis_features(pair, axis, epsilon + margins));
+      bearing.push_back(axis);
     } else if (is_new_face(axis, pair.body, kept)) {
       add(axis, outermost_tool_points(pair, axis), false);
     } else {

@@ -46,8 +46,9 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 /// Likewise on all axes that can become the best while the tool moves by no more than epsilon: two
 /// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is
 /// its gap: so on an axis with none over a face they are the shapes' outermost points, also beyond
-/// the face's border. Of axes less than kOneAxis apart the first is meant to bear; normals of the
-/// body's faces follow to tell, as the tool turns, whether the shapes are apart.
+/// the face's border. An axis less than kOneAxis from a former one that is meant to bear is not
+/// meant to: of such only normals of the body's faces are listed, which tell whether the shapes are
+/// apart as the tool turns.
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
                        const std::optional<Vector3>& before_B = {});

@@ -1,11 +1,13 @@
 #include "ve_client/contacts/penetration.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
 
-#include <ccd/ccd.h>
+#include "ve_client/contacts/ccd_penetration.h"
+#include "ve_client/contacts/expanding_polytope.h"
 
 namespace hlm::ve {
 namespace {
@@ -14,23 +16,12 @@ namespace {
 /// the face normal when cross products of nearly parallel edges tie with it.
 constexpr double kAdvantage = 1e-9;
 
-/// libccd: the cores are swept by a ball of this radius, m, so that cores that only touch have a
-/// depth. It is taken off again exactly.
-constexpr double kBall = 1e-5;
-/// libccd: tolerance of its expanding polytope, m². It ends once the square of the next support
-/// point's distance from it is smaller, which leaves 3e-7 m for 1e-13; 1e-14 takes twice as long.
-/// (The default, 1e-4, leaves centimetres.)
-constexpr double kEpaTolerance = 1e-13;
-/// libccd: iterations of its search for an overlap. 10 to 30 are usual.
-constexpr unsigned long kMaxOverlapIterations = 200;
-/// libccd itself does not bound the growth of its polytope. 100 support points of the two cores, in
-/// all attempts, are usual, few pairs need 500. A pair for which this is too small, because it has
-/// a circle of equally good normals, costs about 10 ms and is refused.
-constexpr int kMaxSupports = 1000;
-/// libccd: where to start, one attempt each. From some directions a symmetrical pair yields a flat
-/// polytope, which cannot grow.
-const std::array<Vector3, 3> kFirstDirections = {Vector3(1, 0, 0), Vector3(0.48, 0.6, 0.64),
-                                                 Vector3(-0.64, 0.48, -0.6)};
+/// Difference, m, between the bounds of the expanding polytope at which curved cores are done: half
+/// of what is believed. Less takes more points.
+constexpr double kCurvedTolerance = kAccuracy / 2;
+/// Where the expanding polytope starts, one attempt each, beside the line between the origins. From
+/// some directions a symmetrical pair yields slivers.
+const std::array<Vector3, 2> kBeside = {Vector3(0.036, 0.048, 0.08), Vector3(0.048, -0.06, 0.064)};
 
 /// Keeps the normal with the largest gap.
 class BestNormal {
@@ -73,6 +64,18 @@ void consider_perpendiculars(const CorePair& pair, BestNormal& best) {
   best.consider(Vector3::UnitZ());
 }
 
+/// From a normal to better ones near it, as far as they get better: between faces and edges of
+/// hulls that are not listed.
+void consider_climb(const CorePair& pair, const Vector3& before_B, BestNormal& best) {
+  constexpr int kSteps = 8;
+  best.consider(before_B);
+  for (int i = 0; i < kSteps && !best.best().n_B.isZero(0); ++i) {
+    const double gap = best.best().gap;
+    best.consider(closest_points_moved_apart(pair, best.best().n_B, gap).n_B);
+    if (best.best().gap - gap < kAdvantage) return;
+  }
+}
+
 /// True if one core is a point and the other a cylinder's.
 bool is_point_in_cylinder(const CorePair& pair) {
   return (pair.tool.is_point() && pair.body.is_cylinder()) ||
@@ -86,68 +89,27 @@ void consider_radial(const CorePair& pair, BestNormal& best) {
   best.consider_both(radial.norm() > 0 ? radial.normalized() : axis.unitOrthogonal());
 }
 
-/// What libccd's callbacks see of one core.
-struct CcdObject {
-  const CorePair& pair;
-  bool is_tool;
-  double ball;  ///< Sweeps this core, m.
-  const Vector3& first_direction;
-  int& supports;  ///< Calls so far for both cores, in all attempts.
-};
-
-extern "C" void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* result) {
-  const auto& core = *static_cast<const CcdObject*>(object);
-  Vector3 p = Vector3::Zero();
-  // Past the limit both cores are the origin: libccd finds no progress and ends.
-  if (++core.supports <= kMaxSupports) {
-    const Vector3 d(direction->v[0], direction->v[1], direction->v[2]);
-    p = core.is_tool ? core.pair.tool_support(d) : core.pair.body_support(d);
-    if (const double length = d.norm(); length > 0) p += core.ball / length * d;
-  }
-  ccdVec3Set(result, p.x(), p.y(), p.z());
-}
-
-extern "C" void ccd_first_direction(const void* object, const void*, ccd_vec3_t* direction) {
-  const Vector3& d = static_cast<const CcdObject*>(object)->first_direction;
-  ccdVec3Set(direction, d.x(), d.y(), d.z());
-}
-
-/// Overlap of the cores by libccd: `gap` of its normal, and as `upper` what the depth of its
-/// polytope, which lies inside the Minkowski difference, proves. None if it finds no overlap.
-std::optional<CoreSeparation> expanding_polytope(const CorePair& pair,
-                                                 const Vector3& first_direction, int& supports) {
-  const CcdObject tool{pair, true, kBall, first_direction, supports};
-  const CcdObject body{pair, false, 0, first_direction, supports};
-  ccd_t ccd;
-  CCD_INIT(&ccd);
-  ccd.first_dir = ccd_first_direction;
-  ccd.support1 = ccd_support;
-  ccd.support2 = ccd_support;
-  ccd.max_iterations = kMaxOverlapIterations;
-  ccd.epa_tolerance = kEpaTolerance;
-  ccd.dist_tolerance = kEpaTolerance;
-  ccd_real_t depth = 0;
-  ccd_vec3_t direction;
-  ccd_vec3_t position;
-  if (ccdGJKPenetration(&tool, &body, &ccd, &depth, &direction, &position) != 0) return {};
-  // libccd's direction is that in which its second object, the body, has to leave.
-  const Vector3 n(-direction.v[0], -direction.v[1], -direction.v[2]);
-  if (!(n.norm() > 0)) return {};
-  const Vector3 n_B = n.normalized();
-  return CoreSeparation{pair.gap(n_B), kBall - depth, n_B};
-}
-
-/// Gap of curved cores: libccd's answer is made more exact by nearest points.
-CoreSeparation curved_penetration(const CorePair& pair, BestNormal& best, double upper) {
-  int supports = 0;
-  for (const Vector3& first_direction : kFirstDirections) {
-    const auto found = expanding_polytope(pair, first_direction, supports);
-    if (!found) continue;
+/// Gap of cores that have too many axes to try. The normal of curved ones is made more exact by
+/// nearest points. Where rounding stops the polytope, libccd has the last word.
+CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
+                                 bool curved) {
+  double upper = touching_upper;
+  const auto is_done_with = [&](const std::optional<CoreSeparation>& found) {
+    if (!found) return false;
     best.consider(found->n_B);
-    best.consider(closest_points_moved_apart(pair, best.best().n_B, best.best().gap).n_B);
     upper = std::min(upper, found->upper);
-    if (upper - best.best().gap <= kAccuracy) break;
-  }
+    if (curved) {
+      best.consider(closest_points_moved_apart(pair, best.best().n_B, best.best().gap).n_B);
+    }
+    return upper - best.best().gap <= kAccuracy;
+  };
+  const Vector3 between = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT.normalized();
+  const double tolerance = curved ? kCurvedTolerance : 0;
+  const bool done = std::any_of(kBeside.begin(), kBeside.end(), [&](const Vector3& beside) {
+    return is_done_with(
+        expanding_polytope(pair, (between + beside).normalized(), tolerance, touching_upper));
+  });
+  if (!done) is_done_with(ccd_penetration(pair));
   CoreSeparation result = best.best();
   result.upper = upper;
   return result;
@@ -157,7 +119,8 @@ CoreSeparation curved_penetration(const CorePair& pair, BestNormal& best, double
 
 CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& nearest) {
   BestNormal best(pair);
-  for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
+  const bool has_hull = pair.tool.is_hull() || pair.body.is_hull();
+  if (!has_hull) for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
   if (pair.tool.face_normals().empty() && pair.body.face_normals().empty()) {
     consider_perpendiculars(pair, best);
   }
@@ -166,7 +129,8 @@ CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& neare
   if (point_in_cylinder) consider_radial(pair, best);
 
   const bool polytopes = pair.tool.is_polytope() && pair.body.is_polytope();
-  if (!polytopes && !point_in_cylinder) return curved_penetration(pair, best, nearest.upper);
+  const bool few_axes = (polytopes && !has_hull) || point_in_cylinder;
+  if (!few_axes) return grown_penetration(pair, best, nearest.upper, !polytopes);
   CoreSeparation exact = best.best();
   // If no axis separates the cores, they overlap by the best one. Otherwise they are apart by less
   // than kTouchingDistance, perhaps along another normal.
@@ -177,6 +141,7 @@ CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& neare
 CoreSeparation find_penetration_near(const CorePair& pair, const Vector3& before_B) {
   BestNormal best(pair, before_B);
   for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
+  if (pair.tool.is_hull() || pair.body.is_hull()) consider_climb(pair, before_B, best);
   if (is_point_in_cylinder(pair)) consider_radial(pair, best);
   if (best.best().n_B.isZero(0)) best.consider(before_B);
   CoreSeparation result = best.best();

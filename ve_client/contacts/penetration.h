@@ -6,8 +6,8 @@
 namespace hlm::ve {
 
 /// `nearest` is the answer of closest_points(), whose relation is kTouching. Polytopes: exact, over
-/// all normals of faces and cross products of edges. Curved cores: those and libccd's expanding
-/// polytope.
+/// all normals of faces and cross products of edges. Hulls: exact, by an expanding polytope. Curved
+/// cores: that and those axes.
 CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& nearest);
 
 /// Overlap of cores along a normal near `before_B` (unit), that of the same pair a little earlier,

@@ -11,6 +11,14 @@ CoreSeparation separation_from_half_space(const CorePair& pair) {
   return {height, height, n};
 }
 
+/// Of curved cores a few micrometres apart, where rounding stopped the search early.
+CoreSeparation made_exact(const CorePair& pair, const ClosestPoints& nearest) {
+  const Vector3 n = closest_points_moved_apart(pair, nearest.n_B, nearest.lower).n_B;
+  const double gap = pair.gap(n);
+  if (gap > nearest.lower) return {gap, nearest.upper, n};
+  return {nearest.lower, nearest.upper, nearest.n_B};
+}
+
 }  // namespace
 
 std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond) {
@@ -28,6 +36,7 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
     case ClosestPoints::Relation::kSeparate:
       break;
   }
+  if (nearest.upper - nearest.lower > kAccuracy) return made_exact(pair, nearest);
   return CoreSeparation{nearest.lower, nearest.upper, nearest.n_B};
 }
 

@@ -1,5 +1,5 @@
-// Convex collision shapes. Each is a core swept by a sphere of radius `margin()`: sphere = point,
-// capsule = segment, the others have margin 0.
+// Collision shapes. Each convex one is a core swept by a sphere of radius `margin()`: sphere =
+// point, capsule = segment, the others have margin 0.
 #pragma once
 
 #include <variant>
@@ -26,9 +26,17 @@ struct Cylinder {
 struct Box {
   Vector3 size = Vector3::Zero();  ///< Edge lengths, m, each > 0.
 };
+/// Centred.
+struct Ellipsoid {
+  Vector3 radii = Vector3::Zero();  ///< Semi-axes along x, y, z of its frame, m, each > 0.
+};
+/// The convex hull of points.
+struct Hull {
+  std::vector<Vector3> vertices;  ///< m; those inside the hull do no harm.
+};
 /// Half-space z <= 0 of its frame; its outward normal is +z. Environment only.
 struct HalfSpace {};
 
-using Shape = std::variant<Sphere, Capsule, Cylinder, Box, HalfSpace>;
+using Shape = std::variant<Sphere, Capsule, Cylinder, Box, Ellipsoid, Hull, HalfSpace>;
 
 }  // namespace hlm::ve

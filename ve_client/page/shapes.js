@@ -79,7 +79,18 @@ function geometryOf(shape) {
     case 'sphere': return new THREE.SphereGeometry(shape.radius, 24, 14);
     case 'cylinder': return upright(new THREE.CylinderGeometry(shape.radius, shape.radius, shape.length, 24));
     case 'capsule': return upright(new THREE.CapsuleGeometry(shape.radius, shape.length, 6, 18));
+    case 'ellipsoid': return new THREE.SphereGeometry(1, 24, 14).scale(...shape.radii);
+    case 'mesh': return meshOf(shape);
     case 'plane': return new THREE.PlaneGeometry(PLANE_SIZE, PLANE_SIZE, 12, 12);
     default: return null;
   }
+}
+
+/** Flat triangles. */
+function meshOf({ points, corners }) {
+  const geometry = new THREE.BufferGeometry();
+  const coordinates = corners.flatMap((corner) => points.slice(3 * corner, 3 * corner + 3));
+  geometry.setAttribute('position', new THREE.Float32BufferAttribute(coordinates, 3));
+  geometry.computeVertexNormals();
+  return geometry;
 }

@@ -8,6 +8,7 @@
 #include "common/freedoms.h"
 #include "protocol/force_chain.h"
 #include "protocol/tick_columns.h"
+#include "ve_client/contacts/hull.h"
 #include "ve_client/web/methods.h"
 
 namespace hlm::ve {
@@ -23,6 +24,33 @@ json to_json(const Pose& X) {
   return {X.p.x(), X.p.y(), X.p.z(), X.R.w(), X.R.x(), X.R.y(), X.R.z()};
 }
 
+/// Triangles as lists of coordinates and of corners.
+json mesh_json(const std::vector<Vector3>& points, json corners) {
+  json coordinates = json::array();
+  for (const Vector3& p : points) {
+    for (const double coordinate : p) coordinates.push_back(coordinate);
+  }
+  return {{"kind", "mesh"}, {"points", std::move(coordinates)}, {"corners", std::move(corners)}};
+}
+
+json to_json(const HullFaces& hull) {
+  json corners = json::array();
+  for (const auto& loop : hull.loops) {
+    for (std::size_t i = 2; i < loop.size(); ++i) {
+      for (const std::uint16_t corner : {loop[0], loop[i - 1], loop[i]}) corners.push_back(corner);
+    }
+  }
+  return mesh_json(hull.vertices, std::move(corners));
+}
+
+json to_json(const Mesh& mesh) {
+  json corners = json::array();
+  for (const auto& triangle : mesh.triangles) {
+    for (const int corner : triangle) corners.push_back(corner);
+  }
+  return mesh_json(mesh.points, std::move(corners));
+}
+
 json to_json(const Shape& shape) {
   struct Describe {
     json operator()(const Sphere& s) const { return {{"kind", "sphere"}, {"radius", s.radius}}; }
@@ -33,6 +61,10 @@ json to_json(const Shape& shape) {
       return {{"kind", "cylinder"}, {"radius", s.radius}, {"length", s.length}};
     }
     json operator()(const Box& s) const { return {{"kind", "box"}, {"size", to_json(s.size)}}; }
+    json operator()(const Ellipsoid& s) const {
+      return {{"kind", "ellipsoid"}, {"radii", to_json(s.radii)}};
+    }
+    json operator()(const Hull& s) const { return to_json(convex_hull(s.vertices)); }
     json operator()(const HalfSpace&) const { return {{"kind", "plane"}}; }
   };
   return std::visit(Describe{}, shape);
@@ -40,8 +72,12 @@ json to_json(const Shape& shape) {
 
 json to_json(const BodyDescription& body, bool is_tool) {
   json shapes = json::array();
+  const Mesh* latest = nullptr;
   for (const CollisionDescription& collision : body.collisions) {
-    json shape = to_json(collision.shape);
+    const Mesh* mesh = collision.mesh.get();
+    if (mesh != nullptr && mesh == latest) continue;  // The pieces of a skin are shown as one.
+    latest = mesh;
+    json shape = mesh != nullptr ? to_json(*mesh) : to_json(collision.shape);
     shape["pose"] = to_json(collision.X_BG);
     shapes.push_back(std::move(shape));
   }

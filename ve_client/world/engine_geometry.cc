@@ -1,7 +1,15 @@
 #include "ve_client/world/engine_geometry.h"
 
+#include <utility>
+
 namespace hlm::ve {
 namespace {
+
+Eigen::AlignedBox3d bounds_of(const Hull& hull) {
+  Eigen::AlignedBox3d box;
+  for (const Vector3& p : hull.vertices) box.extend(p);
+  return box;
+}
 
 /// Of the pose only a plane takes anything.
 dGeomID create(dSpaceID space, const Shape& shape, const Pose& X_WG) {
@@ -11,12 +19,15 @@ dGeomID create(dSpaceID space, const Shape& shape, const Pose& X_WG) {
     dGeomID operator()(const Cylinder& s) const {
       return dCreateCylinder(space, s.radius, s.length);
     }
-    dGeomID operator()(const Box& s) const {
-      return dCreateBox(space, s.size.x(), s.size.y(), s.size.z());
-    }
+    dGeomID operator()(const Box& s) const { return box(s.size); }
+    dGeomID operator()(const Ellipsoid& s) const { return box(2 * s.radii); }
+    dGeomID operator()(const Hull& s) const { return box(bounds_of(s).sizes()); }
     dGeomID operator()(const HalfSpace&) const {
       const Vector3 n = X_WG.R * Vector3::UnitZ();
       return dCreatePlane(space, n.x(), n.y(), n.z(), n.dot(X_WG.p));
+    }
+    dGeomID box(const Vector3& size) const {
+      return dCreateBox(space, size.x(), size.y(), size.z());
     }
     dSpaceID space;
     const Pose& X_WG;
@@ -30,18 +41,39 @@ dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dB
                         const Pose& X_BG) {
   const dGeomID geometry = create(space, shape, X_WG);
   if (std::holds_alternative<HalfSpace>(shape)) return geometry;
+  Pose X_GE;  // E: the engine's geometry.
+  if (const Hull* hull = std::get_if<Hull>(&shape)) X_GE.p = bounds_of(*hull).center();
   const auto set_pose = [&](auto set_position, auto set_rotation, const Pose& X) {
     const dQuaternion q = {X.R.w(), X.R.x(), X.R.y(), X.R.z()};
     set_position(geometry, X.p.x(), X.p.y(), X.p.z());
     set_rotation(geometry, q);
   };
   if (body == nullptr) {
-    set_pose(dGeomSetPosition, dGeomSetQuaternion, X_WG);
+    set_pose(dGeomSetPosition, dGeomSetQuaternion, X_WG * X_GE);
   } else {
     dGeomSetBody(geometry, body);
-    set_pose(dGeomSetOffsetPosition, dGeomSetOffsetQuaternion, X_BG);
+    set_pose(dGeomSetOffsetPosition, dGeomSetOffsetQuaternion, X_BG * X_GE);
   }
   return geometry;
+}
+
+dSpaceID create_mesh_space(const WorldDescription& world) {
+  Eigen::AlignedBox3d box;
+  for (const BodyDescription& body : world.bodies) {
+    const Mesh* latest = nullptr;
+    for (const CollisionDescription& collision : body.collisions) {
+      const Mesh* mesh = collision.mesh.get();
+      if (mesh == nullptr || std::exchange(latest, mesh) == mesh) continue;
+      for (const Vector3& p : mesh->points) box.extend(body.X_WB * (collision.X_BG * p));
+    }
+  }
+  if (box.isEmpty()) return nullptr;
+  constexpr int kDepth = 6;  // 4096 cells, seen along z.
+  const Vector3 c = box.center();
+  const Vector3 e = box.sizes();
+  const dVector3 center = {c.x(), c.y(), c.z()};
+  const dVector3 extents = {e.x(), e.y(), e.z()};
+  return dQuadTreeSpaceCreate(nullptr, center, extents, kDepth);
 }
 
 }  // namespace hlm::ve

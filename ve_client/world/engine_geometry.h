@@ -5,11 +5,17 @@
 
 #include "common/spatial.h"
 #include "ve_client/contacts/shape.h"
+#include "ve_client/world/world_description.h"
 
 namespace hlm::ve {
 
-/// A geometry with the shape, at X_WG; with a body, fixed in it at X_BG.
+/// A geometry with the shape, at X_WG; with a body, fixed in it at X_BG. Of shapes that the engine
+/// does not have it is a box around them: only bounding boxes are asked of the engine.
 dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dBodyID body,
                         const Pose& X_BG);
+
+/// A space for the pieces of fixed meshes, where many that stand still cost nothing; null if the
+/// world has none.
+dSpaceID create_mesh_space(const WorldDescription& world);
 
 }  // namespace hlm::ve

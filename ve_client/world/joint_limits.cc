@@ -1,6 +1,7 @@
 #include "ve_client/world/joint_limits.h"
 
 #include <cmath>
+#include <limits>
 
 namespace hlm::ve {
 namespace {
@@ -9,7 +10,7 @@ namespace {
 constexpr double kArm = 0.1;
 constexpr double kLeastArm = 0.01;
 /// Not a shape: limits have features of their own.
-constexpr std::uint8_t kNoShape = 255;
+constexpr std::uint32_t kNoShape = std::numeric_limits<std::uint32_t>::max();
 
 /// A point of the child, and how it moves as the joint does.
 struct Lever {

@@ -89,6 +89,8 @@ Pieces::Pieces(const WorldDescription& description,
       Piece& piece = pieces_.emplace_back();
       piece.id = {static_cast<int>(body), static_cast<int>(shape)};
       piece.convex = &shapes[body][shape];
+      piece.mesh = described.collisions[shape].mesh.get();
+      piece.triangle = described.collisions[shape].triangle;
       const Pose& X_BG = described.collisions[shape].X_BG;
       piece.X_FG = described.fixed ? described.X_WB * X_BG : X_BG;
       piece.bounds_F = piece.convex->bounds(piece.X_FG);
@@ -178,7 +180,7 @@ void Pieces::join_faces(Assembly& assembly) {
         piece->surfaces.push_back({piece->id, static_cast<std::uint16_t>(i)});
       }
     }
-    piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face)};
+    piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face), true};
   }
 }
 

@@ -31,12 +31,15 @@ struct Piece {
   struct Surface {
     CollisionId id;
     std::uint16_t face = 0;
+    bool shared = false;  ///< Whether it is of several pieces.
     auto operator<=>(const Surface&) const = default;
   };
 
   CollisionId id;
   const Convex* convex = nullptr;
   Pose X_FG;
+  const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
+  std::size_t triangle = 0;    ///< Of that: which it is behind.
   Eigen::AlignedBox3d bounds_F;
   std::vector<Plane> planes;      ///< Of the faces of its core, in their order.
   std::vector<Surface> surfaces;  ///< Of each face; empty if none goes on in another piece's.
@@ -88,8 +91,9 @@ class Pieces {
   std::vector<bool> fixed_;         ///< Of each body.
 };
 
-/// The pieces at a point of a piece: that one, and those that adjoin it there.
-inline constexpr std::size_t kMaxPiecesAtPoint = 16;
+/// The pieces at a point of a piece: that one, and those that adjoin it there. Should more
+/// triangles of a mesh meet in a point, those left out look open.
+inline constexpr std::size_t kMaxPiecesAtPoint = 64;
 using PiecesAtPoint = StaticVector<const Piece*, kMaxPiecesAtPoint>;
 PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F);
 /// Whether a point is in one of these pieces other than its own.

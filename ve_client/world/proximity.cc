@@ -4,6 +4,8 @@
 #include <iterator>
 #include <limits>
 
+#include "ve_client/world/mesh_normals.h"
+
 namespace hlm::ve {
 namespace {
 
@@ -75,6 +77,33 @@ void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& co
   contacts = std::move(kept);
 }
 
+/// Of a tool that is beside a triangle of a skin, over one that rises from it: the contact with the
+/// triangle's plane, which it will meet next. Else what was found.
+AxesManifold with_plane(const AxesManifold& found, const CollisionDescription& piece,
+                        const Convex& tool, const Pose& X_WT, const Convex& convex,
+                        const Pose& X_WG, double epsilon) {
+  if (found.empty()) return found;
+  const Pose X_GW = X_WG.inverse();
+  const ManifoldPoint& nearest = *std::ranges::min_element(found, {}, &ManifoldPoint::separation);
+  const Vector3 p_G = X_GW * nearest.p_WC;
+  if (is_normal(*piece.mesh, piece.triangle, p_G, X_GW.R * nearest.n_W).value_or(true)) {
+    return found;
+  }
+  const Vector3 n_G = piece.mesh->area(piece.triangle).normalized();
+  const Vector3 n_W = X_WG.R * n_G;
+  const Vector3 n_T = X_WT.R.conjugate() * n_W;
+  const Vector3 p_T = tool.support(-n_T);
+  const Vector3 p_W = X_WT * Vector3(p_T - tool.margin() * n_T);
+  if (!is_concave(*piece.mesh, piece.triangle, p_G, X_GW * p_W)) return found;
+  const double height = n_W.dot(p_W - X_WG * piece.mesh->corner(piece.triangle, 0));
+  if (height > epsilon) return {};
+  return {{.tool_feature = tool.feature_at(p_T),
+           .body_feature = convex.facing(n_G).feature,
+           .p_WC = p_W - height * n_W,
+           .n_W = n_W,
+           .separation = height}};
+}
+
 }  // namespace
 
 Proximity::Proximity(World& world, const ToolAssembly& assembly)
@@ -99,9 +128,9 @@ AxesManifold Proximity::find(const CollisionId& id_a, const Pose& X_WA, const Co
                              const std::optional<Vector3>& before_B) {
   const Convex& a = world_.convex(id_a);
   const Convex& b = world_.convex(id_b);
-  const bool alone =
-      !has_neighbours(world_.pieces().of(id_a)) && !has_neighbours(world_.pieces().of(id_b));
-  if (all_axes_ && alone) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
+  const bool skin = world_.collision(id_b).mesh != nullptr;
+  if (all_axes_ && !skin) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   return {best.begin(), best.end()};
 }
@@ -143,6 +172,7 @@ void Proximity::resolve(const PairSide& a, const PairSide& b, std::size_t first)
 
 void Proximity::merge() {
   if (std::exchange(shared_, false)) merge_same(contacts_, world_.pieces());
+  if (all_axes_) keep_whole_pairs(contacts_);
 }
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
@@ -179,7 +209,13 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  const AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before);
+  const CollisionDescription& piece = world_.collision(other);
+  if (piece.mesh) before = piece.mesh->area(piece.triangle).normalized();
+  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before);
+  if (piece.mesh) {
+    manifold =
+        with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
+  }
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }

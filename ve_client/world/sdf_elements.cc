@@ -16,7 +16,8 @@ constexpr std::string_view kOtherEngine = "tunes another solver or engine";
 constexpr std::string_view kHard = "contacts are as stiff as the server sets";
 constexpr std::string_view kAll = "everything collides with everything";
 constexpr std::string_view kIsotropic = "friction is the same in all directions, with mu";
-constexpr std::string_view kPrimitive = "make it of box, sphere, cylinder, capsule or plane";
+constexpr std::string_view kMesh =
+    "make it a mesh, or of box, sphere, cylinder, capsule or ellipsoid";
 
 constexpr ElementRule kRules[] = {
     {"world/model", kUsed, ""},
@@ -95,14 +96,17 @@ constexpr ElementRule kRules[] = {
     {"model/link/collision/geometry/sphere", kUsed, ""},
     {"model/link/collision/geometry/cylinder", kUsed, ""},
     {"model/link/collision/geometry/capsule", kUsed, ""},
+    {"model/link/collision/geometry/ellipsoid", kUsed, ""},
+    {"model/link/collision/geometry/mesh/uri", kUsed, "a file of triangles"},
+    {"model/link/collision/geometry/mesh/scale", kUsed, ""},
+    {"model/link/collision/geometry/mesh/submesh", kUsed, ""},
+    {"model/link/collision/geometry/mesh/haptic:pieces", kUsed, "hull, triangles or parts"},
     {"model/link/collision/geometry/plane", kUsed, "a half-space, in static models"},
     {"model/link/collision/geometry/empty", kApproximated, "the collision is left out"},
-    {"model/link/collision/geometry/mesh", kRefused, kPrimitive},
-    {"model/link/collision/geometry/ellipsoid", kRefused, kPrimitive},
-    {"model/link/collision/geometry/cone", kRefused, kPrimitive},
-    {"model/link/collision/geometry/heightmap", kRefused, kPrimitive},
-    {"model/link/collision/geometry/image", kRefused, kPrimitive},
-    {"model/link/collision/geometry/polyline", kRefused, kPrimitive},
+    {"model/link/collision/geometry/cone", kRefused, kMesh},
+    {"model/link/collision/geometry/heightmap", kRefused, kMesh},
+    {"model/link/collision/geometry/image", kRefused, kMesh},
+    {"model/link/collision/geometry/polyline", kRefused, kMesh},
     {"model/link/collision/surface/friction/ode/mu", kUsed, "1 if it is not given"},
     {"model/link/collision/surface/friction/ode/mu2", kApproximated, kIsotropic},
     {"model/link/collision/surface/friction/ode/fdir1", kApproximated, kIsotropic},

@@ -180,12 +180,6 @@ class ModelReader {
   }
 
   void read_collisions(const sdf::Link& link, BodyDescription& body) {
-    constexpr std::uint64_t kMostCollisions = 256;  // Feature::shape is one byte.
-    if (link.CollisionCount() > kMostCollisions) {
-      return diagnostics_.refuse(
-          place_of(link.Element()),
-          std::to_string(link.CollisionCount()) + " collisions; at most 256 are allowed");
-    }
     for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
       const sdf::Collision& source = *link.CollisionByIndex(i);
       if (source.Geom()->Type() == sdf::GeometryType::EMPTY) {
@@ -193,12 +187,13 @@ class ModelReader {
                                  "a collision without a shape that can be used is left out");
         continue;
       }
-      const auto collision = to_collision(source, body.p_BS, diagnostics_);
-      if (!collision) continue;
-      if (!body.fixed && std::holds_alternative<HalfSpace>(collision->shape)) {
-        diagnostics_.refuse(place_of(source.Element()), "a plane is allowed in static models only");
+      for (auto& piece : to_collisions(source, body.p_BS, body.fixed, diagnostics_)) {
+        if (!body.fixed && std::holds_alternative<HalfSpace>(piece.shape)) {
+          diagnostics_.refuse(place_of(source.Element()),
+                              "a plane is allowed in static models only");
+        }
+        body.collisions.push_back(std::move(piece));
       }
-      body.collisions.push_back(*collision);
     }
   }
 

@@ -79,9 +79,9 @@ Schema build() {
     const ElementPtr element = trimmed(full->Root()->GetElementDescription(top), top, schema);
     if (top == "world") element->AddElementDescription(schema.root->GetElementDescription("model"));
     for (const ElementRule& rule : element_rules()) {
-      const std::string_view rest =
-          rule.path.starts_with(top + "/haptic:") ? rule.path.substr(top.size() + 1) : "";
-      if (!rest.empty()) add_own(element, top, rest, schema);
+      const bool own = rule.path.find("/haptic:") != rule.path.npos;
+      if (!own || !rule.path.starts_with(top + "/")) continue;
+      add_own(element, top, rule.path.substr(top.size() + 1), schema);
     }
     schema.root->AddElementDescription(element);
   }

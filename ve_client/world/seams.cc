@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 
+#include "ve_client/world/mesh_normals.h"
 #include "ve_client/world/surface_normal.h"
 
 namespace hlm::ve {
@@ -61,7 +63,9 @@ class Resolver {
   Meeting seen(const FoundContact& contact) const;
   FoundContact reported(Meeting meeting) const;
 
+  std::optional<bool> is_on_mesh(std::span<const Meeting> set) const;
   bool is_on_surface(std::span<const Meeting> set) const;
+  Vector3 within_own(const Vector3& p_F) const;
   bool put_on_surface(Meeting& meeting) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
@@ -71,6 +75,7 @@ class Resolver {
   void name(FoundContact& contact, const CollisionId& id, FeatureKind kind, std::uint16_t index);
   void name_surface(FoundContact& contact, std::size_t face);
   void name_border(FoundContact& contact, std::size_t face, std::size_t other_face);
+  static void pair_with_surface(FoundContact& contact);
 
   const Pieces& pieces_;
   const Piece& own_;
@@ -98,11 +103,41 @@ FoundContact Resolver::reported(Meeting meeting) const {
   return contact;
 }
 
+/// A point, or about the nearest to it in the piece.
+Vector3 Resolver::within_own(const Vector3& p_F) const {
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
+  Vector3 within = p_F;
+  for (int i = 0; i < kRounds; ++i) {
+    const Vector3 from = within;
+    for (const PieceSide& side : sides_at(own_, from, kAll)) {
+      within -= std::max(0.0, side.height + side.n_F.dot(within - from)) * side.n_F;
+    }
+  }
+  return within;
+}
+
+/// Whether a set of contacts is on the mesh whose skin the piece is of; empty if it is of none, or
+/// if the mesh does not tell.
+std::optional<bool> Resolver::is_on_mesh(std::span<const Meeting> set) const {
+  if (own_.mesh == nullptr) return {};
+  const Pose X_GF = own_.X_FG.inverse();
+  bool tells = true;
+  for (const Meeting& meeting : set) {
+    const auto is = is_normal(*own_.mesh, own_.triangle, X_GF * meeting.at, X_GF.R * meeting.n);
+    if (is.value_or(false)) return true;
+    tells = tells && is;
+  }
+  return tells ? std::optional(false) : std::nullopt;
+}
+
 /// Whether the normal of a set of contacts is one of the surface at any of them or in their middle.
 /// One such place is enough: a floor goes on under the walls that stand on its border.
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const Vector3& n = set.front().n;
-  const auto is_on = [&](const Vector3& p_F) {
+  if (const auto is = is_on_mesh(set)) return *is;
+  const auto is_on = [&](const Vector3& outermost) {
+    const Vector3 p_F = within_own(outermost);
     const PiecesAtPoint pieces = pieces_at(own_, p_F);
     return pieces.size() == 1 || (surface_normal(n, p_F, pieces) - n).norm() < kIsNormal;
   };
@@ -212,23 +247,31 @@ void Resolver::name(FoundContact& contact, const CollisionId& id, FeatureKind ki
   if (id.body != own_.id.body) {  // Both fixed, so on side b.
     contact.key.b.index = static_cast<std::uint32_t>(id.body);
   }
-  own_feature(contact) = {kind, static_cast<std::uint8_t>(id.shape), index};
+  own_feature(contact) = {kind, static_cast<std::uint32_t>(id.shape), index};
   shared_ = true;
 }
 
 void Resolver::name_surface(FoundContact& contact, std::size_t face) {
   const bool joined = !own_.surfaces.empty();
-  const auto [id, index] =
+  const auto surface =
       joined ? own_.surfaces[face] : Piece::Surface{own_.id, static_cast<std::uint16_t>(face)};
-  name(contact, id, FeatureKind::kFace, index);
+  name(contact, surface.id, FeatureKind::kFace, surface.face);
+  contact.key.face = 0;
+  if (surface.shared) pair_with_surface(contact);
 }
 
 void Resolver::name_border(FoundContact& contact, std::size_t face, std::size_t other_face) {
   const auto number = pieces_.border_of(own_, face, other_face);
   if (!number) return;
-  const Piece::Surface& first = std::min(own_.surfaces[face], own_.surfaces[other_face]);
-  name(contact, first.id, FeatureKind::kEdge, *number);
+  const Piece::Surface& surface = own_.surfaces[face];
+  name(contact, std::min(surface, own_.surfaces[other_face]).id, FeatureKind::kEdge, *number);
+  contact.key.face = 2 * std::uint32_t{surface.face} + 1;
+  if (surface.shared) pair_with_surface(contact);
 }
+
+/// The contacts of a surface of several pieces are of one pair, which has no other axes: those of
+/// the first piece do not tell whether the others are apart.
+void Resolver::pair_with_surface(FoundContact& contact) { contact.pair = ~pair_of(contact.key); }
 
 /// Gives a contact its place on a surface of several pieces. False if it has none: it is at a
 /// border inside of that.
@@ -237,6 +280,10 @@ bool Resolver::settle(Meeting& meeting) {
   if (feature.kind == FeatureKind::kFace) {
     if (feature.index < own_.planes.size()) name_surface(meeting.contact, feature.index);
     return true;
+  }
+  if (own_.mesh != nullptr) {
+    const bool at_corner = other_feature(meeting.contact).kind == FeatureKind::kVertex;
+    return at_corner || !is_flat(*own_.mesh, own_.triangle, own_.X_FG.inverse() * meeting.at);
   }
   const auto face = face_at(meeting);
   if (!face) return true;
@@ -265,16 +312,30 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     const auto end = std::find_if(begin, meetings.end(), [n = begin->n](const Meeting& meeting) {
       return (meeting.n - n).norm() > kSameNormal;
     });
-    const bool real = is_on_surface({begin, end});
+    // Those on another than the best axis are sent as they are, or not: not without the best one.
+    const bool other_axis = begin->contact.axis > 0;
+    const bool whole =
+        !other_axis ||
+        std::any_of(contacts.begin() + static_cast<std::ptrdiff_t>(first), contacts.end(),
+                    [pair = begin->contact.pair](const FoundContact& contact) {
+                      return contact.axis == 0 && contact.pair == pair;
+                    });
+    const bool real = whole && is_on_surface({begin, end});
+    shared_ = shared_ || own_.mesh != nullptr;
     for (; begin != end; ++begin) {
-      if ((real || put_on_surface(*begin)) && settle(*begin)) contacts.push_back(reported(*begin));
+      const bool stays = real || (!other_axis && own_.mesh == nullptr && put_on_surface(*begin));
+      if (stays && (other_axis || settle(*begin))) contacts.push_back(reported(*begin));
     }
   }
   return shared_;
 }
 
+bool has_neighbours(const Piece& piece) {
+  return !piece.adjoining.empty() || !piece.surfaces.empty();
+}
+
+/// Of contacts on the best axes of their pairs.
 bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces) {
-  if (x.axis > 0 || y.axis > 0) return false;
   if (x.key == y.key) return true;
   if (x.key.a != y.key.a || x.key.b.kind != y.key.b.kind) return false;
   if (x.key.b != y.key.b &&
@@ -295,18 +356,14 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
                            const CollisionId& shape_b) {
   FoundContact contact;
   contact.key = {a, point.tool_feature, b, point.body_feature, point.face};
-  contact.key.a_feature.shape = static_cast<std::uint8_t>(shape_a.shape);
-  contact.key.b_feature.shape = static_cast<std::uint8_t>(shape_b.shape);
+  contact.key.a_feature.shape = static_cast<std::uint32_t>(shape_a.shape);
+  contact.key.b_feature.shape = static_cast<std::uint32_t>(shape_b.shape);
   contact.pair = pair_of(contact.key);
   contact.axis = point.axis;
   contact.p_WC = point.p_WC;
   contact.n_W = point.n_W;
   contact.separation = point.separation;
   return contact;
-}
-
-bool has_neighbours(const Piece& piece) {
-  return !piece.adjoining.empty() || !piece.surfaces.empty();
 }
 
 bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
@@ -322,19 +379,40 @@ bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
 }
 
 void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
-  std::size_t kept = 0;
+  std::vector<FoundContact> kept;
+  std::vector<std::size_t> best;  // Those of `kept` that are on the best axis of their pair.
+  kept.reserve(contacts.size());
   for (const FoundContact& contact : contacts) {
-    const auto end = contacts.begin() + static_cast<std::ptrdiff_t>(kept);
-    const auto known = std::find_if(contacts.begin(), end, [&](const FoundContact& other) {
-      return are_same(other, contact, pieces);
-    });
-    if (known == end) {
-      contacts[kept++] = contact;
-    } else if (contact.separation < known->separation) {
-      *known = contact;
+    if (contact.axis > 0) {
+      kept.push_back(contact);
+      continue;
+    }
+    const auto known = std::ranges::find_if(
+        best, [&](std::size_t i) { return are_same(kept[i], contact, pieces); });
+    if (known == best.end()) {
+      best.push_back(kept.size());
+      kept.push_back(contact);
+    } else if (contact.separation < kept[*known].separation) {
+      kept[*known] = contact;
     }
   }
-  contacts.resize(kept);
+  contacts = std::move(kept);
+}
+
+void keep_whole_pairs(std::vector<FoundContact>& contacts) {
+  std::vector<std::uint32_t> pairs;
+  std::vector<ContactKey> keys;
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0) continue;
+    pairs.push_back(contact.pair);
+    keys.push_back(contact.key);
+  }
+  std::ranges::sort(pairs);
+  std::ranges::sort(keys);
+  std::erase_if(contacts, [&](const FoundContact& contact) {
+    return contact.axis > 0 && (!std::ranges::binary_search(pairs, contact.pair) ||
+                                std::ranges::binary_search(keys, contact.key));
+  });
 }
 
 }  // namespace hlm::ve

@@ -21,10 +21,6 @@ struct PairSide {
   Pose X_WG;
 };
 
-/// Whether other pieces go on where this one ends, so that its own ends are not those of the
-/// surface.
-bool has_neighbours(const Piece& piece);
-
 /// Of the contacts of one pair, from `first` on, those stay that are on a surface of the pieces
 /// that are fixed to either shape. Their normals are some of that surface, and those of a corner
 /// with a surface of several pieces have the same key on each of them. Returns whether other pairs
@@ -35,5 +31,9 @@ bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
 /// Of contacts that several pieces have with the same feature in the same place, the one of the
 /// smallest separation stays. The order of the others remains.
 void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
+
+/// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. Nor
+/// any with the key of one on a best axis, which has it from a surface of several pieces.
+void keep_whole_pairs(std::vector<FoundContact>& contacts);
 
 }  // namespace hlm::ve

@@ -24,6 +24,11 @@ using Normals = StaticVector<Vector3, kMaxSides>;
 
 Vector3 across(const Vector3& v, const Vector3& n) { return v - v.dot(n) * n; }
 
+bool has(const Normals& normals, const Vector3& n) {
+  return std::ranges::any_of(
+      normals, [&](const Vector3& other) { return (other - n).squaredNorm() < kDegenerate; });
+}
+
 /// Whether no other piece is within a gap before a point of a piece's side with normal n.
 bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
              const PiecesAtPoint& pieces) {
@@ -64,8 +69,9 @@ void add_open_normals(const Piece& piece, const Vector3& p_F, const PiecesAtPoin
       if (&border == &side || out.squaredNorm() < kParallel) continue;
       within -= (border.height + kSeamStep) / out.squaredNorm() * out;
     }
-    if (normals.size() < normals.capacity() && (is_open(within, side.n_F, piece, pieces) ||
-                                                is_open_beside(within, side.n_F, piece, pieces))) {
+    if (!has(normals, side.n_F) && normals.size() < normals.capacity() &&
+        (is_open(within, side.n_F, piece, pieces) ||
+         is_open_beside(within, side.n_F, piece, pieces))) {
       normals.push_back(side.n_F);
     }
   }
@@ -111,7 +117,10 @@ Vector3 nearest_in_cone(const Vector3& n, const Normals& normals) {
 
 Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces) {
   Normals normals;
-  for (const Piece* piece : pieces) add_open_normals(*piece, p_F, pieces, normals);
+  for (const Piece* piece : pieces) {
+    add_open_normals(*piece, p_F, pieces, normals);
+    if (has(normals, n)) return n;  // Mostly of the first piece.
+  }
   const Vector3 nearest = nearest_in_cone(n, normals);
   return nearest.norm() < kNear ? Vector3::Zero() : nearest.normalized();
 }

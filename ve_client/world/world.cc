@@ -66,6 +66,8 @@ const CollisionId& id_of(dGeomID geometry) {
   return *static_cast<const CollisionId*>(dGeomGetData(geometry));
 }
 
+dGeomID as_geometry(dSpaceID space) { return reinterpret_cast<dGeomID>(space); }
+
 dContact frictional_contact(double friction, const Vector3& p_W, const Vector3& n_W) {
   dContact contact{};
   contact.surface.mode = dContactApprox1;
@@ -95,6 +97,7 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   dWorldSetContactSurfaceLayer(world_.get(), 0);
   dWorldSetAutoDisableFlag(world_.get(), 0);
   for (const int body : tool_bodies) is_tool_[at(body)] = true;
+  skins_.reset(create_mesh_space(description_));
   add_bodies();
   pieces_.emplace(description_, shapes_);
   dWorldSetQuickStepNumIterations(
@@ -152,8 +155,9 @@ void World::add_geometries(int index) {
   const BodyDescription& body = description_.bodies[at(index)];
   for (std::size_t i = 0; i < body.collisions.size(); ++i) {
     const CollisionDescription& collision = body.collisions[i];
-    const dGeomID geometry = create_geometry(
-        space_.get(), collision.shape, body.X_WB * collision.X_BG, handle(index), collision.X_BG);
+    const dGeomID geometry =
+        create_geometry(collision.mesh ? skins_.get() : space_.get(), collision.shape,
+                        body.X_WB * collision.X_BG, handle(index), collision.X_BG);
     collision_ids_.push_back({index, static_cast<int>(i)});
     dGeomSetData(geometry, &collision_ids_.back());
   }
@@ -245,9 +249,11 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
     push_held();
     joints_->push_springs();
     if (drive) drive(substep_);
-    dSpaceCollide(space_.get(), this, [](void* world, dGeomID first, dGeomID second) {
+    const dNearCallback* const meet = [](void* world, dGeomID first, dGeomID second) {
       static_cast<World*>(world)->collide(id_of(first), id_of(second));
-    });
+    };
+    dSpaceCollide(space_.get(), this, meet);
+    if (skins_) dSpaceCollide2(as_geometry(space_.get()), as_geometry(skins_.get()), this, meet);
     for (const CarriedContact& contact : carried) {
       add_contact(contact.at(X_WB(contact.tool_body()), X_WB(contact.body())));
     }
@@ -382,11 +388,12 @@ void World::find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& 
   const Vector3 size = box.sizes();
   dGeomBoxSetLengths(query_box_.get(), size.x(), size.y(), size.z());
   dGeomSetPosition(query_box_.get(), center.x(), center.y(), center.z());
-  dSpaceCollide2(query_box_.get(), reinterpret_cast<dGeomID>(space_.get()), &found,
-                 [](void* result, dGeomID first, dGeomID second) {
-                   const dGeomID other = dGeomGetData(first) != nullptr ? first : second;
-                   static_cast<std::vector<CollisionId>*>(result)->push_back(id_of(other));
-                 });
+  const dNearCallback* const add = [](void* result, dGeomID first, dGeomID second) {
+    const dGeomID other = dGeomGetData(first) != nullptr ? first : second;
+    static_cast<std::vector<CollisionId>*>(result)->push_back(id_of(other));
+  };
+  dSpaceCollide2(query_box_.get(), as_geometry(space_.get()), &found, add);
+  if (skins_) dSpaceCollide2(query_box_.get(), as_geometry(skins_.get()), &found, add);
   std::ranges::sort(found);
 }
 

@@ -114,6 +114,7 @@ class World {
   std::optional<Pieces> pieces_;
   Handle<dxWorld, dWorldDestroy> world_;
   Handle<dxSpace, dSpaceDestroy> space_;
+  Handle<dxSpace, dSpaceDestroy> skins_;  ///< Of the pieces of fixed meshes; null: there are none.
   Handle<dxJointGroup, dJointGroupDestroy> contacts_;
   Handle<dxGeom, dGeomDestroy> query_box_;  ///< In no space.
   std::vector<dBodyID> bodies_;             ///< Null for fixed bodies.

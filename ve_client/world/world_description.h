@@ -4,6 +4,7 @@
 #include <cmath>
 #include <compare>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "common/tool_description.h"
 #include "ve_client/contacts/shape.h"
 #include "ve_client/world/diagnostics.h"
+#include "ve_client/world/mesh.h"
 
 namespace hlm::ve {
 
@@ -23,7 +25,9 @@ struct CollisionDescription {
   std::string name;
   Shape shape;
   Pose X_BG;
-  std::optional<double> friction;  ///< μ, >= 0; none: the file does not say.
+  std::optional<double> friction;    ///< μ, >= 0; none: the file does not say.
+  std::shared_ptr<const Mesh> mesh;  ///< What the shape is a piece of the skin of; mostly null.
+  std::size_t triangle = 0;          ///< Of the mesh: which the piece is behind.
 };
 
 /// Names one collision shape of a world: by its body and its place in there.

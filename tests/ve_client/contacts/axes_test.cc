@@ -88,6 +88,82 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("Each near axis of two boxes is one to the forces with an axis that bears") {
+  Random random;
+  int in_chain = 0;  // Axes nearer to one that does not bear than to any that does.
+  for (int i = 0; i < 3000; ++i) {
+    const auto [tool, body] = random_boxes(random);
+    const AxesManifold manifold = axes_of(tool, body);
+    const bool full = manifold.size() + kMaxManifoldPoints > manifold.capacity();
+    if (manifold.empty() || full) continue;
+    const auto are_one = [](const Vector3& a, const Vector3& b) {
+      return a.dot(b) > std::cos(kOneAxis) - 1e-12;
+    };
+    std::vector<Vector3> bearing;
+    std::vector<Vector3> others;
+    for (std::size_t axis = 0; axis <= manifold.back().axis; ++axis) {
+      const Vector3 n = std::ranges::find(manifold, axis, &ManifoldPoint::axis)->n_W;
+      const bool bears =
+          std::ranges::none_of(bearing, [&](const Vector3& former) { return are_one(n, former); });
+      (bears ? bearing : others).push_back(n);
+    }
+    const auto check = [&](const Vector3& n) {
+      const auto half = [&](const Placed& box) {
+        return (box.X_WS.R.conjugate() * n).cwiseAbs().dot(std::get<Box>(box.shape).size) / 2;
+      };
+      const double gap = n.dot(tool.X_WS.p - body.X_WS.p) - half(tool) - half(body);
+      if (gap < true_separation(tool, body) - 2 * kEpsilon + 1e-6) return;
+      const auto is_one = [&](const Vector3& other) { return are_one(n, other); };
+      CAPTURE(i, gap, n.transpose());
+      CHECK(std::ranges::any_of(bearing, is_one));
+      const auto nearest = [&](const std::vector<Vector3>& axes) {
+        double cosine = -1;
+        for (const Vector3& axis : axes) cosine = std::max(cosine, n.dot(axis));
+        return cosine;
+      };
+      in_chain += nearest(others) > nearest(bearing);
+    };
+    for (int a = 0; a < 3; ++a) {
+      const Vector3 e = tool.X_WS.R * Vector3::Unit(a);
+      for (const double sign : {-1.0, 1.0}) {
+        check(sign * e);
+        check(sign * (body.X_WS.R * Vector3::Unit(a)));
+        for (int b = 0; b < 3; ++b) {
+          const Vector3 n = e.cross(body.X_WS.R * Vector3::Unit(b));
+          if (n.norm() > 1e-6) check(sign * n.normalized());
+        }
+      }
+    }
+  }
+  CHECK(in_chain > 100);
+}
+
+TEST_CASE("Wherever the tool goes within epsilon no axis tells that hulls are apart that overlap") {
+  constexpr double kNear = 0.005;  // m, epsilon.
+  Random random;
+  int tried = 0;
+  int too_deep = 0;
+  while (tried < 1000) {
+    const int sizes[] = {4, 8, 16, 32, 64};
+    const Hull a = random_hull(sizes[random.integer(0, 4)], random);
+    const Hull b = random_hull(sizes[random.integer(0, 3)], random);
+    const Placed body{b, random.pose(0.5)};
+    const Vector3 p = body.X_WS.p + random.uniform(0.01, 0.12) * random.direction();
+    const Placed tool{a, {p, random.rotation()}};
+    const AxesManifold manifold = axes_of(tool, body, kNear);
+    if (manifold.empty() || manifold.front().separation < -0.02) continue;
+    const Vector3 d_W = random.uniform(0, kNear) * random.direction();
+    const double exact = hull_separation(a, {p + d_W, tool.X_WS.R}, b, body.X_WS);
+    if (exact > 0) continue;
+    ++tried;
+    const double told = gap_after(manifold, tool, d_W, Quaternion::Identity());
+    CAPTURE(tried, exact, told);
+    CHECK(told <= exact + 0.1 * d_W.norm() + 1e-6);  // Axes less than 0.1 rad apart are one.
+    if (told < exact - 2e-4) ++too_deep;
+  }
+  CHECK(too_deep < 80);  // Axes of edges of hulls are not listed, except the best.
+}
+
 TEST_CASE("A peg beside the edge of a block has the axes of its side and its top") {
   const Placed block{Box{Vector3(0.1, 0.1, 0.1)}, Pose{}};
   const Placed peg{Box{Vector3(0.04, 0.04, 0.08)},

@@ -12,7 +12,7 @@ namespace hlm::ve::test {
 TEST_CASE("The support plus the margin is the extent of the shape in every direction") {
   Random random;
   for (int i = 0; i < 200; ++i) {
-    const Shape shape = random_shape(i % 4, random);
+    const Shape shape = random_shape(i % kShapeKinds, random);
     const Convex convex(shape);
     const Vector3 n = random.direction();
     CHECK(convex.support(n).dot(n) + convex.margin() ==
@@ -23,7 +23,7 @@ TEST_CASE("The support plus the margin is the extent of the shape in every direc
 TEST_CASE("Bounds are the smallest box in the world that holds the shape") {
   Random random;
   for (int i = 0; i < 200; ++i) {
-    const Placed placed{random_shape(i % 4, random), random.pose(1)};
+    const Placed placed{random_shape(i % kShapeKinds, random), random.pose(1)};
     const Eigen::AlignedBox3d box = Convex(placed.shape).bounds(placed.X_WS);
     for (int axis = 0; axis < 3; ++axis) {
       CHECK(box.max()[axis] == Approx(extent_along(placed, Vector3::Unit(axis))).margin(1e-14));

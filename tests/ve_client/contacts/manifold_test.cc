@@ -190,6 +190,21 @@ TEST_CASE("Two cylinders or capsules side by side have a contact at either end o
   }
 }
 
+TEST_CASE("Capsules that cross by 2 to 20 mrad have a contact at either end of their overlap") {
+  const Capsule capsule{0.02, 0.1};
+  for (const double angle : {0.002, 0.005, 0.01, 0.02}) {
+    for (const Vector3& about : {Vector3(Vector3::UnitX()), Vector3(Vector3::UnitY())}) {
+      const Placed tool{capsule, {Vector3(0.0395, 0, 0), rotation_from_vector(angle * about)}};
+      const Manifold manifold = contacts_of(tool, {capsule, Pose{}}, kEpsilon);
+      CAPTURE(angle, about.transpose());
+      REQUIRE(manifold.size() == 2);
+      CHECK(std::abs(manifold[0].p_WC.z() - manifold[1].p_WC.z()) > 0.09);
+      const double tilt = about.y() * angle * 0.1;
+      CHECK(std::abs(manifold[0].separation - manifold[1].separation) == Approx(tilt).margin(5e-6));
+    }
+  }
+}
+
 TEST_CASE("A capsule that lies has 2 contacts, one that stands or a sphere has 1, tool or body") {
   const Quaternion lying = rotation_from_vector({kRightAngle, 0, 0});
   const Capsule capsule{0.02, 0.06};

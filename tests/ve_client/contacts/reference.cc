@@ -1,11 +1,13 @@
 #include "tests/ve_client/contacts/reference.h"
 
+#include <algorithm>
 #include <array>
 #include <limits>
 #include <set>
 #include <utility>
 
 #include "tests/support/catch.h"
+#include "ve_client/contacts/hull.h"
 
 namespace hlm::ve::test {
 namespace {
@@ -18,6 +20,12 @@ double extent(const Cylinder& s, const Vector3& n) {
   return s.radius * std::hypot(n.x(), n.y()) + s.length / 2 * std::abs(n.z());
 }
 double extent(const Box& s, const Vector3& n) { return s.size.dot(n.cwiseAbs()) / 2; }
+double extent(const Ellipsoid& s, const Vector3& n) { return s.radii.cwiseProduct(n).norm(); }
+double extent(const Hull& s, const Vector3& n) {
+  double farthest = -std::numeric_limits<double>::infinity();
+  for (const Vector3& p : s.vertices) farthest = std::max(farthest, p.dot(n));
+  return farthest;
+}
 double extent(const HalfSpace&, const Vector3& n) {
   return n.z() > 1 - 1e-12 ? 0 : std::numeric_limits<double>::infinity();
 }
@@ -39,6 +47,31 @@ double distance(const Cylinder& s, const Vector3& p) {
 }
 double distance(const Box& s, const Vector3& p) { return depth_outside(p.cwiseAbs() - s.size / 2); }
 double distance(const HalfSpace&, const Vector3& p) { return p.z(); }
+double distance(const Ellipsoid& s, const Vector3& p) {
+  // The foot is r_i² p_i / (t + r_i²) for the largest t that brings it to the surface (Eberly).
+  const Vector3 squares = s.radii.cwiseProduct(s.radii);
+  const auto foot = [&](double t) {
+    return Vector3(squares.cwiseProduct(p).cwiseQuotient(squares + Vector3::Constant(t)));
+  };
+  const double nearest = -squares.minCoeff();
+  double low = nearest;
+  double high = nearest + s.radii.maxCoeff() * (p.norm() + s.radii.maxCoeff());
+  for (int i = 0; i < 200; ++i) {
+    const double t = (low + high) / 2;
+    (foot(t).cwiseQuotient(s.radii).norm() > 1 ? low : high) = t;
+  }
+  const double sign = p.cwiseQuotient(s.radii).norm() > 1 ? 1 : -1;
+  return sign * (p - foot(high)).norm();
+}
+double distance(const Hull& s, const Vector3& p) {
+  // Beside a face it is that from the face's plane.
+  const HullFaces hull = convex_hull(s.vertices);
+  double highest = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < hull.loops.size(); ++i) {
+    highest = std::max(highest, hull.normals[i].dot(p - hull.vertices[hull.loops[i][0]]));
+  }
+  return highest;
+}
 
 std::array<Vector3, 8> corners(const Box& box, const Pose& X) {
   std::array<Vector3, 8> result;
@@ -150,7 +183,44 @@ Shape random_shape(int kind, Random& random) {
   if (kind == 0) return Sphere{size() / 2};
   if (kind == 1) return Capsule{size() / 2, size()};
   if (kind == 2) return Cylinder{size() / 2, size()};
+  if (kind == 4) return Ellipsoid{Vector3(size(), size(), size()) / 2};
+  if (kind == 5) return random_hull(random.integer(4, 40), random);
   return Box{Vector3(size(), size(), size())};
+}
+
+Hull random_hull(int vertices, Random& random) {
+  const Vector3 half(random.uniform(0.005, 0.05), random.uniform(0.005, 0.05),
+                     random.uniform(0.005, 0.05));
+  Hull hull;
+  for (int i = 0; i < vertices; ++i) {
+    hull.vertices.emplace_back(half.cwiseProduct(random.direction()));
+  }
+  return hull;
+}
+
+double hull_separation(const Hull& a, const Pose& X_WA, const Hull& b, const Pose& X_WB) {
+  std::vector<Vector3> differences;
+  for (const Vector3& p : a.vertices) {
+    for (const Vector3& q : b.vertices) differences.emplace_back(X_WA * p - X_WB * q);
+  }
+  const HullFaces hull = convex_hull(differences);
+  double depth = std::numeric_limits<double>::infinity();
+  double distance = depth;
+  for (std::size_t i = 0; i < hull.loops.size(); ++i) {
+    const auto& loop = hull.loops[i];
+    const auto corner = [&](std::size_t k) { return hull.vertices[loop[k % loop.size()]]; };
+    const Vector3& n = hull.normals[i];
+    depth = std::min(depth, n.dot(corner(0)));
+    bool over = true;
+    for (std::size_t k = 0; k < loop.size(); ++k) {
+      const Vector3 along = corner(k + 1) - corner(k);
+      const double t = std::clamp(-corner(k).dot(along) / along.squaredNorm(), 0.0, 1.0);
+      distance = std::min(distance, (corner(k) + t * along).norm());
+      over = over && along.cross(-corner(k)).dot(n) >= 0;
+    }
+    if (over) distance = std::min(distance, std::abs(n.dot(corner(0))));
+  }
+  return depth >= 0 ? -depth : distance;
 }
 
 Manifold contacts_of(const Placed& tool, const Placed& body, double epsilon,

@@ -30,8 +30,16 @@ double box_separation(const Box& a, const Pose& X_WA, const Box& b, const Pose& 
 /// Signed distance of the point p_W from the surface of the shape, m, negative inside.
 double distance_to_surface(const Placed& placed, const Vector3& p_W);
 
-/// A shape of the kind: 0 sphere, 1 capsule, 2 cylinder, 3 box; sizes of 10 to 100 mm.
+/// Signed distance of two hulls, m: that of the origin from the hull of all differences of their
+/// points.
+double hull_separation(const Hull& a, const Pose& X_WA, const Hull& b, const Pose& X_WB);
+
+/// A shape of the kind: 0 sphere, 1 capsule, 2 cylinder, 3 box, 4 ellipsoid, 5 hull; sizes of 10 to
+/// 100 mm.
+inline constexpr int kShapeKinds = 6;
 Shape random_shape(int kind, Random& random);
+/// Points on an ellipsoid of 10 to 100 mm.
+Hull random_hull(int vertices, Random& random);
 
 /// The contacts of the pair.
 Manifold contacts_of(const Placed& tool, const Placed& body, double epsilon,

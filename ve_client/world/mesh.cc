@@ -1,0 +1,238 @@
+#include "ve_client/world/mesh.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include <assimp/Importer.hpp>
+#include <assimp/config.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include "common/one_line.h"
+#include "common/range.h"
+
+namespace hlm::ve {
+namespace {
+
+/// Triangles whose height is less, m, have no area.
+constexpr double kThinnest = 1e-9;
+constexpr Range kCoordinates{-1000, 1000, "m"};
+
+using Triangle = std::array<int, 3>;
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+[[noreturn]] void fail(const std::string& name, const std::string& what) {
+  throw std::runtime_error(one_line("mesh " + name + ": " + what));
+}
+
+std::string counted(std::size_t count, const std::string& what) {
+  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+}
+
+/// Adds the triangles of a node and its children.
+void collect(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent,
+             const std::string& submesh, Mesh& mesh) {
+  const aiMatrix4x4 X = parent * node.mTransformation;
+  for (unsigned i = 0; i < node.mNumMeshes; ++i) {
+    const aiMesh& part = *scene.mMeshes[node.mMeshes[i]];
+    const bool chosen =
+        submesh.empty() || submesh == part.mName.C_Str() || submesh == node.mName.C_Str();
+    if (!chosen) continue;
+    const auto first = static_cast<int>(mesh.points.size());
+    for (unsigned p = 0; p < part.mNumVertices; ++p) {
+      const aiVector3D point = X * part.mVertices[p];
+      mesh.points.emplace_back(point.x, point.y, point.z);
+    }
+    for (unsigned f = 0; f < part.mNumFaces; ++f) {
+      const aiFace& face = part.mFaces[f];
+      if (face.mNumIndices != 3) continue;
+      Triangle& triangle = mesh.triangles.emplace_back();
+      for (unsigned c = 0; c < 3; ++c) triangle[c] = first + static_cast<int>(face.mIndices[c]);
+    }
+  }
+  for (unsigned i = 0; i < node.mNumChildren; ++i) {
+    collect(scene, *node.mChildren[i], X, submesh, mesh);
+  }
+}
+
+void require_usable(const Mesh& mesh, const std::string& name) {
+  if (mesh.triangles.empty()) fail(name, "has no triangles");
+  if (mesh.triangles.size() > kMostTriangles) {
+    fail(name, std::to_string(mesh.triangles.size()) + " triangles; at most " +
+                   std::to_string(kMostTriangles) +
+                   " are allowed: reduce it in a mesh editor, or use simpler shapes");
+  }
+  for (const Vector3& p : mesh.points) {
+    for (const double value : p) {
+      if (const auto error = find_error("coordinate", value, kCoordinates)) fail(name, *error);
+    }
+  }
+}
+
+/// Makes one point of those at the same place, and forgets those that no triangle uses.
+void join_points(Mesh& mesh) {
+  std::map<std::array<double, 3>, int> known;
+  std::vector<Vector3> points;
+  for (Triangle& triangle : mesh.triangles) {
+    for (int& corner : triangle) {
+      const Vector3& p = mesh.points[at(corner)];
+      const auto [entry, is_new] = known.try_emplace({p.x() + 0.0, p.y() + 0.0, p.z() + 0.0},
+                                                     static_cast<int>(points.size()));
+      if (is_new) points.push_back(p);
+      corner = entry->second;
+    }
+  }
+  mesh.points = std::move(points);
+}
+
+std::size_t drop_flat_triangles(Mesh& mesh) {
+  const auto is_flat = [&](const Triangle& t) {
+    const Vector3 a = mesh.points[at(t[1])] - mesh.points[at(t[0])];
+    const Vector3 b = mesh.points[at(t[2])] - mesh.points[at(t[0])];
+    const double longest = std::max({a.norm(), b.norm(), (a - b).norm()});
+    return !(a.cross(b).norm() > kThinnest * longest);
+  };
+  return std::erase_if(mesh.triangles, is_flat);
+}
+
+/// Which triangles have which edges.
+class Edges {
+ public:
+  explicit Edges(Mesh& mesh) : mesh_(mesh) {
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      for (std::size_t i = 0; i < 3; ++i) triangles_[edge(t, i)].push_back(t);
+    }
+  }
+
+  std::size_t open() const {
+    return count([](std::size_t n) { return n == 1; });
+  }
+  std::size_t crowded() const {
+    return count([](std::size_t n) { return n > 2; });
+  }
+
+  /// Turns triangles until neighbours agree, as far as edges of two triangles reach. Returns how
+  /// many were turned: of each part the smaller share.
+  std::size_t turn_to_agree() {
+    std::size_t turned = 0;
+    std::vector<int> sign(mesh_.triangles.size());
+    for (std::size_t seed = 0; seed < sign.size(); ++seed) {
+      if (sign[seed] != 0) continue;
+      std::vector<std::size_t> part{seed};
+      sign[seed] = 1;
+      for (std::size_t next = 0; next < part.size(); ++next) spread(part[next], sign, part);
+      const auto wrong = static_cast<std::size_t>(
+          std::count_if(part.begin(), part.end(), [&](std::size_t t) { return sign[t] < 0; }));
+      const int keep = 2 * wrong > part.size() ? -1 : 1;
+      for (const std::size_t t : part) {
+        if (sign[t] == keep) continue;
+        std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
+        ++turned;
+      }
+    }
+    return turned;
+  }
+
+ private:
+  std::pair<int, int> edge(std::size_t t, std::size_t i) const {
+    const Triangle& corners = mesh_.triangles[t];
+    return std::minmax(corners[i], corners[(i + 1) % 3]);
+  }
+  template <class Wanted>
+  std::size_t count(Wanted wanted) const {
+    return static_cast<std::size_t>(
+        std::count_if(triangles_.begin(), triangles_.end(),
+                      [&](const auto& entry) { return wanted(entry.second.size()); }));
+  }
+  void spread(std::size_t from, std::vector<int>& sign, std::vector<std::size_t>& part) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto& both = triangles_[edge(from, i)];
+      if (both.size() != 2) continue;
+      const std::size_t other = both[0] == from ? both[1] : both[0];
+      if (sign[other] != 0) continue;
+      sign[other] = runs_as(other, mesh_.triangles[from][i], mesh_.triangles[from][(i + 1) % 3])
+                        ? -sign[from]
+                        : sign[from];
+      part.push_back(other);
+    }
+  }
+  bool runs_as(std::size_t t, int first, int second) const {
+    const Triangle& c = mesh_.triangles[t];
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (c[i] == first && c[(i + 1) % 3] == second) return true;
+    }
+    return false;
+  }
+
+  Mesh& mesh_;
+  std::map<std::pair<int, int>, std::vector<std::size_t>> triangles_;
+};
+
+}  // namespace
+
+Vector3 Mesh::area(std::size_t triangle) const {
+  return (corner(triangle, 1) - corner(triangle, 0))
+      .cross(corner(triangle, 2) - corner(triangle, 0));
+}
+
+double Mesh::volume() const {
+  double six = 0;
+  for (std::size_t t = 0; t < triangles.size(); ++t) six += area(t).dot(corner(t, 0) - points[0]);
+  return six / 6;
+}
+
+Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repairs) {
+  const auto say = [&](const std::string& what) {
+    repairs.push_back(one_line("mesh " + name + ": " + what));
+  };
+  require_usable(mesh, name);
+  join_points(mesh);
+  const std::size_t flat = drop_flat_triangles(mesh);
+  if (mesh.triangles.empty()) fail(name, "none of its triangles has an area");
+  if (flat > 0) say(counted(flat, "triangle") + " without area left out");
+  join_points(mesh);
+  Edges edges(mesh);
+  if (const std::size_t turned = edges.turn_to_agree(); turned > 0) {
+    say(counted(turned, "triangle") + " turned to agree with the others");
+  }
+  if (edges.crowded() > 0) say(counted(edges.crowded(), "edge") + " with more than two triangles");
+  mesh.closed = edges.open() == 0 && edges.crowded() == 0;
+  if (mesh.closed && mesh.volume() < 0) {
+    for (Triangle& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+    say("turned, as it was inside out");
+  }
+  mesh.around.assign(mesh.points.size(), {});
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (const int corner : mesh.triangles[t]) mesh.around[at(corner)].push_back(t);
+  }
+  return mesh;
+}
+
+Mesh read_mesh(const MeshSource& source, std::vector<std::string>& repairs) {
+  const std::string name = source.file.string();
+  Assimp::Importer importer;
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
+  const aiScene* scene = importer.ReadFile(name, aiProcess_Triangulate | aiProcess_SortByPType);
+  if (scene == nullptr || scene->mRootNode == nullptr) fail(name, importer.GetErrorString());
+  Mesh mesh;
+  collect(*scene, *scene->mRootNode, aiMatrix4x4(), source.submesh, mesh);
+  if (mesh.triangles.empty() && !source.submesh.empty()) {
+    fail(name, "has no submesh '" + source.submesh + "' with triangles");
+  }
+  Eigen::AlignedBox3d box;
+  for (Vector3& p : mesh.points) box.extend(p = p.cwiseProduct(source.scale));
+  if (source.center && !mesh.points.empty()) {
+    for (Vector3& p : mesh.points) p -= box.center();
+  }
+  const bool mirrored = source.scale.prod() < 0;
+  if (mirrored) {
+    for (Triangle& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+  }
+  return repaired(std::move(mesh), name, repairs);
+}
+
+}  // namespace hlm::ve

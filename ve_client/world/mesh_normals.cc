@@ -1,0 +1,111 @@
+#include "ve_client/world/mesh_normals.h"
+
+#include <algorithm>
+
+namespace hlm::ve {
+namespace {
+
+/// A point this near to an edge or a corner is on it, m: what nearest points are exact to.
+constexpr double kOn = 1e-6;
+/// So far a triangle may rise along a normal, rad: rounding, and corners in single precision.
+constexpr double kRise = 1e-3;
+/// Triangles that rise less over each other, rad, meet without being predicted: 2°.
+constexpr double kBend = 0.035;
+/// Triangles are in one plane if their normals differ by less, rad: 0.1°, as faces of pieces.
+constexpr double kOnePlane = 1.7e-3;
+
+double distance_to_edge(const Vector3& p, const Vector3& a, const Vector3& b) {
+  const double share = std::clamp((p - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
+  return (p - a - share * (b - a)).norm();
+}
+
+/// Whether `holds(t)` for all triangles that have the edge.
+template <class Holds>
+bool all_at_edge(const Mesh& mesh, int a, int b, const Holds& holds) {
+  return std::ranges::all_of(mesh.around[static_cast<std::size_t>(a)], [&](std::size_t t) {
+    return std::ranges::count(mesh.triangles[t], b) == 0 || holds(t);
+  });
+}
+
+/// Whether `holds(a, b)` for all edges of a triangle that p is on, and for all edges that meet in a
+/// corner if p is there.
+template <class Holds>
+bool all_edges_at(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Holds& holds) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const int a = mesh.triangles[triangle][i];
+    const int b = mesh.triangles[triangle][(i + 1) % 3];
+    const Vector3 p_a = mesh.corner(triangle, i);
+    if (distance_to_edge(p, p_a, mesh.corner(triangle, (i + 1) % 3)) > kOn) continue;
+    if (!holds(a, b)) return false;
+    if ((p_a - p).norm() > kOn) continue;
+    for (const std::size_t t : mesh.around[static_cast<std::size_t>(a)]) {
+      for (const int other : mesh.triangles[t]) {
+        if (other != a && !holds(a, other)) return false;
+      }
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+std::optional<bool> is_normal(const Mesh& mesh, std::size_t triangle, const Vector3& p,
+                              const Vector3& n) {
+  const auto lies_below = [&](std::size_t t) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vector3 along = mesh.corner(t, i) - p;
+      if (n.dot(along) > kOn + kRise * along.norm()) return false;
+    }
+    return true;
+  };
+  const double depth = mesh.area(triangle).normalized().dot(mesh.corner(triangle, 0) - p);
+  if (depth > kOn) return mesh.closed ? std::optional(false) : std::nullopt;
+  return lies_below(triangle) && all_edges_at(mesh, triangle, p, [&](int a, int b) {
+           return all_at_edge(mesh, a, b, lies_below);
+         });
+}
+
+bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Vector3& q) {
+  const Vector3 n = mesh.area(triangle).normalized();
+  const auto rises_under = [&](std::size_t t) {
+    bool rises = false;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vector3 along = mesh.corner(t, i) - p;
+      rises = rises || n.dot(along) > kBend * along.norm();
+      const Vector3 edge = mesh.corner(t, (i + 1) % 3) - mesh.corner(t, i);
+      if (edge.cross(q - mesh.corner(t, i)).dot(mesh.area(t)) < 0) return false;
+    }
+    return rises;
+  };
+  const auto falls = [&](std::size_t t) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vector3 along = mesh.corner(t, i) - p;
+      if (n.dot(along) < -kOn - kRise * along.norm()) return true;
+    }
+    return false;
+  };
+  bool over = false;
+  return all_edges_at(mesh, triangle, p,
+                      [&](int a, int b) {
+                        return all_at_edge(mesh, a, b, [&](std::size_t t) {
+                          over = over || rises_under(t);
+                          return !falls(t);
+                        });
+                      }) &&
+         over;
+}
+
+bool is_flat(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
+  const Vector3 n = mesh.area(triangle).normalized();
+  return all_edges_at(mesh, triangle, p, [&](int a, int b) {
+    int sides = 0;
+    return all_at_edge(mesh, a, b,
+                       [&](std::size_t t) {
+                         ++sides;
+                         return (mesh.area(t).normalized() - n).norm() < kOnePlane;
+                       }) &&
+           sides > 1;
+  });
+}
+
+}  // namespace hlm::ve
