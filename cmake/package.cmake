@@ -20,7 +20,7 @@ set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "libeigen3-dev, libboost-dev")
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS "python3-mujoco, wireshark")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(debian ${PROJECT_SOURCE_DIR}/packaging/debian)
-set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${debian}/postinst ${debian}/postrm ${debian}/triggers)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${debian}/postinst ${debian}/prerm ${debian}/postrm ${debian}/triggers)
 include(CPack)
 
 configure_file(packaging/debian/changelog.in changelog.Debian @ONLY)

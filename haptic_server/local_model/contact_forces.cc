@@ -9,11 +9,11 @@ namespace {
 /// What the normal force of the step before, held since, has taken on the way and the spring does
 /// not store, J.
 double taken_since(const LocalContact& contact, const ContactLaw& law) noexcept {
-  if (!contact.loaded) return 0;
-  const double f_n = law.rendered * contact.f_W.dot(contact.n_W);
   const double depth = std::min(contact.s, 0.0);
   const double depth_before = std::min(contact.s_left, 0.0);
   const double stored = law.stiffness * (depth * depth - depth_before * depth_before) / 2;
+  if (!contact.loaded) return -std::max(0.0, stored);  // Nobody paid for the way in before a force.
+  const double f_n = law.rendered * contact.f_W.dot(contact.n_W);
   return f_n * (contact.s_left - contact.s) - stored;
 }
 

@@ -156,11 +156,16 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
 /// Impulses are kept, bodies and constraints go on.
 void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcept {
   double taken = 0;
+  double stored = 0;
   for (const LocalContact& contact : contacts()) {
+    const double depth = std::min(contact.s, 0.0);
     taken += contact.taken;
+    stored += stiffness_scale_ * parameters_.stiffness * depth * depth / 2;
     if (contact.loaded) add_impulse(contact, dt_ * contact.f_W);
   }
   fill_tank(taken);
+  // What the springs hold comes back when they are let go: that much debt is not forgotten.
+  tank_ = std::max(tank_, -kTankSize - stored);
   impulses_.end_step();
   advance_bodies(bodies_, proxy_, frames, x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);
@@ -170,7 +175,7 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
 }
 
 void LocalModel::fill_tank(double energy) noexcept {
-  if (std::isfinite(energy)) tank_ = std::clamp(tank_ + energy, -kTankSize, kTankSize);
+  if (std::isfinite(energy)) tank_ = std::min(tank_ + energy, kTankSize);
 }
 
 /// Keeps an impulse (N·s, world, at the contact's point) on side a, of which a body on side b

@@ -265,7 +265,7 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
   if (traits(controller_.kind()).replaces_proxy) {
     const double asked = felt.F.dot(device.V_WD);
     const double given = record_.F_command.dot(device.V_WD);
-    local_model_->set_rendered(asked == 0 ? 1 : std::clamp(given / asked, 0.0, 1.0));
+    if (asked != 0) local_model_->set_rendered(std::clamp(given / asked, 0.0, 1.0));
   }
   if (!device_.write(record_.F_command)) fail(Fault::kDevice);
 }

@@ -86,6 +86,8 @@ ContactUpdate documented_update() {
   body.A_W << 0, -9.81, 0, 0, 0, 0;
   body.W.diagonal() << 2, 2, 2, 500, 500, 400;
   body.P_W << 0.24, 0, 0, 0, 0, 0.001;
+  body.roundness = Roundness::kAxis;
+  body.axis_W = {0, 0, 1};
   update.bodies.push_back(body);
   return update;
 }

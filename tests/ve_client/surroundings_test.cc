@@ -271,6 +271,8 @@ TEST_CASE(
   CHECK(of(shape("a", ball)).kind == Roundness::kSphere);
   CHECK(of(shape("a", cube)).kind == Roundness::kNone);
   CHECK(of(shape("a", rod)).axis_B == Vector3::UnitZ());
+  CHECK(of(shape("a", "<ellipsoid><radii>0.02 0.01 0.01</radii></ellipsoid>")).axis_B ==
+        Vector3::UnitX());
   const BodyRoundness lying = of(shape("a", rod, "0 0 0 0 1.57079632679489662 0"));
   CHECK(lying.kind == Roundness::kAxis);
   CHECK((lying.axis_B - Vector3::UnitX()).norm() < 1e-12);

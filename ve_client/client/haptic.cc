@@ -124,7 +124,7 @@ MovableBody body_of(const haptic_body& from) {
   body.V_W = vector_of(from.velocity);
   body.W = Eigen::Map<const Matrix6>(from.inverse_inertia);
   body.A_W = vector_of(from.acceleration);
-  body.roundness = static_cast<Roundness>(from.round);
+  body.roundness = static_cast<Roundness>(std::min<std::uint32_t>(from.round, 255));
   body.axis_W = vector_of(from.axis);
   return body;
 }

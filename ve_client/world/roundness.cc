@@ -12,6 +12,20 @@ constexpr double kOffAxis = 1e-6;
 
 bool same_axis(const Vector3& a, const Vector3& b) { return a.cross(b).norm() <= kOffAxis; }
 
+/// Zero for a shape that does not revolve.
+Vector3 axis_of_revolution(const Shape& shape) {
+  if (std::holds_alternative<Cylinder>(shape) || std::holds_alternative<Capsule>(shape)) {
+    return Vector3::UnitZ();
+  }
+  if (const auto* ellipsoid = std::get_if<Ellipsoid>(&shape)) {
+    const Vector3& r = ellipsoid->radii;
+    if (r.x() == r.y()) return Vector3::UnitZ();
+    if (r.y() == r.z()) return Vector3::UnitX();
+    if (r.z() == r.x()) return Vector3::UnitY();
+  }
+  return Vector3::Zero();
+}
+
 /// Of one collision about the body's origin, its centre of mass.
 BodyRoundness roundness_of(const CollisionDescription& collision) {
   const Vector3& p = collision.X_BG.p;
@@ -19,10 +33,9 @@ BodyRoundness roundness_of(const CollisionDescription& collision) {
     if (p.norm() <= kOffAxis) return {.kind = Roundness::kSphere};
     return {.kind = Roundness::kAxis, .axis_B = p.normalized()};
   }
-  const bool revolves = std::holds_alternative<Cylinder>(collision.shape) ||
-                        std::holds_alternative<Capsule>(collision.shape);
-  const Vector3 axis_B = collision.X_BG.R * Vector3::UnitZ();
-  if (!revolves || axis_B.cross(p).norm() > kOffAxis) return {};
+  const Vector3 axis_G = axis_of_revolution(collision.shape);
+  const Vector3 axis_B = collision.X_BG.R * axis_G;
+  if (axis_G.isZero(0) || axis_B.cross(p).norm() > kOffAxis) return {};
   return {.kind = Roundness::kAxis, .axis_B = axis_B};
 }
 

@@ -138,6 +138,33 @@ TEST_CASE("Directly coupled, the tank gains what the device paid and the spring 
   CHECK(model.healing_tank() == Approx(paid - parameters.stiffness * z * z / 2).margin(1e-9));
 }
 
+TEST_CASE(
+    "Pressed in and out at its limit of force, a device leaves no more in the tank than it paid") {
+  const double rendered = GENERATE(0.05, 0.2, 1.0);
+  const double depth = GENERATE(0.005, 0.01);  // m
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  LocalModelParameters parameters;
+  parameters.stiffness = 16000;
+  LocalModel model(tool, ToolModel(tool).neutral(), parameters, 1e-3);
+  const ReportedContacts floor(1);
+  model.adopt({.contacts = floor, .q_VE = model.proxy().configuration(), .age = 0});
+  const double begin = model.healing_tank();
+  double paid = 0;   // J
+  double z = 0.001;  // m
+  const int steps = static_cast<int>((depth + 0.001) / 1e-4);
+  for (int i = 0; i < 2 * steps; ++i) {
+    Configuration q = model.proxy().configuration();
+    q[2] = z;
+    const double v = i < steps ? -0.1 : 0.1;  // m/s
+    const ContactWrench felt = model.follow(q, v * Velocity::Unit(6, 2));
+    model.set_rendered(rendered);
+    paid -= rendered * felt.F[2] * v * 1e-3;
+    z += v * 1e-3;
+  }
+  CAPTURE(rendered, depth, paid);
+  CHECK(model.healing_tank() <= begin + std::max(0.0, paid) + 1e-9);  // J
+}
+
 TEST_CASE("A contact that closes begins without energy, at 1 MN/m too") {
   test::Random random;
   LocalModelParameters parameters;

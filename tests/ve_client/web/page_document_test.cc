@@ -97,6 +97,7 @@ bool has_type(const json& value, const std::string& type) {
   if (type == "integer") return value.is_number_integer();
   if (type == "true/false") return value.is_boolean();
   if (type == "texts") return all(value, [](const json& v) { return v.is_string(); });
+  if (type == "numbers") return all(value, [](const json& v) { return v.is_number(); });
   if (type == "integers") return all(value, [](const json& v) { return v.is_number_integer(); });
   if (type == "lists of 7 numbers") return all(value, [](const json& v) { return is_row(v, 7); });
   std::smatch match;
@@ -219,7 +220,8 @@ TEST_CASE("Each message to a page has the documented fields and types") {
   Stage testbed("testbed", "peg");
   const Stage linkage("linkage", "arm");
   check_messages("world", {testbed.world_message(nullptr), linkage.world_message(&welcome),
-                           Stage("playground", "peg").world_message(&welcome)});
+                           Stage("playground", "peg").world_message(&welcome),
+                           Stage("mesh", "hook").world_message(&welcome)});
 
   protocol::ProxyState state = testbed.state();
   std::vector<std::string> frames{testbed.frame_message(nullptr, nullptr),
