@@ -19,7 +19,7 @@ void try_engine(const Scene& scene, const Settings& settings, Diagnostics& diagn
     } else {
       const VirtualEnvironment environment(scene.world, scene.tool, settings.follow);
     }
-  } catch (const std::runtime_error& error) {
+  } catch (const std::exception& error) {
     diagnostics.refuse({scene.file.string(), 0, ""}, error.what());
   }
 }

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <numbers>
 
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
@@ -166,6 +167,31 @@ TEST_CASE("Meshes that cannot be used are refused in one line that names them") 
   CHECK_THROWS_WITH(
       read_mesh({fs::path(HLM_WORLDS) / "meshes" / "cup.obj", "lid", false, {1, 1, 1}}, said),
       ContainsSubstring("has no submesh 'lid'"));
+}
+
+TEST_CASE("Of triangles that lie on each other one stays, and no fan is too wide") {
+  std::vector<std::string> said;
+  Mesh sheet;
+  sheet.points = {{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}};
+  sheet.triangles = {{0, 1, 2}, {0, 2, 1}};
+  CHECK(repaired(sheet, "thing", said).triangles.size() == 1);
+  CHECK_THAT(said.at(0), ContainsSubstring("1 triangle left out that other triangles lie on"));
+
+  Mesh fan;
+  fan.points = {{0, 0, 0}};
+  for (int i = 0; i < 1001; ++i) {
+    const double angle = 2 * std::numbers::pi * i / 1001;
+    fan.points.emplace_back(std::cos(angle), std::sin(angle), 0);
+    fan.triangles.push_back({0, i + 1, (i + 1) % 1001 + 1});
+  }
+  CHECK_THROWS_WITH(repaired(fan, "thing", said),
+                    ContainsSubstring("thing: 1001 triangles meet in one point"));
+}
+
+TEST_CASE("A file whose triangles have corners that do not exist is refused") {
+  std::vector<std::string> said;
+  CHECK_THROWS_WITH(read(fs::path(HLM_TEST_WORLDS) / "meshes/bad_index.ply", said),
+                    ContainsSubstring("bad_index.ply"));
 }
 
 TEST_CASE("A scale stretches and mirrors a mesh, and leaves its outside outside") {

@@ -259,5 +259,24 @@ TEST_CASE("The tool stays on its side of a movable body however far it is presse
   }
 }
 
+TEST_CASE("Beside an ellipsoid on it a floor is still there") {
+  const std::string ball =
+      "<collision name='ball'><geometry><sphere><radius>0.01</radius></sphere></geometry>"
+      "</collision>";
+  const std::string floor =
+      "<collision name='floor'><pose>0 0 -0.05 0 0 0</pose><geometry><box><size>0.4 0.4 0.1</size>"
+      "</box></geometry></collision>";
+  const std::string dome =
+      "<collision name='dome'><geometry><ellipsoid><radii>0.1 0.1 0.03</radii></ellipsoid>"
+      "</geometry></collision>";
+  Scene scene(world_of(model("tool", "0.09 0.09 0.012 0 0 0", ball) +
+                       fixed_model("ground", "0 0 0 0 0 0", floor + dome)),
+              "tool");
+  const auto contacts = scene.proximity.query(scene.tool, 0.005, true);
+  REQUIRE(contacts.size() == 1);
+  CHECK((contacts[0].n_W - Vector3::UnitZ()).norm() < 1e-9);
+  CHECK(contacts[0].separation == Approx(0.002).margin(1e-9));  // m
+}
+
 }  // namespace
 }  // namespace hlm::ve

@@ -65,6 +65,7 @@ class Convex {
   /// vertices.
   bool is_hull() const noexcept { return kind_ == Kind::kHull; }
   bool is_cylinder() const noexcept { return kind_ == Kind::kCylinder; }
+  bool is_ellipsoid() const noexcept { return kind_ == Kind::kEllipsoid; }
   /// True if the core is a point, the origin.
   bool is_point() const noexcept { return vertices_.size() == 1; }
 

@@ -1,4 +1,5 @@
 // Hierarchical approximate convex decomposition, and where its answers are kept.
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -67,6 +68,8 @@ std::optional<std::vector<Hull>> read_pieces(const fs::path& file) {
       if (!(in >> p.x() >> p.y() >> p.z())) return {};
     }
   }
+  const auto is_solid = [](const Hull& hull) { return has_inside(hull.vertices); };
+  if (!std::ranges::all_of(hulls, is_solid)) return {};
   return hulls;
 }
 

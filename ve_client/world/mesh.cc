@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -17,6 +18,8 @@
 namespace hlm::ve {
 namespace {
 
+/// So many triangles may meet in a point.
+constexpr std::size_t kMostAtPoint = 1000;
 /// Triangles whose height is less, m, have no area.
 constexpr double kThinnest = 1e-9;
 constexpr Range kCoordinates{-1000, 1000, "m"};
@@ -51,7 +54,13 @@ void collect(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent
       const aiFace& face = part.mFaces[f];
       if (face.mNumIndices != 3) continue;
       Triangle& triangle = mesh.triangles.emplace_back();
-      for (unsigned c = 0; c < 3; ++c) triangle[c] = first + static_cast<int>(face.mIndices[c]);
+      for (unsigned c = 0; c < 3; ++c) {
+        if (face.mIndices[c] >= part.mNumVertices) {
+          throw std::runtime_error("a triangle has a corner " + std::to_string(face.mIndices[c]) +
+                                   ", of " + counted(part.mNumVertices, "point"));
+        }
+        triangle[c] = first + static_cast<int>(face.mIndices[c]);
+      }
     }
   }
   for (unsigned i = 0; i < node.mNumChildren; ++i) {
@@ -97,6 +106,24 @@ std::size_t drop_flat_triangles(Mesh& mesh) {
     return !(a.cross(b).norm() > kThinnest * longest);
   };
   return std::erase_if(mesh.triangles, is_flat);
+}
+
+/// Leaves of triangles with the same corners the first: the other side of a sheet.
+std::size_t drop_doubles(Mesh& mesh) {
+  std::set<Triangle> known;
+  return std::erase_if(mesh.triangles, [&](Triangle t) {
+    std::ranges::sort(t);
+    return !known.insert(t).second;
+  });
+}
+
+/// Throws if so many triangles meet in a point that a contact there takes too long.
+void require_no_fan(const Mesh& mesh, const std::string& name) {
+  for (const auto& around : mesh.around) {
+    if (around.size() <= kMostAtPoint) continue;
+    fail(name, std::to_string(around.size()) + " triangles meet in one point; at most " +
+                   std::to_string(kMostAtPoint) + " may: remesh it, or use simpler shapes");
+  }
 }
 
 /// Which triangles have which edges.
@@ -194,6 +221,9 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
   const std::size_t flat = drop_flat_triangles(mesh);
   if (mesh.triangles.empty()) fail(name, "none of its triangles has an area");
   if (flat > 0) say(counted(flat, "triangle") + " without area left out");
+  if (const std::size_t doubles = drop_doubles(mesh); doubles > 0) {
+    say(counted(doubles, "triangle") + " left out that other triangles lie on");
+  }
   join_points(mesh);
   Edges edges(mesh);
   if (const std::size_t turned = edges.turn_to_agree(); turned > 0) {
@@ -209,6 +239,7 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     for (const int corner : mesh.triangles[t]) mesh.around[at(corner)].push_back(t);
   }
+  require_no_fan(mesh, name);
   return mesh;
 }
 
@@ -216,10 +247,15 @@ Mesh read_mesh(const MeshSource& source, std::vector<std::string>& repairs) {
   const std::string name = source.file.string();
   Assimp::Importer importer;
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
-  const aiScene* scene = importer.ReadFile(name, aiProcess_Triangulate | aiProcess_SortByPType);
+  const aiScene* scene = importer.ReadFile(
+      name, aiProcess_ValidateDataStructure | aiProcess_Triangulate | aiProcess_SortByPType);
   if (scene == nullptr || scene->mRootNode == nullptr) fail(name, importer.GetErrorString());
   Mesh mesh;
-  collect(*scene, *scene->mRootNode, aiMatrix4x4(), source.submesh, mesh);
+  try {
+    collect(*scene, *scene->mRootNode, aiMatrix4x4(), source.submesh, mesh);
+  } catch (const std::runtime_error& error) {
+    fail(name, error.what());
+  }
   if (mesh.triangles.empty() && !source.submesh.empty()) {
     fail(name, "has no submesh '" + source.submesh + "' with triangles");
   }

@@ -1,6 +1,8 @@
 #include "ve_client/world/mesh_normals.h"
 
 #include <algorithm>
+#include <iterator>
+#include <vector>
 
 namespace hlm::ve {
 namespace {
@@ -19,29 +21,43 @@ double distance_to_edge(const Vector3& p, const Vector3& a, const Vector3& b) {
   return (p - a - share * (b - a)).norm();
 }
 
-/// Whether `holds(t)` for all triangles that have the edge.
+/// Whether `holds(t)` for all triangles at an edge that p is on, and for all at a corner if p is
+/// there.
 template <class Holds>
-bool all_at_edge(const Mesh& mesh, int a, int b, const Holds& holds) {
-  return std::ranges::all_of(mesh.around[static_cast<std::size_t>(a)], [&](std::size_t t) {
-    return std::ranges::count(mesh.triangles[t], b) == 0 || holds(t);
-  });
+bool all_triangles_at(const Mesh& mesh, std::size_t triangle, const Vector3& p,
+                      const Holds& holds) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const int b = mesh.triangles[triangle][(i + 1) % 3];
+    const Vector3 p_a = mesh.corner(triangle, i);
+    if (distance_to_edge(p, p_a, mesh.corner(triangle, (i + 1) % 3)) > kOn) continue;
+    const bool corner = (p_a - p).norm() <= kOn;
+    for (const std::size_t t : mesh.around[static_cast<std::size_t>(mesh.triangles[triangle][i])]) {
+      const bool meets = corner || std::ranges::count(mesh.triangles[t], b) > 0;
+      if (meets && !holds(t)) return false;
+    }
+  }
+  return true;
 }
 
-/// Whether `holds(a, b)` for all edges of a triangle that p is on, and for all edges that meet in a
-/// corner if p is there.
-template <class Holds>
-bool all_edges_at(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Holds& holds) {
+/// Whether triangles meet at all edges that p is on, and at all that end in a corner if p is there.
+bool is_within(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
   for (std::size_t i = 0; i < 3; ++i) {
     const int a = mesh.triangles[triangle][i];
     const int b = mesh.triangles[triangle][(i + 1) % 3];
     const Vector3 p_a = mesh.corner(triangle, i);
     if (distance_to_edge(p, p_a, mesh.corner(triangle, (i + 1) % 3)) > kOn) continue;
-    if (!holds(a, b)) return false;
-    if ((p_a - p).norm() > kOn) continue;
+    std::vector<int> ends;  // Of the edges from a, once for each of their triangles.
     for (const std::size_t t : mesh.around[static_cast<std::size_t>(a)]) {
-      for (const int other : mesh.triangles[t]) {
-        if (other != a && !holds(a, other)) return false;
-      }
+      std::ranges::copy_if(mesh.triangles[t], std::back_inserter(ends),
+                           [&](int end) { return end != a; });
+    }
+    if (std::ranges::count(ends, b) < 2) return false;
+    if ((p_a - p).norm() > kOn) continue;
+    std::ranges::sort(ends);
+    for (auto first = ends.begin(); first != ends.end();) {
+      const auto last = std::find_if(first, ends.end(), [&](int end) { return end != *first; });
+      if (last - first < 2) return false;
+      first = last;
     }
   }
   return true;
@@ -60,9 +76,7 @@ std::optional<bool> is_normal(const Mesh& mesh, std::size_t triangle, const Vect
   };
   const double depth = mesh.area(triangle).normalized().dot(mesh.corner(triangle, 0) - p);
   if (depth > kOn) return mesh.closed ? std::optional(false) : std::nullopt;
-  return lies_below(triangle) && all_edges_at(mesh, triangle, p, [&](int a, int b) {
-           return all_at_edge(mesh, a, b, lies_below);
-         });
+  return lies_below(triangle) && all_triangles_at(mesh, triangle, p, lies_below);
 }
 
 bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Vector3& q) {
@@ -85,27 +99,19 @@ bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const 
     return false;
   };
   bool over = false;
-  return all_edges_at(mesh, triangle, p,
-                      [&](int a, int b) {
-                        return all_at_edge(mesh, a, b, [&](std::size_t t) {
-                          over = over || rises_under(t);
-                          return !falls(t);
-                        });
-                      }) &&
-         over;
+  const bool none_falls = all_triangles_at(mesh, triangle, p, [&](std::size_t t) {
+    over = over || rises_under(t);
+    return !falls(t);
+  });
+  return none_falls && over;
 }
 
 bool is_flat(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
   const Vector3 n = mesh.area(triangle).normalized();
-  return all_edges_at(mesh, triangle, p, [&](int a, int b) {
-    int sides = 0;
-    return all_at_edge(mesh, a, b,
-                       [&](std::size_t t) {
-                         ++sides;
-                         return (mesh.area(t).normalized() - n).norm() < kOnePlane;
-                       }) &&
-           sides > 1;
-  });
+  const auto in_plane = [&](std::size_t t) {
+    return (mesh.area(t).normalized() - n).norm() < kOnePlane;
+  };
+  return all_triangles_at(mesh, triangle, p, in_plane) && is_within(mesh, triangle, p);
 }
 
 }  // namespace hlm::ve

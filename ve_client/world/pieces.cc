@@ -51,6 +51,7 @@ bool adjoin(const Piece& a, const Piece& b) {
   const Piece& tool = a.convex->is_half_space() ? b : a;
   const Piece& body = a.convex->is_half_space() ? a : b;
   if (tool.convex->is_half_space()) return false;
+  if (a.convex->is_ellipsoid() || b.convex->is_ellipsoid()) return false;  // They have no sides.
   const CorePair pair(*tool.convex, tool.X_FG, *body.convex, body.X_FG);
   const double margins = tool.convex->margin() + body.convex->margin();
   if (body.convex->is_half_space()) {
@@ -65,7 +66,7 @@ bool adjoin(const Piece& a, const Piece& b) {
 bool contains(const Piece& piece, const Vector3& p_F, double slack) {
   const Vector3 beyond = (p_F - p_F.cwiseMax(piece.bounds_F.min()).cwiseMin(piece.bounds_F.max()));
   if (beyond.cwiseAbs().maxCoeff() > slack) return false;
-  bool inside = true;
+  bool inside = false;
   for_each_side(piece, p_F, [&](const PieceSide& side) { return inside = side.height <= slack; });
   return inside;
 }

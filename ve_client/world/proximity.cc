@@ -128,9 +128,10 @@ AxesManifold Proximity::find(const CollisionId& id_a, const Pose& X_WA, const Co
                              const std::optional<Vector3>& before_B) {
   const Convex& a = world_.convex(id_a);
   const Convex& b = world_.convex(id_b);
-  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
-  const bool skin = world_.collision(id_b).mesh != nullptr;
-  if (all_axes_ && !skin) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+  // The axes of one of several pieces do not tell whether the tool is apart from the whole.
+  const bool alone = world_.pieces().of(id_a).adjoining.empty() &&
+                     world_.pieces().of(id_b).adjoining.empty() && !world_.collision(id_b).mesh;
+  if (all_axes_ && alone) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   return {best.begin(), best.end()};
 }

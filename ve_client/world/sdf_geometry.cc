@@ -118,11 +118,23 @@ std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDe
   try {
     const Pieces pieces = pieces_of(source, *mesh, fixed);
     if (pieces == Pieces::kTriangles) common.mesh = mesh;
+    std::size_t thin = 0;
+    std::size_t number = 0;
     for (Hull& hull : to_hulls(*mesh, pieces)) {
+      common.triangle = number++;
+      if (!has_inside(hull.vertices)) {
+        ++thin;
+        continue;
+      }
       common.shape = std::move(hull);
-      common.triangle = collisions.size();
       collisions.push_back(common);
     }
+    if (thin > 0) {
+      diagnostics.approximate(place_of(source.Element()),
+                              "mesh " + file.string() + ": " + std::to_string(thin) +
+                                  " of its pieces thinner than 1 µm left out");
+    }
+    if (collisions.empty()) throw std::runtime_error("it is thinner than 1 µm everywhere");
   } catch (const std::exception& error) {
     throw std::runtime_error("mesh " + file.string() + ": " + error.what());
   }
