@@ -64,8 +64,8 @@ class LivePage final : public protocol::TelemetryObserver {
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   double held_at_ = 0;                         ///< When it last repeated the hold, s.
   Pose X_WTarget_;
-  std::optional<protocol::ProxyState> state_;       ///< Newest of the session.
-  std::optional<protocol::Reject> rejected_;  ///< The server's latest answer, if it was that.
+  std::optional<protocol::ProxyState> state_;  ///< Newest of the session.
+  std::optional<protocol::Reject> rejected_;   ///< The server's latest answer, if it was that.
   std::optional<protocol::LocalState> contacts_;
   TickBatch ticks_;
 };
