@@ -519,7 +519,7 @@ class ServerThatDies(PageTest):
         self.pull(0.0, WALL + 0.03)
         wait_for(lambda: self.frame()["F_env"][1] < -0.5, "a force on the wall")
         self.assertGreater(self.pixels_of_the_device(), 0)
-        self.assertEqual(self.conclusion()[1], "reaches")
+        wait_for(lambda: self.conclusion()[1] == "reaches", "the sentence on the force")
         self.session.kill_server()
         wait_for(lambda: self.conclusion() == ("At “session”: haptic_server does not answer.", "stops"),
                  "the reason")
