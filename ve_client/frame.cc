@@ -99,10 +99,10 @@ std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double 
 /// Those to send: the selected ones of the best axes, and the other axes of their pairs.
 std::vector<FoundContact> selected(VirtualEnvironment& environment,
                                    std::vector<FoundContact> found) {
-  const auto other = std::ranges::stable_partition(
-      found, [](const FoundContact& contact) { return contact.axis == 0; });
-  std::vector<FoundContact> others(other.begin(), other.end());
-  found.erase(other.begin(), other.end());
+  const auto other = std::stable_partition(
+      found.begin(), found.end(), [](const FoundContact& contact) { return contact.axis == 0; });
+  std::vector<FoundContact> others(other, found.end());
+  found.erase(other, found.end());
   const auto& planar_normal_W = environment.assembly.planar_normal_W;
   const auto best = environment.selection.select(found, planar_normal_W);
   std::vector<FoundContact> contacts(best.begin(), best.end());

@@ -92,7 +92,9 @@ bool decide_axes(PairAxes& axes) noexcept {
 
 void choose_axes(ToolContacts& contacts, const FrameMotions& frames, const UpdatePolicy& policy,
                  double dt) noexcept {
-  auto& [acting, waiting, axes] = contacts;
+  LocalContacts& acting = contacts.acting;
+  LocalContacts& waiting = contacts.waiting;
+  PairAxes& axes = contacts.axes;
   if (waiting.empty()) return;
   evaluate_contacts(waiting, frames);
   measure(contacts, dt, axes);

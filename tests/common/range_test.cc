@@ -52,7 +52,7 @@ TEST_CASE("Texts of numbers are short, and read back bit for bit") {
 
 TEST_CASE("A sentence holds texts and numbers, and cuts what exceeds it") {
   CHECK(Sentence("link ") + 7 + ": " + brief_text(-0.25) + " m" == "link 7: -0.25 m");
-  CHECK(find_brief_error("share", 2, {0, 1}) == Sentence("share 2 must be 0 to 1"));
+  CHECK(find_brief_error("share", 2, {0, 1}).value() == "share 2 must be 0 to 1");
   CHECK_FALSE(find_brief_error("share", 1, {0, 1}));
   const std::string long_text(Sentence::kCapacity, 'x');
   const Sentence cut = Sentence("yy") + long_text + 5;

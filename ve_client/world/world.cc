@@ -249,7 +249,7 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
     push_held();
     joints_->push_springs();
     if (drive) drive(substep_);
-    const dNearCallback* const meet = [](void* world, dGeomID first, dGeomID second) {
+    dNearCallback* const meet = [](void* world, dGeomID first, dGeomID second) {
       static_cast<World*>(world)->collide(id_of(first), id_of(second));
     };
     dSpaceCollide(space_.get(), this, meet);
@@ -388,7 +388,7 @@ void World::find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& 
   const Vector3 size = box.sizes();
   dGeomBoxSetLengths(query_box_.get(), size.x(), size.y(), size.z());
   dGeomSetPosition(query_box_.get(), center.x(), center.y(), center.z());
-  const dNearCallback* const add = [](void* result, dGeomID first, dGeomID second) {
+  dNearCallback* const add = [](void* result, dGeomID first, dGeomID second) {
     const dGeomID other = dGeomGetData(first) != nullptr ? first : second;
     static_cast<std::vector<CollisionId>*>(result)->push_back(id_of(other));
   };
