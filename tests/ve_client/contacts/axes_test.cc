@@ -92,7 +92,9 @@ TEST_CASE("Each near axis of two boxes is one to the forces with an axis that be
   Random random;
   int in_chain = 0;  // Axes nearer to one that does not bear than to any that does.
   for (int i = 0; i < 3000; ++i) {
-    const auto [tool, body] = random_boxes(random);
+    const auto boxes = random_boxes(random);
+    const Placed& tool = std::get<0>(boxes);
+    const Placed& body = std::get<1>(boxes);
     const AxesManifold manifold = axes_of(tool, body);
     const bool full = manifold.size() + kMaxManifoldPoints > manifold.capacity();
     if (manifold.empty() || full) continue;

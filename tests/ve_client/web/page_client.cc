@@ -59,7 +59,9 @@ HttpClient::HttpClient(std::uint16_t port) : connection_(std::make_unique<Connec
 HttpClient::~HttpClient() = default;
 
 Reply HttpClient::ask(const std::string& request, bool has_body) {
-  auto& [context, stream, buffer] = *connection_;
+  asio::io_context& context = connection_->context;
+  beast::tcp_stream& stream = connection_->stream;
+  beast::flat_buffer& buffer = connection_->buffer;
   // A server that has read enough may close before it has all.
   finish(context, stream,
          [&](auto done) { asio::async_write(stream, asio::buffer(request), done); });
