@@ -118,7 +118,7 @@ class LocalModel {
   void limit_stiffness(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
                        const HandMap& H) noexcept;
   void add_impulse(const LocalContact& contact, const Vector3& P_W) noexcept;
-  /// Adds energy that there is to heal with, J, within the tank's bounds.
+  /// Adds energy that there is to heal with, J, up to what the tank holds.
   void fill_tank(double energy) noexcept;
   void end_step(const FrameMotions& frames, const Unknowns& x) noexcept;
 

@@ -4,7 +4,6 @@
 # Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
 set -euo pipefail
 deb=$(realpath "$1")
-mirror=http://deb.debian.org/debian
 root=$(mktemp -d)
 server=
 clean_up() {
@@ -18,9 +17,8 @@ files() { inside find / -xdev -not -path '/proc*' -not -path '/tmp/*' -not -path
   -not -path '/var/lib/apt/*' -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' \
   -not -path '*/__pycache__*' | sort; }
 
-debootstrap --variant=minbase bookworm "$root" "$mirror" >/dev/null
+debootstrap --variant=minbase bookworm "$root" >/dev/null
 mount -t proc proc "$root/proc"
-echo "deb $mirror bookworm main" >"$root/etc/apt/sources.list"
 cp "$deb" "$root/tmp/package.deb"
 inside apt-get update -qq
 inside apt-get install -y -qq /tmp/package.deb >/dev/null
