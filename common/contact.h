@@ -48,6 +48,17 @@ struct ContactSide {
   auto operator<=>(const ContactSide&) const = default;
 };
 
+/// Whose plane a contact is, and turns with.
+enum class PlaneOwner : std::uint8_t {
+  kB = 0,
+  kA = 1,
+};
+template <>
+inline constexpr std::array<Word<PlaneOwner>, 2> kWords<PlaneOwner>{{
+    {PlaneOwner::kB, "b", "a face of b, or of neither, as where two edges cross"},
+    {PlaneOwner::kA, "a", "a face of a, on a corner or an edge of b"},
+}};
+
 /// One active (separation <= 0) or ε-active (0 < separation <= ε) contact between two sides.
 struct ReportedContact {
   /// The same from update to update while the contact lasts, different for any two contacts of one
@@ -68,6 +79,7 @@ struct ReportedContact {
   /// Coefficient of friction of the two materials; negative: the server's own coefficients.
   double friction = -1;
   double load = 0;  ///< Present normal force of a contact without the tool, N, >= 0.
+  PlaneOwner plane = PlaneOwner::kB;
 };
 
 using ReportedContacts = StaticVector<ReportedContact, kMaxContacts>;

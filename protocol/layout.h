@@ -53,7 +53,7 @@ inline constexpr std::size_t kItemSize<Link> = 178;
 template <>
 inline constexpr std::size_t kItemSize<MovableBody> = 353;
 template <>
-inline constexpr std::size_t kItemSize<ReportedContact> = 100;
+inline constexpr std::size_t kItemSize<ReportedContact> = 101;
 template <>
 inline constexpr std::size_t kItemSize<TickSignals> = 134;
 template <>
@@ -213,6 +213,7 @@ void fields(Io& io, M& contact) requires std::same_as<const M, const ReportedCon
   io.f32(contact.friction, Within{kLargestFriction});
   io.f32(contact.load, Within{kLargestForce});
   io.require(contact.load >= 0, UpdateError::kRange);
+  io.enumeration(contact.plane);
 }
 
 template <class Io, class M>

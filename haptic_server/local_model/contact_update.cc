@@ -64,7 +64,7 @@ void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalCo
                       const UpdateFrames& frames, double age, const UpdatePolicy& policy) noexcept {
   describe(contact, placed, frames, age);
   const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
-  const double sigma = true_separation(contact, frames.now[placed.b], x_W);
+  const double sigma = true_separation(contact, frames.now, x_W);
   contact.p_W = x_W;
   deform(contact, frames.now[placed.a], sigma, held(existing, frames, policy), policy);
 
@@ -85,7 +85,7 @@ void set_support(LocalContact& contact, const Placed& placed, const LocalContact
                  const UpdateFrames& frames, double stiffness) noexcept {
   describe(contact, placed, frames, 0);
   const Vector3 x_W = reported_point(placed);
-  const double sigma = true_separation(contact, frames.reported[placed.b], x_W);
+  const double sigma = true_separation(contact, frames.reported, x_W);
   const double load = placed.report->load;
   const double s_plus = load > 0 ? -load / stiffness : std::max(sigma, 0.0);
   place_contact_point(contact, frames.reported[placed.a], x_W, sigma, s_plus);
@@ -102,10 +102,12 @@ std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& f
   if (!release(contact, policy) || !a || *a == kWorldFrame) return std::nullopt;
   contact.frame_a = *a;
   contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
-  contact.p_A = frames.now[contact.frame_a].inverse() * contact.p_W;
-  const Placement X_BW = frames.now[contact.frame_b].inverse();
-  contact.c_B = X_BW * contact.c_W;
-  contact.n_B = X_BW.R * contact.n_W;
+  if (contact.frame_b == kWorldFrame) contact.plane = PlaneOwner::kB;
+  const Placement& X_WA = frames.now[contact.frame_a];
+  const Placement& X_WB = frames.now[contact.frame_b];
+  contact.p_A = X_WA.inverse() * contact.p_W;
+  contact.c_B = X_WB.inverse() * contact.c_W;
+  contact.n_P = (contact.plane == PlaneOwner::kA ? X_WA : X_WB).R.transpose() * contact.n_W;
   contact.axis = kOnlyAxis;
   return contact;
 }
@@ -127,7 +129,7 @@ void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
 }
 
 void advance_constraint(LocalContact& contact, double dt) noexcept {
-  if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_B;
+  if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_P;
 }
 
 /// How much of what was deferred a step gives, m. What adds force is paid for from the tank.
@@ -174,7 +176,7 @@ void measure_axes(const PlacedReports& reports, const LocalContacts& existing,
         LocalContact contact;
         describe(contact, placed, frames, age);
         const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
-        double s = true_separation(contact, frames.now[placed.b], x_W);
+        double s = true_separation(contact, frames.now, x_W);
         PairAxis& axis = axes[placed.axis];
         if (known != nullptr && !known->orphaned()) {
           axis.acts = true;
@@ -190,7 +192,7 @@ void set_waiting(LocalContact& contact, const Placed& placed, const UpdateFrames
                  double age) noexcept {
   describe(contact, placed, frames, age);
   const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
-  const double sigma = true_separation(contact, frames.now[placed.b], x_W);
+  const double sigma = true_separation(contact, frames.now, x_W);
   place_contact_point(contact, frames.now[placed.a], x_W, sigma, sigma);
 }
 
@@ -320,9 +322,9 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
     if (contact.orphaned()) contact.cap -= policy.release_force / static_cast<double>(orphans);
     if (contact.deferred == 0) continue;
     const double given = due(contact, poses, policy, tank);
-    const Vector3 n_A =
-        poses[contact.frame_a].R.transpose() * (poses[contact.frame_b].R * contact.n_B);
-    contact.p_A += given * n_A;
+    const Placement& X_WA = poses[contact.frame_a];
+    const Vector3 n_W = normal_W(contact, X_WA, poses[contact.frame_b]);
+    contact.p_A += given * (X_WA.R.transpose() * n_W);
     contact.deferred -= given;
     contact.s_left += given;
   }

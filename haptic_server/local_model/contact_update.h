@@ -77,9 +77,10 @@ void advance_constraints(LocalContacts& contacts, double dt) noexcept;
 
 /// Eq. 3: separation of the contact with the frames at these poses, m.
 inline double separation(const LocalContact& contact, const FramePoses& poses) noexcept {
+  const Placement& X_WA = poses[contact.frame_a];
   const Placement& X_WB = poses[contact.frame_b];
-  const Vector3 p_W = poses[contact.frame_a] * contact.p_A;
-  return (X_WB.R * contact.n_B).dot(p_W - X_WB * contact.c_B);
+  const Vector3 n_W = normal_W(contact, X_WA, X_WB);
+  return n_W.dot(X_WA * contact.p_A - constraint_point_W(contact, X_WB));
 }
 
 }  // namespace hlm::server

@@ -70,7 +70,7 @@ void JointLimits::place(const ToolModel& tool) noexcept {
                           : tool.X_WL(static_cast<int>(contact.b.index)).inverse();
     const double gap = limit.sign * (tool.configuration()[limit.coordinate] - limit.bound);
     const Vector3 n_W = limit.sign * (X_WA.R * limit.along_L);
-    contact.n_B = X_BW.R * n_W;
+    contact.n_P = X_BW.R * n_W;
     contact.c_B = X_BW * (X_WA * limit.p_L - limit.lever * gap * n_W);
   }
 }

@@ -29,17 +29,19 @@ struct LocalContact {
   double friction = -1;       ///< Of the two materials; negative: the local model's own.
   double friction_scale = 1;  ///< On either (body_friction.h).
 
-  // The local constraint: the plane through c with normal n, fixed in the frame of b. In the world
-  // it moves along n at v_n of its own.
+  // The local constraint: the plane through c with normal n. c is fixed in the frame of b, and n in
+  // that of the side whose face it is. In the world it moves along n at v_n of its own.
   Vector3 c_B = Vector3::Zero();  ///< m.
-  Vector3 n_B = Vector3::UnitZ();
-  double v_constr = 0;  ///< Eq. 2: nᵀ v_c of a constraint in the world's frame, m/s.
+  PlaneOwner plane = PlaneOwner::kB;
+  Vector3 n_P = Vector3::UnitZ();  ///< In the frame of `plane`.
+  double v_constr = 0;             ///< Eq. 2: nᵀ v_c of a constraint in the world's frame, m/s.
   /// Velocity of the point of a constraint in the world's frame as damping and friction meet it,
   /// and as last reported, m/s: an update's change enters gradually.
   Vector3 v_WC = Vector3::Zero();
   Vector3 v_reported_W = Vector3::Zero();
 
-  /// The local contact point: a's own point where the proxy is not deformed. Frame of a, m.
+  /// The local contact point: a's own point where the proxy is not deformed; of a's own plane the
+  /// one over c. Frame of a, m.
   Vector3 p_A = Vector3::Zero();
 
   /// Change of the separation that an update has deferred, m, and the most of it that one step
@@ -69,12 +71,23 @@ struct LocalContact {
   double taken = 0;               ///< Normal energy that went in at the latest step for good, J.
 };
 
-/// Evaluates where the contact is and s (Eq. 3), with its sides at X_WA and X_WB.
+/// The plane with its sides at X_WA and X_WB: n, unit, and c, m, in the world.
+inline Vector3 normal_W(const LocalContact& contact, const Placement& X_WA,
+                        const Placement& X_WB) noexcept {
+  if (contact.frame_b == kWorldFrame) return contact.n_P;
+  return (contact.plane == PlaneOwner::kA ? X_WA : X_WB).R * contact.n_P;
+}
+inline Vector3 constraint_point_W(const LocalContact& contact, const Placement& X_WB) noexcept {
+  return contact.frame_b == kWorldFrame ? contact.c_B : X_WB * contact.c_B;
+}
+
+/// Evaluates where the contact is and s (Eq. 3), likewise.
 inline void locate(LocalContact& contact, const Placement& X_WA, const Placement& X_WB) noexcept {
   contact.p_W = X_WA * contact.p_A;
-  contact.c_W = contact.frame_b == kWorldFrame ? contact.c_B : X_WB * contact.c_B;
-  contact.n_W = contact.frame_b == kWorldFrame ? contact.n_B : X_WB.R * contact.n_B;
+  contact.c_W = constraint_point_W(contact, X_WB);
+  contact.n_W = normal_W(contact, X_WA, X_WB);
   contact.s = contact.n_W.dot(contact.p_W - contact.c_W);
+  if (contact.plane == PlaneOwner::kA) contact.p_W = contact.c_W + contact.s * contact.n_W;
 }
 
 /// Contacts of one update and the released rest of the update before.

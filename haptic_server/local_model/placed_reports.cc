@@ -100,18 +100,20 @@ void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& f
     contact.v_constr = report.n_W.dot(report.v_WC);
     contact.v_WC = contact.v_reported_W = report.v_WC;
     contact.c_B = report.p_WC + contact.v_constr * age * report.n_W;
-    contact.n_B = report.n_W;
+    contact.n_P = report.n_W;
   } else {
-    const Placement X_BW = frames.reported[placed.b].inverse();
-    contact.c_B = X_BW * report.p_WC;
-    contact.n_B = X_BW.R * report.n_W;
+    contact.plane = report.plane;
+    const Placement& X_WP = frames.reported[report.plane == PlaneOwner::kA ? placed.a : placed.b];
+    contact.c_B = frames.reported[placed.b].inverse() * report.p_WC;
+    contact.n_P = X_WP.R.transpose() * report.n_W;
   }
 }
 
-double true_separation(LocalContact& contact, const Placement& X_WB, const Vector3& x_W) noexcept {
-  const bool in_world = contact.frame_b == kWorldFrame;
-  contact.c_W = in_world ? contact.c_B : X_WB * contact.c_B;
-  contact.n_W = in_world ? contact.n_B : X_WB.R * contact.n_B;
+double true_separation(LocalContact& contact, const FramePoses& poses,
+                       const Vector3& x_W) noexcept {
+  const Placement& X_WB = poses[contact.frame_b];
+  contact.c_W = constraint_point_W(contact, X_WB);
+  contact.n_W = normal_W(contact, poses[contact.frame_a], X_WB);
   return contact.n_W.dot(x_W - contact.c_W);
 }
 

@@ -52,7 +52,7 @@ inline Vector3 reported_point(const Placed& placed) noexcept {
   return placed.report->p_WC + placed.report->separation * placed.report->n_W;
 }
 
-/// Evaluates the constraint with its frame at X_WB. Returns σ for a's true point at x_W, m.
-double true_separation(LocalContact& contact, const Placement& X_WB, const Vector3& x_W) noexcept;
+/// Evaluates the constraint with the frames at `poses`. Returns σ for a's true point at x_W, m.
+double true_separation(LocalContact& contact, const FramePoses& poses, const Vector3& x_W) noexcept;
 
 }  // namespace hlm::server

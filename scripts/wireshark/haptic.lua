@@ -260,6 +260,8 @@ local movable_body = group("movable_body", "Movable body", {
   vector("axis_W", "Axis of revolution, world", nil, between(-2, 2), F32),
 })
 
+local PLANE = {[0] = "b", "a"}
+
 local contact = group("contact", "Contact", append(append({
   field(HEX64, "identity", "Identity"),
   field(U32, "pair", "Pair of convex pieces"),
@@ -272,6 +274,7 @@ local contact = group("contact", "Contact", append(append({
   field(F32, "friction", "Coefficient of friction, negative: the server's", nil,
         between(-10, 10)),
   field(F32, "load", "Normal force of a contact without the tool", "N", between(0, 1e6)),
+  code("plane", "Side whose face the plane is", PLANE),
 }))
 
 local function force_limit()

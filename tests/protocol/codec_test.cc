@@ -78,6 +78,7 @@ ContactUpdate documented_update() {
   last.separation = -0.0005;
   last.v_WC = {0.5, 0, 0};
   last.friction = 0.25;
+  last.plane = PlaneOwner::kA;
   update.impulse_step = 1470.25;
   MovableBody body;
   body.id = 5;

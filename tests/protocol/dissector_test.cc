@@ -100,6 +100,7 @@ TEST_CASE("The dissector's names are those of the vocabulary") {
       {"hlm.reject.reason", names<RejectReason>()},
       {"hlm.contact.a.kind", names<SideKind>()},
       {"hlm.contact.b.kind", names<SideKind>()},
+      {"hlm.contact.plane", names<PlaneOwner>()},
       {"hlm.movable_body.roundness", names<Roundness>()},
       {"hlm.proxy_state.server", names<ServerState>()},
       {"hlm.proxy_state.fault", names<Fault>()},

@@ -200,6 +200,7 @@ inline Expected expected_item(const ReportedContact& contact) {
   fields.short_vector("v_WC", contact.v_WC);
   fields.short_number("friction", contact.friction);
   fields.short_number("load", contact.load);
+  fields.code("plane", contact.plane);
   return fields;
 }
 

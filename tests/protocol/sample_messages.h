@@ -91,6 +91,7 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     contact.v_WC = random.vector(1).cast<float>().cast<double>();
     contact.friction = static_cast<float>(random.uniform(-1, 1));
     contact.load = static_cast<float>(random.uniform(0, 10));
+    contact.plane = static_cast<PlaneOwner>(i % 2);
     update.contacts.push_back(contact);
   }
   update.impulse_step = random.uniform(0, 1e6);

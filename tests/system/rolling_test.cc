@@ -2,17 +2,21 @@
 // (docs/method.md 11).
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
 #include <string>
 
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
+#include "tests/system/process.h"
 
 namespace hlm::test {
 namespace {
 
 using server::TickRecord;
 
-constexpr double kRadius = 0.015;  // m
+constexpr double kRadius = 0.015;  // m, of a body, or from its axis to its edges
 constexpr double kWay = 0.02;      // m, of the hand to each side
 
 /// A table, a pad that the hand holds, and a round body between them; along x the hand rolls it.
@@ -89,6 +93,50 @@ TEST_CASE("A round body rolls half as far as the pad on it, and presses evenly")
   CHECK(most < 3.2);             // N
   CHECK(largest_error < 0.002);  // m
   CHECK(fastest < 2);            // rad/s: the hand's 0.04 m/s
+}
+
+/// A rod with eight sides, on one of which it lies.
+void write_octagonal_rod(const std::filesystem::path& path) {
+  std::ofstream file(path);
+  for (const double z : {-0.0175, 0.0175}) {
+    for (int i = 0; i < 8; ++i) {
+      const double angle = std::numbers::pi * (2 * i + 1) / 8;
+      file << "v " << kRadius * std::cos(angle) << ' ' << kRadius * std::sin(angle) << ' ' << z
+           << '\n';
+    }
+  }
+  for (int i = 1; i <= 8; ++i) {
+    const int next = i % 8 + 1;
+    file << "f " << i << ' ' << next << ' ' << next + 8 << ' ' << i + 8 << '\n';
+  }
+  file << "f 8 7 6 5 4 3 2 1\nf 9 10 11 12 13 14 15 16\n";
+}
+
+TEST_CASE("A rod with edges under a flat pad is not thrown out: its edges meet the pad's plane") {
+  const double mass = GENERATE(0.1, 0.3);    // kg
+  const double delay = GENERATE(0.0, 0.02);  // s each way
+  CAPTURE(mass, delay);
+  const TemporaryDirectory directory;
+  write_octagonal_rod(directory.file("rod.obj"));
+  VirtualSessionOptions options;
+  options.world = table_with("<mesh><uri>" + directory.file("rod.obj") + "</uri></mesh>", mass);
+  options.tool = "pad";
+  options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.hand = roll();
+  options.link = {.delay = delay};
+  double least = 1e9, most = 0, fastest = 0;
+  VirtualSession* running = nullptr;
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    if (running->now() < 1) return;
+    least = std::min(least, tick.F_env.z());
+    most = std::max(most, tick.F_env.z());
+    fastest = std::max(fastest, running->environment().world.V_WB(1).tail<3>().norm());
+  });
+  running = &session;
+  session.run(6.5);
+  CHECK(least > 1.0);    // N, never lost
+  CHECK(most < 4.0);     // N
+  CHECK(fastest < 1.5);  // rad/s
 }
 
 }  // namespace

@@ -114,6 +114,7 @@ ReportedContact contact_of(const haptic_contact& from) {
   contact.v_WC = vector_of(from.velocity);
   contact.friction = from.friction;
   contact.load = from.load;
+  contact.plane = from.plane == 1 ? PlaneOwner::kA : PlaneOwner::kB;
   return contact;
 }
 

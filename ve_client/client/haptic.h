@@ -95,6 +95,8 @@ typedef struct haptic_contact {
   double velocity[3]; /* of b's point, m/s */
   double friction;    /* coefficient of the two materials; negative: the server's own */
   double load;        /* normal force of a contact without the tool, N */
+  uint32_t plane; /* 1: a flat face of side a lies on a corner or an edge of side b, and the normal
+                     turns with a; 0: with b */
 } haptic_contact;
 
 /* A body that the tool can push. Put those first that the tool touches: haptic_server moves the

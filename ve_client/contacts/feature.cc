@@ -52,6 +52,7 @@ ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept {
     report.identity = identity_of(contact.key);
     report.pair = contact.pair;
     report.axis = contact.axis;
+    report.plane = contact.plane;
     report.a = contact.key.a;
     report.b = contact.key.b;
     report.p_WC = contact.p_WC;

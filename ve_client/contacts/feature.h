@@ -60,6 +60,7 @@ struct FoundContact {
   double load = 0;                 ///< Present normal force of a contact without the tool, N.
   std::uint32_t pair = 0;          ///< Of the two pieces that it was found of (pair_of).
   std::uint16_t axis = 0;          ///< Which axis of its pair it is on; 0 is the best.
+  PlaneOwner plane = PlaneOwner::kB;
 };
 
 /// As they are reported to the server; at most kMaxContacts.

@@ -351,6 +351,13 @@ bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces
 
 }  // namespace
 
+PlaneOwner plane_of(const ManifoldPoint& point) {
+  return point.tool_feature.kind == FeatureKind::kFace &&
+                 point.body_feature.kind != FeatureKind::kFace
+             ? PlaneOwner::kA
+             : PlaneOwner::kB;
+}
+
 FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
                            const CollisionId& shape_a, const ContactSide& b,
                            const CollisionId& shape_b) {
@@ -360,6 +367,7 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
   contact.key.b_feature.shape = static_cast<std::uint32_t>(shape_b.shape);
   contact.pair = pair_of(contact.key);
   contact.axis = point.axis;
+  contact.plane = plane_of(point);
   contact.p_WC = point.p_WC;
   contact.n_W = point.n_W;
   contact.separation = point.separation;

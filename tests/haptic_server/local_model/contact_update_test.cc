@@ -62,6 +62,49 @@ void advance(LocalContacts& contacts, const ToolModel& proxy, UpdateRule rule) {
   advance_contacts(contacts, poses_of(proxy, {}), policy(rule), 1e-3, tank);
 }
 
+TEST_CASE(
+    "A contact's plane turns with the side whose face it is, and the force is where the corner "
+    "is") {
+  const PlaneOwner plane = GENERATE(PlaneOwner::kB, PlaneOwner::kA);
+  LocalBodies bodies(1);
+  bodies[0].id = 7;
+  bodies[0].X_WB.p = {0, 0, -0.02};
+  ToolModel tool(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
+  ReportedContacts reported(1);
+  reported[0].b = {SideKind::kMovableBody, 7};
+  reported[0].p_WC = {0.01, 0, 0};
+  reported[0].separation = 0.001;  // m
+  reported[0].plane = plane;
+  UpdateFrames frames{.tool = tool,
+                      .bodies = bodies,
+                      .reported = poses_of(tool, bodies),
+                      .before = poses_of(tool, bodies)};
+  frames.set_now(frames.reported);
+  ToolContacts updated;
+  adopt_update({}, reported, frames, 0, policy(UpdateRule::kRetain), updated);
+  REQUIRE(updated.acting.size() == 1);
+  LocalContact& contact = updated.acting[0];
+
+  // The body rolls by 0.1 rad about its centre, the tool turns by 0.02 rad the other way.
+  bodies[0].X_WB.R = rotation_from_vector({0, 0.1, 0});
+  Configuration q = tool.configuration();
+  const Quaternion R_WT = rotation_from_vector({0, -0.02, 0});
+  q.segment<4>(3) << R_WT.w(), R_WT.x(), R_WT.y(), R_WT.z();
+  tool.set_configuration(q);
+  const FramePoses poses = poses_of(tool, bodies);
+  locate(contact, poses[contact.frame_a], poses[contact.frame_b]);
+  CHECK(server::separation(contact, poses) == contact.s);
+
+  const Vector3 corner = bodies[0].X_WB.p + bodies[0].X_WB.R * Vector3(0.01, 0, 0.02);
+  const Vector3 under = tool.X_WL(0).R * Vector3(0.01, 0, 0.001);  // a's point, in its turned face
+  const Quaternion turned = plane == PlaneOwner::kA ? R_WT : bodies[0].X_WB.R;
+  const Vector3 n = turned * Vector3::UnitZ();
+  CHECK((contact.n_W - n).norm() < 1e-12);
+  CHECK(contact.s == Approx(n.dot(under - corner)).margin(1e-12));
+  const Vector3 where = plane == PlaneOwner::kA ? Vector3(corner + contact.s * n) : under;
+  CHECK((contact.p_W - where).norm() < 1e-12);
+}
+
 /// A tool on its way through random contacts that come and go, seen late.
 class Stress {
  public:

@@ -46,6 +46,7 @@ CONTACT = np.dtype([
     ("velocity", "f8", 3),  # of b's point, m/s
     ("friction", "f8"),     # negative: the server's own
     ("load", "f8"),         # normal force of a contact without the tool, N
+    ("plane", "u4"),        # 1: a flat face of a on a corner or an edge of b; 0: a face of b, or of neither
 ], align=True)
 
 #: A body that the tool can push.
