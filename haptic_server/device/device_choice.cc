@@ -4,6 +4,7 @@
 #include <iterator>
 
 #include "common/settings/nearest.h"
+#include "haptic_server/device/drivers/force_dimension_driver.h"
 #include "haptic_server/device/drivers/replay_driver.h"
 #include "haptic_server/device/drivers/simulated_driver.h"
 
@@ -50,6 +51,7 @@ std::string text_of(const settings::Table& table) {
 std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
   std::vector<std::unique_ptr<DeviceDriver>> drivers;
   drivers.push_back(std::make_unique<SimulatedDriver>());
+  drivers.push_back(std::make_unique<ForceDimensionDriver>());
   drivers.push_back(std::make_unique<ReplayDriver>());
   return drivers;
 }

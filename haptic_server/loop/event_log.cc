@@ -14,7 +14,8 @@ std::string because(const TickRecord& record) {
 
 void EventLog::observe(const TickRecord& record) {
   observe_session(record);
-  if (record.server != state_) observe_state(record);
+  const bool fails_again = record.server == ServerState::kFault && record.session != session_;
+  if (record.server != state_ || fails_again) observe_state(record);
   if (renders_force(record.server)) observe_health(record);
   state_ = record.server;
   session_ = record.session;
