@@ -16,17 +16,10 @@ constexpr double kWatchdogUnit = 125e-6;
 constexpr double kStatusPeriod = 5e-3;
 /// After motors were put on, s: their status follows.
 constexpr double kStatusPatience = 0.05;
-/// So long a device may give one pose while it says that it moves this fast, s and m/s. A step of
-/// its encoders is some 10 µm.
-constexpr double kLongestStale = 0.015;
-constexpr double kStaleSpeed = 5e-3;
 /// A gripper's angle when it is open, rad.
 constexpr double kOpenGripper = 0.5;
 /// Of the mask that the library gives.
 constexpr std::uint8_t kButtons = 16;
-/// A matrix of a rotation is one within so much.
-constexpr double kRotationTolerance = 1e-3;
-
 struct Rated {
   std::string_view family;
   double force;              ///< N.
@@ -42,14 +35,6 @@ constexpr std::array<Rated, 4> kRated{{
     {"lambda", 5, 0.1, 8000, 0.5},
     {"", 5, 0.1, 2000, 0.5},
 }};
-
-/// Why a matrix is no rotation; null if it is one.
-const char* find_error(const Matrix3& R) noexcept {
-  if (!R.allFinite()) return "its orientation is not a number";
-  if (!(R.transpose() * R).isIdentity(kRotationTolerance)) return "its orientation is no rotation";
-  if (R.determinant() < 0) return "its orientation is that of a mirror: its frame is left-handed";
-  return nullptr;
-}
 
 }  // namespace
 
@@ -85,7 +70,7 @@ const char* cause_of_force_off(int cause) noexcept {
 
 ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> library,
                                            const ForceDimensionOptions& options, double dt)
-    : library_(std::move(library)), options_(options), dt_(dt) {
+    : library_(std::move(library)), options_(options), dt_(dt), motion_(dt) {
   open();
   const Library& dhd = *library_;
   const char* const system = dhd.system_name(id_);
@@ -167,7 +152,8 @@ void ForceDimensionDevice::enable() noexcept {
   saturated_ = false;
   health_ = DeviceHealth::kGood;
   cause_ = "";
-  ticks_ = stale_ = 0;
+  ticks_ = 0;
+  motion_.begin();
   const Library& dhd = *library_;
   enabled_ =
       done(dhd.set_brakes(0, id_)) && done(dhd.enable_force(1, id_)) && write(Wrench::Zero());
@@ -202,28 +188,14 @@ bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
   const int result = dhd.pose(&p.x(), &p.y(), &p.z(), rows, id_);
   if (!done(result) || !done(dhd.linear_velocity(&v.x(), &v.y(), &v.z(), id_))) return false;
   if (has_wrist_ && !done(dhd.angular_velocity(&w.x(), &w.y(), &w.z(), id_))) return false;
-  if (!p.allFinite() || !v.allFinite() || !w.allFinite()) {
-    return fail("its pose or its speed is not a number");
-  }
-  if (has_wrist_) {
-    const Matrix3 R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
-    if (const char* error = find_error(R)) return fail(error);
-    state.X_WD.R = Quaternion(R).normalized();
-  }
-  state.X_WD.p = p;
+  Matrix3 R = Matrix3::Identity();
+  if (has_wrist_) R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
   state.V_WD << v, w;
-  return is_new(state, result == Library::kTimeGuard);
-}
-
-/// False if the device has given the same pose for too long.
-bool ForceDimensionDevice::is_new(const DeviceState& state, bool guarded) noexcept {
-  const bool moves = state.V_WD.head<3>().norm() > kStaleSpeed;
-  const bool stays = state.X_WD == X_before_;
-  X_before_ = state.X_WD;
-  stale_ = guarded || (moves && stays) ? stale_ + 1 : 0;
-  if (static_cast<double>(stale_) * dt_ < kLongestStale) return true;
-  return fail(guarded ? "its library holds back new values: its time guard is longer than a tick"
-                      : "its pose stays the same while it says that it moves");
+  if (const char* error = motion_.find_error(p, R, state.V_WD, result == Library::kTimeGuard)) {
+    return fail(error);
+  }
+  state.X_WD = {p, Quaternion(R).normalized()};
+  return true;
 }
 
 bool ForceDimensionDevice::read_buttons(DeviceState& state) noexcept {

@@ -11,6 +11,7 @@
 #include "common/range.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/device/force_dimension_library.h"
+#include "haptic_server/device/motion_check.h"
 #include "haptic_server/device/reopener.h"
 
 namespace hlm::server {
@@ -65,12 +66,12 @@ class ForceDimensionDevice final : public Device {
   bool fail(const char* cause) noexcept;
   bool read_motion(DeviceState& state) noexcept;
   bool read_buttons(DeviceState& state) noexcept;
-  bool is_new(const DeviceState& state, bool guarded) noexcept;
   bool observe_status() noexcept;
 
   std::shared_ptr<const ForceDimensionLibrary> library_;
   ForceDimensionOptions options_;
   double dt_;
+  MotionCheck motion_;
   std::string name_;
   DeviceRatings ratings_;
   bool has_wrist_ = false;
@@ -83,8 +84,6 @@ class ForceDimensionDevice final : public Device {
   DeviceHealth health_ = DeviceHealth::kGood;
   const char* cause_ = "";
   std::uint64_t ticks_ = 0;  ///< Since enable().
-  std::uint64_t stale_ = 0;  ///< Ticks without a new pose although there should be one.
-  Pose X_before_;
   std::optional<Reopener> reopener_;
 };
 

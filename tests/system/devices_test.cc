@@ -133,8 +133,10 @@ void check_replug(StandInSession& session, const std::string& cause) {
   session.press();
 }
 
-TEST_CASE("A hand that presses a wall through a Force Dimension device feels it within 2 %") {
-  StandInSession session("forcedimension");
+TEST_CASE("A hand that presses a wall through a vendor's library feels it within 2 %") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  StandInSession session(device);
   check_press(session);
 }
 
@@ -154,8 +156,19 @@ TEST_CASE("A Force Dimension device that fails gives no force within 20 ms, and 
                          {"force_off", "it was faster than its velocity threshold"}});
 }
 
-TEST_CASE("A Force Dimension device that freezes while it moves gives no force within 20 ms") {
-  StandInSession session("forcedimension");
+TEST_CASE("A device of OpenHaptics that fails gives no force within 20 ms, and says why") {
+  StandInSession session("openhaptics");
+  check_faults(session, {{"error", "it reports a fault of its own"},
+                         {"mirror", "its frame is left-handed"},
+                         {"not_finite", "is not a number"},
+                         {"broken", "the vendor's scheduler gives no new state"},
+                         {"force_off", "its force could not be set"}});
+}
+
+TEST_CASE("A device that freezes while it moves gives no force within 20 ms, and says so") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  StandInSession session(device);
   session.arm();
   REQUIRE(wait_until(10, [&] { return session.motor() < -0.3; }));  // N, on the way to the wall
   session.order("freeze");
@@ -163,36 +176,58 @@ TEST_CASE("A Force Dimension device that freezes while it moves gives no force w
   CHECK(session.server().wait_for_error("its pose stays the same while it says that it moves", 5));
 }
 
-TEST_CASE("A Force Dimension device that is unplugged is back once a person arms it") {
-  StandInSession session("forcedimension");
-  check_replug(session, "the device does not answer");
+TEST_CASE("A device that is unplugged gives no force, and is back once a person arms it") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  StandInSession session(device);
+  check_replug(session, "fault: the device failed: ");
+  CHECK_THAT(session.server().error(), ContainsSubstring("not answer"));
 }
 
 TEST_CASE("What is slow or saturated is said, and force goes on") {
-  StandInSession session("forcedimension");
+  const auto [device, slow] = GENERATE(table<std::string, std::string>(
+      {{"forcedimension", "at less than half the server's rate"},
+       {"openhaptics", "the vendor's scheduler gives new states too seldom"}}));
+  INFO(device);
+  StandInSession session(device);
   session.arm();
   session.press();
   session.order("slow");
-  CHECK(session.server().wait_for_error("at less than half the server's rate", 5));
+  CHECK(session.server().wait_for_error(slow, 5));
   session.order("good\nsaturate");
-  CHECK(session.server().wait_for_error("more was commanded than they can give", 5));
+  CHECK(session.server().wait_for_error("more was commanded than", 5));
   CHECK(session.motor() != 0);
 }
 
+TEST_CASE("While its clutch is held a handle moves freely; its force is back when it is let go") {
+  StandInSession session("forcedimension", {"--device-option", "clutch=1"});
+  session.arm();
+  session.press();
+  session.order("press 0");
+  CHECK(wait_until(1, [&] { return session.motor() == 0; }));
+  std::this_thread::sleep_for(200ms);
+  CHECK(session.motor() == 0);
+  session.order("release 0");
+  session.press();
+  CHECK_THAT(session.server().error(), !ContainsSubstring("fault"));
+}
+
 TEST_CASE("A list of devices names those that the vendors' libraries find, or what is missing") {
-  unsetenv("HAPTIC_STAND_IN_HAND");
-  unsetenv("HAPTIC_STAND_IN_ORDERS");
-  unsetenv("HAPTIC_STAND_IN_MOTORS");
+  for (const char* order : {"HAND", "ORDERS", "MOTORS"}) {
+    unsetenv((std::string("HAPTIC_STAND_IN_") + order).c_str());
+  }
   setenv("LD_LIBRARY_PATH", HLM_STAND_INS, 1);
   CHECK_THAT(run({HLM_SERVER, "--device", "list"}).output,
-             ContainsSubstring("number 0: sigma.7, through libdhd.so"));
+             ContainsSubstring("number 0: sigma.7, through libdhd.so") &&
+                 ContainsSubstring("'Default PHANToM': OpenHaptics Touch, through libHD.so"));
   unsetenv("LD_LIBRARY_PATH");
   CHECK_THAT(run({HLM_SERVER, "--device", "list"}).output,
-             ContainsSubstring("libdhd.so not found") && ContainsSubstring("forcedimension.com"));
-  const Finished missing = run(
-      {HLM_SERVER, "--device", "forcedimension", "--device-option", "library=/nowhere/libdhd.so"});
+             ContainsSubstring("libdhd.so not found") && ContainsSubstring("forcedimension.com") &&
+                 ContainsSubstring("libHD.so not found") && ContainsSubstring("3dsystems.com"));
+  const Finished missing =
+      run({HLM_SERVER, "--device", "openhaptics", "--device-option", "library=/nowhere/libHD.so"});
   CHECK(missing.exit_code == 1);
-  CHECK_THAT(missing.error, ContainsSubstring("/nowhere/libdhd.so not found"));
+  CHECK_THAT(missing.error, ContainsSubstring("/nowhere/libHD.so not found"));
 }
 
 }  // namespace
