@@ -199,7 +199,8 @@ TEST_CASE("What is slow or saturated is said, and force goes on") {
   CHECK(session.motor() != 0);
 }
 
-TEST_CASE("While its clutch is held a handle moves freely; its force is back when it is let go") {
+TEST_CASE(
+    "While its clutch is held a handle moves freely, and its force is back when it is let go") {
   StandInSession session("forcedimension", {"--device-option", "clutch=1"});
   session.arm();
   session.press();

@@ -18,7 +18,7 @@ std::unique_ptr<ForceDimensionDevice> opened(const ForceDimensionOptions& option
       std::make_shared<const ForceDimensionLibrary>(HLM_STAND_IN), options, kDt);
 }
 
-TEST_CASE("A device is rated by its name; one that is not known gets little force") {
+TEST_CASE("A device is rated by its name, and one that is not known gets little force") {
   CHECK(force_dimension_ratings("omega.3", false).max_force == 12);            // N
   CHECK(force_dimension_ratings("omega.3", false).max_stiffness == 5000);      // N/m
   CHECK(force_dimension_ratings("omega.6", false).max_torque == 0);            // N·m

@@ -83,7 +83,7 @@ TEST_CASE("Motors give what is commanded, until the watchdog, an order or disabl
   }));
 }
 
-TEST_CASE("States freeze, are late and are slow on order; buttons are pressed") {
+TEST_CASE("States freeze, are late and are slow on order, and buttons are pressed") {
   Bench bench;
   bench.stand_in->enable();
   std::this_thread::sleep_for(600ms);
