@@ -1,0 +1,44 @@
+#include "haptic_server/device/drivers/force_dimension_driver.h"
+
+#include <algorithm>
+
+namespace hlm::server {
+
+ForceDimensionDriver::ForceDimensionDriver() {
+  table_.text("library", options_.library, "FILE",
+              "The vendor's library; '' is libdrd.so or libdhd.so, as the dynamic linker finds it");
+  table_.whole("number", options_.number, kForceDimensionNumbers,
+               "Which of the connected devices, from 0");
+  table_.whole("serial", options_.serial, kForceDimensionSerials,
+               "Which by its serial number; 0 is by 'number'");
+  table_.number("watchdog", options_.watchdog, kForceDimensionWatchdogs,
+                "Without a command for so long the device takes its motors off");
+  table_.yes_no("gravity-compensation", options_.gravity_compensation,
+                "Whether the device bears its own weight");
+}
+
+std::vector<std::string> ForceDimensionDriver::connected() const {
+  const ForceDimensionLibrary dhd(options_.library);
+  std::vector<std::string> lines;
+  const int most = static_cast<int>(kForceDimensionNumbers.most) + 1;
+  for (int i = 0; i < std::min(dhd.device_count(), most); ++i) {
+    const std::string number = "number " + std::to_string(i) + ": ";
+    const int id = dhd.open_id(static_cast<char>(i));
+    if (id < 0) {
+      lines.push_back(number + "cannot be opened: " + dhd.last_error());
+      continue;
+    }
+    const char* const name = dhd.system_name(static_cast<char>(id));
+    lines.push_back(number + (name != nullptr ? name : "unknown") + ", through " +
+                    dhd.library.name());
+    dhd.close(static_cast<char>(id));
+  }
+  return lines;
+}
+
+std::unique_ptr<Device> ForceDimensionDriver::open(double dt) const {
+  return std::make_unique<ForceDimensionDevice>(
+      std::make_shared<const ForceDimensionLibrary>(options_.library), options_, dt);
+}
+
+}  // namespace hlm::server

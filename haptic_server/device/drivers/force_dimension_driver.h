@@ -1,0 +1,26 @@
+// Force Dimension's devices as ones to be opened.
+#pragma once
+
+#include "haptic_server/device/device_driver.h"
+#include "haptic_server/device/force_dimension_device.h"
+
+namespace hlm::server {
+
+class ForceDimensionDriver final : public DeviceDriver {
+ public:
+  ForceDimensionDriver();
+
+  std::string_view name() const override { return "forcedimension"; }
+  std::string_view purpose() const override {
+    return "omega, delta, sigma and lambda of Force Dimension, through libdrd.so or libdhd.so";
+  }
+  const settings::Table& table() const override { return table_; }
+  std::vector<std::string> connected() const override;
+  std::unique_ptr<Device> open(double dt) const override;
+
+ private:
+  ForceDimensionOptions options_;
+  settings::Table table_;
+};
+
+}  // namespace hlm::server

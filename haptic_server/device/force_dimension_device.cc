@@ -1,0 +1,237 @@
+#include "haptic_server/device/force_dimension_device.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace hlm::server {
+namespace {
+
+using Library = ForceDimensionLibrary;
+
+/// The unit of the vendor's watchdog, s.
+constexpr double kWatchdogUnit = 125e-6;
+/// Between two looks at the device's status, s. It is not needed for the force.
+constexpr double kStatusPeriod = 5e-3;
+/// After motors were put on, s: their status follows.
+constexpr double kStatusPatience = 0.05;
+/// A gripper's angle when it is open, rad.
+constexpr double kOpenGripper = 0.5;
+/// Of the mask that the library gives.
+constexpr std::uint8_t kButtons = 16;
+struct Rated {
+  std::string_view family;
+  double force;              ///< N.
+  double torque;             ///< N·m.
+  double stiffness;          ///< N/m.
+  double angular_stiffness;  ///< N·m/rad.
+};
+
+/// What is not rated there is that of the last row.
+constexpr std::array<Rated, 4> kRated{{
+    {"omega", 12, 0.1, 5000, 0.5},
+    {"sigma", 12, 0.2, 4000, 1},
+    {"lambda", 5, 0.1, 8000, 0.5},
+    {"", 5, 0.1, 2000, 0.5},
+}};
+
+}  // namespace
+
+DeviceRatings force_dimension_ratings(std::string_view name, bool torque) noexcept {
+  const Rated* rated = kRated.data();
+  while (name.find(rated->family) == std::string_view::npos) ++rated;
+  DeviceRatings ratings;
+  ratings.max_force = rated->force;
+  ratings.max_torque = torque ? rated->torque : 0;
+  ratings.max_stiffness = rated->stiffness;
+  ratings.max_angular_stiffness = rated->angular_stiffness;
+  return ratings;
+}
+
+const char* cause_of_force_off(int cause) noexcept {
+  switch (cause) {
+    case 1:
+      return "its force button is off";
+    case 2:
+      return "it was faster than its velocity threshold";
+    case 3:
+      return "its watchdog has had no command in time";
+    case 4:
+      return "a program has taken them off";
+    case 5:
+      return "its cable was unplugged";
+    case 6:
+      return "its dead man's switch is open";
+    default:
+      return "it does not say why";
+  }
+}
+
+ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> library,
+                                           const ForceDimensionOptions& options, double dt)
+    : library_(std::move(library)), options_(options), dt_(dt), motion_(dt) {
+  open();
+  const Library& dhd = *library_;
+  const char* const system = dhd.system_name(id_);
+  const std::string model = system != nullptr ? system : "device";
+  name_ = "Force Dimension " + model;
+  const bool active_wrist = dhd.has_active_wrist(id_);
+  has_wrist_ = active_wrist || (dhd.has_wrist != nullptr && dhd.has_wrist(id_));
+  ratings_ = force_dimension_ratings(model, active_wrist);
+  ratings_.freedoms = has_wrist_ ? kAllFreedoms : Freedoms{0b000111};
+  ratings_.buttons = kButtons;
+  ratings_.gripper = dhd.has_gripper(id_);
+  if (!prepare()) {
+    const std::string why = cause_;
+    dhd.close(id_);
+    throw std::runtime_error(name_ + " cannot be prepared: " + why);
+  }
+  if (has_watchdog_) ratings_.time_guard = options_.watchdog;
+  reopener_.emplace([this] { return reopen(); });
+}
+
+ForceDimensionDevice::~ForceDimensionDevice() {
+  reopener_.reset();
+  library_->stop(id_);
+  library_->close(id_);
+}
+
+void ForceDimensionDevice::open() {
+  const Library& dhd = *library_;
+  const int id = options_.serial > 0 ? dhd.open_serial(options_.serial)
+                                     : dhd.open_id(static_cast<char>(options_.number));
+  if (id < 0) {
+    const std::string which = options_.serial > 0
+                                  ? "with serial number " + std::to_string(options_.serial)
+                                  : "number " + std::to_string(options_.number);
+    throw std::runtime_error("no Force Dimension device " + which + " can be opened through " +
+                             dhd.library.name() + ": " + dhd.last_error() +
+                             "; check its power, its cable, and the right to its USB port");
+  }
+  id_ = static_cast<char>(id);
+}
+
+/// Limits and watchdog, motors off.
+bool ForceDimensionDevice::prepare() noexcept {
+  const Library& dhd = *library_;
+  if (dhd.enable_expert_mode != nullptr) dhd.enable_expert_mode();
+  const double units = std::floor(options_.watchdog / kWatchdogUnit);
+  has_watchdog_ =
+      dhd.set_watchdog != nullptr && dhd.set_watchdog(static_cast<unsigned char>(units), id_) >= 0;
+  return done(dhd.set_max_force(ratings_.max_force, id_)) &&
+         (ratings_.max_torque == 0 || done(dhd.set_max_torque(ratings_.max_torque, id_))) &&
+         done(dhd.set_gravity_compensation(options_.gravity_compensation ? 1 : 0, id_)) &&
+         done(dhd.enable_force(0, id_));
+}
+
+bool ForceDimensionDevice::reopen() noexcept {
+  library_->close(id_);
+  try {
+    open();
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+  return prepare();
+}
+
+bool ForceDimensionDevice::done(int result) noexcept {
+  return result >= 0 || fail(library_->last_error());
+}
+
+bool ForceDimensionDevice::fail(const char* cause) noexcept {
+  if (!failed_)
+    cause_ = cause != nullptr && *cause != '\0' ? cause : "its library reports an error";
+  failed_ = true;
+  return false;
+}
+
+void ForceDimensionDevice::enable() noexcept {
+  if (!reopener_->is_there()) return;
+  failed_ = false;
+  saturated_ = false;
+  health_ = DeviceHealth::kGood;
+  cause_ = "";
+  ticks_ = 0;
+  motion_.begin();
+  const Library& dhd = *library_;
+  enabled_ =
+      done(dhd.set_brakes(0, id_)) && done(dhd.enable_force(1, id_)) && write(Wrench::Zero());
+}
+
+void ForceDimensionDevice::disable() noexcept {
+  enabled_ = false;
+  if (!reopener_->is_there()) return;
+  library_->enable_force(0, id_);
+  if (failed_) reopener_->lose();
+}
+
+std::optional<DeviceState> ForceDimensionDevice::read() noexcept {
+  if (!reopener_->is_there() || failed_) return std::nullopt;
+  DeviceState state;
+  if (!read_motion(state) || !read_buttons(state) || !observe_status()) return std::nullopt;
+  ++ticks_;
+  state.health = health_;
+  if (health_ == DeviceHealth::kGood && saturated_) {
+    state.health = DeviceHealth::kSaturated;
+    cause_ = "more was commanded than they can give";
+  }
+  return state;
+}
+
+bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
+  const Library& dhd = *library_;
+  Vector3 p;
+  double rows[3][3];
+  Vector3 v = Vector3::Zero();
+  Vector3 w = Vector3::Zero();
+  const int result = dhd.pose(&p.x(), &p.y(), &p.z(), rows, id_);
+  if (!done(result) || !done(dhd.linear_velocity(&v.x(), &v.y(), &v.z(), id_))) return false;
+  if (has_wrist_ && !done(dhd.angular_velocity(&w.x(), &w.y(), &w.z(), id_))) return false;
+  Matrix3 R = Matrix3::Identity();
+  if (has_wrist_) R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
+  state.V_WD << v, w;
+  if (const char* error = motion_.find_error(p, R, state.V_WD, result == Library::kTimeGuard)) {
+    return fail(error);
+  }
+  state.X_WD = {p, Quaternion(R).normalized()};
+  return true;
+}
+
+bool ForceDimensionDevice::read_buttons(DeviceState& state) noexcept {
+  state.buttons = library_->button_mask(id_);
+  if (!ratings_.gripper) return true;
+  double angle = 0;
+  if (!done(library_->gripper_angle(&angle, id_))) return false;
+  if (!std::isfinite(angle)) return fail("its gripper's angle is not a number");
+  state.gripper = std::clamp(angle / kOpenGripper, 0.0, 1.0);
+  return true;
+}
+
+/// Every few ticks.
+bool ForceDimensionDevice::observe_status() noexcept {
+  const auto every = static_cast<std::uint64_t>(std::ceil(kStatusPeriod / dt_));
+  if (ticks_ % every != 0 || static_cast<double>(ticks_) * dt_ < kStatusPatience) return true;
+  Library::StatusValues status{};
+  if (!done(library_->status(status.data(), id_))) return false;
+  const double rate = 1e3 * library_->communication_rate(id_);
+  health_ = DeviceHealth::kGood;
+  if (enabled_ && status[Library::kForceOn] == 0) {
+    health_ = DeviceHealth::kForceOff;
+    cause_ = cause_of_force_off(status[Library::kForceOffCause]);
+  } else if (rate > 0 && rate < 0.5 / dt_) {
+    health_ = DeviceHealth::kLate;
+    cause_ = "its library exchanges with it at less than half the server's rate";
+  }
+  return true;
+}
+
+bool ForceDimensionDevice::write(const Wrench& F) noexcept {
+  if (!reopener_->is_there()) return false;
+  if (!F.allFinite()) return fail("it was commanded a wrench that is not finite");
+  const int result = library_->set_wrench(F[0], F[1], F[2], F[3], F[4], F[5], 0, id_);
+  saturated_ = result == Library::kMotorSaturated;
+  return done(result) && !failed_;
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,36 @@
+#include "haptic_server/device/force_dimension_library.h"
+
+namespace hlm::server {
+
+ForceDimensionLibrary::ForceDimensionLibrary(const std::string& file)
+    : library(file, {"libdrd.so", "libdrd.so.3", "libdhd.so", "libdhd.so.3"},
+              "https://www.forcedimension.com/software/sdk") {
+  library.bind(device_count, "dhdGetDeviceCount");
+  library.bind(open_id, "dhdOpenID");
+  library.bind(open_serial, "dhdOpenSerial");
+  library.bind(close, "dhdClose");
+  library.bind(stop, "dhdStop");
+  library.bind(system_type, "dhdGetSystemType");
+  library.bind(system_name, "dhdGetSystemName");
+  library.bind_if_any(has_wrist, "dhdHasWrist");
+  library.bind(has_active_wrist, "dhdHasActiveWrist");
+  library.bind(has_gripper, "dhdHasActiveGripper");
+  library.bind(pose, "dhdGetPositionAndOrientationFrame");
+  library.bind(linear_velocity, "dhdGetLinearVelocity");
+  library.bind(angular_velocity, "dhdGetAngularVelocityRad");
+  library.bind(gripper_angle, "dhdGetGripperAngleRad");
+  library.bind(button_mask, "dhdGetButtonMask");
+  library.bind(set_wrench, "dhdSetForceAndTorqueAndGripperForce");
+  library.bind(enable_force, "dhdEnableForce");
+  library.bind(set_brakes, "dhdSetBrakes");
+  library.bind(set_gravity_compensation, "dhdSetGravityCompensation");
+  library.bind(set_max_force, "dhdSetMaxForce");
+  library.bind(set_max_torque, "dhdSetMaxTorque");
+  library.bind(status, "dhdGetStatus");
+  library.bind(communication_rate, "dhdGetComFreq");
+  library.bind(last_error, "dhdErrorGetLastStr");
+  library.bind_if_any(enable_expert_mode, "dhdEnableExpertMode");
+  library.bind_if_any(set_watchdog, "dhdSetWatchdog");
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,62 @@
+// The functions of Force Dimension's library that are called here.
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "haptic_server/device/vendor_library.h"
+
+namespace hlm::server {
+
+/// Declared from the vendor's documents. Lengths in m, angles in rad, forces in N and N·m. Below 0
+/// is an error, except where it says otherwise. The last char is always the device's number.
+struct ForceDimensionLibrary {
+  /// Opens libdrd.so, which contains libdhd.so, or that one alone. Throws std::runtime_error.
+  explicit ForceDimensionLibrary(const std::string& file);
+
+  /// What getters and the wrench return that is no error.
+  enum Result { kDone = 0, kTimeGuard = 1, kMotorSaturated = 2 };
+  /// What dhdGetStatus tells, and how much of it.
+  enum Status { kForceOn = 5, kForceOffCause = 14, kStatusCount = 17 };
+  /// Room for libraries that tell more.
+  using StatusValues = std::array<int, 2 * kStatusCount>;
+
+  VendorLibrary library;
+
+  int (*device_count)();
+  /// The number of the device to use.
+  int (*open_id)(char index);
+  int (*open_serial)(int serial);
+  int (*close)(char id);
+  /// Motors off, brakes on.
+  int (*stop)(char id);
+  int (*system_type)(char id);
+  const char* (*system_name)(char id);
+  /// May be null: then only active wrists are known.
+  bool (*has_wrist)(char id);
+  bool (*has_active_wrist)(char id);
+  bool (*has_gripper)(char id);
+  int (*pose)(double* x, double* y, double* z, double rotation[3][3], char id);
+  int (*linear_velocity)(double* x, double* y, double* z, char id);
+  int (*angular_velocity)(double* x, double* y, double* z, char id);
+  int (*gripper_angle)(double* angle, char id);
+  unsigned (*button_mask)(char id);
+  int (*set_wrench)(double fx, double fy, double fz, double tx, double ty, double tz,
+                    double gripper, char id);
+  int (*enable_force)(unsigned char on, char id);
+  int (*set_brakes)(int on, char id);
+  int (*set_gravity_compensation)(int on, char id);
+  int (*set_max_force)(double most, char id);
+  int (*set_max_torque)(double most, char id);
+  int (*status)(int values[], char id);
+  /// kHz.
+  double (*communication_rate)(char id);
+  /// A constant text.
+  const char* (*last_error)();
+  /// May be null: older libraries have none.
+  int (*enable_expert_mode)();
+  /// In units of 125 µs. May be null.
+  int (*set_watchdog)(unsigned char time, char id);
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,184 @@
+#include "haptic_server/device/open_haptics_device.h"
+
+#include <array>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+namespace hlm::server {
+namespace {
+
+using Library = OpenHapticsLibrary;
+
+constexpr double kMillimetre = 1e-3;          // m.
+constexpr double kNewtonPerMillimetre = 1e3;  // N/m.
+/// A state that is older is late, s: the scheduler's period and what a busy machine adds.
+constexpr double kLate = 4e-3;
+/// calibrate() waits so long for the first state.
+constexpr std::chrono::seconds kFirstState{3};
+constexpr std::uint8_t kButtons = 4;
+
+double age(std::chrono::steady_clock::time_point time) noexcept {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - time).count();
+}
+
+/// What a device that does not say is rated for: little.
+double rating(const Library& hd, unsigned parameter, double otherwise) {
+  double value = 0;
+  hd.get_doubles(parameter, &value);
+  return hd.get_error().code == 0 && value > 0 ? value : otherwise;
+}
+
+}  // namespace
+
+OpenHapticsDevice::OpenHapticsDevice(std::shared_ptr<const Library> library,
+                                     const OpenHapticsOptions& options, double dt)
+    : library_(std::move(library)), options_(options), motion_(dt) {
+  const Library& hd = *library_;
+  if (const char* why = open()) {
+    throw std::runtime_error("the device '" + options_.unit + "' cannot be opened through " +
+                             hd.library.name() + ": " + why);
+  }
+  hd.make_current(handle_);
+  const char* const model = hd.get_string(Library::kModel);
+  name_ = std::string("OpenHaptics ") + (model != nullptr ? model : "device");
+  ratings_.max_force = rating(hd, Library::kMaxForce, 1);
+  ratings_.max_stiffness = kNewtonPerMillimetre * rating(hd, Library::kMaxStiffness, 0.5);
+  ratings_.max_torque = 0;
+  ratings_.buttons = kButtons;
+  reopener_.emplace([this] {
+    close();
+    return open() == nullptr;
+  });
+}
+
+OpenHapticsDevice::~OpenHapticsDevice() {
+  reopener_.reset();
+  close();
+}
+
+const char* OpenHapticsDevice::open() noexcept {
+  const Library& hd = *library_;
+  handle_ = hd.init_device(options_.unit.c_str());
+  const char* const why = cause_of_error(hd.get_error().code);
+  if (handle_ == Library::kNoDevice) return why != nullptr ? why : "the library finds none";
+  gives_force_ = false;
+  hd.make_current(handle_);
+  hd.disable(Library::kForceOutput);
+  hd.enable(Library::kForceClamping);
+  hd.set_scheduler_rate(static_cast<unsigned long>(options_.rate));
+  callback_ = hd.schedule(&OpenHapticsDevice::exchange, this, Library::kHighestPriority);
+  hd.start_scheduler();
+  return cause_of_error(hd.get_error().code);
+}
+
+void OpenHapticsDevice::close() noexcept {
+  if (handle_ == Library::kNoDevice) return;
+  const Library& hd = *library_;
+  hd.stop_scheduler();
+  hd.unschedule(callback_);
+  hd.disable_device(handle_);
+  handle_ = Library::kNoDevice;
+}
+
+void OpenHapticsDevice::calibrate() {
+  const auto begin = Clock::now();
+  while (readings_.get().time == Clock::time_point{}) {
+    if (Clock::now() - begin > kFirstState) {
+      throw std::runtime_error(name_ + " gives no state: its scheduler does not run");
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
+
+unsigned OpenHapticsDevice::exchange(void* device) noexcept {
+  static_cast<OpenHapticsDevice*>(device)->exchange();
+  return Library::kContinue;
+}
+
+/// One period of the scheduler, in its thread.
+void OpenHapticsDevice::exchange() noexcept {
+  const Library& hd = *library_;
+  hd.begin_frame(handle_);
+  Reading reading;
+  int buttons = 0;
+  std::array<double, 16> transform{};
+  hd.get_integers(Library::kButtons, &buttons);
+  hd.get_doubles(Library::kTransform, transform.data());
+  hd.get_doubles(Library::kVelocity, reading.V.data());
+  hd.get_doubles(Library::kAngularVelocity, reading.V.data() + 3);
+  const Eigen::Map<const Eigen::Matrix4d> X(transform.data());
+  reading.R = X.topLeftCorner<3, 3>();
+  reading.p = kMillimetre * X.topRightCorner<3, 1>();
+  reading.V.head<3>() *= kMillimetre;
+  reading.buttons = static_cast<std::uint32_t>(buttons);
+
+  const bool enabled = enabled_.load(std::memory_order_acquire);
+  if (enabled != std::exchange(gives_force_, enabled)) {
+    (enabled ? hd.enable : hd.disable)(Library::kForceOutput);
+  }
+  const Command& command = commands_.get();
+  Vector3 force = Vector3::Zero();
+  if (enabled && age(command.time) <= options_.oldest) force = command.force;
+  hd.set_doubles(Library::kForce, force.data());
+  hd.end_frame(handle_);
+
+  reading.error = hd.get_error().code;
+  reading.time = Clock::now();
+  readings_.put(reading);
+}
+
+void OpenHapticsDevice::enable() noexcept {
+  if (!reopener_->is_there()) return;
+  failed_ = false;
+  cause_ = "";
+  motion_.begin();
+  commands_.put({Clock::now(), Vector3::Zero()});
+  enabled_.store(true, std::memory_order_release);
+}
+
+void OpenHapticsDevice::disable() noexcept {
+  enabled_.store(false, std::memory_order_release);
+  if (failed_ && reopener_->is_there()) reopener_->lose();
+}
+
+std::optional<DeviceState> OpenHapticsDevice::fail(const char* cause) noexcept {
+  if (!failed_) cause_ = cause;
+  failed_ = true;
+  return std::nullopt;
+}
+
+std::optional<DeviceState> OpenHapticsDevice::read() noexcept {
+  if (!reopener_->is_there() || failed_) return std::nullopt;
+  const Reading& reading = readings_.get();
+  if (const char* why = cause_of_error(reading.error)) return fail(why);
+  const double old = age(reading.time);
+  if (old > options_.oldest) return fail("the vendor's scheduler gives no new state");
+  if (const char* why = motion_.find_error(reading.p, reading.R, reading.V, false)) {
+    return fail(why);
+  }
+  DeviceState state;
+  state.X_WD = {reading.p, Quaternion(reading.R).normalized()};
+  state.V_WD = reading.V;
+  state.buttons = reading.buttons;
+  if (says_saturated(reading.error)) {
+    state.health = DeviceHealth::kSaturated;
+    cause_ = "more was commanded than it can give";
+  } else if (old > kLate) {
+    state.health = DeviceHealth::kLate;
+    cause_ = "the vendor's scheduler gives new states too seldom";
+  }
+  return state;
+}
+
+bool OpenHapticsDevice::write(const Wrench& F) noexcept {
+  if (!reopener_->is_there() || failed_) return false;
+  if (!F.allFinite()) {
+    fail("it was commanded a wrench that is not finite");
+    return false;
+  }
+  commands_.put({Clock::now(), F.head<3>()});
+  return true;
+}
+
+}  // namespace hlm::server

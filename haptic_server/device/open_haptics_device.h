@@ -1,0 +1,101 @@
+// 3D Systems' Touch and Phantom devices, through OpenHaptics.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "common/range.h"
+#include "haptic_server/device/device.h"
+#include "haptic_server/device/motion_check.h"
+#include "haptic_server/device/newest.h"
+#include "haptic_server/device/open_haptics_library.h"
+#include "haptic_server/device/reopener.h"
+
+namespace hlm::server {
+
+struct OpenHapticsOptions {
+  std::string library{};                 ///< File of the vendor's library; empty: searched.
+  std::string unit = "Default PHANToM";  ///< As the vendor's setup calls it.
+  double rate = 1000;                    ///< Of the vendor's scheduler, Hz.
+  /// Oldest state and oldest command that are used, s. Less ends sessions when the machine is busy;
+  /// more lets a force outlive what it answers.
+  double oldest = 0.015;
+};
+
+inline constexpr Range kOpenHapticsRates{500, 2000, "Hz"};
+inline constexpr Range kOpenHapticsAges{0.005, 0.1, "s"};
+
+/// The vendor's scheduler exchanges with the device in a thread of its own: it reads a state and
+/// gives the newest command. The servo thread reads the newest state and leaves a command; it calls
+/// nothing of the vendor's and never waits. A state or a command that is too old counts as none.
+/// Force only: the torques of a 6-DOF stylus are those of its joints, and stay zero.
+class OpenHapticsDevice final : public Device {
+ public:
+  /// dt: servo period, s. Opens the device, motors off. Throws std::runtime_error.
+  OpenHapticsDevice(std::shared_ptr<const OpenHapticsLibrary> library,
+                    const OpenHapticsOptions& options, double dt);
+  ~OpenHapticsDevice() override;
+
+  std::string_view name() const noexcept override { return name_; }
+  const DeviceRatings& ratings() const noexcept override { return ratings_; }
+  bool measures_hand_wrench() const noexcept override { return false; }
+  /// Waits for the first state.
+  void calibrate() override;
+  void align(const Pose&) noexcept override {}
+  void enable() noexcept override;
+  void disable() noexcept override;
+  std::optional<DeviceState> read() noexcept override;
+  bool write(const Wrench& F) noexcept override;
+  const char* cause() const noexcept override { return cause_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  struct Reading {
+    Clock::time_point time{};
+    Vector3 p = Vector3::Zero();  ///< m.
+    Matrix3 R = Matrix3::Identity();
+    Twist V = Twist::Zero();
+    std::uint32_t buttons = 0;
+    unsigned error = 0;  ///< The library's code.
+  };
+  struct Command {
+    Clock::time_point time{};
+    Vector3 force = Vector3::Zero();  ///< N.
+  };
+
+  /// Null if the device is open and its scheduler runs, otherwise why not.
+  const char* open() noexcept;
+  void close() noexcept;
+  static unsigned exchange(void* device) noexcept;
+  void exchange() noexcept;
+  std::optional<DeviceState> fail(const char* cause) noexcept;
+
+  std::shared_ptr<const OpenHapticsLibrary> library_;
+  OpenHapticsOptions options_;
+  std::string name_;
+  DeviceRatings ratings_;
+  OpenHapticsLibrary::Handle handle_ = OpenHapticsLibrary::kNoDevice;
+  unsigned long callback_ = 0;
+
+  // Between the servo's thread and the scheduler's.
+  Newest<Reading> readings_;
+  Newest<Command> commands_;
+  std::atomic<bool> enabled_ = false;
+
+  bool gives_force_ = false;  ///< Of the scheduler's thread: motors are on.
+
+  // Of the servo's thread.
+  MotionCheck motion_;
+  Clock::time_point enabled_at_{};
+  bool failed_ = false;  ///< Since enable().
+  const char* cause_ = "";
+  std::optional<Reopener> reopener_;
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,228 @@
+// A libdhd.so without Force Dimension: the vendor's symbols, our simulated device behind them.
+//
+// HAPTIC_STAND_IN_MODEL names the device: "omega.3", "omega.6" and so on; sigma.7 without it.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "haptic_server/device/saturate.h"
+#include "haptic_server/stand_ins/stand_in.h"
+
+using hlm::Matrix3;
+using hlm::Wrench;
+using hlm::server::DeviceState;
+using hlm::stand_in::StandIn;
+using hlm::stand_in::StandInFault;
+
+namespace {
+
+constexpr int kTimeGuard = 1;
+constexpr int kMotorSaturated = 2;
+constexpr int kError = -1;
+constexpr char kId = 0;
+constexpr int kSerial = 1451;
+constexpr double kWatchdogUnit = 125e-6;  // s.
+constexpr double kOpenGripper = 0.5;      // rad.
+
+std::unique_ptr<StandIn> device;
+bool is_open = false;
+double max_force = std::numeric_limits<double>::infinity();
+double max_torque = std::numeric_limits<double>::infinity();
+bool force_was_off = false;
+const char* last_error = "no error";
+
+std::string model() {
+  const char* const name = std::getenv("HAPTIC_STAND_IN_MODEL");
+  return name != nullptr ? name : "sigma.7";
+}
+
+bool has_model(const char* part) { return model().find(part) != std::string::npos; }
+bool wrist_is_active() { return has_model("sigma") || has_model("lambda"); }
+
+int fail(const char* why) {
+  last_error = why;
+  return kError;
+}
+
+bool is_unplugged() { return device->has(StandInFault::kUnplug); }
+
+/// 0, or the error that a call to the open device ends in.
+int check(char id) {
+  if (!is_open || id != kId) return fail("no device of that number is open");
+  if (is_unplugged()) return fail("communication error: the device does not answer");
+  if (device->has(StandInFault::kError)) return fail("the controller reports an error");
+  return 0;
+}
+
+/// What a getter of values returns that has worked.
+int fresh() { return device->has(StandInFault::kTimeGuard) ? kTimeGuard : 0; }
+
+int open_device() {
+  try {
+    if (!device) {
+      device = std::make_unique<StandIn>(
+          hlm::server::SimulatedDeviceOptions{.freedom = hlm::server::DeviceFreedom::kSpatial,
+                                              .mass = 0.3,
+                                              .damping = 2,
+                                              .dry_friction = 0.02,
+                                              .max_force = 20,
+                                              .max_torque = wrist_is_active() ? 0.4 : 1e-4});
+    }
+  } catch (const std::runtime_error& error) {
+    static std::string why;
+    why = error.what();
+    return fail(why.c_str());
+  }
+  if (is_unplugged()) return fail("no device found");
+  is_open = true;
+  return kId;
+}
+
+int give(const hlm::Vector3& v, double* x, double* y, double* z) {
+  *x = v.x();
+  *y = v.y();
+  *z = v.z();
+  return fresh();
+}
+
+int vector_of(double* x, double* y, double* z, char id, bool turns) {
+  if (const int error = check(id)) return error;
+  const DeviceState state = device->state();
+  const Eigen::Vector3d v = turns ? state.V_WD.tail<3>() : state.V_WD.head<3>();
+  return give(v, x, y, z);
+}
+
+}  // namespace
+
+#pragma GCC visibility push(default)
+extern "C" {
+
+int dhdGetDeviceCount() { return !device || !is_unplugged() ? 1 : 0; }
+
+int dhdOpenID(char index) { return index == kId ? open_device() : fail("no device found"); }
+
+int dhdOpenSerial(int serial) {
+  return serial == kSerial ? open_device() : fail("no device of that serial number");
+}
+
+int dhdClose(char) {
+  if (is_open) device->disable();
+  is_open = false;
+  return 0;
+}
+
+int dhdStop(char id) {
+  if (const int error = check(id)) return error;
+  device->disable();
+  return 0;
+}
+
+int dhdGetSystemType(char) { return 104; }
+
+const char* dhdGetSystemName(char) {
+  static const std::string name = model();
+  return name.c_str();
+}
+
+bool dhdHasWrist(char) { return !has_model(".3"); }
+bool dhdHasActiveWrist(char) { return wrist_is_active(); }
+bool dhdHasActiveGripper(char) { return has_model(".7"); }
+
+int dhdGetPositionAndOrientationFrame(double* x, double* y, double* z, double matrix[3][3],
+                                      char id) {
+  if (const int error = check(id)) return error;
+  const DeviceState state = device->state();
+  Matrix3 R = state.X_WD.R.toRotationMatrix();
+  if (device->has(StandInFault::kMirror)) R.col(2) *= -1;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) matrix[i][j] = R(i, j);
+  }
+  const int result = give(state.X_WD.p, x, y, z);
+  if (device->has(StandInFault::kNotFinite)) *x = std::numeric_limits<double>::quiet_NaN();
+  return result;
+}
+
+int dhdGetLinearVelocity(double* x, double* y, double* z, char id) {
+  return vector_of(x, y, z, id, false);
+}
+
+int dhdGetAngularVelocityRad(double* x, double* y, double* z, char id) {
+  return vector_of(x, y, z, id, true);
+}
+
+int dhdGetGripperAngleRad(double* angle, char id) {
+  if (const int error = check(id)) return error;
+  *angle = (device->state().buttons & 1) != 0 ? 0 : kOpenGripper;
+  return fresh();
+}
+
+unsigned dhdGetButtonMask(char id) { return check(id) == 0 ? device->state().buttons : 0; }
+
+int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double tx, double ty,
+                                        double tz, double, char id) {
+  if (const int error = check(id)) return error;
+  Wrench F;
+  F << fx, fy, fz, tx, ty, tz;
+  const double most = device->has(StandInFault::kSaturate) ? 1 : max_force;
+  const Wrench given = hlm::server::saturated(F, most, max_torque);
+  device->command(given);
+  return given.isApprox(F) ? 0 : kMotorSaturated;
+}
+
+int dhdEnableForce(unsigned char on, char id) {
+  if (const int error = check(id)) return error;
+  force_was_off = on == 0;
+  if (on != 0) {
+    device->enable();
+  } else {
+    device->disable();
+  }
+  return 0;
+}
+
+int dhdSetBrakes(int, char id) { return check(id); }
+int dhdSetGravityCompensation(int, char id) { return check(id); }
+
+int dhdSetMaxForce(double most, char id) {
+  max_force = most;
+  return check(id);
+}
+
+int dhdSetMaxTorque(double most, char id) {
+  max_torque = most;
+  return check(id);
+}
+
+int dhdGetStatus(int status[17], char id) {
+  if (const int error = check(id)) return error;
+  std::fill_n(status, 17, 0);
+  status[0] = status[1] = status[2] = status[3] = 1;
+  status[5] = device->enabled() ? 1 : 0;
+  status[8] = dhdHasWrist(id) ? 1 : 0;
+  if (device->enabled()) return 0;
+  constexpr int kVelocity = 2;
+  constexpr int kWatchdog = 3;
+  constexpr int kSoftware = 4;
+  status[14] = device->watchdog_has_bitten() ? kWatchdog : force_was_off ? kSoftware : kVelocity;
+  return 0;
+}
+
+double dhdGetComFreq(char) { return device && device->has(StandInFault::kSlow) ? 0.2 : 4.0; }
+
+const char* dhdErrorGetLastStr() { return last_error; }
+
+int dhdEnableExpertMode() { return 0; }
+
+int dhdSetWatchdog(unsigned char time, char id) {
+  if (const int error = check(id)) return error;
+  device->set_watchdog(kWatchdogUnit * time);
+  return 0;
+}
+
+}  // extern "C"
+#pragma GCC visibility pop

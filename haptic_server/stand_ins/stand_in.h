@@ -1,0 +1,129 @@
+// The simulated device and its hand behind a vendor's boundary: what all stand-ins share.
+//
+// A stand-in takes its orders from the environment of the process that it lives in:
+//   HAPTIC_STAND_IN_HAND    hand script, TOML; none: nobody holds the handle
+//   HAPTIC_STAND_IN_MOTORS  file that holds what the motors give (Amplifier::Memory); none: nowhere
+//   HAPTIC_STAND_IN_ORDERS  file or FIFO that is read while it grows, one order a line: a word of
+//                           StandInFault, which then lasts; `good` ends all of them, `replug`
+//                           unplugging; `press N` and `release N` are a button, from 0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+
+#include "haptic_server/device/simulated_device.h"
+
+namespace hlm::stand_in {
+
+/// What can be wrong with a device. The first seven happen at the vendor's boundary, which asks for
+/// them; the others to the handle itself.
+enum class StandInFault {
+  kError,      ///< Every call fails.
+  kSaturate,   ///< Motors give less than is asked for, and say so.
+  kTimeGuard,  ///< Calls come too often for new values.
+  kForceOff,   ///< The device's own safety takes the motors off.
+  kMirror,     ///< Orientations are those of a mirror.
+  kNotFinite,  ///< Positions are not numbers.
+  kBroken,     ///< The boundary's rules are broken, whatever they are.
+  kUnplug,     ///< Neither calls nor motors work.
+  kSlow,       ///< States are new 200 times a second.
+  kFreeze,     ///< States stay as they are.
+  kLate,       ///< States are 30 ms old.
+};
+
+}  // namespace hlm::stand_in
+
+namespace hlm {
+
+template <>
+inline constexpr std::array<Word<stand_in::StandInFault>, 11> kWords<stand_in::StandInFault>{{
+    {stand_in::StandInFault::kError, "error", "every call fails"},
+    {stand_in::StandInFault::kSaturate, "saturate", "motors give less than is asked for"},
+    {stand_in::StandInFault::kTimeGuard, "timeguard", "calls come too often for new values"},
+    {stand_in::StandInFault::kForceOff, "force_off", "its own safety takes the motors off"},
+    {stand_in::StandInFault::kMirror, "mirror", "orientations are those of a mirror"},
+    {stand_in::StandInFault::kNotFinite, "not_finite", "positions are not numbers"},
+    {stand_in::StandInFault::kBroken, "broken", "the boundary's rules are broken"},
+    {stand_in::StandInFault::kUnplug, "unplug", "neither calls nor motors work"},
+    {stand_in::StandInFault::kSlow, "slow", "states are new 200 times a second"},
+    {stand_in::StandInFault::kFreeze, "freeze", "states stay as they are"},
+    {stand_in::StandInFault::kLate, "late", "states are 30 ms old"},
+}};
+
+}  // namespace hlm
+
+namespace hlm::stand_in {
+
+/// Gives this thread, and those that it will start, a rank above all that is not real-time, where
+/// it may: hardware does not wait for other programs.
+void run_as_hardware();
+
+/// Moved by the real clock in steps of 0.25 ms, whoever asks and however seldom. Any thread may
+/// call; none waits for longer than a few steps.
+class StandIn {
+ public:
+  /// What the vendor's boundary shows of the handle: poses in the device's own frame, which begins
+  /// where the handle is now. Throws std::runtime_error if the environment asks for what cannot be.
+  explicit StandIn(const server::SimulatedDeviceOptions& options);
+  ~StandIn();
+  StandIn(const StandIn&) = delete;
+  StandIn& operator=(const StandIn&) = delete;
+
+  /// The handle now, as faults let it be seen.
+  server::DeviceState state();
+  /// The wrench that the motors give from now on, at the handle, device's frame.
+  void command(const Wrench& F);
+  /// Motors on, without a wrench; what its own safety has taken off is on again. The hand's script
+  /// begins with the first time; until then the handle rests.
+  void enable();
+  void disable();
+  /// Motors off by themselves if no command comes for so long, s; 0: never.
+  void set_watchdog(double time);
+
+  bool has(StandInFault fault) const noexcept {
+    return (faults_.load(std::memory_order_relaxed) >> static_cast<unsigned>(fault) & 1) != 0;
+  }
+  bool enabled();
+  /// Whether the watchdog has taken the motors off since they were put on.
+  bool watchdog_has_bitten();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void run(const std::stop_token& stop);
+  void advance();
+  void step();
+  void take_off();
+  void read_orders();
+  void obey(std::string_view order);
+
+  static constexpr std::size_t kHistory = 128;  ///< Steps that are remembered.
+
+  server::SimulatedDevice device_;
+  int orders_ = -1;      ///< Descriptor.
+  std::string pending_;  ///< The beginning of an order.
+  std::atomic<std::uint32_t> faults_ = 0;
+
+  std::mutex mutex_;  ///< Of all below, and of the device.
+  Clock::time_point now_ = Clock::now();
+  std::array<server::DeviceState, kHistory> history_;
+  std::uint64_t steps_ = 0;
+  server::DeviceState shown_;  ///< What was seen last.
+  Wrench command_ = Wrench::Zero();
+  Clock::time_point commanded_ = now_;
+  Clock::duration watchdog_{0};
+  std::uint32_t buttons_ = 0;
+  bool enabled_ = false;
+  bool bitten_ = false;
+  bool has_begun_ = false;
+  std::jthread thread_;
+};
+
+}  // namespace hlm::stand_in

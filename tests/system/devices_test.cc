@@ -1,0 +1,260 @@
+// Drivers of real devices, in the real programs, against stand-ins for the vendors' sides.
+#include <array>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+#include <thread>
+
+#include "tests/support/catch.h"
+#include "tests/system/session.h"
+
+namespace hlm::test {
+namespace {
+
+using namespace std::chrono_literals;
+using Catch::Matchers::ContainsSubstring;
+using Clock = std::chrono::steady_clock;
+
+constexpr double kPush = 2;  // N, of the hand.
+/// From the first symptom to motors without force, s; the machine may stall for a while beside.
+constexpr double kMostUntilOff = 0.02;
+constexpr double kStall = 0.015;
+/// A device that works again is found within that.
+constexpr auto kReopening = 500ms;
+
+/// A server whose device is a stand-in that a hand pushes; usually with kPush along +y, which is
+/// against the testbed's wall.
+class StandInSession {
+ public:
+  explicit StandInSession(const std::string& device, const Arguments& options = {},
+                          const std::string& wrench = "{ force = [0, 2, 0] }") {
+    std::ofstream(directory_.file("hand.toml"))
+        << "[[segment]]\nduration = 3600.0\nwrench = " << wrench << '\n';
+    std::ofstream(directory_.file("orders"));
+    setenv("HAPTIC_STAND_IN_HAND", directory_.file("hand.toml").c_str(), 1);
+    setenv("HAPTIC_STAND_IN_ORDERS", directory_.file("orders").c_str(), 1);
+    setenv("HAPTIC_STAND_IN_MOTORS", directory_.file("motors").c_str(), 1);
+    setenv("LD_LIBRARY_PATH", HLM_STAND_INS, 1);
+    server_.emplace(Arguments{HLM_SERVER, "--listen", loopback(port_), "--status", "false",
+                              "--max-gap", "1", "--keep-recordings", "0", "--device", device} +
+                    options);
+    REQUIRE(server_->wait_for_error("listening", 10));
+  }
+
+  /// What a person does who restarts ve_client.
+  void arm(const Arguments& options = {}) {
+    client_.reset();
+    client_.emplace(client_command(port_) + Arguments{"--duration", "60", "--quiet"} + options);
+  }
+  /// Until the hand presses the wall and rests there.
+  void press() {
+    const auto presses = [this] { return std::abs(motor() + kPush) < 0.1 * kPush; };
+    Clock::time_point since = Clock::now();
+    const bool rests = wait_until(20, [&] {
+      if (!presses()) since = Clock::now();
+      return Clock::now() - since > 200ms;
+    });
+    INFO(server_->error());
+    REQUIRE(rests);
+  }
+  void order(const std::string& line) const {
+    std::ofstream(directory_.file("orders"), std::ios::app) << line << '\n';
+  }
+  /// Force of the motors along y, N.
+  double motor() const {
+    std::array<double, 6> F{};
+    std::ifstream(directory_.file("motors"), std::ios::binary)
+        .read(reinterpret_cast<char*>(F.data()), sizeof F);
+    return F[1];
+  }
+  /// How long the motors still have force, s.
+  double time_until_off() const {
+    const Clock::time_point begin = Clock::now();
+    while (motor() != 0 && Clock::now() - begin < 5s) std::this_thread::sleep_for(200us);
+    return std::chrono::duration<double>(Clock::now() - begin).count();
+  }
+  Process& server() { return *server_; }
+
+ private:
+  TemporaryDirectory directory_;
+  int port_ = free_port();
+  std::optional<Process> server_;
+  std::optional<Process> client_;
+};
+
+/// An order to the stand-in, and what the server's log says of it.
+struct SeededFault {
+  const char* order;
+  const char* cause;
+};
+
+/// Each fault takes the force away with its cause named, and an explicit arm brings it back.
+void check_faults(StandInSession& session, std::initializer_list<SeededFault> faults) {
+  for (const SeededFault& fault : faults) {
+    INFO(fault.order);
+    session.arm();
+    session.press();
+    session.order(fault.order);
+    const double time = session.time_until_off();
+    WARN(fault.order << ": no force after " << 1e3 * time << " ms");
+    CHECK(time < kMostUntilOff + kStall);
+    CHECK(session.server().wait_for_error(fault.cause, 5));
+    std::this_thread::sleep_for(50ms);
+    CHECK(session.motor() == 0);
+    session.order("good");
+    std::this_thread::sleep_for(kReopening);
+  }
+  session.arm();
+  session.press();
+}
+
+/// The wall's force is the hand's.
+void check_press(StandInSession& session) {
+  session.arm();
+  session.press();
+  std::this_thread::sleep_for(500ms);
+  CHECK(session.motor() == Approx(-kPush).epsilon(0.02));  // N
+}
+
+/// Only an explicit arm gives the force of a device that was unplugged back, and only once it is
+/// there again.
+void check_replug(StandInSession& session, const std::string& cause) {
+  session.arm();
+  session.press();
+  session.order("unplug");
+  CHECK(session.time_until_off() < kMostUntilOff + kStall);
+  CHECK(session.server().wait_for_error(cause, 5));
+  session.arm();
+  std::this_thread::sleep_for(1s);
+  CHECK(session.motor() == 0);
+  session.order("replug");
+  std::this_thread::sleep_for(kReopening);
+  CHECK(session.motor() == 0);
+  session.arm();
+  session.press();
+}
+
+TEST_CASE("A hand that presses a wall through a vendor's library feels it within 2 %") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  StandInSession session(device);
+  check_press(session);
+}
+
+TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there within 1 mm") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  // The hole is along the world's y, where the peg begins.
+  StandInSession session(device, {},
+                         "{ force = [0, 0, 0], force_amplitude = [1, 0, 0], frequency = 2 }");
+  session.arm({"--start", "hole"});
+  REQUIRE(session.server().wait_for_error("force is on", 10));
+  std::this_thread::sleep_for(3s);
+  CHECK_THAT(session.server().error(), !ContainsSubstring("fault"));
+  session.server().send_signal(SIGTERM);
+  REQUIRE(session.server().wait(10) == 0);
+  const std::string summary = session.server().output();
+  INFO(summary);
+  const auto number_after = [&summary](const std::string& words) {
+    return std::stod(summary.substr(summary.find(words) + words.size()));
+  };
+  CHECK(number_after("device-proxy   largest ") < 1);  // mm, of which 0.7 mm are the coupling's
+  CHECK(number_after("proxy-tool     largest ") < 1);  // mm
+  CHECK(number_after("peak force     ") > 0.8);        // N
+}
+
+TEST_CASE("In another frame and at twice the size a wall gives the same force") {
+  // The hand pushes against the wall on the other side.
+  StandInSession session("forcedimension", {"--device-option", "frame=-x -y z", "--device-option",
+                                            "scale=2", "--device-option", "rotation-scale=2"});
+  check_press(session);
+}
+
+TEST_CASE("A Force Dimension device that fails gives no force within 20 ms, and says why") {
+  StandInSession session("forcedimension");
+  check_faults(session, {{"error", "the controller reports an error"},
+                         {"mirror", "its frame is left-handed"},
+                         {"not_finite", "is not a number"},
+                         {"timeguard", "its library holds back new values"},
+                         {"force_off", "it was faster than its velocity threshold"}});
+}
+
+TEST_CASE("A device of OpenHaptics that fails gives no force within 20 ms, and says why") {
+  StandInSession session("openhaptics");
+  check_faults(session, {{"error", "it reports a fault of its own"},
+                         {"mirror", "its frame is left-handed"},
+                         {"not_finite", "is not a number"},
+                         {"broken", "the vendor's scheduler gives no new state"},
+                         {"force_off", "its force could not be set"}});
+}
+
+TEST_CASE("A device that freezes while it moves gives no force within 20 ms, and says so") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  StandInSession session(device);
+  session.arm();
+  REQUIRE(wait_until(10, [&] { return session.motor() < -0.3; }));  // N, on the way to the wall
+  session.order("freeze");
+  CHECK(session.time_until_off() < kMostUntilOff + kStall);
+  CHECK(session.server().wait_for_error("its pose stays the same while it says that it moves", 5));
+}
+
+TEST_CASE("A device that is unplugged gives no force, and is back once a person arms it") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  StandInSession session(device);
+  check_replug(session, "fault: the device failed: ");
+  CHECK_THAT(session.server().error(), ContainsSubstring("not answer"));
+}
+
+TEST_CASE("What is slow or saturated is said, and force goes on") {
+  const auto [device, slow] = GENERATE(table<std::string, std::string>(
+      {{"forcedimension", "at less than half the server's rate"},
+       {"openhaptics", "the vendor's scheduler gives new states too seldom"}}));
+  INFO(device);
+  StandInSession session(device);
+  session.arm();
+  session.press();
+  session.order("slow");
+  CHECK(session.server().wait_for_error(slow, 5));
+  session.order("good\nsaturate");
+  CHECK(session.server().wait_for_error("more was commanded than", 5));
+  CHECK(session.motor() != 0);
+}
+
+TEST_CASE(
+    "While its clutch is held a handle moves freely, and its force is back when it is let go") {
+  StandInSession session("forcedimension", {"--device-option", "clutch=1"});
+  session.arm();
+  session.press();
+  session.order("press 0");
+  CHECK(wait_until(1, [&] { return session.motor() == 0; }));
+  std::this_thread::sleep_for(200ms);
+  CHECK(session.motor() == 0);
+  session.order("release 0");
+  session.press();
+  CHECK_THAT(session.server().error(), !ContainsSubstring("fault"));
+}
+
+TEST_CASE("A list of devices names those that the vendors' libraries find, or what is missing") {
+  for (const char* order : {"HAND", "ORDERS", "MOTORS"}) {
+    unsetenv((std::string("HAPTIC_STAND_IN_") + order).c_str());
+  }
+  setenv("LD_LIBRARY_PATH", HLM_STAND_INS, 1);
+  CHECK_THAT(run({HLM_SERVER, "--device", "list"}).output,
+             ContainsSubstring("number 0: sigma.7, through libdhd.so") &&
+                 ContainsSubstring("'Default PHANToM': OpenHaptics Touch, through libHD.so"));
+  unsetenv("LD_LIBRARY_PATH");
+  CHECK_THAT(run({HLM_SERVER, "--device", "list"}).output,
+             ContainsSubstring("libdhd.so not found") && ContainsSubstring("forcedimension.com") &&
+                 ContainsSubstring("libHD.so not found") && ContainsSubstring("3dsystems.com"));
+  const Finished missing =
+      run({HLM_SERVER, "--device", "openhaptics", "--device-option", "library=/nowhere/libHD.so"});
+  CHECK(missing.exit_code == 1);
+  CHECK_THAT(missing.error, ContainsSubstring("/nowhere/libHD.so not found"));
+}
+
+}  // namespace
+}  // namespace hlm::test
