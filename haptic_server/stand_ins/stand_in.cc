@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include <fcntl.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include "haptic_server/device/hand_script.h"
@@ -62,6 +63,11 @@ constexpr std::uint32_t bit_of(StandInFault fault) noexcept {
 }
 
 }  // namespace
+
+void run_as_hardware() {
+  const sched_param lowest{.sched_priority = 1};
+  sched_setscheduler(0, SCHED_FIFO, &lowest);
+}
 
 StandIn::StandIn(const server::SimulatedDeviceOptions& options)
     : device_(with_motors(options), hand_of_environment(), kStepTime),
@@ -156,7 +162,7 @@ void StandIn::step() {
   if (enabled_ && bites) bitten_ = true;
   const bool is_off = bites || has(StandInFault::kUnplug) || has(StandInFault::kForceOff);
   if (enabled_ && is_off) take_off();
-  if (!device_.write(command_)) take_off();
+  if (has_begun_ && !device_.write(command_)) take_off();
   ++steps_;
   history_[steps_ % kHistory] = *device_.read();
 }

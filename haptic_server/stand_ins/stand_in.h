@@ -61,6 +61,10 @@ inline constexpr std::array<Word<stand_in::StandInFault>, 11> kWords<stand_in::S
 
 namespace hlm::stand_in {
 
+/// Gives this thread, and those that it will start, a rank above all that is not real-time, where
+/// it may: hardware does not wait for other programs.
+void run_as_hardware();
+
 /// Moved by the real clock in steps of 0.25 ms, whoever asks and however seldom. Any thread may
 /// call; none waits for longer than a few steps.
 class StandIn {
@@ -77,7 +81,7 @@ class StandIn {
   /// The wrench that the motors give from now on, at the handle, device's frame.
   void command(const Wrench& F);
   /// Motors on, without a wrench; what its own safety has taken off is on again. The hand's script
-  /// begins with the first time.
+  /// begins with the first time; until then the handle rests.
   void enable();
   void disable();
   /// Motors off by themselves if no command comes for so long, s; 0: never.
