@@ -46,7 +46,6 @@ OpenHapticsDevice::OpenHapticsDevice(std::shared_ptr<const Library> library,
   ratings_.max_stiffness = kNewtonPerMillimetre * rating(hd, Library::kMaxStiffness, 0.5);
   ratings_.max_torque = 0;
   ratings_.buttons = kButtons;
-  ratings_.time_guard = std::numeric_limits<double>::infinity();
   reopener_.emplace([this] {
     close();
     return open() == nullptr;

@@ -10,7 +10,7 @@ namespace hlm::server {
 /// world for each metre of the handle. Whatever the scale of rotation, torques are scaled so that
 /// this holds (DeviceRatings::torque_scale).
 inline double work_at_handle(const Wrench& F, const Vector6& moves, double scale) noexcept {
-  return F.dot(moves) / scale;
+  return (F.head<3>().dot(moves.head<3>()) + F.tail<3>().dot(moves.tail<3>())) / scale;
 }
 
 /// What has passed the device port since the session began, J at the handle.

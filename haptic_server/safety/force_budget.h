@@ -10,8 +10,8 @@
 namespace hlm::server {
 
 /// The smaller of what the user allows at the handle and what the device is rated for in the world.
-/// What a device does not
-/// rate follows from its force and its torque, so that the defaults limit a weak one, too.
+/// What a device does not rate follows from its force and its torque, so that the defaults limit a
+/// weak one, too.
 struct ForceBudget {
   /// In so short a time an unrated device takes its whole force, s.
   static constexpr double kWholeForceTime = 4e-3;

@@ -129,6 +129,30 @@ TEST_CASE("A hand belongs to the simulated device alone") {
              ContainsSubstring("--hand: device replay has no such key"));
 }
 
+TEST_CASE("Every device has the keys of its workspace, except one that is played back") {
+  const File file("[device]\nframe = \"y z x\"\nscale = 2\nown-force-limit = 3\n");
+  const Parsed parsed({"--config", file.path()});
+  INFO(parsed.err);
+  REQUIRE_FALSE(parsed.code);
+  const auto device = parsed.device();
+  CHECK(device->ratings().scale == 2);
+  CHECK(device->ratings().max_force == 3);
+  CHECK(device->ratings().freedoms == 0b001110);  // The device's plane is the world's y-z.
+  CHECK(parsed.fingerprint() != Parsed({}).fingerprint());
+
+  CHECK_THAT(error_of({"--device-option", "frame=x y -z"}),
+             ContainsSubstring("frame 'x y -z' must be right-handed"));
+  CHECK_THAT(error_of({"--device-option", "fram=x y z"}), ContainsSubstring("mean 'frame'?"));
+  const Parsed clutched({"--device-option", "clutch=1"});
+  CHECK_THROWS_WITH(clutched.device(),
+                    "clutch 1 must be one of the 0 buttons of simulated planar device");
+  CHECK_THAT(error_of({"--device", "replay", "--device-option", "frame=y z x"}),
+             ContainsSubstring("frame: device replay has no such key"));
+  CHECK_THAT(
+      *Parsed({"--device", "openhaptics", "--device-help"}).options.physics.device.information(),
+      ContainsSubstring("scheduler-rate Hz") && ContainsSubstring("rotation-scale NUMBER"));
+}
+
 TEST_CASE("The replay device needs its log, and keeps the ratings that the file has") {
   CHECK_THAT(error_of({"--device", "replay"}), ContainsSubstring("--device-option log=FILE"));
   const File log(tick_log());

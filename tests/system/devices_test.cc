@@ -1,6 +1,7 @@
 // Drivers of real devices, in the real programs, against stand-ins for the vendors' sides.
 #include <array>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <optional>
@@ -23,12 +24,14 @@ constexpr double kStall = 0.015;
 /// A device that works again is found within that.
 constexpr auto kReopening = 500ms;
 
-/// A server whose device is a stand-in that a hand pushes along +y, against the testbed's wall.
+/// A server whose device is a stand-in that a hand pushes; usually with kPush along +y, which is
+/// against the testbed's wall.
 class StandInSession {
  public:
-  explicit StandInSession(const std::string& device, const Arguments& options = {}) {
+  explicit StandInSession(const std::string& device, const Arguments& options = {},
+                          const std::string& wrench = "{ force = [0, 2, 0] }") {
     std::ofstream(directory_.file("hand.toml"))
-        << "[[segment]]\nduration = 3600.0\nwrench = { force = [0, " << kPush << ", 0] }\n";
+        << "[[segment]]\nduration = 3600.0\nwrench = " << wrench << '\n';
     std::ofstream(directory_.file("orders"));
     setenv("HAPTIC_STAND_IN_HAND", directory_.file("hand.toml").c_str(), 1);
     setenv("HAPTIC_STAND_IN_ORDERS", directory_.file("orders").c_str(), 1);
@@ -41,9 +44,9 @@ class StandInSession {
   }
 
   /// What a person does who restarts ve_client.
-  void arm() {
+  void arm(const Arguments& options = {}) {
     client_.reset();
-    client_.emplace(client_command(port_) + Arguments{"--duration", "60", "--quiet"});
+    client_.emplace(client_command(port_) + Arguments{"--duration", "60", "--quiet"} + options);
   }
   /// Until the hand presses the wall and rests there.
   void press() {
@@ -138,6 +141,28 @@ TEST_CASE("A hand that presses a wall through a vendor's library feels it within
   INFO(device);
   StandInSession session(device);
   check_press(session);
+}
+
+TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there within 1 mm") {
+  const std::string device = GENERATE("forcedimension", "openhaptics");
+  INFO(device);
+  // The hole is along the world's y, where the peg begins.
+  StandInSession session(device, {},
+                         "{ force = [0, 0, 0], force_amplitude = [1, 0, 0], frequency = 2 }");
+  session.arm({"--start", "hole"});
+  REQUIRE(session.server().wait_for_error("force is on", 10));
+  std::this_thread::sleep_for(3s);
+  CHECK_THAT(session.server().error(), !ContainsSubstring("fault"));
+  session.server().send_signal(SIGTERM);
+  REQUIRE(session.server().wait(10) == 0);
+  const std::string summary = session.server().output();
+  INFO(summary);
+  const auto number_after = [&summary](const std::string& words) {
+    return std::stod(summary.substr(summary.find(words) + words.size()));
+  };
+  CHECK(number_after("device-proxy   largest ") < 1);  // mm, of which 0.7 mm are the coupling's
+  CHECK(number_after("proxy-tool     largest ") < 1);  // mm
+  CHECK(number_after("peak force     ") > 0.8);        // N
 }
 
 TEST_CASE("In another frame and at twice the size a wall gives the same force") {
