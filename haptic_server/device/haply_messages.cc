@@ -107,15 +107,16 @@ HaplyInventory parse_haply_inventory(std::string_view message) {
   const json parsed = parse(message);
   HaplyInventory inventory;
   for (const json& device : list(parsed, kDevices)) {
+    HaplyDevice& entry = inventory.devices.emplace_back();
+    entry.id = id_of(device, kDevices);
     const json config = device.value("config", json::object());
-    const bool says =
-        config.is_object() && config.contains("handedness") && config["handedness"].is_string();
-    inventory.devices.push_back(
-        {id_of(device, kDevices), says ? config["handedness"].get<std::string>() : ""});
+    const auto handedness = config.find("handedness");
+    if (handedness != config.end() && handedness->is_string()) entry.handedness = *handedness;
   }
   for (const char* kind : kGripKinds) {
-    for (const json& grip : list(parsed, kind))
+    for (const json& grip : list(parsed, kind)) {
       inventory.grips.push_back({id_of(grip, kind), kind});
+    }
   }
   return inventory;
 }
