@@ -75,7 +75,7 @@ bool is_finite(const HandleState& state) {
 
 void add_keys(settings::Table& table, ExchangeOptions& options) {
   table.number("rate", options.rate, {100, 8000, "Hz"}, "Requests, at most");
-  table.number("oldest", options.oldest, {0.002, 0.1, "s"},
+  table.number("oldest", options.oldest, {0.002, 0.5, "s"},
                "An older state is a failure, an older force is not sent");
 }
 

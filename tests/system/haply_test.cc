@@ -52,7 +52,7 @@ struct DiySession : StandInSession {
     REQUIRE(wait_until(5, [&] { return access(file("port").c_str(), F_OK) == 0; }));
     // Its bytes pass through a thread of the kernel's, which a busy machine keeps waiting.
     serve({"--device", "haply2diy", "--device-option", "port=" + file("port"), "--device-option",
-           "oldest=0.05", "--stiffness", "500", "--coupling-stiffness", "200", "--coupling-damping",
+           "oldest=0.5", "--stiffness", "500", "--coupling-stiffness", "200", "--coupling-damping",
            "5"});
   }
 
