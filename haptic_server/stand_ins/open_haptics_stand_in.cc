@@ -58,6 +58,7 @@ void report(Code code) {
 }
 
 void run_scheduler(const std::stop_token& stop) {
+  hlm::stand_in::run_as_hardware();
   auto next = std::chrono::steady_clock::now();
   while (!stop.stop_requested()) {
     const unsigned long present = device->has(StandInFault::kSlow) ? 200 : rate.load();

@@ -82,6 +82,7 @@ StandIn::~StandIn() {
 }
 
 void StandIn::run(const std::stop_token& stop) {
+  run_as_hardware();
   while (!stop.stop_requested()) {
     read_orders();
     {

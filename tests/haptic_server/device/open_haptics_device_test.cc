@@ -1,0 +1,91 @@
+// Devices of OpenHaptics, through the stand-in for the vendor's library.
+#include "haptic_server/device/open_haptics_device.h"
+
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+
+#include "tests/support/catch.h"
+#include "tests/support/no_malloc.h"
+#include "tests/system/process.h"
+
+namespace hlm::server {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using namespace std::chrono_literals;
+
+constexpr double kDt = 1e-3;  // s.
+
+std::unique_ptr<OpenHapticsDevice> opened(const OpenHapticsOptions& options = {}) {
+  auto device = std::make_unique<OpenHapticsDevice>(
+      std::make_shared<const OpenHapticsLibrary>(HLM_STAND_IN), options, kDt);
+  device->calibrate();
+  return device;
+}
+
+Wrench push(double force) {
+  Wrench F = Wrench::Zero();
+  F[1] = force;
+  return F;
+}
+
+/// What the motors give along y, N.
+double motor(const std::string& file) {
+  std::array<double, 6> F{};
+  std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(F.data()), sizeof F);
+  return F[1];
+}
+
+TEST_CASE(
+    "Of a command that is not renewed nothing is left when it is old, and a tick allocates "
+    "nothing") {
+  const test::TemporaryDirectory directory;
+  const std::string motors = directory.file("motors");
+  setenv("HAPTIC_STAND_IN_MOTORS", motors.c_str(), 1);     // Of all cases: the library stays open.
+  const auto device = opened({.oldest = 0.1});             // s; the machine may stall.
+  CHECK(device->ratings().max_force == Approx(3.3));       // N
+  CHECK(device->ratings().max_stiffness == Approx(2000));  // N/m
+  CHECK(device->ratings().max_torque == 0);
+  bool works = true;
+  std::size_t allocations = 0;
+  {
+    const test::NoMalloc guard;
+    device->align(Pose{});
+    device->enable();
+    for (int i = 0; i < 100; ++i) {
+      works &= device->read() && device->write(push(1));
+      std::this_thread::sleep_for(1ms);
+    }
+    allocations = guard.allocations();
+  }
+  INFO(device->cause());
+  CHECK(works);
+  CHECK(allocations == 0);
+  CHECK(motor(motors) == 1);
+  std::this_thread::sleep_for(200ms);  // The servo stands still.
+  CHECK(motor(motors) == 0);
+  device->write(push(1));
+  CHECK(test::wait_until(1, [&] { return motor(motors) == 1; }));
+  device->disable();
+  CHECK(test::wait_until(1, [&] { return motor(motors) == 0; }));
+}
+
+TEST_CASE("A device that the vendor's setup does not know is named with its library") {
+  CHECK_THROWS_WITH(
+      opened({.unit = "left"}),
+      ContainsSubstring("the device 'left' cannot be opened") && ContainsSubstring(HLM_STAND_IN));
+}
+
+TEST_CASE("What the library calls an error has words, what is none has not") {
+  CHECK(cause_of_error(0) == nullptr);
+  CHECK(cause_of_error(0x0201) == nullptr);
+  CHECK(says_saturated(0x0201));
+  CHECK_THAT(cause_of_error(0x0302), ContainsSubstring("does not answer"));
+  CHECK_THAT(cause_of_error(0x7777), ContainsSubstring("reports an error"));
+}
+
+}  // namespace
+}  // namespace hlm::server
