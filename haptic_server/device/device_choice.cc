@@ -4,7 +4,9 @@
 #include <iterator>
 
 #include "common/settings/nearest.h"
+#include "haptic_server/device/drivers/diy_driver.h"
 #include "haptic_server/device/drivers/force_dimension_driver.h"
+#include "haptic_server/device/drivers/haply_driver.h"
 #include "haptic_server/device/drivers/open_haptics_driver.h"
 #include "haptic_server/device/drivers/replay_driver.h"
 #include "haptic_server/device/drivers/simulated_driver.h"
@@ -54,6 +56,8 @@ std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
   drivers.push_back(std::make_unique<SimulatedDriver>());
   drivers.push_back(std::make_unique<ForceDimensionDriver>());
   drivers.push_back(std::make_unique<OpenHapticsDriver>());
+  drivers.push_back(std::make_unique<HaplyDriver>());
+  drivers.push_back(std::make_unique<DiyDriver>());
   drivers.push_back(std::make_unique<ReplayDriver>());
   return drivers;
 }

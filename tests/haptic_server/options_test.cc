@@ -115,9 +115,8 @@ TEST_CASE("A key that the device does not have brings the nearest one, with file
   CHECK_THAT(error_of({"--device-option", "delay=65"}),
              ContainsSubstring("delay 65 ticks must be 0 to 64 ticks"));
   CHECK_THAT(error_of({"--device", "omega"}),
-             ContainsSubstring(
-                 "--device omega must be one of simulated, forcedimension, openhaptics, replay, "
-                 "list"));
+             ContainsSubstring("--device omega must be one of simulated, forcedimension, "
+                               "openhaptics, haply, haply2diy, replay, list"));
   const File other("[device]\ndriver = \"omega\"\n");
   CHECK_THAT(error_of({"--config", other.path()}), ContainsSubstring(":2: driver omega must be"));
 }

@@ -1,0 +1,60 @@
+// The line to the Haply 2DIY's board: a serial port.
+#pragma once
+
+#include <atomic>
+#include <string>
+
+#include "haptic_server/device/diy_frames.h"
+#include "haptic_server/device/exchange_device.h"
+
+namespace hlm::server {
+
+struct DiyBoardOptions {
+  std::string port{};      ///< "/dev/ttyACM0"; empty: the only one in kSerialPorts.
+  std::uint8_t board = 5;  ///< Its number, in every frame.
+  Pantograph pantograph;
+  DiySetup setup;
+  /// Cut-off of the low-pass on the velocity from the encoders' steps, Hz. Less lags, more lets
+  /// steps through: at 1 kHz an unfiltered step of the kit's encoders is 0.1 m/s.
+  double velocity_cutoff = 20;
+};
+
+/// Where the system lists serial ports by their devices' names.
+inline constexpr const char* kSerialPorts = "/dev/serial/by-id";
+
+/// The names in kSerialPorts, whole paths.
+std::vector<std::string> serial_ports();
+
+/// A pantograph in its x-y plane. Opening it sets the board up: its arms must be as the offsets
+/// say.
+class DiyBoard final : public DeviceLine {
+ public:
+  explicit DiyBoard(DiyBoardOptions options) : options_(std::move(options)) {}
+  ~DiyBoard() override { close(); }
+
+  void open() override;
+  void close() noexcept override;
+  void send(const std::optional<Vector3>& force) override;
+  void expect_silence() override;
+  std::optional<HandleState> receive(SteadyTime deadline) override;
+  /// Writes torques of zero to the port, which a forked process inherits.
+  void halt() noexcept override;
+
+ private:
+  void write(const std::uint8_t* bytes, std::size_t size) const;
+  bool waits_for_input(SteadyTime deadline) const;
+  HandleState state_at(const Vector2& theta);
+  [[noreturn]] void fail(const std::string& what) const;
+
+  DiyBoardOptions options_;
+  std::string port_;  ///< As opened.
+  std::atomic<int> descriptor_ = -1;
+  DiyAngleFrame frame_{};        ///< The reply that is coming,
+  std::size_t received_ = 0;     ///< so many bytes of it.
+  Matrix2 J_ = Matrix2::Zero();  ///< At the newest angles.
+  Vector2 theta_ = Vector2::Zero();
+  Vector2 rate_ = Vector2::Zero();  ///< Filtered, rad/s.
+  SteadyTime theta_at_{};
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,57 @@
+#include "haptic_server/device/drivers/diy_driver.h"
+
+#include <numbers>
+
+namespace hlm::server {
+namespace {
+
+constexpr Freedoms kInPlane = 0b000011;
+constexpr Range kAngles{-360, 360, "degrees"};
+
+}  // namespace
+
+DiyDriver::DiyDriver() {
+  table_.text("port", board_.port, "FILE", "Serial port; '' is the only one that is listed");
+  table_.whole("board", board_.board, {0, 255}, "Number of the board in its frames");
+  Pantograph& arms = board_.pantograph;
+  table_.number("base", arms.base, {0, 0.5, "m"}, "Distance of the two motors");
+  table_.number("upper-arm", arms.upper_arm, {0.01, 0.5, "m"}, "Length of the arms at the motors");
+  table_.number("forearm", arms.forearm, {0.01, 0.5, "m"}, "Length of the arms at the handle");
+  DiySetup& setup = board_.setup;
+  table_.number("first-offset", setup.offset[0], kAngles,
+                "Angle of the first arm, of port 2, as the device is opened");
+  table_.number("second-offset", setup.offset[1], kAngles, "Angle of the second arm, of port 1");
+  table_.number("resolution", setup.resolution, {1, 1e6}, "Counts of an encoder in a turn");
+  table_.yes_no("first-clockwise", setup.clockwise[0], "Whether the first motor counts clockwise");
+  table_.yes_no("second-clockwise", setup.clockwise[1], "Whether the second motor does");
+  table_.number("velocity-cutoff", board_.velocity_cutoff, {1, 1000, "Hz"},
+                "Cut-off of the velocity filter");
+  add_keys(table_, exchange_);
+  table_.number("rated-force", ratings_.max_force, {0.01, 20, "N"}, "What the device can exert");
+  table_.number("rated-stiffness", ratings_.max_stiffness, {1, 1e5, "N/m"}, "What it can render");
+}
+
+std::optional<std::string> DiyDriver::find_error() const {
+  const Pantograph& arms = board_.pantograph;
+  const Vector2 start =
+      std::numbers::pi / 180 * Vector2(board_.setup.offset[0], board_.setup.offset[1]);
+  if (arms.handle(start)) return std::nullopt;
+  return "base, upper-arm and forearm, with first-offset and second-offset, must be a pantograph "
+         "whose forearms meet and are not in line";
+}
+
+std::vector<std::string> DiyDriver::connected() const {
+  std::vector<std::string> lines;
+  for (const std::string& port : serial_ports()) lines.push_back("serial port " + port);
+  return lines;
+}
+
+std::unique_ptr<Device> DiyDriver::open(double) const {
+  DeviceRatings ratings = ratings_;
+  ratings.freedoms = kInPlane;
+  ratings.halts = true;
+  return std::make_unique<ExchangeDevice>("Haply 2DIY", ratings, exchange_,
+                                          std::make_unique<DiyBoard>(board_));
+}
+
+}  // namespace hlm::server

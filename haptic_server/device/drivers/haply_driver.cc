@@ -1,0 +1,57 @@
+#include "haptic_server/device/drivers/haply_driver.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr Freedoms kTranslations = 0b000111;
+constexpr std::uint8_t kButtonsOfGrip = 4;
+
+}  // namespace
+
+HaplyDriver::HaplyDriver() {
+  table_.text("address", service_.address, "HOST:PORT", "Where the Inverse Service listens");
+  table_.text("id", service_.device, "ID", "Which Inverse3; '' is the only one");
+  table_.text("grip", service_.grip, "ID",
+              "Which grip measures orientation and buttons; '' is the only one, if there "
+              "is one, none is none");
+  table_.choice("handedness", service_.handedness, {"any", "left", "right"},
+                "What the device must be set up for");
+  table_.choice("force-field", service_.force_field, {"vector", "values"},
+                "What the service calls a force; older ones say values");
+  add_keys(table_, exchange_);
+  table_.number("rated-force", ratings_.max_force, {0.01, 20, "N"},
+                "What the device can exert: see its data sheet");
+  table_.number("rated-stiffness", ratings_.max_stiffness, {1, 1e5, "N/m"}, "What it can render");
+}
+
+std::optional<std::string> HaplyDriver::find_error() const {
+  const std::size_t colon = service_.address.rfind(':');
+  if (colon == std::string::npos || colon == 0 || colon + 1 == service_.address.size()) {
+    return "address " + service_.address + " must be HOST:PORT, for example localhost:10001";
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string> HaplyDriver::connected() const {
+  const HaplyInventory inventory = InverseService::ask_inventory(service_.address);
+  std::vector<std::string> lines;
+  for (const HaplyDevice& device : inventory.devices) {
+    lines.push_back("Inverse3 " + device.id +
+                    (device.handedness.empty() ? "" : ", " + device.handedness + "-handed") +
+                    ", by the service at " + service_.address);
+  }
+  for (const HaplyGrip& grip : inventory.grips) lines.push_back("grip " + grip.id);
+  return lines;
+}
+
+std::unique_ptr<Device> HaplyDriver::open(double) const {
+  const HaplyChoice choice = choose(InverseService::ask_inventory(service_.address), service_);
+  DeviceRatings ratings = ratings_;
+  ratings.halts = true;
+  if (choice.grip.empty()) ratings.freedoms = kTranslations;
+  if (!choice.grip.empty()) ratings.buttons = kButtonsOfGrip;
+  return std::make_unique<ExchangeDevice>("Haply Inverse3 " + choice.device, ratings, exchange_,
+                                          std::make_unique<InverseService>(service_));
+}
+
+}  // namespace hlm::server

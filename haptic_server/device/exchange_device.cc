@@ -1,0 +1,266 @@
+#include "haptic_server/device/exchange_device.h"
+
+#include <algorithm>
+#include <csignal>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include <sched.h>
+#include <spdlog/spdlog.h>
+
+#include "haptic_server/device/saturate.h"
+
+namespace hlm::server {
+namespace {
+
+using std::chrono::duration;
+using std::chrono::steady_clock;
+
+/// A state this share of the oldest one is late already.
+constexpr int kLateShare = 3;
+
+/// Longest wait for a reply before the thread looks whether a force has to end, s.
+constexpr duration<double> kLook{0.001};
+
+/// Between two tries to open the line, s. Less asks an absent service more often; more lets a
+/// person wait who has plugged the device in again.
+constexpr duration<double> kRetry{0.25};
+
+/// A line that works for so long again is back, s. Less reports every try of a broken one.
+constexpr duration<double> kSteady{0.5};
+
+/// A handle that moves changes its position in every reply. One that claims a speed above this and
+/// stays for longer is frozen, m/s and s. The time spans two states of a device at 200 Hz.
+constexpr double kLeastSpeed = 1e-3;
+constexpr duration<double> kFrozen{0.010};
+
+/// No such handle reaches farther, m: a position beyond it has another unit.
+constexpr double kFarthest = 2;
+
+constexpr const char* kLate = "its newest state is too old";
+
+std::chrono::nanoseconds nanoseconds(double seconds) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(duration<double>(seconds));
+}
+
+std::string milliseconds(std::chrono::nanoseconds time) {
+  return fmt::format("{:.3g} ms", 1e-6 * static_cast<double>(time.count()));
+}
+
+/// A thread that gets no signals: they are for the program's own threads.
+template <class Function>
+std::thread thread_without_signals(Function function) {
+  sigset_t all;
+  sigset_t before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  std::thread thread(std::move(function));
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  return thread;
+}
+
+/// The text for as long as the program runs; there are not many.
+const char* kept(const std::string& text) {
+  static std::set<std::string> texts;
+  constexpr std::size_t kMost = 1000;
+  return texts.size() < kMost ? texts.insert(text).first->c_str() : "it failed too often";
+}
+
+bool is_finite(const HandleState& state) {
+  return state.X.p.allFinite() && state.X.R.coeffs().allFinite() && state.V.allFinite();
+}
+
+}  // namespace
+
+void add_keys(settings::Table& table, ExchangeOptions& options) {
+  table.number("rate", options.rate, {100, 8000, "Hz"}, "Requests, at most");
+  table.number("oldest", options.oldest, {0.002, 0.5, "s"},
+               "An older state is a failure, an older force is not sent");
+}
+
+ExchangeDevice::ExchangeDevice(std::string name, const DeviceRatings& ratings,
+                               const ExchangeOptions& options, std::unique_ptr<DeviceLine> line)
+    : name_(std::move(name)),
+      ratings_(ratings),
+      period_(nanoseconds(1 / options.rate)),
+      oldest_(nanoseconds(options.oldest)),
+      first_state_(options.first_state),
+      line_(std::move(line)) {}
+
+ExchangeDevice::~ExchangeDevice() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void ExchangeDevice::calibrate() {
+  thread_ = thread_without_signals([this] { run(); });
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, first_state_, [this] { return has_state_ || !cause_.empty(); });
+  if (has_state_) return;
+  if (!cause_.empty()) throw std::runtime_error(name_ + ": " + cause_);
+  throw std::runtime_error(fmt::format("{}: no state within {} s", name_, first_state_.count()));
+}
+
+void ExchangeDevice::enable() noexcept {
+  failures_seen_ = failures_.load(std::memory_order_acquire);
+  force_.put({});
+  halted_ = false;
+  enabled_ = true;
+}
+
+void ExchangeDevice::disable() noexcept { enabled_ = false; }
+
+void ExchangeDevice::halt() noexcept {
+  halted_ = true;
+  line_->halt();
+}
+
+std::optional<DeviceState> ExchangeDevice::read() noexcept {
+  const TimedState& newest = state_.get();
+  const auto age = steady_clock::now() - newest.asked;
+  if (failures_.load(std::memory_order_acquire) != failures_seen_) {
+    cause_now_ = told_;
+    return std::nullopt;
+  }
+  cause_now_ = kLateShare * age > oldest_ ? kLate : "";
+  if (age > oldest_) return std::nullopt;
+  DeviceState state;
+  state.X_WD = newest.handle.X;
+  state.V_WD = newest.handle.V;
+  state.buttons = newest.handle.buttons;
+  if (*cause_now_ != '\0') state.health = DeviceHealth::kLate;
+  return state;
+}
+
+bool ExchangeDevice::write(const Wrench& F) noexcept {
+  if (!F.allFinite()) return false;
+  force_.put(
+      {.force = saturated(F, ratings_.max_force, 0).head<3>(), .written = steady_clock::now()});
+  return true;
+}
+
+void ExchangeDevice::run() {
+  const sched_param lowest{.sched_priority = 1};
+  sched_setscheduler(0, SCHED_FIFO, &lowest);  // Where it may: above all that is not real-time.
+  while (!stopping()) {
+    try {
+      line_->open();
+      opened_ = moved_ = asked_ = steady_clock::now();
+      given_.setZero();
+      unanswered_ = 0;
+      while (!stopping()) exchange();
+      if (!given_.isZero()) send(std::nullopt);
+    } catch (const std::exception& error) {
+      fail(error.what());
+    }
+    line_->close();
+    rest(kRetry);
+  }
+}
+
+void ExchangeDevice::rest(duration<double> time) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, time, [this] { return stopping(); });
+}
+
+/// What holds a force must hear that it ends, whatever else is wrong.
+void ExchangeDevice::fail(const std::string& cause) {
+  told_ = kept(cause);
+  const bool in_session = enabled_.exchange(false);
+  state_.put({});  // Whoever enables now finds none.
+  failures_.fetch_add(1, std::memory_order_release);
+  try {
+    if (!given_.isZero()) send(std::nullopt);
+  } catch (const std::exception&) {  // Then nobody hears it.
+  }
+  given_.setZero();
+  const std::lock_guard lock(mutex_);
+  // In a session the fault names it.
+  if (has_state_ && !in_session && cause_.empty()) spdlog::warn("{}: {}", name_, cause);
+  cause_ = cause;
+  changed_.notify_all();
+}
+
+void ExchangeDevice::exchange() {
+  std::this_thread::sleep_until(asked_ + period_);
+  line_->expect_silence();
+  send(wanted_force());
+  while (unanswered_ > 0) await_reply();
+}
+
+void ExchangeDevice::send(const std::optional<Vector3>& force) {
+  const bool ends = !force && !given_.isZero();
+  line_->send(ends ? Vector3(Vector3::Zero()) : force);
+  given_ = force.value_or(Vector3::Zero());
+  (unanswered_++ == 0 ? asked_ : ended_) = steady_clock::now();
+}
+
+void ExchangeDevice::await_reply() {
+  if (!given_.isZero() && wanted_force().value_or(Vector3::Zero()).isZero()) send(std::nullopt);
+  const SteadyTime now = steady_clock::now();
+  if (const auto state = line_->receive(now + nanoseconds(kLook.count()))) {
+    take(*state);
+    if (--unanswered_ > 0) asked_ = ended_;
+  } else if (now - asked_ > oldest_) {
+    throw std::runtime_error("no reply for " + milliseconds(now - asked_));
+  }
+}
+
+void ExchangeDevice::take(const HandleState& state) {
+  const SteadyTime now = steady_clock::now();
+  if (!is_finite(state)) throw std::runtime_error("its state is not finite");
+  if (state.X.p.norm() > kFarthest) {
+    throw std::runtime_error(
+        fmt::format("its handle is {:.3g} m away, must be 0 to {} m", state.X.p.norm(), kFarthest));
+  }
+  const Vector3 v = state.V.head<3>();
+  if (!(state.X == latest_.X && v == latest_.V.head<3>())) moved_ = now;
+  const double speed = v.norm();
+  if (speed > kLeastSpeed && now - moved_ > kFrozen) {
+    throw std::runtime_error(fmt::format("its state is frozen: {:.3g} m/s at one place for {}",
+                                         speed, milliseconds(now - moved_)));
+  }
+  latest_ = state;
+  state_.put({.handle = state, .asked = asked_});
+  measure(now - asked_);
+  observe(now);
+}
+
+/// Of the replies in a session, how late they came; said when it is over.
+void ExchangeDevice::measure(std::chrono::nanoseconds lateness) {
+  if (enabled_) {
+    ++replies_;
+    lateness_ += lateness;
+    worst_ = std::max(worst_, lateness);
+  } else if (replies_ > 0) {
+    spdlog::info("{}: {} replies, after {} on average, {} at most", name_, replies_,
+                 milliseconds(lateness_ / replies_), milliseconds(worst_));
+    replies_ = 0;
+    lateness_ = worst_ = {};
+  }
+}
+
+/// Once it has a state that `now` came, calibrate() goes on; a line that works again says so.
+void ExchangeDevice::observe(SteadyTime now) {
+  const bool is_back = !cause_.empty() && now - opened_ > kSteady;
+  if (has_state_ && !is_back) return;
+  const std::lock_guard lock(mutex_);
+  if (is_back) spdlog::info("{} is back", name_);
+  if (is_back) cause_.clear();
+  has_state_ = true;
+  changed_.notify_all();
+}
+
+std::optional<Vector3> ExchangeDevice::wanted_force() noexcept {
+  if (!enabled_ || halted_ || stopping()) return std::nullopt;
+  const TimedForce& newest = force_.get();
+  const bool is_fresh = steady_clock::now() - newest.written <= oldest_;
+  return is_fresh ? newest.force : Vector3(Vector3::Zero());
+}
+
+}  // namespace hlm::server

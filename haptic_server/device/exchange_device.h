@@ -1,0 +1,152 @@
+// Devices behind a service or a serial port: one request with a force, one reply with a state.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "common/settings/table.h"
+#include "haptic_server/device/device.h"
+#include "haptic_server/device/newest.h"
+
+namespace hlm::server {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+/// What a reply says of the handle, in the device's own frame.
+struct HandleState {
+  Pose X;                   ///< Of the handle, m.
+  Twist V = Twist::Zero();  ///< Its twist, m/s and rad/s.
+  std::uint32_t buttons = 0;
+};
+
+/// The line to such a device. Used by one thread; what goes wrong is thrown as std::runtime_error
+/// that names it.
+class DeviceLine {
+ public:
+  virtual ~DeviceLine() = default;
+
+  /// Connects, finds the device and prepares it. May take seconds.
+  virtual void open() = 0;
+  /// Lets go. May be called when nothing is open, and twice.
+  virtual void close() noexcept = 0;
+  /// A request: the force that the device exerts on the hand, device frame, N; empty: none is
+  /// rendered, the state alone is asked for.
+  virtual void send(const std::optional<Vector3>& force) = 0;
+  /// Throws if there is something that was not asked for. Called when every request has its reply.
+  virtual void expect_silence() = 0;
+  /// The reply to the oldest request that has none; empty if none has come by `deadline`.
+  virtual std::optional<HandleState> receive(SteadyTime deadline) = 0;
+  /// As Device::halt().
+  virtual void halt() noexcept = 0;
+};
+
+struct ExchangeOptions {
+  double rate = 2000;  ///< Requests, Hz, at most. Less ages states and forces, more costs time.
+  /// Oldest state and oldest command that are used, s. Less ends sessions when the machine is busy;
+  /// more lets a force outlive what it answers.
+  double oldest = 0.015;
+  double first_state = 3;  ///< calibrate() waits so long for it, s.
+};
+
+/// Declares what a person may set of them.
+void add_keys(settings::Table& table, ExchangeOptions& options);
+
+/// Exchanges with its line in a thread of its own. The servo thread reads the newest state and
+/// leaves the newest force; it never waits. Safety here:
+/// - a state older than `oldest` is a failure of the device, older than a third of that kLate;
+/// - a force older than `oldest`, as when the servo thread stands still, is sent as zero;
+/// - a force ends with a request for zero, whatever follows;
+/// - the line is asked again only when it has answered, except for a zero that ends a force: that
+///   is sent at once;
+/// - after a failure, whose cause is named, the line is opened again and again without
+///   force, and read() fails until enable(). So the device is back when a person arms it.
+/// Reports the handle in the device's own frame, from wherever it is.
+class ExchangeDevice final : public Device {
+ public:
+  /// name: "Haply Inverse3". A torque is not sent, and `ratings` should say so.
+  ExchangeDevice(std::string name, const DeviceRatings& ratings, const ExchangeOptions& options,
+                 std::unique_ptr<DeviceLine> line);
+  ~ExchangeDevice() override;
+
+  std::string_view name() const noexcept override { return name_; }
+  const DeviceRatings& ratings() const noexcept override { return ratings_; }
+  bool measures_hand_wrench() const noexcept override { return false; }
+  /// Opens the line and waits for the first state.
+  void calibrate() override;
+  void align(const Pose&) noexcept override {}
+  void enable() noexcept override;
+  void disable() noexcept override;
+  std::optional<DeviceState> read() noexcept override;
+  bool write(const Wrench& F) noexcept override;
+  void halt() noexcept override;
+  /// Why the latest read() failed or was late; empty if neither.
+  const char* cause() const noexcept override { return cause_now_; }
+
+ private:
+  struct TimedState {
+    HandleState handle;
+    SteadyTime asked{};  ///< When its request was sent: the state is not older.
+  };
+  struct TimedForce {
+    Vector3 force = Vector3::Zero();
+    SteadyTime written{};
+  };
+
+  void run();
+  void exchange();
+  void await_reply();
+  void send(const std::optional<Vector3>& force);
+  void take(const HandleState& state);
+  std::optional<Vector3> wanted_force() noexcept;
+  void measure(std::chrono::nanoseconds lateness);
+  void observe(SteadyTime now);
+  void fail(const std::string& cause);
+  void rest(std::chrono::duration<double> time);
+  bool stopping() const noexcept { return stopping_.load(std::memory_order_relaxed); }
+
+  const std::string name_;
+  const DeviceRatings ratings_;
+  const std::chrono::nanoseconds period_;
+  const std::chrono::nanoseconds oldest_;
+  const std::chrono::duration<double> first_state_;
+  const std::unique_ptr<DeviceLine> line_;
+
+  // Between the two threads.
+  Newest<TimedState> state_;
+  Newest<TimedForce> force_;
+  std::atomic<bool> enabled_ = false;
+  std::atomic<bool> halted_ = false;
+  std::atomic<std::uint32_t> failures_ = 0;
+  std::atomic<bool> stopping_ = false;
+  std::mutex mutex_;  ///< Of what calibrate() waits for.
+  std::condition_variable changed_;
+  bool has_state_ = false;
+  std::string cause_;                   ///< Of the latest failure; empty: none since it works.
+  std::atomic<const char*> told_ = "";  ///< Of the latest failure.
+
+  // Of the servo thread.
+  std::uint32_t failures_seen_ = 0;  ///< At enable().
+  const char* cause_now_ = "";
+
+  // Of the exchange's own thread.
+  Vector3 given_ = Vector3::Zero();  ///< In the latest request.
+  int unanswered_ = 0;               ///< Requests.
+  SteadyTime asked_{};               ///< When the oldest of these was sent, or the latest of all.
+  SteadyTime ended_{};               ///< When the zero behind it was.
+  HandleState latest_;
+  SteadyTime moved_{};                   ///< When the state was last another one.
+  SteadyTime opened_{};                  ///< When the line was.
+  int replies_ = 0;                      ///< In the present session,
+  std::chrono::nanoseconds lateness_{};  ///< all of theirs,
+  std::chrono::nanoseconds worst_{};     ///< and the largest.
+  std::thread thread_;
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,274 @@
+// Boost 1.74's Beast needs <utility> before it in C++20.
+#include "haptic_server/device/inverse_service.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+
+#include <boost/asio/executor_work_guard.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+#include <sys/socket.h>
+
+namespace hlm::server {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using boost::system::error_code;
+using std::chrono::steady_clock;
+
+/// For the connection, its handshake and the inventory, each.
+constexpr std::chrono::seconds kOpening{2};
+
+/// For a request to go out: the service's end of the connection is full of those before it.
+constexpr std::chrono::milliseconds kSending{10};
+
+/// Largest message, bytes; a state has under 2 kB for each device.
+constexpr std::size_t kMaxMessage = 256 * 1024;
+
+/// Cut-off of the angular velocity, which is the grip's change of orientation, Hz.
+constexpr double kCutOff = 30;
+
+constexpr const char* kSource =
+    "the Inverse Service comes with the device's software, https://docs.haply.co";
+
+[[noreturn]] void fail(const std::string& what) { throw std::runtime_error(what); }
+
+/// A text frame of a client (RFC 6455, 5.2), its mask zero.
+std::string text_frame(const std::string& text) {
+  std::string frame("\x81", 1);
+  constexpr std::size_t kShort = 125;
+  const auto byte = [&](std::size_t value) { frame += static_cast<char>(value & 0xff); };
+  if (text.size() <= kShort) {
+    byte(0x80 | text.size());
+  } else {
+    byte(0x80 | 126);
+    byte(text.size() >> 8);
+    byte(text.size());
+  }
+  return frame + std::string(4, '\0') + text;
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text.empty() ? "none" : text;
+}
+
+/// The one of that id or, if the id is empty, the only one; empty if it is to be chosen of none.
+std::string chosen(const char* what, const char* key, const std::string& id,
+                   const std::vector<std::string>& all) {
+  if (id.empty() && all.size() > 1) {
+    fail("several " + std::string(what) + "s: " + listed(all) + "; choose one with the key " + key);
+  }
+  if (id.empty()) return all.empty() ? "" : all.front();
+  if (std::find(all.begin(), all.end(), id) != all.end()) return id;
+  fail("no " + std::string(what) + " '" + id + "'; there are: " + listed(all));
+}
+
+}  // namespace
+
+/// A WebSocket of one thread. Reads ahead one message.
+class InverseService::Connection {
+ public:
+  explicit Connection(const std::string& address) : address_(address) {
+    const std::size_t colon = address.rfind(':');
+    const std::string host = address.substr(0, colon);
+    error_code error;
+    tcp::resolver resolver(context_);
+    const auto places = resolver.resolve(host, address.substr(colon + 1), error);
+    if (!error) {
+      tcp_stream().expires_after(kOpening);
+      tcp_stream().async_connect(places, [&](error_code e, const tcp::endpoint&) { error = e; });
+      context_.run();
+    }
+    if (error) refuse(error);
+    tcp_stream().expires_never();
+    tcp_stream().socket().set_option(tcp::no_delay(true));
+    // It must not end by itself: no timeout after the handshake, no pings.
+    socket_.set_option(
+        websocket::stream_base::timeout{kOpening, websocket::stream_base::none(), false});
+    socket_.read_message_max(kMaxMessage);
+    socket_.auto_fragment(false);
+    socket_.async_handshake(address, "/", [&](error_code e) { error = e; });
+    context_.restart();
+    context_.run();
+    if (error) refuse(error);
+    context_.restart();
+    work_.emplace(context_.get_executor());
+    read();
+  }
+
+  ~Connection() {
+    error_code ignored;
+    // Also where another process has inherited the socket.
+    tcp_stream().socket().shutdown(tcp::socket::shutdown_both, ignored);
+  }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  int socket() { return tcp_stream().socket().native_handle(); }
+
+  /// The first message.
+  HaplyInventory inventory() {
+    const auto message = receive(steady_clock::now() + kOpening);
+    if (!message) fail("the Inverse Service at " + address_ + " sent no inventory within 2 s");
+    return parse_haply_inventory(*message);
+  }
+
+  /// A message that has come; empty if none does by `deadline`.
+  std::optional<std::string> receive(SteadyTime deadline) {
+    while (!has_message_ && context_.run_one_until(deadline) > 0) check();
+    check();
+    if (!has_message_) return std::nullopt;
+    std::string message = beast::buffers_to_string(buffer_.data());
+    buffer_.consume(buffer_.size());
+    read();
+    return message;
+  }
+
+  void send(const std::string& request) {
+    bool sent = false;
+    socket_.async_write(asio::buffer(request), [&](error_code error, std::size_t) {
+      sent = true;
+      if (error) error_ = error;
+    });
+    const SteadyTime deadline = steady_clock::now() + kSending;
+    while (!sent && context_.run_one_until(deadline) > 0) {
+    }
+    if (!sent) abandon();
+    check();
+  }
+
+  void expect_silence() {
+    context_.poll();
+    check();
+    if (!has_message_) return;
+    fail(
+        "the Inverse Service broke its rule of one reply for each request: a message came that "
+        "was not asked for");
+  }
+
+ private:
+  beast::tcp_stream& tcp_stream() { return beast::get_lowest_layer(socket_); }
+
+  [[noreturn]] void refuse(const error_code& error) const {
+    fail("no Inverse Service answers at " + address_ + " (" + error.message() + "); " + kSource);
+  }
+
+  void read() {
+    has_message_ = false;
+    socket_.async_read(buffer_, [this](error_code error, std::size_t) {
+      has_message_ = !error;
+      if (error) error_ = error;
+    });
+  }
+
+  void check() const {
+    if (error_) fail("the connection to the Inverse Service ended: " + error_.message());
+  }
+
+  /// The pending write refers to the caller: it has to end first.
+  [[noreturn]] void abandon() {
+    tcp_stream().close();
+    work_.reset();
+    context_.run_for(kOpening);
+    fail("the Inverse Service takes no requests");
+  }
+
+  std::string address_;
+  asio::io_context context_{1};
+  /// Keeps the context from stopping between two operations.
+  std::optional<asio::executor_work_guard<asio::io_context::executor_type>> work_;
+  websocket::stream<beast::tcp_stream> socket_{context_};
+  beast::flat_buffer buffer_;
+  bool has_message_ = false;
+  error_code error_;
+};
+
+HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions& options) {
+  std::vector<std::string> ids;
+  for (const HaplyDevice& device : inventory.devices) ids.push_back(device.id);
+  HaplyChoice choice;
+  choice.device = chosen("Inverse3", "id", options.device, ids);
+  if (choice.device.empty()) {
+    fail("the Inverse Service at " + options.address +
+         " has no Inverse3: plug it in, and switch it on");
+  }
+  for (const HaplyDevice& device : inventory.devices) {
+    if (device.id != choice.device || options.handedness == "any") continue;
+    if (device.handedness != options.handedness) {
+      fail("handedness of Inverse3 " + device.id + " is '" + device.handedness + "', must be '" +
+           options.handedness + "' as the key handedness says");
+    }
+  }
+  if (options.grip == "none") return choice;
+  std::vector<std::string> grips;
+  for (const HaplyGrip& grip : inventory.grips) grips.push_back(grip.id);
+  choice.grip = chosen("grip", "grip", options.grip, grips);
+  for (const HaplyGrip& grip : inventory.grips) {
+    if (grip.id == choice.grip) choice.grip_kind = grip.kind;
+  }
+  return choice;
+}
+
+InverseService::InverseService(InverseServiceOptions options) : options_(std::move(options)) {}
+
+InverseService::~InverseService() = default;
+
+HaplyInventory InverseService::ask_inventory(const std::string& address) {
+  return Connection(address).inventory();
+}
+
+void InverseService::open() {
+  connection_ = std::make_unique<Connection>(options_.address);
+  choice_ = choose(connection_->inventory(), options_);
+  no_force_ =
+      text_frame(haply_force_request(choice_.device, options_.force_field, Vector3::Zero()));
+  latest_at_ = {};
+  socket_ = connection_->socket();
+}
+
+void InverseService::close() noexcept {
+  socket_ = -1;
+  connection_.reset();
+}
+
+void InverseService::send(const std::optional<Vector3>& force) {
+  connection_->send(force ? haply_force_request(choice_.device, options_.force_field, *force)
+                          : haply_probe_request(choice_));
+}
+
+void InverseService::expect_silence() { connection_->expect_silence(); }
+
+std::optional<HandleState> InverseService::receive(SteadyTime deadline) {
+  const auto message = connection_->receive(deadline);
+  if (!message) return std::nullopt;
+  HandleState state = parse_haply_state(*message, choice_);
+  const SteadyTime now = steady_clock::now();
+  if (latest_at_ != SteadyTime{}) {
+    const double dt = std::chrono::duration<double>(now - latest_at_).count();
+    const Vector3 rate = rotation_vector(state.X.R * latest_.X.R.conjugate()) / dt;
+    const double gain = -std::expm1(-2 * std::numbers::pi * kCutOff * dt);
+    state.V.tail<3>() = latest_.V.tail<3>() + gain * (rate - latest_.V.tail<3>());
+  }
+  latest_ = state;
+  latest_at_ = now;
+  return state;
+}
+
+void InverseService::halt() noexcept {
+  const int socket = socket_;
+  if (socket < 0) return;
+  [[maybe_unused]] const ssize_t sent =
+      ::send(socket, no_force_.data(), no_force_.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,57 @@
+// The line to Haply's Inverse Service: a WebSocket.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "haptic_server/device/exchange_device.h"
+#include "haptic_server/device/haply_messages.h"
+
+namespace hlm::server {
+
+/// Which device, and how the service is asked.
+struct InverseServiceOptions {
+  std::string address = "localhost:10001";
+  std::string device{};            ///< Its id; empty: the only one.
+  std::string grip{};              ///< Its id; empty: the only one, if there is one; "none".
+  std::string handedness = "any";  ///< "left" or "right": the device must be that.
+  std::string force_field = "vector";
+};
+
+/// The device and its grip. Throws std::runtime_error that names the one that is not there, and
+/// those that are.
+HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions& options);
+
+class InverseService final : public DeviceLine {
+ public:
+  explicit InverseService(InverseServiceOptions options);
+  ~InverseService() override;
+
+  /// What the service at HOST:PORT says of its devices. Throws std::runtime_error that says what is
+  /// missing and where it comes from.
+  static HaplyInventory ask_inventory(const std::string& address);
+
+  void open() override;
+  void close() noexcept override;
+  void send(const std::optional<Vector3>& force) override;
+  void expect_silence() override;
+  std::optional<HandleState> receive(SteadyTime deadline) override;
+  /// Sends a request for no force on the connection that a forked process inherits: while that
+  /// lives. A service that was started again after the fork is not reached from there.
+  void halt() noexcept override;
+
+ private:
+  class Connection;
+
+  InverseServiceOptions options_;
+  HaplyChoice choice_;
+  std::unique_ptr<Connection> connection_;
+  std::string no_force_;          ///< A whole WebSocket frame.
+  std::atomic<int> socket_ = -1;  ///< Of the connection, for halt().
+  HandleState latest_;            ///< With the time below, for the angular velocity.
+  SteadyTime latest_at_{};
+};
+
+}  // namespace hlm::server

@@ -1,0 +1,39 @@
+// Messages of Haply's Inverse Service: any text as inventory and as state.
+#include <stdexcept>
+#include <string_view>
+
+#include "haptic_server/device/haply_messages.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace hlm::fuzz {
+namespace {
+
+/// Whether it is taken.
+template <class Parse>
+bool parses(Parse parse) {
+  try {
+    parse();
+    return true;
+  } catch (const std::runtime_error& error) {
+    demand(is_one_line_about("the Inverse Service's message", error.what()),
+           "an error is one line that names the message");
+    return false;
+  }
+}
+
+}  // namespace
+}  // namespace hlm::fuzz
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace hlm;
+  const std::string_view message(reinterpret_cast<const char*>(data), size);
+  fuzz::parses([&] { server::parse_haply_inventory(message); });
+  const bool is_state = fuzz::parses([&] {
+    const server::HandleState state =
+        server::parse_haply_state(message, {"A", "G", "wireless_verse_grip"});
+    fuzz::demand(state.X.p.allFinite() && state.V.allFinite() && state.X.R.coeffs().allFinite(),
+                 "a state is finite");
+  });
+  if (is_state) ++fuzz::accepted;
+  return 0;
+}

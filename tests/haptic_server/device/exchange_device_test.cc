@@ -1,0 +1,206 @@
+// What the servo sees of a device behind a line, and the line of the servo.
+#include "haptic_server/device/exchange_device.h"
+
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+#include <thread>
+
+#include "tests/support/catch.h"
+#include "tests/support/no_malloc.h"
+
+namespace hlm::server {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using std::chrono::steady_clock;
+
+/// A line whose handle goes round, which counts what it is asked.
+struct Line {
+  std::atomic<bool> is_there = true;
+  std::atomic<bool> answers = true;
+  std::atomic<bool> freezes = false;
+  std::atomic<bool> is_finite = true;
+  std::atomic<double> force = 0;     ///< Of the latest request.
+  std::atomic<bool> polled = false;  ///< Whether it asked for the state alone.
+  std::atomic<int> opened = 0;
+  std::atomic<int> most_unanswered = 0;
+  std::atomic<int> halted = 0;
+};
+
+class ScriptedLine final : public DeviceLine {
+ public:
+  explicit ScriptedLine(Line& line) : line_(line) {}
+
+  void open() override {
+    if (!line_.is_there) throw std::runtime_error("nothing is there");
+    ++line_.opened;
+    unanswered_ = 0;
+  }
+  void close() noexcept override {}
+  void expect_silence() override {}
+  void send(const std::optional<Vector3>& force) override {
+    line_.force = force.value_or(Vector3::Zero()).x();
+    line_.polled = !force;
+    line_.most_unanswered = std::max<int>(line_.most_unanswered, ++unanswered_);
+  }
+  std::optional<HandleState> receive(SteadyTime deadline) override {
+    if (!line_.is_there) throw std::runtime_error("it was unplugged");
+    if (!line_.answers) {
+      std::this_thread::sleep_until(deadline);
+      return std::nullopt;
+    }
+    --unanswered_;
+    if (!line_.freezes) angle_ += 0.01;
+    HandleState state;
+    state.X.p = 0.1 * Vector3(std::cos(angle_), std::sin(angle_), line_.is_finite ? 0 : NAN);
+    state.V[0] = 0.5;
+    return state;
+  }
+  void halt() noexcept override { ++line_.halted; }
+
+ private:
+  Line& line_;
+  int unanswered_ = 0;
+  double angle_ = 0;
+};
+
+constexpr double kOldest = 0.05;  // s: machines of tests are busy.
+
+struct Bench {
+  Bench() { device.calibrate(); }
+
+  /// Ticks for `time` s with `force`, N, until a read fails; whether none did.
+  bool tick(double time, double force) {
+    const auto end = steady_clock::now() + std::chrono::duration<double>(time);
+    while (steady_clock::now() < end) {
+      const auto state = device.read();
+      if (!state) return false;
+      health = state->health;
+      Wrench F = Wrench::Zero();
+      F[0] = force;
+      CHECK(device.write(F));
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return true;
+  }
+
+  Line line;
+  DeviceHealth health = DeviceHealth::kGood;
+  ExchangeDevice device{"device",
+                        {.max_force = 2, .max_torque = 0},
+                        {.oldest = kOldest},
+                        std::make_unique<ScriptedLine>(line)};
+};
+
+bool within(double seconds, const std::function<bool()>& holds) {
+  const auto end = steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!holds()) {
+    if (steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+  return true;
+}
+
+TEST_CASE("A force reaches the line only while the device is enabled, and not above its rating") {
+  Bench bench;
+  CHECK(bench.tick(0.05, 1));
+  CHECK(bench.line.polled);
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  CHECK(bench.line.force == 1);
+  CHECK(bench.tick(0.05, 5));
+  CHECK(bench.line.force == 2);
+  bench.device.disable();
+  CHECK(within(kOldest, [&] { return bench.line.force == 0; }));
+}
+
+TEST_CASE("A servo that stands still has no force after the oldest command's time") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  REQUIRE(bench.line.force == 1);
+  CHECK(within(kOldest + 0.03, [&] { return bench.line.force == 0; }));
+}
+
+TEST_CASE("A line that does not answer is asked once more, for no force, and the read fails") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  CHECK(bench.line.most_unanswered == 1);
+  bench.line.answers = false;
+  CHECK_FALSE(bench.tick(1, 1));
+  bench.device.disable();
+  CHECK(within(0.03, [&] { return bench.line.force == 0; }));
+  CHECK(bench.line.most_unanswered == 2);
+  CHECK(within(0.1, [&] { return !bench.device.read() && *bench.device.cause() != '\0'; }));
+}
+
+TEST_CASE("After a failure reads fail until a person enables, and then work where the line does") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  bench.line.is_there = false;
+  CHECK_FALSE(bench.tick(1, 1));
+  CHECK(bench.line.force == 0);
+  CHECK(bench.device.cause() == std::string("it was unplugged"));
+  bench.device.enable();
+  CHECK_FALSE(within(0.3, [&] { return bench.device.read().has_value(); }));
+
+  bench.line.is_there = true;
+  REQUIRE(within(1, [&] { return bench.line.opened == 2; }));
+  CHECK_FALSE(within(0.1, [&] { return bench.device.read().has_value(); }));
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  CHECK(bench.line.force == 1);
+}
+
+TEST_CASE("A state that moves and stays is frozen, one that is not finite is refused") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  std::string cause;
+  SECTION("frozen") {
+    bench.line.freezes = true;
+    cause = "frozen: 0.5 m/s at one place";
+  }
+  SECTION("not finite") {
+    bench.line.is_finite = false;
+    cause = "not finite";
+  }
+  CHECK_FALSE(bench.tick(1, 1));
+  CHECK_THAT(bench.device.cause(), ContainsSubstring(cause));
+  CHECK(bench.line.force == 0);
+}
+
+TEST_CASE("A halt sends no force from then on, until the device is enabled") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  bench.device.halt();
+  CHECK(bench.line.halted == 1);
+  CHECK(bench.tick(0.05, 1));
+  CHECK(bench.line.force == 0);
+}
+
+TEST_CASE("A line that cannot be opened is an error of the calibration that names it") {
+  Line line;
+  line.is_there = false;
+  ExchangeDevice device("device", {}, {}, std::make_unique<ScriptedLine>(line));
+  CHECK_THROWS_WITH(device.calibrate(), "device: nothing is there");
+}
+
+TEST_CASE("Neither reading nor writing allocates") {
+  Bench bench;
+  bench.device.enable();
+  const test::NoMalloc no_malloc;
+  for (int i = 0; i < 1000; ++i) {
+    bench.device.read();
+    bench.device.write(Wrench::Zero());
+  }
+  CHECK(no_malloc.allocations() == 0);
+}
+
+}  // namespace
+}  // namespace hlm::server

@@ -1,0 +1,151 @@
+// Messages of the Inverse Service, good and bad.
+#include "haptic_server/device/haply_messages.h"
+
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "haptic_server/device/inverse_service.h"
+#include "tests/support/catch.h"
+
+namespace hlm::server {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using nlohmann::json;
+
+/// A message as the service's documents show it, with two devices and a grip.
+json message() {
+  return json::parse(R"({
+    "inverse3": [
+      {"device_id": "049D", "config": {"handedness": "right"},
+       "state": {"cursor_position": {"x": 0.01, "y": -0.02, "z": 0.15},
+                 "cursor_velocity": {"x": 0.1, "y": 0.0, "z": -0.3}}},
+      {"device_id": "049E", "config": {},
+       "state": {"cursor_position": {"x": 1, "y": 2, "z": 3},
+                 "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}],
+    "wireless_verse_grip": [
+      {"device_id": "61548",
+       "state": {"orientation": {"w": 0.6, "x": 0.0, "y": 0.8, "z": 0.0},
+                 "buttons": {"a": true, "b": false, "c": true}}}]})");
+}
+
+const HaplyChoice kBoth{"049D", "61548", "wireless_verse_grip"};
+
+std::string error_of(const json& bad, const HaplyChoice& choice = kBoth) {
+  try {
+    parse_haply_state(bad.dump(), choice);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST_CASE("The first message names devices, their handedness and grips") {
+  const HaplyInventory inventory = parse_haply_inventory(message().dump());
+  REQUIRE(inventory.devices.size() == 2);
+  CHECK(inventory.devices[0].id == "049D");
+  CHECK(inventory.devices[0].handedness == "right");
+  CHECK(inventory.devices[1].handedness.empty());
+  REQUIRE(inventory.grips.size() == 1);
+  CHECK(inventory.grips[0].id == "61548");
+  CHECK(inventory.grips[0].kind == "wireless_verse_grip");
+  CHECK(parse_haply_inventory("{}").devices.empty());
+}
+
+TEST_CASE("A state has the chosen device's position and velocity and the grip's orientation") {
+  const HandleState state = parse_haply_state(message().dump(), kBoth);
+  CHECK(state.X.p == Vector3(0.01, -0.02, 0.15));
+  CHECK(state.V.head<3>() == Vector3(0.1, 0, -0.3));
+  CHECK(state.X.R.coeffs() == Quaternion(0.6, 0, 0.8, 0).coeffs());
+  CHECK(state.buttons == 0b101);
+  const HandleState other = parse_haply_state(message().dump(), {"049E"});
+  CHECK(other.X.p == Vector3(1, 2, 3));
+  CHECK(other.X.R.coeffs() == Quaternion::Identity().coeffs());
+  CHECK(other.buttons == 0);
+}
+
+TEST_CASE("What is wrong in a message is named with its value") {
+  json bad = message();
+  auto& state = bad["inverse3"][0]["state"];
+  SECTION("a field that is missing") {
+    state["cursor_velocity"].erase("y");
+    CHECK_THAT(error_of(bad), ContainsSubstring("has no inverse3[].state.cursor_velocity.y"));
+  }
+  SECTION("a number that is none") {
+    state["cursor_position"]["z"] = std::nan("");  // JSON has no such number: null.
+    CHECK_THAT(error_of(bad), ContainsSubstring("cursor_position.z null, must be a number"));
+  }
+  SECTION("a vector that is a text") {
+    state["cursor_position"] = "here";
+    CHECK_THAT(error_of(bad), ContainsSubstring("has no inverse3[].state.cursor_position.x"));
+  }
+  SECTION("a device that went") {
+    bad["inverse3"].erase(0);
+    CHECK_THAT(error_of(bad),
+               ContainsSubstring("inverse3 '049D' no more") && ContainsSubstring("unplugged"));
+  }
+  SECTION("a grip that went") {
+    bad.erase("wireless_verse_grip");
+    CHECK_THAT(error_of(bad), ContainsSubstring("wireless_verse_grip '61548' no more"));
+  }
+  SECTION("an orientation that is no rotation") {
+    bad["wireless_verse_grip"][0]["state"]["orientation"]["w"] = 2.0;
+    CHECK_THAT(error_of(bad), ContainsSubstring("orientation of length 2.15"));
+  }
+  SECTION("devices that are no list") {
+    bad["inverse3"] = 3;
+    CHECK_THAT(error_of(bad), ContainsSubstring("inverse3 that is no list"));
+  }
+  SECTION("an error of the service") {
+    CHECK_THAT(error_of({{"error", "device lost"}}), ContainsSubstring("\"device lost\""));
+  }
+}
+
+TEST_CASE("What is no JSON, or beyond every number, is refused in one line") {
+  for (const char* text : {"", "{", "[1, 2]", "\xff\xfe", "{\"inverse3\": 1e999}", "null\nnull"}) {
+    INFO(text);
+    CHECK_THROWS_WITH(
+        parse_haply_state(text, kBoth),
+        ContainsSubstring("the Inverse Service's message") && !ContainsSubstring("\n"));
+  }
+}
+
+TEST_CASE("A request holds the force under the field's name, bit for bit") {
+  const json request = json::parse(haply_force_request("049D", "vector", {0.1, -2.5, 1e-17}));
+  const json& force = request["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
+  CHECK(request["inverse3"][0]["device_id"] == "049D");
+  CHECK(force["x"].get<double>() == 0.1);
+  CHECK(force["y"].get<double>() == -2.5);
+  CHECK(force["z"].get<double>() == 1e-17);
+  CHECK_THAT(haply_force_request("049D", "values", Vector3::Zero()),
+             ContainsSubstring("\"values\""));
+}
+
+TEST_CASE("A request without a force probes device and grip") {
+  const json request = json::parse(haply_probe_request(kBoth));
+  CHECK(request["inverse3"][0]["device_id"] == "049D");
+  CHECK(request["inverse3"][0]["commands"]["probe_position"] == json::object());
+  CHECK(request["wireless_verse_grip"][0]["commands"]["probe_orientation"] == json::object());
+  CHECK_FALSE(json::parse(haply_probe_request({"049D"})).contains("verse_grip"));
+}
+
+TEST_CASE("A device is chosen by its id, or as the only one, and another handedness is refused") {
+  const HaplyInventory two{{{"A", "left"}, {"B", "right"}}, {{"G", "verse_grip"}}};
+  CHECK_THROWS_WITH(choose(two, {}), ContainsSubstring("several Inverse3s: A, B"));
+  CHECK_THROWS_WITH(choose(two, {.device = "C"}),
+                    ContainsSubstring("no Inverse3 'C'") && ContainsSubstring("there are: A, B"));
+  CHECK(choose(two, {.device = "B"}).grip == "G");
+  CHECK(choose(two, {.device = "B"}).grip_kind == "verse_grip");
+  CHECK(choose(two, {.device = "B", .grip = "none"}).grip.empty());
+  CHECK(choose(two, {.device = "B", .handedness = "right"}).device == "B");
+  CHECK_THROWS_WITH(choose(two, {.device = "B", .handedness = "left"}),
+                    ContainsSubstring("'right', must be 'left'"));
+  const HaplyInventory one{{{"A", ""}}, {}};
+  CHECK(choose(one, {}).device == "A");
+  CHECK(choose(one, {}).grip.empty());
+  CHECK_THROWS_WITH(choose({}, {}), ContainsSubstring("plug it in"));
+}
+
+}  // namespace
+}  // namespace hlm::server
