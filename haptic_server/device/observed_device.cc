@@ -1,0 +1,61 @@
+#include "haptic_server/device/observed_device.h"
+
+#include <utility>
+
+#include "haptic_server/device/saturate.h"
+
+namespace hlm::server {
+namespace {
+
+DeviceRatings with_overrides(DeviceRatings ratings, const ObserverOptions& options) noexcept {
+  ratings.mass = options.mass.value_or(ratings.mass);
+  ratings.inertia = options.inertia.value_or(ratings.inertia);
+  ratings.damping = options.damping.value_or(ratings.damping);
+  return ratings;
+}
+
+}  // namespace
+
+ObservedDevice::ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options,
+                               double dt)
+    : raw_(std::move(raw)),
+      ratings_(with_overrides(raw_->ratings(), options)),
+      observer_(ratings_, options.bandwidth, dt) {}
+
+void ObservedDevice::align(const Pose& X_WH) noexcept {
+  raw_->align(X_WH);
+  begins_ = true;
+}
+
+void ObservedDevice::enable() noexcept {
+  raw_->enable();
+  begins_ = true;
+}
+
+void ObservedDevice::disable() noexcept {
+  raw_->disable();
+  begins_ = true;
+}
+
+std::optional<DeviceState> ObservedDevice::read() noexcept {
+  std::optional<DeviceState> state = raw_->read();
+  if (!state) return state;
+  if (std::exchange(begins_, false)) observer_.restart(state->X_WD);
+  state->F_hand = observer_.observe(state->X_WD, state->health != DeviceHealth::kForceOff);
+  state->hand_observed = true;
+  return state;
+}
+
+bool ObservedDevice::write(const Wrench& F) noexcept {
+  observer_.command(saturated(F, ratings_.max_force, ratings_.max_torque));
+  return raw_->write(F);
+}
+
+std::unique_ptr<Device> with_hand_observer(std::unique_ptr<Device> device,
+                                           const ObserverOptions& options, double dt) {
+  const bool knows_mass = options.mass.value_or(device->ratings().mass) > 0;
+  if (!options.on || device->measures_hand_wrench() || !knows_mass) return device;
+  return std::make_unique<ObservedDevice>(std::move(device), options, dt);
+}
+
+}  // namespace hlm::server

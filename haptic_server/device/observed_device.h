@@ -1,0 +1,55 @@
+// A device that cannot measure the hand's wrench, with an observer that estimates it.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/range.h"
+#include "haptic_server/device/device.h"
+#include "haptic_server/device/hand_observer.h"
+
+namespace hlm::server {
+
+/// What the observer is told; what is unset is as the device rates it.
+struct ObserverOptions {
+  bool on = true;
+  double bandwidth = 40;  ///< Hz.
+  std::optional<double> mass;     ///< Apparent at the handle, kg.
+  std::optional<double> inertia;  ///< kg·m².
+  std::optional<double> damping;  ///< N·s/m.
+};
+
+/// Fills DeviceState::F_hand. The rest is the raw device's.
+class ObservedDevice final : public Device {
+ public:
+  /// dt: servo period, s. The device must rate a mass, or `options` name one.
+  ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options, double dt);
+
+  std::string_view name() const noexcept override { return raw_->name(); }
+  const DeviceRatings& ratings() const noexcept override { return ratings_; }
+  bool measures_hand_wrench() const noexcept override { return true; }
+  bool observes_hand_wrench() const noexcept override { return true; }
+  void calibrate() override { raw_->calibrate(); }
+  void align(const Pose& X_WH) noexcept override;
+  void enable() noexcept override;
+  void disable() noexcept override;
+  GuidedHand* guided_hand() noexcept override { return raw_->guided_hand(); }
+  std::optional<DeviceState> read() noexcept override;
+  bool write(const Wrench& F) noexcept override;
+  void halt() noexcept override { raw_->halt(); }
+
+ private:
+  std::unique_ptr<Device> raw_;
+  DeviceRatings ratings_;
+  HandObserver observer_;
+  bool begins_ = true;  ///< The next pose is the first.
+};
+
+/// The device with an observer where it has no sensor of its own, a mass is known and `options` has
+/// it on; otherwise the device as it is.
+std::unique_ptr<Device> with_hand_observer(std::unique_ptr<Device> device,
+                                           const ObserverOptions& options, double dt);
+
+}  // namespace hlm::server
