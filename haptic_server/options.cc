@@ -1,8 +1,6 @@
 #include "haptic_server/options.h"
 
 #include <cmath>
-#include <fstream>
-#include <iterator>
 
 #include <spdlog/fmt/fmt.h>
 
@@ -11,7 +9,6 @@
 namespace hlm::server {
 namespace {
 
-using settings::Setting;
 using settings::Table;
 using settings::UsageError;
 
@@ -41,23 +38,6 @@ void add_servo_options(Table& table, ServoOptions& o) {
   table.numbers(o, kServoNumbers);
 }
 
-std::string file_text(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-/// The device's keys with their values. Where a file lies does not matter, what it says does.
-std::string device_text(const Table& table) {
-  std::string text;
-  for (const Setting& setting : table.settings()) {
-    text += setting.key + '=';
-    for (const std::string& value : setting.get()) {
-      text += (setting.is_file ? file_text(value) : value) + '\n';
-    }
-  }
-  return text;
-}
-
 std::string ratings_text(const Device& device) {
   const DeviceRatings& r = device.ratings();
   std::string text = device.measures_hand_wrench() ? "measured" : "";
@@ -66,6 +46,7 @@ std::string ratings_text(const Device& device) {
                               r.max_angular_stiffness, r.mass, r.inertia, r.damping, r.scale}) {
     text += ' ' + shortest_text(rating);
   }
+  if (r.rotation_scale != 1) text += " turns " + shortest_text(r.rotation_scale);
   return text;
 }
 
@@ -128,7 +109,7 @@ void check(const PhysicsOptions& options) {
   if (options.device.information()) return;
   throw_if(find_error(PeriodicLoopOptions{.rate = options.servo.rate, .final_spin = 0}));
   throw_if(find_error(options.servo));
-  throw_if(options.device.driver().find_error());
+  throw_if(options.device.find_error());
 }
 
 void check(const ServerOptions& options) {
@@ -160,10 +141,11 @@ std::vector<std::string> doubts_about(const PhysicsOptions& options, const Devic
   }
   if (rated.max_torque == 0) {
     doubts.push_back("this device takes no torque: its handle turns freely");
-  } else if (servo.limits.max_torque > rated.max_torque) {
+  } else if (const double rating = rated.max_torque / rated.torque_scale();
+             servo.limits.max_torque > rating) {
     doubts.push_back(
         fmt::format("--torque-limit {} N·m is above the device's rated {} N·m: {} N·m is in effect",
-                    servo.limits.max_torque, rated.max_torque, rated.max_torque));
+                    servo.limits.max_torque, rating, rating));
   }
   return doubts;
 }
@@ -173,7 +155,7 @@ std::uint64_t fingerprint(const PhysicsOptions& options, const Device& device) {
   Table table;
   add_servo_options(table, servo);
   const std::uint64_t upper = hash_of(table.to_toml(false) + ratings_text(device));
-  return upper << 32 | hash_of(device_text(options.device.driver().table()));
+  return upper << 32 | hash_of(options.device.fingerprint_text());
 }
 
 bool made_with(std::uint64_t recorded, const PhysicsOptions& options, const Device& device) {

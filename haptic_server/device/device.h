@@ -37,7 +37,8 @@ inline constexpr std::array<Word<server::DeviceHealth>, 4> kWords<server::Device
 
 namespace hlm::server {
 
-/// What a device can do. A value that a device does not rate is infinite.
+/// What a device can do, in the units of the world; powers are those at the handle. A value that a
+/// device does not rate is infinite.
 struct DeviceRatings {
   double max_force = std::numeric_limits<double>::infinity();   ///< N.
   double max_torque = std::numeric_limits<double>::infinity();  ///< N·m; 0: it takes no torque.
@@ -54,6 +55,7 @@ struct DeviceRatings {
   bool gripper = false;              ///< Whether it measures the opening of one.
   Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
   double scale = 1;                  ///< Metres in the world for each metre of the handle.
+  double rotation_scale = 1;         ///< Radians in the world for each radian of the handle.
   /// Without a command for so long the device takes its motors off by itself, s.
   double time_guard = std::numeric_limits<double>::infinity();
   bool halts = false;  ///< Whether Device::halt() takes its motors off.
@@ -62,6 +64,10 @@ struct DeviceRatings {
   /// From a command to its effect, and from a pose to its report, in all, s; beside the period in
   /// which the command is held.
   double delay = 0;
+
+  /// N·m in the world for each N·m at the handle: so work in the world is `scale` times that at the
+  /// handle, in translation and in rotation.
+  double torque_scale() const noexcept { return scale / rotation_scale; }
 };
 
 struct DeviceState {
@@ -74,6 +80,8 @@ struct DeviceState {
   std::uint32_t buttons = 0;      ///< Bit i: button i is pressed.
   std::optional<double> gripper;  ///< 0 closed to 1 open; empty: it has none.
   DeviceHealth health = DeviceHealth::kGood;
+  /// The hand moves the handle alone, to elsewhere in its workspace: no force is wanted.
+  bool clutched = false;
 };
 
 /// The hand of a simulated device, for a person far away to hold. Called from the servo thread.
@@ -87,8 +95,8 @@ class GuidedHand {
   ~GuidedHand() = default;
 };
 
-/// One open haptic device. Poses, twists and wrenches are those of the world: its frame and its
-/// scale are the driver's business. What is noexcept is called from the servo thread and neither
+/// One open haptic device. Poses, twists and wrenches are those of the world, except where a driver
+/// says otherwise (PoseFrame). What is noexcept is called from the servo thread and neither
 /// waits beyond the device's own exchange nor allocates. The destructor stops the motors and closes
 /// the device, off the servo thread.
 class Device {
@@ -118,6 +126,9 @@ class Device {
   /// Commands the wrench that the device exerts on the hand at the handle's origin, world axes,
   /// until the next call. False if the device failed.
   virtual bool write(const Wrench& F) noexcept = 0;
+  /// What is wrong, in words for a person: why the latest read() or write() failed, or why its
+  /// health is not good; empty where the device does not say. Text of static storage duration.
+  virtual const char* cause() const noexcept { return ""; }
   /// Motors off at once, because the program dies or stands still; commands are ignored until
   /// enable(). Called in handlers of fatal signals, while the servo thread may be anywhere, and in
   /// a process that was forked after the device had been opened: a driver may do nothing here but

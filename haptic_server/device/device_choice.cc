@@ -1,5 +1,8 @@
 #include "haptic_server/device/device_choice.h"
 
+#include <fstream>
+#include <iterator>
+
 #include "common/settings/nearest.h"
 #include "haptic_server/device/drivers/replay_driver.h"
 #include "haptic_server/device/drivers/simulated_driver.h"
@@ -26,6 +29,22 @@ std::string connected_to(const DeviceDriver& driver) {
   return text;
 }
 
+std::string file_text(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string text_of(const settings::Table& table) {
+  std::string text;
+  for (const settings::Setting& setting : table.settings()) {
+    text += setting.key + '=';
+    for (const std::string& value : setting.get()) {
+      text += (setting.is_file ? file_text(value) : value) + '\n';
+    }
+  }
+  return text;
+}
+
 }  // namespace
 
 std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
@@ -36,7 +55,9 @@ std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
 }
 
 DeviceChoice::DeviceChoice(std::vector<std::unique_ptr<DeviceDriver>> drivers)
-    : drivers_(std::move(drivers)), driver_(drivers_.front().get()) {}
+    : drivers_(std::move(drivers)), driver_(drivers_.front().get()) {
+  add_keys(workspace_table_, workspace_);
+}
 
 void DeviceChoice::add_to(settings::CommandLine& command_line) {
   std::string names;
@@ -69,8 +90,8 @@ void DeviceChoice::set(const std::vector<Assignment>& assignments) {
   for (const Assignment& each : assignments) {
     if (each.key == kDriver) continue;
     const bool is_of_other = each.from_file && driver_ != of_file &&
-                             driver_->table().find(each.key) == nullptr &&
-                             of_file->table().find(each.key) != nullptr;
+                             find_key(*driver_, each.key) == nullptr &&
+                             find_key(*of_file, each.key) != nullptr;
     if (!is_of_other) set_key(each);
   }
 }
@@ -85,10 +106,25 @@ const DeviceDriver& DeviceChoice::find(const Assignment& name) const {
                    " must be one of " + known + (name.from_file ? "" : ", list"));
 }
 
+bool DeviceChoice::has_workspace(const DeviceDriver& driver) const {
+  return driver.pose_frame() != PoseFrame::kRecorded;
+}
+
+/// Null if that device has no such key.
+const settings::Setting* DeviceChoice::find_key(const DeviceDriver& driver,
+                                                const std::string& key) const {
+  const settings::Setting* const own = driver.table().find(key);
+  return own == nullptr && has_workspace(driver) ? workspace_table_.find(key) : own;
+}
+
 void DeviceChoice::set_key(const Assignment& assignment) const {
-  const settings::Setting* const setting = driver_->table().find(assignment.key);
+  const settings::Setting* const setting = find_key(*driver_, assignment.key);
   if (setting == nullptr) {
-    const std::string hint = settings::suggestion(assignment.key, driver_->table().keys());
+    std::vector<std::string> keys = driver_->table().keys();
+    if (has_workspace(*driver_)) {
+      for (const std::string& key : workspace_table_.keys()) keys.push_back(key);
+    }
+    const std::string hint = settings::suggestion(assignment.key, keys);
     throw UsageError(assignment.name + ": device " + std::string(driver_->name()) +
                      " has no such key" + (hint.empty() ? "; see --device-help" : hint));
   }
@@ -97,7 +133,20 @@ void DeviceChoice::set_key(const Assignment& assignment) const {
 
 std::string DeviceChoice::to_toml(bool described) const {
   return kDriver + " = \"" + std::string(driver_->name()) + "\"\n" +
-         driver_->table().to_toml(described);
+         driver_->table().to_toml(described) +
+         (has_workspace(*driver_) ? workspace_table_.to_toml(described) : "");
+}
+
+std::optional<std::string> DeviceChoice::find_error() const {
+  if (has_workspace(*driver_)) {
+    if (auto error = server::find_error(workspace_)) return error;
+  }
+  return driver_->find_error();
+}
+
+std::string DeviceChoice::fingerprint_text() const {
+  // Without keys of a workspace the text is that of servers that had none.
+  return text_of(driver_->table()) + (workspace_ == Workspace{} ? "" : text_of(workspace_table_));
 }
 
 std::optional<std::string> DeviceChoice::information() const {
@@ -112,11 +161,21 @@ std::optional<std::string> DeviceChoice::information() const {
   if (!helps_) return std::nullopt;
   return "Keys of device " + std::string(driver_->name()) + ", " + std::string(driver_->purpose()) +
          ":\nin a configuration file under [device], or as --device-option KEY=VALUE\n\n" +
-         settings::help_of(driver_->table(), "");
+         settings::help_of(driver_->table(), "") +
+         (has_workspace(*driver_) ? settings::help_of(workspace_table_, "") : "");
 }
 
 std::unique_ptr<Device> DeviceChoice::open(double dt) const {
   auto device = driver_->open(dt);
+  const int buttons = device->ratings().buttons;
+  const bool is_asked = workspace_ != Workspace{} && has_workspace(*driver_);
+  if (is_asked && workspace_.clutch > buttons) {
+    throw UsageError("clutch " + std::to_string(workspace_.clutch) + " must be one of the " +
+                     std::to_string(buttons) + " buttons of " + std::string(device->name()));
+  }
+  if (is_asked || driver_->pose_frame() == PoseFrame::kDevice) {
+    device = std::make_unique<WorkspaceDevice>(std::move(device), workspace_);
+  }
   device->calibrate();
   return device;
 }

@@ -8,11 +8,13 @@
 
 #include "common/settings/command_line.h"
 #include "haptic_server/device/device_driver.h"
+#include "haptic_server/device/workspace.h"
 
 namespace hlm::server {
 
-/// Reads `driver` first, then the keys of that driver. Where the command line names another driver
-/// than the file, the file's keys are kept as far as both drivers have them.
+/// Reads `driver` first, then the keys of that driver and those of its workspace. Where the command
+/// line names another driver than the file, the file's keys are kept as far as both drivers have
+/// them.
 class DeviceChoice final : public settings::Section {
  public:
   explicit DeviceChoice(std::vector<std::unique_ptr<DeviceDriver>> drivers = all_drivers());
@@ -23,6 +25,11 @@ class DeviceChoice final : public settings::Section {
   void add_to(settings::CommandLine& command_line);
 
   const DeviceDriver& driver() const { return *driver_; }
+  /// All keys of the chosen device with their values. Where a file lies does not matter, what it
+  /// says does.
+  std::string fingerprint_text() const;
+  /// Why the keys cannot be used together; empty if they can.
+  std::optional<std::string> find_error() const;
   /// What --device list or --device-help asks for; empty if neither was given.
   std::optional<std::string> information() const;
   /// The chosen device, calibrated. dt: servo period, s. Throws std::runtime_error.
@@ -30,10 +37,14 @@ class DeviceChoice final : public settings::Section {
 
  private:
   const DeviceDriver& find(const settings::Assignment& name) const;
+  const settings::Setting* find_key(const DeviceDriver& driver, const std::string& key) const;
+  bool has_workspace(const DeviceDriver& driver) const;
   void set_key(const settings::Assignment& assignment) const;
 
   std::vector<std::unique_ptr<DeviceDriver>> drivers_;
   const DeviceDriver* driver_;
+  Workspace workspace_;
+  settings::Table workspace_table_;
   bool lists_ = false;
   bool helps_ = false;
 };

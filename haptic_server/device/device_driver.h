@@ -12,6 +12,13 @@
 
 namespace hlm::server {
 
+/// What the poses of a driver's devices are relative to.
+enum class PoseFrame {
+  kDevice,    ///< The device's own frame, in metres of the handle; align() moves nothing.
+  kWorld,     ///< The world, where align() puts the handle.
+  kRecorded,  ///< The world of a recording: its scales are in it already.
+};
+
 /// One kind of device. What its library or service needs is opened by connected() and open(), so a
 /// driver costs nothing, and lacks nothing, until it is asked.
 class DeviceDriver {
@@ -22,9 +29,9 @@ class DeviceDriver {
   virtual std::string_view name() const = 0;
   /// One clause for a person.
   virtual std::string_view purpose() const = 0;
-  /// Its keys of the configuration's [device] table: which one, its frame, its scale, its own
-  /// limits.
+  /// Its own keys of the configuration's [device] table; those of a Workspace are there for all.
   virtual const settings::Table& table() const = 0;
+  virtual PoseFrame pose_frame() const { return PoseFrame::kDevice; }
   /// Why the keys cannot be used together; empty if they can.
   virtual std::optional<std::string> find_error() const { return std::nullopt; }
 

@@ -3,6 +3,14 @@
 #include <spdlog/spdlog.h>
 
 namespace hlm::server {
+namespace {
+
+/// What the device itself says, as the end of a sentence.
+std::string because(const TickRecord& record) {
+  return *record.cause != '\0' ? std::string(": ") + record.cause : "";
+}
+
+}  // namespace
 
 void EventLog::observe(const TickRecord& record) {
   observe_session(record);
@@ -23,8 +31,8 @@ void EventLog::observe_session(const TickRecord& record) const {
 void EventLog::observe_health(const TickRecord& record) {
   if (record.health == health_ || record.time < next_health_) return;
   const bool good = record.health == DeviceHealth::kGood;
-  spdlog::log(good ? spdlog::level::info : spdlog::level::warn, "the device: {}",
-              meaning_of(record.health));
+  spdlog::log(good ? spdlog::level::info : spdlog::level::warn, "the device: {}{}",
+              meaning_of(record.health), because(record));
   health_ = record.health;
   next_health_ = record.time + kHealthPeriod;
 }
@@ -46,9 +54,9 @@ void EventLog::observe_state(const TickRecord& record) const {
                           remedy_of(record.fade));
     case ServerState::kFault:
       return spdlog::error(
-          "fault: {}; {}. Force is off until a person asks for a new session: restart ve_client, "
+          "fault: {}{}; {}. Force is off until a person asks for a new session: restart ve_client, "
           "or press Reset on its page",
-          meaning_of(record.fault), remedy_of(record.fault));
+          meaning_of(record.fault), because(record), remedy_of(record.fault));
   }
 }
 

@@ -51,6 +51,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (inbox.hello != nullptr) begin_session(*inbox.hello, timing.begin);
   if (machine_.simulates()) simulate();
   describe(timing, machine_, session_, step_, record_);
+  if (machine_.fault() != Fault::kNone) record_.cause = cause_;
   if (local_model_) describe(*local_model_, record_);
   record_.missing_freedoms = missing_freedoms_;
   record_.uses_contacts = traits(controller_.kind()).uses_contacts;
@@ -77,7 +78,7 @@ double Servo::silence_time(double period) const noexcept {
 
 void Servo::reject_in_fault(double now) noexcept {
   std::array<char, protocol::kMaxText> text{};
-  const std::string_view what = meaning_of(machine_.fault());
+  const std::string_view what = *cause_ != '\0' ? cause_ : meaning_of(machine_.fault());
   const std::string_view remedy = remedy_of(machine_.fault());
   std::snprintf(text.data(), text.size(), "fault: %.*s; %.*s, then ask for a new session",
                 static_cast<int>(what.size()), what.data(), static_cast<int>(remedy.size()),
@@ -101,6 +102,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   period_ = 1 / hello.ve_rate;
   machine_.begin(silence_time(period_));
   step_ = 0;
+  clutched_ = false;
   updates_ = 0;
   contained_impulses_ = 0;
   supply_ = in_proxy_ = brought_ = 0;
@@ -136,7 +138,7 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
     fail(Fault::kOverrun);
   }
-  limiter_.allow(renders_force(machine_.state()));
+  limiter_.allow(renders_force(machine_.state()) && !clutched_);
   // Nobody moves the bodies, and a hand without force holds none.
   if (machine_.state() == ServerState::kFading && before != ServerState::kFading) {
     local_model_->release_bodies();
@@ -182,7 +184,8 @@ void Servo::simulate() noexcept {
   const std::optional<DeviceState> device = device_.read();
   if (!device) return fail(Fault::kDevice);
   if (!is_finite(*device)) return fail(Fault::kNonFinite);
-  if (step_ == 0) X_WStart_ = device->X_WD;
+  clutched_ = device->clutched;
+  if (step_ == 0 || clutched_) X_WStart_ = device->X_WD;
   record_.X_WD = device->X_WD;
   record_.V_WD = device->V_WD;
   record_.hand_measured = device->F_hand.has_value();
@@ -191,6 +194,7 @@ void Servo::simulate() noexcept {
   record_.gripper = device->gripper.value_or(0);
   record_.scale = device_.ratings().scale;
   record_.health = device->health;
+  if (device->health != DeviceHealth::kGood) record_.cause = device_.cause();
 
   if (!observe(*device)) return;
   // Force rises anew when the motors are on again.
@@ -205,8 +209,8 @@ void Servo::simulate() noexcept {
 
 /// Keeps the port's ledger. Whether the handle and what it was given are within their limits.
 bool Servo::observe(const DeviceState& device) noexcept {
-  Fault fault =
-      options_.handle.exceeded(X_WStart_, device.X_WD, device.V_WD, device_.ratings().scale);
+  Fault fault = options_.handle.exceeded(X_WStart_, device.X_WD, device.V_WD,
+                                         device_.ratings().scale, device_.ratings().rotation_scale);
   limiter_.observe(device.X_WD, supply_);
   record_.port = limiter_.ledger();
   record_.brought = brought_;
@@ -242,8 +246,7 @@ ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const double moved = limiter_.explained(environment_power(*local_model_));
   const bool twice = controller_.kind() != ControllerKind::kVirtualCoupler;
   in_proxy_ += hand + weight + (twice ? 2 : 1) * moved;
-  const double kept =
-      std::clamp(in_proxy_, 0.0, kinetic_energy(*local_model_) / std::min(1.0, scale));
+  const double kept = std::clamp(in_proxy_, 0.0, kinetic_energy(*local_model_) / scale);
   supply_ = in_proxy_ - kept;
   in_proxy_ = kept;
   return felt;
@@ -272,13 +275,16 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
 
 bool Servo::is_plausible(const DeviceState& device) const noexcept {
   const double scale = std::max(1.0, device_.ratings().scale);
+  const double rotation_scale = std::max(1.0, device_.ratings().rotation_scale);
   const Twist V = local_model_->hand_twist();
   const Vector3 away = local_model_->proxy().X_WH().p - device.X_WD.p;
   return V.head<3>().norm() <= kLargestHandSpeed * scale &&
-         V.tail<3>().norm() <= kLargestHandRate && away.norm() <= kLargestDistance * scale;
+         V.tail<3>().norm() <= kLargestHandRate * rotation_scale &&
+         away.norm() <= kLargestDistance * scale;
 }
 
 void Servo::fail(Fault fault) noexcept {
+  if (machine_.fault() == Fault::kNone) cause_ = fault == Fault::kDevice ? device_.cause() : "";
   machine_.fail(fault);
   limiter_.cut();
   record_.F_command.setZero();

@@ -76,10 +76,12 @@ class Servo {
   std::uint64_t updates_ = 0;      ///< Adopted in the session.
   Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
   double contained_impulses_ = 0;  ///< Step of those in the state of the newest update.
-  Pose X_WStart_;                  ///< Of the handle, as the session began.
-  double in_proxy_ = 0;            ///< Of what hand and weight did on the proxy it keeps this, J.
-  double supply_ = 0;              ///< What the latest step explains of the port's work, J.
-  double brought_ = 0;             ///< By updates into contacts' springs in the session, J.
+  Pose X_WStart_;           ///< Of the handle, as the session began, or the clutch was let go.
+  bool clutched_ = false;   ///< Of the device, as read last.
+  const char* cause_ = "";  ///< Why the device failed, in a fault of it.
+  double in_proxy_ = 0;     ///< Of what hand and weight did on the proxy it keeps this, J.
+  double supply_ = 0;       ///< What the latest step explains of the port's work, J.
+  double brought_ = 0;      ///< By updates into contacts' springs in the session, J.
   TickRecord record_;
 };
 

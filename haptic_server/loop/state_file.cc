@@ -131,6 +131,7 @@ std::string StateFile::text(const TickRecord& record) const {
                    {"device",
                     {{"name", facts_.device},
                      {"health", name_of(record.health)},
+                     {"cause", record.cause},
                      {"max_force", finite(facts_.ratings.max_force)},
                      {"max_torque", finite(facts_.ratings.max_torque)},
                      {"halts", facts_.ratings.halts},

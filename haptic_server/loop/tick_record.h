@@ -49,6 +49,7 @@ struct TickRecord {
   double gripper = 0;         ///< Its opening, 0 closed to 1 open. Not in the tick log.
   double scale = 1;           ///< Metres in the world per metre of the handle. Not in the tick log.
   DeviceHealth health = DeviceHealth::kGood;  ///< Not in the tick log.
+  const char* cause = "";  ///< Of that health, or of a fault of the device. Not in the tick log.
   Freedoms missing_freedoms = 0;  ///< In which the tool moves, the device not. Not in the tick log.
   double stiffness = 0;           ///< Of a contact in effect, N/m. Not in the tick log.
   bool uses_contacts = true;      ///< Of the controller in effect. Not in the tick log.

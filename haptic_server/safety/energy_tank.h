@@ -6,10 +6,11 @@
 
 namespace hlm::server {
 
-/// Work of a wrench at the handle, J, over a displacement in the world. scale: metres in the world
-/// for each metre of the handle.
+/// Work at the handle, J, of a wrench in the world over a displacement there. scale: metres in the
+/// world for each metre of the handle. Whatever the scale of rotation, torques are scaled so that
+/// this holds (DeviceRatings::torque_scale).
 inline double work_at_handle(const Wrench& F, const Vector6& moves, double scale) noexcept {
-  return F.head<3>().dot(moves.head<3>()) / scale + F.tail<3>().dot(moves.tail<3>());
+  return F.dot(moves) / scale;
 }
 
 /// What has passed the device port since the session began, J at the handle.

@@ -9,7 +9,8 @@
 
 namespace hlm::server {
 
-/// The smaller of what the user allows and what the device is rated for. What a device does not
+/// The smaller of what the user allows at the handle and what the device is rated for in the world.
+/// What a device does not
 /// rate follows from its force and its torque, so that the defaults limit a weak one, too.
 struct ForceBudget {
   /// In so short a time an unrated device takes its whole force, s.
@@ -21,11 +22,11 @@ struct ForceBudget {
   static constexpr double kWholeForceWay = 0.042;
 
   double max_force = 0;        ///< N.
-  double max_torque = 0;       ///< N·m.
+  double max_torque = 0;       ///< In the world, N·m.
   double max_force_step = 0;   ///< Change per servo period, N.
-  double max_torque_step = 0;  ///< Change per servo period, N·m.
+  double max_torque_step = 0;  ///< Change per servo period, in the world, N·m.
 
-  double max_power = 0;          ///< Of the force, given to the hand, W.
+  double max_power = 0;          ///< Of the force, given to the hand at the handle, W.
   double max_turning_power = 0;  ///< Of the torque, W.
   double max_energy = 0;         ///< Given beyond what was taken and is explained, J.
 
@@ -37,12 +38,16 @@ struct ForceBudget {
     };
     const double force = device.max_force;
     const double torque = device.max_torque;
+    const double of_handle = device.torque_scale();
     return {std::min(allowed.max_force, force),
-            std::min(allowed.max_torque, torque),
+            std::min(allowed.max_torque * of_handle, torque),
             least(allowed.max_force_rate, device.max_force_rate, force / kWholeForceTime) * dt,
-            least(allowed.max_torque_rate, device.max_torque_rate, torque / kWholeForceTime) * dt,
+            least(allowed.max_torque_rate * of_handle, device.max_torque_rate,
+                  torque / kWholeForceTime) *
+                dt,
             least(allowed.max_power, device.max_power, force * kWholeForceSpeed),
-            least(allowed.max_turning_power, device.max_turning_power, torque * kWholeTorqueRate),
+            least(allowed.max_turning_power, device.max_turning_power,
+                  torque / of_handle * kWholeTorqueRate),
             std::min(allowed.max_energy, force * kWholeForceWay)};
   }
 };

@@ -9,17 +9,18 @@
 
 namespace hlm::server {
 
-/// In metres of the handle: those of the world by the device's scale.
+/// In metres and radians of the handle: those of the world by the device's scales.
 struct HandleLimits {
   double max_speed = 5;   ///< m/s. A quick hand reaches 2; less ends its session.
   double max_rate = 100;  ///< rad/s. A wrist reaches 30.
   double workspace = 2;   ///< Distance from where the session began, m.
 
   /// The fault that the handle at X_WD with V_WD is, in a session that it began at X_WStart.
-  /// scale: metres in the world for each metre of the handle.
-  Fault exceeded(const Pose& X_WStart, const Pose& X_WD, const Twist& V_WD,
-                 double scale) const noexcept {
-    const bool fast = V_WD.head<3>().norm() > max_speed * scale || V_WD.tail<3>().norm() > max_rate;
+  /// scale, rotation_scale: as the device rates them.
+  Fault exceeded(const Pose& X_WStart, const Pose& X_WD, const Twist& V_WD, double scale,
+                 double rotation_scale = 1) const noexcept {
+    const bool fast = V_WD.head<3>().norm() > max_speed * scale ||
+                      V_WD.tail<3>().norm() > max_rate * rotation_scale;
     if (fast) return Fault::kHandleSpeed;
     const bool far = (X_WD.p - X_WStart.p).norm() > workspace * scale;
     return far ? Fault::kWorkspace : Fault::kNone;

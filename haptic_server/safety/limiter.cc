@@ -54,6 +54,7 @@ Limiter::Limiter(const LimiterOptions& allowed, const DeviceRatings& device, dou
     : budget_(ForceBudget::of(allowed, device, dt)),
       dt_(dt),
       scale_(device.scale),
+      torque_scale_(device.torque_scale()),
       fade_step_(step_of(allowed.fade_time, dt)),
       rise_step_(step_of(allowed.rise_time, dt)),
       spreader_(budget_, dt),
@@ -82,11 +83,13 @@ Wrench Limiter::limit_power(const Wrench& F, const Twist& V) noexcept {
     const Vector3 less = power_limited(f, v, std::min(most, allowed), damping);
     return less == f ? f : shortened(less, size);
   };
+  // V / scale_ gives the power at the handle. The damping, too, is that of the handle.
+  const double angular_damping = kLargestAngularDamping * torque_scale_ * torque_scale_;
   Wrench less;
   less << limited(F.head<3>(), V.head<3>() / scale_, budget_.max_power, portion_ * kLargestDamping,
                   budget_.max_force),
-      limited(F.tail<3>(), V.tail<3>(), budget_.max_turning_power,
-              portion_ * kLargestAngularDamping, budget_.max_torque);
+      limited(F.tail<3>(), V.tail<3>() / scale_, budget_.max_turning_power,
+              portion_ * angular_damping, budget_.max_torque);
   if (less != F && limited_by_ != ForceLimit::kFade) {
     limited_by_ = allowed < budget_.max_power ? ForceLimit::kEnergy : ForceLimit::kPower;
   }

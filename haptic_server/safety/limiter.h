@@ -75,10 +75,11 @@ class Limiter {
 
   ForceBudget budget_;
   double dt_;
-  double scale_;        ///< Metres in the world for each metre of the handle.
-  double fade_step_;    ///< Of portion_ per step.
-  double rise_step_;    ///< Likewise.
-  double portion_ = 0;  ///< Of the limited wrench that is rendered, 0 to 1.
+  double scale_;         ///< Metres in the world for each metre of the handle.
+  double torque_scale_;  ///< N·m in the world for each N·m at the handle.
+  double fade_step_;     ///< Of portion_ per step.
+  double rise_step_;     ///< Likewise.
+  double portion_ = 0;   ///< Of the limited wrench that is rendered, 0 to 1.
   bool wanted_ = false;
   bool met_non_finite_ = false;
   ForceLimit limited_by_ = ForceLimit::kNone;

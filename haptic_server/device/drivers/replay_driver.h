@@ -16,6 +16,7 @@ class ReplayDriver final : public DeviceDriver {
   std::string_view name() const override { return "replay"; }
   std::string_view purpose() const override { return "the device of a recorded tick log"; }
   const settings::Table& table() const override { return table_; }
+  PoseFrame pose_frame() const override { return PoseFrame::kRecorded; }
   std::optional<std::string> find_error() const override;
   std::vector<std::string> connected() const override;
   std::unique_ptr<Device> open(double dt) const override;

@@ -15,6 +15,7 @@ class SimulatedDriver final : public DeviceDriver {
   std::string_view name() const override { return "simulated"; }
   std::string_view purpose() const override { return "an impedance device and the hand on it"; }
   const settings::Table& table() const override { return table_; }
+  PoseFrame pose_frame() const override { return PoseFrame::kWorld; }
   std::vector<std::string> connected() const override { return {"always there"}; }
   std::unique_ptr<Device> open(double dt) const override;
 

@@ -47,7 +47,10 @@ class ScriptedDevice final : public server::Device, private server::GuidedHand {
     return takes_wrenches;
   }
 
+  const char* cause() const noexcept override { return why; }
+
   server::DeviceRatings rated;
+  const char* why = "";                                              ///< What cause() returns.
   std::optional<server::DeviceState> state = server::DeviceState{};  ///< What read() returns.
   bool takes_wrenches = true;                                        ///< What write() returns.
   bool enabled = false;

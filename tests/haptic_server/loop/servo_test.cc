@@ -148,6 +148,45 @@ TEST_CASE("The ledger of a scaled device counts the way of the handle, not that 
   CHECK(work == Approx(force * 0.25e-3).epsilon(0.02));  // J
 }
 
+TEST_CASE("While the clutch is held force fades, and rises anew when it is let go") {
+  ServoBench bench;
+  begin_under_load(bench);
+  const auto largest_change = [&bench](int count) {
+    double largest = 0;
+    for (int i = 0; i < count; ++i) {
+      const double before = bench.device.written[0];
+      bench.tick_with(bench.update());
+      largest = std::max(largest, std::abs(bench.device.written[0] - before));
+    }
+    return largest;  // N, in one tick
+  };
+  bench.device.state->clutched = true;
+  CHECK(largest_change(25) < 0.3);  // N: 3 N in 20 ms
+  CHECK(bench.device.written.norm() == 0);
+  bench.device.state->clutched = false;
+  CHECK(largest_change(50) < 0.1);  // N: 3 N in 0.1 s
+  CHECK(bench.tick_with(bench.update()).limit == ForceLimit::kFade);
+  largest_change(60);
+  CHECK(bench.tick_with(bench.update()).limit == ForceLimit::kNone);
+  CHECK(std::abs(bench.device.written[0]) > 1);  // N
+}
+
+TEST_CASE("The cause that a device gives for its failure stays with the fault") {
+  ServoBench bench;
+  bench.begin();
+  bench.device.why = "its cable is loose";
+  bench.device.state.reset();
+  CHECK(std::string(bench.tick_with(bench.update()).cause) == "its cable is loose");
+  bench.device.why = "";
+  CHECK(std::string(bench.tick().cause) == "its cable is loose");
+  bench.clears_fault = false;
+  bench.say_hello();
+  bench.tick();
+  const auto reject = bench.last_sent<protocol::Reject>();
+  CHECK(std::string(reject.text.begin(), reject.text.end())
+            .starts_with("fault: its cable is loose; "));
+}
+
 TEST_CASE("A new hello begins again: steps from 1, the proxy where the hello says, no old force") {
   ServoBench bench;
   begin_under_load(bench);

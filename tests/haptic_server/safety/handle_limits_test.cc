@@ -13,7 +13,8 @@ Twist twist(double v, double w) {
   return V;
 }
 
-TEST_CASE("A quick hand is endured; what no hand does is a fault, in metres of the handle") {
+TEST_CASE(
+    "A quick hand is endured; what no hand does is a fault, in metres of the handle") {
   const HandleLimits limits;
   Pose far;
   far.p.z() = 2.1;  // m
@@ -23,6 +24,8 @@ TEST_CASE("A quick hand is endured; what no hand does is a fault, in metres of t
   CHECK(limits.exceeded({}, far, twist(0, 0), 1) == Fault::kWorkspace);
   CHECK(limits.exceeded(far, far, twist(0, 0), 1) == Fault::kNone);
   CHECK(limits.exceeded({}, far, twist(5.1, 0), 2) == Fault::kNone);
+  CHECK(limits.exceeded({}, {}, twist(0, 101), 1, 2) == Fault::kNone);
+  CHECK(limits.exceeded({}, {}, twist(0, 51), 1, 0.5) == Fault::kHandleSpeed);
 }
 
 }  // namespace

@@ -223,6 +223,19 @@ TEST_CASE("Power is that at the handle: with a scale it moves less, or more, tha
 }
 
 TEST_CASE(
+    "Of a turn, too: the torque of 1 N·m at the handle is scale / rotation scale in the world") {
+  const DeviceRatings rated{.max_torque = 4 * 0.6, .scale = 8, .rotation_scale = 2};
+  Limiter limiter = faded_in(rated);
+  Twist V = Twist::Zero();
+  V[5] = 20;  // rad/s in the world, 10 at the handle
+  Wrench F = Wrench::Zero();
+  F[5] = 2.4;
+  limiter.limit(F, Wrench::Zero(), V);  // The rate allows 0.6 N·m in a step.
+  // 3 W at the handle: 0.3 N·m there, 1.2 N·m in the world.
+  CHECK(limiter.limit(F, Wrench::Zero(), V)[5] == Approx(1.2));
+}
+
+TEST_CASE(
     "Every limit on force is the device's where it rates less, the user's where he allows less") {
   const DeviceRatings weak{.max_force = 3,
                            .max_torque = 0.1,
