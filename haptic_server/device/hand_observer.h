@@ -10,15 +10,15 @@
 namespace hlm::server {
 
 /// A disturbance observer (docs/method.md 14): a model of the handle, M dV/dt = F_motor + F - B V,
-/// is drawn to where the handle is, and F, the wrench that it takes to draw it there, is the hand's.
-/// With a true model F follows the hand as three first-order lags of the bandwidth do, whatever the
-/// motors give. What the model does not know counts as the hand's: dry friction, weight that the
-/// device does not bear, motors that give something else than was commanded.
+/// is drawn to where the handle is, and F, the wrench that it takes to draw it there, is the
+/// hand's. With a true model F follows the hand as a Butterworth low-pass of third order does,
+/// whatever the motors give. What the model does not know counts as the hand's: dry friction,
+/// weight that the device does not bear, motors that give something else than was commanded.
 class HandObserver {
  public:
   /// Inertia is taken from `device`, in the handle's own axes the same in all directions; what it
-  /// rates with 0 has no wrench. Its damping counts for translation. bandwidth: Hz, > 0; dt: period
-  /// of step(), s, > 0.
+  /// rates with 0 has no wrench. Its damping counts for translation. bandwidth: where F has fallen
+  /// by 3 dB, Hz, > 0, below a quarter of the rate; dt: period of observe(), s, > 0.
   HandObserver(const DeviceRatings& device, double bandwidth, double dt) noexcept;
 
   /// The handle is at rest at X_WD, nobody holds it, and no command is under way.

@@ -16,6 +16,22 @@ DeviceRatings with_overrides(DeviceRatings ratings, const ObserverOptions& optio
 
 }  // namespace
 
+void add_keys(settings::Table& table, ObserverOptions& options) {
+  table.group("Observer of the hand");
+  table.yes_no("observe-hand", options.on,
+               "Whether the hand's wrench is estimated where the device does not measure it and a "
+               "mass is known");
+  table.number("observer-bandwidth", options.bandwidth, {1, 250, "Hz"},
+               "Bandwidth of that estimate: more follows the hand sooner, and makes more noise of "
+               "encoder steps");
+  table.number("apparent-mass", options.mass, {0.001, 1000, "kg"},
+               "Mass at the handle that the estimate is made with. Unset: as the device rates it");
+  table.number("apparent-inertia", options.inertia, {1e-6, 100, "kg·m²"},
+               "Inertia at the handle, likewise");
+  table.number("apparent-damping", options.damping, {0, 1e4, "N·s/m"},
+               "Damping at the handle, likewise");
+}
+
 ObservedDevice::ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options,
                                double dt)
     : raw_(std::move(raw)),

@@ -1,25 +1,28 @@
 // A device that cannot measure the hand's wrench, with an observer that estimates it.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <optional>
-#include <string>
 
-#include "common/range.h"
+#include "common/settings/table.h"
 #include "haptic_server/device/device.h"
 #include "haptic_server/device/hand_observer.h"
 
 namespace hlm::server {
 
-/// What the observer is told; what is unset is as the device rates it.
+/// Keys that every [device] table has; what is unset is as the device rates it.
 struct ObserverOptions {
-  bool on = true;
-  double bandwidth = 40;  ///< Hz.
-  std::optional<double> mass;     ///< Apparent at the handle, kg.
-  std::optional<double> inertia;  ///< kg·m².
-  std::optional<double> damping;  ///< N·s/m.
+  bool on = true;  ///< Where the device does not measure the hand's wrench and a mass is known.
+  double bandwidth = 50;            ///< Hz.
+  std::optional<double> mass{};     ///< Apparent at the handle, kg.
+  std::optional<double> inertia{};  ///< kg·m².
+  std::optional<double> damping{};  ///< N·s/m.
+
+  bool operator==(const ObserverOptions&) const = default;
 };
+
+/// Declares the keys, bound to `options`.
+void add_keys(settings::Table& table, ObserverOptions& options);
 
 /// Fills DeviceState::F_hand. The rest is the raw device's.
 class ObservedDevice final : public Device {
@@ -38,6 +41,7 @@ class ObservedDevice final : public Device {
   GuidedHand* guided_hand() noexcept override { return raw_->guided_hand(); }
   std::optional<DeviceState> read() noexcept override;
   bool write(const Wrench& F) noexcept override;
+  const char* cause() const noexcept override { return raw_->cause(); }
   void halt() noexcept override { raw_->halt(); }
 
  private:
