@@ -1,6 +1,6 @@
 #include "haptic_server/control/controller.h"
 
-#include <cmath>
+#include <algorithm>
 
 #include <spdlog/fmt/fmt.h>
 
@@ -127,18 +127,18 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
         "lower it",
         gains.damping, device.mass, 2 * lag));
   }
-  // Felt through the coupler the wall can be no stiffer than the coupler.
-  const bool through_coupler =
-      kind == ControllerKind::kVirtualCoupler || !traits(kind).uses_contacts;
-  const double felt = through_coupler ? gains.stiffness : contacts.stiffness;
-  const double rendered_damping = coordinates ? gains.damping : contacts.damping;
-  const double needed = felt * lag + (coordinates ? 0 : std::abs(rendered_damping));
-  if (needed > device.damping + (coordinates ? gains.damping : 0)) {
-    doubts.push_back(
-        fmt::format("a wall of {:.4g} N/m at {} Hz needs {:.3g} N·s/m of damping to be passive "
-                    "(Colgate), device "
-                    "and coupling have {:.3g}: it may buzz, more so with several contacts",
-                    felt, 1 / period, needed, device.damping + (coordinates ? gains.damping : 0)));
+  // Directly felt, one contact; else the coupling, however stiff the wall behind it.
+  const Impedance coupling = felt_impedance(kind, gains, contacts);
+  const double one = std::min(contacts.stiffness, contacts.max_hand_stiffness);
+  const double felt = coordinates ? coupling.stiffness : one;
+  const double needed =
+      felt * lag + (coordinates ? 0 : contacts.damping * one / contacts.stiffness);
+  const double there = device.damping + (coordinates ? coupling.damping : 0);
+  if (needed > there) {
+    doubts.push_back(fmt::format(
+        "a spring of {:.5g} N/m at {} Hz needs {:.3g} N·s/m of damping to be passive (Colgate), "
+        "device and coupling have {:.3g}: it may buzz, more so with several contacts",
+        felt, 1 / period, needed, there));
   }
   return doubts;
 }

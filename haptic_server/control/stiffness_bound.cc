@@ -11,6 +11,10 @@ namespace {
 /// At which vendors rate a stiffness, s.
 constexpr double kRatedPeriod = 1e-3;
 
+/// Share of the damping that lowered stiffness leaves. Less rings for seconds after each blow, more
+/// makes walls softer than need be.
+constexpr double kLeftOver = 0.3;
+
 /// That bear on one side of the tool at once, where no limit says less.
 constexpr double kMostContacts = 64;
 
@@ -29,13 +33,15 @@ double physical_damping(const DeviceRatings& device) noexcept {
   return std::isfinite(device.max_stiffness) ? device.max_stiffness * kRatedPeriod / 2 : 0;
 }
 
-double bearable_share(const DeviceRatings& device, const Impedance& felt, double period) noexcept {
+double bearable_share(const DeviceRatings& device, const Impedance& felt, double period,
+                      double rest) noexcept {
   const double lag = lag_of(device, period);
   const double own = physical_damping(device);
   if (own <= 0) return 1;
   const double late = device.mass > 0 ? felt.damping * lag / (2 * device.mass) : 0;
   const auto holds = [&](double share) {
-    return share * felt.stiffness * lag <= (own + share * felt.damping) * (1 - share * late);
+    return share * felt.stiffness * lag <=
+           (1 - rest) * (own + share * felt.damping) * (1 - share * late);
   };
   if (holds(1)) return 1;
   // It holds at 0 and, a parabola, ceases to hold once.
@@ -64,7 +70,7 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
                                            double period, ControllerGains& gains,
                                            LocalModelParameters& contacts) {
   const Impedance felt = felt_impedance(kind, gains, contacts);
-  const double share = bearable_share(device, felt, period);
+  const double share = bearable_share(device, felt, period, kLeftOver);
   if (share == 1) return std::nullopt;
   const std::string cause = fmt::format(
       "too stiff for this device, whose force comes {:.3g} ms after its motion: it would shake",
@@ -80,7 +86,8 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
   const ControllerGains asked = gains;
   for (const NumberOf<ControllerGains>& gain : kGainNumbers) gains.*gain.number *= share;
   return fmt::format(
-      "a coupling of {:.5g} N/m and {:.5g} N·s/m is {}; {:.5g} N/m and {:.5g} N·s/m are in effect; {}",
+      "a coupling of {:.5g} N/m and {:.5g} N·s/m is {}; {:.5g} N/m and {:.5g} N·s/m are in effect; "
+      "{}",
       asked.stiffness, asked.damping, cause, gains.stiffness, gains.damping, kOtherwise);
 }
 

@@ -25,21 +25,23 @@ double physical_damping(const DeviceRatings& device) noexcept;
 /// The largest share of a spring and damper, 0 to 1, with which the device is stable without a
 /// hand:
 ///
-///     k lag < (b_device + b) (1 - b lag / 2m)
+///     k lag < (1 - rest) (b_device + b) (1 - b lag / 2m)
 ///
-/// The first factor is Colgate's bound for b = 0, and that of Gil et al. (2009) for a small b; the
-/// second, ours, is what a damper costs that is itself late, where the device's mass is known. 1
-/// where nobody knows what the device damps.
-double bearable_share(const DeviceRatings& device, const Impedance& felt, double period) noexcept;
+/// where `rest` is the share of the damping that is left over. Without the last factor that is
+/// Colgate's bound for b = 0, and that of Gil et al. (2009) for a small b; the factor, ours, is
+/// what a damper costs that is itself late, where the device's mass is known. 1 where nobody knows
+/// what the device damps.
+double bearable_share(const DeviceRatings& device, const Impedance& felt, double period,
+                      double rest = 0) noexcept;
 
 /// What the device feels at most as a function of its own motion: with direct coupling all contacts
 /// that add up; else the coupling, twice where the contact force that balances it is fed back, too.
 Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
                          const LocalModelParameters& contacts) noexcept;
 
-/// Lowers what the device does not bear: with direct coupling the stiffness of all contacts
-/// together (max_hand_stiffness), else the gains of the coupling. Returns a sentence for a person
-/// that says so; empty if nothing was lowered.
+/// Lowers what the device does not bear with damping left to come to rest: with direct coupling the
+/// stiffness of all contacts together (max_hand_stiffness), else the gains of the coupling. Returns
+/// a sentence for a person that says so; empty if nothing was lowered.
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
                                            double period, ControllerGains& gains,
                                            LocalModelParameters& contacts);

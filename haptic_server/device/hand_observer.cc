@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "haptic_server/device/saturate.h"
+
 namespace hlm::server {
 namespace {
 
@@ -26,6 +28,8 @@ HandObserver::HandObserver(const DeviceRatings& device, double bandwidth, double
     : mobility_(diagonal(inverse(device.mass), inverse(device.inertia))),
       inertia_(diagonal(device.mass, device.inertia)),
       damping_(diagonal(device.damping, 0)),
+      max_force_(device.max_force),
+      max_torque_(device.max_torque),
       delay_(std::min(static_cast<std::size_t>(std::lround(device.delay / dt)), kLongestDelay)),
       dt_(dt) {
   // The poles of a Butterworth filter: -w and w (-1 ± i√3)/2, in z.
@@ -63,7 +67,7 @@ const Wrench& HandObserver::observe(const Pose& X_WD, bool powered) noexcept {
   const Vector6 away = displacement(X_WM_, X_WD);
   X_WM_ = moved(X_WM_, pose_gain_ * away);
   V_WM_ += twist_gain_ * away;
-  F_ += force_gain_ * inertia_.cwiseProduct(away);
+  F_ = saturated(F_ + force_gain_ * inertia_.cwiseProduct(away), max_force_, max_torque_);
   return F_;
 }
 

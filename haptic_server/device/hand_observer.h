@@ -16,9 +16,10 @@ namespace hlm::server {
 /// weight that the device does not bear, motors that give something else than was commanded.
 class HandObserver {
  public:
-  /// Inertia is taken from `device`, in the handle's own axes the same in all directions; what it
-  /// rates with 0 has no wrench. Its damping counts for translation. bandwidth: where F has fallen
-  /// by 3 dB, Hz, > 0, below a quarter of the rate; dt: period of observe(), s, > 0.
+  /// The estimate is never more than the device's rated force and torque: a loop that stood still
+  /// for some periods would else find a blow. Inertia is taken from `device`, in the handle's own
+  /// axes the same in all directions; what it rates with 0 has no wrench. Its damping counts for
+  /// translation. bandwidth: where F has fallen by 3 dB, Hz, > 0; dt: period of observe(), s, > 0.
   HandObserver(const DeviceRatings& device, double bandwidth, double dt) noexcept;
 
   /// The handle is at rest at X_WD, nobody holds it, and no command is under way.
@@ -36,6 +37,8 @@ class HandObserver {
   Vector6 mobility_;  ///< 1/kg and 1/(kg·m²); 0 where it is not known.
   Vector6 inertia_;
   Vector6 damping_;
+  double max_force_;   ///< N.
+  double max_torque_;  ///< N·m.
   std::size_t delay_;  ///< Of a command, periods.
   double dt_;
   /// What of the distance between handle and model goes into the model's pose, twist and wrench.

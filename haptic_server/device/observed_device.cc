@@ -11,6 +11,7 @@ DeviceRatings with_overrides(DeviceRatings ratings, const ObserverOptions& optio
   ratings.mass = options.mass.value_or(ratings.mass);
   ratings.inertia = options.inertia.value_or(ratings.inertia);
   ratings.damping = options.damping.value_or(ratings.damping);
+  ratings.delay = options.delay.value_or(ratings.delay);
   return ratings;
 }
 
@@ -30,6 +31,8 @@ void add_keys(settings::Table& table, ObserverOptions& options) {
                "Inertia at the handle, likewise");
   table.number("apparent-damping", options.damping, {0, 1e4, "N·s/m"},
                "Damping at the handle, likewise");
+  table.number("apparent-delay", options.delay, {0, 0.1, "s"},
+               "From a command to its effect in the pose that is read, likewise");
 }
 
 ObservedDevice::ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options,

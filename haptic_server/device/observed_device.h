@@ -17,6 +17,7 @@ struct ObserverOptions {
   std::optional<double> mass{};     ///< Apparent at the handle, kg.
   std::optional<double> inertia{};  ///< kg·m².
   std::optional<double> damping{};  ///< N·s/m.
+  std::optional<double> delay{};    ///< From a command to its effect in the pose that is read, s.
 
   bool operator==(const ObserverOptions&) const = default;
 };

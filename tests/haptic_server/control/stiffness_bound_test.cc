@@ -120,7 +120,7 @@ TEST_CASE("What a device does not bear is lowered, and said in one sentence") {
   const auto walls = lower_stiffness(ControllerKind::kDirect, late, kPeriod, gains, contacts);
   REQUIRE(walls);
   CAPTURE(*walls);
-  CHECK(contacts.max_hand_stiffness == Approx(5 / 0.0205).epsilon(1e-6));  // b / lag, N/m
+  CHECK(contacts.max_hand_stiffness == Approx(0.7 * 5 / 0.0205).epsilon(1e-6));  // of b / lag, N/m
   CHECK_THAT(*walls, ContainsSubstring("contacts of 16000 N/m together"));
 }
 

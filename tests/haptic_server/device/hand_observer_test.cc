@@ -146,6 +146,19 @@ TEST_CASE("Encoder steps of 0.05 mm make noise of 0.5 N at most, at 1 and at 4 k
   CHECK(noise > 0.005);  // it is there
 }
 
+TEST_CASE("A loop that stands still for some periods finds no blow of the hand") {
+  const double dt = 1e-3;
+  DeviceRatings rated = SimulatedDevice(frictionless(), {}, dt).ratings();
+  HandObserver observer(rated, kBandwidth, dt);
+  Pose X_WD;
+  double most = 0;
+  for (int step = 0; step < 200; ++step) {
+    X_WD.p.x() += step == 100 ? 0.01 : 0.5 * dt;  // 0.5 m/s; 20 periods missed
+    most = std::max(most, observer.observe(X_WD, true).head<3>().norm());
+  }
+  CHECK(most <= rated.max_force);  // N
+}
+
 TEST_CASE("While the motors are held off commands count for nothing") {
   Course course;
   course.device.switched_on = false;
