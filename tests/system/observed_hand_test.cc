@@ -113,6 +113,34 @@ TEST_CASE("A mass that is known by a third too small or too large presses no dif
   CHECK(rest.speed < 1);  // m/s
 }
 
+/// How far the handle still sways between 5 and 6 s, m, drawn 20 mm aside in free motion.
+double sway_in(const server::Grip& grip, bool measured = false) {
+  server::Reach aside;
+  aside.position = {0.02, 0, 0};
+  aside.relative = true;
+  aside.grip = grip;
+  VirtualSessionOptions options;
+  options.device = without_sensor();
+  options.device.dry_friction = options.device.position_step = options.device.angle_step = 0;
+  options.hand = {{{0.2, aside}}, server::AfterLastSegment::kHold};
+  options.device.measures_hand_wrench = measured;
+  Span x;
+  VirtualSession session(options, [&](const TickRecord& record) {
+    if (record.time > 5) x.add(record.X_WD.p.x());
+  });
+  session.run(6);
+  return x.width();
+}
+
+TEST_CASE(
+    "In a hand's grip an observed device is quiet, on a stiff, undamped clamp it sways for long") {
+  CHECK(sway_in({}) < 1e-6);                                // m
+  CHECK(sway_in({.stiffness = 500, .damping = 5}) < 1e-5);  // m
+  const server::Grip clamp{.stiffness = 4000, .damping = 0.2, .max_force = 100};
+  CHECK(sway_in(clamp, true) < 1e-6);  // measured
+  CHECK(sway_in(clamp) > 1e-3);
+}
+
 TEST_CASE(
     "In a session the observed hand's work explains what the port gives, as a measured one's") {
   VirtualSessionOptions options;

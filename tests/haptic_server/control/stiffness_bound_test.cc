@@ -83,6 +83,21 @@ TEST_CASE("The share that is borne of a coupling makes it rest, on light devices
   CHECK(comes_to_rest(options, {0.9 * share * asked.stiffness, 0.9 * share * asked.damping}));
 }
 
+TEST_CASE("What the bound misses: friction stills more, a filter of the velocity less") {
+  SimulatedDeviceOptions sticky = late_by(2);
+  const double bound = 5 / 2.5e-3;  // N/m
+  CHECK_FALSE(comes_to_rest(sticky, {1.5 * bound, 0}));
+  sticky.dry_friction = 0.02;  // N, of the 0.1 N of the nudge
+  CHECK(comes_to_rest(sticky, {1.5 * bound, 0}));
+
+  SimulatedDeviceOptions filtered = late_by(2);
+  const double damping = 60;  // N·s/m
+  const double damped = (5 + damping) * (1 - damping * 2.5e-3 / 2) / 2.5e-3;
+  CHECK(comes_to_rest(filtered, {0.9 * damped, damping}));
+  filtered.velocity_cutoff = 30;  // Hz
+  CHECK_FALSE(comes_to_rest(filtered, {0.9 * damped, damping}));
+}
+
 TEST_CASE("A device that exchanges seldom is as late as one that is slower by half its period") {
   DeviceRatings device = rated(late_by(0));
   CHECK(lag_of(device, kPeriod) == Approx(0.5e-3));  // s
