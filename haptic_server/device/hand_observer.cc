@@ -32,6 +32,9 @@ HandObserver::HandObserver(const DeviceRatings& device, double bandwidth, double
       max_torque_(device.max_torque),
       delay_(std::min(static_cast<std::size_t>(std::lround(device.delay / dt)), kLongestDelay)),
       dt_(dt) {
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    if ((device.freedoms >> i & 1) == 0) mobility_[i] = inertia_[i] = 0;
+  }
   // The poles of a Butterworth filter: -w and w (-1 ± i√3)/2, in z.
   const double angle = 2 * std::numbers::pi * bandwidth * dt;
   const double real = std::exp(-angle);

@@ -18,7 +18,8 @@ class HandObserver {
  public:
   /// The estimate is never more than the device's rated force and torque: a loop that stood still
   /// for some periods would else find a blow. Inertia is taken from `device`, in the handle's own
-  /// axes the same in all directions; what it rates with 0 has no wrench. Its damping counts for
+  /// axes the same in all directions; what it rates with 0, and where
+  /// it does not move, has no wrench. Its damping counts for
   /// translation. bandwidth: where F has fallen by 3 dB, Hz, > 0; dt: period of observe(), s, > 0.
   HandObserver(const DeviceRatings& device, double bandwidth, double dt) noexcept;
 

@@ -159,6 +159,24 @@ TEST_CASE("A loop that stands still for some periods finds no blow of the hand")
   CHECK(most <= rated.max_force);  // N
 }
 
+TEST_CASE("Where the handle cannot move there is no hand") {
+  const double dt = 1e-3;
+  const auto device = with_hand_observer(
+      std::make_unique<SimulatedDevice>(frictionless(), shaken(2.5), dt), {}, dt);
+  device->align({});
+  device->enable();
+  double across = 0;
+  double along = 0;
+  for (int step = 0; step < 300; ++step) {
+    const Wrench F = *device->read()->F_hand;
+    across = std::max({across, std::abs(F[2]), std::abs(F[3]), std::abs(F[4])});
+    along = std::max(along, std::abs(F[0]));
+    device->write(Wrench::Constant(0.5));
+  }
+  CHECK(across == 0);
+  CHECK(along > 1);  // N
+}
+
 TEST_CASE("While the motors are held off commands count for nothing") {
   Course course;
   course.device.switched_on = false;
