@@ -109,7 +109,8 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
   if (kind == ControllerKind::kFourChannel && !measures_hand_wrench) {
     doubts.push_back(
         "four_channel without the hand's wrench works as three_channel: this device does not "
-        "measure it, and there is no observer (--device-help, observe-hand)");
+        "measure it, and an observer needs its mass, --device-option apparent-mass=KG, and "
+        "observe-hand");
   }
   if (coordinates && gains.stiffness > device.max_stiffness) {
     doubts.push_back(fmt::format("coupling stiffness {} N/m is above the device's rated {} N/m",
