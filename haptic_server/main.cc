@@ -128,7 +128,7 @@ void print(const std::string& summary) {
   if (!std::cout) throw std::runtime_error("standard output takes no summary");
 }
 
-void run_server(const ServerOptions& options) {
+void run_server(ServerOptions& options) {
   configure_logging(options.log_level);
   PeriodicLoopOptions loop_options = options.loop;
   loop_options.rate = options.physics.servo.rate;
@@ -140,6 +140,7 @@ void run_server(const ServerOptions& options) {
   if (!key && !options.insecure) check_is_loopback(options.listen, address);
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
+  if (const auto lowered = suit_to(*device, options.physics)) spdlog::warn("{}", *lowered);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }

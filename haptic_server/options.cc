@@ -4,6 +4,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "haptic_server/control/stiffness_bound.h"
 #include "haptic_server/device/drivers/replay_driver.h"
 
 namespace hlm::server {
@@ -28,6 +29,9 @@ void add_servo_options(Table& table, ServoOptions& o) {
   table.choice("controller", o.controller,
                "Controller between device and proxy, or a rival to compare with");
   table.numbers(o.gains, kGainNumbers);
+  table.flag("keep-stiffness", o.keep_stiffness,
+             "Leave stiffness as it is where the device, by its rates and delay, does not bear it; "
+             "otherwise it is lowered at the start");
   table.group("Safety");
   table.numbers(o.limits, kLimiterNumbers);
   table.numbers(o.handle, kHandleNumbers);
@@ -41,11 +45,14 @@ void add_servo_options(Table& table, ServoOptions& o) {
 std::string ratings_text(const Device& device) {
   const DeviceRatings& r = device.ratings();
   std::string text = device.measures_hand_wrench() ? "measured" : "";
+  if (device.observes_hand_wrench()) text += " by an observer";
   for (const double rating : {r.max_force, r.max_torque, r.max_force_rate, r.max_torque_rate,
                               r.max_power, r.max_turning_power, r.max_stiffness,
                               r.max_angular_stiffness, r.mass, r.inertia, r.damping, r.scale}) {
     text += ' ' + shortest_text(rating);
   }
+  if (r.delay > 0) text += " late " + shortest_text(r.delay);
+  if (std::isfinite(r.exchange_rate)) text += " rate " + shortest_text(r.exchange_rate);
   if (r.rotation_scale != 1) text += " turns " + shortest_text(r.rotation_scale);
   return text;
 }
@@ -121,6 +128,13 @@ void check(const ServerOptions& options) {
   if (options.insecure && !options.key_file.empty()) {
     throw UsageError("--insecure goes without --key-file: with a key every address is safe");
   }
+}
+
+std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options) {
+  ServoOptions& servo = options.servo;
+  if (servo.keep_stiffness) return std::nullopt;
+  return lower_stiffness(servo.controller, device.ratings(), 1 / servo.rate, servo.gains,
+                         servo.local_model);
 }
 
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device) {

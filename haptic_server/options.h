@@ -47,6 +47,10 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options);
 void check(const PhysicsOptions& options);
 void check(const ServerOptions& options);
 
+/// Lowers the stiffness that this device does not bear, unless `options` keep it. Returns a
+/// sentence for a person that says so; empty if nothing was lowered.
+std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options);
+
 /// What is doubtful about options on this device: sentences for a person.
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device);
 

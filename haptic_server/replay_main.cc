@@ -55,9 +55,10 @@ std::vector<RecordedSession> chosen_sessions(const ReplayOptions& options) {
 void warn(const std::string& text) { std::cerr << "haptic_replay: warning: " << text << '\n'; }
 
 /// Whether all came back bit for bit.
-bool run_offline(const ReplayOptions& options) {
-  const PhysicsOptions& physics = options.physics;
+bool run_offline(ReplayOptions& options) {
+  PhysicsOptions& physics = options.physics;
   const std::unique_ptr<Device> device = physics.device.open(1 / physics.servo.rate);
+  if (const auto lowered = suit_to(*device, physics)) warn(*lowered);
   const std::uint64_t own = fingerprint(physics, *device);
   // Nobody else drains the log, so it must hold what comes between two drains.
   TickLog log(options.ticks, 2, [](const TickRecord&) {});

@@ -159,6 +159,7 @@ void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.flag(device.guidable);
   text(io, device.name);
   io.appended_u8(device.freedoms, kAllFreedoms);
+  io.appended_flag(device.observes_hand);
 }
 
 /// The same in every version of the protocol.
@@ -253,6 +254,7 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.appended_f64(state.explained);
   io.appended_f64(state.tank);
   io.appended_f64(state.brought);
+  io.appended_flag(state.hand_observed);
 }
 
 template <class Io, class M>

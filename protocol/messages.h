@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "common/contact.h"
 #include "common/freedoms.h"
@@ -70,9 +71,10 @@ struct DeviceReport {
   std::uint8_t buttons = 0;          ///< How many it has.
   bool gripper = false;              ///< Whether it measures a gripper's opening.
   bool renders_torque = true;        ///< False: a device of three degrees of freedom.
-  bool measures_hand = false;        ///< Whether F_hand is measured.
+  bool measures_hand = false;        ///< Whether F_hand is known.
   bool guidable = false;             ///< Whether a control can hold its hand.
   Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
+  bool observes_hand = false;        ///< Whether F_hand is estimated, not measured.
 };
 
 /// Server to client.
@@ -165,12 +167,19 @@ struct ProxyState {
   double scale = 1;                      ///< Metres in the world for each metre of the handle.
   Fade fade = Fade::kNone;               ///< Why force fades, or waits at zero.
   // What has passed the device port since the session began, J.
-  double given = 0;      ///< To the hand.
-  double taken = 0;      ///< From the hand.
-  double explained = 0;  ///< Of given - taken: weight, and constraints that move.
-  double tank = 0;       ///< What may still be given beyond that.
-  double brought = 0;    ///< Energy that updates have brought into contacts' springs.
+  double given = 0;            ///< To the hand.
+  double taken = 0;            ///< From the hand.
+  double explained = 0;        ///< Of given - taken: weight, and constraints that move.
+  double tank = 0;             ///< What may still be given beyond that.
+  double brought = 0;          ///< Energy that updates have brought into contacts' springs.
+  bool hand_observed = false;  ///< Whether F_hand is estimated, not measured.
 };
+
+/// How the hand's wrench is known, as status line, state file and page say it.
+constexpr std::string_view hand_source(bool known, bool observed) noexcept {
+  if (!known) return "unknown";
+  return observed ? "observed" : "measured";
+}
 
 /// Client to server: the whole of what the person at the environment asks for. It takes effect with
 /// the next update of a higher sequence that the server takes, so that a recorded session shows in

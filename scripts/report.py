@@ -56,6 +56,7 @@ SECTIONS = {
     "maps": "Where each method stops working",
     "approach": "Where a wall is felt, over approach speed",
     "corners": "Convex edges: all near axes of each pair of shapes, or the best one alone",
+    "observer": "A hand that is not measured",
     "spatial": "Six degrees of freedom",
     "collisions": "Collisions and friction",
     "linkages": "Linkages",
@@ -112,6 +113,11 @@ INTRODUCTION = {
     "corners": "A peg enters holes with 0.2 to 3 mm to spare on each side, straight or askew, at up to 0.5 m/s, "
     "0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
     "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
+    "observer": "Four channels on a device with encoder steps of 0.05 mm, a filtered velocity and 0 to 3 ticks of delay: "
+    "the hand's wrench measured, observed from the motion, or unknown. Left: what a hand that shakes the handle "
+    "in free motion feels as its mass; device and proxy have 1 kg each. Middle: how far the hand's force, as the server knows it, is from "
+    "the true one of 0.5 N. Right: the largest stable stiffness in the hole of Fig. 17, by energy; at the end of the "
+    "scan it is beyond.",
     "spatial": "A free body of six degrees of freedom: a square peg in an exactly fitting square hole, "
     "held down with 0.5 N and shaken along x and y; and a box, set down on an edge and pressed flat "
     "with 0.5 N.",
@@ -427,6 +433,25 @@ def draw_spatial(folder):
     return figure
 
 
+def draw_observer(folder):
+    rows = read_table(folder / "observer.csv")
+    figure, axes = panels(3, 4.4)
+    places = sorted({(float(row["rate_hz"]), float(row["delay_ticks"])) for row in rows})
+    for name, colour, marker in (("measured", "#1b4332", "o"), ("observed", "#4895ef", "s"), ("unknown", "#d62828", "^")):
+        of_hand = [row for row in rows if row["hand"] == name]
+        x = [places.index((float(row["rate_hz"]), float(row["delay_ticks"]))) for row in of_hand]
+        for axis, key, scale in zip(axes, ("felt_mass_kg", "error_N", "k_max_energy"), (1, 1, 1e-3)):
+            axis.plot(x, column(of_hand, key, scale), marker, color=colour, label=name)
+    for axis, text in zip(axes, ("mass felt, kg", "error of the hand's force, N rms", "largest stable stiffness, kN/m")):
+        axis.set_xticks(range(len(places)), [f"{rate / 1000:g} kHz\n{delay:g}" for rate, delay in places])
+        label(axis, "rate, delay in ticks", text)
+        axis.set_ylim(bottom=0)
+        axis.legend(fontsize=7)
+    axes[2].set_yscale("log")
+    axes[2].set_ylim(1, 400)
+    return figure
+
+
 def draw_collisions(folder):
     figure, axes = panels(3, 4.4)
     rows = read_table(folder / "collisions.csv")
@@ -588,6 +613,7 @@ DRAW = {
     "maps": draw_maps,
     "approach": draw_approach,
     "corners": draw_corners,
+    "observer": draw_observer,
     "spatial": draw_spatial,
     "collisions": draw_collisions,
     "linkages": draw_linkages,

@@ -1,8 +1,10 @@
 #include "haptic_server/control/controller.h"
 
-#include <cmath>
+#include <algorithm>
 
 #include <spdlog/fmt/fmt.h>
+
+#include "haptic_server/control/stiffness_bound.h"
 
 namespace hlm::server {
 namespace {
@@ -106,7 +108,9 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
   const bool coordinates = traits(kind).couples_translation;
   if (kind == ControllerKind::kFourChannel && !measures_hand_wrench) {
     doubts.push_back(
-        "four_channel without a measured hand wrench works as three_channel on this device");
+        "four_channel without the hand's wrench works as three_channel: this device does not "
+        "measure it, and an observer needs its mass, --device-option apparent-mass=KG, and "
+        "observe-hand");
   }
   if (coordinates && gains.stiffness > device.max_stiffness) {
     doubts.push_back(fmt::format("coupling stiffness {} N/m is above the device's rated {} N/m",
@@ -117,22 +121,25 @@ std::vector<std::string> check_against_device(ControllerKind kind, const Control
         fmt::format("angular coupling stiffness {} N·m/rad is above the device's rated {} N·m/rad",
                     gains.angular_stiffness, device.max_angular_stiffness));
   }
-  if (coordinates && device.mass > 0 && gains.damping * period > device.mass) {
+  const double lag = lag_of(device, period);
+  if (coordinates && device.mass > 0 && 2 * gains.damping * lag > device.mass) {
     doubts.push_back(fmt::format(
-        "coupling damping {} N·s/m stops the device's {} kg within one period of {} s: lower it",
-        gains.damping, device.mass, period));
+        "coupling damping {} N·s/m stops the device's {} kg within {} s, as late as its force is: "
+        "lower it",
+        gains.damping, device.mass, 2 * lag));
   }
-  // Felt through the coupler the wall can be no stiffer than the coupler.
-  const bool through_coupler =
-      kind == ControllerKind::kVirtualCoupler || !traits(kind).uses_contacts;
-  const double felt = through_coupler ? gains.stiffness : contacts.stiffness;
-  const double rendered_damping = coordinates ? gains.damping : contacts.damping;
-  const double needed = felt * period / 2 + (coordinates ? 0 : std::abs(rendered_damping));
-  if (needed > device.damping + (coordinates ? gains.damping : 0)) {
+  // Directly felt, one contact; else the coupling, however stiff the wall behind it.
+  const Impedance coupling = felt_impedance(kind, gains, contacts);
+  const double one = std::min(contacts.stiffness, contacts.max_hand_stiffness);
+  const double felt = coordinates ? coupling.stiffness : one;
+  const double needed =
+      felt * lag + (coordinates ? 0 : contacts.damping * one / contacts.stiffness);
+  const double there = device.damping + (coordinates ? coupling.damping : 0);
+  if (needed > there) {
     doubts.push_back(fmt::format(
-        "a wall of {} N/m at {} Hz needs {:.3g} N·s/m of damping to be passive (Colgate), device "
-        "and coupling have {:.3g}: it may buzz, more so with several contacts",
-        felt, 1 / period, needed, device.damping + (coordinates ? gains.damping : 0)));
+        "a spring of {:.5g} N/m at {} Hz needs {:.3g} N·s/m of damping to be passive (Colgate), "
+        "device and coupling have {:.3g}: it may buzz, more so with several contacts",
+        felt, 1 / period, needed, there));
   }
   return doubts;
 }

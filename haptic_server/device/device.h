@@ -59,6 +59,11 @@ struct DeviceRatings {
   /// Without a command for so long the device takes its motors off by itself, s.
   double time_guard = std::numeric_limits<double>::infinity();
   bool halts = false;  ///< Whether Device::halt() takes its motors off.
+  /// How often it exchanges state and command, Hz; infinite: as often as it is asked.
+  double exchange_rate = std::numeric_limits<double>::infinity();
+  /// From a command to its effect, and from a pose to its report, in all, s; beside the period in
+  /// which the command is held.
+  double delay = 0;
 
   /// N·m in the world for each N·m at the handle: so work in the world is `scale` times that at the
   /// handle, in translation and in rotation.
@@ -68,9 +73,10 @@ struct DeviceRatings {
 struct DeviceState {
   Pose X_WD;                   ///< Handle in the world.
   Twist V_WD = Twist::Zero();  ///< Its twist, world axes.
-  /// The hand's wrench on the handle, world axes, about the handle's origin; empty where the device
-  /// has no such sensor.
+  /// The hand's wrench on the handle, world axes, about the handle's origin; empty where nobody
+  /// knows it.
   std::optional<Wrench> F_hand;
+  bool hand_observed = false;     ///< F_hand is not measured but estimated, from the motion.
   std::uint32_t buttons = 0;      ///< Bit i: button i is pressed.
   std::optional<double> gripper;  ///< 0 closed to 1 open; empty: it has none.
   DeviceHealth health = DeviceHealth::kGood;
@@ -102,6 +108,8 @@ class Device {
   virtual const DeviceRatings& ratings() const noexcept = 0;
   /// Whether DeviceState::F_hand will be filled.
   virtual bool measures_hand_wrench() const noexcept = 0;
+  /// Whether it is filled with an estimate.
+  virtual bool observes_hand_wrench() const noexcept { return false; }
   /// Finds where the handle is, before the first tick and off the servo thread: may take seconds,
   /// and may move the device. Throws std::runtime_error that says what is wrong.
   virtual void calibrate() {}

@@ -65,6 +65,7 @@ std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
 DeviceChoice::DeviceChoice(std::vector<std::unique_ptr<DeviceDriver>> drivers)
     : drivers_(std::move(drivers)), driver_(drivers_.front().get()) {
   add_keys(workspace_table_, workspace_);
+  add_keys(workspace_table_, observer_);
 }
 
 void DeviceChoice::add_to(settings::CommandLine& command_line) {
@@ -153,8 +154,9 @@ std::optional<std::string> DeviceChoice::find_error() const {
 }
 
 std::string DeviceChoice::fingerprint_text() const {
-  // Without keys of a workspace the text is that of servers that had none.
-  return text_of(driver_->table()) + (workspace_ == Workspace{} ? "" : text_of(workspace_table_));
+  // Without keys of workspace and observer the text is that of servers that had none.
+  const bool as_ever = workspace_ == Workspace{} && observer_ == ObserverOptions{};
+  return text_of(driver_->table()) + (as_ever ? "" : text_of(workspace_table_));
 }
 
 std::optional<std::string> DeviceChoice::information() const {
@@ -176,6 +178,7 @@ std::optional<std::string> DeviceChoice::information() const {
 std::unique_ptr<Device> DeviceChoice::open(double dt) const {
   auto device = driver_->open(dt);
   const int buttons = device->ratings().buttons;
+  if (has_workspace(*driver_)) device = with_hand_observer(std::move(device), observer_, dt);
   const bool is_asked = workspace_ != Workspace{} && has_workspace(*driver_);
   if (is_asked && workspace_.clutch > buttons) {
     throw UsageError("clutch " + std::to_string(workspace_.clutch) + " must be one of the " +

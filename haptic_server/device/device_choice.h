@@ -8,6 +8,7 @@
 
 #include "common/settings/command_line.h"
 #include "haptic_server/device/device_driver.h"
+#include "haptic_server/device/observed_device.h"
 #include "haptic_server/device/workspace.h"
 
 namespace hlm::server {
@@ -44,7 +45,8 @@ class DeviceChoice final : public settings::Section {
   std::vector<std::unique_ptr<DeviceDriver>> drivers_;
   const DeviceDriver* driver_;
   Workspace workspace_;
-  settings::Table workspace_table_;
+  ObserverOptions observer_;
+  settings::Table workspace_table_;  ///< Keys of both.
   bool lists_ = false;
   bool helps_ = false;
 };

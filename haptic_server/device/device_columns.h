@@ -38,6 +38,7 @@ constexpr void visit_device(Visit&& visit) {
   visit("device", &Record::X_WD, kPose);
   visit("device", &Record::V_WD, kTwist);
   visit("hand_measured", &Record::hand_measured, kPlain);
+  visit("hand_observed", &Record::hand_observed, kPlain);
   visit("hand", &Record::F_hand, kWrench);
 }
 

@@ -25,6 +25,7 @@ struct RecordedSignals {
   Pose X_WD;
   Twist V_WD = Twist::Zero();
   bool hand_measured = false;
+  bool hand_observed = false;
   Wrench F_hand = Wrench::Zero();
 };
 
@@ -139,6 +140,7 @@ void read_row(const Row& row, std::vector<RecordedStep>& steps) {
   step.state.X_WD = signals.X_WD;
   step.state.V_WD = signals.V_WD;
   if (signals.hand_measured) step.state.F_hand = signals.F_hand;
+  step.state.hand_observed = signals.hand_observed;
   steps.push_back(step);
 }
 

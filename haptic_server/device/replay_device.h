@@ -39,6 +39,7 @@ class ReplayDevice final : public Device {
   bool measures_hand_wrench() const noexcept override {
     return steps_.front().state.F_hand.has_value();
   }
+  bool observes_hand_wrench() const noexcept override { return steps_.front().state.hand_observed; }
   void align(const Pose& X_WH) noexcept override;
   void enable() noexcept override {}
   void disable() noexcept override {}

@@ -74,6 +74,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceOptions& options, HandScri
       filter_gain_(-std::expm1(-2 * std::numbers::pi * options.velocity_cutoff * dt)),
       amplifier_(options.amplifier) {
   assert(!find_error(options) && dt > 0);
+  ratings_.delay = options.delay * dt;
   align(Pose{});
   enable();
   disable();

@@ -52,6 +52,7 @@ class WorkspaceDevice final : public Device, private GuidedHand {
   std::string_view name() const noexcept override { return raw_->name(); }
   const DeviceRatings& ratings() const noexcept override { return ratings_; }
   bool measures_hand_wrench() const noexcept override { return raw_->measures_hand_wrench(); }
+  bool observes_hand_wrench() const noexcept override { return raw_->observes_hand_wrench(); }
   void calibrate() override { raw_->calibrate(); }
   void align(const Pose& X_WH) noexcept override;
   void enable() noexcept override { raw_->enable(); }

@@ -32,6 +32,7 @@ protocol::DeviceReport report_of(Device& device) noexcept {
   report.measures_hand = device.measures_hand_wrench();
   report.guidable = device.guided_hand() != nullptr;
   report.freedoms = ratings.freedoms;
+  report.observes_hand = device.observes_hand_wrench();
   return report;
 }
 
@@ -135,6 +136,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.F_command = record.F_command;
   state.F_hand = record.F_hand;
   state.hand_measured = record.hand_measured;
+  state.hand_observed = record.hand_observed;
   state.limit = record.limit;
   state.buttons = record.buttons;
   state.gripper = record.gripper;

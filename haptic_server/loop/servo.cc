@@ -40,6 +40,8 @@ Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
       device_(device),
       controller_(options.controller, options.gains),
       limiter_(options.limits, device.ratings(), dt_),
+      hand_work_(device.ratings(),
+                 ForceBudget::of(options.limits, device.ratings(), dt_).max_energy),
       machine_(dt_) {}
 
 const TickRecord& Servo::tick(const Timing& timing) noexcept {
@@ -107,6 +109,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   contained_impulses_ = 0;
   supply_ = in_proxy_ = brought_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
+  hand_work_.begin();
   telemetry_.begin();
   session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_));
 }
@@ -189,6 +192,7 @@ void Servo::simulate() noexcept {
   record_.X_WD = device->X_WD;
   record_.V_WD = device->V_WD;
   record_.hand_measured = device->F_hand.has_value();
+  record_.hand_observed = device->hand_observed;
   record_.F_hand = device->F_hand.value_or(Wrench::Zero());
   record_.buttons = device->buttons;
   record_.gripper = device->gripper.value_or(0);
@@ -213,6 +217,7 @@ bool Servo::observe(const DeviceState& device) noexcept {
                                          device_.ratings().scale, device_.ratings().rotation_scale);
   limiter_.observe(device.X_WD, supply_);
   record_.port = limiter_.ledger();
+  hand_work_.observe(device.X_WD, device.V_WD, record_.port.given - record_.port.taken);
   record_.brought = brought_;
   if (fault == Fault::kNone && limiter_.overdrawn()) fault = Fault::kEnergy;
   if (fault != Fault::kNone) fail(fault);
@@ -241,7 +246,8 @@ ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
       local_model_->step(controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
   const Wrench F_hand = controller_.passes_hand_wrench(device) ? *device.F_hand : Wrench::Zero();
   const double scale = device_.ratings().scale;
-  const double hand = work_at_handle(F_hand, displacement(X_WP, proxy.X_WH()), scale);
+  double hand = work_at_handle(F_hand, displacement(X_WP, proxy.X_WH()), scale);
+  if (device.hand_observed) hand = hand_work_.credited(hand);
   const double weight = -proxy.gravity().dot(local_model_->velocity()) * dt_ / scale;
   const double moved = limiter_.explained(environment_power(*local_model_));
   const bool twice = controller_.kind() != ControllerKind::kVirtualCoupler;

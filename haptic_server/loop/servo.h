@@ -16,6 +16,7 @@
 #include "haptic_server/loop/servo_options.h"
 #include "haptic_server/loop/telemetry.h"
 #include "haptic_server/loop/tick_record.h"
+#include "haptic_server/safety/hand_work.h"
 #include "haptic_server/safety/limiter.h"
 #include "haptic_server/safety/model_energy.h"
 #include "haptic_server/safety/state_machine.h"
@@ -66,6 +67,7 @@ class Servo {
   Device& device_;
   Controller controller_;
   Limiter limiter_;
+  HandWork hand_work_;
   SafetyStateMachine machine_;
 
   std::optional<LocalModel> local_model_;

@@ -9,6 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <unistd.h>
 
+#include "protocol/messages.h"
+
 namespace hlm::server {
 namespace {
 
@@ -132,6 +134,7 @@ std::string StateFile::text(const TickRecord& record) const {
                     {{"name", facts_.device},
                      {"health", name_of(record.health)},
                      {"cause", record.cause},
+                     {"hand", protocol::hand_source(record.hand_measured, record.hand_observed)},
                      {"max_force", finite(facts_.ratings.max_force)},
                      {"max_torque", finite(facts_.ratings.max_torque)},
                      {"halts", facts_.ratings.halts},

@@ -23,7 +23,8 @@ struct TickRecord {
   ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   Pose X_WD;  ///< Device handle.
   Twist V_WD = Twist::Zero();
-  bool hand_measured = false;
+  bool hand_measured = false;  ///< F_hand is known.
+  bool hand_observed = false;  ///< It is an estimate.
   Wrench F_hand = Wrench::Zero();
   Pose X_WP;  ///< Hand frame of the proxy.
   Twist V_WP = Twist::Zero();

@@ -371,11 +371,12 @@ local messages = {
       field(U8, "buttons", "Buttons"),
       flag("gripper", "It measures a gripper's opening"),
       flag("renders_torque", "It renders torque"),
-      flag("measures_hand", "It measures the hand's wrench"),
+      flag("measures_hand", "The hand's wrench is known"),
       flag("guidable", "A control can hold its hand"),
       text_size("name"),
       text("name", "Name"),
       optional(field(U8, "freedoms", "Directions in which its handle moves, one bit each")),
+      optional(flag("observes_hand", "It estimates the hand's wrench")),
     }),
   })),
 
@@ -441,6 +442,7 @@ local messages = {
     optional(field(F64, "explained", "Of what was given less what was taken: explained", "J")),
     optional(field(F64, "tank", "Energy that may still be given", "J")),
     optional(field(F64, "brought", "Energy that updates brought into contacts' springs", "J")),
+    optional(flag("hand_observed", "F_hand is estimated, not measured")),
   }),
 
   [GOODBYE] = message("goodbye", "Goodbye", {

@@ -27,6 +27,7 @@ constexpr Experiment kExperiments[] = {
     {"fig17", stiff_hole, true},
     {"updates", updates, true},
     {"limits", stiffness_limits, true},
+    {"observer", hand_observer, true},
     {"spatial", spatial, true},
     {"collisions", collisions, true},
     {"linkages", linkages, true},

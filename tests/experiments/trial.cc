@@ -126,6 +126,7 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   options.world = task.world;
   options.tool = task.tool;
   options.device = task.device;
+  options.observer = task.observer;
   options.hand = hand;
   options.link = conditions.link;
   options.rate_low = conditions.ve_low;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "haptic_server/device/observed_device.h"
 #include "haptic_server/device/simulated_device.h"
 #include "haptic_server/loop/tick_record.h"
 #include "tests/experiments/method.h"
@@ -28,11 +29,12 @@ struct Task {
   ve::WorldDescription world;
   std::string tool;
   server::SimulatedDeviceOptions device;
-  server::HandSegment hand;  ///< Goes on for ever, from `start` on.
-  double duration = 5;       ///< s, of the hand's action.
-  double stiffness = 4000;   ///< N/m: of the contacts or, without them, of the coupling.
-  double damping = 30;       ///< N·s/m, likewise.
-  double friction = 0.3;     ///< μ.
+  server::ObserverOptions observer;  ///< Where the device does not measure the hand's wrench.
+  server::HandSegment hand;          ///< Goes on for ever, from `start` on.
+  double duration = 5;               ///< s, of the hand's action.
+  double stiffness = 4000;           ///< N/m: of the contacts or, without them, of the coupling.
+  double damping = 30;               ///< N·s/m, likewise.
+  double friction = 0.3;             ///< μ.
   /// The hand pushes at a point this far off the handle's origin at most, along x and y, m: drawn
   /// from the seed. Without it all is symmetric, and rotation never begins.
   double off_centre = 0.002;

@@ -70,9 +70,10 @@ std::string error_of(const std::vector<std::string>& arguments) {
 std::string tick_log() {
   return "session,step,device_x_m,device_y_m,device_z_m,device_qw,device_qx,device_qy,device_qz,"
          "device_vx_m_per_s,device_vy_m_per_s,device_vz_m_per_s,device_wx_rad_per_s,"
-         "device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,hand_force_x_N,hand_force_y_N,"
+         "device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,hand_observed,hand_force_x_N,hand_"
+         "force_y_N,"
          "hand_force_z_N,hand_torque_x_N_m,hand_torque_y_N_m,hand_torque_z_N_m\n"
-         "1,1,0,0,0,1,0,0,0,0,0,0,0,0,0,1,0,0,0,0,0,0\n";
+         "1,1,0,0,0,1,0,0,0,0,0,0,0,0,0,1,0,0,0,0,0,0,0\n";
 }
 
 TEST_CASE("An address that cannot be used is named with its option and an example") {

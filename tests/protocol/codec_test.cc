@@ -121,6 +121,7 @@ ProxyState documented_state() {
   state.taken = 0.75;
   state.explained = 0.125;
   state.tank = 0.5;
+  state.hand_observed = true;
   return state;
 }
 
@@ -412,8 +413,8 @@ TEST_CASE("What a newer version appends to fixed fields, items and lists is skip
 
 TEST_CASE("What an older server of this version does not send has its default") {
   DatagramBytes bytes = encode(envelope_for<Welcome>(), documented_welcome());
-  bytes.pop_back();                                                         // freedoms
-  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 1);  // block
+  bytes.resize(bytes.size() - 2);  // freedoms, and whether the hand is observed
+  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 2);  // block
   set_length(bytes);
   Welcome decoded;
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
@@ -424,7 +425,7 @@ TEST_CASE("What an older server of this version does not send has its default") 
   state.fade = Fade::kClientSilent;
   state.given = 1;
   bytes = encode(envelope_for<ProxyState>(), state);
-  constexpr int kAppended = 1 + 5 * 8;  // fade, and what passed the port
+  constexpr int kAppended = 1 + 5 * 8 + 1;  // fade, what passed the port, hand_observed
   bytes.resize(bytes.size() - kAppended);
   const int block =
       std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - kAppended;
@@ -435,6 +436,7 @@ TEST_CASE("What an older server of this version does not send has its default") 
   REQUIRE(decode(view(bytes), older) == std::nullopt);
   CHECK(older.fade == Fade::kNone);
   CHECK(older.given == 0);
+  CHECK_FALSE(older.hand_observed);
   CHECK(older.v == state.v);
 }
 

@@ -135,6 +135,7 @@ inline Expected expected_block(const protocol::Welcome& welcome) {
   fields.integer("device.size_name", device.name.size());
   if (!device.name.empty()) fields.text("device.name", {device.name.begin(), device.name.end()});
   fields.integer("device.freedoms", device.freedoms);
+  fields.flag("device.observes_hand", device.observes_hand);
   return fields;
 }
 
@@ -241,6 +242,7 @@ inline Expected expected_block(const protocol::ProxyState& state) {
   fields.number("explained", state.explained);
   fields.number("tank", state.tank);
   fields.number("brought", state.brought);
+  fields.flag("hand_observed", state.hand_observed);
   return fields;
 }
 

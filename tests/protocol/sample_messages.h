@@ -147,6 +147,7 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.explained = random.uniform(-1, 1);
   state.tank = random.uniform(-0.5, 0.5);
   state.brought = random.uniform(0, 1);
+  state.hand_observed = random.integer(0, 1) == 1;
   state.fade = static_cast<Fade>(random.integer(0, 4));
   return state;
 }
@@ -191,6 +192,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   device.measures_hand = flip();
   device.guidable = flip();
   device.freedoms = static_cast<Freedoms>(random.integer(0, 63));
+  device.observes_hand = flip();
   return welcome;
 }
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "haptic_server/device/observed_device.h"
 #include "haptic_server/device/simulated_device.h"
 #include "haptic_server/loop/servo.h"
 #include "protocol/server_session.h"
@@ -22,6 +23,7 @@ struct VirtualSessionOptions {
   std::string tool = "peg";
   server::ServoOptions servo;
   server::SimulatedDeviceOptions device;
+  server::ObserverOptions observer;  ///< Where the device does not measure the hand's wrench.
   server::HandScript hand;
   LinkConditions link{.delay = 0.005};
   double rate_low = 30;   // Hz
@@ -45,9 +47,12 @@ class VirtualSession {
         network_(options.link, options.seed),
         server_link_(network_.server(), MemoryNetwork::kServer,
                      [this] { return static_cast<std::int64_t>(1e9 * network_.time()); }),
-        device_(options.device, options.hand, 1 / options.servo.rate),
+        device_(server::with_hand_observer(
+            std::make_unique<server::SimulatedDevice>(options.device, options.hand,
+                                                      1 / options.servo.rate),
+            options.observer, 1 / options.servo.rate)),
         session_(server_link_, {.first_session_id = 1}),
-        servo_(std::make_unique<server::Servo>(options.servo, 0, session_, device_)),
+        servo_(std::make_unique<server::Servo>(options.servo, 0, session_, *device_)),
         environment_(options.world, options.tool, options.follow),
         client_(network_.client(), {.server = MemoryNetwork::kServer,
                                     .tool = environment_.assembly.description,
@@ -99,7 +104,7 @@ class VirtualSession {
   Observer observe_;
   MemoryNetwork network_;
   protocol::RecordingLink server_link_;
-  server::SimulatedDevice device_;
+  std::unique_ptr<server::Device> device_;
   protocol::ServerSession session_;
   std::unique_ptr<server::Servo> servo_;
   ve::VirtualEnvironment environment_;

@@ -47,6 +47,8 @@ export function showLegend(scene, frame) {
   for (const name of ['F_env', 'F_hand', 'F_command']) {
     byId(`value-${name}`).textContent = scene.live ? newtons(magnitude(frame[name])) : '–';
   }
+  if (scene.live && frame.hand === 'observed') byId('value-F_hand').textContent += ', estimated';
+  if (scene.live && frame.hand === 'unknown') byId('value-F_hand').textContent = 'unknown';
   byId('value-on-body').textContent = scene.live ? newtons(scene.forceOnBodies) : '–';
   if (!scene.metresPerNewton || !scene.live) return;
   const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;

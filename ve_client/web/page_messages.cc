@@ -206,6 +206,7 @@ void add_state(json& frame, const VirtualEnvironment& environment,
   frame["F_env"] = to_json(state.F_env);
   frame["F_command"] = to_json(state.F_command);
   frame["F_hand"] = to_json(state.F_hand);
+  frame["hand"] = protocol::hand_source(state.hand_measured, state.hand_observed);
   frame["server"] = name_of(state.server);
   frame["fault"] = name_of(state.fault);
   frame["fade"] = name_of(state.fade);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kAny = Range::kInfinite;
 
-constexpr std::array<NumberOf<DeviceRatings>, 11> kRatingNumbers{{
+constexpr std::array<NumberOf<DeviceRatings>, 13> kRatingNumbers{{
     {{0, kAny, "N"}, "max force", &DeviceRatings::max_force, "Rated force of the recorded device"},
     {{0, kAny, "N·m"}, "max torque", &DeviceRatings::max_torque, "Its rated torque"},
     {{0, kAny, "N/s"},
@@ -29,6 +29,9 @@ constexpr std::array<NumberOf<DeviceRatings>, 11> kRatingNumbers{{
     {from_zero("kg"), "mass", &DeviceRatings::mass, "Its mass; 0 is unknown"},
     {from_zero("kg·m²"), "inertia", &DeviceRatings::inertia, "Its inertia; 0 is unknown"},
     {from_zero("N·s/m"), "damping", &DeviceRatings::damping, "Its damping"},
+    {from_zero("s"), "rated delay", &DeviceRatings::delay,
+     "Its delay from a command to its effect"},
+    {{1, kAny, "Hz"}, "exchange rate", &DeviceRatings::exchange_rate, "How often it exchanges"},
     {{1e-3, 1e3}, "scale", &DeviceRatings::scale, "Metres in the world for each of its handle"},
     {{1e-3, 1e3}, "rotation scale", &DeviceRatings::rotation_scale, "Radians, likewise"},
 }};

@@ -17,7 +17,7 @@ namespace {
 const std::string kHeader =
     "session,step,time_s,device_x_m,device_y_m,device_z_m,device_qw,device_qx,device_qy,device_qz,"
     "device_vx_m_per_s,device_vy_m_per_s,device_vz_m_per_s,device_wx_rad_per_s,device_wy_rad_per_s,"
-    "device_wz_rad_per_s,hand_measured,hand_force_x_N,hand_force_y_N,hand_force_z_N,"
+    "device_wz_rad_per_s,hand_measured,hand_observed,hand_force_x_N,hand_force_y_N,hand_force_z_N,"
     "hand_torque_x_N_m,hand_torque_y_N_m,hand_torque_z_N_m,dropped\n";
 
 std::string exact(double value) {
@@ -34,6 +34,7 @@ std::string line(const RecordedStep& recorded) {
   for (const double value : {R.w(), R.x(), R.y(), R.z()}) text += ',' + exact(value);
   for (const double value : state.V_WD) text += ',' + exact(value);
   text += state.F_hand ? ",1" : ",0";
+  text += state.hand_observed ? ",1" : ",0";
   for (const double value : state.F_hand.value_or(Wrench::Zero())) text += ',' + exact(value);
   return text + ",7\n";
 }
@@ -43,6 +44,7 @@ DeviceState random_state(test::Random& random) {
   state.X_WD = random.pose(0.3);
   for (double& value : state.V_WD) value = random.uniform(-1e-9, 1e3);
   state.F_hand.emplace();
+  state.hand_observed = random.integer(0, 1) == 1;
   for (double& value : *state.F_hand) value = random.uniform(-12, 12);
   return state;
 }

@@ -602,5 +602,26 @@ TEST_CASE("A collision off centre reaches the hand with its torque: lever times 
   CHECK(felt.torque_momentum == Approx(-lever * felt.force_momentum).epsilon(0.03));  // N·m·s
 }
 
+TEST_CASE(
+    "A hand that shakes a handle at rest explains energy if measured, half a joule if observed") {
+  ServoBench bench;
+  bench.device.state->hand_observed = GENERATE(false, true);
+  bench.begin();
+  double explained = 0;
+  for (int step = 0; step < 10'000; ++step) {
+    // At the frequency of the proxy on its coupling.
+    const double sine = std::sin(std::sqrt(1500.0) * 1e-3 * step);
+    bench.device.state->F_hand = planar_wrench(5 * sine, 0, 0);
+    const bool update = step % 20 == 0;
+    explained = (update ? bench.tick_with(bench.update()) : bench.tick()).port.explained;
+  }
+  CAPTURE(bench.device.state->hand_observed, explained);
+  if (bench.device.state->hand_observed) {
+    CHECK(explained < 0.55);  // J
+  } else {
+    CHECK(explained > 2);
+  }
+}
+
 }  // namespace
 }  // namespace hlm::server

@@ -37,14 +37,16 @@ TEST_CASE("The line names state, rate, datagrams, contacts, force and drift") {
   r.dropped_for[static_cast<std::size_t>(protocol::DropReason::kIncomplete)] = 2;
   r.active_contacts = 2;
   r.predicted_contacts = 3;
+  r.hand_measured = r.hand_observed = true;
   r.F_command << 0.3, 0, -0.4, 5, 5, 5;
   r.X_WD.p = {0.1, 0.12433, 0};
   r.X_WP.p = {0.1, 0.124, 0};
   r.X_WT.p = {0.1001, 0.124, 0};
   CHECK(format_status(r, 999.97) ==
         "12.0 s active | 1000.0 Hz, 2 missed | 420 datagrams, 3 dropped (1 malformed, 2 "
-        "incomplete) | contacts 2 active, 3 predicted | 0.50 N | device-proxy 0.33 mm, proxy-tool "
-        "0.10 mm");
+        "incomplete) | contacts 2 active, 3 predicted | 0.50 N, hand observed | device-proxy 0.33 "
+        "mm, "
+        "proxy-tool 0.10 mm");
 }
 
 TEST_CASE("A fault is named") {

@@ -50,7 +50,7 @@ TEST_CASE("The columns are those that readers of the log rely on") {
         "session,step,time_s,server_state,fault,fade,contact_state,"
         "device_x_m,device_y_m,device_z_m,device_qw,device_qx,device_qy,device_qz,"
         "device_vx_m_per_s,device_vy_m_per_s,device_vz_m_per_s,"
-        "device_wx_rad_per_s,device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,"
+        "device_wx_rad_per_s,device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,hand_observed,"
         "hand_force_x_N,hand_force_y_N,hand_force_z_N,"
         "hand_torque_x_N_m,hand_torque_y_N_m,hand_torque_z_N_m,"
         "proxy_x_m,proxy_y_m,proxy_z_m,proxy_qw,proxy_qx,proxy_qy,proxy_qz,"
@@ -117,7 +117,7 @@ TEST_CASE("Counts and states are written as whole numbers and words") {
   r.fault = Fault::kOverrun;
   r.fade = Fade::kClientSilent;
   r.contact_state = ProxyContactState::kResting;
-  r.hand_measured = true;
+  r.hand_measured = r.hand_observed = true;
   r.active_contacts = 4;
   r.predicted_contacts = 16;
   r.adopted = 77;
@@ -132,6 +132,7 @@ TEST_CASE("Counts and states are written as whole numbers and words") {
   CHECK(columns["fade"] == "client_silent");
   CHECK(columns["contact_state"] == "resting");
   CHECK(columns["hand_measured"] == "1");
+  CHECK(columns["hand_observed"] == "1");
   CHECK(columns["active_contacts"] == "4");
   CHECK(columns["predicted_contacts"] == "16");
   CHECK(columns["adopted"] == "77");

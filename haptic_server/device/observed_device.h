@@ -1,0 +1,60 @@
+// A device that cannot measure the hand's wrench, with an observer that estimates it.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "common/settings/table.h"
+#include "haptic_server/device/device.h"
+#include "haptic_server/device/hand_observer.h"
+
+namespace hlm::server {
+
+/// Keys that every [device] table has; what is unset is as the device rates it.
+struct ObserverOptions {
+  bool on = true;  ///< Where the device does not measure the hand's wrench and a mass is known.
+  double bandwidth = 50;            ///< Hz.
+  std::optional<double> mass{};     ///< Apparent at the handle, kg.
+  std::optional<double> inertia{};  ///< kg·m².
+  std::optional<double> damping{};  ///< N·s/m.
+  std::optional<double> delay{};    ///< From a command to its effect in the pose that is read, s.
+
+  bool operator==(const ObserverOptions&) const = default;
+};
+
+/// Declares the keys, bound to `options`.
+void add_keys(settings::Table& table, ObserverOptions& options);
+
+/// Fills DeviceState::F_hand. The rest is the raw device's.
+class ObservedDevice final : public Device {
+ public:
+  /// dt: servo period, s. The device must rate a mass, or `options` name one.
+  ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options, double dt);
+
+  std::string_view name() const noexcept override { return raw_->name(); }
+  const DeviceRatings& ratings() const noexcept override { return ratings_; }
+  bool measures_hand_wrench() const noexcept override { return true; }
+  bool observes_hand_wrench() const noexcept override { return true; }
+  void calibrate() override { raw_->calibrate(); }
+  void align(const Pose& X_WH) noexcept override;
+  void enable() noexcept override;
+  void disable() noexcept override;
+  GuidedHand* guided_hand() noexcept override { return raw_->guided_hand(); }
+  std::optional<DeviceState> read() noexcept override;
+  bool write(const Wrench& F) noexcept override;
+  const char* cause() const noexcept override { return raw_->cause(); }
+  void halt() noexcept override { raw_->halt(); }
+
+ private:
+  std::unique_ptr<Device> raw_;
+  DeviceRatings ratings_;
+  HandObserver observer_;
+  bool begins_ = true;  ///< The next pose is the first.
+};
+
+/// The device with an observer where it has no sensor of its own, a mass is known and `options` has
+/// it on; otherwise the device as it is.
+std::unique_ptr<Device> with_hand_observer(std::unique_ptr<Device> device,
+                                           const ObserverOptions& options, double dt);
+
+}  // namespace hlm::server
