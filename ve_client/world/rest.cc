@@ -11,13 +11,18 @@ constexpr double kStill = 2e-3;
 /// So long are bodies still before they rest, s. Less lets a body hang at the top of its flight
 /// against a wall.
 constexpr double kStillTime = 0.5;
+/// And so long at first, for most of what a file places lies still: less takes what begins to slide
+/// or tip slowly for still.
+constexpr double kFirstStillTime = 0.1;
 
 }  // namespace
 
 Rest::Rest(const WorldDescription& description, const std::vector<bool>& movable)
     : state_(description.bodies.size()) {
   for (int body = 0; body < static_cast<int>(movable.size()); ++body) {
-    if (movable[at(body)]) wake(body);
+    if (!movable[at(body)]) continue;
+    wake(body);
+    state_[at(body)].still = kStillTime - kFirstStillTime;
   }
   for (const JointDescription& joint : description.joints) {
     state_[at(joint.child)].jointed = true;
