@@ -64,8 +64,9 @@ MU = "<surface><friction><ode><mu>0.3</mu></ode></friction></surface>"
 
 
 def post(i):
+    """One, 1 mm over the table: of pieces that adjoin planes are felt beyond their edges (docs/method.md 10)."""
     x = (i - (POSTS - 1) / 2) * PITCH
-    return (f'    <link name="post{i + 1}"><pose>{x:.3f} 0 0.015 0 0 0</pose><collision name="c"><geometry>'
+    return (f'    <link name="post{i + 1}"><pose>{x:.3f} 0 0.016 0 0 0</pose><collision name="c"><geometry>'
             "<cylinder><radius>0.006</radius><length>0.03</length></cylinder></geometry>"
             f"{MU}</collision></link>\n")
 

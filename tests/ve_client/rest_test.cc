@@ -102,6 +102,24 @@ TEST_CASE("What floats, hangs on a joint or lies on what does so never rests") {
   CHECK_FALSE(world.rests(1));
 }
 
+TEST_CASE("What the tool touches or is about to touch does not rest") {
+  World world(world_of(kTable + cube("near", "0 0 0.05 0 0 0") + cube("far", "1 0 0.05 0 0 0") +
+                           cube("tool", "-0.2 0 0.05 0 0 0"),
+                       kEarth),
+              std::vector<int>{3});
+  run(world, 1);
+  CHECK(world.rests(1));
+  ToolContact contact;
+  contact.tool_body = 3;
+  contact.body = 1;
+  contact.p_W = {-0.05, 0, 0.05};
+  contact.n_W = -Vector3::UnitX();
+  contact.separation = 0.1;
+  for (int i = 0; i < 60; ++i) world.step(kStep, std::vector{contact});
+  CHECK_FALSE(world.rests(1));
+  CHECK(world.rests(2));
+}
+
 TEST_CASE("A body that is placed elsewhere wakes what rested on it") {
   World world(piles(), {});
   run(world, 1.5);
