@@ -62,9 +62,9 @@ TEST_CASE("A scene has the tool that is asked for, or else the one that the worl
 TEST_CASE(
     "Every world of the repository is a scene that says what is to be felt, in 80 characters") {
   const auto scenes = scenes_beside(fs::path(HLM_WORLDS) / "testbed.sdf");
-  CHECK(names(scenes) == std::vector<std::string>{"corner", "door", "lift", "linkage", "mesh",
-                                                  "peg_in_hole_3d", "playground", "push",
-                                                  "scissors", "stack", "testbed"});
+  CHECK(names(scenes) == std::vector<std::string>{"clutter", "corner", "door", "lift", "linkage",
+                                                  "mesh", "peg_in_hole_3d", "playground", "push",
+                                                  "scale", "scissors", "stack", "testbed"});
   for (const SceneSummary& scene : scenes) {
     CAPTURE(scene.name);
     const Scene loaded = load_scene(scene.file);

@@ -9,6 +9,8 @@ import { View } from './view.js';
 const PROXY_DIFFERS = { metres: 1e-4, radians: 2e-3 };
 const PICK_PIXELS = { mouse: 26, touch: 44 };
 const OVERLAY_SHARE = 0.12;   // of the world's radius that handle, contacts and arrows are sized by, at most
+const MOST_BODIES = 1000;     // that are all drawn
+const NEARBY = 8;             // of more, those so near to the tool, in radii of it
 const FORCES = ['F_env', 'F_hand', 'F_command'];
 
 /** What draws WebGL here: 'none', 'software' or 'hardware'. */
@@ -20,6 +22,10 @@ export function graphics() {
   const name = gl.getParameter(extension ? extension.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
   gl.getExtension('WEBGL_lose_context')?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name) ? 'software' : 'hardware';
+}
+
+function radiusOf(objects) {
+  return boundsOf(objects).getSize(new THREE.Vector3()).length() / 2;
 }
 
 export class Scene {
@@ -55,7 +61,11 @@ export class Scene {
     this.peakForce = 1;
     this.content = new THREE.Group();
     this.bodies = world.bodies.map((body) => this.#addBody(body));
+    this.moving = this.bodies.filter((_, i) => !world.bodies[i].fixed);
     this.tools = world.tool_links.map((i) => this.bodies[i]);
+    this.tools.forEach((tool) => this.#show(tool));
+    this.nearby = this.bodies.length > MOST_BODIES ? NEARBY * radiusOf(this.tools) : Infinity;
+    this.#showNear();
     this.overlays = this.#add(new THREE.Group());
     this.overlays.visible = false;
     this.#addOverlays();
@@ -64,10 +74,11 @@ export class Scene {
   }
 
   setFrame(frame) {
-    if (!this.world || frame.bodies.length !== this.bodies.length) return;
+    if (!this.world || frame.bodies.length !== this.moving.length) return;
     this.frame = frame;
     this.changed = true;
-    frame.bodies.forEach((pose, i) => place(this.bodies[i], pose));
+    frame.bodies.forEach((pose, i) => place(this.moving[i], pose));
+    if (this.nearby < Infinity) this.#showNear();
     frame.proxy?.forEach((pose, i) => this.#placeProxy(i, pose));
     if (frame.device) place(this.handle, frame.device);
   }
@@ -97,7 +108,7 @@ export class Scene {
   }
 
   fit() {
-    if (this.view) this.view.fit(boundsOf(this.bodies), this.aspect);
+    if (this.view) this.view.fit(boundsOf(this.bodies.filter((body) => body.visible)), this.aspect);
   }
 
   /** Where a point of the world is on the page, [clientX, clientY]. */
@@ -184,14 +195,29 @@ export class Scene {
 
   #addBody(body) {
     const kind = body.tool ? 'tool' : body.fixed ? 'fixed' : 'movable';
-    const object = this.#add(bodyObject(body.shapes, this.looks[kind]));
+    const object = this.#add(new THREE.Group());
+    object.userData.draw = () => object.add(...bodyObject(body.shapes, this.looks[kind]).children);
+    object.visible = false;
     place(object, body.pose);
     return object;
   }
 
+  /** Of very many bodies those near the tool are drawn, and what is infinite; each is made when it first is. */
+  #showNear() {
+    this.bodies.forEach((body, i) => {
+      const near = this.tools.some((tool) => tool.position.distanceTo(body.position) < this.nearby);
+      if (near || this.world.bodies[i].shapes.some(({ kind }) => kind === 'plane')) this.#show(body);
+      else body.visible = false;
+    });
+  }
+
+  #show(body) {
+    if (body.children.length === 0) body.userData.draw();
+    body.visible = true;
+  }
+
   #addOverlays() {
-    const radius = (objects) => boundsOf(objects).getSize(new THREE.Vector3()).length() / 2;
-    const size = Math.min(radius(this.tools), OVERLAY_SHARE * radius(this.bodies));
+    const size = Math.min(radiusOf(this.tools), OVERLAY_SHARE * radiusOf(this.bodies));
     this.overlaySize = size;
     this.proxies = this.world.tool_links.map((i) => bodyObject(this.world.bodies[i].shapes, this.looks.proxy));
     this.handle = handleObject(size);

@@ -318,9 +318,13 @@ std::string world_message(const WorldView& view) {
 
 std::string frame_message(const FrameView& view) {
   const VirtualEnvironment& environment = view.environment;
-  const int count = static_cast<int>(environment.world.description().bodies.size());
+  const auto& described = environment.world.description().bodies;
   json bodies = json::array();
-  for (int i = 0; i < count; ++i) bodies.push_back(to_json(environment.world.X_WB(i)));
+  for (int i = 0; i < static_cast<int>(described.size()); ++i) {
+    if (!described[static_cast<std::size_t>(i)].fixed) {
+      bodies.push_back(to_json(environment.world.X_WB(i)));
+    }
+  }
 
   const Method* const method = method_in_effect(view.settings);
   json frame{{"type", "frame"},

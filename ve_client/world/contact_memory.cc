@@ -19,9 +19,13 @@ ContactKey ordered(ContactKey key, bool& swapped) {
 
 }  // namespace
 
-void ContactMemory::begin_frame(int substeps) {
+void ContactMemory::begin_frame(int substeps,
+                                const std::function<bool(std::uint32_t body)>& moves) {
+  ++frame_;
   share_ = 1.0 / substeps;
-  loads_.clear();
+  std::erase_if(loads_, [&](const auto& entry) {
+    return moves(entry.first.a.index) || moves(entry.first.b.index);
+  });
 }
 
 dJointFeedback& ContactMemory::add(const ContactKey& key, const Vector3& n_W) {
@@ -38,7 +42,9 @@ void ContactMemory::end_step() {
     const Vector3 f(acting.feedback.f1[0], acting.feedback.f1[1], acting.feedback.f1[2]);
     const double f_n = acting.n_W.dot(f);
     latest_[acting.key] = {f_n, (acting.swapped ? -1 : 1) * (f - f_n * acting.n_W)};
-    loads_[acting.key] += share_ * f_n;
+    Load& load = loads_[acting.key];
+    if (load.frame != frame_) load = {0, frame_};
+    load.mean += share_ * f_n;
   }
   acting_.clear();
 }
@@ -55,7 +61,7 @@ ContactMemory::Carried ContactMemory::latest(const ContactKey& key) const {
 double ContactMemory::load(const ContactKey& key) const {
   bool swapped = false;
   const auto found = loads_.find(ordered(key, swapped));
-  return found == loads_.end() ? 0 : found->second;
+  return found == loads_.end() ? 0 : found->second.mean;
 }
 
 double ContactMemory::load(int body_a, int body_b) const {
@@ -63,7 +69,7 @@ double ContactMemory::load(int body_a, int body_b) const {
   const auto second = static_cast<std::uint32_t>(std::max(body_a, body_b));
   double sum = 0;
   for (const auto& [key, load] : loads_) {
-    if (key.a.index == first && key.b.index == second) sum += load;
+    if (key.a.index == first && key.b.index == second) sum += load.mean;
   }
   return sum;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <map>
 
 #include <ode/ode.h>
@@ -19,8 +20,9 @@ class ContactMemory {
     Vector3 friction = Vector3::Zero();  ///< On key.a, N.
   };
 
-  /// A frame of `substeps` steps of the solver begins: loads are its means.
-  void begin_frame(int substeps);
+  /// A frame of `substeps` steps of the solver begins: loads are its means. Those between bodies
+  /// that do not move stay as they are.
+  void begin_frame(int substeps, const std::function<bool(std::uint32_t body)>& moves);
   /// A contact that takes part in the present step; the solver writes into the feedback what it
   /// carried, on key.a. Valid until end_step().
   dJointFeedback& add(const ContactKey& key, const Vector3& n_W);
@@ -29,7 +31,7 @@ class ContactMemory {
 
   /// In the latest step; zero if the contact was not there.
   Carried latest(const ContactKey& key) const;
-  /// Mean normal force of a contact in the frame, N.
+  /// Mean normal force of a contact in the frame, or in the latest one in which it moved, N.
   double load(const ContactKey& key) const;
   /// Of all contacts of two bodies.
   double load(int body_a, int body_b) const;
@@ -42,10 +44,16 @@ class ContactMemory {
     dJointFeedback feedback;
   };
 
+  struct Load {
+    double mean = 0;     ///< N.
+    unsigned frame = 0;  ///< Of which it is.
+  };
+
+  unsigned frame_ = 0;
   double share_ = 1;  ///< Of one step in the means.
   std::deque<Acting> acting_;
   std::map<ContactKey, Carried> latest_;
-  std::map<ContactKey, double> loads_;
+  std::map<ContactKey, Load> loads_;
 };
 
 }  // namespace hlm::ve

@@ -1,7 +1,5 @@
 #include "ve_client/world/engine_geometry.h"
 
-#include <utility>
-
 namespace hlm::ve {
 namespace {
 
@@ -55,25 +53,6 @@ dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dB
     set_pose(dGeomSetOffsetPosition, dGeomSetOffsetQuaternion, X_BG * X_GE);
   }
   return geometry;
-}
-
-dSpaceID create_mesh_space(const WorldDescription& world) {
-  Eigen::AlignedBox3d box;
-  for (const BodyDescription& body : world.bodies) {
-    const Mesh* latest = nullptr;
-    for (const CollisionDescription& collision : body.collisions) {
-      const Mesh* mesh = collision.mesh.get();
-      if (mesh == nullptr || std::exchange(latest, mesh) == mesh) continue;
-      for (const Vector3& p : mesh->points) box.extend(body.X_WB * (collision.X_BG * p));
-    }
-  }
-  if (box.isEmpty()) return nullptr;
-  constexpr int kDepth = 6;  // 4096 cells, seen along z.
-  const Vector3 c = box.center();
-  const Vector3 e = box.sizes();
-  const dVector3 center = {c.x(), c.y(), c.z()};
-  const dVector3 extents = {e.x(), e.y(), e.z()};
-  return dQuadTreeSpaceCreate(nullptr, center, extents, kDepth);
 }
 
 }  // namespace hlm::ve

@@ -14,8 +14,4 @@ namespace hlm::ve {
 dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dBodyID body,
                         const Pose& X_BG);
 
-/// A space for the pieces of fixed meshes, where many that stand still cost nothing; null if the
-/// world has none.
-dSpaceID create_mesh_space(const WorldDescription& world);
-
 }  // namespace hlm::ve

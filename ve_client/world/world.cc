@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "common/range.h"
-#include "ve_client/world/engine_geometry.h"
 #include "ve_client/world/mobility.h"
 
 namespace hlm::ve {
@@ -18,29 +17,14 @@ constexpr double kErrorReduction = 0.4;
 /// Softness of joints, tool contacts and friction, m/(N·s): enough to keep redundant constraints
 /// solvable; 1 N then yields 1e-8 m/s.
 constexpr double kConstraintForceMixing = 1e-8;
-/// Stiffness (N/m) and damping (N·s/m) of a contact between bodies. The solver goes through few
-/// sweeps: rigid contacts would leave a pile unsolved after each, so that it creeps and falls. A
-/// corner of a 0.3 kg cube yields 4 µm.
-constexpr double kContactStiffness = 2e5;
-constexpr double kContactDamping = 100;
 /// Speed, m/s, up to which overlap is pushed apart. Higher throws bodies that start overlapped.
 constexpr double kMaxCorrectingVelocity = 1;
-/// Overlap, m, that bodies keep when they rest on each other. With none, a resting body is in
-/// contact in some steps and not in others: friction slips, and the tool's active contacts (σ <= 0)
-/// flicker. With more than a tenth of a millimetre it can be seen.
-constexpr double kRestingOverlap = 2e-5;
 /// Steps of the solver per second, and its sweeps over all constraints in each, where bodies can
 /// move. With half of either six stacked cubes creep by 0.7 to 1 mm in a minute instead of 0.2 mm.
 constexpr double kSolverRate = 960;
 constexpr int kSweeps = 40;
 /// Sweeps where only the tool moves, once a frame: it has no piles to hold.
 constexpr int kSweepsOfTool = 20;
-/// Friction acts against the slip from this speed on, m/s; below, as it did in the step before.
-/// Lower takes the solver's noise for slip.
-constexpr double kSlipSpeed = 1e-3;
-/// Least share of the bound that friction has across the direction in which it acts. With none it
-/// could not turn; more lets it exceed its bound, 0.1 by half a per cent.
-constexpr double kLeastShare = 0.1;
 /// No body is faster, m/s and rad/s, unless the simulation went wrong.
 constexpr double kPlausibleSpeed = 100;
 constexpr double kPlausibleRate = 1000;
@@ -56,38 +40,15 @@ void initialise_engine() {
 
 Vector3 to_vector(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-void set(dVector3& target, const Vector3& v) {
-  target[0] = v.x();
-  target[1] = v.y();
-  target[2] = v.z();
-}
-
-const CollisionId& id_of(dGeomID geometry) {
-  return *static_cast<const CollisionId*>(dGeomGetData(geometry));
-}
-
-dGeomID as_geometry(dSpaceID space) { return reinterpret_cast<dGeomID>(space); }
-
-dContact frictional_contact(double friction, const Vector3& p_W, const Vector3& n_W) {
-  dContact contact{};
-  contact.surface.mode = dContactApprox1;
-  contact.surface.mu = friction;
-  set(contact.geom.pos, p_W);
-  set(contact.geom.normal, n_W);
-  return contact;
-}
-
 }  // namespace
 
 World::World(const WorldDescription& description, std::span<const int> tool_bodies)
     : description_(description),
       is_tool_(description.bodies.size()),
-      held_(description.bodies.size(), Wrench::Zero()) {
+      tool_bodies_(tool_bodies.begin(), tool_bodies.end()) {
   initialise_engine();
   world_.reset(dWorldCreate());
-  space_.reset(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ));
   contacts_.reset(dJointGroupCreate(0));
-  query_box_.reset(dCreateBox(nullptr, 1, 1, 1));
 
   const Vector3& g = description_.gravity_W;
   dWorldSetGravity(world_.get(), g.x(), g.y(), g.z());
@@ -95,10 +56,10 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   dWorldSetCFM(world_.get(), kConstraintForceMixing);
   dWorldSetContactMaxCorrectingVel(world_.get(), kMaxCorrectingVelocity);
   dWorldSetContactSurfaceLayer(world_.get(), 0);
-  dWorldSetAutoDisableFlag(world_.get(), 0);
-  for (const int body : tool_bodies) is_tool_[at(body)] = true;
-  skins_.reset(create_mesh_space(description_));
+  dWorldSetAutoDisableFlag(world_.get(), 0);  // Rest does it, of whole piles and repeatably.
+  for (const int body : tool_bodies_) is_tool_[at(body)] = true;
   add_bodies();
+  broad_phase_.emplace(description_, bodies_, shapes_, is_tool_);
   pieces_.emplace(description_, shapes_);
   dWorldSetQuickStepNumIterations(
       world_.get(), description_.solver.sweeps.value_or(has_movable_ ? kSweeps : kSweepsOfTool));
@@ -127,14 +88,11 @@ void World::require_slow_springs() const {
 }
 
 void World::add_bodies() {
-  std::size_t shapes = 0;
-  for (const BodyDescription& body : description_.bodies) shapes += body.collisions.size();
-  collision_ids_.reserve(shapes);  // Geometries keep pointers into it.
-
+  std::vector<bool> movable;
   for (int i = 0; i < static_cast<int>(description_.bodies.size()); ++i) {
     const BodyDescription& body = description_.bodies[at(i)];
-    const bool is_tool = is_tool_[at(i)];
     bodies_.push_back(body.fixed ? nullptr : dBodyCreate(world_.get()));
+    movable.push_back(is_movable(i));
     has_movable_ = has_movable_ || is_movable(i);
     if (!body.fixed) {
       dMass mass;
@@ -142,25 +100,17 @@ void World::add_bodies() {
       dMassSetParameters(&mass, body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
                          I(1, 2));
       dBodySetMass(handle(i), &mass);
-      dBodySetGravityMode(handle(i), !is_tool && !body.weightless);
-      set_pose(i, body.X_WB);
+      dBodySetGravityMode(handle(i), !is_tool_[at(i)] && !body.weightless);
+      place(i, body.X_WB);
     }
     std::vector<Convex>& convexes = shapes_.emplace_back();
-    for (const CollisionDescription& shape : body.collisions) convexes.emplace_back(shape.shape);
-    if (!is_tool) add_geometries(i);
+    double& radius = radii_.emplace_back(0);
+    for (const CollisionDescription& shape : body.collisions) {
+      const auto box = convexes.emplace_back(shape.shape).bounds(shape.X_BG);
+      radius = std::max(radius, box.max().cwiseMax(-box.min()).norm());
+    }
   }
-}
-
-void World::add_geometries(int index) {
-  const BodyDescription& body = description_.bodies[at(index)];
-  for (std::size_t i = 0; i < body.collisions.size(); ++i) {
-    const CollisionDescription& collision = body.collisions[i];
-    const dGeomID geometry =
-        create_geometry(collision.mesh ? skins_.get() : space_.get(), collision.shape,
-                        body.X_WB * collision.X_BG, handle(index), collision.X_BG);
-    collision_ids_.push_back({index, static_cast<int>(i)});
-    dGeomSetData(geometry, &collision_ids_.back());
-  }
+  rest_.emplace(description_, movable);
 }
 
 Pose World::X_WB(int body) const {
@@ -183,6 +133,15 @@ Vector3 World::velocity_at(int body, const Vector3& p_W) const {
 }
 
 void World::set_pose(int body, const Pose& X_WB) {
+  if (is_movable(body)) {
+    for (int other = 0; other < static_cast<int>(bodies_.size()); ++other) {
+      if (rests(other)) wake(other);
+    }
+  }
+  place(body, X_WB);
+}
+
+void World::place(int body, const Pose& X_WB) {
   dBodySetPosition(handle(body), X_WB.p.x(), X_WB.p.y(), X_WB.p.z());
   const Quaternion& R = X_WB.R;
   const dQuaternion q = {R.w(), R.x(), R.y(), R.z()};
@@ -190,15 +149,18 @@ void World::set_pose(int body, const Pose& X_WB) {
 }
 
 void World::set_velocity(int body, const Twist& V) {
+  disturb(body);
   dBodySetLinearVel(handle(body), V[0], V[1], V[2]);
   dBodySetAngularVel(handle(body), V[3], V[4], V[5]);
 }
 
 void World::add_wrench(int body, const Wrench& F) {
+  if (F.isZero(0)) return;
   if (!stepping_) {
-    held_[at(body)] += F;
+    held_.try_emplace(body, Wrench::Zero()).first->second += F;
     return;
   }
+  disturb(body);
   dBodyAddForce(handle(body), F[0], F[1], F[2]);
   dBodyAddTorque(handle(body), F[3], F[4], F[5]);
 }
@@ -243,17 +205,16 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
   for (const ToolContact& contact : tool_contacts) {
     carried.emplace_back(contact, X_WB(contact.tool_body), X_WB(contact.body));
   }
-  memory_.begin_frame(count);
+  memory_.begin_frame(count, [this](std::uint32_t body) {
+    return is_movable(static_cast<int>(body)) && !rests(static_cast<int>(body));
+  });
   stepping_ = true;
   for (int i = 0; i < count && !fault_; ++i) {
     push_held();
     joints_->push_springs();
     if (drive) drive(substep_);
-    dNearCallback* const meet = [](void* world, dGeomID first, dGeomID second) {
-      static_cast<World*>(world)->collide(id_of(first), id_of(second));
-    };
-    dSpaceCollide(space_.get(), this, meet);
-    if (skins_) dSpaceCollide2(as_geometry(space_.get()), as_geometry(skins_.get()), this, meet);
+    for (const CarriedContact& contact : carried) disturb(contact.body());
+    collide_all();
     for (const CarriedContact& contact : carried) {
       add_contact(contact.at(X_WB(contact.tool_body()), X_WB(contact.body())));
     }
@@ -263,13 +224,39 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
     find_fault();
   }
   stepping_ = false;
-  std::ranges::fill(held_, Wrench::Zero());
+  held_.clear();
+  settle(dt);
 }
 
 void World::push_held() {
-  for (int body = 0; body < static_cast<int>(held_.size()); ++body) {
-    if (!held_[at(body)].isZero(0)) add_wrench(body, held_[at(body)]);
-  }
+  for (const auto& [body, F] : held_) add_wrench(body, F);
+}
+
+void World::wake(int body) {
+  rest_->wake(body);
+  broad_phase_->set_still(body, false);
+  dBodyEnable(handle(body));
+}
+
+void World::disturb(int body) {
+  if (!is_movable(body)) return;
+  if (rests(body)) wake(body);
+  rest_->push(body);
+}
+
+void World::settle(double dt) {
+  const auto fastest = [this](int body) {
+    const Twist V = V_WB(body);
+    return V.head<3>().norm() + radii_[at(body)] * V.tail<3>().norm();
+  };
+  for (const int body : rest_->settle(dt, fastest)) stop(body);
+}
+
+void World::stop(int body) {
+  dBodySetLinearVel(handle(body), 0, 0, 0);
+  dBodySetAngularVel(handle(body), 0, 0, 0);
+  dBodyDisable(handle(body));
+  broad_phase_->set_still(body, true);
 }
 
 void World::solve(double h) {
@@ -285,24 +272,30 @@ void World::find_fault() {
   const auto fail = [&](int body, const std::string& what) {
     fault_ = "body '" + description_.bodies[at(body)].name + "' " + what;
   };
-  for (int body = 0; body < static_cast<int>(bodies_.size()); ++body) {
-    if (handle(body) == nullptr) continue;
+  const auto finite = [&](int body) {
     const Pose X_WB = this->X_WB(body);
-    const Twist V_WB = this->V_WB(body);
-    const double speed = V_WB.head<3>().norm();
-    const double rate = V_WB.tail<3>().norm();
-    if (!X_WB.p.allFinite() || !X_WB.R.coeffs().allFinite() || !V_WB.allFinite()) {
+    return X_WB.p.allFinite() && X_WB.R.coeffs().allFinite() && V_WB(body).allFinite();
+  };
+  std::vector<int> gone;
+  for (const int body : rest_->awake()) {
+    const double speed = V_WB(body).head<3>().norm();
+    const double rate = V_WB(body).tail<3>().norm();
+    if (!finite(body)) {
       fail(body, "has no finite position and velocity");
-    } else if (is_tool_[at(body)]) {
-      continue;  // It goes where the proxy is.
     } else if (speed > kPlausibleSpeed) {
       fail(body, "moves at " + shortest_text(speed) + " m/s");
     } else if (rate > kPlausibleRate) {
       fail(body, "turns at " + shortest_text(rate) + " rad/s");
-    } else if (X_WB.p.norm() > kWorldRadius) {
-      set_velocity(body, Twist::Zero());
-      dBodyDisable(handle(body));
+    } else if (X_WB(body).p.norm() > kWorldRadius) {
+      gone.push_back(body);
     }
+  }
+  for (const int body : tool_bodies_) {  // It goes where the proxy is, however fast.
+    if (!finite(body)) fail(body, "has no finite position and velocity");
+  }
+  for (const int body : gone) {
+    rest_->put_to_rest(body);
+    stop(body);
   }
 }
 
@@ -311,90 +304,6 @@ bool World::can_touch(int first, int second) const {
   const dBodyID b = handle(second);
   if (a == b) return false;  // One body, or both fixed.
   return a == nullptr || b == nullptr || !dAreConnectedExcluding(a, b, dJointTypeContact);
-}
-
-void World::collide(CollisionId first, CollisionId second) {
-  if (!can_touch(first.body, second.body)) return;
-  // Whom the normal points to can move.
-  if (handle(first.body) == nullptr) std::swap(first, second);
-  const double friction =
-      friction_between(collision(first), collision(second)).value_or(kDefaultFriction);
-  const PairSide a{pieces_->of(first), X_WG(first)};
-  const PairSide b{pieces_->of(second), X_WG(second)};
-  const auto side = [](const CollisionId& id) {
-    return ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(id.body)};
-  };
-  touching_.clear();
-  for (const ManifoldPoint& point :
-       find_contacts(convex(first), a.X_WG, convex(second), b.X_WG, 0, statistics_)) {
-    touching_.push_back(found_contact(point, side(first), first, side(second), second));
-    touching_.back().friction = friction;
-  }
-  resolve_seams(*pieces_, a, b, touching_, 0);
-  for (const FoundContact& contact : touching_) add_contact(contact);
-}
-
-void World::add_contact(const FoundContact& found) {
-  const int first = static_cast<int>(found.key.a.index);
-  const int second = static_cast<int>(found.key.b.index);
-  dContact contact = frictional_contact(found.friction, found.p_WC, found.n_W);
-  contact.geom.depth = std::max(0.0, -found.separation - kRestingOverlap);
-  const double spring = substep_ * kContactStiffness;
-  contact.surface.mode |= dContactSoftERP | dContactSoftCFM;
-  contact.surface.soft_erp = spring / (spring + kContactDamping);
-  contact.surface.soft_cfm = 1 / (spring + kContactDamping);
-
-  bound_friction(contact, found);
-  const dJointID joint = dJointCreateContact(world_.get(), contacts_.get(), &contact);
-  dJointAttach(joint, handle(first), handle(second));
-  dJointSetFeedback(joint, &memory_.add(found.key, found.n_W));
-}
-
-/// The engine bounds friction along two directions, each by μ f_n: together by up to √2 of that.
-/// So the first is that in which it acts, and the second gets what that leaves.
-void World::bound_friction(dContact& contact, const FoundContact& found) const {
-  const ContactKey& key = found.key;
-  const Vector3& n = found.n_W;
-  const auto across = [&](const Vector3& v) { return Vector3(v - v.dot(n) * n); };
-  const Vector3 slip = across(velocity_at(static_cast<int>(key.a.index), found.p_WC) -
-                              velocity_at(static_cast<int>(key.b.index), found.p_WC));
-  const ContactMemory::Carried latest = memory_.latest(key);
-  const double bound = contact.surface.mu * latest.normal;
-  const bool slips = slip.norm() > kSlipSpeed;
-  const Vector3 direction = slips ? slip : across(latest.friction);
-  if (direction.isZero(0) || !(bound > 0)) return;
-  const double used = slips ? 1 : std::min(1.0, latest.friction.norm() / bound);
-  contact.surface.mode |= dContactFDir1 | dContactMu2;
-  set(contact.fdir1, direction.normalized());
-  contact.surface.mu2 = contact.surface.mu * std::max(kLeastShare, std::sqrt(1 - used * used));
-}
-
-void World::add_contact(const ToolContact& tool_contact) {
-  const dBodyID first = handle(tool_contact.tool_body);
-  const dBodyID second = handle(tool_contact.body);
-  const auto yields = [](dBodyID body) { return body != nullptr && !dBodyIsKinematic(body); };
-  if (!yields(first) && !yields(second)) return;
-  dContact contact = frictional_contact(tool_contact.friction, tool_contact.p_W, tool_contact.n_W);
-  const double gap = tool_contact.separation + kRestingOverlap;
-  contact.geom.depth = std::max(0.0, -gap);
-  contact.surface.mode |= dContactMotionN;
-  contact.surface.motionN = -std::max(0.0, gap) / substep_;  // Least velocity along the normal.
-  dJointAttach(dJointCreateContact(world_.get(), contacts_.get(), &contact), first, second);
-}
-
-void World::find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found) {
-  found.clear();
-  const Vector3 center = box.center();
-  const Vector3 size = box.sizes();
-  dGeomBoxSetLengths(query_box_.get(), size.x(), size.y(), size.z());
-  dGeomSetPosition(query_box_.get(), center.x(), center.y(), center.z());
-  dNearCallback* const add = [](void* result, dGeomID first, dGeomID second) {
-    const dGeomID other = dGeomGetData(first) != nullptr ? first : second;
-    static_cast<std::vector<CollisionId>*>(result)->push_back(id_of(other));
-  };
-  dSpaceCollide2(query_box_.get(), as_geometry(space_.get()), &found, add);
-  if (skins_) dSpaceCollide2(query_box_.get(), as_geometry(skins_.get()), &found, add);
-  std::ranges::sort(found);
 }
 
 }  // namespace hlm::ve

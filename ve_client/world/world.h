@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -13,10 +14,12 @@
 #include "common/spatial.h"
 #include "ve_client/contacts/convex.h"
 #include "ve_client/contacts/manifold.h"
+#include "ve_client/world/broad_phase.h"
 #include "ve_client/world/carried_contact.h"
 #include "ve_client/world/contact_memory.h"
 #include "ve_client/world/joints.h"
 #include "ve_client/world/pieces.h"
+#include "ve_client/world/rest.h"
 #include "ve_client/world/seams.h"
 #include "ve_client/world/world_description.h"
 
@@ -41,6 +44,9 @@ class World {
   const WorldDescription& description() const noexcept { return description_; }
   /// Whether a body can be pushed: it is neither fixed nor the tool's.
   bool is_movable(int body) const { return bodies_[at(body)] != nullptr && !is_tool_[at(body)]; }
+  /// Whether a movable body is at rest (see Rest), until something awake or the tool touches it, or
+  /// it is pushed, sent or placed from outside.
+  bool rests(int body) const { return is_movable(body) && !rest_->is_awake(body); }
 
   /// Pose of a body's frame B (at its centre of mass).
   Pose X_WB(int body) const;
@@ -58,6 +64,7 @@ class World {
   Pose X_WG(const CollisionId& id) const { return X_WB(id.body) * collision(id).X_BG; }
 
   // For bodies that are not fixed.
+  /// Of a movable body: wakes all, for any may have rested on it.
   void set_pose(int body, const Pose& X_WB);
   void set_velocity(int body, const Twist& V_WB);
   /// Applies a wrench about B's origin, world axes, during the next step.
@@ -83,7 +90,9 @@ class World {
   /// Whether the engine lets two bodies touch: not those that a joint connects.
   bool can_touch(int first, int second) const;
   /// Shapes of other bodies than the tool's whose bounding boxes meet `box` (world, m), in order.
-  void find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found);
+  void find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found) const {
+    broad_phase_->find_near(box, found);
+  }
 
  private:
   template <class T, void (*destroy)(T*)>
@@ -96,11 +105,21 @@ class World {
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
   dBodyID handle(int body) const { return bodies_[at(body)]; }
   void add_bodies();
-  void add_geometries(int body);
+  void place(int body, const Pose& X_WB);
   void require_slow_springs() const;
   void push_held();
   void solve(double h);
   void find_fault();
+  void wake(int body);
+  /// A movable body is pushed, sent or touched from outside.
+  void disturb(int body);
+  /// Bodies that have been still for a while come to rest, after a frame.
+  void settle(double dt);
+  /// Leaves a body that has come to rest out of the engine's steps.
+  void stop(int body);
+  /// Contacts of all bodies that are awake, and of those that they wake.
+  void collide_all();
+  bool touch(const CollisionId& first, const CollisionId& second);
   /// Contacts of two shapes that are not the tool's.
   void collide(CollisionId first, CollisionId second);
   void add_contact(const FoundContact& found);
@@ -109,18 +128,19 @@ class World {
 
   WorldDescription description_;
   std::vector<bool> is_tool_;
+  std::vector<int> tool_bodies_;
   bool has_movable_ = false;
   std::vector<std::vector<Convex>> shapes_;  ///< [body][shape].
   std::optional<Pieces> pieces_;
   Handle<dxWorld, dWorldDestroy> world_;
-  Handle<dxSpace, dSpaceDestroy> space_;
-  Handle<dxSpace, dSpaceDestroy> skins_;  ///< Of the pieces of fixed meshes; null: there are none.
   Handle<dxJointGroup, dJointGroupDestroy> contacts_;
-  Handle<dxGeom, dGeomDestroy> query_box_;  ///< In no space.
-  std::vector<dBodyID> bodies_;             ///< Null for fixed bodies.
+  std::vector<dBodyID> bodies_;  ///< Null for fixed bodies.
+  std::vector<double> radii_;    ///< Of spheres about B's origins around all shapes, m.
+  std::optional<BroadPhase> broad_phase_;
+  std::optional<Rest> rest_;
+  std::vector<int> woken_;  ///< By the body whose contacts are being found.
   std::optional<Joints> joints_;
-  std::vector<CollisionId> collision_ids_;  ///< Each geometry points to its own.
-  std::vector<Wrench> held_;                ///< On each body during the next step().
+  std::map<int, Wrench> held_;  ///< On bodies during the next step().
   bool stepping_ = false;
   double substep_ = 0;  ///< Length of the present one, s.
   ContactMemory memory_;

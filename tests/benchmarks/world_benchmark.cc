@@ -1,0 +1,84 @@
+// What do the query and the engine's step of a frame cost in worlds of many bodies?
+#include <cmath>
+#include <map>
+#include <string>
+
+#include <benchmark/benchmark.h>
+
+#include "ve_client/frame.h"
+#include "ve_client/world/scene.h"
+
+namespace hlm::ve {
+namespace {
+
+constexpr double kPeriod = 1.0 / 60;  // s
+constexpr double kEpsilon = 0.01;     // m
+
+/// A shipped scene after 3 s, when what can fall has fallen; one for all runs.
+VirtualEnvironment& settled(const std::string& name) {
+  static std::map<std::string, VirtualEnvironment> environments;
+  const auto known = environments.find(name);
+  if (known != environments.end()) return known->second;
+  const Scene scene = load_scene(HLM_WORLDS "/" + name + ".sdf");
+  VirtualEnvironment& environment =
+      environments.try_emplace(name, scene.world, scene.tool, FollowOptions{}).first->second;
+  for (int i = 0; i < 180; ++i) environment.world.step(kPeriod, {});
+  return environment;
+}
+
+/// The contacts of the tool and those of the bodies that it can push, while the tool is led in
+/// circles of 0.1 m among the things of the scene, 0.3 m/s.
+void ScaleQuery(benchmark::State& state) {
+  VirtualEnvironment& environment = settled("scale");
+  const int rod = environment.assembly.bodies[0];
+  double angle = 0;
+  double contacts = 0;
+  double bodies = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    angle += 3 * kPeriod;
+    const Vector3 p(0.1 * std::cos(angle), 0.1 * std::sin(angle), 0.034);
+    environment.world.set_pose(rod, {p, Quaternion::Identity()});
+    environment.tool.read_back();
+    state.ResumeTiming();
+    const auto found = environment.proximity.query(environment.tool, kEpsilon, true);
+    std::vector<FoundContact> of_tool(found.begin(), found.end());
+    environment.surroundings.find(of_tool, kEpsilon);
+    contacts += static_cast<double>(of_tool.size() + environment.surroundings.contacts().size());
+    bodies += static_cast<double>(environment.surroundings.bodies().size());
+  }
+  using Counter = benchmark::Counter;
+  state.counters["contacts"] = Counter(contacts, Counter::kAvgIterations);
+  state.counters["bodies"] = Counter(bodies, Counter::kAvgIterations);
+}
+BENCHMARK(ScaleQuery)->Unit(benchmark::kMicrosecond);
+
+void step_at_rest(benchmark::State& state, const char* name) {
+  World& world = settled(name).world;
+  for (auto _ : state) world.step(kPeriod, {});
+}
+
+/// Every body gets a push of 5 % of its weight to and fro, so that none rests.
+void step_stirred(benchmark::State& state, const char* name) {
+  World& world = settled(name).world;
+  const auto& bodies = world.description().bodies;
+  double time = 0;
+  for (auto _ : state) {
+    time += kPeriod;
+    for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
+      if (!world.is_movable(i)) continue;
+      Wrench F = Wrench::Zero();
+      F.x() = 0.5 * bodies[static_cast<std::size_t>(i)].mass * std::sin(6 * time + i);
+      world.add_wrench(i, F);
+    }
+    world.step(kPeriod, {});
+  }
+}
+
+void ScaleStepAtRest(benchmark::State& state) { step_at_rest(state, "scale"); }
+void ScaleStepStirred(benchmark::State& state) { step_stirred(state, "scale"); }
+BENCHMARK(ScaleStepAtRest)->Unit(benchmark::kMillisecond);
+BENCHMARK(ScaleStepStirred)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace hlm::ve
