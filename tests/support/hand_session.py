@@ -26,6 +26,11 @@ def reach(seconds, x, z):
     return f"[[segment]]\nduration = {seconds}\nmove_to = {{ position = [{x}, 0, {z}], rotation = [0, 0, 0] }}\n"
 
 
+def push(seconds, x, z):
+    """The hand pushes with (x, 0, z), N, wherever it is."""
+    return f"[[segment]]\nduration = {seconds}\nwrench = {{ force = [{x}, 0, {z}] }}\n"
+
+
 class Server:
     def __init__(self, program, hand, folder, *options):
         self._log = pathlib.Path(folder) / "ticks.csv"
