@@ -210,10 +210,17 @@ class Mistakes(unittest.TestCase):
         self.refused("side a: link 3 must be less than 1", a_index=3)
 
     def test_numbers_that_are_not_finite_are_named(self):
-        self.refused("separation nan must be finite", separation=np.nan)
+        self.refused("contact 0: separation nan m must be -10000 to 10000 m", separation=np.nan)
 
     def test_millimetres_are_asked_about(self):
         self.refused("are lengths in metres", point=(0, 0, 40000))
+
+    def test_a_body_that_is_round_in_no_known_way_is_named(self):
+        body = haptic.bodies(1)
+        body["id"], body["round"] = 7, 300
+        with haptic.Session("127.0.0.1:9", box()) as touch, self.assertRaises(haptic.HapticError) as caught:
+            touch.send(haptic.contacts(0), body)
+        self.assertEqual(str(caught.exception), "body 7: round 300 must be 0, 1 or 2")
 
     def test_options_that_cannot_be_used_are_named(self):
         for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
@@ -252,6 +259,8 @@ class Interface(unittest.TestCase):
                                 stdout=subprocess.PIPE).stdout
         found = {line.split()[2].split("@")[0] for line in listed.splitlines() if line.split()[1] in "TWVu"}
         self.assertEqual(found, declared)
+        listed = set(re.findall(r"\b(haptic_\w+);", (PACKAGE.parent / "haptic.map").read_text()))
+        self.assertEqual(listed, declared)
 
     def test_records_have_the_layout_of_the_header(self):
         """A C compiler says what the header's structs are."""
