@@ -95,6 +95,38 @@ class Touch(unittest.TestCase):
         self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
 
 
+class Pairs(unittest.TestCase):
+    """Geoms that collide by <pair> alone."""
+
+    def session_on(self, geoms, pair):
+        text = f"""<mujoco><worldbody>
+            <geom name="table" type="plane" size="1 1 0.1"/>
+            <body name="tool" pos="0 0 0.0215"><freejoint/><geom name="ball" type="sphere" size="0.02" contype="0"
+                conaffinity="0"/></body>
+            <body name="body" pos="0.2 0 0.02"><freejoint/>{geoms}</body>
+          </worldbody><contact><pair geom1="{pair}" geom2="table"/></contact></mujoco>"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "scene.xml"
+            path.write_text(text)
+            self.model = mujoco.MjModel.from_xml_path(path)
+        self.data = mujoco.MjData(self.model)
+        session = haptic.mujoco.Session(self.model, self.data, tool="tool", binding=mujoco, server="127.0.0.1:9")
+        self.addCleanup(session.close)
+        return session
+
+    def test_they_are_listed_before_they_touch(self):
+        touch = self.session_on('<geom type="sphere" size="0.02"/>', "ball")
+        found = touch._contacts(self.data)
+        self.assertEqual(len(found), 1)
+        self.assertAlmostEqual(found["separation"][0], 0.0015, delta=1e-9)  # m
+
+    def test_a_body_is_as_round_as_all_that_collides(self):
+        sphere = '<geom type="sphere" size="0.02"/>'
+        block = '<geom name="block" type="box" size="0.02 0.02 0.01" contype="0" conaffinity="0"/>'
+        self.assertIn(2, self.session_on(sphere, "ball")._round)
+        self.assertNotIn(2, self.session_on(sphere + block, "block")._round)
+
+
 class Mistakes(unittest.TestCase):
     def refused(self, text, **changes):
         with tempfile.TemporaryDirectory() as folder:

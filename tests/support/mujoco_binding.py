@@ -18,6 +18,8 @@ MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeo
          "geom_margin": ("double*", "ngeom", 1), "geom_gap": ("double*", "ngeom", 1),
          "geom_size": ("double*", "ngeom", 3), "geom_type": ("int*", "ngeom", 1),
          "geom_contype": ("int*", "ngeom", 1), "geom_conaffinity": ("int*", "ngeom", 1),
+         "npair": ("int", None), "pair_geom1": ("int*", "npair", 1), "pair_geom2": ("int*", "npair", 1),
+         "pair_margin": ("double*", "npair", 1), "pair_gap": ("double*", "npair", 1),
          "jnt_bodyid": ("int*", "njnt", 1), "jnt_limited": ("byte*", "njnt", 1)}
 DATA = {"ncon": ("int", None), "qpos": ("double*", "nq", 1), "qvel": ("double*", "nv", 1),
         "xipos": ("double*", "nbody", 3), "xpos": ("double*", "nbody", 3), "xfrc_applied": ("double*", "nbody", 6),
@@ -55,6 +57,8 @@ def _number(address, kind):
 def _view(address, kind, shape):
     number, dtype = {"int": (ctypes.c_int, np.int32), "byte": (ctypes.c_ubyte, np.uint8),
                      "double": (ctypes.c_double, np.float64)}[kind.rstrip("*")]
+    if 0 in shape:
+        return np.empty(shape, dtype)
     data = number * int(np.prod(shape))
     return np.frombuffer(data.from_address(address), dtype).reshape(shape)
 

@@ -65,6 +65,8 @@ class Session:
                                      "it; put their geoms into it")
         self._round = self._round_geoms()
         self._gaps = np.array(model.geom_gap[self._geoms])
+        self._pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
+        self._pair_gaps = np.array(model.pair_gap[self._pairs])
         self._answered = False
         binding.mj_forward(model, data)
         size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
@@ -90,6 +92,7 @@ class Session:
         self.touch.poll()
         self._answered = self.touch.connected and (self._answered or bool(self.touch.state.fresh))
         self._model.geom_gap[self._geoms] = _NO_FORCE if self._answered else self._gaps
+        self._model.pair_gap[self._pairs] = _NO_FORCE if self._answered else self._pair_gaps
         data.qpos[self._q] = self.touch.q
         data.qvel[self._v] = self.touch.v
         data.qvel[self._v][3:] = _rotation(self.touch.q[3:]).T @ self.touch.v[3:]
@@ -127,6 +130,11 @@ class Session:
             if model.body_weldid[model.geom_bodyid[geom]] != 0:
                 model.geom_margin[geom] += epsilon
                 model.geom_gap[geom] += epsilon
+        if model.npair > 0:
+            moves = np.asarray(model.body_weldid)[model.geom_bodyid] != 0
+            early = epsilon * (moves[model.pair_geom1] | moves[model.pair_geom2])
+            model.pair_margin[:] += early
+            model.pair_gap[:] += early
 
     def _contacts(self, data: Any) -> np.ndarray:
         model, n = self._model, data.ncon
@@ -202,6 +210,7 @@ class Session:
         """Of each body with one geom that collides, and that revolves, this geom."""
         model = self._model
         collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
+        collides[model.pair_geom1] = collides[model.pair_geom2] = True
         bodies = np.asarray(model.body_weldid)[model.geom_bodyid]
         limited = model.body_weldid[np.asarray(model.jnt_bodyid)[np.asarray(model.jnt_limited) != 0]]
         found = {}
