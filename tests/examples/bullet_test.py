@@ -14,7 +14,7 @@ SERVER, EXAMPLE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 
 import hand_session  # noqa: E402
-from hand_session import mean, push, reach  # noqa: E402
+from hand_session import largest_jump, mean, push, reach  # noqa: E402
 
 STIFFNESS = 4000  # N/m, of each contact: the server's default
 GRAVITY = 9.81  # m/s²
@@ -29,15 +29,6 @@ def play(scene, seconds, hand, *options):
                                  check=True, timeout=60).stdout
         ticks = server.ticks()
     return ticks, [[float(x) for x in place] for place in re.findall(r"body at \((\S+), (\S+), (\S+)\)", printed)]
-
-
-def largest_jump(ticks, begin, end):
-    """Largest change of the contact force in a step that takes an update, N, from `begin` to `end`, s."""
-    start = float(ticks[0]["time_s"])
-    force = [[float(row[f"env_force_{axis}_N"]) for axis in "xyz"] for row in ticks]
-    return max(sum((a - b) ** 2 for a, b in zip(force[i], force[i - 1])) ** 0.5
-               for i, row in enumerate(ticks)
-               if row["adopted"] != "0" and begin <= float(row["time_s"]) - start < end)
 
 
 class Touch(unittest.TestCase):

@@ -35,25 +35,25 @@ SCENE = """<mujoco>
 </mujoco>"""
 
 
-def play(seconds, scene, hand, measure=lambda data: None):
+def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, contacts="engine"):
     """Runs the loop of the module's first lines. Returns the ticks of the server, and all that was measured."""
     measured = []
-    with tempfile.TemporaryDirectory() as folder, hand_session.server(SERVER, hand) as server:
+    with tempfile.TemporaryDirectory() as folder, hand_session.server(SERVER, hand, *options) as server:
         path = pathlib.Path(folder) / "scene.xml"
         path.write_text(scene)
         model = mujoco.MjModel.from_xml_path(path)
         data = mujoco.MjData(model)
-        substeps = round(1 / RATE / model.opt.timestep)
-        with haptic.mujoco.Session(model, data, tool="tool", period=1 / RATE, binding=mujoco,
+        substeps = round(1 / rate / model.opt.timestep)
+        with haptic.mujoco.Session(model, data, tool="tool", period=1 / rate, binding=mujoco, contacts=contacts,
                                    server=server.address) as touch:
             start = time.monotonic()
-            for frame in range(1, int(seconds * RATE) + 1):
+            for frame in range(1, int(seconds * rate) + 1):
                 touch.drive(data)
                 for _ in range(substeps):
                     mujoco.mj_step(model, data)
                 touch.send(data)
                 measured.append(measure(data))
-                time.sleep(max(0, start + frame / RATE - time.monotonic()))
+                time.sleep(max(0, start + frame / rate - time.monotonic()))
         return server.ticks(), measured
 
 
