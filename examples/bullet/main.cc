@@ -1,8 +1,12 @@
 // A hand in a Bullet world. The hand's tool, a box, has no weight.
 //
 //   haptic_server --device-option freedom=spatial --hand HAND.toml   # in another terminal
-//   touch_bullet table 127.0.0.1:47800 10                            # 10 s; or brick, tray, hole
+//   touch_bullet table 127.0.0.1:47800 10 60       # 10 s, 60 frames a second
+//
+// Scenes: table, brick, puck, tray, hole.
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -18,8 +22,7 @@
 
 namespace {
 
-constexpr double kPeriod = 1.0 / 60;  // s
-constexpr int kSubsteps = 8;
+constexpr double kStepRate = 480;  // Hz, of Bullet's steps, at least one in a frame
 
 /// A Bullet world and what it is made of.
 class World {
@@ -99,22 +102,24 @@ Scene make(std::string_view name, World& world) {
                               std::string(name));
 }
 
-void simulate(std::string_view name, const char* server, double seconds) {
+void simulate(std::string_view name, const char* server, double seconds, double rate) {
+  const double period = 1 / rate;
+  const int substeps = std::max(1, static_cast<int>(std::lround(kStepRate / rate)));
   World world;
   const Scene scene = make(name, world);
   hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
   hlm::bullet::Options options;
   options.server = hlm::protocol::resolve(server);
-  options.period = kPeriod;
+  options.period = period;
   hlm::bullet::Session touch(socket, world.bullet(), *scene.tool, options);
 
   const auto start = std::chrono::steady_clock::now();
-  const int frames = static_cast<int>(seconds / kPeriod);
+  const int frames = static_cast<int>(seconds * rate);
   for (int frame = 1; frame <= frames; ++frame) {
     touch.drive();
-    world.bullet().stepSimulation(btScalar(kPeriod), kSubsteps, btScalar(kPeriod / kSubsteps));
+    world.bullet().stepSimulation(btScalar(period), substeps, btScalar(period / substeps));
     touch.send();
-    if (frame % 30 == 0) {
+    if (frame % std::max(1, static_cast<int>(rate / 2)) == 0) {
       const btVector3 body =
           scene.body != nullptr ? scene.body->getCenterOfMassPosition() : btVector3(0, 0, 0);
       std::printf("%s, tool at (%.4f, %.4f, %.4f) m, body at (%.4f, %.4f, %.4f) m, contacts: %zu\n",
@@ -122,7 +127,7 @@ void simulate(std::string_view name, const char* server, double seconds) {
                   touch.q()[1], touch.q()[2], double{body.x()}, double{body.y()}, double{body.z()},
                   touch.contacts());
     }
-    std::this_thread::sleep_until(start + frame * std::chrono::duration<double>(kPeriod));
+    std::this_thread::sleep_until(start + frame * std::chrono::duration<double>(period));
   }
   touch.close();
 }
@@ -131,7 +136,7 @@ void simulate(std::string_view name, const char* server, double seconds) {
 
 int main(int argc, char** argv) try {
   simulate(argc > 1 ? argv[1] : "table", argc > 2 ? argv[2] : "127.0.0.1:47800",
-           argc > 3 ? std::atof(argv[3]) : 10);
+           argc > 3 ? std::atof(argv[3]) : 10, argc > 4 ? std::atof(argv[4]) : 60);
 } catch (const std::exception& error) {
   std::fprintf(stderr, "touch_bullet: %s\n", error.what());
   return 1;

@@ -22,10 +22,10 @@ SERVO_RATE = 1000  # Hz
 PRINTED = 0.5  # s, from line to line of the example
 
 
-def play(scene, seconds, hand, *options):
+def play(scene, seconds, hand, *options, rate=60):
     """Runs server and example. Returns the ticks with force on, and where the body was every half second, m."""
     with hand_session.server(SERVER, hand, *options) as server:
-        printed = subprocess.run([EXAMPLE, scene, server.address, str(seconds)], stdout=subprocess.PIPE, text=True,
+        printed = subprocess.run([EXAMPLE, scene, server.address, str(seconds), str(rate)], stdout=subprocess.PIPE, text=True,
                                  check=True, timeout=60).stdout
         ticks = server.ticks()
     return ticks, [[float(x) for x in place] for place in re.findall(r"body at \((\S+), (\S+), (\S+)\)", printed)]
@@ -40,10 +40,14 @@ class Touch(unittest.TestCase):
         self.assertLess(largest_jump(ticks, begin, end), 0.15)
 
     def test_a_box_that_is_pressed_on_the_table_rests_on_its_four_corners(self):
-        ticks, _ = play("table", 2.5, reach(0.5, 0, 0.021) + push(3, 0, -2))
-        self.rests(ticks, "env_force_z_N", 2, 1.2, 2.3)
-        depth = 2 / (4 * STIFFNESS)
-        self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 1.2, 2.3)[0], depth, delta=0.02 * depth)  # m
+        for stiffness in (4e3, 16e3, 50e3):
+            for rate in (30, 60, 500):
+                with self.subTest(stiffness=stiffness, rate=rate):
+                    ticks, _ = play("table", 2, reach(0.4, 0, 0.021) + push(3, 0, -2), "--stiffness", str(stiffness),
+                                    rate=rate)
+                    self.rests(ticks, "env_force_z_N", 2, 1.2, 1.7)
+                    depth = 2 / (4 * stiffness)
+                    self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 1.2, 1.7)[0], depth, delta=0.02 * depth)
 
     def test_a_box_that_slides_on_the_table_feels_the_friction_of_both(self):
         ticks, _ = play("table", 4, reach(0.5, 0, 0.021) + push(0.5, 0, -2)
