@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <unordered_set>
 
 #include "common/range.h"
 #include "protocol/tool_fit.h"
@@ -107,29 +106,42 @@ Error find_error(const MovableBody& body) {
   return std::nullopt;
 }
 
+/// Index of the first item whose name an earlier one has.
+template <class Items, class Name>
+std::optional<std::size_t> find_repeated(const Items& items, Name name) {
+  StaticVector<std::uint64_t, kMaxContacts> names;
+  for (const auto& item : items) names.push_back(name(item));
+  auto sorted = names;
+  std::ranges::sort(sorted);
+  if (std::ranges::adjacent_find(sorted) == sorted.end()) return std::nullopt;
+  for (auto later = names.begin();; ++later) {
+    if (std::find(names.begin(), later, *later) != later) return later - names.begin();
+  }
+}
+
 Error find_error(const ReportedContacts& contacts, const ToolModel& tool) {
-  std::unordered_set<std::uint64_t> identities;
+  const auto of_contact = [&](std::size_t i, const std::string& what) {
+    return "contact " + std::to_string(i) + ": " + what;
+  };
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    const auto of_contact = [&](const std::string& what) {
-      return "contact " + std::to_string(i) + ": " + what;
-    };
-    if (const Error error = find_error(contacts[i], tool)) return of_contact(*error);
-    if (!identities.insert(contacts[i].identity).second) {
-      return of_contact("identity " + std::to_string(contacts[i].identity) +
-                        " is that of an earlier contact; each must have its own");
-    }
+    if (const Error error = find_error(contacts[i], tool)) return of_contact(i, *error);
+  }
+  if (const auto i = find_repeated(contacts, [](const auto& each) { return each.identity; })) {
+    return of_contact(*i, "identity " + std::to_string(contacts[*i].identity) +
+                              " is that of an earlier contact; each must have its own");
   }
   return std::nullopt;
 }
 
 Error find_error(const MovableBodies& bodies) {
-  std::unordered_set<std::uint32_t> ids;
+  const auto of_body = [](const MovableBody& body, const std::string& what) {
+    return "body " + std::to_string(body.id) + ": " + what;
+  };
   for (const MovableBody& body : bodies) {
-    const auto of_body = [&](const std::string& what) {
-      return "body " + std::to_string(body.id) + ": " + what;
-    };
-    if (const Error error = find_error(body)) return of_body(*error);
-    if (!ids.insert(body.id).second) return of_body("its id is that of an earlier body");
+    if (const Error error = find_error(body)) return of_body(body, *error);
+  }
+  if (const auto i = find_repeated(bodies, [](const auto& each) { return each.id; })) {
+    return of_body(bodies[*i], "its id is that of an earlier body");
   }
   return std::nullopt;
 }
