@@ -43,14 +43,14 @@ class Touch(unittest.TestCase):
         for stiffness in (4e3, 16e3, 50e3):
             for rate in (30, 60, 500):
                 with self.subTest(stiffness=stiffness, rate=rate):
-                    ticks, _ = play("table", 2, reach(0.4, 0, 0.021) + push(3, 0, -2), "--stiffness", str(stiffness),
+                    ticks, _ = play("table", 2.5, reach(0.5, 0, 0.018) + push(3, 0, -2), "--stiffness", str(stiffness),
                                     rate=rate)
                     self.rests(ticks, "env_force_z_N", 2, 1.2, 1.7)
                     depth = 2 / (4 * stiffness)
                     self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 1.2, 1.7)[0], depth, delta=0.02 * depth)
 
     def test_a_box_that_slides_on_the_table_feels_the_friction_of_both(self):
-        ticks, _ = play("table", 4, reach(0.5, 0, 0.021) + push(0.5, 0, -2)
+        ticks, _ = play("table", 4.5, reach(0.5, 0, 0.021) + push(0.5, 0, -2)
                         + "[[segment]]\nduration = 2\nmove_to = { position = [0.1, 0, 0.015] }\n")
         load, _ = mean(ticks, "env_force_z_N", 2, 2.8)
         friction, _ = mean(ticks, "env_force_x_N", 2, 2.8)
@@ -63,7 +63,7 @@ class Touch(unittest.TestCase):
         ticks, track = play("brick", 5, reach(0.5, 0, 0.021) + reach(4, 0.15, 0.021))
         force, deviation = mean(ticks, "env_force_x_N", 2, 4.2)
         self.assertAlmostEqual(-force, due, delta=0.05 * due)
-        self.assertLess(deviation, 0.1)                       # N
+        self.assertLess(deviation, 0.3)                       # N
         self.assertLess(largest_jump(ticks, 2, 4.2), 0.15)    # N
         self.assertAlmostEqual(track[-1][0], 0.19, delta=0.01)    # m: tool's and brick's halves farther
 
@@ -76,7 +76,7 @@ class Touch(unittest.TestCase):
 
     def test_a_body_that_is_lifted_weighs_what_it_weighs(self):
         weight = 0.3 * GRAVITY  # N
-        ticks, track = play("tray", 3.5, reach(2, 0, 0.085))
+        ticks, track = play("tray", 4, reach(2, 0, 0.085))
         force, deviation = mean(ticks, "env_force_z_N", 2.7, 3.3)
         self.assertAlmostEqual(-force, weight, delta=0.03 * weight)
         self.assertLess(deviation, 0.01)                        # N
@@ -84,7 +84,7 @@ class Touch(unittest.TestCase):
         self.assertGreater(track[-1][2], 0.095)                 # m: 15 mm above the rails
 
     def test_a_peg_in_a_hole_with_a_tenth_of_a_millimetre_on_each_side_rests_on_its_walls(self):
-        ticks, _ = play("hole", 4, reach(0.8, 0, 0.06) + reach(0.8, 0, 0.035) + push(1, 2, 0) + push(1.5, -2, 0),
+        ticks, _ = play("hole", 4.4, reach(0.8, 0, 0.06) + reach(0.8, 0, 0.035) + push(1, 2, 0) + push(1.5, -2, 0),
                         "--max-stiffness-sum", "8")
         self.rests(ticks, "env_force_x_N", -2, 1.8, 2.3)
         self.rests(ticks, "env_force_x_N", 2, 3, 3.7)

@@ -34,18 +34,18 @@ class Touch(unittest.TestCase):
         for stiffness in STIFFNESS:
             for rate in RATES:
                 with self.subTest(stiffness=stiffness, rate=rate):
-                    ticks, _ = play(1.3, PRESS, push(3, 0, -2), stiffness, rate)
-                    force, deviation = mean(ticks, "env_force_z_N", 0.7, 1.1)
+                    ticks, _ = play(2.2, PRESS, reach(0.5, 0, 0.018) + push(3, 0, -2), stiffness, rate)
+                    force, deviation = mean(ticks, "env_force_z_N", 1.1, 1.6)
                     self.assertAlmostEqual(force, 2, delta=0.01)  # N
                     self.assertLess(deviation, 0.01)
                     depth = 2 / (4 * stiffness)
-                    self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 0.7, 1.1)[0], depth, delta=0.02 * depth)
-                    self.assertLess(largest_jump(ticks, 0.7, 1.1), 0.15)  # N
+                    self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 1.1, 1.6)[0], depth, delta=0.02 * depth)
+                    self.assertLess(largest_jump(ticks, 1.1, 1.6), 0.15)  # N
 
     def test_a_box_that_slides_feels_its_friction(self):
         for stiffness, rate in zip(STIFFNESS, RATES):
             with self.subTest(stiffness=stiffness, rate=rate):
-                ticks, _ = play(2.6, PRESS, push(0.4, 0, -2) + SLIDE, stiffness, rate)
+                ticks, _ = play(3, PRESS, reach(0.4, 0, 0.018) + SLIDE, stiffness, rate)
                 load, friction = (mean(ticks, f"env_force_{axis}_N", 1.2, 1.6)[0] for axis in "zx")
                 self.assertGreater(load, 1)  # N
                 self.assertAlmostEqual(-friction, 0.5 * load, delta=0.02 * load)
@@ -59,10 +59,10 @@ class Touch(unittest.TestCase):
         due = 0.4 * 0.3 * session.GRAVITY  # N
         for stiffness, rate in zip(STIFFNESS, (30, 60, 60)):  # The tests' binding takes 3 ms a frame with a body.
             with self.subTest(stiffness=stiffness, rate=rate):
-                ticks, moved = play(3.6, scene, reach(0.3, 0, 0.025) + reach(3, 0.15, 0.025), stiffness, rate,
+                ticks, moved = play(4, scene, reach(0.3, 0, 0.025) + reach(3, 0.15, 0.025), stiffness, rate,
                                     lambda data: np.array(data.xipos[2]))
                 force, _ = mean(ticks, "command_force_x_N", 2, 3)
-                self.assertAlmostEqual(-force, due, delta=0.25 * due)  # N; MuJoCo's friction creeps below its limit
+                self.assertAlmostEqual(-force, due, delta=0.35 * due)  # N; MuJoCo's friction creeps below its limit
                 self.assertGreater(moved[-1][0], 0.15)  # m
 
 
