@@ -26,6 +26,11 @@ if(HLM_SEALING)
   install(DIRECTORY ve_client/client/python/haptic DESTINATION lib/python3/dist-packages
     FILES_MATCHING PATTERN "*.py")
 endif()
+if(HLM_VE_CLIENT)
+  set_target_properties(hlm_proximity PROPERTIES EXPORT_NAME proximity)
+  install(TARGETS hlm_proximity EXPORT haptic_local_model FILE_SET HEADERS
+    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+endif()
 install(EXPORT haptic_local_model NAMESPACE hlm:: FILE haptic_local_modelTargets.cmake
   DESTINATION ${package})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake
@@ -107,4 +112,4 @@ manual_page(ve_client "simulates a virtual environment for the haptic server")
 # The README's links hold between these, too.
 install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
 install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
-install(DIRECTORY docs examples DESTINATION ${documents})
+install(DIRECTORY docs examples DESTINATION ${documents} PATTERN site EXCLUDE)

@@ -35,25 +35,25 @@ SCENE = """<mujoco>
 </mujoco>"""
 
 
-def play(seconds, scene, hand, measure=lambda data: None):
+def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, contacts="engine"):
     """Runs the loop of the module's first lines. Returns the ticks of the server, and all that was measured."""
     measured = []
-    with tempfile.TemporaryDirectory() as folder, hand_session.server(SERVER, hand) as server:
+    with tempfile.TemporaryDirectory() as folder, hand_session.server(SERVER, hand, *options) as server:
         path = pathlib.Path(folder) / "scene.xml"
         path.write_text(scene)
         model = mujoco.MjModel.from_xml_path(path)
         data = mujoco.MjData(model)
-        substeps = round(1 / RATE / model.opt.timestep)
-        with haptic.mujoco.Session(model, data, tool="tool", period=1 / RATE, binding=mujoco,
+        substeps = round(1 / rate / model.opt.timestep)
+        with haptic.mujoco.Session(model, data, tool="tool", period=1 / rate, binding=mujoco, contacts=contacts,
                                    server=server.address) as touch:
             start = time.monotonic()
-            for frame in range(1, int(seconds * RATE) + 1):
+            for frame in range(1, int(seconds * rate) + 1):
                 touch.drive(data)
                 for _ in range(substeps):
                     mujoco.mj_step(model, data)
                 touch.send(data)
                 measured.append(measure(data))
-                time.sleep(max(0, start + frame / RATE - time.monotonic()))
+                time.sleep(max(0, start + frame / rate - time.monotonic()))
         return server.ticks(), measured
 
 
@@ -93,6 +93,38 @@ class Touch(unittest.TestCase):
         self.assertAlmostEqual(-weight - tool, mass * GRAVITY, delta=0.03 * mass * GRAVITY)  # N
         self.assertLess(deviation, 0.06 * mass * GRAVITY)
         self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
+
+
+class Pairs(unittest.TestCase):
+    """Geoms that collide by <pair> alone."""
+
+    def session_on(self, geoms, pair):
+        text = f"""<mujoco><worldbody>
+            <geom name="table" type="plane" size="1 1 0.1"/>
+            <body name="tool" pos="0 0 0.0215"><freejoint/><geom name="ball" type="sphere" size="0.02" contype="0"
+                conaffinity="0"/></body>
+            <body name="body" pos="0.2 0 0.02"><freejoint/>{geoms}</body>
+          </worldbody><contact><pair geom1="{pair}" geom2="table"/></contact></mujoco>"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "scene.xml"
+            path.write_text(text)
+            self.model = mujoco.MjModel.from_xml_path(path)
+        self.data = mujoco.MjData(self.model)
+        session = haptic.mujoco.Session(self.model, self.data, tool="tool", binding=mujoco, server="127.0.0.1:9")
+        self.addCleanup(session.close)
+        return session
+
+    def test_they_are_listed_before_they_touch(self):
+        touch = self.session_on('<geom type="sphere" size="0.02"/>', "ball")
+        found = touch._contacts(self.data)
+        self.assertEqual(len(found), 1)
+        self.assertAlmostEqual(found["separation"][0], 0.0015, delta=1e-9)  # m
+
+    def test_a_body_is_as_round_as_all_that_collides(self):
+        sphere = '<geom type="sphere" size="0.02"/>'
+        block = '<geom name="block" type="box" size="0.02 0.02 0.01" contype="0" conaffinity="0"/>'
+        self.assertIn(2, self.session_on(sphere, "ball")._round)
+        self.assertNotIn(2, self.session_on(sphere + block, "block")._round)
 
 
 class Mistakes(unittest.TestCase):

@@ -26,6 +26,11 @@ def reach(seconds, x, z):
     return f"[[segment]]\nduration = {seconds}\nmove_to = {{ position = [{x}, 0, {z}], rotation = [0, 0, 0] }}\n"
 
 
+def push(seconds, x, z):
+    """The hand pushes with (x, 0, z), N, wherever it is."""
+    return f"[[segment]]\nduration = {seconds}\nwrench = {{ force = [{x}, 0, {z}] }}\n"
+
+
 class Server:
     def __init__(self, program, hand, folder, *options):
         self._log = pathlib.Path(folder) / "ticks.csv"
@@ -70,3 +75,12 @@ def mean(ticks, column, begin, end):
     start = float(ticks[0]["time_s"])
     chosen = [float(row[column]) for row in ticks if begin <= float(row["time_s"]) - start < end]
     return statistics.mean(chosen), statistics.pstdev(chosen)
+
+
+def largest_jump(ticks, begin, end):
+    """Largest change of the contact force in a step that takes an update, N, from `begin` to `end`, s."""
+    start = float(ticks[0]["time_s"])
+    force = [[float(row[f"env_force_{axis}_N"]) for axis in "xyz"] for row in ticks]
+    return max(sum((a - b) ** 2 for a, b in zip(force[i], force[i - 1])) ** 0.5
+               for i, row in enumerate(ticks)
+               if row["adopted"] != "0" and begin <= float(row["time_s"]) - start < end)

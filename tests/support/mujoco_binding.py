@@ -18,6 +18,12 @@ MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeo
          "geom_margin": ("double*", "ngeom", 1), "geom_gap": ("double*", "ngeom", 1),
          "geom_size": ("double*", "ngeom", 3), "geom_type": ("int*", "ngeom", 1),
          "geom_contype": ("int*", "ngeom", 1), "geom_conaffinity": ("int*", "ngeom", 1),
+         "body_parentid": ("int*", "nbody", 1), "geom_friction": ("double*", "ngeom", 3),
+         "geom_priority": ("int*", "ngeom", 1), "geom_dataid": ("int*", "ngeom", 1), "nmesh": ("int", None),
+         "nmeshvert": ("int", None), "mesh_vertadr": ("int*", "nmesh", 1), "mesh_vertnum": ("int*", "nmesh", 1),
+         "mesh_vert": ("float*", "nmeshvert", 3), "nexclude": ("int", None),
+         "exclude_signature": ("int*", "nexclude", 1), "npair": ("int", None), "pair_geom1": ("int*", "npair", 1), "pair_geom2": ("int*", "npair", 1),
+         "pair_margin": ("double*", "npair", 1), "pair_gap": ("double*", "npair", 1),
          "jnt_bodyid": ("int*", "njnt", 1), "jnt_limited": ("byte*", "njnt", 1)}
 DATA = {"ncon": ("int", None), "qpos": ("double*", "nq", 1), "qvel": ("double*", "nv", 1),
         "xipos": ("double*", "nbody", 3), "xpos": ("double*", "nbody", 3), "xfrc_applied": ("double*", "nbody", 6),
@@ -54,7 +60,9 @@ def _number(address, kind):
 
 def _view(address, kind, shape):
     number, dtype = {"int": (ctypes.c_int, np.int32), "byte": (ctypes.c_ubyte, np.uint8),
-                     "double": (ctypes.c_double, np.float64)}[kind.rstrip("*")]
+                     "float": (ctypes.c_float, np.float32), "double": (ctypes.c_double, np.float64)}[kind.rstrip("*")]
+    if 0 in shape:
+        return np.empty(shape, dtype)
     data = number * int(np.prod(shape))
     return np.frombuffer(data.from_address(address), dtype).reshape(shape)
 

@@ -2,6 +2,8 @@
 #include <array>
 #include <cmath>
 
+#include "protocol/codec.h"
+#include "protocol/tool_fit.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "ve_client/client/contact_check.h"
@@ -132,7 +134,7 @@ TEST_CASE("What cannot be meant so is named with its place and what is allowed")
   }
   SECTION("not finite") {
     contacts[0].separation = NAN;
-    CHECK(error() == "contact 0: separation nan must be finite, m");
+    CHECK(error() == "contact 0: separation nan m must be -10000 to 10000 m");
   }
   SECTION("identity") {
     contacts[1].identity = 0;
@@ -151,9 +153,19 @@ TEST_CASE("What cannot be meant so is named with its place and what is allowed")
     bodies[0].W(0, 1) = 1;
     CHECK(error() == "body 0: its inverse inertia must be symmetric");
   }
-  SECTION("what the server alone has a range for") {
+  SECTION("friction") {
     contacts[1].friction = 11;
-    CHECK(error() == "item 1: a number is outside its range");
+    CHECK(error() == "contact 1: friction 11 must be -10 to 10");
+  }
+  SECTION("velocity") {
+    contacts[1].v_WC.y() = -1200;
+    CHECK(error() == "contact 1: velocity has -1200 m/s, must be within ±1000 m/s");
+  }
+  SECTION("acceleration of a body") {
+    bodies[0].id = 7;
+    bodies[0].A_W[5] = 2e6;
+    CHECK(error() ==
+          "body 7: acceleration has 2e+06 m/s² or rad/s², must be within ±1e+06 m/s² or rad/s²");
   }
   SECTION("a configuration that is none") {
     update.q_VE[3] = 2;
@@ -162,6 +174,52 @@ TEST_CASE("What cannot be meant so is named with its place and what is allowed")
   SECTION("bodies of one number") {
     bodies.push_back(bodies[0]);
     CHECK(error() == "body 0: its id is that of an earlier body");
+  }
+}
+
+/// Numbers of an update that a server has a range for.
+std::vector<double*> numbers_of(protocol::ContactUpdate& update) {
+  ReportedContact& contact = update.contacts[1];
+  MovableBody& body = update.bodies[0];
+  std::vector<double*> all{&contact.separation, &contact.friction, &contact.load};
+  const auto add = [&](auto& values) {
+    for (double& value : values) all.push_back(&value);
+  };
+  add(contact.p_WC);
+  add(contact.n_W);
+  add(contact.v_WC);
+  add(body.p_WCom);
+  add(body.V_W);
+  add(body.A_W);
+  add(body.axis_W);
+  for (int i = 0; i < 6; ++i) all.push_back(&body.W(i, i));
+  add(update.q_VE);
+  add(update.v_VE);
+  return all;
+}
+
+TEST_CASE("Whatever a server refuses is refused before it is sent") {
+  test::Random random;
+  const ToolModel tool = box_tool();
+  for (int round = 0; round < 3000; ++round) {
+    protocol::ContactUpdate update;
+    update.q_VE = tool.neutral();
+    update.v_VE = Velocity::Zero(6);
+    update.contacts = {contact_at({0, 0, 0}), contact_at({0.01, 0, 0})};
+    update.contacts[1].identity = 1;
+    update.bodies.resize(1);
+    update.bodies[0].W.setIdentity();
+    const std::vector<double*> numbers = numbers_of(update);
+    const double size = std::pow(10, random.uniform(-2, 14));
+    const auto chosen = static_cast<std::size_t>(random.uniform(0, 1) * 0.999999 *
+                                                 static_cast<double>(numbers.size()));
+    *numbers[chosen] = random.uniform(0, 1) < 0.1 ? NAN : random.uniform(-1, 1) * size;
+    protocol::ContactUpdate read;
+    const protocol::DatagramBytes bytes = encode(protocol::Envelope{.session = 1}, update, 0);
+    const bool refused = decode_part(protocol::view(bytes), read).has_value() ||
+                         find_misfit(tool.description(), update).has_value();
+    CAPTURE(chosen, *numbers[chosen]);
+    if (refused) REQUIRE(find_error(update, tool).has_value());
   }
 }
 

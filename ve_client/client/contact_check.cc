@@ -3,15 +3,21 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <unordered_set>
 
-#include "protocol/codec.h"
+#include "common/range.h"
 #include "protocol/tool_fit.h"
+#include "protocol/wire.h"
 
 namespace hlm {
 namespace {
 
 using Error = std::optional<std::string>;
+using protocol::kLargestAcceleration, protocol::kLargestLength, protocol::kLargestMobility,
+    protocol::kLargestSpeed, protocol::kLargestUnit;
+
+constexpr Range kSeparation{-kLargestLength, kLargestLength, "m"};
+constexpr Range kFriction{-protocol::kLargestFriction, protocol::kLargestFriction};
+constexpr Range kLoad{0, protocol::kLargestForce, "N"};
 
 std::string number(double value) {
   char text[32];
@@ -23,6 +29,17 @@ std::string numbers(const Vector3& v) {
   char text[96];
   std::snprintf(text, sizeof text, "(%g, %g, %g)", v.x(), v.y(), v.z());
   return text;
+}
+
+/// Names the first number that is not within ±most; NaN is not.
+template <class Vector>
+Error find_beyond(const std::string& name, const Vector& values, double most, const char* unit) {
+  for (const double value : values) {
+    if (std::abs(value) <= most) continue;
+    return name + " has " + number(value) + " " + unit + ", must be within ±" + number(most) + " " +
+           unit;
+  }
+  return std::nullopt;
 }
 
 Error find_error(const ContactSide& side, char name, const ToolModel& tool) {
@@ -38,19 +55,9 @@ Error find_error(const ContactSide& side, char name, const ToolModel& tool) {
 }
 
 Error find_error(const ReportedContact& contact, const ToolModel& tool) {
-  if (!contact.p_WC.allFinite()) return "point " + numbers(contact.p_WC) + " must be finite, m";
-  if (!contact.v_WC.allFinite())
-    return "velocity " + numbers(contact.v_WC) + " must be finite, m/s";
   const double length = contact.n_W.norm();
   if (!(std::abs(length - 1) <= kUnitTolerance)) {
     return "normal " + numbers(contact.n_W) + " must be of length 1, not " + number(length);
-  }
-  if (!std::isfinite(contact.separation)) {
-    return "separation " + number(contact.separation) + " must be finite, m";
-  }
-  if (!std::isfinite(contact.friction) || !std::isfinite(contact.load) || contact.load < 0) {
-    return "friction " + number(contact.friction) + " and load " + number(contact.load) +
-           " must be finite, the load not negative";
   }
   if (const Error error = find_error(contact.a, 'a', tool)) return error;
   if (const Error error = find_error(contact.b, 'b', tool)) return error;
@@ -67,17 +74,29 @@ Error find_error(const ReportedContact& contact, const ToolModel& tool) {
              " is allowed: are lengths in metres and the configuration sampled?";
     }
   }
-  return std::nullopt;
+  if (Error error = find_beyond("point", contact.p_WC, kLargestLength, "m")) return error;
+  if (Error error = find_beyond("velocity", contact.v_WC, kLargestSpeed, "m/s")) return error;
+  if (Error error = find_error("separation", contact.separation, kSeparation)) return error;
+  if (Error error = find_error("friction", contact.friction, kFriction)) return error;
+  return find_error("load", contact.load, kLoad);
 }
 
 Error find_error(const MovableBody& body) {
-  const bool finite =
-      body.p_WCom.allFinite() && body.V_W.allFinite() && body.W.allFinite() && body.A_W.allFinite();
-  if (!finite) return "its numbers must be finite";
+  if (Error error = find_beyond("centre", body.p_WCom, kLargestLength, "m")) return error;
+  if (Error error = find_beyond("velocity", body.V_W, kLargestSpeed, "m/s or rad/s")) return error;
+  if (Error error = find_beyond("acceleration", body.A_W, kLargestAcceleration, "m/s² or rad/s²")) {
+    return error;
+  }
+  if (Error error = find_beyond("inverse inertia", body.W.reshaped(), kLargestMobility,
+                                "1/kg or 1/(kg·m²)")) {
+    return error;
+  }
+  if (Error error = find_beyond("axis", body.axis_W, kLargestUnit, "of a unit vector"))
+    return error;
   const double asymmetry = (body.W - body.W.transpose()).norm();
   if (asymmetry > 1e-6 * body.W.norm()) return "its inverse inertia must be symmetric";
   if (kWords<Roundness>.size() <= static_cast<std::size_t>(body.roundness)) {
-    return "round is " + std::to_string(static_cast<int>(body.roundness)) + ", must be 0, 1 or 2";
+    return "round " + std::to_string(static_cast<int>(body.roundness)) + " must be 0, 1 or 2";
   }
   if (body.roundness == Roundness::kAxis && !(std::abs(body.axis_W.norm() - 1) <= kUnitTolerance)) {
     return "the axis " + numbers(body.axis_W) + " of a round body must be of length 1, not " +
@@ -87,48 +106,50 @@ Error find_error(const MovableBody& body) {
   return std::nullopt;
 }
 
+/// Index of the first item whose name an earlier one has.
+template <class Items, class Name>
+std::optional<std::size_t> find_repeated(const Items& items, Name name) {
+  StaticVector<std::uint64_t, kMaxContacts> names;
+  for (const auto& item : items) names.push_back(name(item));
+  auto sorted = names;
+  std::ranges::sort(sorted);
+  if (std::ranges::adjacent_find(sorted) == sorted.end()) return std::nullopt;
+  for (auto later = names.begin();; ++later) {
+    if (std::find(names.begin(), later, *later) != later) return later - names.begin();
+  }
+}
+
 Error find_error(const ReportedContacts& contacts, const ToolModel& tool) {
-  std::unordered_set<std::uint64_t> identities;
+  const auto of_contact = [&](std::size_t i, const std::string& what) {
+    return "contact " + std::to_string(i) + ": " + what;
+  };
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    const auto of_contact = [&](const std::string& what) {
-      return "contact " + std::to_string(i) + ": " + what;
-    };
-    if (const Error error = find_error(contacts[i], tool)) return of_contact(*error);
-    if (!identities.insert(contacts[i].identity).second) {
-      return of_contact("identity " + std::to_string(contacts[i].identity) +
-                        " is that of an earlier contact; each must have its own");
-    }
+    if (const Error error = find_error(contacts[i], tool)) return of_contact(i, *error);
+  }
+  if (const auto i = find_repeated(contacts, [](const auto& each) { return each.identity; })) {
+    return of_contact(*i, "identity " + std::to_string(contacts[*i].identity) +
+                              " is that of an earlier contact; each must have its own");
   }
   return std::nullopt;
 }
 
 Error find_error(const MovableBodies& bodies) {
-  std::unordered_set<std::uint32_t> ids;
+  const auto of_body = [](const MovableBody& body, const std::string& what) {
+    return "body " + std::to_string(body.id) + ": " + what;
+  };
   for (const MovableBody& body : bodies) {
-    const auto of_body = [&](const std::string& what) {
-      return "body " + std::to_string(body.id) + ": " + what;
-    };
-    if (const Error error = find_error(body)) return of_body(*error);
-    if (!ids.insert(body.id).second) return of_body("its id is that of an earlier body");
+    if (const Error error = find_error(body)) return of_body(body, *error);
+  }
+  if (const auto i = find_repeated(bodies, [](const auto& each) { return each.id; })) {
+    return of_body(bodies[*i], "its id is that of an earlier body");
   }
   return std::nullopt;
 }
 
-/// What the server's own checks say, which have ranges too.
-Error find_refusal(const protocol::ContactUpdate& update, const ToolDescription& tool) {
-  if (const auto misfit = protocol::find_misfit(tool, update)) {
-    return std::string(meaning_of(misfit->error));
-  }
-  const protocol::Envelope envelope{.session = 1};
-  protocol::ContactUpdate read;
-  for (std::uint8_t part = 0; part < protocol::part_count(update); ++part) {
-    const protocol::DatagramBytes bytes = protocol::encode(envelope, update, part);
-    const auto error = protocol::decode_part(protocol::view(bytes), read);
-    if (!error) continue;
-    const std::string item = error->in_item ? "item " + std::to_string(error->item) : "update";
-    return std::string(item).append(": ").append(meaning_of(error->error));
-  }
-  return std::nullopt;
+/// Whether the tool's own numbers can be used.
+Error find_error(const Configuration& q, const Velocity& v) {
+  if (Error error = find_beyond("configuration", q, kLargestLength, "m or rad")) return error;
+  return find_beyond("velocity of the tool", v, kLargestSpeed, "m/s or rad/s");
 }
 
 }  // namespace
@@ -137,7 +158,11 @@ std::optional<std::string> find_error(const protocol::ContactUpdate& update,
                                       const ToolModel& tool) {
   if (const Error error = find_error(update.contacts, tool)) return error;
   if (const Error error = find_error(update.bodies)) return error;
-  return find_refusal(update, tool.description());
+  if (const Error error = find_error(update.q_VE, update.v_VE)) return error;
+  if (const auto misfit = protocol::find_misfit(tool.description(), update)) {
+    return std::string(meaning_of(misfit->error));
+  }
+  return std::nullopt;
 }
 
 }  // namespace hlm

@@ -125,7 +125,7 @@ MovableBody body_of(const haptic_body& from) {
   body.V_W = vector_of(from.velocity);
   body.W = Eigen::Map<const Matrix6>(from.inverse_inertia);
   body.A_W = vector_of(from.acceleration);
-  body.roundness = static_cast<Roundness>(std::min<std::uint32_t>(from.round, 255));
+  body.roundness = static_cast<Roundness>(from.round);
   body.axis_W = vector_of(from.axis);
   return body;
 }
@@ -169,7 +169,9 @@ struct haptic_session {
       message.assign(inbox.reject->text.data(), inbox.reject->text.size());
     } else if (inbox.refusal) {
       message = meaning_of(inbox.refusal->error);
-      if (!inbox.refusal->whole) message += ": item " + std::to_string(inbox.refusal->item);
+      if (!inbox.refusal->whole) {
+        message = "contact " + std::to_string(inbox.refusal->item) + ": " + message;
+      }
     }
   }
 
@@ -314,6 +316,12 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
     session->error = std::to_string(count) + " contacts and " + std::to_string(body_count) +
                      " bodies must be at most " + std::to_string(HAPTIC_MAX_CONTACTS) + " and " +
                      std::to_string(HAPTIC_MAX_BODIES);
+    return -1;
+  }
+  for (std::size_t i = 0; i < body_count; ++i) {
+    if (bodies[i].round < kWords<Roundness>.size()) continue;
+    session->error = "body " + std::to_string(bodies[i].id) + ": round " +
+                     std::to_string(bodies[i].round) + " must be 0, 1 or 2";
     return -1;
   }
   protocol::ContactUpdate& update = session->update;

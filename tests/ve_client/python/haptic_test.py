@@ -21,6 +21,7 @@ os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 sys.path.insert(0, str(PACKAGE))
 
 import haptic  # noqa: E402
+import haptic.proximity  # noqa: E402
 import numpy as np  # noqa: E402
 
 RATE = 60  # Hz
@@ -210,10 +211,17 @@ class Mistakes(unittest.TestCase):
         self.refused("side a: link 3 must be less than 1", a_index=3)
 
     def test_numbers_that_are_not_finite_are_named(self):
-        self.refused("separation nan must be finite", separation=np.nan)
+        self.refused("contact 0: separation nan m must be -10000 to 10000 m", separation=np.nan)
 
     def test_millimetres_are_asked_about(self):
         self.refused("are lengths in metres", point=(0, 0, 40000))
+
+    def test_a_body_that_is_round_in_no_known_way_is_named(self):
+        body = haptic.bodies(1)
+        body["id"], body["round"] = 7, 300
+        with haptic.Session("127.0.0.1:9", box()) as touch, self.assertRaises(haptic.HapticError) as caught:
+            touch.send(haptic.contacts(0), body)
+        self.assertEqual(str(caught.exception), "body 7: round 300 must be 0, 1 or 2")
 
     def test_options_that_cannot_be_used_are_named(self):
         for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
@@ -244,14 +252,59 @@ class Mistakes(unittest.TestCase):
         self.assertIn("set HAPTIC_LIBRARY to its file: /nowhere/libhaptic.so", done.stderr)
 
 
+class Proximity(unittest.TestCase):
+    """A ball that the hand holds over two boxes that lie on each other on the ground."""
+
+    def setUp(self):
+        near = haptic.proximity
+        self.shapes = [near.sphere(0.02, haptic.TOOL_LINK), near.box((0.04, 0.04, 0.04), haptic.MOVABLE_BODY, 7),
+                       near.box((0.06, 0.06, 0.06), haptic.MOVABLE_BODY, 8), near.half_space()]
+        self.places = np.array([[0, 0, 0.123], [0, 0, 0.08], [0, 0, 0.03], [0, 0, 0]])
+        self.turns = np.tile([1.0, 0, 0, 0], (4, 1))
+
+    def find(self, excluded=()):
+        return haptic.proximity.Proximity(self.shapes, excluded).find(self.places, self.turns, 0.005)
+
+    def test_the_tool_and_what_bears_the_bodies_below_it_are_found(self):
+        found = self.find()
+        sides = [tuple(sorted(((a, i), (b, j)))) for a, i, b, j in
+                 zip(found["a_kind"], found["a_index"], found["b_kind"], found["b_index"])]
+        world, tool, body = haptic.WORLD, haptic.TOOL_LINK, haptic.MOVABLE_BODY
+        self.assertEqual(sides.count(((tool, 0), (body, 7))), 1)
+        self.assertEqual(sides.count(((body, 7), (body, 8))), 4)
+        self.assertEqual(sides.count(((world, 0), (body, 8))), 4)
+        self.assertAlmostEqual(found["separation"][0], 0.003, delta=1e-6)  # m
+        self.assertEqual(len(set(found["identity"].tolist())), 9)
+
+    def test_identities_last_while_the_tool_and_a_body_move(self):
+        before = self.find()["identity"]
+        self.places[:2, 0] += 0.004
+        np.testing.assert_array_equal(self.find()["identity"], before)
+
+    def test_what_is_excluded_does_not_touch(self):
+        self.assertEqual(len(self.find([(0, 1)])), 0)
+
+    def test_a_shape_that_cannot_be_used_is_named(self):
+        self.shapes[2] = haptic.proximity.box((0.06, -1, 0.06))
+        with self.assertRaisesRegex(haptic.HapticError, "shape 2: "):
+            self.find()
+
+    def test_poses_that_are_not_finite_have_no_contacts(self):
+        self.places[0, 2] = np.nan
+        self.assertEqual(len(self.find()), 0)
+
+
 class Interface(unittest.TestCase):
-    def test_the_library_shows_the_functions_of_the_header_and_no_others(self):
-        header = (PACKAGE.parent / "haptic.h").read_text()
-        declared = set(re.findall(r"HAPTIC_API [\w* ]+?\b(haptic_\w+)\(", header))
-        listed = subprocess.run(["nm", "-D", "--defined-only", LIBRARY], text=True, check=True,
-                                stdout=subprocess.PIPE).stdout
-        found = {line.split()[2].split("@")[0] for line in listed.splitlines() if line.split()[1] in "TWVu"}
-        self.assertEqual(found, declared)
+    def test_the_libraries_show_the_functions_of_their_headers_and_no_others(self):
+        for name in ("haptic", "haptic_proximity"):
+            header = (PACKAGE.parent / f"{name}.h").read_text()
+            declared = set(re.findall(r"HAPTIC_API [\w* ]+?\b(haptic_\w+)\(", header))
+            printed = subprocess.run(["nm", "-D", "--defined-only", LIBRARY.with_name(f"lib{name}.so")], text=True,
+                                     check=True, stdout=subprocess.PIPE).stdout
+            found = {line.split()[2].split("@")[0] for line in printed.splitlines() if line.split()[1] in "TWVu"}
+            self.assertEqual(found, declared)
+            listed = set(re.findall(r"\b(haptic_\w+);", (PACKAGE.parent / f"{name}.map").read_text()))
+            self.assertEqual(listed, declared)
 
     def test_records_have_the_layout_of_the_header(self):
         """A C compiler says what the header's structs are."""
@@ -259,13 +312,14 @@ class Interface(unittest.TestCase):
         from haptic import _library
         import ctypes
         for name, kind in (("haptic_link", _library.Link), ("haptic_options", _library.Options),
-                           ("haptic_state", _library.State), ("haptic_impulse", _library.Impulse)):
+                           ("haptic_state", _library.State), ("haptic_impulse", _library.Impulse),
+                           ("haptic_shape", haptic.proximity.Shape)):
             kinds[name] = ctypes.sizeof(kind)
         offsets = {field: haptic.CONTACT.fields[field][1] for field in haptic.CONTACT.names}
         claims = [f"_Static_assert(sizeof({name}) == {size}, \"{name}\");" for name, size in kinds.items()]
         claims += [f"_Static_assert(offsetof(haptic_contact, {field}) == {offset}, \"{field}\");"
                    for field, offset in offsets.items()]
-        code = '#include "haptic.h"\n' + "\n".join(claims)
+        code = '#include "haptic_proximity.h"\n' + "\n".join(claims)
         subprocess.run(["cc", "-std=c99", "-Wall", "-Wpedantic", "-Werror", "-fsyntax-only", "-x", "c",
                         f"-I{PACKAGE.parent}", "-D_Static_assert(a,b)=extern int claim[(a)?1:-1]", "-"], input=code,
                        text=True, check=True)

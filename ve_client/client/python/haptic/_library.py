@@ -42,25 +42,43 @@ class State(ctypes.Structure):
                 ("servo_rate", _double), ("message", ctypes.c_char * MAX_TEXT)]
 
 
-def _candidates():
-    if named := os.environ.get("HAPTIC_LIBRARY"):
+def _candidates(stem: str, variable: str) -> list[str]:
+    if named := os.environ.get(variable):
         return [named]
-    beside = pathlib.Path(__file__).resolve().parent / "libhaptic.so.1"
-    return ([str(beside)] if beside.exists() else []) + ["libhaptic.so.1"]
+    if stem != "libhaptic" and (named := os.environ.get("HAPTIC_LIBRARY")):
+        return [str(pathlib.Path(named).with_name(f"{stem}.so.1"))]
+    beside = pathlib.Path(__file__).resolve().parent / f"{stem}.so.1"
+    return ([str(beside)] if beside.exists() else []) + [f"{stem}.so.1"]
+
+
+def _found(stem: str, variable: str) -> tuple[ctypes.CDLL, str]:
+    errors = []
+    for name in _candidates(stem, variable):
+        try:
+            return ctypes.CDLL(name), name
+        except OSError as error:
+            errors.append(str(error))
+    raise OSError(f"{stem} is not found; install it or set {variable} to its file: " + "; ".join(errors))
 
 
 @functools.lru_cache(maxsize=None)
 def load() -> ctypes.CDLL:
     """The library. Raises OSError that says where it was looked for."""
-    errors = []
-    for name in _candidates():
-        try:
-            library = ctypes.CDLL(name)
-        except OSError as error:
-            errors.append(str(error))
-            continue
-        return _declared(library, name)
-    raise OSError("libhaptic is not found; install it or set HAPTIC_LIBRARY to its file: " + "; ".join(errors))
+    return _declared(*_found("libhaptic", "HAPTIC_LIBRARY"))
+
+
+@functools.lru_cache(maxsize=None)
+def load_proximity(shape: type[ctypes.Structure]) -> ctypes.CDLL:
+    """libhaptic_proximity.so, likewise."""
+    load()  # It needs this one.
+    library, _ = _found("libhaptic_proximity", "HAPTIC_PROXIMITY_LIBRARY")
+    address = ctypes.c_void_p
+    library.haptic_proximity_open.restype = address
+    library.haptic_proximity_open.argtypes = (ctypes.POINTER(shape), _size, address, _size, ctypes.c_char_p, _size)
+    library.haptic_proximity_close.restype, library.haptic_proximity_close.argtypes = None, (address,)
+    library.haptic_proximity_find.restype = _size
+    library.haptic_proximity_find.argtypes = (address, address, _double, address)
+    return library
 
 
 def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:

@@ -19,6 +19,7 @@ from typing import Any, Optional
 import numpy as np
 
 import haptic
+import haptic.proximity
 
 _FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
@@ -26,6 +27,11 @@ _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther a
 _BODY = 1  # mjOBJ_BODY
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
+# Of mjtGeom: kind and sizes of haptic.proximity.
+_SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
+           3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
+           5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
+           7: ("hull", lambda size: ())}
 _NO_FORCE = 1e3  # m: a gap that no depth reaches
 
 
@@ -36,12 +42,15 @@ class Session:
     binding: the module `mujoco`, or one with its functions. Other arguments are those of
     haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
-    Changes the model: geoms that move are listed `epsilon` before they touch, and have their force where
-    they had it.
+    contacts: "engine" takes MuJoCo's own, "shapes" those that haptic.proximity finds between the same geoms:
+    exact, with all corners and lasting identities, and MuJoCo's list as it was.
+
+    With "engine" this changes the model: geoms that move are listed `epsilon` before they touch, and have
+    their force where they had it.
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
-                 period: Optional[float] = None, binding: Any = None, **options: Any):
+                 period: Optional[float] = None, contacts: str = "engine", binding: Any = None, **options: Any):
         if binding is None:
             import mujoco as binding
         self._binding, self._model = binding, model
@@ -57,7 +66,11 @@ class Session:
         for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
         self._pushed: set[int] = set()
-        self._list_early(epsilon)
+        if contacts not in ("engine", "shapes"):
+            raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
+        self._epsilon, self._shapes = epsilon, from_mujoco(model, self._tool) if contacts == "shapes" else None
+        if self._shapes is None:
+            self._list_early(epsilon)
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
         welded = np.flatnonzero(np.asarray(model.body_weldid) == self._tool)
         if len(welded) > 1:
@@ -65,6 +78,8 @@ class Session:
                                      "it; put their geoms into it")
         self._round = self._round_geoms()
         self._gaps = np.array(model.geom_gap[self._geoms])
+        self._pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
+        self._pair_gaps = np.array(model.pair_gap[self._pairs])
         self._answered = False
         binding.mj_forward(model, data)
         size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
@@ -90,6 +105,7 @@ class Session:
         self.touch.poll()
         self._answered = self.touch.connected and (self._answered or bool(self.touch.state.fresh))
         self._model.geom_gap[self._geoms] = _NO_FORCE if self._answered else self._gaps
+        self._model.pair_gap[self._pairs] = _NO_FORCE if self._answered else self._pair_gaps
         data.qpos[self._q] = self.touch.q
         data.qvel[self._v] = self.touch.v
         data.qvel[self._v][3:] = _rotation(self.touch.q[3:]).T @ self.touch.v[3:]
@@ -106,10 +122,14 @@ class Session:
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = _rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._period)
-        contacts = self._contacts(data)
+        contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._epsilon)
         bodies = self._bodies(data, contacts)
         self._set_velocities(contacts, bodies)
-        self.touch.send(self.touch.track(contacts, bodies), bodies)
+        if self._shapes is None:
+            self.touch.track(contacts, bodies)
+        else:
+            self._set_loads(data, contacts)
+        self.touch.send(contacts, bodies)
 
     def _link(self) -> haptic.Link:
         model, body = self._model, self._tool
@@ -127,6 +147,11 @@ class Session:
             if model.body_weldid[model.geom_bodyid[geom]] != 0:
                 model.geom_margin[geom] += epsilon
                 model.geom_gap[geom] += epsilon
+        if model.npair > 0:
+            moves = np.asarray(model.body_weldid)[model.geom_bodyid] != 0
+            early = epsilon * (moves[model.pair_geom1] | moves[model.pair_geom2])
+            model.pair_margin[:] += early
+            model.pair_gap[:] += early
 
     def _contacts(self, data: Any) -> np.ndarray:
         model, n = self._model, data.ncon
@@ -148,7 +173,7 @@ class Session:
         found["point"] = np.asarray(listed.pos)[:n] - 0.5 * distance[:, None] * normal
         found["separation"] = distance
         found["friction"] = np.asarray(listed.friction)[:n].reshape(n, 5)[:, 0]
-        found["load"] = [self._load(data, i) for i in range(n)]
+        found["load"] = self._loads(data)
         found["load"][a == self._tool] = 0
         found = found[(found["a_kind"] != haptic.WORLD) & (a != b)]
         return np.ascontiguousarray(self._near(found))
@@ -166,16 +191,28 @@ class Session:
         order = np.argsort(kept["separation"], kind="stable")
         return kept[order[:haptic.MAX_CONTACTS]]
 
-    def _load(self, data: Any, contact: int) -> float:
-        """Normal force, N."""
-        first = int(np.asarray(data.contact.efc_address)[contact])
-        if first < 0:
-            return 0
-        rows = 1
-        dimension = int(np.asarray(data.contact.dim)[contact])
-        if self._model.opt.cone != _ELLIPTIC and dimension > 1:
-            rows = 2 * (dimension - 1)  # edges of the friction pyramid
-        return max(0.0, float(np.sum(data.efc_force[first:first + rows])))
+    def _set_loads(self, data: Any, contacts: np.ndarray) -> None:
+        """MuJoCo's normal forces, each on the nearest contact of the same two geoms without the tool."""
+        listed, n = data.contact, data.ncon
+        geoms = np.sort(self._shapes.geoms_of(contacts), axis=1)
+        pairs = np.sort(np.column_stack([listed.geom1, listed.geom2])[:n], axis=1)
+        points, loads = np.asarray(listed.pos)[:n], self._loads(data)
+        others = contacts["a_kind"] != haptic.TOOL_LINK
+        for i in np.flatnonzero(loads):
+            same = np.flatnonzero((geoms == pairs[i]).all(axis=1) & others)
+            if len(same) > 0:
+                away = np.linalg.norm(contacts["point"][same] - points[i], axis=1)
+                contacts["load"][same[np.argmin(away)]] += loads[i]
+
+    def _loads(self, data: Any) -> np.ndarray:
+        """Normal forces of all contacts of MuJoCo, N."""
+        n, listed = data.ncon, data.contact
+        first, dimension = np.asarray(listed.efc_address)[:n], np.asarray(listed.dim)[:n]
+        edges = self._model.opt.cone != _ELLIPTIC  # of the friction pyramid
+        rows = np.where(edges & (dimension > 1), 2 * (dimension - 1), 1)
+        sums = np.concatenate([[0], np.cumsum(data.efc_force)])
+        force = sums[np.where(first < 0, 0, first + rows)] - sums[np.maximum(first, 0)]
+        return np.where(first < 0, 0, np.maximum(force, 0))
 
     def _bodies(self, data: Any, contacts: np.ndarray) -> np.ndarray:
         # Those first that the tool touches, the nearest before the others: the server moves eight.
@@ -202,6 +239,7 @@ class Session:
         """Of each body with one geom that collides, and that revolves, this geom."""
         model = self._model
         collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
+        collides[model.pair_geom1] = collides[model.pair_geom2] = True
         bodies = np.asarray(model.body_weldid)[model.geom_bodyid]
         limited = model.body_weldid[np.asarray(model.jnt_bodyid)[np.asarray(model.jnt_limited) != 0]]
         found = {}
@@ -230,6 +268,85 @@ class Session:
             of_body = (contacts["b_kind"] == haptic.MOVABLE_BODY) & (contacts["b_index"] == body["id"])
             arms = contacts["point"][of_body] - body["centre"]
             contacts["velocity"][of_body] = body["velocity"][:3] + np.cross(body["velocity"][3:], arms)
+
+
+class Shapes:
+    """The model's geoms as haptic.proximity has them. The index of a body is its own, or that of what it is
+    welded to."""
+
+    def __init__(self, model: Any, tool: int):
+        self._model = model
+        collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
+        self._geoms = np.flatnonzero(collides)
+        body = np.asarray(model.body_weldid)[np.asarray(model.geom_bodyid)[self._geoms]]
+        by_pair = sorted({*np.asarray(model.pair_geom1).tolist(), *np.asarray(model.pair_geom2).tolist()}
+                         - set(self._geoms.tolist()))
+        if by_pair:
+            raise haptic.HapticError(f"geom {by_pair[0]} collides by <pair> alone; use contacts='engine'")
+        shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, body)]
+        self._proximity = haptic.proximity.Proximity(shapes, self._excluded(body))
+
+    def find(self, data: Any, epsilon: float) -> np.ndarray:
+        """Contacts at the present poses, with the friction of their geoms."""
+        rotations = _quaternions(np.asarray(data.geom_xmat)[self._geoms].reshape(-1, 3, 3))
+        found = self._proximity.find(np.asarray(data.geom_xpos)[self._geoms], rotations, epsilon)
+        friction, priority = np.asarray(self._model.geom_friction)[:, 0], np.asarray(self._model.geom_priority)
+        a, b = self.geoms_of(found).T
+        found["friction"] = np.where(priority[a] == priority[b], np.maximum(friction[a], friction[b]),
+                                     np.where(priority[a] > priority[b], friction[a], friction[b]))
+        return found
+
+    def geoms_of(self, contacts: np.ndarray) -> np.ndarray:
+        """Geoms of side a and b of each contact."""
+        return self._geoms[np.column_stack(np.divmod(contacts["pair"], len(self._geoms)))]
+
+    def _shape(self, geom: int, owner: int, tool: int) -> haptic.proximity.Shape:
+        model = self._model
+        kind, size = int(model.geom_type[geom]), np.asarray(model.geom_size[geom])
+        if kind not in _SHAPES:
+            raise haptic.HapticError(f"geom {geom} is of type {kind}, must be one of {sorted(_SHAPES)} "
+                                     "(planes, meshes and basic shapes)")
+        name, sizes = _SHAPES[kind]
+        side = haptic.TOOL_LINK if owner == tool else haptic.WORLD if owner == 0 else haptic.MOVABLE_BODY
+        return haptic.proximity.shape(
+            name, sizes(size), side, 0 if owner == tool else owner, int(model.geom_contype[geom]),
+            int(model.geom_conaffinity[geom]), self._vertices(geom) if name == "hull" else None)
+
+    def _vertices(self, geom: int) -> np.ndarray:
+        model = self._model
+        mesh = int(model.geom_dataid[geom])
+        first = int(model.mesh_vertadr[mesh])
+        return np.asarray(model.mesh_vert)[first:first + int(model.mesh_vertnum[mesh])]
+
+    def _excluded(self, body: np.ndarray) -> list[tuple[int, int]]:
+        """Bodies and their parents, and what the model excludes."""
+        model = self._model
+        parent = np.asarray(model.body_weldid)[np.asarray(model.body_parentid)[body]]
+        named = {int(signature) for signature in np.asarray(model.exclude_signature)}
+        def apart(i: int, j: int) -> bool:
+            related = body[i] != 0 and body[j] != 0 and (body[i] == parent[j] or body[j] == parent[i])
+            return bool(related) or any((int(p) << 16) + int(q) in named
+                                        for p, q in ((body[i], body[j]), (body[j], body[i])))
+        return [(i, j) for i in range(len(body)) for j in range(i) if apart(i, j)]
+
+
+def from_mujoco(model: Any, tool: int) -> Shapes:
+    """tool: number of the body that the hand holds. Raises haptic.HapticError at a geom that cannot be used."""
+    return Shapes(model, tool)
+
+
+def _quaternions(matrices: np.ndarray) -> np.ndarray:
+    """(w, x, y, z) of each: of four ways the one without a small divisor."""
+    m = matrices
+    d0, d1, d2 = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    yz, zy, zx, xz, xy, yx = m[:, 2, 1], m[:, 1, 2], m[:, 0, 2], m[:, 2, 0], m[:, 1, 0], m[:, 0, 1]
+    ways = np.array([[1 + d0 + d1 + d2, yz - zy, zx - xz, xy - yx],
+                     [yz - zy, 1 + d0 - d1 - d2, xy + yx, zx + xz],
+                     [zx - xz, xy + yx, 1 - d0 + d1 - d2, yz + zy],
+                     [xy - yx, zx + xz, yz + zy, 1 - d0 - d1 + d2]])
+    best = np.argmax([1 + d0 + d1 + d2, 1 + d0 - d1 - d2, 1 - d0 + d1 - d2, 1 - d0 - d1 + d2], axis=0)
+    chosen = ways[best, :, np.arange(len(m))]
+    return chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:

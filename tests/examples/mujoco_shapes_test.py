@@ -1,0 +1,105 @@
+#!/usr/bin/python3
+"""haptic.mujoco with contacts="shapes": the same feel at every stiffness and frame rate.
+
+Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER
+"""
+
+import pathlib
+import sys
+import tempfile
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+
+import mujoco_python_test as session  # noqa: E402  (finds the library and the package)
+import haptic.mujoco  # noqa: E402
+import mujoco_binding as mujoco  # noqa: E402
+import numpy as np  # noqa: E402
+from hand_session import largest_jump, mean, push, reach  # noqa: E402
+
+STIFFNESS = (4e3, 16e3, 50e3)  # N/m
+RATES = (30, 60, 500)  # Hz
+BOX = 'type="box" size="0.02 0.02 0.02" friction="0.5 0 0" priority="1"'
+PRESS = session.SCENE.format(step=1 / 1500, height=0.022, tool=BOX, bodies="").replace(
+    "<option ", '<option gravity="0 0 0" ')  # A tool without weight.
+SLIDE = "[[segment]]\nduration = 1.5\nmove_to = { position = [0.08, 0, 0.015] }\n"
+
+
+def play(seconds, scene, hand, stiffness, rate, measure=lambda data: None):
+    return session.play(seconds, scene, hand, measure, "--stiffness", str(stiffness), rate=rate, contacts="shapes")
+
+
+class Touch(unittest.TestCase):
+    def test_a_pressed_box_rests_on_its_four_corners(self):
+        for stiffness in STIFFNESS:
+            for rate in RATES:
+                with self.subTest(stiffness=stiffness, rate=rate):
+                    ticks, _ = play(2.2, PRESS, reach(0.5, 0, 0.018) + push(3, 0, -2), stiffness, rate)
+                    force, deviation = mean(ticks, "env_force_z_N", 1.1, 1.6)
+                    self.assertAlmostEqual(force, 2, delta=0.01)  # N
+                    self.assertLess(deviation, 0.01)
+                    depth = 2 / (4 * stiffness)
+                    self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 1.1, 1.6)[0], depth, delta=0.02 * depth)
+                    self.assertLess(largest_jump(ticks, 1.1, 1.6), 0.15)  # N
+
+    def test_a_box_that_slides_feels_its_friction(self):
+        for stiffness, rate in zip(STIFFNESS, RATES):
+            with self.subTest(stiffness=stiffness, rate=rate):
+                ticks, _ = play(3, PRESS, reach(0.4, 0, 0.018) + SLIDE, stiffness, rate)
+                load, friction = (mean(ticks, f"env_force_{axis}_N", 1.2, 1.6)[0] for axis in "zx")
+                self.assertGreater(load, 1)  # N
+                self.assertAlmostEqual(-friction, 0.5 * load, delta=0.02 * load)
+                self.assertLess(largest_jump(ticks, 1.2, 1.6), 0.15)  # N
+
+    def test_a_brick_is_pushed_at_its_friction(self):
+        brick = ('<body name="brick" pos="0.08 0 0.02"><freejoint/><geom type="box" size="0.02 0.04 0.02" mass="0.3"'
+                 ' friction="0.4 0 0" priority="1"/></body>')
+        ball = 'type="sphere" size="0.02" friction="0 0 0"'
+        scene = session.SCENE.format(step=1 / 480, height=0.025, tool=ball, bodies=brick)
+        due = 0.4 * 0.3 * session.GRAVITY  # N
+        for stiffness, rate in zip(STIFFNESS, (30, 60, 30)):  # The binding here takes 3 ms a frame.
+            with self.subTest(stiffness=stiffness, rate=rate):
+                ticks, moved = play(4, scene, reach(0.3, 0, 0.025) + reach(3, 0.15, 0.025), stiffness, rate,
+                                    lambda data: np.array(data.xipos[2]))
+                force, _ = mean(ticks, "command_force_x_N", 2, 3)
+                self.assertAlmostEqual(-force, due, delta=0.35 * due)  # N; MuJoCo's friction creeps below its limit
+                self.assertGreater(moved[-1][0], 0.15)  # m
+
+
+class Geoms(unittest.TestCase):
+    def test_every_kind_of_geom_is_found_where_it_is(self):
+        """Each kind 2 mm above a plane, turned as it stands."""
+        kinds = {'type="sphere" size="0.02"': 0.02, 'type="box" size="0.01 0.02 0.03"': 0.03,
+                 'type="capsule" size="0.01 0.02"': 0.03, 'type="cylinder" size="0.01 0.02"': 0.02,
+                 'type="ellipsoid" size="0.01 0.02 0.03"': 0.03, 'type="mesh" mesh="tent"': None}
+        for geom, height in kinds.items():
+            with self.subTest(geom=geom):
+                found = self.find(geom, (height or 0.1) + 0.002)
+                if height is not None:
+                    self.assertAlmostEqual(found["separation"].min(), 0.002, delta=1e-6)  # m
+                    np.testing.assert_allclose(found["normal"][0], (0, 0, 1), atol=1e-9)
+
+    def test_a_mesh_is_its_convex_hull(self):
+        found = self.find('type="mesh" mesh="tent"', 0.002, epsilon=0.1)
+        self.assertEqual(len(found[found["axis"] == 0]), 3)  # the corners below
+
+    def test_a_geom_that_cannot_be_used_is_named(self):
+        with self.assertRaisesRegex(haptic.HapticError, "geom 1 is of type 1, must be one of"):
+            self.find('type="sphere" size="0.02"', 0.1, world='<geom type="hfield" hfield="hills"/>')
+
+    def find(self, geom, height, epsilon=0.005, world=""):
+        text = f"""<mujoco><asset><mesh name="tent" vertex="0 0 0  0.02 0 0  0 0.02 0  0 0 0.02"/>
+            <hfield name="hills" nrow="3" ncol="3" size="1 1 1 0.1"/></asset><worldbody>
+            <geom type="plane" size="1 1 0.1"/>{world}<body name="tool" pos="0 0 {height}"><freejoint/>
+            <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><geom {geom}/></body></worldbody></mujoco>"""
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "scene.xml"
+            path.write_text(text)
+            model = mujoco.MjModel.from_xml_path(path)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        return haptic.mujoco.from_mujoco(model, mujoco.mj_name2id(model, 1, "tool")).find(data, epsilon)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)

@@ -1,0 +1,131 @@
+// The bodies of a Bullet world that a tool can push, and their own contacts.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include <btBulletDynamicsCommon.h>
+
+#include "common/contact.h"
+#include "ve_client/client/bullet/near_contacts.h"
+
+namespace hlm::bullet {
+
+inline Matrix3 matrix_of(const btMatrix3x3& m) {
+  Matrix3 result;
+  for (int i = 0; i < 3; ++i) result.row(i) = vector_of(m[i]);
+  return result;
+}
+
+/// What turning leaves the body's one shape as it is.
+inline void set_roundness(const btRigidBody& body, MovableBody& to) {
+  const btCollisionShape& shape = *body.getCollisionShape();
+  int axis = 0;
+  switch (shape.getShapeType()) {
+    case SPHERE_SHAPE_PROXYTYPE:
+      to.roundness = Roundness::kSphere;
+      return;
+    case CYLINDER_SHAPE_PROXYTYPE:
+      axis = static_cast<const btCylinderShape&>(shape).getUpAxis();
+      break;
+    case CAPSULE_SHAPE_PROXYTYPE:
+      axis = static_cast<const btCapsuleShape&>(shape).getUpAxis();
+      break;
+    default:
+      return;
+  }
+  to.roundness = Roundness::kAxis;
+  to.axis_W = matrix_of(body.getWorldTransform().getBasis()).col(axis).normalized();
+}
+
+/// The body in its present state, as if no joint held it.
+inline MovableBody describe(const btRigidBody& body) {
+  MovableBody found;
+  found.id = number_of(body);
+  found.p_WCom = vector_of(body.getCenterOfMassPosition());
+  found.V_W << vector_of(body.getLinearVelocity()), vector_of(body.getAngularVelocity());
+  const Vector3 moves = vector_of(body.getLinearFactor());
+  const Vector3 turns = vector_of(body.getAngularFactor());
+  const Matrix3 inverse_inertia = matrix_of(body.getInvInertiaTensorWorld());
+  found.W.topLeftCorner<3, 3>() = (double{body.getInvMass()} * moves.cwiseAbs2()).asDiagonal();
+  found.W.bottomRightCorner<3, 3>() = turns.asDiagonal() * inverse_inertia * turns.asDiagonal();
+  found.W = 0.5 * (found.W + found.W.transpose().eval());  // Single precision leaves it askew.
+  found.A_W.head<3>() = vector_of(body.getGravity()).cwiseProduct(moves);
+  if (body.getNumConstraintRefs() == 0) set_roundness(body, found);
+  return found;
+}
+
+/// The object of that number; null if it is not in the world.
+inline btCollisionObject* find(btCollisionWorld& world, std::uint32_t number) {
+  for (int i = 0; i < world.getNumCollisionObjects(); ++i) {
+    btCollisionObject* object = world.getCollisionObjectArray()[i];
+    if (number_of(*object) == number) return object;
+  }
+  return nullptr;
+}
+
+/// Numbers of the bodies of the contacts, in their order, each once.
+inline std::vector<std::uint32_t> bodies_of(const std::vector<ReportedContact>& contacts) {
+  std::vector<std::uint32_t> numbers;
+  for (const ReportedContact& contact : contacts) {
+    for (const ContactSide& side : {contact.b, contact.a}) {
+      const bool is_new = std::ranges::find(numbers, side.index) == numbers.end();
+      if (side.kind == SideKind::kMovableBody && is_new) numbers.push_back(side.index);
+    }
+  }
+  return numbers;
+}
+
+/// Normal forces of the latest step: each goes to the contact of the same two objects that is
+/// nearest to where Bullet had it.
+inline void set_loads(btDynamicsWorld& world, std::vector<ReportedContact>& contacts) {
+  const double rate = 1 / double{world.getSolverInfo().m_timeStep};
+  btDispatcher& dispatcher = *world.getDispatcher();
+  for (int i = 0; i < dispatcher.getNumManifolds(); ++i) {
+    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(i);
+    const std::uint32_t number0 = number_of(*manifold.getBody0());
+    const std::uint32_t number1 = number_of(*manifold.getBody1());
+    for (int j = 0; j < manifold.getNumContacts(); ++j) {
+      const btManifoldPoint& point = manifold.getContactPoint(j);
+      const Vector3 p_W = vector_of(point.m_positionWorldOnB);
+      ReportedContact* nearest = nullptr;
+      for (ReportedContact& contact : contacts) {
+        const bool same =
+            std::minmax(contact.a.index, contact.b.index) == std::minmax(number0, number1);
+        const bool nearer =
+            nearest == nullptr || (contact.p_WC - p_W).norm() < (nearest->p_WC - p_W).norm();
+        if (same && nearer) nearest = &contact;
+      }
+      if (nearest != nullptr) nearest->load += std::max(0.0, rate * point.m_appliedImpulse);
+    }
+  }
+}
+
+/// Contacts that bodies have with the world and with each other: of the bodies that the tool has
+/// contacts with, `of_tool`, and of those that these have contacts with.
+inline std::vector<ReportedContact> contacts_of_bodies(btDynamicsWorld& world, NearContacts& near,
+                                                       const std::vector<ReportedContact>& of_tool,
+                                                       const btCollisionObject& tool) {
+  std::vector<std::uint32_t> bodies = bodies_of(of_tool);
+  const std::size_t at_tool = bodies.size();
+  std::vector<ReportedContact> found;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    for (const ReportedContact& contact : near.of(*find(world, bodies[i]))) {
+      if (contact.b.index == number_of(tool)) continue;
+      found.push_back(contact);
+      const bool is_new = std::ranges::find(bodies, contact.b.index) == bodies.end();
+      if (i < at_tool && is_new && contact.b.kind == SideKind::kMovableBody) {
+        bodies.push_back(contact.b.index);
+      }
+    }
+  }
+  std::erase_if(found, [&](const ReportedContact& contact) {  // Found from both sides.
+    return contact.b.kind == SideKind::kMovableBody && contact.b.index < contact.a.index &&
+           std::ranges::find(bodies, contact.b.index) != bodies.end();
+  });
+  set_loads(world, found);
+  return found;
+}
+
+}  // namespace hlm::bullet

@@ -1,0 +1,203 @@
+// A Bullet world in the hand.
+//
+//   hlm::bullet::Session touch(socket, world, tool, options);
+//   while (running) {
+//     touch.drive();                                            // proxy pose onto the tool
+//     world.stepSimulation(period, substeps, period / substeps);
+//     touch.send();                                             // contacts within epsilon
+//   }
+//
+// Header only, over hlm::client and the user's Bullet; examples/bullet is a whole program.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <btBulletDynamicsCommon.h>
+
+#include "protocol/codec.h"
+#include "ve_client/client/bullet/bodies.h"
+#include "ve_client/client/bullet/near_contacts.h"
+#include "ve_client/client/contact_check.h"
+#include "ve_client/client/haptic_client.h"
+#include "ve_client/client/identity_tracker.h"
+
+namespace hlm::bullet {
+
+struct Options {
+  protocol::Endpoint server;
+  double period = 1.0 / 60;  ///< Of the frames, what stepSimulation() is given, s.
+  double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
+};
+
+/// The virtual tool that a hand holds when it holds this body: what Bullet has as its mass.
+inline ToolDescription tool_of(btRigidBody& body) {
+  if (movable(body) == nullptr || body.getBroadphaseHandle() == nullptr) {
+    throw std::invalid_argument("the tool must be a body with mass, in the world, that moves");
+  }
+  btVector3 low, high;
+  body.getCollisionShape()->getAabb(btTransform::getIdentity(), low, high);
+  Link link;
+  link.mass = 1 / double{body.getInvMass()};
+  link.I_LCom = vector_of(body.getLocalInertia()).asDiagonal();
+  ToolDescription tool;
+  tool.links.push_back(link);
+  tool.gravity_W = vector_of(body.getGravity());
+  tool.length = vector_of(high - low).maxCoeff();
+  return tool;
+}
+
+/// A client for one world. Bullet does not say what joints leave of a body's mobility: the server
+/// takes a body that joints hold for a free one.
+///
+/// From its construction on the tool is kinematic: it is where the proxy is. While the server
+/// answers it makes no force of its own, but pushes bodies by the impulses that the hand felt. The
+/// bodies near it are kept awake.
+class Session {
+ public:
+  /// All must outlive this. Throws std::invalid_argument if the tool is not a body with mass in the
+  /// world, or the options cannot be used.
+  Session(protocol::DatagramLink& link, btDiscreteDynamicsWorld& world, btRigidBody& tool,
+          const Options& options)
+      : world_(world),
+        tool_(tool),
+        period_(options.period),
+        model_(tool_of(tool)),
+        near_(world, options.epsilon),
+        q_(configuration(tool.getWorldTransform())),
+        client_(link, client_options(options)) {
+    tool.setMassProps(0, {0, 0, 0});  // Bullet's solver would move a kinematic body that has mass.
+    tool.setCollisionFlags((tool.getCollisionFlags() & ~btCollisionObject::CF_STATIC_OBJECT) |
+                           btCollisionObject::CF_KINEMATIC_OBJECT);
+    tool.setActivationState(DISABLE_DEACTIVATION);
+  }
+
+  /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for
+  /// all of the frame's substeps.
+  void drive() {
+    const protocol::ProxyState* proxy = client_.poll(now()).state;
+    if (proxy != nullptr) {
+      q_ = proxy->q;
+      v_ = proxy->v;
+    }
+    if (!client_.connected()) answered_ = 0;
+    if (answered_ > 0 || proxy != nullptr) answered_ = std::min(answered_ + 1, kHandOver + 1);
+    place();
+    for (const protocol::BodyImpulse& due : client_.take_impulses(period_)) {
+      btCollisionObject* object = reported_.contains(due.body) ? find(world_, due.body) : nullptr;
+      btRigidBody* body = object != nullptr ? movable(*object) : nullptr;
+      if (body == nullptr) continue;
+      const Vector6 F_W = due.P_W / period_;
+      body->activate();
+      body->applyCentralForce(bullet_vector(F_W.head<3>()));
+      body->applyTorque(bullet_vector(F_W.tail<3>()));
+    }
+  }
+
+  /// After a frame: what is near the tool. Throws std::invalid_argument if Bullet's state is not
+  /// finite, or something in it is out of a server's range.
+  void send() {
+    const double sampled_at = now();
+    model_.set_configuration(q_);
+    near_.begin_frame();
+    std::vector<ReportedContact> found = near_.of(tool_);
+    for (ReportedContact& contact : found) contact.a = {SideKind::kToolLink, 0};
+    std::ranges::sort(found, {}, &ReportedContact::separation);
+    const std::vector<ReportedContact> of_bodies = contacts_of_bodies(world_, near_, found, tool_);
+    found.insert(found.end(), of_bodies.begin(), of_bodies.end());
+    found.resize(std::min(found.size(), kMaxContacts));
+    protocol::ContactUpdate update;
+    update.q_VE = q_;
+    update.v_VE = v_;
+    for (const std::uint32_t number : bodies_of(found)) {
+      const btRigidBody* body = movable(*find(world_, number));
+      body->activate();
+      if (update.bodies.size() == kMaxBodies) continue;
+      update.bodies.push_back(describe(*body));
+      reported_.insert(number);
+    }
+    for (ReportedContact& contact : found) {
+      const btRigidBody* b = btRigidBody::upcast(find(world_, contact.b.index));
+      if (b != nullptr) {
+        const btVector3 arm = bullet_vector(contact.p_WC) - b->getCenterOfMassPosition();
+        contact.v_WC = vector_of(b->getVelocityInLocalPoint(arm));
+      }
+      update.contacts.push_back(contact);
+    }
+    tracker_.assign(model_, update.bodies, update.contacts);
+    if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
+    client_.sample(sampled_at, q_, v_, period_);
+    client_.send(now(), update.contacts, update.bodies);
+    sent_ = update.contacts.size();
+  }
+
+  /// Ends the session.
+  void close() { client_.close(now()); }
+
+  HapticClient& client() { return client_; }
+  /// Where the tool is, and how many contacts were sent last.
+  const Configuration& q() const { return q_; }
+  std::size_t contacts() const { return sent_; }
+
+ private:
+  /// Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer
+  /// frames would let them sink in by some millimetres, more would push a body twice.
+  static constexpr int kHandOver = 2;
+
+  static double now() {
+    using Seconds = std::chrono::duration<double>;
+    return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+  }
+  static btVector3 bullet_vector(const Vector3& v) {
+    return {static_cast<btScalar>(v.x()), static_cast<btScalar>(v.y()),
+            static_cast<btScalar>(v.z())};
+  }
+  static Configuration configuration(const btTransform& X_WT) {
+    const btQuaternion turn = X_WT.getRotation();
+    const Quaternion R = Quaternion(turn.w(), turn.x(), turn.y(), turn.z()).normalized();
+    Configuration q(7);
+    q << vector_of(X_WT.getOrigin()), R.w(), R.vec();
+    return q;
+  }
+
+  HapticClientOptions client_options(const Options& options) const {
+    HapticClientOptions client;
+    client.server = options.server;
+    client.tool = model_.description();
+    client.q = q_;
+    client.ve_rate = 1 / options.period;
+    client.epsilon = options.epsilon;
+    return client;
+  }
+
+  void place() {
+    constexpr int kNoForce = btCollisionObject::CF_NO_CONTACT_RESPONSE;
+    const int flags = tool_.getCollisionFlags();
+    tool_.setCollisionFlags(answered_ > kHandOver ? flags | kNoForce : flags & ~kNoForce);
+    const Quaternion R(q_[3], q_[4], q_[5], q_[6]);
+    const auto number = [](double x) { return static_cast<btScalar>(x); };
+    const btTransform X_WT(btQuaternion(number(R.x()), number(R.y()), number(R.z()), number(R.w())),
+                           bullet_vector(q_.head<3>()));
+    tool_.setWorldTransform(X_WT);
+    if (tool_.getMotionState() != nullptr) tool_.getMotionState()->setWorldTransform(X_WT);
+  }
+
+  btDiscreteDynamicsWorld& world_;
+  btRigidBody& tool_;
+  double period_;
+  ToolModel model_;
+  NearContacts near_;
+  IdentityTracker tracker_;
+  Configuration q_;
+  Velocity v_ = Velocity::Zero(6);
+  HapticClient client_;
+  int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
+  std::set<std::uint32_t> reported_;  ///< Bodies. The server can push no others, whatever it says.
+  std::size_t sent_ = 0;              ///< Contacts.
+};
+
+}  // namespace hlm::bullet
