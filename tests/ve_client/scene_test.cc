@@ -45,14 +45,14 @@ std::vector<std::string> names(const std::vector<SceneSummary>& scenes) {
 TEST_CASE("A scene has the tool that is asked for, or else the one that the world names") {
   const Folder folder;
   const fs::path named = folder.write("named.sdf", "<haptic:tool>peg</haptic:tool>" + kModels);
-  CHECK(load_scene(named).tool == "peg");
-  CHECK(load_scene(named, "brick").tool == "brick");
-  CHECK_THROWS_WITH(load_scene(named, "hammer"),
+  CHECK(load_scene(named).tools == std::vector<std::string>{"peg"});
+  CHECK(load_scene(named, {{"brick", ""}}).tools == std::vector<std::string>{"brick"});
+  CHECK_THROWS_WITH(load_scene(named, {{"hammer", ""}}),
                     ContainsSubstring("'hammer'") && ContainsSubstring("it has: peg, brick"));
-  CHECK_THROWS_WITH(load_scene(named, "", "moon"), ContainsSubstring("start 'moon'"));
+  CHECK_THROWS_WITH(load_scene(named, {{"", "moon"}}), ContainsSubstring("start 'moon'"));
 
   const fs::path plain = folder.write("plain.sdf", kModels);
-  CHECK(load_scene(plain, "peg").tool == "peg");
+  CHECK(load_scene(plain, {{"peg", ""}}).tools == std::vector<std::string>{"peg"});
   CHECK_THROWS_WITH(load_scene(plain), ContainsSubstring("plain.sdf") &&
                                            ContainsSubstring("--tool") &&
                                            ContainsSubstring("<haptic:tool>") &&
@@ -68,7 +68,7 @@ TEST_CASE(
   for (const SceneSummary& scene : scenes) {
     CAPTURE(scene.name);
     const Scene loaded = load_scene(scene.file);
-    CHECK(loaded.tool == loaded.world.tool);
+    CHECK(loaded.tools.front() == loaded.world.tools.front());
     CHECK(scene.description == loaded.world.description);
     CHECK_FALSE(scene.description.empty());
     CHECK(scene.name.size() + scene.description.size() <= 80);

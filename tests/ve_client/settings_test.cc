@@ -47,8 +47,8 @@ std::string error_of(std::vector<const char*> options) {
 TEST_CASE("Options without a value have their defaults") {
   const auto settings = parse({"--world", "w.sdf"}).arguments.settings;
   REQUIRE(settings);
-  CHECK(settings->server == "127.0.0.1:47800");
-  CHECK(settings->tool.empty());
+  CHECK(settings->tools.front().server == "127.0.0.1:47800");
+  CHECK(settings->tools.front().tool.empty());
   CHECK(settings->frame.epsilon == 0.005);
   CHECK(settings->rate_low == 60);
   CHECK(settings->rate_high == 60);

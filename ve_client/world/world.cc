@@ -82,6 +82,7 @@ dContact frictional_contact(double friction, const Vector3& p_W, const Vector3& 
 World::World(const WorldDescription& description, std::span<const int> tool_bodies)
     : description_(description),
       is_tool_(description.bodies.size()),
+      inertia_factors_(description.bodies.size(), 1),
       held_(description.bodies.size(), Wrench::Zero()) {
   initialise_engine();
   world_.reset(dWorldCreate());
@@ -137,11 +138,7 @@ void World::add_bodies() {
     bodies_.push_back(body.fixed ? nullptr : dBodyCreate(world_.get()));
     has_movable_ = has_movable_ || is_movable(i);
     if (!body.fixed) {
-      dMass mass;
-      const Matrix3& I = body.I_B;
-      dMassSetParameters(&mass, body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
-                         I(1, 2));
-      dBodySetMass(handle(i), &mass);
+      set_mass(i);
       dBodySetGravityMode(handle(i), !is_tool && !body.weightless);
       set_pose(i, body.X_WB);
     }
@@ -201,6 +198,24 @@ void World::add_wrench(int body, const Wrench& F) {
   }
   dBodyAddForce(handle(body), F[0], F[1], F[2]);
   dBodyAddTorque(handle(body), F[3], F[4], F[5]);
+}
+
+void World::set_mass(int index) {
+  const BodyDescription& body = description_.bodies[at(index)];
+  const double factor = inertia_factor(index);
+  const Matrix3 I = factor * body.I_B;
+  dMass mass;
+  dMassSetParameters(&mass, factor * body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1),
+                     I(0, 2), I(1, 2));
+  dBodySetMass(handle(index), &mass);
+}
+
+void World::set_inertia_factor(int body, double factor) {
+  double& present = inertia_factors_[at(body)];
+  if (factor == present) return;
+  if (factor > present) set_velocity(body, present / factor * V_WB(body));
+  present = factor;
+  set_mass(body);
 }
 
 void World::make_kinematic(int body) {
@@ -269,6 +284,12 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
 void World::push_held() {
   for (int body = 0; body < static_cast<int>(held_.size()); ++body) {
     if (!held_[at(body)].isZero(0)) add_wrench(body, held_[at(body)]);
+    // The engine's weight goes with inertia.
+    const double surplus = inertia_factors_[at(body)] - 1;
+    const BodyDescription& description = description_.bodies[at(body)];
+    if (surplus == 0 || description.weightless) continue;
+    const Vector3 weight = description.mass * description_.gravity_W;
+    add_wrench(body, (Wrench() << -surplus * weight, Vector3::Zero()).finished());
   }
 }
 
