@@ -174,7 +174,10 @@ void step(VirtualEnvironment& environment, std::span<HapticClient* const> client
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
     const bool by_impulses = pushes_by_impulses(*clients[i], options);
+    // A tool that nobody holds any more does not push what others hold.
+    const bool left = clients.size() > 1 && !clients[i]->connected();
     const auto stops_tool = [&](int body) {
+      if (left) return !environment.world.is_movable(body);
       return !by_impulses || held.surroundings.is_obstacle(body);
     };
     const double reach = held.tool.follow(period);
