@@ -1,7 +1,6 @@
 #include "ve_client/frame.h"
 
 #include <algorithm>
-#include <stdexcept>
 #include <utility>
 
 #include "common/uniform.h"
@@ -12,12 +11,7 @@ namespace {
 std::vector<ToolAssembly> assemble(const WorldDescription& world,
                                    const std::vector<std::string>& names) {
   std::vector<ToolAssembly> assemblies;
-  for (auto name = names.begin(); name != names.end(); ++name) {
-    if (std::find(names.begin(), name, *name) != name) {
-      throw std::runtime_error("tool '" + *name + "' is named twice: each server needs its own");
-    }
-    assemblies.push_back(assemble_tool(world, *name));
-  }
+  for (const std::string& name : names) assemblies.push_back(assemble_tool(world, name));
   return assemblies;
 }
 

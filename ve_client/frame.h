@@ -36,7 +36,7 @@ struct HeldTool {
 /// A world and the tools in it, each of which somebody may hold. Tools do not touch each other.
 struct VirtualEnvironment {
   /// tool_names: models, one at least, each once. Throws std::runtime_error as assemble_tool()
-  /// does, and where a model is named twice.
+  /// does.
   VirtualEnvironment(const WorldDescription& description,
                      const std::vector<std::string>& tool_names, const FollowOptions& follow);
 

@@ -59,11 +59,28 @@ TEST_CASE("A scene has the tool that is asked for, or else the one that the worl
                                            ContainsSubstring("it has: peg, brick"));
 }
 
+TEST_CASE("A scene for two hands has two tools: those that are asked for, or else the world's") {
+  const Folder folder;
+  const fs::path two = folder.write("two.sdf",
+                                    "<haptic:tool>peg</haptic:tool><haptic:second_tool>brick"
+                                    "</haptic:second_tool>" +
+                                        kModels);
+  CHECK(load_scene(two).tools == std::vector<std::string>{"peg"});
+  CHECK(load_scene(two, {{}, {}}).tools == std::vector<std::string>{"peg", "brick"});
+  const fs::path one = folder.write("one.sdf", "<haptic:tool>peg</haptic:tool>" + kModels);
+  CHECK(load_scene(one, {{}, {"brick", ""}}).tools == std::vector<std::string>{"peg", "brick"});
+  CHECK_THROWS_WITH(
+      load_scene(one, {{}, {}}),
+      ContainsSubstring("which model is the second tool") && ContainsSubstring("--second-tool"));
+  CHECK_THROWS_WITH(load_scene(one, {{}, {"peg", ""}}),
+                    ContainsSubstring("tool 'peg' is named twice"));
+}
+
 TEST_CASE(
     "Every world of the repository is a scene that says what is to be felt, in 80 characters") {
   const auto scenes = scenes_beside(fs::path(HLM_WORLDS) / "testbed.sdf");
-  CHECK(names(scenes) == std::vector<std::string>{"corner", "door", "lift", "linkage", "mesh",
-                                                  "peg_in_hole_3d", "playground", "push",
+  CHECK(names(scenes) == std::vector<std::string>{"bimanual", "corner", "door", "lift", "linkage",
+                                                  "mesh", "peg_in_hole_3d", "playground", "push",
                                                   "scissors", "stack", "testbed"});
   for (const SceneSummary& scene : scenes) {
     CAPTURE(scene.name);

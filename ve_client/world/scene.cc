@@ -69,8 +69,13 @@ Scene load_scene(const fs::path& file, const std::vector<ToolChoice>& tools,
   Scene scene{file, load_world(file, diagnostics), {}};
   for (std::size_t i = 0; i < tools.size(); ++i) {
     const std::string named = i < scene.world.tools.size() ? scene.world.tools[i] : "";
-    scene.tools.push_back(tools[i].tool.empty() ? named : tools[i].tool);
-    check_tool(scene, scene.tools.back(), tools[i].start, diagnostics);
+    const std::string& tool = tools[i].tool.empty() ? named : tools[i].tool;
+    if (!tool.empty() && std::ranges::find(scene.tools, tool) != scene.tools.end()) {
+      diagnostics.refuse({file.string(), 0, ""},
+                         "tool '" + tool + "' is named twice: each hand holds its own");
+    }
+    scene.tools.push_back(tool);
+    check_tool(scene, tool, tools[i].start, diagnostics);
   }
   return scene;
 }
