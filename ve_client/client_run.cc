@@ -127,12 +127,12 @@ ClientRun::ClientRun(const Settings& settings)
       engine_(settings.seed) {
   for (std::size_t i = 0; i < servers_.size(); ++i) {
     sessions_.emplace_back(settings.tools[i], servers_[i], settings.seed + i,
-                           ToolSession::Surroundings{.key = key_,
-                                                     .key_file = settings.key_file,
-                                                     .connect_timeout = settings.connect_timeout,
-                                                     .tool_may_change = page_ != nullptr,
-                                                     .alone = servers_.size() == 1,
-                                                     .now = [this] { return clock_.now(); }});
+                           ToolSession::Common{.key = key_,
+                                               .key_file = settings.key_file,
+                                               .connect_timeout = settings.connect_timeout,
+                                               .tool_may_change = page_ != nullptr,
+                                               .alone = servers_.size() == 1,
+                                               .now = [this] { return clock_.now(); }});
   }
   set_conditions(live_.network);
   begin(true);

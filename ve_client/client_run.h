@@ -69,8 +69,8 @@ class ClientRun {
   std::optional<FramePeriods> periods_;
   double low_ = 0;                    ///< Of periods_, Hz.
   std::deque<ToolSession> sessions_;  ///< One for each tool; pages show and drive the first.
-  bool begun_ = false;
-  bool fault_reported_ = false;  ///< Of the present environment.
+  bool begun_ = false;                ///< There have been sessions.
+  bool fault_reported_ = false;       ///< Of the present environment.
 };
 
 }  // namespace hlm::ve

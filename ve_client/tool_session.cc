@@ -18,13 +18,12 @@ protocol::Endpoint resolved(const char* option, const std::string& value, const 
 }
 
 ToolSession::ToolSession(const ToolSettings& settings, const protocol::Endpoint& server,
-                         std::uint64_t seed, Surroundings surroundings)
-    : now_(std::move(surroundings.now)),
+                         std::uint64_t seed, Common common)
+    : now_(std::move(common.now)),
       server_(server),
-      link_(wire(settings, surroundings.key), now_, seed),
-      connection_(settings.server, surroundings.key_file, surroundings.connect_timeout,
-                  surroundings.tool_may_change),
-      status_(surroundings.alone ? "" : settings.server) {}
+      link_(wire(settings, common.key), now_, seed),
+      connection_(settings.server, common.key_file, common.connect_timeout, common.tool_may_change),
+      status_(common.alone ? "" : settings.server) {}
 
 protocol::DatagramLink& ToolSession::wire(const ToolSettings& settings,
                                           const std::optional<protocol::noise::Key>& key) {

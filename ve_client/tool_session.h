@@ -24,7 +24,7 @@ protocol::Endpoint resolved(const char* option, const std::string& value, const 
 class ToolSession {
  public:
   /// What all sessions of a run have in common.
-  struct Surroundings {
+  struct Common {
     std::optional<protocol::noise::Key> key;
     std::string key_file;
     double connect_timeout = 0;    ///< s; 0: for ever.
@@ -36,7 +36,7 @@ class ToolSession {
   /// seed: of the network's conditions. Throws std::runtime_error with one line if the capture file
   /// cannot be begun.
   ToolSession(const ToolSettings& settings, const protocol::Endpoint& server, std::uint64_t seed,
-              Surroundings surroundings);
+              Common common);
 
   /// A session for the tool, as it is; one that there is ends. `options`: without the server.
   void begin(HapticClientOptions options, const ToolAssembly& tool);
