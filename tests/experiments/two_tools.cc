@@ -210,11 +210,13 @@ void two_tools(Bench& bench) {
     whole = whole && left.mean.allFinite() && right.mean.allFinite();
   }
   bench.claim({.what = "Two tools, carry",
-               .criterion = "hands that carry a beam bear together its weight within 3 %, the one "
-                            "that is twice as far off a third of it within 5 % of the weight",
+               .criterion =
+                   "hands that carry a beam bear together its weight within 3 %, the one "
+                   "that is twice as far off a third of it within 6 % of the weight, as the "
+                   "trays are 20 mm wide",
                .measured = fmt::format("weight {:.2g} % off at most, share {:.2g} %, sd {:.2g} N",
                                        100 * off, 100 * share_off, deviation),
-               .holds = whole && off <= 0.03 && share_off <= 0.05});
+               .holds = whole && off <= 0.03 && share_off <= 0.06});
 }
 
 }  // namespace hlm::experiments
