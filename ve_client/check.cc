@@ -11,13 +11,17 @@
 namespace hlm::ve {
 namespace {
 
+bool has_tools(const Scene& scene) {
+  return std::ranges::find(scene.tools, "") == scene.tools.end();
+}
+
 /// What only the engine finds wrong.
 void try_engine(const Scene& scene, const Settings& settings, Diagnostics& diagnostics) {
   try {
-    if (scene.tool.empty()) {
-      const World world(scene.world, {});
+    if (has_tools(scene)) {
+      const VirtualEnvironment environment(scene.world, scene.tools, settings.follow);
     } else {
-      const VirtualEnvironment environment(scene.world, scene.tool, settings.follow);
+      const World world(scene.world, {});
     }
   } catch (const std::exception& error) {
     diagnostics.refuse({scene.file.string(), 0, ""}, error.what());
@@ -32,16 +36,19 @@ void write(const Scene& scene, std::ostream& out) {
   out << fmt::format("{}: models: {}, bodies: {} ({} fixed), collisions: {}, joints: {}\n",
                      scene.file.string(), world.models.size(), world.bodies.size(), fixed,
                      collisions, world.joints.size());
-  if (scene.tool.empty()) {
+  if (!has_tools(scene)) {
     out << "no tool: name one with --tool or <haptic:tool>; the models are " << model_names(world)
         << "\n";
   }
 }
 
-void write_tool(const Scene& scene, std::ostream& out) {
-  const ToolDescription tool = assemble_tool(scene.world, scene.tool).description;
-  out << fmt::format("tool '{}': links: {}, degrees of freedom: {}\n", scene.tool,
-                     tool.links.size(), tool.dof());
+void write_tools(const Scene& scene, std::ostream& out) {
+  for (const std::string& name : scene.tools) {
+    if (name.empty()) continue;
+    const ToolDescription tool = assemble_tool(scene.world, name).description;
+    out << fmt::format("tool '{}': links: {}, degrees of freedom: {}\n", name, tool.links.size(),
+                       tool.dof());
+  }
 }
 
 void write(const Diagnostics& diagnostics, Verdict verdict, const char* title, std::ostream& out) {
@@ -56,10 +63,10 @@ void write(const Diagnostics& diagnostics, Verdict verdict, const char* title, s
 
 bool check_scene(const Settings& settings, std::ostream& out) {
   Diagnostics diagnostics;
-  const Scene scene = load_scene(settings.world, settings.tool, settings.start, diagnostics);
+  const Scene scene = load_scene(settings.world, choices(settings), diagnostics);
   if (diagnostics.usable()) try_engine(scene, settings, diagnostics);
   write(scene, out);
-  if (diagnostics.usable() && !scene.tool.empty()) write_tool(scene, out);
+  if (diagnostics.usable()) write_tools(scene, out);
   write(diagnostics, Verdict::kRefused, "refused", out);
   write(diagnostics, Verdict::kApproximated, "approximated", out);
   write(diagnostics, Verdict::kIgnored, "ignored", out);

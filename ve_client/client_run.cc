@@ -4,6 +4,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include <spdlog/fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include "common/settings/directories.h"
@@ -12,17 +13,6 @@
 
 namespace hlm::ve {
 namespace {
-
-HapticClientOptions client_options(const Settings& settings, const VirtualEnvironment& environment,
-                                   const protocol::Endpoint& server) {
-  HapticClientOptions options;
-  options.server = server;
-  options.tool = environment.assembly.description;
-  options.q = environment.assembly.q;
-  options.ve_rate = (settings.rate_low + settings.rate_high) / 2;
-  options.epsilon = settings.frame.epsilon;
-  return options;
-}
 
 /// What of the world's file is not used as it stands.
 void report(const Diagnostics& diagnostics) {
@@ -45,7 +35,7 @@ void report(const Diagnostics& diagnostics) {
 Scene first_scene(const Settings& settings) {
   try {
     Diagnostics diagnostics;
-    Scene scene = load_scene(settings.world, settings.tool, settings.start, diagnostics);
+    Scene scene = load_scene(settings.world, choices(settings), diagnostics);
     require_usable(scene, diagnostics);
     report(diagnostics);
     return scene;
@@ -70,14 +60,17 @@ std::filesystem::path page_beside_program() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path() / HLM_PAGE;
 }
 
-/// The endpoint that an option gives; `example` is one.
-protocol::Endpoint resolved(const char* option, const std::string& value, const char* example) {
-  try {
-    return protocol::resolve(value);
-  } catch (const std::runtime_error& error) {
-    throw settings::UsageError(
-        fmt::format("{} {}: {}; for example {}", option, value, error.what(), example));
+std::vector<protocol::Endpoint> endpoints(const Settings& settings) {
+  std::vector<protocol::Endpoint> servers;
+  for (const ToolSettings& tool : settings.tools) {
+    const char* option = servers.empty() ? "--server" : "--second-server";
+    servers.push_back(resolved(option, tool.server, "127.0.0.1:47800"));
+    if (std::find(servers.begin(), servers.end() - 1, servers.back()) != servers.end() - 1) {
+      throw settings::UsageError(std::string(option) + ' ' + tool.server +
+                                 " must be another server: each serves one tool");
+    }
   }
+  return servers;
 }
 
 /// Where the server's flight recordings are, if it runs on this machine.
@@ -86,6 +79,18 @@ std::vector<std::filesystem::path> recordings_of(const protocol::Endpoint& serve
   if (!given.empty()) return {given};
   if (!protocol::is_own_address(server)) return {};
   return settings::state_directories();
+}
+
+/// The tools that the options name, where the file places them.
+std::vector<ToolChoice> placed_as_in_file(const Settings& settings) {
+  std::vector<ToolChoice> tools = choices(settings);
+  for (ToolChoice& tool : tools) tool.start.clear();
+  return tools;
+}
+
+/// For messages: "tool 'peg'", or "tools 'peg', 'tray'".
+std::string names(const std::vector<std::string>& tools) {
+  return fmt::format("tool{} '{}'", tools.size() > 1 ? "s" : "", fmt::join(tools, "', '"));
 }
 
 /// The page's server, if one is asked for.
@@ -111,28 +116,26 @@ std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::En
 ClientRun::ClientRun(const Settings& settings)
     : settings_(settings),
       scene_(first_scene(settings)),
-      start_(settings.start),
-      environment_(std::in_place, with_start(scene_.world, scene_.tool, start_), scene_.tool,
-                   settings.follow),
-      server_(resolved("--server", settings.server, "127.0.0.1:47800")),
+      tools_(choices(settings)),
+      environment_(std::in_place, with_starts(scene_, tools_), scene_.tools, settings.follow),
+      servers_(endpoints(settings)),
       key_(read_key(settings)),
-      page_(open_page(settings, server_)),
+      page_(open_page(settings, servers_.front())),
       scenes_(page_ ? scenes_beside(scene_.file) : std::vector<SceneSummary>{}),
-      link_(
-          wire(), [this] { return clock_.now(); }, settings.seed),
       live_(settings_at_start()),
       spread_((settings.rate_high - settings.rate_low) / 2),
-      engine_(settings.seed),
-      connection_(settings.server, settings.key_file, settings.connect_timeout, page_ != nullptr) {
-  link_.set_conditions(live_.network);
+      engine_(settings.seed) {
+  for (std::size_t i = 0; i < servers_.size(); ++i) {
+    sessions_.emplace_back(settings.tools[i], servers_[i], settings.seed + i,
+                           ToolSession::Common{.key = key_,
+                                               .key_file = settings.key_file,
+                                               .connect_timeout = settings.connect_timeout,
+                                               .tool_may_change = page_ != nullptr,
+                                               .alone = servers_.size() == 1,
+                                               .now = [this] { return clock_.now(); }});
+  }
+  set_conditions(live_.network);
   begin(true);
-}
-
-protocol::DatagramLink& ClientRun::wire() {
-  protocol::DatagramLink* link = &socket_;
-  if (key_) link = &sealed_.emplace(*link, server_, *key_);
-  if (settings_.record.empty()) return *link;
-  return recording_.emplace(settings_.record, *link, socket_.local()).link;
 }
 
 LiveSettings ClientRun::settings_at_start() const {
@@ -149,24 +152,25 @@ void ClientRun::go(const std::function<bool()>& stop) {
     next = std::max(next + period, clock_.now());
     wait_until(next);
   }
-  // The goodbye is not held back.
-  link_.set_conditions({});
-  client_->close(clock_.now());
-  if (recording_) recording_->link.drain(recording_->file);
-  if (!stop()) connection_.end(clock_.now());
+  for (ToolSession& session : sessions_) session.close();
+  if (stop()) return;
+  for (const ToolSession& session : sessions_) session.require_connected();
 }
 
 void ClientRun::begin(bool clears_fault) {
   fault_reported_ = false;
-  if (client_) {
-    client_->close(clock_.now());
-    environment_.emplace(with_start(scene_.world, scene_.tool, start_), scene_.tool,
-                         settings_.follow);
+  if (begun_) {
+    environment_.emplace(with_starts(scene_, tools_), scene_.tools, settings_.follow);
   }
-  HapticClientOptions options = client_options(settings_, *environment_, server_);
+  begun_ = true;
+  HapticClientOptions options;
+  options.ve_rate = (settings_.rate_low + settings_.rate_high) / 2;
+  options.epsilon = settings_.frame.epsilon;
   options.clears_fault = clears_fault;
-  options.telemetry = page_.get();
-  client_.emplace(link_, options);
+  for (std::size_t i = 0; i < sessions_.size(); ++i) {
+    options.telemetry = i == 0 ? page_.get() : nullptr;
+    sessions_[i].begin(options, environment_->tools[i].assembly);
+  }
   if (page_) {
     page_->forget_session();
     show_world(nullptr);
@@ -177,20 +181,22 @@ void ClientRun::frame(double period) {
   if (page_) take_page_requests();
   // Friction that a person has set holds instead of the materials'.
   live_.frame.report_friction = live_.tuning.friction == own_tuning_.friction;
-  const FrameResult result = run_frame(*environment_, *client_, clock_, period, live_.frame);
-  if (result.fault != nullptr) report(*result.fault);
-  connection_.watch(clock_.now(), result.inbox, client_->connected());
-  if (result.inbox.welcomed) warn_of_mismatch(environment_->assembly, client_->welcome().device);
-  status_.count(result);
-  status_.report(clock_.now(), *client_, environment_->proximity.statistics());
-  if (page_) show(result);
-  if (recording_) recording_->link.drain(recording_->file);
+  std::vector<HapticClient*> clients;
+  for (ToolSession& session : sessions_) clients.push_back(&session.client());
+  const std::vector<FrameResult> results =
+      run_frame(*environment_, clients, clock_, period, live_.frame);
+  if (results.front().fault != nullptr) report(*results.front().fault);
+  for (std::size_t i = 0; i < sessions_.size(); ++i) {
+    const HeldTool& held = environment_->tools[i];
+    sessions_[i].report(results[i], held.tool, held.proximity);
+  }
+  if (page_) show(results.front());
 }
 
 /// The world stands still. A page can reset it, and show it until then.
 void ClientRun::report(const std::string& fault) {
   if (!page_) {
-    client_->close(clock_.now());
+    for (ToolSession& session : sessions_) session.close();
     throw std::runtime_error(fault + ": the simulation went wrong");
   }
   if (!fault_reported_) {
@@ -202,12 +208,12 @@ void ClientRun::report(const std::string& fault) {
 
 void ClientRun::take_page_requests() {
   if (const auto reset = page_->take_requests(clock_.now(), live_, settings_at_start())) {
-    start_ = reset->start.value_or(start_);
+    if (reset->start) tools_.front().start = *reset->start;
     begin(true);
   }
   change_scene();
-  link_.set_conditions(live_.network);
-  client_->control(page_->control(live_, own_tuning_));
+  set_conditions(live_.network);
+  first_client().control(page_->control(live_, own_tuning_));
 }
 
 void ClientRun::change_scene() {
@@ -217,21 +223,22 @@ void ClientRun::change_scene() {
     if (!chosen) return;
     chosen_ = *chosen;
     const auto& file = std::ranges::find(scenes_, chosen_.name, &SceneSummary::name)->file;
-    // --tool is for --world; others are played with the tool that they name.
-    const std::string tool = file == settings_.world ? settings_.tool : "";
-    loading_ = std::async(std::launch::async, [=] { return load_scene(file, tool); });
+    // --tool is for --world; others are played with the tools that they name.
+    std::vector<ToolChoice> tools = placed_as_in_file(settings_);
+    if (file != settings_.world) tools.assign(tools.size(), {});
+    loading_ = std::async(std::launch::async, [=] { return load_scene(file, tools); });
   }
   if (loading_.wait_for(0s) != std::future_status::ready) return;
   try {
     Scene scene = loading_.get();
     // What only the engine or the session finds wrong, before the present one ends.
-    const VirtualEnvironment trial(scene.world, scene.tool, settings_.follow);
+    const VirtualEnvironment trial(scene.world, scene.tools, settings_.follow);
     scene_ = std::move(scene);
   } catch (const std::exception& error) {
     return page_->refuse(chosen_, error.what());
   }
-  spdlog::info("{} with tool '{}', chosen on the page", scene_.file.string(), scene_.tool);
-  start_.clear();
+  spdlog::info("{} with {}, chosen on the page", scene_.file.string(), names(scene_.tools));
+  for (ToolChoice& tool : tools_) tool.start.clear();
   live_ = settings_at_start();
   begin(false);
 }
@@ -240,7 +247,7 @@ void ClientRun::show_world(const protocol::Welcome* welcome) {
   page_->show_world({.environment = *environment_,
                      .scene = scene_,
                      .scenes = scenes_,
-                     .start = start_,
+                     .start = tools_.front().start,
                      .welcome = welcome});
 }
 
@@ -248,14 +255,14 @@ void ClientRun::show(const FrameResult& result) {
   if (result.inbox.welcomed) {
     page_->forget_session();
     // What no page has changed is as the server was started.
-    const Tuning& own = client_->welcome().tuning;
+    const Tuning& own = first_client().welcome().tuning;
     live_.tuning = carried_over(live_.tuning, own_tuning_, own);
     own_tuning_ = own;
-    show_world(&client_->welcome());
+    show_world(&first_client().welcome());
   }
   if (result.inbox.lost) page_->forget_session();
   page_->show_frame({.environment = *environment_,
-                     .client = *client_,
+                     .client = first_client(),
                      .state = result.inbox.state,
                      .result = result,
                      .settings = live_});
@@ -274,10 +281,14 @@ FramePeriods& ClientRun::periods() {
 void ClientRun::wait_until(double time) {
   constexpr double kPumpPeriod = 1e-3;  // s
   while (live_.network != NetworkConditions{} && clock_.now() + kPumpPeriod < time) {
-    link_.pump();
+    for (ToolSession& session : sessions_) session.link().pump();
     clock_.sleep_until(clock_.now() + kPumpPeriod);
   }
   clock_.sleep_until(time);
+}
+
+void ClientRun::set_conditions(const NetworkConditions& conditions) {
+  for (ToolSession& session : sessions_) session.link().set_conditions(conditions);
 }
 
 }  // namespace hlm::ve

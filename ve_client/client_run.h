@@ -1,22 +1,19 @@
-// One run of the client: the world, the session on it, and the page that shows both.
+// One run of the client: the world, the sessions on it, and the page that shows both.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <future>
 #include <memory>
 #include <optional>
 #include <random>
 #include <string>
+#include <vector>
 
-#include "protocol/sealing/sealed_client_link.h"
-#include "protocol/transport/capture.h"
-#include "protocol/transport/recording_link.h"
-#include "protocol/transport/udp_socket.h"
-#include "ve_client/client/impaired_link.h"
 #include "ve_client/clock.h"
 #include "ve_client/frame.h"
 #include "ve_client/settings.h"
-#include "ve_client/status.h"
+#include "ve_client/tool_session.h"
 #include "ve_client/web/live_page.h"
 #include "ve_client/world/scene.h"
 
@@ -35,21 +32,9 @@ class ClientRun {
   void go(const std::function<bool()>& stop);
 
  private:
-  /// A capture file and the link whose datagrams it gets.
-  struct Recording {
-    Recording(const std::string& path, protocol::DatagramLink& passed,
-              const protocol::Endpoint& local)
-        : file(path), link(passed, local) {}
-
-    protocol::CaptureWriter file;
-    protocol::RecordingLink link;
-  };
-
-  /// The socket, sealed and recorded as the settings say.
-  protocol::DatagramLink& wire();
   LiveSettings settings_at_start() const;
-  /// The world as it was at the start, and a session on it.
-  /// A session with the present scene. clears_fault: a person asks for it, knowing of a fault.
+  /// Sessions with the present scene as it was at the start. clears_fault: a person asks for them,
+  /// knowing of a fault.
   void begin(bool clears_fault);
   void frame(double period);
   void report(const std::string& fault);
@@ -63,32 +48,29 @@ class ClientRun {
   FramePeriods& periods();
   /// Datagrams that are held back leave in time, within a millisecond.
   void wait_until(double time);
+  void set_conditions(const NetworkConditions& conditions);
+  HapticClient& first_client() { return sessions_.front().client(); }
 
   const Settings& settings_;
-  Scene scene_;        ///< As loaded.
-  std::string start_;  ///< Of the tool.
+  Scene scene_;                    ///< As loaded.
+  std::vector<ToolChoice> tools_;  ///< As they begin; the scene knows their names.
   std::optional<VirtualEnvironment> environment_;
-  protocol::Endpoint server_;
+  std::vector<protocol::Endpoint> servers_;
   std::optional<protocol::noise::Key> key_;
   std::unique_ptr<LivePage> page_;    ///< Null: none.
   std::vector<SceneSummary> scenes_;  ///< For its menu.
   SceneRequest chosen_;               ///< What is loaded for a page.
   std::future<Scene> loading_;        ///< Valid while it is.
-  protocol::UdpSocket socket_{protocol::Endpoint{}};
-  std::optional<protocol::SealedClientLink> sealed_;
-  std::optional<Recording> recording_;
   SteadyClock clock_;
-  ImpairedLink link_;
-  Tuning own_tuning_;  ///< What the server was started with.
+  Tuning own_tuning_;  ///< What the first server was started with.
   LiveSettings live_;
   double spread_;  ///< Of the drawn rates about live_.rate, Hz.
   std::mt19937_64 engine_;
   std::optional<FramePeriods> periods_;
-  double low_ = 0;  ///< Of periods_, Hz.
-  std::optional<HapticClient> client_;
-  Connection connection_;
-  Status status_;
-  bool fault_reported_ = false;  ///< Of the present environment.
+  double low_ = 0;                    ///< Of periods_, Hz.
+  std::deque<ToolSession> sessions_;  ///< One for each tool; pages show and drive the first.
+  bool begun_ = false;                ///< There have been sessions.
+  bool fault_reported_ = false;       ///< Of the present environment.
 };
 
 }  // namespace hlm::ve

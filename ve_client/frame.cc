@@ -1,18 +1,47 @@
 #include "ve_client/frame.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "common/uniform.h"
 
 namespace hlm::ve {
+namespace {
 
-VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
-                                       const std::string& tool_name, const FollowOptions& follow)
-    : assembly(assemble_tool(description, tool_name)),
-      world(description, assembly.bodies),
+std::vector<ToolAssembly> assemble(const WorldDescription& world,
+                                   const std::vector<std::string>& names) {
+  std::vector<ToolAssembly> assemblies;
+  for (const std::string& name : names) assemblies.push_back(assemble_tool(world, name));
+  return assemblies;
+}
+
+std::vector<int> bodies_of(const std::vector<ToolAssembly>& assemblies) {
+  std::vector<int> bodies;
+  for (const ToolAssembly& assembly : assemblies) {
+    bodies.insert(bodies.end(), assembly.bodies.begin(), assembly.bodies.end());
+  }
+  return bodies;
+}
+
+}  // namespace
+
+HeldTool::HeldTool(World& world, ToolAssembly assembled, const FollowOptions& follow)
+    : assembly(std::move(assembled)),
       tool(world, assembly, follow),
       proximity(world, assembly),
       surroundings(world, proximity) {}
+
+VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
+                                       const std::vector<std::string>& tool_names,
+                                       const FollowOptions& follow)
+    : VirtualEnvironment(description, assemble(description, tool_names), follow) {}
+
+VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
+                                       std::vector<ToolAssembly> assemblies,
+                                       const FollowOptions& follow)
+    : world(description, bodies_of(assemblies)), shared(world, assemblies.size()) {
+  for (ToolAssembly& assembly : assemblies) tools.emplace_back(world, std::move(assembly), follow);
+}
 
 namespace {
 
@@ -34,22 +63,24 @@ double adapted_epsilon(const FrameOptions& options, double speed, double delay, 
 
 namespace {
 
-/// Takes over what the server says: where the tool goes, and its impulses on bodies.
-void follow_server(VirtualEnvironment& environment, HapticClient& client, double period,
-                   FrameResult& result) {
-  World& world = environment.world;
-  VirtualTool& tool = environment.tool;
+/// Takes over what the server says: where the tool goes, and its impulses on bodies. Returns these
+/// as wrenches during the frame.
+Pushes follow_server(World& world, VirtualTool& tool, HapticClient& client, double period,
+                     FrameResult& result) {
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
   }
+  Pushes pushes;
   for (const auto& [body, P_W] : client.take_impulses(period)) {
     if (body < world.description().bodies.size() && world.is_movable(static_cast<int>(body))) {
       world.add_wrench(static_cast<int>(body), P_W / period);
+      pushes[static_cast<int>(body)] = P_W / period;
     } else {
       result.state_refused = true;
     }
   }
+  return pushes;
 }
 
 /// Adds the contacts on the other axes of the pairs that are sent, nearest pairs first: all of a
@@ -79,74 +110,97 @@ void add_other_axes(std::vector<FoundContact> others, const std::optional<Vector
 
 /// The contacts of the tool within epsilon. A body in the engine follows the tool's impulses by
 /// `lag` seconds: what was reported of it is, until it is farther than both can have moved in that.
-std::vector<FoundContact> tool_contacts(VirtualEnvironment& environment, double epsilon, double lag,
-                                        bool all_axes) {
-  const VirtualTool& tool = environment.tool;
-  const Surroundings& surroundings = environment.surroundings;
+std::vector<FoundContact> tool_contacts(const World& world, HeldTool& held, double epsilon,
+                                        double lag, bool all_axes) {
+  const VirtualTool& tool = held.tool;
+  const Surroundings& surroundings = held.surroundings;
   const bool holds = !surroundings.bodies().empty();
-  const auto found =
-      environment.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0), all_axes);
+  const auto found = held.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0), all_axes);
   std::vector<FoundContact> contacts(found.begin(), found.end());
   std::erase_if(contacts, [&](const FoundContact& contact) {
     const double travel = kMargin * lag * (tool.target_speed() + contact.v_WC.norm());
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
     return contact.separation > epsilon + hold;
   });
-  environment.skin_contacts.name(environment.world, tool, contacts);
+  held.skin_contacts.name(world, tool, contacts);
   return contacts;
 }
 
 /// Those to send: the selected ones of the best axes, and the other axes of their pairs.
-std::vector<FoundContact> selected(VirtualEnvironment& environment,
-                                   std::vector<FoundContact> found) {
+std::vector<FoundContact> selected(HeldTool& held, std::vector<FoundContact> found) {
   const auto other = std::stable_partition(
       found.begin(), found.end(), [](const FoundContact& contact) { return contact.axis == 0; });
   std::vector<FoundContact> others(other, found.end());
   found.erase(other, found.end());
-  const auto& planar_normal_W = environment.assembly.planar_normal_W;
-  const auto best = environment.selection.select(found, planar_normal_W);
+  const auto& planar_normal_W = held.assembly.planar_normal_W;
+  const auto best = held.selection.select(found, planar_normal_W);
   std::vector<FoundContact> contacts(best.begin(), best.end());
   add_other_axes(std::move(others), planar_normal_W, contacts);
   return contacts;
 }
 
-}  // namespace
+/// The tool pushes bodies by the impulses that the hand felt, and in no other way.
+bool pushes_by_impulses(const HapticClient& client, const FrameOptions& options) {
+  return client.connected() && client.welcome().capabilities.movable_bodies &&
+         !options.push_by_following;
+}
 
-FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
-                      double period, const FrameOptions& options) {
-  World& world = environment.world;
-  VirtualTool& tool = environment.tool;
-  Surroundings& surroundings = environment.surroundings;
-  FrameResult result;
-  const auto stands_still = [&] {
-    result.fault = world.fault() ? &*world.fault() : nullptr;
-    return result.fault != nullptr;
-  };
+/// What the servers say, for all tools.
+void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* const> clients,
+                    double period, std::span<FrameResult> results) {
+  constexpr double kFrames = 3;  // From a report of impulses to the update that contains them.
+  std::vector<Pushes> pushes;
+  std::vector<MovableBodies> reported;
+  double round_trip = 0;
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    HeldTool& held = environment.tools[i];
+    pushes.push_back(follow_server(environment.world, held.tool, *clients[i], period, results[i]));
+    reported.push_back(held.surroundings.bodies());
+    round_trip = std::max(round_trip, clients[i]->round_trip());
+  }
+  environment.shared.push(pushes, reported, period, round_trip + kFrames * period);
+}
 
-  result.inbox = client.poll(clock.now());
-  if (stands_still()) return result;
-  follow_server(environment, client, period, result);
+/// One step of the engine, in which the tools follow their proxies.
+void step(VirtualEnvironment& environment, std::span<HapticClient* const> clients, double period,
+          const FrameOptions& options) {
+  std::vector<ToolContact> contacts;
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    HeldTool& held = environment.tools[i];
+    const bool by_impulses = pushes_by_impulses(*clients[i], options);
+    // A tool that nobody holds any more does not push what others hold.
+    const bool left = clients.size() > 1 && !clients[i]->connected();
+    const auto stops_tool = [&](int body) {
+      if (left) return !environment.world.is_movable(body);
+      return !by_impulses || held.surroundings.is_obstacle(body);
+    };
+    const double reach = held.tool.follow(period);
+    const auto own = held.proximity.within_reach(held.tool, reach, stops_tool);
+    contacts.insert(contacts.end(), own.begin(), own.end());
+  }
+  environment.world.step(period, contacts, [&](double h) {
+    for (HeldTool& held : environment.tools) held.tool.pull(h);
+  });
+}
 
-  // The tool pushes bodies by the impulses that the hand felt, and in no other way.
-  const bool by_impulses = client.connected() && client.welcome().capabilities.movable_bodies &&
-                           !options.push_by_following;
-  const auto stops_tool = [&](int body) { return !by_impulses || surroundings.is_obstacle(body); };
-  const double reach = tool.follow(period);
-  world.step(period, environment.proximity.within_reach(tool, reach, stops_tool),
-             [&](double h) { tool.pull(h); });
-  if (stands_still()) return result;
-  tool.read_back();
+/// What a server is told.
+struct Report {
+  ReportedContacts contacts;
+  MovableBodies bodies;
+};
 
-  const double sampled_at = clock.now();
-  client.sample(sampled_at, tool.q(), tool.v(), period);
+/// What the tool touches, or nearly touches, and the bodies that it can push.
+Report find_contacts(const World& world, HeldTool& held, const HapticClient& client, double period,
+                     const FrameOptions& options, FrameResult& result) {
+  Surroundings& surroundings = held.surroundings;
   const double delay = client.round_trip() + options.delay;
-  result.epsilon = adapted_epsilon(options, tool.target_speed(), delay, period);
+  result.epsilon = adapted_epsilon(options, held.tool.target_speed(), delay, period);
   const bool all_axes =
       client.connected() && client.welcome().capabilities.axes && !options.one_axis;
   std::vector<FoundContact> found =
-      tool_contacts(environment, result.epsilon, delay + 2 * period, all_axes);
+      tool_contacts(world, held, result.epsilon, delay + 2 * period, all_axes);
   result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
-  std::vector<FoundContact> contacts = selected(environment, std::move(found));
+  std::vector<FoundContact> contacts = selected(held, std::move(found));
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0) {
       ++result.on_other_axes;
@@ -157,19 +211,51 @@ FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clo
   if (!options.report_friction) {
     for (FoundContact& contact : contacts) contact.friction = -1;
   }
-  if (!by_impulses) {
+  if (!pushes_by_impulses(client, options)) {
     surroundings.find({}, 0);
-  } else {
-    surroundings.find(contacts, result.epsilon);
-    result.bodies = surroundings.bodies().size();
-    result.supports = surroundings.contacts().size();
-    contacts.insert(contacts.end(), surroundings.contacts().begin(), surroundings.contacts().end());
+    return {reports_of(contacts), {}};
   }
+  surroundings.find(contacts, result.epsilon);
+  result.bodies = surroundings.bodies().size();
+  result.supports = surroundings.contacts().size();
+  contacts.insert(contacts.end(), surroundings.contacts().begin(), surroundings.contacts().end());
+  return {reports_of(contacts), surroundings.bodies()};
+}
 
+}  // namespace
+
+std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
+                                   std::span<HapticClient* const> clients, Clock& clock,
+                                   double period, const FrameOptions& options) {
+  World& world = environment.world;
+  std::vector<FrameResult> results(clients.size());
+  const auto stands_still = [&] {
+    for (FrameResult& result : results) result.fault = world.fault() ? &*world.fault() : nullptr;
+    return world.fault().has_value();
+  };
+
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    results[i].inbox = clients[i]->poll(clock.now());
+  }
+  if (stands_still()) return results;
+  follow_servers(environment, clients, period, results);
+  step(environment, clients, period, options);
+  if (stands_still()) return results;
+  for (HeldTool& held : environment.tools) held.tool.read_back();
+
+  const double sampled_at = clock.now();
+  std::vector<Report> reports;
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    HeldTool& held = environment.tools[i];
+    clients[i]->sample(sampled_at, held.tool.q(), held.tool.v(), period);
+    reports.push_back(find_contacts(world, held, *clients[i], period, options, results[i]));
+    environment.shared.add_others(i, reports.back().bodies);
+  }
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
-  client.send(clock.now(), reports_of(contacts),
-              by_impulses ? surroundings.bodies() : MovableBodies{});
-  return result;
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    clients[i]->send(clock.now(), reports[i].contacts, reports[i].bodies);
+  }
+  return results;
 }
 
 double FramePeriods::next() { return 1 / uniform(engine_, low_, high_); }

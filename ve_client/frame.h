@@ -2,13 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <random>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "common/range.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/clock.h"
 #include "ve_client/contacts/select.h"
+#include "ve_client/shared_bodies.h"
 #include "ve_client/world/proximity.h"
 #include "ve_client/world/skin_contacts.h"
 #include "ve_client/world/surroundings.h"
@@ -17,19 +21,32 @@
 
 namespace hlm::ve {
 
-/// A world, the virtual tool in it and the query for contacts between them.
-struct VirtualEnvironment {
-  /// Throws std::runtime_error as assemble_tool() does.
-  VirtualEnvironment(const WorldDescription& description, const std::string& tool_name,
-                     const FollowOptions& follow);
+/// A virtual tool in a world, and the queries for what it touches.
+struct HeldTool {
+  HeldTool(World& world, ToolAssembly assembled, const FollowOptions& follow);
 
   ToolAssembly assembly;
-  World world;
   VirtualTool tool;
   Proximity proximity;
   SkinContacts skin_contacts;
   Surroundings surroundings;
   ContactSelection selection;
+};
+
+/// A world and the tools in it, each of which somebody may hold. Tools do not touch each other.
+struct VirtualEnvironment {
+  /// tool_names: models, one at least, each once. Throws std::runtime_error as assemble_tool()
+  /// does.
+  VirtualEnvironment(const WorldDescription& description,
+                     const std::vector<std::string>& tool_names, const FollowOptions& follow);
+
+  World world;
+  std::deque<HeldTool> tools;
+  SharedBodies shared;
+
+ private:
+  VirtualEnvironment(const WorldDescription& description, std::vector<ToolAssembly> assemblies,
+                     const FollowOptions& follow);
 };
 
 inline constexpr Range kEpsilons{0, 0.1, "m"};
@@ -77,10 +94,12 @@ struct FrameResult {
 /// delay: from the proxy's state here to contacts there, s. period: of the frames, s.
 double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period);
 
-/// One frame of `period` simulated seconds. `server` and `clock` decide whether it runs on UDP and
-/// real time or in memory and virtual time.
-FrameResult run_frame(VirtualEnvironment& environment, HapticClient& client, Clock& clock,
-                      double period, const FrameOptions& options);
+/// One frame of `period` simulated seconds, with a client for each tool, in their order. The
+/// clients' links and `clock` decide whether it runs on UDP and real time or in memory and virtual
+/// time. What the frame brought for each tool.
+std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
+                                   std::span<HapticClient* const> clients, Clock& clock,
+                                   double period, const FrameOptions& options);
 
 /// Periods of frames: rates drawn uniformly, repeatable from a seed.
 class FramePeriods {

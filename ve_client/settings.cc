@@ -18,6 +18,8 @@ const char* const kFooter =
                                                                 for a server elsewhere
   ve_client --world worlds/testbed.sdf --page 127.0.0.1:8080    with the live page
   ve_client --world worlds/push.sdf --tool brick                with another tool than the world's
+  ve_client --world worlds/bimanual.sdf --second-server HOST2:47800
+                                                                two hands in one world
   ve_client --world worlds/testbed.sdf --network-delay 0.02     as over a slow network
   ve_client --world robot.urdf --check                          what would be used of a file
 
@@ -48,9 +50,12 @@ class CommandLine {
  private:
   void add_connection(Table& table) {
     table.group("Connection");
-    table.text("server", settings_.server, "HOST:PORT", "Haptic server");
+    table.text("server", first_.server, "HOST:PORT", "Haptic server");
+    table.text("second-server", second_.server, "HOST:PORT",
+               "Another one, where a second tool of the same world is held");
     table.file("key-file", settings_.key_file,
-               "The server's key, if it has one: made by haptic_keygen, copied here");
+               "The server's key, if it has one: made by haptic_keygen, copied here; one for both "
+               "servers");
     table.number("connect-timeout", settings_.connect_timeout, {0, 1e6, "s"},
                  "Give up when the server has not answered for this long at the start; 0 waits for "
                  "ever");
@@ -60,10 +65,14 @@ class CommandLine {
   void add_environment(Table& table) {
     table.group("Environment");
     table.file("world", settings_.world, "World or model, an SDFormat or URDF file (required)");
-    table.text("tool", settings_.tool, "MODEL",
+    table.text("tool", first_.tool, "MODEL",
                "Model of the world that is the virtual tool; otherwise the world's <haptic:tool>");
-    table.text("start", settings_.start, "NAME",
+    table.text("start", first_.start, "NAME",
                "Where the tool begins, one of its <haptic:start>; otherwise as the file places it");
+    table.text("second-tool", second_.tool, "MODEL",
+               "Model that is the tool of --second-server; otherwise the world's "
+               "<haptic:second_tool>");
+    table.text("second-start", second_.start, "NAME", "Where that begins");
     table.flag("check", settings_.check,
                "Say what of the world would be used, approximated, ignored or refused, and end");
   }
@@ -121,7 +130,9 @@ class CommandLine {
 
   void add_recording(Table& table) {
     table.group("Recording");
-    table.file("record", settings_.record, "Write all datagrams to this capture file, pcap");
+    table.file("record", first_.record,
+               "Write all datagrams of the session with --server to this capture file, pcap");
+    table.file("second-record", second_.record, "And of that with --second-server to this one");
     table.choice("log-level", settings_.log_level,
                  {"trace", "debug", "info", "warn", "error", "off"},
                  "What to say on standard error");
@@ -136,6 +147,14 @@ class CommandLine {
       settings_.rate_high = rate_range_[1];
     }
     if (quiet_) settings_.log_level = "warn";
+    settings_.tools = {first_};
+    if (!second_.server.empty()) {
+      settings_.tools.push_back(second_);
+    } else {
+      refuse_without_second_server("--second-tool", second_.tool);
+      refuse_without_second_server("--second-start", second_.start);
+      refuse_without_second_server("--second-record", second_.record);
+    }
 
     const FrameOptions& frame = settings_.frame;
     if (const auto error =
@@ -153,12 +172,19 @@ class CommandLine {
     }
   }
 
+  static void refuse_without_second_server(const std::string& option, const std::string& value) {
+    if (value.empty()) return;
+    throw UsageError(option + " " + value + " needs --second-server: the tool's server, HOST:PORT");
+  }
+
   settings::CommandLine command_line_{
       {.name = "ve_client",
        .purpose = "Simulates a virtual environment and sends the haptic server what its tool "
                   "touches, or nearly touches.",
        .footer = kFooter}};
   Settings settings_;
+  ToolSettings first_{{}, "127.0.0.1:47800", {}};
+  ToolSettings second_;
   double rate_ = 60;
   std::vector<double> rate_range_;
   bool quiet_ = false;

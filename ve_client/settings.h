@@ -5,25 +5,30 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "ve_client/client/impaired_link.h"
 #include "ve_client/frame.h"
+#include "ve_client/world/scene.h"
 #include "ve_client/world/virtual_tool.h"
 
 namespace hlm::ve {
 
+/// A tool, and the server at whose device it is held.
+struct ToolSettings : ToolChoice {
+  std::string server;  ///< HOST:PORT.
+  std::string record;  ///< Capture file; empty: none.
+};
+
 struct Settings {
-  std::string server = "127.0.0.1:47800";  ///< HOST:PORT.
-  std::string key_file;                    ///< The server's; empty: none.
-  std::string world;                       ///< SDF file.
-  std::string tool;                        ///< Model of the world; empty: the one that it names.
-  std::string start;                       ///< One of its <haptic:start>; empty: as placed.
+  std::string key_file;             ///< The servers'; empty: none.
+  std::string world;                ///< SDF file.
+  std::vector<ToolSettings> tools;  ///< 1 to kMostTools.
   FrameOptions frame;
   FollowOptions follow;
   double rate_low = 60;        ///< Hz. The rate of each frame is drawn between these.
   double rate_high = 60;       ///< Hz.
   std::uint64_t seed = 1;      ///< Of the drawn rates.
-  std::string record;          ///< Capture file; empty: none.
   double duration = 0;         ///< s; 0: until stopped.
   double connect_timeout = 0;  ///< s; 0: wait for ever.
   std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
@@ -33,6 +38,11 @@ struct Settings {
   std::string log_level = "info";
   bool check = false;  ///< Only say what would be used of the world.
 };
+
+/// Which tools, and where they begin.
+inline std::vector<ToolChoice> choices(const Settings& settings) {
+  return {settings.tools.begin(), settings.tools.end()};
+}
 
 /// What the arguments ask for.
 struct ParsedArguments {

@@ -112,7 +112,7 @@ void Status::count(const FrameResult& frame) {
   if (frame.inbox.state == nullptr) return;
   const Fault before = std::exchange(fault_, frame.inbox.state->fault);
   if (fault_ == before || fault_ == Fault::kNone) return;
-  spdlog::error("fault of the server: {}; {}", meaning_of(fault_), kAfterFault);
+  spdlog::error("{}fault of the server: {}; {}", prefix_, meaning_of(fault_), kAfterFault);
 }
 
 std::string Status::connection(const HapticClient& client) const {
@@ -124,14 +124,17 @@ void Status::report(double now, const HapticClient& client, const ProximityStati
   constexpr double kReportPeriod = 1;  // s.
   if (now - last_report_ < kReportPeriod) return;
   spdlog::info(
-      "{:.1f} Hz | contacts {} active, {} predicted of {} found | round trip {:.2f} ms | {} | {}",
-      frames_ / (now - last_report_), active_, predicted_, found_, 1e3 * client.round_trip(),
-      connection(client), protocol::describe_drops(client.statistics().dropped));
-  if (refusal_) spdlog::warn("{}", describe(*refusal_));
+      "{}{:.1f} Hz | contacts {} active, {} predicted of {} found | round trip {:.2f} ms | {} | {}",
+      prefix_, frames_ / (now - last_report_), active_, predicted_, found_,
+      1e3 * client.round_trip(), connection(client),
+      protocol::describe_drops(client.statistics().dropped));
+  if (refusal_) spdlog::warn("{}{}", prefix_, describe(*refusal_));
   refusal_.reset();
-  if (refused_ > warned_refused_) spdlog::warn("{} proxy states could not be followed", refused_);
+  if (refused_ > warned_refused_)
+    spdlog::warn("{}{} proxy states could not be followed", prefix_, refused_);
   if (proximity.failures > warned_failures_) {
-    spdlog::warn("{} of {} proximity queries failed", proximity.failures, proximity.queries);
+    spdlog::warn("{}{} of {} proximity queries failed", prefix_, proximity.failures,
+                 proximity.queries);
   }
   warned_refused_ = refused_;
   warned_failures_ = proximity.failures;

@@ -71,6 +71,9 @@ std::string describe(const protocol::Refusal& refusal);
 /// Logs one line a second, and faults of the server as they come.
 class Status {
  public:
+  /// server: whose lines these are, where there are several; else empty.
+  explicit Status(const std::string& server) : prefix_(server.empty() ? "" : server + ": ") {}
+
   void count(const FrameResult& frame);
   /// `now`: s since the start.
   void report(double now, const HapticClient& client, const ProximityStatistics& proximity);
@@ -78,6 +81,7 @@ class Status {
  private:
   std::string connection(const HapticClient& client) const;
 
+  std::string prefix_;
   Fault fault_ = Fault::kNone;  ///< Of the server, in this session.
   double last_report_ = 0;
   int frames_ = 0;

@@ -34,6 +34,7 @@ constexpr Experiment kExperiments[] = {
     {"corners", corners, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
+    {"twotools", two_tools, true},
     {"scenes", scenes, true},
     {"approach", approach_map, true},
     {"maps", stiffness_maps, false},

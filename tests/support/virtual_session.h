@@ -1,10 +1,15 @@
 // A whole session in virtual time: the server's own tick and the client's own frame, joined by a
-// network in memory.
+// network in memory. Several servers may share the client.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "haptic_server/device/observed_device.h"
 #include "haptic_server/device/simulated_device.h"
@@ -18,6 +23,12 @@
 
 namespace hlm::test {
 
+/// A tool, and the hand at the device of its server.
+struct ToolAndHand {
+  std::string tool;
+  server::HandScript hand;
+};
+
 struct VirtualSessionOptions {
   ve::WorldDescription world = repository_world("testbed.sdf");
   std::string tool = "peg";
@@ -25,6 +36,7 @@ struct VirtualSessionOptions {
   server::SimulatedDeviceOptions device;
   server::ObserverOptions observer;  ///< Where the device does not measure the hand's wrench.
   server::HandScript hand;
+  std::vector<ToolAndHand> others;  ///< Of further tools, each with a server of its own.
   LinkConditions link{.delay = 0.005};
   double rate_low = 30;   // Hz
   double rate_high = 60;  // Hz
@@ -37,82 +49,146 @@ struct VirtualSessionOptions {
   protocol::TelemetryObserver* telemetry = nullptr;
 };
 
+/// A server with its device, and the network between it and the client.
+class VirtualServer {
+ public:
+  VirtualServer(const VirtualSessionOptions& options, const server::HandScript& hand,
+                std::uint64_t seed)
+      : options_(options),
+        hand_(hand),
+        network_(options.link, seed),
+        link_(network_.server(), MemoryNetwork::kServer,
+              [this] { return static_cast<std::int64_t>(1e9 * network_.time()); }) {
+    start();
+  }
+
+  /// Begins anew, with another session.
+  void start() {
+    servo_.reset();
+    const double dt = 1 / options_.servo.rate;
+    device_ = server::with_hand_observer(
+        std::make_unique<server::SimulatedDevice>(options_.device, hand_, dt), options_.observer, dt);
+    session_.emplace(link_, protocol::ServerSessionOptions{.first_session_id = ++starts_});
+    servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_);
+  }
+  /// Dies without a word.
+  void stop() { servo_.reset(); }
+
+  const server::TickRecord* tick(double now) {
+    network_.set_time(now);
+    if (!servo_) return nullptr;
+    server::Timing timing;
+    timing.tick = ticks_++;
+    timing.scheduled = timing.begin = now;
+    last_ = servo_->tick(timing);
+    return &last_;
+  }
+
+  const server::TickRecord& last() const { return last_; }
+  server::Servo& servo() { return *servo_; }
+  const protocol::ServerSession& session() const { return *session_; }
+  MemoryNetwork& network() { return network_; }
+  protocol::RecordingLink& link() { return link_; }
+
+ private:
+  const VirtualSessionOptions& options_;
+  server::HandScript hand_;
+  MemoryNetwork network_;
+  protocol::RecordingLink link_;
+  std::uint64_t starts_ = 0;
+  std::unique_ptr<server::Device> device_;
+  std::optional<protocol::ServerSession> session_;
+  std::unique_ptr<server::Servo> servo_;
+  std::uint64_t ticks_ = 0;
+  server::TickRecord last_;
+};
+
 class VirtualSession {
  public:
   using Observer = std::function<void(const server::TickRecord&)>;
 
+  /// observe: the ticks of the first server.
   explicit VirtualSession(const VirtualSessionOptions& options, Observer observe = {})
       : options_(options),
-        observe_(std::move(observe)),
-        network_(options.link, options.seed),
-        server_link_(network_.server(), MemoryNetwork::kServer,
-                     [this] { return static_cast<std::int64_t>(1e9 * network_.time()); }),
-        device_(server::with_hand_observer(
-            std::make_unique<server::SimulatedDevice>(options.device, options.hand,
-                                                      1 / options.servo.rate),
-            options.observer, 1 / options.servo.rate)),
-        session_(server_link_, {.first_session_id = 1}),
-        servo_(std::make_unique<server::Servo>(options.servo, 0, session_, *device_)),
-        environment_(options.world, options.tool, options.follow),
-        client_(network_.client(), {.server = MemoryNetwork::kServer,
-                                    .tool = environment_.assembly.description,
-                                    .q = environment_.assembly.q,
-                                    .epsilon = options.frame.epsilon,
-                                    .nonce = 1,
-                                    .telemetry = options.telemetry}),
+        observers_{std::move(observe)},
+        environment_(options.world, tools(options), options.follow),
         periods_(options.rate_low, options.rate_high, options.seed),
-        clock_([this](double now) { tick(now); }, 1 / options.servo.rate) {}
+        clock_([this](double now) { tick(now); }, 1 / options.servo.rate) {
+    add(options_.hand);
+    for (const ToolAndHand& other : options_.others) add(other.hand);
+  }
 
-  /// Both sides go on for `duration` seconds.
+  void observe(std::size_t server, Observer observe) {
+    observers_.resize(std::max(observers_.size(), server + 1));
+    observers_[server] = std::move(observe);
+  }
+
+  /// All sides go on for `duration` seconds.
   void run(double duration) {
     const double end = clock_.now() + duration;
     while (clock_.now() < end) {
       const double period = periods_.next();
       const double next = clock_.now() + period;
-      ve::run_frame(environment_, client_, clock_, period, options_.frame);
+      ve::run_frame(environment_, clients_, clock_, period, options_.frame);
       const double patience = clock_.now() + options_.acknowledgement_timeout;
       clock_.sleep_until(next);
-      while (clock_.now() < patience && !network_.client_has_mail()) {
+      while (clock_.now() < patience && !network().client_has_mail()) {
         clock_.sleep_until(clock_.now() + 1 / options_.servo.rate);
       }
     }
   }
 
-  /// The client dies: only the server goes on.
+  /// The client dies: only the servers go on.
   void run_server_alone(double duration) { clock_.sleep_until(clock_.now() + duration); }
 
-  const server::TickRecord& last() const { return last_; }
-  server::Servo& servo() { return *servo_; }
+  VirtualServer& server(std::size_t index) { return servers_[index]; }
   ve::VirtualEnvironment& environment() { return environment_; }
-  HapticClient& client() { return client_; }
-  protocol::RecordingLink& server_link() { return server_link_; }
-  MemoryNetwork& network() { return network_; }
-  const protocol::ServerSession& session() const { return session_; }
   double now() { return clock_.now(); }
 
+  // Of the first server.
+  const server::TickRecord& last() const { return servers_.front().last(); }
+  server::Servo& servo() { return servers_.front().servo(); }
+  HapticClient& client() { return *clients_.front(); }
+  protocol::RecordingLink& server_link() { return servers_.front().link(); }
+  MemoryNetwork& network() { return servers_.front().network(); }
+  const protocol::ServerSession& session() const { return servers_.front().session(); }
+
  private:
+  static std::vector<std::string> tools(const VirtualSessionOptions& options) {
+    std::vector<std::string> names{options.tool};
+    for (const ToolAndHand& other : options.others) names.push_back(other.tool);
+    return names;
+  }
+
+  void add(const server::HandScript& hand) {
+    const std::size_t index = servers_.size();
+    VirtualServer& server = servers_.emplace_back(options_, hand, options_.seed + index);
+    const ve::ToolAssembly& assembly = environment_.tools[index].assembly;
+    owned_.emplace_back(server.network().client(),
+                        HapticClientOptions{.server = MemoryNetwork::kServer,
+                                            .tool = assembly.description,
+                                            .q = assembly.q,
+                                            .epsilon = options_.frame.epsilon,
+                                            .nonce = 1,
+                                            .telemetry = options_.telemetry});
+    clients_.push_back(&owned_.back());
+  }
+
   void tick(double now) {
-    network_.set_time(now);
-    server::Timing timing;
-    timing.tick = ticks_++;
-    timing.scheduled = timing.begin = now;
-    last_ = servo_->tick(timing);
-    if (observe_) observe_(last_);
+    for (std::size_t i = 0; i < servers_.size(); ++i) {
+      const server::TickRecord* record = servers_[i].tick(now);
+      if (record && i < observers_.size() && observers_[i]) observers_[i](*record);
+    }
   }
 
   VirtualSessionOptions options_;
-  Observer observe_;
-  MemoryNetwork network_;
-  protocol::RecordingLink server_link_;
-  std::unique_ptr<server::Device> device_;
-  protocol::ServerSession session_;
-  std::unique_ptr<server::Servo> servo_;
+  std::vector<Observer> observers_;
+  std::deque<VirtualServer> servers_;
   ve::VirtualEnvironment environment_;
-  HapticClient client_;
+  std::deque<HapticClient> owned_;
+  std::vector<HapticClient*> clients_;
   ve::FramePeriods periods_;
   VirtualClock clock_;
-  std::uint64_t ticks_ = 0;
-  server::TickRecord last_;
 };
 
 /// A hand that pushes with a constant wrench from the start.

@@ -52,7 +52,7 @@ class Scene {
     while (bodies.at(static_cast<std::size_t>(index)).name != name) ++index;
     return index;
   }
-  const Configuration& q() { return session_.environment().tool.q(); }
+  const Configuration& q() { return session_.environment().tools.front().tool.q(); }
   Vector3 target() { return session_.environment().world.X_WB(target_).p; }
 
   VirtualSession session_;

@@ -18,7 +18,7 @@ TEST_CASE("A hand that moves about in any shipped scene feels a finite force") {
     const ve::Scene scene = ve::load_scene(summary.file);
     VirtualSessionOptions options;
     options.world = scene.world;
-    options.tool = scene.tool;
+    options.tool = scene.tools.front();
     options.device.freedom = server::DeviceFreedom::kSpatial;
     options.frame.epsilon = 0.02;
     server::Push push{.constant = force(1, -1, -3), .amplitude = force(4, 4, 2), .frequency = 3};

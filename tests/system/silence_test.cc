@@ -136,7 +136,7 @@ TEST_CASE("A client falls silent while a body is held: without a jump the force 
   if (stands_still && height == 0.1) {
     CHECK(session.last().F_env[2] == Approx(-kWeight).epsilon(0.03));
     CHECK(world.X_WB(kCube).p.z() ==
-          Approx(session.environment().tool.q().z() + 0.03).margin(1e-3));
+          Approx(session.environment().tools.front().tool.q().z() + 0.03).margin(1e-3));
   }
 }
 

@@ -24,7 +24,7 @@ struct Checked {
 Checked check(const std::string& world, const std::string& tool = "") {
   Settings settings;
   settings.world = world;
-  settings.tool = tool;
+  settings.tools = {{{tool, ""}, "", ""}};
   std::ostringstream out;
   const bool usable = check_scene(settings, out);
   return {usable, out.str()};

@@ -85,10 +85,10 @@ struct Setup {
                  const WorldDescription& world = test::repository_world("testbed.sdf"))
       : network(conditions, seed),
         server(std::make_unique<ScriptedServer>(network.server(), velocity)),
-        environment(world, "peg", {}),
+        environment(world, {"peg"}, {}),
         client(network.client(), {.server = test::MemoryNetwork::kServer,
-                                  .tool = environment.assembly.description,
-                                  .q = environment.assembly.q}),
+                                  .tool = environment.tools.front().assembly.description,
+                                  .q = environment.tools.front().assembly.q}),
         periods(30, 60, seed),
         clock([this](double now) {
           network.set_time(now);
@@ -98,7 +98,9 @@ struct Setup {
   FrameResult frame(const FrameOptions& options = {}) {
     const double period = periods.next();
     const double next = clock.now() + period;
-    const FrameResult result = run_frame(environment, client, clock, period, options);
+    HapticClient* const of_tool = &client;
+    const FrameResult result =
+        run_frame(environment, {&of_tool, 1}, clock, period, options).front();
     clock.sleep_until(next);
     return result;
   }
@@ -119,9 +121,9 @@ TEST_CASE("The tool follows the proxy to the wall and stops there") {
   Setup setup;
   setup.run(1);
   CHECK(setup.client.connected());
-  CHECK(setup.environment.tool.q().y() > 0.05);
+  CHECK(setup.environment.tools.front().tool.q().y() > 0.05);
   setup.run(1);
-  CHECK(setup.environment.tool.q().y() == Approx(0.124).margin(2e-4));
+  CHECK(setup.environment.tools.front().tool.q().y() == Approx(0.124).margin(2e-4));
 }
 
 TEST_CASE("Each update has the contacts of the very configuration that it carries") {
@@ -208,14 +210,14 @@ TEST_CASE("When the server falls silent the client goes on simulating and finds 
   CHECK_FALSE(setup.client.connected());
   CHECK(setup.client.ve_time() > before + 1.9);
 
-  const Configuration present = setup.environment.tool.q();
+  const Configuration present = setup.environment.tools.front().tool.q();
   CHECK(present.y() > 0.05);
   setup.server = std::make_unique<ScriptedServer>(setup.network.server(), Vector3(0, 0, 0), 99);
   setup.run(0.5);
   CHECK(setup.client.connected());
   REQUIRE_FALSE(setup.server->hellos.empty());
   CHECK((setup.server->hellos.back().q - present).norm() < 1e-9);
-  CHECK((setup.environment.tool.q() - present).norm() < 1e-9);
+  CHECK((setup.environment.tools.front().tool.q() - present).norm() < 1e-9);
 }
 
 TEST_CASE("A proxy state that cannot be followed is refused and the tool stays") {
@@ -225,7 +227,7 @@ TEST_CASE("A proxy state that cannot be followed is refused and the tool stays")
   bool refused = false;
   for (int i = 0; i < 10; ++i) refused |= setup.frame().state_refused;
   CHECK(refused);
-  CHECK(setup.environment.tool.q().norm() < 1e-9);
+  CHECK(setup.environment.tools.front().tool.q().norm() < 1e-9);
 }
 
 /// A planar peg, and a brick of 1 kg and 1e-3 kg·m² whose near face is at y = 0.04; no weight.
@@ -308,7 +310,7 @@ TEST_CASE("The tool pushes a body by impulses alone where the server has them, e
   Setup setup({}, 1, Vector3(0, 0.05, 0), peg_and_brick());
   setup.server->movable_bodies = movable;
   setup.run(1.5, {.push_by_following = by_following});
-  CHECK(setup.environment.tool.q().y() > 0.06);
+  CHECK(setup.environment.tools.front().tool.q().y() > 0.06);
   const auto& updates = setup.server->updates;
   const auto touched = std::find_if(updates.rbegin(), updates.rend(),
                                     [](const auto& each) { return !each.contacts.empty(); });

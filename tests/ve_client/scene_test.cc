@@ -45,30 +45,48 @@ std::vector<std::string> names(const std::vector<SceneSummary>& scenes) {
 TEST_CASE("A scene has the tool that is asked for, or else the one that the world names") {
   const Folder folder;
   const fs::path named = folder.write("named.sdf", "<haptic:tool>peg</haptic:tool>" + kModels);
-  CHECK(load_scene(named).tool == "peg");
-  CHECK(load_scene(named, "brick").tool == "brick");
-  CHECK_THROWS_WITH(load_scene(named, "hammer"),
+  CHECK(load_scene(named).tools == std::vector<std::string>{"peg"});
+  CHECK(load_scene(named, {{"brick", ""}}).tools == std::vector<std::string>{"brick"});
+  CHECK_THROWS_WITH(load_scene(named, {{"hammer", ""}}),
                     ContainsSubstring("'hammer'") && ContainsSubstring("it has: peg, brick"));
-  CHECK_THROWS_WITH(load_scene(named, "", "moon"), ContainsSubstring("start 'moon'"));
+  CHECK_THROWS_WITH(load_scene(named, {{"", "moon"}}), ContainsSubstring("start 'moon'"));
 
   const fs::path plain = folder.write("plain.sdf", kModels);
-  CHECK(load_scene(plain, "peg").tool == "peg");
+  CHECK(load_scene(plain, {{"peg", ""}}).tools == std::vector<std::string>{"peg"});
   CHECK_THROWS_WITH(load_scene(plain), ContainsSubstring("plain.sdf") &&
                                            ContainsSubstring("--tool") &&
                                            ContainsSubstring("<haptic:tool>") &&
                                            ContainsSubstring("it has: peg, brick"));
 }
 
+TEST_CASE("A scene for two hands has two tools: those that are asked for, or else the world's") {
+  const Folder folder;
+  const fs::path two = folder.write("two.sdf",
+                                    "<haptic:tool>peg</haptic:tool><haptic:second_tool>brick"
+                                    "</haptic:second_tool>" +
+                                        kModels);
+  CHECK(load_scene(two).tools == std::vector<std::string>{"peg"});
+  CHECK(load_scene(two, {{}, {}}).tools == std::vector<std::string>{"peg", "brick"});
+  const fs::path one = folder.write("one.sdf", "<haptic:tool>peg</haptic:tool>" + kModels);
+  CHECK(load_scene(one, {{}, {"brick", ""}}).tools == std::vector<std::string>{"peg", "brick"});
+  CHECK_THROWS_WITH(
+      load_scene(one, {{}, {}}),
+      ContainsSubstring("which model is the second tool") && ContainsSubstring("--second-tool"));
+  CHECK_THROWS_WITH(load_scene(one, {{}, {"peg", ""}}),
+                    ContainsSubstring("tool 'peg' is named twice"));
+}
+
 TEST_CASE(
     "Every world of the repository is a scene that says what is to be felt, in 80 characters") {
   const auto scenes = scenes_beside(fs::path(HLM_WORLDS) / "testbed.sdf");
-  CHECK(names(scenes) == std::vector<std::string>{"clutter", "corner", "door", "lift", "linkage",
-                                                  "mesh", "peg_in_hole_3d", "playground", "push",
-                                                  "scale", "scissors", "stack", "testbed"});
+  CHECK(names(scenes) == std::vector<std::string>{"bimanual", "clutter", "corner", "door", "lift",
+                                                  "linkage", "mesh", "peg_in_hole_3d",
+                                                  "playground", "push", "scale", "scissors",
+                                                  "stack", "testbed"});
   for (const SceneSummary& scene : scenes) {
     CAPTURE(scene.name);
     const Scene loaded = load_scene(scene.file);
-    CHECK(loaded.tool == loaded.world.tool);
+    CHECK(loaded.tools.front() == loaded.world.tools.front());
     CHECK(scene.description == loaded.world.description);
     CHECK_FALSE(scene.description.empty());
     CHECK(scene.name.size() + scene.description.size() <= 80);

@@ -47,12 +47,29 @@ std::string error_of(std::vector<const char*> options) {
 TEST_CASE("Options without a value have their defaults") {
   const auto settings = parse({"--world", "w.sdf"}).arguments.settings;
   REQUIRE(settings);
-  CHECK(settings->server == "127.0.0.1:47800");
-  CHECK(settings->tool.empty());
+  CHECK(settings->tools.front().server == "127.0.0.1:47800");
+  CHECK(settings->tools.front().tool.empty());
   CHECK(settings->frame.epsilon == 0.005);
   CHECK(settings->rate_low == 60);
   CHECK(settings->rate_high == 60);
   CHECK(settings->connect_timeout == 0);  // For ever: either side starts first.
+}
+
+TEST_CASE("A second server has a tool, a start and a recording of its own") {
+  const auto settings =
+      parse({"--world", "w.sdf", "--second-server", "there:47801", "--second-tool", "peg",
+             "--second-start", "hole", "--second-record", "peg.pcap", "--record", "tray.pcap"})
+          .arguments.settings;
+  REQUIRE(settings);
+  REQUIRE(settings->tools.size() == 2);
+  CHECK(settings->tools[0].server == "127.0.0.1:47800");
+  CHECK(settings->tools[0].record == "tray.pcap");
+  CHECK(settings->tools[1].server == "there:47801");
+  CHECK(settings->tools[1].tool == "peg");
+  CHECK(settings->tools[1].start == "hole");
+  CHECK(settings->tools[1].record == "peg.pcap");
+  CHECK_THAT(error_of({"--second-tool", "peg"}),
+             ContainsSubstring("--second-tool peg needs --second-server"));
 }
 
 TEST_CASE("A check is asked for with one flag") {

@@ -77,7 +77,7 @@ TEST_CASE("Each file of the corpus is used or refused as it is due, for the reas
   std::map<std::string, std::string> due = due_verdicts();
   for (const fs::path& file : files()) {
     Diagnostics diagnostics;
-    load_scene(file, "", "", diagnostics);
+    load_scene(file, {{}}, diagnostics);
     CHECK(verdict_of(file, diagnostics) == due[file.filename().string()]);
     due.erase(file.filename().string());
   }

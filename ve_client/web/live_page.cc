@@ -82,9 +82,10 @@ protocol::Control LivePage::control(const LiveSettings& settings, const Tuning& 
 }
 
 void LivePage::show_world(const WorldView& view) {
-  world_ = {
-      .links = view.environment.assembly.description.links.size(), .starts = {}, .scenes = {}};
-  const ModelDescription& tool = find_model(view.scene.world, view.scene.tool);
+  world_ = {.links = view.environment.tools.front().assembly.description.links.size(),
+            .starts = {},
+            .scenes = {}};
+  const ModelDescription& tool = find_model(view.scene.world, view.scene.tools.front());
   for (const StartDescription& start : tool.starts) world_.starts.push_back(start.name);
   for (const SceneSummary& scene : view.scenes) world_.scenes.push_back(scene.name);
   server_.set_greeting(std::make_shared<const std::string>(world_message(view)));

@@ -193,12 +193,12 @@ std::string_view remedy_of(const protocol::ProxyState& state) {
 
 void add_state(json& frame, const VirtualEnvironment& environment,
                const protocol::ProxyState& state) {
-  ToolModel proxy(environment.assembly.description);
+  const ToolAssembly& assembly = environment.tools.front().assembly;
+  ToolModel proxy(assembly.description);
   proxy.set_configuration(state.q);
   json links = json::array();
   for (int link = 0; link < proxy.links(); ++link) {
-    links.push_back(
-        to_json(proxy.X_WL(link) * environment.assembly.X_LB[static_cast<std::size_t>(link)]));
+    links.push_back(to_json(proxy.X_WL(link) * assembly.X_LB[static_cast<std::size_t>(link)]));
   }
   const bool any = state.active_contacts + state.predicted_contacts > 0;
   frame["proxy"] = std::move(links);
@@ -281,17 +281,17 @@ void append(std::string& bytes, double value) {
 }  // namespace
 
 std::string world_message(const WorldView& view) {
-  const ToolAssembly& assembly = view.environment.assembly;
+  const ToolAssembly& assembly = view.environment.tools.front().assembly;
   const auto& bodies = view.environment.world.description().bodies;
   json described = json::array();
   for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
-    const bool is_tool =
-        std::find(assembly.bodies.begin(), assembly.bodies.end(), i) != assembly.bodies.end();
-    described.push_back(to_json(bodies[static_cast<std::size_t>(i)], is_tool));
+    described.push_back(
+        to_json(bodies[static_cast<std::size_t>(i)], view.environment.world.is_tool(i)));
   }
   const std::size_t links = assembly.description.links.size();
   json starts = json::array();
-  for (const StartDescription& start : find_model(view.scene.world, view.scene.tool).starts) {
+  for (const StartDescription& start :
+       find_model(view.scene.world, view.scene.tools.front()).starts) {
     starts.push_back(start.name);
   }
   ToolModel tool(assembly.description);

@@ -71,14 +71,15 @@ class JointedGroup {
 
   Matrix3 inertia(int body) const {
     const Matrix3 R = world_.X_WB(body).R.toRotationMatrix();
-    return R * description(body).I_B * R.transpose();
+    return world_.inertia_factor(body) * R * description(body).I_B * R.transpose();
   }
 
   Eigen::MatrixXd inverse_root_of_mass() const {
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(size(), size());
     for (const int body : bodies_) {
       const Eigen::Index i = row(body);
-      result.block<3, 3>(i, i).diagonal().setConstant(1 / std::sqrt(description(body).mass));
+      result.block<3, 3>(i, i).diagonal().setConstant(
+          1 / std::sqrt(world_.inertia_factor(body) * description(body).mass));
       const Matrix3 L = inertia(body).llt().matrixL();
       result.block<3, 3>(i + 3, i + 3) =
           L.triangularView<Eigen::Lower>().solve(Matrix3::Identity());

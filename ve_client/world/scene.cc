@@ -1,6 +1,7 @@
 #include "ve_client/world/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <system_error>
 
@@ -15,6 +16,16 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kExtension = ".sdf";
+
+/// How a person names each tool.
+struct ToolWords {
+  const char* name;
+  const char* option;
+  const char* element;
+};
+constexpr std::array<ToolWords, kMostTools> kToolWords{
+    {{"tool", "--tool", "<haptic:tool>"},
+     {"second tool", "--second-tool", "<haptic:second_tool>"}}};
 
 /// Of a file that may be anything.
 std::string description_in(const fs::path& file) {
@@ -34,42 +45,66 @@ bool is_inside(const fs::path& folder, const fs::path& file) {
   return fs::is_regular_file(file, error) && fs::canonical(file, error).parent_path() == folder;
 }
 
-}  // namespace
-
-Scene load_scene(const fs::path& file, const std::string& tool, const std::string& start,
-                 Diagnostics& diagnostics) {
-  Scene scene{file, load_world(file, diagnostics), tool};
-  if (scene.tool.empty()) scene.tool = scene.world.tool;
+/// Refuses what no tool can be made of.
+void check_tool(const Scene& scene, const std::string& tool, const std::string& start,
+                Diagnostics& diagnostics) {
   // A file that could not be read, or names a tool that it does not have, says so itself.
   const auto& models = scene.world.models;
-  const auto model = std::ranges::find(models, scene.tool, &ModelDescription::name);
+  const auto model = std::ranges::find(models, tool, &ModelDescription::name);
   const bool reported = model == models.end() && !diagnostics.usable();
-  if (scene.tool.empty() || reported) return scene;
+  if (tool.empty() || reported) return;
   try {
-    assemble_tool(with_start(scene.world, scene.tool, start), scene.tool);
+    assemble_tool(with_start(scene.world, tool, start), tool);
   } catch (const std::runtime_error& error) {
-    Place place = model == models.end() ? Place{file.string(), 0, ""} : model->place;
+    Place place = model == models.end() ? Place{scene.file.string(), 0, ""} : model->place;
     place.element.clear();  // The message names the tool.
     diagnostics.refuse(place, error.what());
+  }
+}
+
+}  // namespace
+
+Scene load_scene(const fs::path& file, const std::vector<ToolChoice>& tools,
+                 Diagnostics& diagnostics) {
+  Scene scene{file, load_world(file, diagnostics), {}};
+  for (std::size_t i = 0; i < tools.size(); ++i) {
+    const std::string named = i < scene.world.tools.size() ? scene.world.tools[i] : "";
+    const std::string& tool = tools[i].tool.empty() ? named : tools[i].tool;
+    if (!tool.empty() && std::ranges::find(scene.tools, tool) != scene.tools.end()) {
+      diagnostics.refuse({file.string(), 0, ""},
+                         "tool '" + tool + "' is named twice: each hand holds its own");
+    }
+    scene.tools.push_back(tool);
+    check_tool(scene, tool, tools[i].start, diagnostics);
   }
   return scene;
 }
 
 void require_usable(const Scene& scene, Diagnostics diagnostics) {
-  if (scene.tool.empty() && diagnostics.usable()) {
+  for (std::size_t i = 0; i < scene.tools.size() && diagnostics.usable(); ++i) {
+    if (!scene.tools[i].empty()) continue;
+    const auto& [name, option, element] = kToolWords[i];
     diagnostics.refuse({scene.file.string(), 0, ""},
-                       "which model is the tool? Say it with --tool, or with <haptic:tool> in its "
-                       "<world>; it has: " +
-                           model_names(scene.world));
+                       std::string("which model is the ") + name + "? Say it with " + option +
+                           ", or with " + element +
+                           " in its <world>; it has: " + model_names(scene.world));
   }
   if (!diagnostics.usable()) throw RefusedWorld(std::move(diagnostics));
 }
 
-Scene load_scene(const fs::path& file, const std::string& tool, const std::string& start) {
+Scene load_scene(const fs::path& file, const std::vector<ToolChoice>& tools) {
   Diagnostics diagnostics;
-  Scene scene = load_scene(file, tool, start, diagnostics);
+  Scene scene = load_scene(file, tools, diagnostics);
   require_usable(scene, std::move(diagnostics));
   return scene;
+}
+
+WorldDescription with_starts(const Scene& scene, const std::vector<ToolChoice>& tools) {
+  WorldDescription world = scene.world;
+  for (std::size_t i = 0; i < tools.size(); ++i) {
+    world = with_start(std::move(world), scene.tools[i], tools[i].start);
+  }
+  return world;
 }
 
 std::string scene_name(const fs::path& file) {

@@ -10,26 +10,35 @@
 
 namespace hlm::ve {
 
-/// A world and the model in it that the user holds: one from which an environment can be made.
+inline constexpr std::size_t kMostTools = 2;
+
+/// A model that somebody holds.
+struct ToolChoice {
+  std::string tool;   ///< Empty: the one that the world names.
+  std::string start;  ///< One of its <haptic:start>; empty: as placed.
+};
+
+/// A world and the models in it that users hold: one from which an environment can be made.
 struct Scene {
   std::filesystem::path file;
   WorldDescription world;
-  std::string tool;
+  std::vector<std::string> tools;
 };
 
-/// The world in `file`. tool: its model that the user holds; empty: the one that the file names,
-/// and if that names none the scene has none. start: where that begins, for the check that there is
-/// such a start. All that is wrong with world and tool is refused to `diagnostics`; the scene is
-/// then what is left.
-Scene load_scene(const std::filesystem::path& file, const std::string& tool,
-                 const std::string& start, Diagnostics& diagnostics);
+/// The world in `file`, with as many tools as are chosen, 1 to kMostTools; one that neither the
+/// choice nor the file names is empty. The starts are for the check that there are such. All that
+/// is wrong with world and tools is refused to `diagnostics`; the scene is then what is left.
+Scene load_scene(const std::filesystem::path& file, const std::vector<ToolChoice>& tools,
+                 Diagnostics& diagnostics);
 
-/// Throws RefusedWorld where something was refused, or the scene has no tool.
+/// Throws RefusedWorld where something was refused, or a tool is not named.
 void require_usable(const Scene& scene, Diagnostics diagnostics);
 
 /// Both in one.
-Scene load_scene(const std::filesystem::path& file, const std::string& tool = "",
-                 const std::string& start = "");
+Scene load_scene(const std::filesystem::path& file, const std::vector<ToolChoice>& tools = {{}});
+
+/// The scene's world, with its tools where the choices say.
+WorldDescription with_starts(const Scene& scene, const std::vector<ToolChoice>& tools);
 
 /// A world that can be chosen; it may turn out to be broken.
 struct SceneSummary {

@@ -25,6 +25,7 @@ constexpr ElementRule kRules[] = {
     {"world/frame", kUsed, ""},
     {"world/gravity", kUsed, ""},
     {"world/haptic:tool", kUsed, "the model that the user holds"},
+    {"world/haptic:second_tool", kUsed, "the model that a second hand holds"},
     {"world/haptic:description", kUsed, "what is to be felt"},
     {"world/physics/max_step_size", kUsed, ""},
     {"world/physics/ode/solver/iters", kUsed, ""},

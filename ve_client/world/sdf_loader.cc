@@ -119,7 +119,7 @@ class WorldReader {
       group.clear();
     }
     add_models(group);
-    check_tool();
+    check_tools();
     return std::move(world_);
   }
 
@@ -127,17 +127,22 @@ class WorldReader {
   void read_world(const sdf::ElementPtr& element) {
     world_.gravity_W = to_vector(element->Get<ignition::math::Vector3d>("gravity"));
     world_.solver = read_solver(element, diagnostics_);
-    world_.tool = read_text(element, "haptic:tool", diagnostics_);
+    for (const char* name : {"haptic:tool", "haptic:second_tool"}) read_tool(element, name);
     world_.description = read_text(element, "haptic:description", diagnostics_);
-    if (const sdf::ElementPtr tool = element->FindElement("haptic:tool")) {
-      tool_place_ = place_of(tool);
-    }
     // Nothing depends on the world's name, but some are reserved. <physics> has been read, and
     // libsdformat's World wants what the schema leaves out of it.
     element->GetAttribute("name")->SetFromString("default");
     while (const sdf::ElementPtr physics = element->FindElement("physics")) {
       element->RemoveChild(physics);
     }
+  }
+
+  void read_tool(const sdf::ElementPtr& element, const char* name) {
+    const sdf::ElementPtr tool = element->FindElement(name);
+    const std::string model = read_text(element, name, diagnostics_);
+    if (model.empty()) return;
+    world_.tools.push_back(model);
+    tool_places_.push_back(place_of(tool));
   }
 
   void add_models(const std::vector<sdf::ElementPtr>& models) {
@@ -185,12 +190,13 @@ class WorldReader {
     }
   }
 
-  void check_tool() {
-    if (world_.tool.empty()) return;
-    try {
-      find_model(world_, world_.tool);
-    } catch (const std::runtime_error& error) {
-      diagnostics_.refuse(tool_place_, error.what());
+  void check_tools() {
+    for (std::size_t i = 0; i < world_.tools.size(); ++i) {
+      try {
+        find_model(world_, world_.tools[i]);
+      } catch (const std::runtime_error& error) {
+        diagnostics_.refuse(tool_places_[i], error.what());
+      }
     }
   }
 
@@ -199,7 +205,7 @@ class WorldReader {
   SdfTrees trees_;
   sdf::ElementPtr bare_;  ///< <sdf> with the world, without models.
   WorldDescription world_;
-  Place tool_place_;
+  std::vector<Place> tool_places_;
   std::set<std::string> names_;
 };
 

@@ -95,11 +95,7 @@ void World::add_bodies() {
     movable.push_back(is_movable(i));
     has_movable_ = has_movable_ || is_movable(i);
     if (!body.fixed) {
-      dMass mass;
-      const Matrix3& I = body.I_B;
-      dMassSetParameters(&mass, body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
-                         I(1, 2));
-      dBodySetMass(handle(i), &mass);
+      set_mass(i);
       dBodySetGravityMode(handle(i), !is_tool_[at(i)] && !body.weightless);
       place(i, body.X_WB);
     }
@@ -163,6 +159,25 @@ void World::add_wrench(int body, const Wrench& F) {
   disturb(body);
   dBodyAddForce(handle(body), F[0], F[1], F[2]);
   dBodyAddTorque(handle(body), F[3], F[4], F[5]);
+}
+
+void World::set_mass(int index) {
+  const BodyDescription& body = description_.bodies[at(index)];
+  const double factor = inertia_factor(index);
+  const Matrix3 I = factor * body.I_B;
+  dMass mass;
+  dMassSetParameters(&mass, factor * body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1),
+                     I(0, 2), I(1, 2));
+  dBodySetMass(handle(index), &mass);
+}
+
+void World::set_inertia_factor(int body, double factor) {
+  const double present = inertia_factor(body);
+  if (factor == present) return;
+  if (factor > present) set_velocity(body, present / factor * V_WB(body));
+  inertia_factors_.insert_or_assign(body, factor);
+  if (factor == 1) inertia_factors_.erase(body);
+  set_mass(body);
 }
 
 void World::make_kinematic(int body) {
@@ -230,6 +245,14 @@ void World::step(double dt, std::span<const ToolContact> tool_contacts, const Dr
 
 void World::push_held() {
   for (const auto& [body, F] : held_) add_wrench(body, F);
+  // The engine's weight goes with inertia.
+  for (const auto& [body, factor] : inertia_factors_) {
+    const BodyDescription& description = description_.bodies[at(body)];
+    if (description.weightless) continue;
+    Wrench surplus = Wrench::Zero();
+    surplus.head<3>() = (1 - factor) * description.mass * description_.gravity_W;
+    add_wrench(body, surplus);
+  }
 }
 
 void World::wake(int body) {

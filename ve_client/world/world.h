@@ -34,15 +34,17 @@ class World {
   /// during that step only.
   using Drive = std::function<void(double h)>;
 
-  /// Bodies in `tool_bodies` are the virtual tool: they have no weight here (the proxy carries it)
-  /// and touch others only through the contacts given to step(). Throws std::runtime_error with one
-  /// line where a joint's spring or damping is too large for the solver's steps.
+  /// Bodies in `tool_bodies` are those of the virtual tools: they have no weight here (the proxies
+  /// carry it), touch others only through the contacts given to step(), and never each other.
+  /// Throws std::runtime_error with one line where a joint's spring or damping is too large for the
+  /// solver's steps.
   World(const WorldDescription& description, std::span<const int> tool_bodies);
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
   const WorldDescription& description() const noexcept { return description_; }
-  /// Whether a body can be pushed: it is neither fixed nor the tool's.
+  bool is_tool(int body) const { return is_tool_[at(body)]; }
+  /// Whether a body can be pushed: it is neither fixed nor a tool's.
   bool is_movable(int body) const { return bodies_[at(body)] != nullptr && !is_tool_[at(body)]; }
   /// Whether a movable body is at rest (see Rest), until something awake or the tool touches it, or
   /// it is pushed, sent or placed from outside.
@@ -69,6 +71,15 @@ class World {
   void set_velocity(int body, const Twist& V_WB);
   /// Applies a wrench about B's origin, world axes, during the next step.
   void add_wrench(int body, const Wrench& F);
+  /// From here on a movable body resists acceleration `factor` (>= 1) times as much as the
+  /// description says; its weight stays. A body that resists more is slowed down to the momentum
+  /// that it had.
+  void set_inertia_factor(int body, double factor);
+  /// 1 unless set.
+  double inertia_factor(int body) const {
+    const auto found = inertia_factors_.find(body);
+    return found == inertia_factors_.end() ? 1 : found->second;
+  }
   /// From here on the body moves as set_velocity() says, whatever it meets. Its joints are removed.
   void make_kinematic(int body);
   /// From here on the body neither leaves the plane z = const nor tilts out of it.
@@ -85,11 +96,11 @@ class World {
   /// moves.
   const std::optional<std::string>& fault() const noexcept { return fault_; }
 
-  /// What the contacts among bodies that are not the tool's carried in the latest step().
+  /// What the contacts among bodies that are not a tool's carried in the latest step().
   const ContactMemory& loads() const noexcept { return memory_; }
   /// Whether the engine lets two bodies touch: not those that a joint connects.
   bool can_touch(int first, int second) const;
-  /// Shapes of other bodies than the tool's whose bounding boxes meet `box` (world, m), in order.
+  /// Shapes of other bodies than the tools' whose bounding boxes meet `box` (world, m), in order.
   void find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found) const {
     broad_phase_->find_near(box, found);
   }
@@ -106,6 +117,7 @@ class World {
   dBodyID handle(int body) const { return bodies_[at(body)]; }
   void add_bodies();
   void place(int body, const Pose& X_WB);
+  void set_mass(int body);
   void require_slow_springs() const;
   void push_held();
   void solve(double h);
@@ -120,7 +132,7 @@ class World {
   /// Contacts of all bodies that are awake, and of those that they wake.
   void collide_all();
   bool touch(const CollisionId& first, const CollisionId& second);
-  /// Contacts of two shapes that are not the tool's.
+  /// Contacts of two shapes that are not a tool's.
   void collide(CollisionId first, CollisionId second);
   void add_contact(const FoundContact& found);
   void bound_friction(dContact& contact, const FoundContact& found) const;
@@ -140,7 +152,8 @@ class World {
   std::optional<Rest> rest_;
   std::vector<int> woken_;  ///< By the body whose contacts are being found.
   std::optional<Joints> joints_;
-  std::map<int, Wrench> held_;  ///< On bodies during the next step().
+  std::map<int, Wrench> held_;            ///< On bodies during the next step().
+  std::map<int, double> inertia_factors_;  ///< Of the bodies that have one other than 1.
   bool stepping_ = false;
   double substep_ = 0;  ///< Length of the present one, s.
   ContactMemory memory_;

@@ -104,7 +104,8 @@ std::optional<double> friction_between(const CollisionDescription& a,
                                        const CollisionDescription& b);
 
 struct WorldDescription {
-  std::string tool;         ///< <haptic:tool>: the model that the user holds; empty: not given.
+  /// <haptic:tool> and <haptic:second_tool>: the models that users hold, as far as given.
+  std::vector<std::string> tools;
   std::string description;  ///< <haptic:description>: what is to be felt; empty: not given.
   Vector3 gravity_W = Vector3::Zero();  ///< m/s².
   SolverDescription solver;

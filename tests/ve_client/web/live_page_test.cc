@@ -130,7 +130,7 @@ TEST_CASE("Any page may choose a scene; the last choice counts, and only its pag
   Desk desk;
   Scene scene = load_scene(std::string(HLM_WORLDS) + "/push.sdf");
   const std::vector<SceneSummary> scenes = scenes_beside(scene.file);
-  const VirtualEnvironment environment(scene.world, scene.tool, {});
+  const VirtualEnvironment environment(scene.world, scene.tools, {});
   desk.page.show_world({environment, scene, scenes, "", nullptr});
   PageClient first(desk.page.port());
   PageClient second(desk.page.port());

@@ -178,12 +178,12 @@ std::vector<std::string_view> names() {
 /// A world with a tool in it, and a client that has no server.
 struct Stage {
   Stage(const char* name, const char* tool)
-      : scene(load_scene(std::string(HLM_WORLDS) + "/" + name + ".sdf", tool)),
+      : scene(load_scene(std::string(HLM_WORLDS) + "/" + name + ".sdf", {{tool, ""}})),
         scenes(scenes_beside(scene.file)),
-        environment(scene.world, scene.tool, {}),
+        environment(scene.world, scene.tools, {}),
         client(network.client(), {.server = test::MemoryNetwork::kServer,
-                                  .tool = environment.assembly.description,
-                                  .q = environment.assembly.q}) {}
+                                  .tool = environment.tools.front().assembly.description,
+                                  .q = environment.tools.front().assembly.q}) {}
 
   std::string world_message(const protocol::Welcome* welcome) const {
     return ve::world_message({environment, scene, scenes, start, welcome});
@@ -202,7 +202,7 @@ struct Stage {
   }
   protocol::ProxyState state() const {
     protocol::ProxyState state;
-    state.q = environment.assembly.q;
+    state.q = environment.tools.front().assembly.q;
     return state;
   }
 
