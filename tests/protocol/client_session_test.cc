@@ -130,7 +130,7 @@ TEST_CASE("The echo's hold and the round trip count from arrival, not from the f
   CHECK(update.echo_hold == Approx(0.025).margin(1e-9));  // s
 }
 
-TEST_CASE("A refusal reaches the caller and keeps the session alive; totals of impulses too") {
+TEST_CASE("A refusal reaches the caller and keeps the session alive, totals of impulses too") {
   Client client;
   client.begin();
   client.session.send(0.1, planar_update(1));

@@ -412,7 +412,7 @@ TEST_CASE("A flood neither stalls a poll nor keeps the update away for long") {
   CHECK(server.dropped(DropReason::kTruncated) == 1000);
 }
 
-TEST_CASE("A hello of another version is answered with both versions; garbage is not answered") {
+TEST_CASE("A hello of another version is answered with both versions, garbage is not answered") {
   Server server;
   DatagramBytes hello = encode({}, planar_hello(99));
   hello[4] = std::byte{9};

@@ -408,7 +408,7 @@ TEST_CASE("Without a key an address that others can reach is refused, with the t
 }
 
 TEST_CASE(
-    "A key that others can read, or that is none, is refused by both sides; none is replaced") {
+    "A key that others can read, or that is none, is refused by both sides, none is replaced") {
   const TemporaryDirectory directory;
   const std::string key = directory.file("haptic.key");
   REQUIRE(run({HLM_KEYGEN, key}).exit_code == 0);

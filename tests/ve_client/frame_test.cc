@@ -187,7 +187,7 @@ std::vector<std::uint64_t> trace(const ScriptedServer& server) {
 }
 
 TEST_CASE(
-    "Two runs with one seed are equal bit for bit, on a bad network too; other seeds differ") {
+    "Two runs with one seed are equal bit for bit, on a bad network too, other seeds differ") {
   const test::LinkConditions bad{.delay = 0.02, .jitter = 0.03, .loss = 0.1, .duplication = 0.05};
   const auto run = [&](std::uint64_t seed) {
     Setup setup(bad, seed);

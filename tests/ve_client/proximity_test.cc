@@ -151,7 +151,7 @@ TEST_CASE("The velocity of a contact is that of the environment's material there
   }
 }
 
-TEST_CASE("A contact names link, shapes and body; fixed bodies stand still") {
+TEST_CASE("A contact names link, shapes and body, fixed bodies stand still") {
   const WorldDescription description = test::repository_world("linkage.sdf");
   Scene scene(description, "arm");
   // The forearm, a capsule of radius 10 mm, folded back to lie 2 mm from the post's mantle.

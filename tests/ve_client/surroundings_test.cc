@@ -170,7 +170,7 @@ std::string row(int count) {
   return models + tool_at("-0.031 0 0.02 0 0 0");
 }
 
-TEST_CASE("Bodies behind the touched one take part, eight at most; the next is a constraint") {
+TEST_CASE("Bodies behind the touched one take part, eight at most, the next is a constraint") {
   Scene scene(world_of(row(10), kEarth));
   scene.rest(0.1);
   scene.find();

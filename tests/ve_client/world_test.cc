@@ -153,7 +153,7 @@ TEST_CASE("The velocity of a body's point includes its rotation") {
   CHECK(world.velocity_at(0, {1.5, 0, 0}).isApprox(Vector3(0.1, 1.2, 0.3), 1e-12));
 }
 
-TEST_CASE("Shapes near a box are found in order; the tool's own are not") {
+TEST_CASE("Shapes near a box are found in order, the tool's own are not") {
   World world(world_of(model("tool", "0 0 0 0 0 0", shape_collision("box")) +
                        fixed_model("floor", "0 0 -1 0 0 0", shape_collision("plane")) +
                        model("far", "5 0 0 0 0 0", shape_collision("sphere")) +
@@ -279,7 +279,7 @@ TEST_CASE("A body slides at its friction in every direction, and rests below it"
   CHECK(pushed(1.1 * 0.5 * kWeight) == Approx(0.245).epsilon(0.05));
 }
 
-TEST_CASE("A world in which only the tool moves is stepped once a frame; <physics> decides") {
+TEST_CASE("A world in which only the tool moves is stepped once a frame, <physics> decides") {
   const std::string wall = fixed_model("wall", "0 0 0 0 0 0", test::box("1 1 1"));
   const std::string tool = model("tool", "2 0 0 0 0 0", "");
   CHECK(World(world_of(wall + tool), std::vector<int>{1}).substeps(kStep) == 1);

@@ -237,7 +237,7 @@ TEST_CASE("Defaults print as they were written") {
   CHECK_THAT(mill.out, ContainsSubstring("speeds = []\n"));
 }
 
-TEST_CASE("Help has groups, units, ranges, defaults and exit codes; the version is a line") {
+TEST_CASE("Help has groups, units, ranges, defaults and exit codes, the version is a line") {
   Mill mill;
   CHECK(mill.parse({"--help", "--unknown"}) == 0);
   CHECK_THAT(mill.out, ContainsSubstring("Usage: mill [OPTIONS]") &&

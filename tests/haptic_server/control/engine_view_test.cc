@@ -40,7 +40,7 @@ TEST_CASE("An update shows its tool, and the device of the step that it echoes")
   CHECK(view.device().V_WD[0] == Approx(0.09));     // m/s
 }
 
-TEST_CASE("64 acknowledgements are remembered; an echo of an older one leaves the device") {
+TEST_CASE("64 acknowledgements are remembered, an echo of an older one leaves the device") {
   EngineView view;
   view.begin(at(0));
   acknowledge(view, 1, 100);

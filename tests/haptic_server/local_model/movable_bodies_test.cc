@@ -289,7 +289,7 @@ TEST_CASE("A body on a platform that rises goes with it between updates") {
   CHECK(model.bodies()[0].X_WB.p.z() == Approx(0.005).margin(1e-4));  // m
 }
 
-TEST_CASE("A session that meets ever new bodies keeps its loop; what comes late does not move") {
+TEST_CASE("A session that meets ever new bodies keeps its loop, what comes late does not move") {
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   const auto model =
       std::make_unique<LocalModel>(tool, ToolModel(tool).neutral(), LocalModelParameters{}, kStep);

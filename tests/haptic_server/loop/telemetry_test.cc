@@ -69,7 +69,7 @@ TEST_CASE("Batches hold every step once, in order") {
   CHECK(next == 2 + 10 * kBatch);
 }
 
-TEST_CASE("A tick's signals are those of its record; execution is of the tick before") {
+TEST_CASE("A tick's signals are those of its record, execution is of the tick before") {
   ServoBench bench;
   begin_watched(bench);
   bench.device.state->X_WD.p = {0.003, 0, 0};

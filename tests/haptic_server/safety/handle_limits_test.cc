@@ -13,7 +13,7 @@ Twist twist(double v, double w) {
   return V;
 }
 
-TEST_CASE("A quick hand is endured; what no hand does is a fault, in metres of the handle") {
+TEST_CASE("A quick hand is endured, what no hand does is a fault, in metres of the handle") {
   const HandleLimits limits;
   Pose far;
   far.p.z() = 2.1;  // m

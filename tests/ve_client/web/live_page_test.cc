@@ -111,7 +111,7 @@ TEST_CASE("Of two pages the first has the hand, and the second learns it") {
   CHECK(desk.page.control(desk.settings, {}).X_WTarget.p == Vector3(0.1, 0, 0));
 }
 
-TEST_CASE("A reset lets go and brings the settings back; what comes after it counts") {
+TEST_CASE("A reset lets go and brings the settings back, what comes after it counts") {
   Desk desk;
   PageClient browser(desk.page.port());
   browser.send(kGrab);
@@ -126,7 +126,7 @@ TEST_CASE("A reset lets go and brings the settings back; what comes after it cou
   CHECK_FALSE(desk.held());
 }
 
-TEST_CASE("Any page may choose a scene; the last choice counts, and only its page is answered") {
+TEST_CASE("Any page may choose a scene, the last choice counts, and only its page is answered") {
   Desk desk;
   Scene scene = load_scene(std::string(HLM_WORLDS) + "/push.sdf");
   const std::vector<SceneSummary> scenes = scenes_beside(scene.file);
