@@ -21,7 +21,7 @@ VirtualEnvironment& settled(const std::string& name) {
   if (known != environments.end()) return known->second;
   const Scene scene = load_scene(HLM_WORLDS "/" + name + ".sdf");
   VirtualEnvironment& environment =
-      environments.try_emplace(name, scene.world, scene.tool, FollowOptions{}).first->second;
+      environments.try_emplace(name, scene.world, scene.tools, FollowOptions{}).first->second;
   for (int i = 0; i < 180; ++i) environment.world.step(kPeriod, {});
   return environment;
 }
@@ -30,7 +30,8 @@ VirtualEnvironment& settled(const std::string& name) {
 /// circles of 0.1 m among the things of the scene, 0.3 m/s.
 void ScaleQuery(benchmark::State& state) {
   VirtualEnvironment& environment = settled("scale");
-  const int rod = environment.assembly.bodies[0];
+  HeldTool& held = environment.tools[0];
+  const int rod = held.assembly.bodies[0];
   double angle = 0;
   double contacts = 0;
   double bodies = 0;
@@ -39,13 +40,13 @@ void ScaleQuery(benchmark::State& state) {
     angle += 3 * kPeriod;
     const Vector3 p(0.1 * std::cos(angle), 0.1 * std::sin(angle), 0.034);
     environment.world.set_pose(rod, {p, Quaternion::Identity()});
-    environment.tool.read_back();
+    held.tool.read_back();
     state.ResumeTiming();
-    const auto found = environment.proximity.query(environment.tool, kEpsilon, true);
+    const auto found = held.proximity.query(held.tool, kEpsilon, true);
     std::vector<FoundContact> of_tool(found.begin(), found.end());
-    environment.surroundings.find(of_tool, kEpsilon);
-    contacts += static_cast<double>(of_tool.size() + environment.surroundings.contacts().size());
-    bodies += static_cast<double>(environment.surroundings.bodies().size());
+    held.surroundings.find(of_tool, kEpsilon);
+    contacts += static_cast<double>(of_tool.size() + held.surroundings.contacts().size());
+    bodies += static_cast<double>(held.surroundings.bodies().size());
   }
   using Counter = benchmark::Counter;
   state.counters["contacts"] = Counter(contacts, Counter::kAvgIterations);
