@@ -1,24 +1,28 @@
 #include "haptic_server/local_model/local_body.h"
 
-#include <Eigen/Cholesky>
+#include <cmath>
 
 namespace hlm::server {
 namespace {
 
-/// Pivots of W below this part of the largest are what rounding leaves of a direction that joints
-/// have taken. Larger would freeze the heavy directions of a body with a small inertia.
+/// What is left of W below this part of its largest diagonal element is what rounding leaves of a
+/// direction that joints have taken. Larger would freeze the heavy directions of a body with a
+/// small inertia.
 constexpr double kRankTolerance = 1e-9;
 
-/// B with W = B Bᵀ, one column for each direction in which the body can move.
-Jacobian square_root(const Matrix6& W) noexcept {
-  const Eigen::LDLT<Matrix6> ldlt(W);
-  const Matrix6 L = ldlt.transpositionsP().transpose() * Matrix6(ldlt.matrixL());
-  const Vector6 pivots = ldlt.vectorD();
-  const double smallest = kRankTolerance * pivots.maxCoeff();
+/// B with W = B Bᵀ, one column for each direction in which the body can move: Cholesky's
+/// factorisation with pivots, which ends at the rank. One that goes on divides rounding by
+/// rounding.
+Jacobian square_root(Matrix6 W) noexcept {
+  const double smallest = kRankTolerance * W.diagonal().maxCoeff();
   Jacobian B(6, 6);
-  int columns = 0;
-  for (int i = 0; i < 6; ++i) {
-    if (pivots[i] > smallest) B.col(columns++) = std::sqrt(pivots[i]) * L.col(i);
+  Eigen::Index columns = 0;
+  for (Eigen::Index pivot = 0; columns < 6; ++columns) {
+    if (!(W.diagonal().maxCoeff(&pivot) > smallest)) break;
+    B.col(columns) = W.col(pivot) / std::sqrt(W(pivot, pivot));
+    W -= B.col(columns) * B.col(columns).transpose();
+    W.row(pivot).setZero();
+    W.col(pivot).setZero();
   }
   B.conservativeResize(Eigen::NoChange, columns);
   return B;

@@ -201,9 +201,9 @@ TEST_CASE("The doctor names contacts that are far") {
   REQUIRE(clinic.server->wait_for_error("begins", 10));
   // No hand: what stops the force first is that. A device that does not measure it misses none.
   SECTION("a hand that is not measured, in free space") {
-    clinic.server.emplace(
-        clinic.in_directory() + server_command(clinic.port = free_port()) +
-        Arguments{"--device-option", "measures-hand=false", "--controller", "three_channel"});
+    clinic.server.emplace(clinic.in_directory() + server_command(clinic.port = free_port()) +
+                          Arguments{"--device-option", "measures-hand=false", "--device-option",
+                                    "observe-hand=false", "--controller", "three_channel"});
     clinic.client.emplace(client_command(clinic.port));
     clinic.names("contacts", "farther than epsilon");
   }

@@ -343,6 +343,26 @@ TEST_CASE("A body without mobility of its own in a direction does not move in it
   CHECK((body.B * body.B.transpose() - reported.W).norm() < 1e-12);
 }
 
+TEST_CASE("A body that joints leave one direction moves in that one, whatever rounding is in W") {
+  test::Random random;
+  for (int i = 0; i < 1000; ++i) {
+    CAPTURE(i);
+    // As the jaw on a slider had it in an engine: 3.3 1/kg along x, and beside a diagonal of zeros
+    // what rounding leaves.
+    MovableBody reported;
+    reported.W(0, 0) = random.uniform(0.1, 10);
+    for (int row = 1; row < 6; ++row) {
+      for (int column = 0; column < row; ++column) {
+        const double rounding = random.uniform(-1, 1) * std::pow(10, random.uniform(-70, -12));
+        reported.W(row, column) = reported.W(column, row) = rounding;
+      }
+    }
+    const LocalBody body(reported);
+    CHECK(body.B.cols() == 1);
+    CHECK((body.B * body.B.transpose() - reported.W).norm() < 1e-9);
+  }
+}
+
 TEST_CASE("A round body's contacts do not go round with it, those of others do") {
   const Roundness roundness = GENERATE(Roundness::kNone, Roundness::kAxis, Roundness::kSphere);
   MovableBody reported;
