@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the meshes of worlds/mesh.sdf beside this file. Lengths in m."""
+"""Writes the meshes of worlds/mesh.sdf and worlds/assembly.sdf beside this file. Lengths in m."""
 import math
 import pathlib
 
@@ -12,6 +12,14 @@ def write(name, points, faces):
     lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in points]
     lines += ["f " + " ".join(str(i + 1) for i in face) for face in faces]
     (FOLDER / name).write_text("\n".join(lines) + "\n")
+
+
+def frustum(bottom, top, height):
+    """A square pyramid's frustum about z, its middle at the origin."""
+    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    points = [(x * size / 2, y * size / 2, z) for size, z in ((bottom, -height / 2), (top, height / 2)) for x, y in corners]
+    sides = [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
+    return points, [(3, 2, 1, 0), (4, 5, 6, 7), *sides]
 
 
 def turned(profile, sides):
@@ -81,6 +89,7 @@ def main():
     write("cup.obj", *turned([(0.004, 0), (0.03, 0), (0.034, 0.05), (0.03, 0.05), (0.026, 0.005), (0.004, 0.005)], 24))
     write("hook.obj", *extruded([(0, 0), (0.05, 0), (0.05, 0.03), (0.038, 0.03), (0.038, 0.012), (0.012, 0.012),
                                  (0.012, 0.08), (0, 0.08)], 0.012))
+    write("tip.obj", *frustum(0.007, 0.0115, 0.014))
     write("terrain.obj", *terrain(24, 0.3, 0.05))
 
 
