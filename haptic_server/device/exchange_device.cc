@@ -39,6 +39,7 @@ constexpr duration<double> kFrozen{0.010};
 constexpr double kFarthest = 2;
 
 constexpr const char* kLate = "its newest state is too old";
+constexpr const char* kSaturated = "its motors are at their limit";
 
 std::chrono::nanoseconds nanoseconds(double seconds) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(duration<double>(seconds));
@@ -127,13 +128,16 @@ std::optional<DeviceState> ExchangeDevice::read() noexcept {
     cause_now_ = told_;
     return std::nullopt;
   }
-  cause_now_ = kLateShare * age > oldest_ ? kLate : "";
+  const bool is_late = kLateShare * age > oldest_;
+  cause_now_ = newest.handle.saturated ? kSaturated : "";
+  if (is_late) cause_now_ = kLate;
   if (age > oldest_) return std::nullopt;
   DeviceState state;
   state.X_WD = newest.handle.X;
   state.V_WD = newest.handle.V;
   state.buttons = newest.handle.buttons;
-  if (*cause_now_ != '\0') state.health = DeviceHealth::kLate;
+  if (newest.handle.saturated) state.health = DeviceHealth::kSaturated;
+  if (is_late) state.health = DeviceHealth::kLate;
   return state;
 }
 
@@ -184,7 +188,9 @@ void ExchangeDevice::fail(const std::string& cause) {
   }
   const std::lock_guard lock(mutex_);
   // In a session the fault names it.
-  if (has_state_ && !in_session && cause_.empty()) spdlog::warn("{}: {}", name_, cause);
+  const bool is_news = is_open_ ? cause_.empty() : cause != refusal_;
+  if (has_state_ && !in_session && is_news) spdlog::warn("{}: {}", name_, cause);
+  if (!is_open_) refusal_ = cause;
   cause_ = cause;
   changed_.notify_all();
 }
@@ -267,8 +273,11 @@ void ExchangeDevice::observe(SteadyTime now) {
   const bool is_back = !cause_.empty() && now - opened_ > kSteady;
   if (has_state_ && !is_back) return;
   const std::lock_guard lock(mutex_);
-  if (is_back) spdlog::info("{} is back", name_);
-  if (is_back) cause_.clear();
+  if (is_back) {
+    spdlog::info("{} is back", name_);
+    cause_.clear();
+    refusal_.clear();
+  }
   has_state_ = true;
   changed_.notify_all();
 }

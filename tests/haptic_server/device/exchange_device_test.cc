@@ -23,8 +23,9 @@ struct Line {
   std::atomic<bool> answers = true;
   std::atomic<bool> freezes = false;
   std::atomic<bool> is_finite = true;
-  std::atomic<double> force = 0;       ///< Of the latest request.
-  std::atomic<bool> polled = false;    ///< Whether it asked for the state alone.
+  std::atomic<double> force = 0;     ///< Of the latest request.
+  std::atomic<bool> polled = false;  ///< Whether it asked for the state alone.
+  std::atomic<bool> saturates = false;
   std::atomic<bool> takes = true;      ///< Requests.
   std::atomic<int> zeros_at_open = 0;  ///< First requests of a line that were for zero.
   std::atomic<int> opened = 0;
@@ -62,6 +63,7 @@ class ScriptedLine final : public DeviceLine {
     HandleState state;
     state.X.p = 0.1 * Vector3(std::cos(angle_), std::sin(angle_), line_.is_finite ? 0 : NAN);
     state.V[0] = 0.5;
+    state.saturated = line_.saturates;
     return state;
   }
   void halt() noexcept override { ++line_.halted; }
@@ -205,6 +207,20 @@ TEST_CASE("A state that moves and stays is frozen, one that is not finite is ref
   CHECK_FALSE(bench.tick(1, 1));
   CHECK_THAT(bench.device.cause(), ContainsSubstring(cause));
   CHECK(bench.line.force == 0);
+}
+
+TEST_CASE("Motors at their limit are reported, and force goes on") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  bench.line.saturates = true;
+  CHECK(bench.tick(0.05, 1));
+  CHECK(within(1, [&] {
+    CHECK(bench.tick(0.005, 1));
+    return bench.health == DeviceHealth::kSaturated;
+  }));
+  CHECK_THAT(bench.device.cause(), ContainsSubstring("at their limit"));
+  CHECK(bench.line.force == 1);
 }
 
 TEST_CASE("A halt sends no force from then on, until the device is enabled") {
