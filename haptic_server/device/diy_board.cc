@@ -21,6 +21,12 @@ using std::chrono::steady_clock;
 /// The kit's rate; a board on USB ignores it.
 constexpr speed_t kBaudRate = B57600;
 
+/// For the reply that shows that a board still is as it was set up; less refuses a board on a busy
+/// machine.
+constexpr std::chrono::milliseconds kAwake{250};
+
+constexpr int kOpenAs = O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC;
+
 std::string the_only_port() {
   const std::vector<std::string> ports = serial_ports();
   if (ports.size() == 1) return ports.front();
@@ -60,15 +66,27 @@ void DiyBoard::fail(const std::string& what) const {
 }
 
 void DiyBoard::open() {
-  port_ = options_.port.empty() ? the_only_port() : options_.port;
-  descriptor_ = ::open(port_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  if (port_.empty()) port_ = options_.port.empty() ? the_only_port() : options_.port;
+  descriptor_ = ::open(port_.c_str(), kOpenAs);
   if (descriptor_ < 0) fail("cannot be opened: " + last_error());
   if (!make_raw(descriptor_)) fail("is no serial port: " + last_error());
   received_ = 0;
   J_.setZero();
   theta_at_ = {};
-  const DiySetupFrame setup = encode(options_.board, options_.setup);
-  write(setup.data(), setup.size());
+  if (is_set_up_) {
+    expect_same_setup();
+  } else {
+    const DiySetupFrame setup = encode(options_.board, options_.setup);
+    write(setup.data(), setup.size());
+    is_set_up_ = true;
+  }
+}
+
+/// A board that was reset replies to nothing, and only a person can say where its arms are.
+void DiyBoard::expect_same_setup() {
+  send(std::nullopt);
+  if (receive(steady_clock::now() + kAwake)) return;
+  fail("does not reply, so it was reset: put the arms in the start posture and restart the server");
 }
 
 void DiyBoard::close() noexcept {
@@ -83,7 +101,10 @@ void DiyBoard::write(const std::uint8_t* bytes, std::size_t size) const {
 }
 
 void DiyBoard::send(const std::optional<Vector3>& force) {
-  const Vector2 torques = J_.transpose() * force.value_or(Vector3::Zero()).head<2>();
+  Vector2 torques = J_.transpose() * force.value_or(Vector3::Zero()).head<2>();
+  const double largest = torques.cwiseAbs().maxCoeff();
+  is_saturated_ = largest > options_.max_torque;
+  if (is_saturated_) torques *= options_.max_torque / largest;
   const DiyTorqueFrame frame = encode_torques(options_.board, torques);
   write(frame.data(), frame.size());
 }
@@ -142,14 +163,17 @@ HandleState DiyBoard::state_at(const Vector2& theta) {
   HandleState state;
   state.X.p.head<2>() = handle->p;
   state.V.head<2>() = J_ * rate_;
+  state.saturated = is_saturated_;
   return state;
 }
 
 void DiyBoard::halt() noexcept {
-  const int descriptor = descriptor_;
-  if (descriptor < 0) return;
   const DiyTorqueFrame frame = encode_torques(options_.board, Vector2::Zero());
-  [[maybe_unused]] const ssize_t written = ::write(descriptor, frame.data(), frame.size());
+  if (::write(descriptor_, frame.data(), frame.size()) > 0) return;
+  const int port = ::open(port_.c_str(), kOpenAs);
+  if (port < 0) return;
+  [[maybe_unused]] const ssize_t written = ::write(port, frame.data(), frame.size());
+  ::close(port);
 }
 
 }  // namespace hlm::server

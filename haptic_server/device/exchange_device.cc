@@ -39,6 +39,7 @@ constexpr duration<double> kFrozen{0.010};
 constexpr double kFarthest = 2;
 
 constexpr const char* kLate = "its newest state is too old";
+constexpr const char* kSaturated = "its motors are at their limit";
 
 std::chrono::nanoseconds nanoseconds(double seconds) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(duration<double>(seconds));
@@ -127,13 +128,16 @@ std::optional<DeviceState> ExchangeDevice::read() noexcept {
     cause_now_ = told_;
     return std::nullopt;
   }
-  cause_now_ = kLateShare * age > oldest_ ? kLate : "";
+  const bool is_late = kLateShare * age > oldest_;
+  cause_now_ = newest.handle.saturated ? kSaturated : "";
+  if (is_late) cause_now_ = kLate;
   if (age > oldest_) return std::nullopt;
   DeviceState state;
   state.X_WD = newest.handle.X;
   state.V_WD = newest.handle.V;
   state.buttons = newest.handle.buttons;
-  if (*cause_now_ != '\0') state.health = DeviceHealth::kLate;
+  if (newest.handle.saturated) state.health = DeviceHealth::kSaturated;
+  if (is_late) state.health = DeviceHealth::kLate;
   return state;
 }
 
@@ -150,14 +154,17 @@ void ExchangeDevice::run() {
   while (!stopping()) {
     try {
       line_->open();
+      is_open_ = true;
       opened_ = moved_ = asked_ = steady_clock::now();
       given_.setZero();
       unanswered_ = 0;
+      if (may_hold_force_) request_no_force();
       while (!stopping()) exchange();
       if (!given_.isZero()) send(std::nullopt);
     } catch (const std::exception& error) {
       fail(error.what());
     }
+    is_open_ = false;
     line_->close();
     rest(kRetry);
   }
@@ -175,13 +182,15 @@ void ExchangeDevice::fail(const std::string& cause) {
   state_.put({});  // Whoever enables now finds none.
   failures_.fetch_add(1, std::memory_order_release);
   try {
-    if (!given_.isZero()) send(std::nullopt);
-  } catch (const std::exception&) {  // Then nobody hears it.
+    if (is_open_ && !given_.isZero()) send(std::nullopt);
+  } catch (const std::exception&) {
+    line_->halt();  // It may have another way.
   }
-  given_.setZero();
   const std::lock_guard lock(mutex_);
   // In a session the fault names it.
-  if (has_state_ && !in_session && cause_.empty()) spdlog::warn("{}: {}", name_, cause);
+  const bool is_news = is_open_ ? cause_.empty() : cause != refusal_;
+  if (has_state_ && !in_session && is_news) spdlog::warn("{}: {}", name_, cause);
+  if (!is_open_) refusal_ = cause;
   cause_ = cause;
   changed_.notify_all();
 }
@@ -193,10 +202,20 @@ void ExchangeDevice::exchange() {
   while (unanswered_ > 0) await_reply();
 }
 
+/// The device may still hold the force that a lost line gave it: nothing is asked before that ends.
+void ExchangeDevice::request_no_force() {
+  send(std::nullopt);
+  while (unanswered_ > 0) await_reply();
+}
+
 void ExchangeDevice::send(const std::optional<Vector3>& force) {
-  const bool ends = !force && !given_.isZero();
-  line_->send(ends ? Vector3(Vector3::Zero()) : force);
-  given_ = force.value_or(Vector3::Zero());
+  const Vector3 given = force.value_or(Vector3::Zero());
+  if (!given.isZero()) {
+    given_ = given;
+    may_hold_force_ = true;
+  }
+  line_->send(may_hold_force_ ? given : force);
+  given_ = given;  // A request for zero that could not be sent ends nothing.
   (unanswered_++ == 0 ? asked_ : ended_) = steady_clock::now();
 }
 
@@ -205,7 +224,11 @@ void ExchangeDevice::await_reply() {
   const SteadyTime now = steady_clock::now();
   if (const auto state = line_->receive(now + nanoseconds(kLook.count()))) {
     take(*state);
-    if (--unanswered_ > 0) asked_ = ended_;
+    if (--unanswered_ > 0) {
+      asked_ = ended_;
+    } else if (given_.isZero()) {
+      may_hold_force_ = false;
+    }
   } else if (now - asked_ > oldest_) {
     throw std::runtime_error("no reply for " + milliseconds(now - asked_));
   }
@@ -250,8 +273,11 @@ void ExchangeDevice::observe(SteadyTime now) {
   const bool is_back = !cause_.empty() && now - opened_ > kSteady;
   if (has_state_ && !is_back) return;
   const std::lock_guard lock(mutex_);
-  if (is_back) spdlog::info("{} is back", name_);
-  if (is_back) cause_.clear();
+  if (is_back) {
+    spdlog::info("{} is back", name_);
+    cause_.clear();
+    refusal_.clear();
+  }
   has_state_ = true;
   changed_.notify_all();
 }

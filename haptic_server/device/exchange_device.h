@@ -24,6 +24,7 @@ struct HandleState {
   Pose X;                   ///< Of the handle, m.
   Twist V = Twist::Zero();  ///< Its twist, m/s and rad/s.
   std::uint32_t buttons = 0;
+  bool saturated = false;  ///< The latest request was for more than its motors give.
 };
 
 /// The line to such a device. Used by one thread; what goes wrong is thrown as std::runtime_error
@@ -60,9 +61,11 @@ void add_keys(settings::Table& table, ExchangeOptions& options);
 
 /// Exchanges with its line in a thread of its own. The servo thread reads the newest state and
 /// leaves the newest force; it never waits. Safety here:
+/// - a state of motors at their limit is kSaturated;
 /// - a state older than `oldest` is a failure of the device, older than a third of that kLate;
 /// - a force older than `oldest`, as when the servo thread stands still, is sent as zero;
-/// - a force ends with a request for zero, whatever follows;
+/// - a force ends with a request for zero, whatever follows: where no reply to one came, the first
+///   request on the line that is opened again is another;
 /// - the line is asked again only when it has answered, except for a zero that ends a force: that
 ///   is sent at once;
 /// - after a failure, whose cause is named, the line is opened again and again without
@@ -86,7 +89,7 @@ class ExchangeDevice final : public Device {
   std::optional<DeviceState> read() noexcept override;
   bool write(const Wrench& F) noexcept override;
   void halt() noexcept override;
-  /// Why the latest read() failed or was late; empty if neither.
+  /// Why the latest read() failed, or its health was not good; empty if neither.
   const char* cause() const noexcept override { return cause_now_; }
 
  private:
@@ -101,6 +104,7 @@ class ExchangeDevice final : public Device {
 
   void run();
   void exchange();
+  void request_no_force();
   void await_reply();
   void send(const std::optional<Vector3>& force);
   void take(const HandleState& state);
@@ -136,10 +140,14 @@ class ExchangeDevice final : public Device {
   const char* cause_now_ = "";
 
   // Of the exchange's own thread.
-  Vector3 given_ = Vector3::Zero();  ///< In the latest request.
-  int unanswered_ = 0;               ///< Requests.
-  SteadyTime asked_{};               ///< When the oldest of these was sent, or the latest of all.
-  SteadyTime ended_{};               ///< When the zero behind it was.
+  bool is_open_ = false;             ///< The line.
+  std::string refusal_;              ///< Why it could not be opened, the last time.
+  Vector3 given_ = Vector3::Zero();  ///< In the latest request on this line.
+  /// A force was sent and no request for zero was answered since. Outlives the line.
+  bool may_hold_force_ = false;
+  int unanswered_ = 0;  ///< Requests.
+  SteadyTime asked_{};  ///< When the oldest of these was sent, or the latest of all.
+  SteadyTime ended_{};  ///< When the zero behind it was.
   HandleState latest_;
   SteadyTime moved_{};                   ///< When the state was last another one.
   SteadyTime opened_{};                  ///< When the line was.

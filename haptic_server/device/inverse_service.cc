@@ -106,11 +106,7 @@ class InverseService::Connection {
     read();
   }
 
-  ~Connection() {
-    error_code ignored;
-    // Also where another process has inherited the socket.
-    tcp_stream().socket().shutdown(tcp::socket::shutdown_both, ignored);
-  }
+  ~Connection() { shut_down(); }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
@@ -159,6 +155,12 @@ class InverseService::Connection {
  private:
   beast::tcp_stream& tcp_stream() { return beast::get_lowest_layer(socket_); }
 
+  /// Ends the connection also where another process has inherited its socket.
+  void shut_down() {
+    error_code ignored;
+    tcp_stream().socket().shutdown(tcp::socket::shutdown_both, ignored);
+  }
+
   [[noreturn]] void refuse(const error_code& error) const {
     fail("no Inverse Service answers at " + address_ + " (" + error.message() + "); " + kSource);
   }
@@ -177,6 +179,7 @@ class InverseService::Connection {
 
   /// The pending write refers to the caller: it has to end first.
   [[noreturn]] void abandon() {
+    shut_down();
     tcp_stream().close();
     work_.reset();
     context_.run_for(kOpening);
@@ -242,6 +245,7 @@ void InverseService::close() noexcept {
 }
 
 void InverseService::send(const std::optional<Vector3>& force) {
+  if (!connection_) fail("there is no connection to the Inverse Service");
   connection_->send(force ? haply_force_request(choice_.device, options_.force_field, *force)
                           : haply_probe_request(choice_));
 }

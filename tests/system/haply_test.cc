@@ -183,7 +183,7 @@ TEST_CASE("A hand that presses a floor through a 2DIY feels it within 2 %") {
   CHECK(sum / kSamples == Approx(-0.5).epsilon(0.02));  // N.
 }
 
-TEST_CASE("A 2DIY that fails gives no force within 20 ms, and says why") {
+TEST_CASE("A 2DIY that fails gives no force within 20 ms, says why, and comes back when armed") {
   const auto [order, cause] =
       GENERATE(table<std::string, std::string>({{"error", "sent the frame of board 6, must be 5"},
                                                 {"not_finite", "an angle that is not finite"},
@@ -191,16 +191,21 @@ TEST_CASE("A 2DIY that fails gives no force within 20 ms, and says why") {
   DiySession session;
   session.press();
   check_fault(session, order, cause);
+  session.order("good");
+  CHECK(session.server().wait_for_error("Haply 2DIY is back", 5));
+  CHECK(session.motor() == 0);
+  session.press();
 }
 
-TEST_CASE("A 2DIY that is unplugged is back once a person arms it") {
+TEST_CASE("A 2DIY that was unplugged gives no force: nobody knows where its arms are") {
   DiySession session;
   session.press();
   check_fault(session, "unplug", "is gone");
   session.order("replug");
-  CHECK(session.server().wait_for_error("Haply 2DIY is back", 5));
+  CHECK(session.server().wait_for_error("put the arms in the start posture", 5));
+  session.arm();
+  std::this_thread::sleep_for(500ms);
   CHECK(session.motor() == 0);
-  session.press();
 }
 
 TEST_CASE("What is missing is said before anything runs") {

@@ -28,6 +28,8 @@ DiyDriver::DiyDriver() {
                 "Cut-off of the velocity filter");
   add_keys(table_, exchange_);
   table_.number("rated-force", ratings_.max_force, {0.01, 20, "N"}, "What the device can exert");
+  table_.number("rated-motor-torque", board_.max_torque, {0.001, 10, "N·m"},
+                "What each motor can give; both torques shrink together where one is above");
   table_.number("rated-stiffness", ratings_.max_stiffness, {1, 1e5, "N/m"}, "What it can render");
 }
 

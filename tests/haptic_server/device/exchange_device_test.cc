@@ -6,6 +6,7 @@
 #include <functional>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
@@ -24,6 +25,9 @@ struct Line {
   std::atomic<bool> is_finite = true;
   std::atomic<double> force = 0;     ///< Of the latest request.
   std::atomic<bool> polled = false;  ///< Whether it asked for the state alone.
+  std::atomic<bool> saturates = false;
+  std::atomic<bool> takes = true;      ///< Requests.
+  std::atomic<int> zeros_at_open = 0;  ///< First requests of a line that were for zero.
   std::atomic<int> opened = 0;
   std::atomic<int> most_unanswered = 0;
   std::atomic<int> halted = 0;
@@ -36,11 +40,14 @@ class ScriptedLine final : public DeviceLine {
   void open() override {
     if (!line_.is_there) throw std::runtime_error("nothing is there");
     ++line_.opened;
+    is_first_ = true;
     unanswered_ = 0;
   }
   void close() noexcept override {}
   void expect_silence() override {}
   void send(const std::optional<Vector3>& force) override {
+    if (!line_.takes) throw std::runtime_error("it takes nothing");
+    if (std::exchange(is_first_, false) && force && force->isZero()) ++line_.zeros_at_open;
     line_.force = force.value_or(Vector3::Zero()).x();
     line_.polled = !force;
     line_.most_unanswered = std::max<int>(line_.most_unanswered, ++unanswered_);
@@ -56,12 +63,14 @@ class ScriptedLine final : public DeviceLine {
     HandleState state;
     state.X.p = 0.1 * Vector3(std::cos(angle_), std::sin(angle_), line_.is_finite ? 0 : NAN);
     state.V[0] = 0.5;
+    state.saturated = line_.saturates;
     return state;
   }
   void halt() noexcept override { ++line_.halted; }
 
  private:
   Line& line_;
+  bool is_first_ = true;
   int unanswered_ = 0;
   double angle_ = 0;
 };
@@ -156,6 +165,32 @@ TEST_CASE("After a failure reads fail until a person enables, and then work wher
   CHECK(bench.line.force == 1);
 }
 
+TEST_CASE("A force that a lost line took ends with the first request once it is open again") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  SECTION("which took the request for zero and did not answer") {
+    bench.line.answers = false;
+    CHECK_FALSE(bench.tick(1, 1));
+    CHECK(within(0.1, [&] { return bench.line.force == 0; }));
+  }
+  SECTION("which took no more requests, so that it is halted") {
+    bench.line.takes = false;
+    CHECK_FALSE(bench.tick(1, 1));
+    CHECK(within(0.1, [&] { return bench.line.halted == 1; }));
+    CHECK(bench.line.force == 1);
+  }
+  bench.line.is_there = false;
+  bench.line.takes = bench.line.answers = true;
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // It cannot be opened meanwhile.
+  CHECK(bench.line.zeros_at_open == 0);
+  bench.line.is_there = true;
+  REQUIRE(within(1, [&] { return bench.line.polled.load(); }));
+  CHECK(bench.line.opened == 2);
+  CHECK(bench.line.zeros_at_open == 1);
+  CHECK(bench.line.force == 0);
+}
+
 TEST_CASE("A state that moves and stays is frozen, one that is not finite is refused") {
   Bench bench;
   bench.device.enable();
@@ -172,6 +207,20 @@ TEST_CASE("A state that moves and stays is frozen, one that is not finite is ref
   CHECK_FALSE(bench.tick(1, 1));
   CHECK_THAT(bench.device.cause(), ContainsSubstring(cause));
   CHECK(bench.line.force == 0);
+}
+
+TEST_CASE("Motors at their limit are reported, and force goes on") {
+  Bench bench;
+  bench.device.enable();
+  CHECK(bench.tick(0.05, 1));
+  bench.line.saturates = true;
+  CHECK(bench.tick(0.05, 1));
+  CHECK(within(1, [&] {
+    CHECK(bench.tick(0.005, 1));
+    return bench.health == DeviceHealth::kSaturated;
+  }));
+  CHECK_THAT(bench.device.cause(), ContainsSubstring("at their limit"));
+  CHECK(bench.line.force == 1);
 }
 
 TEST_CASE("A halt sends no force from then on, until the device is enabled") {
