@@ -249,6 +249,23 @@ TEST_CASE("A hand is observed where it is not measured, a mass is known and it i
   CHECK_FALSE(off->read()->F_hand);
 }
 
+TEST_CASE("What a person knows of the handle is rated with an observer and without") {
+  const bool measures = GENERATE(false, true);
+  const bool on = GENERATE(false, true);
+  SimulatedDeviceOptions options = frictionless();
+  options.measures_hand_wrench = measures;
+  const auto device = with_hand_observer(
+      std::make_unique<SimulatedDevice>(options, HandScript{}, 1e-3),
+      {.on = on, .mass = 0.3, .inertia = 1e-3, .damping = 2.0, .delay = 0.01}, 1e-3);
+  CAPTURE(measures, on);
+  CHECK(device->ratings().mass == 0.3);      // kg
+  CHECK(device->ratings().inertia == 1e-3);  // kg·m²
+  CHECK(device->ratings().damping == 2);     // N·s/m
+  CHECK(device->ratings().delay == 0.01);    // s
+  CHECK(device->observes_hand_wrench() == (on && !measures));
+  CHECK(device->measures_hand_wrench() == (on || measures));
+}
+
 TEST_CASE("Observing allocates nothing") {
   const auto device = with_hand_observer(
       std::make_unique<SimulatedDevice>(frictionless(), shaken(2.5), 1e-3), {}, 1e-3);
