@@ -31,7 +31,7 @@ void add_servo_options(Table& table, ServoOptions& o) {
   table.numbers(o.gains, kGainNumbers);
   table.flag("keep-stiffness", o.keep_stiffness,
              "Leave stiffness as it is where the device, by its rates and delay, does not bear it; "
-             "otherwise it is lowered at the start");
+             "otherwise it is lowered, also where a client asks for it");
   table.group("Safety");
   table.numbers(o.limits, kLimiterNumbers);
   table.numbers(o.handle, kHandleNumbers);

@@ -66,25 +66,35 @@ Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
   return {times * gains.stiffness, times * gains.damping};
 }
 
+double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
+                       ControllerGains& gains, LocalModelParameters& contacts) noexcept {
+  const Impedance felt = felt_impedance(kind, gains, contacts);
+  const double share = bearable_share(device, felt, period, kLeftOver);
+  if (share == 1) return 1;
+  if (feels_contacts(kind)) {
+    contacts.max_hand_stiffness = share * felt.stiffness;
+  } else {
+    for (const NumberOf<ControllerGains>& gain : kGainNumbers) gains.*gain.number *= share;
+  }
+  return share;
+}
+
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
                                            double period, ControllerGains& gains,
                                            LocalModelParameters& contacts) {
   const Impedance felt = felt_impedance(kind, gains, contacts);
-  const double share = bearable_share(device, felt, period, kLeftOver);
-  if (share == 1) return std::nullopt;
+  const ControllerGains asked = gains;
+  if (bound_stiffness(kind, device, period, gains, contacts) == 1) return std::nullopt;
   const std::string cause = fmt::format(
       "too stiff for this device, whose force comes {:.3g} ms after its motion: it would shake",
       1e3 * lag_of(device, period));
   constexpr const char* kOtherwise = "--keep-stiffness leaves it as asked for";
   if (feels_contacts(kind)) {
-    contacts.max_hand_stiffness = share * felt.stiffness;
     return fmt::format(
         "contacts of {:.5g} N/m together are {}; --max-hand-stiffness {:.5g} N/m is in "
         "effect; {}",
         felt.stiffness, cause, contacts.max_hand_stiffness, kOtherwise);
   }
-  const ControllerGains asked = gains;
-  for (const NumberOf<ControllerGains>& gain : kGainNumbers) gains.*gain.number *= share;
   return fmt::format(
       "a coupling of {:.5g} N/m and {:.5g} N·s/m is {}; {:.5g} N/m and {:.5g} N·s/m are in effect; "
       "{}",

@@ -41,7 +41,11 @@ Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
 
 /// Lowers what the device does not bear with damping left to come to rest: with direct coupling the
 /// stiffness of all contacts together (max_hand_stiffness), else the gains of the coupling. Returns
-/// a sentence for a person that says so; empty if nothing was lowered.
+/// the share that is left, 0 to 1; 1 if nothing was lowered. Bounded in time.
+double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
+                       ControllerGains& gains, LocalModelParameters& contacts) noexcept;
+
+/// The same with a sentence for a person that says so; empty if nothing was lowered.
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
                                            double period, ControllerGains& gains,
                                            LocalModelParameters& contacts);

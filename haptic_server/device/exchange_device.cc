@@ -87,7 +87,9 @@ ExchangeDevice::ExchangeDevice(std::string name, const DeviceRatings& ratings,
       period_(nanoseconds(1 / options.rate)),
       oldest_(nanoseconds(options.oldest)),
       first_state_(options.first_state),
-      line_(std::move(line)) {}
+      line_(std::move(line)) {
+  ratings_.exchange_rate = options.rate;
+}
 
 ExchangeDevice::~ExchangeDevice() {
   {

@@ -116,7 +116,7 @@ class ExchangeDevice final : public Device {
   bool stopping() const noexcept { return stopping_.load(std::memory_order_relaxed); }
 
   const std::string name_;
-  const DeviceRatings ratings_;
+  DeviceRatings ratings_;
   const std::chrono::nanoseconds period_;
   const std::chrono::nanoseconds oldest_;
   const std::chrono::duration<double> first_state_;

@@ -73,12 +73,11 @@ ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> librar
     : library_(std::move(library)), options_(options), dt_(dt), motion_(dt) {
   open();
   const Library& dhd = *library_;
-  const char* const system = dhd.system_name(id_);
-  const std::string model = system != nullptr ? system : "device";
-  name_ = "Force Dimension " + model;
+  name_ = "Force Dimension " + model();
+  serial_ = serial();
   const bool active_wrist = dhd.has_active_wrist(id_);
   has_wrist_ = active_wrist || (dhd.has_wrist != nullptr && dhd.has_wrist(id_));
-  ratings_ = force_dimension_ratings(model, active_wrist);
+  ratings_ = force_dimension_ratings(name_, active_wrist);
   ratings_.freedoms = has_wrist_ ? kAllFreedoms : Freedoms{0b000111};
   ratings_.buttons = kButtons;
   ratings_.gripper = dhd.has_gripper(id_);
@@ -112,6 +111,18 @@ void ForceDimensionDevice::open() {
   id_ = static_cast<char>(id);
 }
 
+std::string ForceDimensionDevice::model() const {
+  const char* const name = library_->system_name(id_);
+  return name != nullptr ? name : "device";
+}
+
+int ForceDimensionDevice::serial() const noexcept {
+  unsigned short serial = 0;
+  const bool told =
+      library_->serial_number != nullptr && library_->serial_number(&serial, id_) >= 0;
+  return told ? serial : 0;
+}
+
 /// Limits and watchdog, motors off.
 bool ForceDimensionDevice::prepare() noexcept {
   const Library& dhd = *library_;
@@ -125,14 +136,28 @@ bool ForceDimensionDevice::prepare() noexcept {
          done(dhd.enable_force(0, id_));
 }
 
-bool ForceDimensionDevice::reopen() noexcept {
+bool ForceDimensionDevice::reopen() {
   library_->close(id_);
   try {
     open();
   } catch (const std::runtime_error&) {
+    refused_ = "";
     return false;
   }
-  return prepare();
+  const char* const why = prepare_again();
+  if (why != nullptr) library_->close(id_);
+  refused_ = why != nullptr ? why : "";
+  return why == nullptr;
+}
+
+/// Null if the device is what its ratings say, which stay as they are; otherwise why not.
+const char* ForceDimensionDevice::prepare_again() {
+  if (name_ != "Force Dimension " + model() || serial_ != serial()) {
+    return "another device is in its place: connect the first one, or restart the server";
+  }
+  if (!prepare()) return "it cannot be prepared again";
+  const bool had_watchdog = std::isfinite(ratings_.time_guard);
+  return had_watchdog && !has_watchdog_ ? "its watchdog cannot be set as before" : nullptr;
 }
 
 bool ForceDimensionDevice::done(int result) noexcept {

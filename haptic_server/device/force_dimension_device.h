@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -56,12 +57,18 @@ class ForceDimensionDevice final : public Device {
   void disable() noexcept override;
   std::optional<DeviceState> read() noexcept override;
   bool write(const Wrench& F) noexcept override;
-  const char* cause() const noexcept override { return cause_; }
+  const char* cause() const noexcept override {
+    const char* const refused = refused_.load();
+    return *refused != '\0' ? refused : cause_;
+  }
 
  private:
   void open();
+  std::string model() const;
+  int serial() const noexcept;
   bool prepare() noexcept;
-  bool reopen() noexcept;
+  bool reopen();
+  const char* prepare_again();
   bool done(int result) noexcept;
   bool fail(const char* cause) noexcept;
   bool read_motion(DeviceState& state) noexcept;
@@ -73,6 +80,7 @@ class ForceDimensionDevice final : public Device {
   double dt_;
   MotionCheck motion_;
   std::string name_;
+  int serial_ = 0;  ///< As the device says; 0: the library does not.
   DeviceRatings ratings_;
   bool has_wrist_ = false;
   bool has_watchdog_ = false;
@@ -83,6 +91,8 @@ class ForceDimensionDevice final : public Device {
   bool saturated_ = false;  ///< In the latest write().
   DeviceHealth health_ = DeviceHealth::kGood;
   const char* cause_ = "";
+  /// Why the device that was opened last is not used; empty: there is none such.
+  std::atomic<const char*> refused_ = "";
   std::uint64_t ticks_ = 0;  ///< Since enable().
   std::optional<Reopener> reopener_;
 };

@@ -29,6 +29,7 @@ ForceDimensionLibrary::ForceDimensionLibrary(const std::string& file)
   library.bind(status, "dhdGetStatus");
   library.bind(communication_rate, "dhdGetComFreq");
   library.bind(last_error, "dhdErrorGetLastStr");
+  library.bind_if_any(serial_number, "dhdGetSerialNumber");
   library.bind_if_any(enable_expert_mode, "dhdEnableExpertMode");
   library.bind_if_any(set_watchdog, "dhdSetWatchdog");
 }

@@ -32,6 +32,8 @@ struct ForceDimensionLibrary {
   int (*stop)(char id);
   int (*system_type)(char id);
   const char* (*system_name)(char id);
+  /// May be null.
+  int (*serial_number)(unsigned short* serial, char id);
   /// May be null: then only active wrists are known.
   bool (*has_wrist)(char id);
   bool (*has_active_wrist)(char id);

@@ -24,14 +24,14 @@ Pose moved(const Pose& X, const Vector6& moves) noexcept {
 
 }  // namespace
 
-HandObserver::HandObserver(const DeviceRatings& device, double bandwidth, double dt) noexcept
+HandObserver::HandObserver(const DeviceRatings& device, double bandwidth, double dt)
     : mobility_(diagonal(inverse(device.mass), inverse(device.inertia))),
       inertia_(diagonal(device.mass, device.inertia)),
       damping_(diagonal(device.damping, 0)),
       max_force_(device.max_force),
       max_torque_(device.max_torque),
-      delay_(std::min(static_cast<std::size_t>(std::lround(device.delay / dt)), kLongestDelay)),
-      dt_(dt) {
+      dt_(dt),
+      commands_(1 + static_cast<std::size_t>(std::lround(device.delay / dt))) {
   for (Eigen::Index i = 0; i < 6; ++i) {
     if ((device.freedoms >> i & 1) == 0) mobility_[i] = inertia_[i] = 0;
   }
@@ -53,7 +53,7 @@ void HandObserver::restart(const Pose& X_WD) noexcept {
   X_WM_ = X_WD;
   V_WM_.setZero();
   F_.setZero();
-  commands_.fill(Wrench::Zero());
+  std::ranges::fill(commands_, Wrench::Zero());
 }
 
 void HandObserver::command(const Wrench& F) noexcept {
@@ -62,7 +62,7 @@ void HandObserver::command(const Wrench& F) noexcept {
 }
 
 const Wrench& HandObserver::observe(const Pose& X_WD, bool powered) noexcept {
-  const Wrench& due = commands_[(newest_ + commands_.size() - delay_) % commands_.size()];
+  const Wrench& due = commands_[(newest_ + 1) % commands_.size()];
   const Wrench F_motor = powered ? due : Wrench(Wrench::Zero());
   const Twist A = mobility_.cwiseProduct(F_motor + F_ - damping_.cwiseProduct(V_WM_));
   X_WM_ = moved(X_WM_, dt_ * V_WM_ + dt_ * dt_ / 2 * A);

@@ -1,8 +1,8 @@
 // The hand's wrench on a handle, estimated from how the handle moves.
 #pragma once
 
-#include <array>
 #include <cstddef>
+#include <vector>
 
 #include "common/spatial.h"
 #include "haptic_server/device/device.h"
@@ -21,7 +21,7 @@ class HandObserver {
   /// axes the same in all directions; what it rates with 0, and where
   /// it does not move, has no wrench. Its damping counts for
   /// translation. bandwidth: where F has fallen by 3 dB, Hz, > 0; dt: period of observe(), s, > 0.
-  HandObserver(const DeviceRatings& device, double bandwidth, double dt) noexcept;
+  HandObserver(const DeviceRatings& device, double bandwidth, double dt);
 
   /// The handle is at rest at X_WD, nobody holds it, and no command is under way.
   void restart(const Pose& X_WD) noexcept;
@@ -32,15 +32,11 @@ class HandObserver {
   const Wrench& observe(const Pose& X_WD, bool powered) noexcept;
 
  private:
-  /// Longest delay of a command that is taken into account, periods.
-  static constexpr std::size_t kLongestDelay = 64;
-
   Vector6 mobility_;  ///< 1/kg and 1/(kg·m²); 0 where it is not known.
   Vector6 inertia_;
   Vector6 damping_;
   double max_force_;   ///< N.
   double max_torque_;  ///< N·m.
-  std::size_t delay_;  ///< Of a command, periods.
   double dt_;
   /// What of the distance between handle and model goes into the model's pose, twist and wrench.
   double pose_gain_;
@@ -50,8 +46,9 @@ class HandObserver {
   Pose X_WM_;  ///< The model of the handle.
   Twist V_WM_ = Twist::Zero();
   Wrench F_ = Wrench::Zero();
-  /// Commands under way; the newest is at newest_.
-  std::array<Wrench, kLongestDelay + 1> commands_;
+  /// Commands under way, as many as the delay has periods, and the one that acts; the newest is at
+  /// newest_, the oldest behind it.
+  std::vector<Wrench> commands_;
   std::size_t newest_ = 0;
 };
 

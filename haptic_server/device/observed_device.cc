@@ -25,8 +25,10 @@ void add_keys(settings::Table& table, ObserverOptions& options) {
   table.number("observer-bandwidth", options.bandwidth, {1, 250, "Hz"},
                "Bandwidth of that estimate: more follows the hand sooner, and makes more noise of "
                "encoder steps");
-  table.number("apparent-mass", options.mass, {0.001, 1000, "kg"},
-               "Mass at the handle that the estimate is made with. Unset: as the device rates it");
+  table.number(
+      "apparent-mass", options.mass, {0.001, 1000, "kg"},
+      "Mass at the handle, for that estimate and the stiffness that the device bears. Unset: as "
+      "the device rates it");
   table.number("apparent-inertia", options.inertia, {1e-6, 100, "kg·m²"},
                "Inertia at the handle, likewise");
   table.number("apparent-damping", options.damping, {0, 1e4, "N·s/m"},
@@ -37,9 +39,11 @@ void add_keys(settings::Table& table, ObserverOptions& options) {
 
 ObservedDevice::ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options,
                                double dt)
-    : raw_(std::move(raw)),
-      ratings_(with_overrides(raw_->ratings(), options)),
-      observer_(ratings_, options.bandwidth, dt) {}
+    : raw_(std::move(raw)), ratings_(with_overrides(raw_->ratings(), options)) {
+  if (options.on && !raw_->measures_hand_wrench() && ratings_.mass > 0) {
+    observer_.emplace(ratings_, options.bandwidth, dt);
+  }
+}
 
 void ObservedDevice::align(const Pose& X_WH) noexcept {
   raw_->align(X_WH);
@@ -58,22 +62,20 @@ void ObservedDevice::disable() noexcept {
 
 std::optional<DeviceState> ObservedDevice::read() noexcept {
   std::optional<DeviceState> state = raw_->read();
-  if (!state) return state;
-  if (std::exchange(begins_, false)) observer_.restart(state->X_WD);
-  state->F_hand = observer_.observe(state->X_WD, state->health != DeviceHealth::kForceOff);
+  if (!state || !observer_) return state;
+  if (std::exchange(begins_, false)) observer_->restart(state->X_WD);
+  state->F_hand = observer_->observe(state->X_WD, state->health != DeviceHealth::kForceOff);
   state->hand_observed = true;
   return state;
 }
 
 bool ObservedDevice::write(const Wrench& F) noexcept {
-  observer_.command(saturated(F, ratings_.max_force, ratings_.max_torque));
+  if (observer_) observer_->command(saturated(F, ratings_.max_force, ratings_.max_torque));
   return raw_->write(F);
 }
 
 std::unique_ptr<Device> with_hand_observer(std::unique_ptr<Device> device,
                                            const ObserverOptions& options, double dt) {
-  const bool knows_mass = options.mass.value_or(device->ratings().mass) > 0;
-  if (!options.on || device->measures_hand_wrench() || !knows_mass) return device;
   return std::make_unique<ObservedDevice>(std::move(device), options, dt);
 }
 

@@ -1,4 +1,5 @@
-// A device that cannot measure the hand's wrench, with an observer that estimates it.
+// A device with what a person knows of its handle, and an observer of the hand that it cannot
+// measure.
 #pragma once
 
 #include <memory>
@@ -25,16 +26,19 @@ struct ObserverOptions {
 /// Declares the keys, bound to `options`.
 void add_keys(settings::Table& table, ObserverOptions& options);
 
-/// Fills DeviceState::F_hand. The rest is the raw device's.
+/// Rates what `options` say. Fills DeviceState::F_hand where the raw device does not, a mass is
+/// known and `options` has the observer on. The rest is the raw device's.
 class ObservedDevice final : public Device {
  public:
-  /// dt: servo period, s. The device must rate a mass, or `options` name one.
+  /// dt: servo period, s.
   ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options, double dt);
 
   std::string_view name() const noexcept override { return raw_->name(); }
   const DeviceRatings& ratings() const noexcept override { return ratings_; }
-  bool measures_hand_wrench() const noexcept override { return true; }
-  bool observes_hand_wrench() const noexcept override { return true; }
+  bool measures_hand_wrench() const noexcept override {
+    return observer_.has_value() || raw_->measures_hand_wrench();
+  }
+  bool observes_hand_wrench() const noexcept override { return observer_.has_value(); }
   void calibrate() override { raw_->calibrate(); }
   void align(const Pose& X_WH) noexcept override;
   void enable() noexcept override;
@@ -48,12 +52,11 @@ class ObservedDevice final : public Device {
  private:
   std::unique_ptr<Device> raw_;
   DeviceRatings ratings_;
-  HandObserver observer_;
+  std::optional<HandObserver> observer_;
   bool begins_ = true;  ///< The next pose is the first.
 };
 
-/// The device with an observer where it has no sensor of its own, a mass is known and `options` has
-/// it on; otherwise the device as it is.
+/// The device as an ObservedDevice.
 std::unique_ptr<Device> with_hand_observer(std::unique_ptr<Device> device,
                                            const ObserverOptions& options, double dt);
 

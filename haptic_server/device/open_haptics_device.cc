@@ -33,28 +33,32 @@ double rating(const Library& hd, unsigned parameter, double otherwise) {
 
 OpenHapticsDevice::OpenHapticsDevice(std::shared_ptr<const Library> library,
                                      const OpenHapticsOptions& options, double dt)
-    : library_(std::move(library)), options_(options), motion_(dt) {
+    : OpenHapticsDevice(options, dt, std::move(library)) {
   const Library& hd = *library_;
-  if (const char* why = open()) {
-    throw std::runtime_error("the device '" + options_.unit + "' cannot be opened through " +
-                             hd.library.name() + ": " + why);
-  }
-  hd.make_current(handle_);
+  throw_if(open());
   const char* const model = hd.get_string(Library::kModel);
   name_ = std::string("OpenHaptics ") + (model != nullptr ? model : "device");
   ratings_.max_force = rating(hd, Library::kMaxForce, 1);
   ratings_.max_stiffness = kNewtonPerMillimetre * rating(hd, Library::kMaxStiffness, 0.5);
   ratings_.max_torque = 0;
   ratings_.buttons = kButtons;
+  ratings_.exchange_rate = options_.rate;
+  throw_if(start());
   reopener_.emplace([this] {
     close();
-    return open() == nullptr;
+    return open() == nullptr && start() == nullptr;
   });
 }
 
 OpenHapticsDevice::~OpenHapticsDevice() {
   reopener_.reset();
   close();
+}
+
+void OpenHapticsDevice::throw_if(const char* why) const {
+  if (why == nullptr) return;
+  throw std::runtime_error("the device '" + options_.unit + "' cannot be opened through " +
+                           library_->library.name() + ": " + why);
 }
 
 const char* OpenHapticsDevice::open() noexcept {
@@ -66,6 +70,11 @@ const char* OpenHapticsDevice::open() noexcept {
   hd.make_current(handle_);
   hd.disable(Library::kForceOutput);
   hd.enable(Library::kForceClamping);
+  return cause_of_error(hd.get_error().code);
+}
+
+const char* OpenHapticsDevice::start() noexcept {
+  const Library& hd = *library_;
   hd.set_scheduler_rate(static_cast<unsigned long>(options_.rate));
   callback_ = hd.schedule(&OpenHapticsDevice::exchange, this, Library::kHighestPriority);
   hd.start_scheduler();
@@ -123,7 +132,10 @@ void OpenHapticsDevice::exchange() noexcept {
   hd.set_doubles(Library::kForce, force.data());
   hd.end_frame(handle_);
 
-  reading.error = hd.get_error().code;
+  const unsigned code = hd.get_error().code;
+  reading.saturated = says_saturated(code);
+  unsigned none = 0;
+  if (cause_of_error(code) != nullptr) error_.compare_exchange_strong(none, code);
   reading.time = Clock::now();
   readings_.put(reading);
 }
@@ -133,6 +145,7 @@ void OpenHapticsDevice::enable() noexcept {
   failed_ = false;
   cause_ = "";
   motion_.begin();
+  error_ = 0;
   commands_.put({Clock::now(), Vector3::Zero()});
   enabled_.store(true, std::memory_order_release);
 }
@@ -151,7 +164,7 @@ std::optional<DeviceState> OpenHapticsDevice::fail(const char* cause) noexcept {
 std::optional<DeviceState> OpenHapticsDevice::read() noexcept {
   if (!reopener_->is_there() || failed_) return std::nullopt;
   const Reading& reading = readings_.get();
-  if (const char* why = cause_of_error(reading.error)) return fail(why);
+  if (const char* why = cause_of_error(error_)) return fail(why);
   const double old = age(reading.time);
   if (old > options_.oldest) return fail("the vendor's scheduler gives no new state");
   if (const char* why = motion_.find_error(reading.p, reading.R, reading.V, false)) {
@@ -161,7 +174,7 @@ std::optional<DeviceState> OpenHapticsDevice::read() noexcept {
   state.X_WD = {reading.p, Quaternion(reading.R).normalized()};
   state.V_WD = reading.V;
   state.buttons = reading.buttons;
-  if (says_saturated(reading.error)) {
+  if (reading.saturated) {
     state.health = DeviceHealth::kSaturated;
     cause_ = "more was commanded than it can give";
   } else if (old > kLate) {

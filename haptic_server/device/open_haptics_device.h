@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "common/range.h"
 #include "haptic_server/device/device.h"
@@ -62,16 +63,24 @@ class OpenHapticsDevice final : public Device {
     Matrix3 R = Matrix3::Identity();
     Twist V = Twist::Zero();
     std::uint32_t buttons = 0;
-    unsigned error = 0;  ///< The library's code.
+    bool saturated = false;
   };
   struct Command {
     Clock::time_point time{};
     Vector3 force = Vector3::Zero();  ///< N.
   };
 
-  /// Null if the device is open and its scheduler runs, otherwise why not.
+  /// Opens nothing. When a constructor that begins with this one throws, the destructor runs.
+  OpenHapticsDevice(const OpenHapticsOptions& options, double dt,
+                    std::shared_ptr<const OpenHapticsLibrary> library)
+      : library_(std::move(library)), options_(options), motion_(dt) {}
+
+  /// Null if the device is open, its motors off and its scheduler at rest; otherwise why not.
   const char* open() noexcept;
+  /// Null if the scheduler runs, otherwise why not.
+  const char* start() noexcept;
   void close() noexcept;
+  void throw_if(const char* why) const;
   static unsigned exchange(void* device) noexcept;
   void exchange() noexcept;
   std::optional<DeviceState> fail(const char* cause) noexcept;
@@ -87,6 +96,7 @@ class OpenHapticsDevice final : public Device {
   Newest<Reading> readings_;
   Newest<Command> commands_;
   std::atomic<bool> enabled_ = false;
+  std::atomic<unsigned> error_ = 0;  ///< The library's code of the first failure since enable().
 
   bool gives_force_ = false;  ///< Of the scheduler's thread: motors are on.
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "haptic_server/control/stiffness_bound.h"
 #include "haptic_server/loop/reporting.h"
 
 namespace hlm::server {
@@ -119,12 +120,17 @@ void Servo::apply(const protocol::Control& control) noexcept {
   if (GuidedHand* hand = device_.guided_hand()) {
     control.holds ? hand->hold(control.X_WTarget) : hand->release();
   }
-  const ServoOptions options = control.tuned ? tuned(options_, control.tuning) : options_;
-  local_model_->set_parameters(options.local_model);
+  ServoOptions options = control.tuned ? tuned(options_, control.tuning) : options_;
   // A tool of several links cannot take the device's pose; its controller stays.
   const bool possible =
       !traits(options.controller).replaces_proxy || local_model_->proxy().links() == 1;
-  controller_ = Controller(possible ? options.controller : controller_.kind(), options.gains);
+  if (!possible) options.controller = controller_.kind();
+  // What it was started with is bounded already.
+  if (control.tuned && !options.keep_stiffness) {
+    bound_stiffness(options.controller, device_.ratings(), dt_, options.gains, options.local_model);
+  }
+  local_model_->set_parameters(options.local_model);
+  controller_ = Controller(options.controller, options.gains);
 }
 
 void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,

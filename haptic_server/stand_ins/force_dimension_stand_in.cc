@@ -125,8 +125,14 @@ int dhdStop(char id) {
 int dhdGetSystemType(char) { return 104; }
 
 const char* dhdGetSystemName(char) {
-  static const std::string name = model();
+  static std::string name;
+  name = model();
   return name.c_str();
+}
+
+int dhdGetSerialNumber(unsigned short* serial, char id) {
+  *serial = kSerial;
+  return check(id);
 }
 
 bool dhdHasWrist(char) { return !has_model(".3"); }
@@ -220,6 +226,7 @@ int dhdEnableExpertMode() { return 0; }
 
 int dhdSetWatchdog(unsigned char time, char id) {
   if (const int error = check(id)) return error;
+  if (device->has(StandInFault::kBroken)) return fail("this device has no watchdog");
   device->set_watchdog(kWatchdogUnit * time);
   return 0;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <stdexcept>
@@ -37,9 +38,11 @@ constexpr double kMaxStiffness = 2;  // N/mm.
 enum Code : unsigned {
   kSuccess = 0,
   kInvalid = 0x0100,
+  kInvalidValue = 0x0101,
   kExceededMaxForce = 0x0201,
   kForceError = 0x0204,
   kDeviceFault = 0x0300,
+  kAlreadyOpen = 0x0301,
   kCommunication = 0x0302,
 };
 
@@ -47,6 +50,7 @@ std::unique_ptr<StandIn> device;
 DeviceState state;              ///< In the present frame.
 Wrench force = Wrench::Zero();  ///< Likewise.
 std::atomic<unsigned> error = kSuccess;
+bool is_open = false;
 bool clamps = false;
 
 Callback callback = nullptr;
@@ -94,10 +98,16 @@ Handle hdInitDevice(const char* name) {
   }
   if (name != nullptr && name != kName) report(kInvalid);
   if (device->has(StandInFault::kUnplug)) report(kCommunication);
-  return error == kSuccess ? kDevice : kNoDevice;
+  if (is_open) report(kAlreadyOpen);
+  if (error != kSuccess) return kNoDevice;
+  is_open = true;
+  return kDevice;
 }
 
-void hdDisableDevice(Handle) { device->disable(); }
+void hdDisableDevice(Handle) {
+  device->disable();
+  is_open = false;
+}
 void hdMakeCurrentDevice(Handle) {}
 
 void hdBeginFrame(Handle) { state = device->state(); }
@@ -180,7 +190,12 @@ void hdStopScheduler() {
   scheduler.join();
 }
 
-void hdSetSchedulerRate(unsigned long hertz) { rate = hertz; }
+/// The rates of a device on FireWire: 8 kHz, divided.
+void hdSetSchedulerRate(unsigned long hertz) {
+  const double by = std::round(8000.0 / static_cast<double>(hertz));
+  if (std::floor(8000 / by + 0.5) != static_cast<double>(hertz)) return report(kInvalidValue);
+  rate = hertz;
+}
 
 }  // extern "C"
 #pragma GCC visibility pop

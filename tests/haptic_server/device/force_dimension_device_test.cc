@@ -2,9 +2,11 @@
 #include "haptic_server/device/force_dimension_device.h"
 
 #include <cstdlib>
+#include <fstream>
 
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
+#include "tests/system/process.h"
 
 namespace hlm::server {
 namespace {
@@ -17,6 +19,19 @@ std::unique_ptr<ForceDimensionDevice> opened(const ForceDimensionOptions& option
   return std::make_unique<ForceDimensionDevice>(
       std::make_shared<const ForceDimensionLibrary>(HLM_STAND_IN), options, kDt);
 }
+
+/// Of all cases: the library stays open.
+struct StandInOrders {
+  StandInOrders() {
+    std::ofstream{file};
+    setenv("HAPTIC_STAND_IN_ORDERS", file.c_str(), 1);
+  }
+  const test::TemporaryDirectory directory;
+  const std::string file = directory.file("orders");
+};
+const StandInOrders orders;
+
+void order(const std::string& what) { std::ofstream(orders.file, std::ios::app) << what << '\n'; }
 
 TEST_CASE("A device is rated by its name, and one that is not known gets little force") {
   CHECK(force_dimension_ratings("omega.3", false).max_force == 12);            // N
@@ -49,6 +64,44 @@ TEST_CASE("A tick allocates nothing") {
   const std::size_t allocations = guard.allocations();
   CHECK(works);
   CHECK(allocations == 0);
+}
+
+/// A call of an open device fails, and it is lost.
+void lose(ForceDimensionDevice& device) {
+  device.enable();
+  order("error");
+  REQUIRE(test::wait_until(1, [&] { return !device.read(); }));
+  device.disable();
+}
+
+bool works(ForceDimensionDevice& device) {
+  device.enable();
+  return device.read().has_value();
+}
+
+TEST_CASE("A device that was lost is used again only with the watchdog that it had") {
+  const auto device = opened();
+  order("broken");
+  lose(*device);
+  order("good\nbroken");
+  CHECK(test::wait_until(
+      2, [&] { return std::string(device->cause()) == "its watchdog cannot be set as before"; }));
+  CHECK_FALSE(works(*device));
+  order("good");
+  CHECK(test::wait_until(2, [&] { return works(*device); }));
+  CHECK(std::string(device->cause()).empty());
+}
+
+TEST_CASE("Another device in the place of one that was lost is refused: its ratings are others") {
+  setenv("HAPTIC_STAND_IN_MODEL", "sigma.7", 1);
+  const auto device = opened();
+  setenv("HAPTIC_STAND_IN_MODEL", "omega.3", 1);
+  lose(*device);
+  order("good");
+  CHECK(test::wait_until(2, [&] {
+    return std::string(device->cause()).starts_with("another device is in its place");
+  }));
+  CHECK_FALSE(works(*device));
 }
 
 TEST_CASE("A device that is not there is named, with what to check") {

@@ -108,6 +108,35 @@ TEST_CASE("What the motors give is not taken for the hand's, late by some ticks 
   CHECK(effect_of_motors(course) < 0.02);  // N, of 5
 }
 
+TEST_CASE("The longest delay, of 0.1 s, is taken into account at every rate of the servo") {
+  const double rate = GENERATE(1000.0, 4000.0, 8000.0);  // Hz
+  DeviceRatings rated;
+  rated.mass = 1;     // kg
+  rated.delay = 0.1;  // s
+  HandObserver observer(rated, kBandwidth, 1 / rate);
+  Pose X;
+  observer.restart(X);
+  // A handle that nobody holds rests, and so does the estimate until a command reaches it.
+  const auto due = static_cast<int>(0.1 * rate);
+  Wrench push = Wrench::Zero();
+  push[0] = 1;  // N
+  for (int step = 0; step < due; ++step) {
+    observer.command(push);
+    CHECK(observer.observe(X, true).norm() == 0);
+  }
+  // Then it moves as the command drives it.
+  double v = 0;
+  double most = 0;
+  for (int step = 0; step < due; ++step) {
+    observer.command(push);
+    X.p.x() += v / rate + 0.5 / (rate * rate);
+    v += 1 / rate;
+    most = std::max(most, observer.observe(X, true).norm());
+  }
+  CAPTURE(rate);
+  CHECK(most < 1e-6);  // N
+}
+
 TEST_CASE("A delay that is not known, or a wrong mass, is taken for the hand's") {
   const double dt = 1e-3;
   const Wrench u = Wrench::Constant(1);
@@ -218,6 +247,23 @@ TEST_CASE("A hand is observed where it is not measured, a mass is known and it i
   const auto off = opened(false, {.on = false});
   CHECK_FALSE(off->measures_hand_wrench());
   CHECK_FALSE(off->read()->F_hand);
+}
+
+TEST_CASE("What a person knows of the handle is rated with an observer and without") {
+  const bool measures = GENERATE(false, true);
+  const bool on = GENERATE(false, true);
+  SimulatedDeviceOptions options = frictionless();
+  options.measures_hand_wrench = measures;
+  const auto device = with_hand_observer(
+      std::make_unique<SimulatedDevice>(options, HandScript{}, 1e-3),
+      {.on = on, .mass = 0.3, .inertia = 1e-3, .damping = 2.0, .delay = 0.01}, 1e-3);
+  CAPTURE(measures, on);
+  CHECK(device->ratings().mass == 0.3);      // kg
+  CHECK(device->ratings().inertia == 1e-3);  // kg·m²
+  CHECK(device->ratings().damping == 2);     // N·s/m
+  CHECK(device->ratings().delay == 0.01);    // s
+  CHECK(device->observes_hand_wrench() == (on && !measures));
+  CHECK(device->measures_hand_wrench() == (on || measures));
 }
 
 TEST_CASE("Observing allocates nothing") {

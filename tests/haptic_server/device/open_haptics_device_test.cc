@@ -32,6 +32,23 @@ Wrench push(double force) {
   return F;
 }
 
+/// Of all cases: the library stays open.
+struct StandInFiles {
+  StandInFiles() {
+    setenv("HAPTIC_STAND_IN_MOTORS", motors.c_str(), 1);
+    std::ofstream{orders};
+    setenv("HAPTIC_STAND_IN_ORDERS", orders.c_str(), 1);
+  }
+  const test::TemporaryDirectory directory;
+  const std::string motors = directory.file("motors");
+  const std::string orders = directory.file("orders");
+};
+const StandInFiles stand_in;
+
+void order(const std::string& what) {
+  std::ofstream(stand_in.orders, std::ios::app) << what << '\n';
+}
+
 /// What the motors give along y, N.
 double motor(const std::string& file) {
   std::array<double, 6> F{};
@@ -42,13 +59,12 @@ double motor(const std::string& file) {
 TEST_CASE(
     "Of a command that is not renewed nothing is left when it is old, and a tick allocates "
     "nothing") {
-  const test::TemporaryDirectory directory;
-  const std::string motors = directory.file("motors");
-  setenv("HAPTIC_STAND_IN_MOTORS", motors.c_str(), 1);     // Of all cases: the library stays open.
+  const std::string& motors = stand_in.motors;
   const auto device = opened({.oldest = 0.1});             // s; the machine may stall.
   CHECK(device->ratings().max_force == Approx(3.3));       // N
   CHECK(device->ratings().max_stiffness == Approx(2000));  // N/m
   CHECK(device->ratings().max_torque == 0);
+  CHECK(device->ratings().exchange_rate == 1000);  // Hz
   bool works = true;
   std::size_t allocations = 0;
   {
@@ -77,6 +93,32 @@ TEST_CASE("A device that the vendor's setup does not know is named with its libr
   CHECK_THROWS_WITH(
       opened({.unit = "left"}),
       ContainsSubstring("the device 'left' cannot be opened") && ContainsSubstring(HLM_STAND_IN));
+}
+
+TEST_CASE("A device that cannot be prepared is let go: it can be opened again") {
+  CHECK_THROWS_WITH(opened({.rate = 901}),  // Hz; not 8 kHz, divided.
+                    ContainsSubstring("the vendor's library reports an error"));
+  CHECK_NOTHROW(opened());
+}
+
+TEST_CASE(
+    "An error that the library reports once, between two reads, is a failure until enable()") {
+  const auto device = opened({.oldest = 0.1});  // s; the machine may stall.
+  device->enable();
+  REQUIRE(
+      test::wait_until(1, [&] { return device->write(push(1)) && motor(stand_in.motors) == 1; }));
+  order("error\nforce_off");
+  CHECK(test::wait_until(1, [&] { return motor(stand_in.motors) == 0; }));
+  std::this_thread::sleep_for(20ms);  // Some periods of the scheduler.
+  order("good");
+  std::this_thread::sleep_for(50ms);
+  CHECK_FALSE(device->read());
+  CHECK_THAT(device->cause(), ContainsSubstring("a fault of its own"));
+  device->disable();
+  CHECK(test::wait_until(2, [&] {
+    device->enable();
+    return device->read().has_value();
+  }));
 }
 
 TEST_CASE("What the library calls an error has words, what is none has not") {

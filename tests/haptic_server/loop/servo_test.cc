@@ -499,6 +499,36 @@ TEST_CASE("A control puts the device in the place of a rigid proxy, never of a l
   CHECK(record.X_WP.p.x() == Approx(linkage ? 0 : 0.01).margin(1e-4));
 }
 
+TEST_CASE(
+    "What a control asks of a late device is bounded as at the start, unless it is to be kept") {
+  server::ServoOptions options = ServoBench::patient();
+  options.keep_stiffness = GENERATE(false, true);
+  const ControllerKind kind = GENERATE(ControllerKind::kVirtualCoupler, ControllerKind::kDirect);
+  server::DeviceRatings late;
+  late.mass = 0.5;     // kg
+  late.damping = 5;    // N·s/m
+  late.delay = 0.020;  // s
+  ServoBench bench(options, 0, late);
+  bench.begin();
+  protocol::Control control = holding(false);
+  control.tuned = true;
+  control.tuning.controller = kind;
+  control.tuning.stiffness = 4000;            // N/m
+  control.tuning.damping = 0;                 // N·s/m
+  control.tuning.coupling_stiffness = 20000;  // N/m
+  control.tuning.coupling_damping = 0;
+  bench.send(control);
+  bench.device.state->X_WD.p.x() = 1e-3;  // m; the wall holds the proxy, if there is one.
+  bench.tick_with(bench.update({wall_ahead(0)}));
+  const double force = bench.ticks(150).F_command.norm();
+  CAPTURE(name_of(kind), options.keep_stiffness);
+  if (options.keep_stiffness) {
+    CHECK(force > 2);  // N
+  } else {
+    CHECK(force == Approx(0.7 * 5 / 0.0205 * 1e-3).epsilon(0.1));  // 70 % of b / lag, N/m
+  }
+}
+
 // The age of contacts.
 
 TEST_CASE("Contacts are as old as the client took to find them: their wall has come nearer") {
