@@ -135,7 +135,7 @@ ClientRun::ClientRun(const Settings& settings)
                                                .now = [this] { return clock_.now(); }});
   }
   set_conditions(live_.network);
-  begin(true);
+  begin(Asked::kAll);
 }
 
 LiveSettings ClientRun::settings_at_start() const {
@@ -157,7 +157,7 @@ void ClientRun::go(const std::function<bool()>& stop) {
   for (const ToolSession& session : sessions_) session.require_connected();
 }
 
-void ClientRun::begin(bool clears_fault) {
+void ClientRun::begin(Asked asked) {
   fault_reported_ = false;
   if (begun_) {
     environment_.emplace(with_starts(scene_, tools_), scene_.tools, settings_.follow);
@@ -166,8 +166,8 @@ void ClientRun::begin(bool clears_fault) {
   HapticClientOptions options;
   options.ve_rate = (settings_.rate_low + settings_.rate_high) / 2;
   options.epsilon = settings_.frame.epsilon;
-  options.clears_fault = clears_fault;
   for (std::size_t i = 0; i < sessions_.size(); ++i) {
+    options.clears_fault = asked == Asked::kAll || (asked == Asked::kFirst && i == 0);
     options.telemetry = i == 0 ? page_.get() : nullptr;
     sessions_[i].begin(options, environment_->tools[i].assembly);
   }
@@ -209,7 +209,8 @@ void ClientRun::report(const std::string& fault) {
 void ClientRun::take_page_requests() {
   if (const auto reset = page_->take_requests(clock_.now(), live_, settings_at_start())) {
     if (reset->start) tools_.front().start = *reset->start;
-    begin(true);
+    // Whoever is at the page knows of the first tool's device, and not who holds the others.
+    begin(Asked::kFirst);
   }
   change_scene();
   set_conditions(live_.network);
@@ -240,7 +241,7 @@ void ClientRun::change_scene() {
   spdlog::info("{} with {}, chosen on the page", scene_.file.string(), names(scene_.tools));
   for (ToolChoice& tool : tools_) tool.start.clear();
   live_ = settings_at_start();
-  begin(false);
+  begin(Asked::kNone);
 }
 
 void ClientRun::show_world(const protocol::Welcome* welcome) {

@@ -32,10 +32,12 @@ class ClientRun {
   void go(const std::function<bool()>& stop);
 
  private:
+  /// Whose sessions a person asks for, knowing of a fault of their servers.
+  enum class Asked { kNone, kFirst, kAll };
+
   LiveSettings settings_at_start() const;
-  /// Sessions with the present scene as it was at the start. clears_fault: a person asks for them,
-  /// knowing of a fault.
-  void begin(bool clears_fault);
+  /// Sessions with the present scene as it was at the start.
+  void begin(Asked asked);
   void frame(double period);
   void report(const std::string& fault);
   void take_page_requests();

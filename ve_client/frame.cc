@@ -148,7 +148,6 @@ bool pushes_by_impulses(const HapticClient& client, const FrameOptions& options)
 /// What the servers say, for all tools.
 void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* const> clients,
                     double period, std::span<FrameResult> results) {
-  constexpr double kFrames = 3;  // From a report of impulses to the update that contains them.
   std::vector<Pushes> pushes;
   std::vector<MovableBodies> reported;
   double round_trip = 0;
@@ -158,7 +157,7 @@ void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* con
     reported.push_back(held.surroundings.bodies());
     round_trip = std::max(round_trip, clients[i]->round_trip());
   }
-  environment.shared.push(pushes, reported, period, round_trip + kFrames * period);
+  environment.shared.push(pushes, reported, period, round_trip);
 }
 
 /// One step of the engine, in which the tools follow their proxies.

@@ -14,12 +14,18 @@ constexpr double kImpedance = 80;
 /// How much of what is new of the others reaches a server in a loop. Faster shakes the body; slower
 /// lets tools that squeeze it sink in before they feel each other.
 constexpr double kPerLoop = 0.4;
-/// Time constants with which a body becomes a shared one, and ceases to be, s. It may lose touch
-/// with one of the tools for a moment.
+/// Time constants with which that mass comes, and goes when the body is no longer shared, s. It may
+/// lose touch with one of the tools for a moment.
 constexpr double kTaking = 0.1;
 constexpr double kLeaving = 1;
-/// A body that is shared no more than this is not.
-constexpr double kNotShared = 1e-3;
+/// Added mass that is none, kg.
+constexpr double kNoMass = 1e-3;
+/// Frames from a report of impulses to the update that contains them.
+constexpr double kFrames = 3;
+/// Longest round trip that counts, s. With more a body that two tools hold gets too heavy to move.
+constexpr double kLongestRoundTrip = 0.2;
+/// Time constant of the means that make the loop, s. Shorter, and a single late packet adds mass.
+constexpr double kLoopMean = 1;
 /// What is less than this is nothing, N or m/s, N·m or rad/s.
 constexpr double kNothing = 1e-6;
 
@@ -27,12 +33,45 @@ double share(double rate, double period) { return 1 - std::exp(-rate * period); 
 
 }  // namespace
 
+void SharedBodies::push(std::span<const Pushes> pushes, std::span<const MovableBodies> reported,
+                        double period, double round_trip) {
+  if (pushes.size() < 2) return;
+  estimate_loop(period, round_trip);
+  find_shared(pushes, reported);
+  add_inertia(period);
+  for (std::size_t tool = 0; tool < pushes.size(); ++tool) learn(tool, pushes, period);
+}
+
+void SharedBodies::estimate_loop(double period, double round_trip) {
+  const double loop = std::min(round_trip, kLongestRoundTrip) + kFrames * period;
+  if (loop_ == 0) loop_ = loop;
+  loop_ += share(1 / kLoopMean, period) * (loop - loop_);
+}
+
+/// The bodies that a tool moves: those that it pushes, and those that these press on.
+std::set<int> SharedBodies::moved(const Pushes& pushes, const MovableBodies& reported) const {
+  std::set<int> moved;
+  std::vector<int> pressing;
+  const auto add = [&](int body) {
+    if (moved.insert(body).second) pressing.push_back(body);
+  };
+  for (const auto& [body, F] : pushes) add(body);
+  while (!pressing.empty()) {
+    const int body = pressing.back();
+    pressing.pop_back();
+    for (const MovableBody& other : reported) {
+      const int id = static_cast<int>(other.id);
+      if (world_.loads().load(body, id) > 0) add(id);
+    }
+  }
+  return moved;
+}
+
 void SharedBodies::find_shared(std::span<const Pushes> pushes,
                                std::span<const MovableBodies> reported) {
   std::map<int, int> tools_on;
   for (std::size_t i = 0; i < pushes.size(); ++i) {
-    if (pushes[i].empty()) continue;
-    for (const MovableBody& body : reported[i]) ++tools_on[static_cast<int>(body.id)];
+    for (const int body : moved(pushes[i], reported[i])) ++tools_on[body];
   }
   now_.clear();
   for (const auto& [body, tools] : tools_on) {
@@ -40,28 +79,24 @@ void SharedBodies::find_shared(std::span<const Pushes> pushes,
   }
 }
 
-void SharedBodies::push(std::span<const Pushes> pushes, std::span<const MovableBodies> reported,
-                        double period, double loop) {
-  if (pushes.size() < 2) return;
-  find_shared(pushes, reported);
-  add_inertia(period, loop);
-  for (std::size_t tool = 0; tool < pushes.size(); ++tool) learn(tool, pushes, period, loop);
-}
-
-void SharedBodies::add_inertia(double period, double loop) {
-  for (const int body : now_) shared_.try_emplace(body, 0);
-  for (auto& [body, part] : shared_) {
+/// While a body is shared its added mass never falls: what falls gives no momentum back.
+void SharedBodies::add_inertia(double period) {
+  for (const int body : now_) added_.try_emplace(body, 0);
+  for (auto& [body, added] : added_) {
     const bool now = std::ranges::find(now_, body) != now_.end();
-    part += now ? (1 - part) * share(1 / kTaking, period) : -part * share(1 / kLeaving, period);
-    if (!now && part < kNotShared) part = 0;
+    if (now) {
+      added += share(1 / kTaking, period) * std::max(0.0, kImpedance * loop_ - added);
+    } else {
+      added -= share(1 / kLeaving, period) * added;
+      if (added < kNoMass) added = 0;
+    }
     const double mass = world_.description().bodies[static_cast<std::size_t>(body)].mass;
-    world_.set_inertia_factor(body, 1 + part * kImpedance * loop / mass);
+    world_.set_inertia_factor(body, 1 + added / mass);
   }
 }
 
 /// What the others do in this frame.
-void SharedBodies::learn(std::size_t tool, std::span<const Pushes> pushes, double period,
-                         double loop) {
+void SharedBodies::learn(std::size_t tool, std::span<const Pushes> pushes, double period) {
   OthersOn& others_on = of_tools_[tool];
   Pushes present;
   for (std::size_t other = 0; other < pushes.size(); ++other) {
@@ -71,7 +106,7 @@ void SharedBodies::learn(std::size_t tool, std::span<const Pushes> pushes, doubl
       others_on.try_emplace(body);
     }
   }
-  const double learnt = share(kPerLoop / loop, period);
+  const double learnt = share(kPerLoop / loop_, period);
   for (auto& [body, others] : others_on) {
     const Wrench F = present.try_emplace(body, Wrench::Zero()).first->second;
     others.mean += learnt * (F - others.mean);

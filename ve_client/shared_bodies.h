@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -24,10 +25,9 @@ class SharedBodies {
   SharedBodies(World& world, std::size_t tools) : world_(world), of_tools_(tools) {}
 
   /// A frame of `period` seconds begins, in which each tool pushes so; `reported`: the bodies of
-  /// which each tool's server was told. loop (s): the longest way of an impulse from one server
-  /// through a frame to another.
+  /// which each tool's server was told. round_trip: the longest to a server, s, >= 0.
   void push(std::span<const Pushes> pushes, std::span<const MovableBodies> reported, double period,
-            double loop);
+            double round_trip);
   /// Adds what the other tools do to the bodies that a tool's server is told of.
   void add_others(std::size_t tool, MovableBodies& bodies) const;
 
@@ -40,14 +40,17 @@ class SharedBodies {
   };
   using OthersOn = std::map<int, Others>;
 
+  void estimate_loop(double period, double round_trip);
+  std::set<int> moved(const Pushes& pushes, const MovableBodies& reported) const;
   void find_shared(std::span<const Pushes> pushes, std::span<const MovableBodies> reported);
-  void add_inertia(double period, double loop);
-  void learn(std::size_t tool, std::span<const Pushes> pushes, double period, double loop);
+  void add_inertia(double period);
+  void learn(std::size_t tool, std::span<const Pushes> pushes, double period);
 
   World& world_;
   std::vector<OthersOn> of_tools_;
-  std::map<int, double> shared_;  ///< Bodies; how much so, 0 to 1.
-  std::vector<int> now_;          ///< Those that are shared in this frame.
+  double loop_ = 0;  ///< Mean way of an impulse from one server through a frame to another, s.
+  std::map<int, double> added_;  ///< Mass that bodies have gained, kg.
+  std::vector<int> now_;         ///< Those that are shared in this frame.
 };
 
 }  // namespace hlm::ve

@@ -11,7 +11,7 @@ namespace {
 
 constexpr const char* kAfterFault =
     "a fault keeps its force off until a person asks for a new session: restart ve_client, or "
-    "press Reset on its page";
+    "press Reset on its page if that shows this tool";
 
 }  // namespace
 

@@ -1,6 +1,7 @@
 #include "ve_client/shared_bodies.h"
 
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 #include "tests/support/worlds.h"
 #include "ve_client/world/mobility.h"
 
@@ -8,7 +9,7 @@ namespace hlm::ve {
 namespace {
 
 constexpr double kPeriod = 1.0 / 60;  // s
-constexpr double kLoop = 0.1;         // s
+constexpr double kRoundTrip = 0.05;   // s: with three frames a loop of 0.1 s.
 constexpr double kEarth = 9.81;       // m/s²
 
 /// A body of 1 kg that two servers know.
@@ -19,7 +20,7 @@ struct Shared {
         bodies(world, 2) {}
 
   /// A frame in which the tools push so, N along x; zero: they do not touch it.
-  void push(double first, double second) {
+  void push(double first, double second, double period = kPeriod, double round_trip = kRoundTrip) {
     Pushes pushes[2];
     MovableBodies reported[2];
     for (int tool = 0; tool < 2; ++tool) {
@@ -30,8 +31,8 @@ struct Shared {
       world.add_wrench(0, F);
       reported[tool].emplace_back().id = 0;
     }
-    bodies.push(pushes, reported, kPeriod, kLoop);
-    world.step(kPeriod, {});
+    bodies.push(pushes, reported, period, round_trip);
+    world.step(period, {});
   }
 
   /// What a tool's server is told.
@@ -90,13 +91,54 @@ TEST_CASE("Inertia comes with the momentum that the body has") {
   CHECK(shared.world.V_WB(0)[0] * shared.world.inertia_factor(0) == Approx(0.2).epsilon(1e-6));
 }
 
+TEST_CASE("A body that two tools hold keeps its momentum however uneven frames and network are") {
+  Shared shared("0 0 0");
+  shared.world.set_velocity(0, (Twist() << 0.2, 0, 0, 0, 0, 0).finished());
+  test::Random random;
+  for (int frame = 0; frame < 600; ++frame) {
+    shared.push(3, -3, 1 / random.uniform(30, 60), random.uniform(0, 0.1));
+    CHECK(shared.world.V_WB(0)[0] * shared.world.inertia_factor(0) == Approx(0.2).epsilon(1e-6));
+  }
+}
+
+TEST_CASE("A packet that is seconds late adds no more mass than the longest round trip") {
+  Shared shared("0 0 0");
+  for (int frame = 0; frame < 600; ++frame) shared.push(3, -3, kPeriod, 5);
+  CHECK(shared.world.inertia_factor(0) == Approx(1 + 80 * 0.25).epsilon(1e-3));
+}
+
+TEST_CASE("Of two bodies that both servers know, only what both hands push gets heavy") {
+  // They float beside each other, 0.2 mm into each other, or 0.1 m apart.
+  const auto [apart, presses] =
+      GENERATE(Catch::Generators::table<double, bool>({{0.0998, true}, {0.2, false}}));
+  World world(test::world_of(test::model("left", "0 0 0 0 0 0", test::box("0.1 0.1 0.1")) +
+                             test::model("right", std::to_string(apart) + " 0 0 0 0 0",
+                                         test::box("0.1 0.1 0.1"))),
+              {});
+  SharedBodies bodies(world, 2);
+  MovableBodies both;
+  both.emplace_back().id = 0;
+  both.emplace_back().id = 1;
+  const MovableBodies reported[2] = {both, both};
+  const Wrench F = (Wrench() << 3, 0, 0, 0, 0, 0).finished();
+  const Pushes pushes[2] = {{{0, F}}, {{1, -F}}};
+  for (int frame = 0; frame < 12; ++frame) {
+    for (const Pushes& push : pushes) {
+      if (presses) world.add_wrench(push.begin()->first, push.begin()->second);
+    }
+    bodies.push(pushes, reported, kPeriod, kRoundTrip);
+    world.step(kPeriod, {});
+  }
+  for (const int body : {0, 1}) CHECK((world.inertia_factor(body) > 2) == presses);
+}
+
 TEST_CASE("With one tool nothing is added") {
   Shared shared("0 0 0");
   SharedBodies alone(shared.world, 1);
   const Pushes pushes{{0, (Wrench() << 2, 0, 0, 0, 0, 0).finished()}};
   MovableBodies reported;
   reported.emplace_back().id = 0;
-  alone.push({&pushes, 1}, {&reported, 1}, kPeriod, kLoop);
+  alone.push({&pushes, 1}, {&reported, 1}, kPeriod, kRoundTrip);
   const MovableBodies before = reported;
   alone.add_others(0, reported);
   CHECK(reported[0].A_W == before[0].A_W);
