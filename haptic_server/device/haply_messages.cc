@@ -13,6 +13,8 @@ namespace {
 using nlohmann::json;
 
 constexpr const char* kDevices = "inverse3";
+/// Of an id, bytes: it is in every request and in many messages to people.
+constexpr std::size_t kLongestId = 100;
 constexpr const char* kGripKinds[] = {"wireless_verse_grip", "verse_grip"};
 
 [[noreturn]] void fail(const std::string& what) {
@@ -60,7 +62,12 @@ const json& list(const json& message, const std::string& kind) {
 std::string id_of(const json& device, const std::string& kind) {
   const json& id = member(device, "device_id", kind + "[].");
   if (!id.is_string()) fail("has " + kind + "[].device_id " + id.dump() + ", must be a text");
-  return id.get<std::string>();
+  const std::string text = id.get<std::string>();
+  if (text.size() > kLongestId || one_line(text) != text) {
+    fail("has " + kind + "[].device_id " + id.dump() + ", must be " + std::to_string(kLongestId) +
+         " bytes at most, without control characters");
+  }
+  return text;
 }
 
 const json& state_of(const json& message, const std::string& kind, const std::string& id) {
