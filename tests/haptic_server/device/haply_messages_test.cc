@@ -129,6 +129,14 @@ TEST_CASE("An inventory of something else is refused, and what it does not say i
   }
 }
 
+TEST_CASE("A message that is nested deeply is refused, and overflows no stack") {
+  constexpr std::size_t kDepth = 120'000;
+  const std::string text =
+      R"({"error": )" + std::string(kDepth, '[') + std::string(kDepth, ']') + "}";
+  CHECK_THROWS_WITH(parse_haply_state(text, kBoth), ContainsSubstring("nested"));
+  CHECK_THROWS_WITH(parse_haply_inventory(text), ContainsSubstring("nested"));
+}
+
 TEST_CASE("A request holds the force under the field's name, bit for bit") {
   const json request = json::parse(haply_force_request("049D", "vector", {0.1, -2.5, 1e-17}));
   const json& force = request["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
