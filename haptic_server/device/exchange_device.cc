@@ -90,8 +90,9 @@ bool is_finite(const HandleState& state) {
 std::optional<std::string> find_error(const ExchangeOptions& options) {
   const double least = kLateShare / options.rate;
   if (options.oldest >= least) return std::nullopt;
-  return fmt::format("oldest {} s must be at least {:.3g} s, the time of {} requests at the rate {} Hz",
-                     options.oldest, least, kLateShare, options.rate);
+  return fmt::format(
+      "oldest {} s must be at least {:.3g} s, the time of {} requests at the rate {} Hz",
+      options.oldest, least, kLateShare, options.rate);
 }
 
 void add_keys(settings::Table& table, ExchangeOptions& options) {
