@@ -9,6 +9,7 @@
 #include <sched.h>
 #include <spdlog/spdlog.h>
 
+#include "common/one_line.h"
 #include "haptic_server/device/saturate.h"
 
 namespace hlm::server {
@@ -20,8 +21,8 @@ using std::chrono::steady_clock;
 /// A state this share of the oldest one is late already.
 constexpr int kLateShare = 3;
 
-/// Longest wait for a reply before the thread looks whether a force has to end, s.
-constexpr duration<double> kLook{0.001};
+/// Longest wait before the thread looks whether a force has to end.
+constexpr std::chrono::milliseconds kLook{1};
 
 /// Between two tries to open the line, s. Less asks an absent service more often; more lets a
 /// person wait who has plugged the device in again.
@@ -61,6 +62,18 @@ std::thread thread_without_signals(Function function) {
   return thread;
 }
 
+/// Longest cause that is logged and kept, bytes; what a service says can be long.
+constexpr std::size_t kLongestCause = 200;
+
+/// In one line that is not too long, cut between two characters.
+std::string shortened(const std::string& text) {
+  std::string line = one_line(text);
+  if (line.size() <= kLongestCause) return line;
+  std::size_t end = kLongestCause;
+  while (end > 0 && (static_cast<unsigned char>(line[end]) & 0xC0) == 0x80) --end;
+  return line.substr(0, end) + "...";
+}
+
 /// The text for as long as the program runs; there are not many.
 const char* kept(const std::string& text) {
   static std::set<std::string> texts;
@@ -73,6 +86,14 @@ bool is_finite(const HandleState& state) {
 }
 
 }  // namespace
+
+std::optional<std::string> find_error(const ExchangeOptions& options) {
+  const double least = kLateShare / options.rate;
+  if (options.oldest >= least) return std::nullopt;
+  return fmt::format(
+      "oldest {} s must be at least {:.3g} s, the time of {} requests at the rate {} Hz",
+      options.oldest, least, kLateShare, options.rate);
+}
 
 void add_keys(settings::Table& table, ExchangeOptions& options) {
   table.number("rate", options.rate, {100, 8000, "Hz"}, "Requests, at most");
@@ -130,6 +151,10 @@ std::optional<DeviceState> ExchangeDevice::read() noexcept {
     cause_now_ = told_;
     return std::nullopt;
   }
+  if (newest.asked == SteadyTime{}) {  // Enabled while the line is down.
+    cause_now_ = told_;
+    return std::nullopt;
+  }
   const bool is_late = kLateShare * age > oldest_;
   cause_now_ = newest.handle.saturated ? kSaturated : "";
   if (is_late) cause_now_ = kLate;
@@ -178,7 +203,8 @@ void ExchangeDevice::rest(duration<double> time) {
 }
 
 /// What holds a force must hear that it ends, whatever else is wrong.
-void ExchangeDevice::fail(const std::string& cause) {
+void ExchangeDevice::fail(const std::string& text) {
+  const std::string cause = shortened(text);
   told_ = kept(cause);
   const bool in_session = enabled_.exchange(false);
   state_.put({});  // Whoever enables now finds none.
@@ -197,8 +223,20 @@ void ExchangeDevice::fail(const std::string& cause) {
   changed_.notify_all();
 }
 
+/// Until the next request is due, or a force has to end.
+void ExchangeDevice::pause() {
+  const SteadyTime due = asked_ + period_;
+  for (SteadyTime now = steady_clock::now(); now < due && !must_end(); now = steady_clock::now()) {
+    std::this_thread::sleep_until(given_.isZero() ? due : std::min(due, now + kLook));
+  }
+}
+
+bool ExchangeDevice::must_end() noexcept {
+  return !given_.isZero() && wanted_force().value_or(Vector3::Zero()).isZero();
+}
+
 void ExchangeDevice::exchange() {
-  std::this_thread::sleep_until(asked_ + period_);
+  pause();
   line_->expect_silence();
   send(wanted_force());
   while (unanswered_ > 0) await_reply();
@@ -222,9 +260,9 @@ void ExchangeDevice::send(const std::optional<Vector3>& force) {
 }
 
 void ExchangeDevice::await_reply() {
-  if (!given_.isZero() && wanted_force().value_or(Vector3::Zero()).isZero()) send(std::nullopt);
+  if (must_end()) send(std::nullopt);
   const SteadyTime now = steady_clock::now();
-  if (const auto state = line_->receive(now + nanoseconds(kLook.count()))) {
+  if (const auto state = line_->receive(now + kLook)) {
     take(*state);
     if (--unanswered_ > 0) {
       asked_ = ended_;
@@ -277,6 +315,9 @@ void ExchangeDevice::observe(SteadyTime now) {
   const std::lock_guard lock(mutex_);
   if (is_back) {
     spdlog::info("{} is back", name_);
+    if (const char* const warning = line_->warning_after_reopening(); *warning != '\0') {
+      spdlog::warn("{}: {}", name_, warning);
+    }
     cause_.clear();
     refusal_.clear();
   }
@@ -284,6 +325,7 @@ void ExchangeDevice::observe(SteadyTime now) {
   changed_.notify_all();
 }
 
+/// A force that has not come too late; zero instead of one that has; empty: none is rendered.
 std::optional<Vector3> ExchangeDevice::wanted_force() noexcept {
   if (!enabled_ || halted_ || stopping()) return std::nullopt;
   const TimedForce& newest = force_.get();

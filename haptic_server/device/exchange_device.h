@@ -46,6 +46,8 @@ class DeviceLine {
   virtual std::optional<HandleState> receive(SteadyTime deadline) = 0;
   /// As Device::halt().
   virtual void halt() noexcept = 0;
+  /// What a person should know who uses a line that was opened again; empty if nothing.
+  virtual const char* warning_after_reopening() const noexcept { return ""; }
 };
 
 struct ExchangeOptions {
@@ -56,6 +58,8 @@ struct ExchangeOptions {
   double first_state = 3;  ///< calibrate() waits so long for it, s.
 };
 
+/// Why they cannot be used together; empty if they can.
+std::optional<std::string> find_error(const ExchangeOptions& options);
 /// Declares what a person may set of them.
 void add_keys(settings::Table& table, ExchangeOptions& options);
 
@@ -104,6 +108,8 @@ class ExchangeDevice final : public Device {
 
   void run();
   void exchange();
+  void pause();
+  bool must_end() noexcept;
   void request_no_force();
   void await_reply();
   void send(const std::optional<Vector3>& force);
@@ -111,7 +117,7 @@ class ExchangeDevice final : public Device {
   std::optional<Vector3> wanted_force() noexcept;
   void measure(std::chrono::nanoseconds lateness);
   void observe(SteadyTime now);
-  void fail(const std::string& cause);
+  void fail(const std::string& text);
   void rest(std::chrono::duration<double> time);
   bool stopping() const noexcept { return stopping_.load(std::memory_order_relaxed); }
 

@@ -13,6 +13,10 @@ namespace {
 using nlohmann::json;
 
 constexpr const char* kDevices = "inverse3";
+/// Levels of a message; a state has 5.
+constexpr int kDeepest = 32;
+/// Of an id, bytes: it is in every request and in many messages to people.
+constexpr std::size_t kLongestId = 100;
 constexpr const char* kGripKinds[] = {"wireless_verse_grip", "verse_grip"};
 
 [[noreturn]] void fail(const std::string& what) {
@@ -38,9 +42,15 @@ Vector3 vector(const json& state, const char* key, const std::string& path) {
   return {number(value, "x", of_it), number(value, "y", of_it), number(value, "z", of_it)};
 }
 
+/// Called for each part of a message. Writing a value out takes stack for each level.
+bool is_shallow(int depth, json::parse_event_t, const json&) {
+  if (depth > kDeepest) fail("is nested more than " + std::to_string(kDeepest) + " levels deep");
+  return true;
+}
+
 json parse(std::string_view message) {
   try {
-    json parsed = json::parse(message);
+    json parsed = json::parse(message, is_shallow);
     if (parsed.is_object()) return parsed;
   } catch (const json::exception& error) {
     fail(std::string("is not JSON: ") + error.what());
@@ -60,7 +70,12 @@ const json& list(const json& message, const std::string& kind) {
 std::string id_of(const json& device, const std::string& kind) {
   const json& id = member(device, "device_id", kind + "[].");
   if (!id.is_string()) fail("has " + kind + "[].device_id " + id.dump() + ", must be a text");
-  return id.get<std::string>();
+  const std::string text = id.get<std::string>();
+  if (text.size() > kLongestId || one_line(text) != text) {
+    fail("has " + kind + "[].device_id " + id.dump() + ", must be " + std::to_string(kLongestId) +
+         " bytes at most, without control characters");
+  }
+  return text;
 }
 
 const json& state_of(const json& message, const std::string& kind, const std::string& id) {

@@ -36,6 +36,8 @@ constexpr std::size_t kMaxMessage = 256 * 1024;
 /// Cut-off of the angular velocity, which is the grip's change of orientation, Hz.
 constexpr double kCutOff = 30;
 
+constexpr const char* kNoGrip = "none";
+
 constexpr const char* kSource =
     "the Inverse Service comes with the device's software, https://docs.haply.co";
 
@@ -212,7 +214,7 @@ HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions&
            options.handedness + "' as the key handedness says");
     }
   }
-  if (options.grip == "none") return choice;
+  if (options.grip == kNoGrip) return choice;
   std::vector<std::string> grips;
   for (const HaplyGrip& grip : inventory.grips) grips.push_back(grip.id);
   choice.grip = chosen("grip", "grip", options.grip, grips);
@@ -220,6 +222,12 @@ HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions&
     if (grip.id == choice.grip) choice.grip_kind = grip.kind;
   }
   return choice;
+}
+
+InverseServiceOptions choosing(const HaplyChoice& choice, InverseServiceOptions options) {
+  options.device = choice.device;
+  options.grip = choice.grip.empty() ? kNoGrip : choice.grip;
+  return options;
 }
 
 InverseService::InverseService(InverseServiceOptions options) : options_(std::move(options)) {}
@@ -273,6 +281,11 @@ void InverseService::halt() noexcept {
   if (socket < 0) return;
   [[maybe_unused]] const ssize_t sent =
       ::send(socket, no_force_.data(), no_force_.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+const char* InverseService::warning_after_reopening() const noexcept {
+  return "haptic_guard does not reach its new connection: if the server is killed, the last force "
+         "may stay. Restart the server to have it guarded again";
 }
 
 }  // namespace hlm::server

@@ -23,6 +23,8 @@ struct InverseServiceOptions {
 /// The device and its grip. Throws std::runtime_error that names the one that is not there, and
 /// those that are.
 HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions& options);
+/// The options that choose the same again, and nothing else: also no grip, where there was none.
+InverseServiceOptions choosing(const HaplyChoice& choice, InverseServiceOptions options);
 
 class InverseService final : public DeviceLine {
  public:
@@ -41,6 +43,7 @@ class InverseService final : public DeviceLine {
   /// Sends a request for no force on the connection that a forked process inherits: while that
   /// lives. A service that was started again after the fork is not reached from there.
   void halt() noexcept override;
+  const char* warning_after_reopening() const noexcept override;
 
  private:
   class Connection;

@@ -8,7 +8,8 @@
 //   error       replies are those of another board
 //   not_finite  angles are not numbers
 //   broken      two replies to each request
-//   unplug      the port is gone; plugged in again, the board was reset: it replies to nothing until
+//   unplug      the port is gone; plugged in again, the board was reset: it replies to nothing
+//   until
 //               it is set up
 //   late        replies come 30 ms late
 // Those of the handle are the core's.

@@ -153,6 +153,7 @@ TEST_CASE("An Inverse Service that dies is a fault, and started again it serves 
   CHECK(session.server().running());
   session.start_service();
   CHECK(session.server().wait_for_error("Haply Inverse3 STANDIN is back", 5));
+  CHECK(session.server().wait_for_error("haptic_guard does not reach its new connection", 5));
   session.arm();
   session.press(-kPush);
 }

@@ -37,7 +37,7 @@ std::optional<std::string> DiyDriver::find_error() const {
   const Pantograph& arms = board_.pantograph;
   const Vector2 start =
       std::numbers::pi / 180 * Vector2(board_.setup.offset[0], board_.setup.offset[1]);
-  if (arms.handle(start)) return std::nullopt;
+  if (arms.handle(start)) return hlm::server::find_error(exchange_);
   return "base, upper-arm and forearm, with first-offset and second-offset, must be a pantograph "
          "whose forearms meet and are not in line";
 }

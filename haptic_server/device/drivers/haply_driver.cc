@@ -29,7 +29,7 @@ std::optional<std::string> HaplyDriver::find_error() const {
   if (colon == std::string::npos || colon == 0 || colon + 1 == service_.address.size()) {
     return "address " + service_.address + " must be HOST:PORT, for example localhost:10001";
   }
-  return std::nullopt;
+  return hlm::server::find_error(exchange_);
 }
 
 std::vector<std::string> HaplyDriver::connected() const {
@@ -50,8 +50,9 @@ std::unique_ptr<Device> HaplyDriver::open(double) const {
   ratings.halts = true;
   if (choice.grip.empty()) ratings.freedoms = kTranslations;
   if (!choice.grip.empty()) ratings.buttons = kButtonsOfGrip;
-  return std::make_unique<ExchangeDevice>("Haply Inverse3 " + choice.device, ratings, exchange_,
-                                          std::make_unique<InverseService>(service_));
+  return std::make_unique<ExchangeDevice>(
+      "Haply Inverse3 " + choice.device, ratings, exchange_,
+      std::make_unique<InverseService>(choosing(choice, service_)));
 }
 
 }  // namespace hlm::server

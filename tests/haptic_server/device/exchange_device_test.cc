@@ -26,8 +26,9 @@ struct Line {
   std::atomic<double> force = 0;     ///< Of the latest request.
   std::atomic<bool> polled = false;  ///< Whether it asked for the state alone.
   std::atomic<bool> saturates = false;
-  std::atomic<bool> takes = true;      ///< Requests.
-  std::atomic<int> zeros_at_open = 0;  ///< First requests of a line that were for zero.
+  std::atomic<bool> takes = true;            ///< Requests.
+  std::atomic<int> zeros_at_open = 0;        ///< First requests of a line that were for zero.
+  std::string refusal = "nothing is there";  ///< Where nothing is.
   std::atomic<int> opened = 0;
   std::atomic<int> most_unanswered = 0;
   std::atomic<int> halted = 0;
@@ -38,7 +39,7 @@ class ScriptedLine final : public DeviceLine {
   explicit ScriptedLine(Line& line) : line_(line) {}
 
   void open() override {
-    if (!line_.is_there) throw std::runtime_error("nothing is there");
+    if (!line_.is_there) throw std::runtime_error(line_.refusal);
     ++line_.opened;
     is_first_ = true;
     unanswered_ = 0;
@@ -156,6 +157,11 @@ TEST_CASE("After a failure reads fail until a person enables, and then work wher
   CHECK(bench.device.cause() == std::string("it was unplugged"));
   bench.device.enable();
   CHECK_FALSE(within(0.3, [&] { return bench.device.read().has_value(); }));
+  CHECK(within(1, [&] {
+    bench.device.enable();
+    return !bench.device.read() && bench.device.cause() == std::string("nothing is there");
+  }));
+  CHECK_FALSE(within(0.3, [&] { return bench.device.read().has_value(); }));
 
   bench.line.is_there = true;
   REQUIRE(within(1, [&] { return bench.line.opened == 2; }));
@@ -231,6 +237,35 @@ TEST_CASE("A halt sends no force from then on, until the device is enabled") {
   CHECK(bench.line.halted == 1);
   CHECK(bench.tick(0.05, 1));
   CHECK(bench.line.force == 0);
+}
+
+TEST_CASE("A force ends at once, however seldom the device is asked") {
+  Line line;
+  ExchangeDevice device("device", {}, {.rate = 0.5, .oldest = 5},
+                        std::make_unique<ScriptedLine>(line));
+  device.calibrate();
+  device.enable();
+  CHECK(device.write(Wrench::Constant(1)));
+  REQUIRE(within(4, [&] { return line.force == 1; }));
+  device.disable();
+  CHECK(within(0.5, [&] { return line.force == 0; }));  // s, of the 2 s between two requests.
+}
+
+TEST_CASE("A force may not be older than three requests take") {
+  CHECK_FALSE(find_error({.rate = 1000, .oldest = 0.003}));
+  CHECK_THAT(
+      find_error({.rate = 100, .oldest = 0.015}).value(),
+      ContainsSubstring("oldest 0.015 s must be at least 0.03 s") && ContainsSubstring("100 Hz"));
+}
+
+TEST_CASE("A cause is one line of 203 bytes at most, cut between two characters") {
+  Line line;
+  line.is_there = false;
+  std::string text = "a\nb ";
+  for (int i = 0; i < 1000; ++i) text += "\u00b5";  // Two bytes each.
+  line.refusal = text;
+  ExchangeDevice device("device", {}, {}, std::make_unique<ScriptedLine>(line));
+  CHECK_THROWS_WITH(device.calibrate(), "device: " + ("a b " + text.substr(4, 196)) + "...");
 }
 
 TEST_CASE("A line that cannot be opened is an error of the calibration that names it") {

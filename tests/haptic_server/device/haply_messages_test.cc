@@ -111,6 +111,32 @@ TEST_CASE("What is no JSON, or beyond every number, is refused in one line") {
   }
 }
 
+TEST_CASE("An inventory of something else is refused, and what it does not say is empty") {
+  for (const char* text :
+       {R"({"inverse3": [1]})", R"({"inverse3": [[]]})", R"({"inverse3": [null]})",
+        R"({"wireless_verse_grip": ["a"]})", R"({"verse_grip": [{"device_id": 3}]})",
+        R"({"inverse3": [{"device_id": "A\nB"}]})"}) {
+    INFO(text);
+    CHECK_THROWS_WITH(parse_haply_inventory(text), ContainsSubstring("[].device_id"));
+  }
+  const json long_id{{"inverse3", {{{"device_id", std::string(101, 'A')}}}}};
+  CHECK_THROWS_WITH(parse_haply_inventory(long_id.dump()), ContainsSubstring("100 bytes at most"));
+  for (const char* config : {"1", "[]", "null", "\"left\"", R"({"handedness": 1})"}) {
+    INFO(config);
+    const std::string text =
+        std::string(R"({"inverse3": [{"device_id": "A", "config": )") + config + "}]}";
+    CHECK(parse_haply_inventory(text).devices.at(0).handedness.empty());
+  }
+}
+
+TEST_CASE("A message that is nested deeply is refused, and overflows no stack") {
+  constexpr std::size_t kDepth = 120'000;
+  const std::string text =
+      R"({"error": )" + std::string(kDepth, '[') + std::string(kDepth, ']') + "}";
+  CHECK_THROWS_WITH(parse_haply_state(text, kBoth), ContainsSubstring("nested"));
+  CHECK_THROWS_WITH(parse_haply_inventory(text), ContainsSubstring("nested"));
+}
+
 TEST_CASE("A request holds the force under the field's name, bit for bit") {
   const json request = json::parse(haply_force_request("049D", "vector", {0.1, -2.5, 1e-17}));
   const json& force = request["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
@@ -145,6 +171,17 @@ TEST_CASE("A device is chosen by its id, or as the only one, and another handedn
   CHECK(choose(one, {}).device == "A");
   CHECK(choose(one, {}).grip.empty());
   CHECK_THROWS_WITH(choose({}, {}), ContainsSubstring("plug it in"));
+}
+
+TEST_CASE("A choice that is made again takes no other device, and no other grip") {
+  const HaplyInventory both{{{"A", ""}}, {{"G", "verse_grip"}}};
+  const HaplyInventory alone{{{"A", ""}}, {}};
+  const HaplyInventory others{{{"B", ""}}, {{"H", "verse_grip"}}};
+  const InverseServiceOptions with_grip = choosing(choose(both, {}), {});
+  CHECK(choose(both, with_grip).grip == "G");
+  CHECK_THROWS_WITH(choose(others, with_grip), ContainsSubstring("no Inverse3 'A'"));
+  CHECK_THROWS_WITH(choose(alone, with_grip), ContainsSubstring("no grip 'G'"));
+  CHECK(choose(both, choosing(choose(alone, {}), {})).grip.empty());
 }
 
 }  // namespace
