@@ -67,6 +67,10 @@ TEST_CASE("A scene for two hands has two tools: those that are asked for, or els
                                         kModels);
   CHECK(load_scene(two).tools == std::vector<std::string>{"peg"});
   CHECK(load_scene(two, {{}, {}}).tools == std::vector<std::string>{"peg", "brick"});
+  const fs::path other =
+      folder.write("other.sdf", "<haptic:second_tool>brick</haptic:second_tool>" + kModels);
+  CHECK_THROWS_WITH(load_scene(other), ContainsSubstring("which model is the tool?"));
+  CHECK(load_scene(other, {{"peg", ""}, {}}).tools == std::vector<std::string>{"peg", "brick"});
   const fs::path one = folder.write("one.sdf", "<haptic:tool>peg</haptic:tool>" + kModels);
   CHECK(load_scene(one, {{}, {"brick", ""}}).tools == std::vector<std::string>{"peg", "brick"});
   CHECK_THROWS_WITH(
@@ -80,9 +84,8 @@ TEST_CASE(
     "Every world of the repository is a scene that says what is to be felt, in 80 characters") {
   const auto scenes = scenes_beside(fs::path(HLM_WORLDS) / "testbed.sdf");
   CHECK(names(scenes) == std::vector<std::string>{"bimanual", "clutter", "corner", "door", "lift",
-                                                  "linkage", "mesh", "peg_in_hole_3d",
-                                                  "playground", "push", "scale", "scissors",
-                                                  "stack", "testbed"});
+                                                  "linkage", "mesh", "peg_in_hole_3d", "playground",
+                                                  "push", "scale", "scissors", "stack", "testbed"});
   for (const SceneSummary& scene : scenes) {
     CAPTURE(scene.name);
     const Scene loaded = load_scene(scene.file);
