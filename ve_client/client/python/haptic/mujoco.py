@@ -323,10 +323,13 @@ class Shapes:
         """Bodies and their parents, and what the model excludes, which it names by the bodies before welding."""
         model = self._model
         parent = np.asarray(model.body_weldid)[np.asarray(model.body_parentid)[body]]
-        named = {int(signature) for signature in np.asarray(model.exclude_signature)}
+        first, second = np.divmod(np.asarray(model.exclude_signature, dtype=np.int64), 1 << 16)
+        # MuJoCo 2.2 counts these bodies from 1, MuJoCo 3 from 0. Where a model can be either, it is the latter.
+        from_one = int(max([*first, *second], default=0) >= len(np.asarray(model.body_weldid)))
+        named = {(int(p) - from_one, int(q) - from_one) for p, q in zip(first, second)}
         def apart(i: int, j: int) -> bool:
             related = body[i] != 0 and body[j] != 0 and (body[i] == parent[j] or body[j] == parent[i])
-            return bool(related) or any((int(p) << 16) + int(q) in named
+            return bool(related) or any((int(p), int(q)) in named
                                         for p, q in ((own[i], own[j]), (own[j], own[i])))
         return [(i, j) for i in range(len(body)) for j in range(i) if apart(i, j)]
 
