@@ -28,6 +28,16 @@ void try_engine(const Scene& scene, const Settings& settings, Diagnostics& diagn
   }
 }
 
+/// With the second tool that the file names, too, unless the options choose others than the file's.
+Scene scene_with_named_tools(const Settings& settings, Diagnostics& diagnostics) {
+  std::vector<ToolChoice> tools = choices(settings);
+  const std::size_t asked = tools.size();
+  if (tools.front().tool.empty()) tools.resize(kMostTools);
+  Scene scene = load_scene(settings.world, tools, diagnostics);
+  while (scene.tools.size() > asked && scene.tools.back().empty()) scene.tools.pop_back();
+  return scene;
+}
+
 void write(const Scene& scene, std::ostream& out) {
   const WorldDescription& world = scene.world;
   std::size_t collisions = 0;
@@ -63,7 +73,7 @@ void write(const Diagnostics& diagnostics, Verdict verdict, const char* title, s
 
 bool check_scene(const Settings& settings, std::ostream& out) {
   Diagnostics diagnostics;
-  const Scene scene = load_scene(settings.world, choices(settings), diagnostics);
+  const Scene scene = scene_with_named_tools(settings, diagnostics);
   if (diagnostics.usable()) try_engine(scene, settings, diagnostics);
   write(scene, out);
   if (diagnostics.usable()) write_tools(scene, out);

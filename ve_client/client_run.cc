@@ -179,8 +179,8 @@ void ClientRun::begin(Asked asked) {
 
 void ClientRun::frame(double period) {
   if (page_) take_page_requests();
-  // Friction that a person has set holds instead of the materials'.
-  live_.frame.report_friction = live_.tuning.friction == own_tuning_.friction;
+  // Friction that a person has set, of the page's tool, holds instead of the materials'.
+  live_.frame.report_friction.front() = live_.tuning.friction == own_tuning_.friction;
   std::vector<HapticClient*> clients;
   for (ToolSession& session : sessions_) clients.push_back(&session.client());
   const std::vector<FrameResult> results =

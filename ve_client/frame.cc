@@ -189,15 +189,16 @@ struct Report {
 };
 
 /// What the tool touches, or nearly touches, and the bodies that it can push.
-Report find_contacts(const World& world, HeldTool& held, const HapticClient& client, double period,
-                     const FrameOptions& options, FrameResult& result) {
+Report find_contacts(VirtualEnvironment& environment, std::size_t i, const HapticClient& client,
+                     double period, const FrameOptions& options, FrameResult& result) {
+  HeldTool& held = environment.tools[i];
   Surroundings& surroundings = held.surroundings;
   const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, held.tool.target_speed(), delay, period);
   const bool all_axes =
       client.connected() && client.welcome().capabilities.axes && !options.one_axis;
   std::vector<FoundContact> found =
-      tool_contacts(world, held, result.epsilon, delay + 2 * period, all_axes);
+      tool_contacts(environment.world, held, result.epsilon, delay + 2 * period, all_axes);
   result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
   std::vector<FoundContact> contacts = selected(held, std::move(found));
   for (const FoundContact& contact : contacts) {
@@ -207,7 +208,7 @@ Report find_contacts(const World& world, HeldTool& held, const HapticClient& cli
       ++(contact.separation <= 0 ? result.active : result.predicted);
     }
   }
-  if (!options.report_friction) {
+  if (!options.report_friction[i]) {
     for (FoundContact& contact : contacts) contact.friction = -1;
   }
   if (!pushes_by_impulses(client, options)) {
@@ -247,7 +248,7 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
     clients[i]->sample(sampled_at, held.tool.q(), held.tool.v(), period);
-    reports.push_back(find_contacts(world, held, *clients[i], period, options, results[i]));
+    reports.push_back(find_contacts(environment, i, *clients[i], period, options, results[i]));
     environment.shared.add_others(i, reports.back().bodies);
   }
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);

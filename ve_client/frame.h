@@ -1,6 +1,7 @@
 // The client's frame: what the virtual environment does 30 to 60 times a second.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <random>
@@ -59,9 +60,9 @@ struct FrameOptions {
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
   double delay = 0;
-  /// Contacts of the tool carry the friction of the materials where the world states it; otherwise
-  /// the server's own holds everywhere.
-  bool report_friction = true;
+  /// Of each tool: its contacts carry the friction of the materials where the world states it;
+  /// otherwise its server's own holds everywhere.
+  std::array<bool, kMostTools> report_friction{true, true};
   /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
   /// near ones. For comparisons.
   bool one_axis = false;

@@ -24,7 +24,7 @@ constexpr double kNoMass = 1e-3;
 constexpr double kFrames = 3;
 /// Longest round trip that counts, s. With more a body that two tools hold gets too heavy to move.
 constexpr double kLongestRoundTrip = 0.2;
-/// Time constant of the means that make the loop, s. Shorter, and a single late packet adds mass.
+/// Time constant of the mean loop, s. Shorter, and a single late packet adds mass.
 constexpr double kLoopMean = 1;
 /// What is less than this is nothing, N or m/s, N·m or rad/s.
 constexpr double kNothing = 1e-6;

@@ -87,11 +87,20 @@ class Geoms(unittest.TestCase):
         with self.assertRaisesRegex(haptic.HapticError, "geom 1 is of type 1, must be one of"):
             self.find('type="sphere" size="0.02"', 0.1, world='<geom type="hfield" hfield="hills"/>')
 
-    def find(self, geom, height, epsilon=0.005, world=""):
+    def test_what_the_model_excludes_does_not_touch_though_it_is_welded(self):
+        """A ball on a post that stands still: MuJoCo takes the post for the world."""
+        post = '<body name="post" pos="0 0 0.06"><geom type="box" size="0.02 0.02 0.02"/></body>'
+        ball = 'type="sphere" size="0.02"'
+        self.assertEqual(len(self.find(ball, 0.101, world=post)), 1)
+        exclude = '<contact><exclude body1="post" body2="tool"/></contact>'
+        self.assertEqual(len(self.find(ball, 0.101, world=post, contact=exclude)), 0)
+
+    def find(self, geom, height, epsilon=0.005, world="", contact=""):
         text = f"""<mujoco><asset><mesh name="tent" vertex="0 0 0  0.02 0 0  0 0.02 0  0 0 0.02"/>
             <hfield name="hills" nrow="3" ncol="3" size="1 1 1 0.1"/></asset><worldbody>
             <geom type="plane" size="1 1 0.1"/>{world}<body name="tool" pos="0 0 {height}"><freejoint/>
-            <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><geom {geom}/></body></worldbody></mujoco>"""
+            <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><geom {geom}/></body></worldbody>
+            {contact}</mujoco>"""
         with tempfile.TemporaryDirectory() as folder:
             path = pathlib.Path(folder) / "scene.xml"
             path.write_text(text)

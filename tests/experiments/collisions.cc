@@ -82,7 +82,7 @@ test::VirtualSessionOptions block(double gap) {
       test::fixed_model("wall", "0 0.1 0 0 0 0", test::box("2 0.2 0.2")));
   options.tool = "tool";
   options.device.dry_friction = 0;
-  options.frame.report_friction = false;
+  options.frame.report_friction = {};
   return options;
 }
 

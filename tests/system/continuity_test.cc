@@ -22,7 +22,7 @@ TEST_CASE("A ball that is dragged off an edge loses its force by 0.5 N a tick at
             "</collision>",
             "<haptic:tool_joint>planar</haptic:tool_joint>"));
   options.tool = "ball";
-  options.frame.report_friction = false;
+  options.frame.report_friction = {};
   options.servo.local_model.static_friction = options.servo.local_model.kinetic_friction = 0;
   options.device.dry_friction = 0;
   options.link = {.delay = delay};

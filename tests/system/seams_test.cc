@@ -192,7 +192,7 @@ Slide slide(const Task& task) {
   options.device.dry_friction = 0;
   options.servo.local_model.static_friction = task.friction;
   options.servo.local_model.kinetic_friction = task.friction;
-  options.frame.report_friction = false;
+  options.frame.report_friction = {};
   const server::Grip grip;
   const Vector3 down(0, 0, -0.002 - task.push / grip.stiffness);
   const Vector3 turn(0, 0, task.turn);

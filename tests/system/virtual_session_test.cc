@@ -134,7 +134,7 @@ TEST_CASE("A control that leaves friction alone leaves static friction above kin
   options.device.dry_friction = 0;
   options.servo.local_model.static_friction = 0.6;
   options.servo.local_model.kinetic_friction = 0.3;
-  options.frame.report_friction = false;
+  options.frame.report_friction = {};
   // Against the wall, then along it with a force between what the two coefficients bear.
   server::Push along = {.constant = force(1.1, 3)};
   options.hand = constant_push(force(0, 3));

@@ -56,6 +56,24 @@ TEST_CASE("A tool is checked too, the named one and another") {
   CHECK_THAT(why, ContainsSubstring("tool 'hammer'") && ContainsSubstring("it has: arm"));
 }
 
+TEST_CASE("The second tool that a world names is checked, unless another is held") {
+  const auto [usable, text] = check(HLM_WORLDS "/bimanual.sdf");
+  CHECK(usable);
+  CHECK_THAT(text, ContainsSubstring("tool 'tray'") && ContainsSubstring("tool 'peg'"));
+  CHECK(check(HLM_WORLDS "/bimanual.sdf", "peg").usable);
+
+  const std::string file = std::filesystem::temp_directory_path() /
+                           ("hlm_check_test." + std::to_string(getpid()) + ".sdf");
+  std::ofstream(file) << "<sdf version='1.9'><world name='w'><haptic:tool>a</haptic:tool>"
+                         "<haptic:second_tool>b</haptic:second_tool>"
+                      << test::model("a", "0 0 0 0 0 0", "")
+                      << test::fixed_model("b", "1 0 0 0 0 0", "") << "</world></sdf>";
+  const auto [fixed_usable, why] = check(file);
+  std::filesystem::remove(file);
+  CHECK_FALSE(fixed_usable);
+  CHECK_THAT(why, ContainsSubstring("tool 'b'"));
+}
+
 TEST_CASE("What only the engine refuses is refused by the check") {
   const std::string file = std::filesystem::temp_directory_path() /
                            ("hlm_check_test." + std::to_string(getpid()) + ".sdf");

@@ -330,7 +330,7 @@ TEST_CASE("The tool pushes a body by impulses alone where the server has them, e
 TEST_CASE("Contacts carry the friction of the materials unless the server's is to hold") {
   const auto friction = [](bool report) {
     Setup setup;
-    setup.run(2, {.report_friction = report});
+    setup.run(2, {.report_friction = {report}});
     return setup.server->updates.back().contacts.at(0).friction;
   };
   CHECK(friction(true) == Approx(0.3));

@@ -67,6 +67,10 @@ TEST_CASE("A scene for two hands has two tools: those that are asked for, or els
                                         kModels);
   CHECK(load_scene(two).tools == std::vector<std::string>{"peg"});
   CHECK(load_scene(two, {{}, {}}).tools == std::vector<std::string>{"peg", "brick"});
+  const fs::path other =
+      folder.write("other.sdf", "<haptic:second_tool>brick</haptic:second_tool>" + kModels);
+  CHECK_THROWS_WITH(load_scene(other), ContainsSubstring("which model is the tool?"));
+  CHECK(load_scene(other, {{"peg", ""}, {}}).tools == std::vector<std::string>{"peg", "brick"});
   const fs::path one = folder.write("one.sdf", "<haptic:tool>peg</haptic:tool>" + kModels);
   CHECK(load_scene(one, {{}, {"brick", ""}}).tools == std::vector<std::string>{"peg", "brick"});
   CHECK_THROWS_WITH(

@@ -58,10 +58,10 @@ TEST_CASE("A world may name its tool, and say what is to be felt") {
       "<haptic:tool>peg</haptic:tool><haptic:description>\n  A peg\n"
       "  in a hole.</haptic:description>" +
       peg);
-  CHECK(said.tools == std::vector<std::string>{"peg"});
+  CHECK(said.tools == std::array<std::string, kMostTools>{"peg", ""});
   CHECK(said.description == "A peg in a hole.");
   const WorldDescription silent = world_of(peg);
-  CHECK(silent.tools.empty());
+  CHECK(silent.tools == std::array<std::string, kMostTools>{});
   CHECK(silent.description.empty());
 
   CHECK_THAT(error_of("<haptic:tool>hammer</haptic:tool>" + peg),

@@ -318,6 +318,12 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
                      std::to_string(HAPTIC_MAX_BODIES);
     return -1;
   }
+  for (std::size_t i = 0; i < count; ++i) {
+    if (contacts[i].plane < kWords<PlaneOwner>.size()) continue;
+    session->error = "contact " + std::to_string(i) + ": plane " +
+                     std::to_string(contacts[i].plane) + " must be 0 or 1";
+    return -1;
+  }
   for (std::size_t i = 0; i < body_count; ++i) {
     if (bodies[i].round < kWords<Roundness>.size()) continue;
     session->error = "body " + std::to_string(bodies[i].id) + ": round " +

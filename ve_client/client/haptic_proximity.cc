@@ -150,6 +150,7 @@ struct haptic_proximity {
     std::ranges::copy(point.n_W, made.normal);
     made.separation = point.separation;
     made.friction = -1;
+    made.plane = static_cast<std::uint32_t>(plane_of(point.tool_feature, point.body_feature));
     return made;
   }
 
@@ -209,9 +210,10 @@ std::size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose
     const double* R = poses[i].rotation;
     const Pose X_WS{Eigen::Map<const Vector3>(poses[i].position),
                     Quaternion(R[0], R[1], R[2], R[3])};
-    const bool finite = X_WS.p.allFinite() && X_WS.R.coeffs().allFinite();
+    const bool usable =
+        X_WS.p.allFinite() && X_WS.R.coeffs().allFinite() && X_WS.R.squaredNorm() > 0;
     all.poses.push_back({X_WS.p, X_WS.R.normalized()});
-    all.bounds.push_back(finite ? all.pieces[i].convex.bounds(all.poses.back())
+    all.bounds.push_back(usable ? all.pieces[i].convex.bounds(all.poses.back())
                                 : Eigen::AlignedBox3d());
   }
   all.sides_before = std::exchange(all.sides, {});

@@ -2,9 +2,9 @@
  *
  *   haptic_proximity* near = haptic_proximity_open(shapes, count, NULL, 0, error, sizeof error);
  *   while (running) {
- *     ...                                               // haptic_poll(), your engine,
- * haptic_sample() size_t found = haptic_proximity_find(near, poses, epsilon, contacts);
- *     haptic_send(touch, contacts, found, NULL, 0);     // identities are lasting ones
+ *     ...  // haptic_poll(), your engine, haptic_sample()
+ *     size_t found = haptic_proximity_find(near, poses, epsilon, contacts);
+ *     haptic_send(touch, contacts, found, NULL, 0);  // identities are lasting ones
  *   }
  *
  * SI units, world axes. Link with -lhaptic_proximity beside -lhaptic. One thread at a time.
@@ -59,7 +59,8 @@ HAPTIC_API void haptic_proximity_close(haptic_proximity* proximity);
  * with, and of those that these have contacts with. Nearest pairs first, whole pairs only.
  * Separations are exact to 1e-6 m. `pair` is count times the index of a's shape plus that of b's.
  * Velocities and loads are 0, friction is the server's. Returns how many, at most
- * HAPTIC_MAX_CONTACTS, which `contacts` must hold. Poses that are not finite have no contacts. */
+ * HAPTIC_MAX_CONTACTS, which `contacts` must hold. Shapes whose pose is not finite, or whose
+ * rotation is of length 0, have no contacts. */
 HAPTIC_API size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses,
                                         double epsilon, haptic_contact* contacts);
 

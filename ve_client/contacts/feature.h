@@ -30,6 +30,12 @@ struct Feature {
   }
 };
 
+/// Whose flat face a contact lies on, by its features on side a and side b.
+constexpr PlaneOwner plane_of(const Feature& a, const Feature& b) noexcept {
+  return a.kind == FeatureKind::kFace && b.kind != FeatureKind::kFace ? PlaneOwner::kA
+                                                                      : PlaneOwner::kB;
+}
+
 /// The feature pair of a contact. It is the same from frame to frame, whichever of the two bodies a
 /// collision detector takes as its reference.
 struct ContactKey {

@@ -68,8 +68,7 @@ Scene load_scene(const fs::path& file, const std::vector<ToolChoice>& tools,
                  Diagnostics& diagnostics) {
   Scene scene{file, load_world(file, diagnostics), {}};
   for (std::size_t i = 0; i < tools.size(); ++i) {
-    const std::string named = i < scene.world.tools.size() ? scene.world.tools[i] : "";
-    const std::string& tool = tools[i].tool.empty() ? named : tools[i].tool;
+    const std::string& tool = tools[i].tool.empty() ? scene.world.tools[i] : tools[i].tool;
     if (!tool.empty() && std::ranges::find(scene.tools, tool) != scene.tools.end()) {
       diagnostics.refuse({file.string(), 0, ""},
                          "tool '" + tool + "' is named twice: each hand holds its own");

@@ -10,8 +10,6 @@
 
 namespace hlm::ve {
 
-inline constexpr std::size_t kMostTools = 2;
-
 /// A model that somebody holds.
 struct ToolChoice {
   std::string tool;   ///< Empty: the one that the world names.

@@ -1,6 +1,7 @@
 #include "ve_client/world/sdf_loader.h"
 
 #include <algorithm>
+#include <array>
 #include <set>
 #include <sstream>
 
@@ -127,7 +128,8 @@ class WorldReader {
   void read_world(const sdf::ElementPtr& element) {
     world_.gravity_W = to_vector(element->Get<ignition::math::Vector3d>("gravity"));
     world_.solver = read_solver(element, diagnostics_);
-    for (const char* name : {"haptic:tool", "haptic:second_tool"}) read_tool(element, name);
+    read_tool(element, "haptic:tool", 0);
+    read_tool(element, "haptic:second_tool", 1);
     world_.description = read_text(element, "haptic:description", diagnostics_);
     // Nothing depends on the world's name, but some are reserved. <physics> has been read, and
     // libsdformat's World wants what the schema leaves out of it.
@@ -137,12 +139,9 @@ class WorldReader {
     }
   }
 
-  void read_tool(const sdf::ElementPtr& element, const char* name) {
-    const sdf::ElementPtr tool = element->FindElement(name);
-    const std::string model = read_text(element, name, diagnostics_);
-    if (model.empty()) return;
-    world_.tools.push_back(model);
-    tool_places_.push_back(place_of(tool));
+  void read_tool(const sdf::ElementPtr& element, const char* name, std::size_t tool) {
+    world_.tools[tool] = read_text(element, name, diagnostics_);
+    if (!world_.tools[tool].empty()) tool_places_[tool] = place_of(element->FindElement(name));
   }
 
   void add_models(const std::vector<sdf::ElementPtr>& models) {
@@ -192,6 +191,7 @@ class WorldReader {
 
   void check_tools() {
     for (std::size_t i = 0; i < world_.tools.size(); ++i) {
+      if (world_.tools[i].empty()) continue;
       try {
         find_model(world_, world_.tools[i]);
       } catch (const std::runtime_error& error) {
@@ -205,7 +205,7 @@ class WorldReader {
   SdfTrees trees_;
   sdf::ElementPtr bare_;  ///< <sdf> with the world, without models.
   WorldDescription world_;
-  std::vector<Place> tool_places_;
+  std::array<Place, kMostTools> tool_places_;
   std::set<std::string> names_;
 };
 

@@ -96,6 +96,7 @@ Meeting Resolver::seen(const FoundContact& contact) const {
 
 FoundContact Resolver::reported(Meeting meeting) const {
   FoundContact& contact = meeting.contact;
+  contact.plane = plane_of(contact.key.a_feature, contact.key.b_feature);  // Some are renamed.
   if (!meeting.moved) return contact;
   contact.n_W = X_WF_.R * (own_is_b_ ? meeting.n : Vector3(-meeting.n));
   contact.p_WC = X_WF_ * (own_is_b_ ? meeting.at : meeting.opposite);
@@ -351,13 +352,6 @@ bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces
 
 }  // namespace
 
-PlaneOwner plane_of(const ManifoldPoint& point) {
-  return point.tool_feature.kind == FeatureKind::kFace &&
-                 point.body_feature.kind != FeatureKind::kFace
-             ? PlaneOwner::kA
-             : PlaneOwner::kB;
-}
-
 FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
                            const CollisionId& shape_a, const ContactSide& b,
                            const CollisionId& shape_b) {
@@ -367,7 +361,7 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
   contact.key.b_feature.shape = static_cast<std::uint32_t>(shape_b.shape);
   contact.pair = pair_of(contact.key);
   contact.axis = point.axis;
-  contact.plane = plane_of(point);
+  contact.plane = plane_of(point.tool_feature, point.body_feature);
   contact.p_WC = point.p_WC;
   contact.n_W = point.n_W;
   contact.separation = point.separation;

@@ -1,6 +1,7 @@
 // What a virtual environment is made of, as plain values: bodies, joints, models.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <compare>
 #include <limits>
@@ -103,9 +104,12 @@ struct SolverDescription {
 std::optional<double> friction_between(const CollisionDescription& a,
                                        const CollisionDescription& b);
 
+/// That can be held in one world.
+inline constexpr std::size_t kMostTools = 2;
+
 struct WorldDescription {
-  /// <haptic:tool> and <haptic:second_tool>: the models that users hold, as far as given.
-  std::vector<std::string> tools;
+  /// <haptic:tool> and <haptic:second_tool>: the models that users hold; empty: not given.
+  std::array<std::string, kMostTools> tools;
   std::string description;  ///< <haptic:description>: what is to be felt; empty: not given.
   Vector3 gravity_W = Vector3::Zero();  ///< m/s².
   SolverDescription solver;

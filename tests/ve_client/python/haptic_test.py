@@ -223,6 +223,9 @@ class Mistakes(unittest.TestCase):
             touch.send(haptic.contacts(0), body)
         self.assertEqual(str(caught.exception), "body 7: round 300 must be 0, 1 or 2")
 
+    def test_a_plane_of_neither_side_is_named(self):
+        self.refused("contact 0: plane 2 must be 0 or 1", plane=2)
+
     def test_options_that_cannot_be_used_are_named(self):
         for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
                               ("epsilon", {"epsilon": -1}), ("rate", {"rate": 0}),
@@ -292,6 +295,33 @@ class Proximity(unittest.TestCase):
     def test_poses_that_are_not_finite_have_no_contacts(self):
         self.places[0, 2] = np.nan
         self.assertEqual(len(self.find()), 0)
+
+
+    def test_positions_and_rotations_that_are_not_one_for_each_shape_are_named(self):
+        near = haptic.proximity.Proximity(self.shapes)
+        with self.assertRaisesRegex(haptic.HapticError, r"positions: shape \(3,\) must be \(4, 3\)"):
+            near.find(self.places[0], self.turns, 0.005)
+        with self.assertRaisesRegex(haptic.HapticError, r"rotations: shape \(3, 4\) must be \(4, 4\)"):
+            near.find(self.places, self.turns[:3], 0.005)
+
+    def test_a_rotation_of_zero_is_named(self):
+        self.turns[2] = 0
+        with self.assertRaisesRegex(haptic.HapticError, "the rotation of shape 2 must not be zero"):
+            self.find()
+
+    def test_whose_plane_a_contact_lies_on_is_said(self):
+        """A box of the tool flat on the corner of another, and the other way round."""
+        half = 0.5 * np.arccos(3**-0.5)  # Half the angle from (1, 1, 1) to z.
+        corner_up = (np.cos(half), np.sin(half) / 2**0.5, -np.sin(half) / 2**0.5, 0)
+        self.shapes = [haptic.proximity.box((0.04,) * 3, haptic.TOOL_LINK), haptic.proximity.box((0.04,) * 3)]
+        for plane, turns in ((1, [(1, 0, 0, 0), corner_up]), (0, [corner_up, (1, 0, 0, 0)])):
+            with self.subTest(plane=plane):
+                self.places = np.array([[0, 0, 0.02 + 0.02 * 3**0.5 + 0.001], [0, 0, 0]])
+                self.turns = np.array(turns)
+                found = self.find()
+                nearest = found[found["axis"] == 0]
+                self.assertAlmostEqual(nearest["separation"][0], 0.001, delta=1e-6)  # m
+                self.assertEqual(nearest["plane"].tolist(), [plane])
 
 
 class Interface(unittest.TestCase):

@@ -162,7 +162,7 @@ class NearContacts {
   }
 
   /// False if the closest points are those of two edges, or not on the faces.
-  bool add_faces(const ReportedContact& contact, const Closest& closest, const Polyhedron& a,
+  bool add_faces(ReportedContact contact, const Closest& closest, const Polyhedron& a,
                  const Polyhedron& b) {
     const btTransform& X_WA = closest.a.getWorldTransform();
     const btTransform& X_WB = closest.b.getWorldTransform();
@@ -172,6 +172,7 @@ class NearContacts {
     const btScalar margins = a.margin() + b.margin();
     const std::size_t before = found_.size();
     if (axis.of_a) {
+      contact.plane = PlaneOwner::kA;
       for (const auto& [p, distance] : a.over(X_WA, -axis.n, b, X_WB, epsilon_ + margins)) {
         keep(contact, p + b.margin() * axis.n, axis.n, distance - margins);
       }

@@ -278,13 +278,14 @@ class Shapes:
         self._model = model
         collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
         self._geoms = np.flatnonzero(collides)
-        body = np.asarray(model.body_weldid)[np.asarray(model.geom_bodyid)[self._geoms]]
+        own = np.asarray(model.geom_bodyid)[self._geoms]
+        body = np.asarray(model.body_weldid)[own]
         by_pair = sorted({*np.asarray(model.pair_geom1).tolist(), *np.asarray(model.pair_geom2).tolist()}
                          - set(self._geoms.tolist()))
         if by_pair:
             raise haptic.HapticError(f"geom {by_pair[0]} collides by <pair> alone; use contacts='engine'")
         shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, body)]
-        self._proximity = haptic.proximity.Proximity(shapes, self._excluded(body))
+        self._proximity = haptic.proximity.Proximity(shapes, self._excluded(own, body))
 
     def find(self, data: Any, epsilon: float) -> np.ndarray:
         """Contacts at the present poses, with the friction of their geoms."""
@@ -318,15 +319,18 @@ class Shapes:
         first = int(model.mesh_vertadr[mesh])
         return np.asarray(model.mesh_vert)[first:first + int(model.mesh_vertnum[mesh])]
 
-    def _excluded(self, body: np.ndarray) -> list[tuple[int, int]]:
-        """Bodies and their parents, and what the model excludes."""
+    def _excluded(self, own: np.ndarray, body: np.ndarray) -> list[tuple[int, int]]:
+        """Bodies and their parents, and what the model excludes, which it names by the bodies before welding."""
         model = self._model
         parent = np.asarray(model.body_weldid)[np.asarray(model.body_parentid)[body]]
-        named = {int(signature) for signature in np.asarray(model.exclude_signature)}
+        first, second = np.divmod(np.asarray(model.exclude_signature, dtype=np.int64), 1 << 16)
+        # MuJoCo 2.2 counts these bodies from 1, MuJoCo 3 from 0. Where a model can be either, it is the latter.
+        from_one = int(max([*first, *second], default=0) >= len(np.asarray(model.body_weldid)))
+        named = {(int(p) - from_one, int(q) - from_one) for p, q in zip(first, second)}
         def apart(i: int, j: int) -> bool:
             related = body[i] != 0 and body[j] != 0 and (body[i] == parent[j] or body[j] == parent[i])
-            return bool(related) or any((int(p) << 16) + int(q) in named
-                                        for p, q in ((body[i], body[j]), (body[j], body[i])))
+            return bool(related) or any((int(p), int(q)) in named
+                                        for p, q in ((own[i], own[j]), (own[j], own[i])))
         return [(i, j) for i in range(len(body)) for j in range(i) if apart(i, j)]
 
 

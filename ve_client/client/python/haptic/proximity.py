@@ -76,8 +76,18 @@ class Proximity:
             self._library.haptic_proximity_close(self._proximity)
 
     def find(self, positions: np.ndarray, rotations: np.ndarray, epsilon: float) -> np.ndarray:
-        """Contacts within epsilon (m): of the tool, of the bodies near it, and of those that these touch."""
+        """Contacts within epsilon (m): of the tool, of the bodies near it, and of those that these touch.
+
+        Raises haptic.HapticError where there is not one position and one rotation for each shape, or a rotation is zero.
+        """
+        for name, given, width in (("positions", positions, 3), ("rotations", rotations, 4)):
+            if np.shape(given) != (len(self._poses), width):
+                raise haptic.HapticError(f"{name}: shape {np.shape(given)} must be {(len(self._poses), width)}, "
+                                         "one row for each shape")
         self._poses["position"], self._poses["rotation"] = positions, rotations
+        zero = np.flatnonzero(~self._poses["rotation"].any(axis=1))
+        if zero.size:
+            raise haptic.HapticError(f"the rotation of shape {zero[0]} must not be zero")
         count = self._library.haptic_proximity_find(self._proximity, self._poses.ctypes.data, epsilon,
                                                     self._contacts.ctypes.data)
         return self._contacts[:count].copy()
