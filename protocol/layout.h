@@ -255,6 +255,7 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.appended_f64(state.tank);
   io.appended_f64(state.brought);
   io.appended_flag(state.hand_observed);
+  io.appended_f64(state.lowered);
 }
 
 template <class Io, class M>

@@ -173,6 +173,10 @@ struct ProxyState {
   double tank = 0;             ///< What may still be given beyond that.
   double brought = 0;          ///< Energy that updates have brought into contacts' springs.
   bool hand_observed = false;  ///< Whether F_hand is estimated, not measured.
+  /// Share, 0 to 1, of the stiffness and damping that the control asks for that is not in effect,
+  /// because the device does not bear it: of the coupling, or of all contacts together where the
+  /// controller does not couple translation.
+  double lowered = 0;
 };
 
 /// How the hand's wrench is known, as status line, state file and page say it.

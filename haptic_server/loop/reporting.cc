@@ -137,6 +137,7 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
   state.F_hand = record.F_hand;
   state.hand_measured = record.hand_measured;
   state.hand_observed = record.hand_observed;
+  state.lowered = record.lowered;
   state.limit = record.limit;
   state.buttons = record.buttons;
   state.gripper = record.gripper;

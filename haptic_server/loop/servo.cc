@@ -57,6 +57,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   if (machine_.fault() != Fault::kNone) record_.cause = cause_;
   if (local_model_) describe(*local_model_, record_);
   record_.missing_freedoms = missing_freedoms_;
+  record_.lowered = lowered_;
   record_.uses_contacts = traits(controller_.kind()).uses_contacts;
   if (inbox.update != nullptr) acknowledge(timing.begin);
   if (renders_force(machine_.state())) {
@@ -106,6 +107,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   machine_.begin(silence_time(period_));
   step_ = 0;
   clutched_ = false;
+  lowered_ = 0;
   updates_ = 0;
   contained_impulses_ = 0;
   supply_ = in_proxy_ = brought_ = 0;
@@ -125,9 +127,11 @@ void Servo::apply(const protocol::Control& control) noexcept {
   const bool possible =
       !traits(options.controller).replaces_proxy || local_model_->proxy().links() == 1;
   if (!possible) options.controller = controller_.kind();
+  lowered_ = 0;
   // What it was started with is bounded already.
   if (control.tuned && !options.keep_stiffness) {
-    bound_stiffness(options.controller, device_.ratings(), dt_, options.gains, options.local_model);
+    lowered_ = 1 - bound_stiffness(options.controller, device_.ratings(), dt_, options.gains,
+                                   options.local_model);
   }
   local_model_->set_parameters(options.local_model);
   controller_ = Controller(options.controller, options.gains);

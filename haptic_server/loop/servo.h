@@ -79,6 +79,7 @@ class Servo {
   Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
   double contained_impulses_ = 0;  ///< Step of those in the state of the newest update.
   Pose X_WStart_;           ///< Of the handle, as the session began, or the clutch was let go.
+  double lowered_ = 0;      ///< By the control in effect, as in protocol::ProxyState.
   bool clutched_ = false;   ///< Of the device, as read last.
   const char* cause_ = "";  ///< Why the device failed, in a fault of it.
   double in_proxy_ = 0;     ///< Of what hand and weight did on the proxy it keeps this, J.

@@ -53,6 +53,7 @@ struct TickRecord {
   const char* cause = "";  ///< Of that health, or of a fault of the device. Not in the tick log.
   Freedoms missing_freedoms = 0;  ///< In which the tool moves, the device not. Not in the tick log.
   double stiffness = 0;           ///< Of a contact in effect, N/m. Not in the tick log.
+  double lowered = 0;             ///< As in protocol::ProxyState. Not in the tick log.
   bool uses_contacts = true;      ///< Of the controller in effect. Not in the tick log.
   bool session_open = false;      ///< A client holds the session and has not said goodbye.
 };

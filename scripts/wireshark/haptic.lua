@@ -443,6 +443,7 @@ local messages = {
     optional(field(F64, "tank", "Energy that may still be given", "J")),
     optional(field(F64, "brought", "Energy that updates brought into contacts' springs", "J")),
     optional(flag("hand_observed", "F_hand is estimated, not measured")),
+    optional(field(F64, "lowered", "Share of the stiffness asked for that is not in effect")),
   }),
 
   [GOODBYE] = message("goodbye", "Goodbye", {

@@ -122,6 +122,7 @@ ProxyState documented_state() {
   state.explained = 0.125;
   state.tank = 0.5;
   state.hand_observed = true;
+  state.lowered = 0.25;
   return state;
 }
 
@@ -425,7 +426,7 @@ TEST_CASE("What an older server of this version does not send has its default") 
   state.fade = Fade::kClientSilent;
   state.given = 1;
   bytes = encode(envelope_for<ProxyState>(), state);
-  constexpr int kAppended = 1 + 5 * 8 + 1;  // fade, what passed the port, hand_observed
+  constexpr int kAppended = 1 + 5 * 8 + 1 + 8;  // fade, what passed the port, the hand, lowered
   bytes.resize(bytes.size() - kAppended);
   const int block =
       std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - kAppended;
@@ -437,6 +438,7 @@ TEST_CASE("What an older server of this version does not send has its default") 
   CHECK(older.fade == Fade::kNone);
   CHECK(older.given == 0);
   CHECK_FALSE(older.hand_observed);
+  CHECK(older.lowered == 0);
   CHECK(older.v == state.v);
 }
 

@@ -243,6 +243,7 @@ inline Expected expected_block(const protocol::ProxyState& state) {
   fields.number("tank", state.tank);
   fields.number("brought", state.brought);
   fields.flag("hand_observed", state.hand_observed);
+  fields.number("lowered", state.lowered);
   return fields;
 }
 

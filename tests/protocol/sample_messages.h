@@ -148,6 +148,7 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.tank = random.uniform(-0.5, 0.5);
   state.brought = random.uniform(0, 1);
   state.hand_observed = random.integer(0, 1) == 1;
+  state.lowered = random.uniform(0, 1);
   state.fade = static_cast<Fade>(random.integer(0, 4));
   return state;
 }

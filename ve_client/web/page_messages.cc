@@ -149,6 +149,20 @@ std::string mismatch_of(const ToolModel& tool, const protocol::Welcome* welcome)
   return missing == 0 ? "" : describe_mismatch(missing);
 }
 
+/// What of the settings is in effect: the haptic server lowers a coupling that its device does not
+/// bear.
+Tuning in_effect(Tuning tuning, const protocol::ProxyState* state) {
+  const ControllerTraits controller = traits(tuning.controller);
+  const bool lowers_contacts = controller.uses_contacts && !controller.couples_translation;
+  if (state == nullptr || lowers_contacts) return tuning;
+  for (double Tuning::*gain :
+       {&Tuning::coupling_stiffness, &Tuning::coupling_damping, &Tuning::coupling_angular_stiffness,
+        &Tuning::coupling_angular_damping}) {
+    tuning.*gain *= 1 - state->lowered;
+  }
+  return tuning;
+}
+
 json settings_json(const Tuning& tuning) {
   json settings{{"update_rule", name_of(tuning.update_rule)},
                 {"controller", name_of(tuning.controller)}};
@@ -338,7 +352,7 @@ std::string frame_message(const FrameView& view) {
              {"epsilon", view.result.epsilon},
              {"limit", view.state ? name_of(view.state->limit) : name_of(ForceLimit::kNone)},
              {"contacts", contacts_json(view.contacts)},
-             {"settings", settings_json(view.settings.tuning)},
+             {"settings", settings_json(in_effect(view.settings.tuning, view.state))},
              {"environment", environment_json(view.settings)},
              {"method", method != nullptr ? json(method->name) : json(nullptr)},
              {"chain", chain_json(view)},

@@ -522,9 +522,12 @@ TEST_CASE(
   bench.tick_with(bench.update({wall_ahead(0)}));
   const double force = bench.ticks(150).F_command.norm();
   CAPTURE(name_of(kind), options.keep_stiffness);
+  const double lowered = bench.last_sent<protocol::ProxyState>().lowered;
   if (options.keep_stiffness) {
     CHECK(force > 2);  // N
+    CHECK(lowered == 0);
   } else {
+    CHECK(lowered > 0.95);
     CHECK(force == Approx(0.7 * 5 / 0.0205 * 1e-3).epsilon(0.1));  // 70 % of b / lag, N/m
   }
 }

@@ -238,6 +238,21 @@ TEST_CASE("Each message to a page has the documented fields and types") {
   check_messages("refused", {refused_message("stiffness", "-1", "must be")});
 }
 
+TEST_CASE("A coupling that the device does not bear is shown as it is in effect") {
+  Stage stage("testbed", "peg");
+  stage.settings.tuning.controller = ControllerKind::kVirtualCoupler;
+  stage.settings.tuning.coupling_stiffness = 2000;  // N/m
+  protocol::ProxyState state = stage.state();
+  state.lowered = 0.75;
+  const auto shown = [&] {
+    const auto frame = nlohmann::json::parse(stage.frame_message(&state, nullptr));
+    return frame["settings"]["coupling_stiffness"].get<double>();
+  };
+  CHECK(shown() == 500);
+  stage.settings.tuning.controller = ControllerKind::kDirect;  // Contacts are lowered.
+  CHECK(shown() == 2000);
+}
+
 TEST_CASE("A menu of names that are not UTF-8 is still a message") {
   Stage stage("testbed", "peg");
   stage.scenes.push_back({.name = "\xff", .file = {}, .description = "\xe9"});
