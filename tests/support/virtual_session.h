@@ -67,7 +67,8 @@ class VirtualServer {
     servo_.reset();
     const double dt = 1 / options_.servo.rate;
     device_ = server::with_hand_observer(
-        std::make_unique<server::SimulatedDevice>(options_.device, hand_, dt), options_.observer, dt);
+        std::make_unique<server::SimulatedDevice>(options_.device, hand_, dt), options_.observer,
+        dt);
     session_.emplace(link_, protocol::ServerSessionOptions{.first_session_id = ++starts_});
     servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_);
   }

@@ -152,7 +152,7 @@ class World {
   std::optional<Rest> rest_;
   std::vector<int> woken_;  ///< By the body whose contacts are being found.
   std::optional<Joints> joints_;
-  std::map<int, Wrench> held_;            ///< On bodies during the next step().
+  std::map<int, Wrench> held_;             ///< On bodies during the next step().
   std::map<int, double> inertia_factors_;  ///< Of the bodies that have one other than 1.
   bool stepping_ = false;
   double substep_ = 0;  ///< Length of the present one, s.
