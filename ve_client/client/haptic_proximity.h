@@ -40,8 +40,8 @@ typedef struct haptic_shape {
 } haptic_shape;
 
 typedef struct haptic_pose {
-  double position[3]; /* m */
-  double rotation[4]; /* unit */
+  double position[3]; /* of the shape's frame in the world, m */
+  double rotation[4]; /* unit quaternion w, x, y, z */
 } haptic_pose;
 
 typedef struct haptic_proximity haptic_proximity;

@@ -60,7 +60,7 @@ std::optional<CoreSeparation> ccd_penetration(const CorePair& pair) {
   const Vector3 n(-direction.v[0], -direction.v[1], -direction.v[2]);
   if (!(n.norm() > 0)) return {};
   const Vector3 n_B = n.normalized();
-  return CoreSeparation{pair.gap(n_B), kBall - depth, n_B};
+  return CoreSeparation{pair.gap(n_B), kBall - depth, n_B, {}};
 }
 
 }  // namespace hlm::ve

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -52,20 +53,25 @@ void check_size(double value, const char* name) {
   if (error) throw std::invalid_argument(*error);
 }
 
-/// Removes corners until kMaxFaceCorners are left, each time the one that costs least area.
-void reduce(std::vector<std::uint16_t>& loop, const std::vector<Vector3>& vertices) {
-  while (loop.size() > kMaxFaceCorners) {
+/// Which corners of a loop stand for it: all, or kMaxFaceCorners, taken away one by one where that
+/// costs least area.
+std::vector<std::uint16_t> telling_corners(const std::vector<std::uint16_t>& loop,
+                                           const std::vector<Vector3>& vertices) {
+  std::vector<std::uint16_t> kept(loop.size());
+  std::iota(kept.begin(), kept.end(), std::uint16_t{0});
+  while (kept.size() > kMaxFaceCorners) {
+    const auto corner = [&](std::size_t i) { return vertices[loop[kept[i % kept.size()]]]; };
     const auto cost = [&](std::size_t i) {
-      const Vector3& before = vertices[loop[(i + loop.size() - 1) % loop.size()]];
-      const Vector3& after = vertices[loop[(i + 1) % loop.size()]];
-      return (vertices[loop[i]] - before).cross(after - before).norm();
+      const Vector3 before = corner(i + kept.size() - 1);
+      return (corner(i) - before).cross(corner(i + 1) - before).norm();
     };
     std::size_t least = 0;
-    for (std::size_t i = 1; i < loop.size(); ++i) {
+    for (std::size_t i = 1; i < kept.size(); ++i) {
       if (cost(i) < cost(least)) least = i;
     }
-    loop.erase(loop.begin() + static_cast<std::ptrdiff_t>(least));
+    kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(least));
   }
+  return kept;
 }
 
 double distance_to_segment(const Vector3& p, const Vector3& a, const Vector3& b) {
@@ -150,10 +156,7 @@ void Convex::build(const Ellipsoid& ellipsoid) {
 void Convex::build(const Hull& hull) {
   HullFaces faces = convex_hull(hull.vertices);
   vertices_ = std::move(faces.vertices);
-  for (std::vector<std::uint16_t>& loop : faces.loops) {
-    reduce(loop, vertices_);
-    add_face(std::move(loop));
-  }
+  for (std::vector<std::uint16_t>& loop : faces.loops) add_face(std::move(loop));
   face_normals_ = std::move(faces.normals);
   if (vertices_.size() <= kFewVertices) return collect_edge_directions();
   kind_ = Kind::kHull;
@@ -177,8 +180,8 @@ void Convex::build(const HalfSpace&) {
 }
 
 void Convex::add_face(std::vector<std::uint16_t> loop) {
-  assert(loop.size() <= kMaxFaceCorners);
   Face& added = faces_.emplace_back();
+  added.telling = telling_corners(loop, vertices_);
   for (std::size_t i = 0; i < loop.size(); ++i) {
     added.edges.push_back(edge_between(loop[i], loop[(i + 1) % loop.size()]));
   }
@@ -268,8 +271,12 @@ Patch Convex::facing(const Vector3& direction) const {
     return edge_facing(direction);
   }
   std::size_t best = 0;
+  double nearest = face_normals_[0].dot(direction);
   for (std::size_t i = 1; i < faces_.size(); ++i) {
-    if (face_normals_[i].dot(direction) > face_normals_[best].dot(direction)) best = i;
+    const double cosine = face_normals_[i].dot(direction);
+    if (cosine <= nearest) continue;
+    nearest = cosine;
+    best = i;
   }
   const bool lateral =
       kind_ == Kind::kCylinder && direction.head<2>().norm() > std::abs(direction.z());
@@ -303,7 +310,7 @@ Patch Convex::edge_facing(const Vector3& direction) const {
 Patch Convex::face_patch(std::size_t index) const {
   Patch patch{.corners = {}, .feature = face(index), .normal = face_normals_[index]};
   const Face& f = faces_[index];
-  for (std::size_t i = 0; i < f.vertices.size(); ++i) {
+  for (const std::uint16_t i : f.telling) {
     patch.corners.push_back({vertices_[f.vertices[i]], vertex(f.vertices[i]), edge(f.edges[i])});
   }
   return patch;

@@ -24,7 +24,7 @@ struct Patch {
   struct Corner {
     Vector3 p;       ///< m, frame of the shape.
     Feature vertex;  ///< This corner.
-    Feature side;    ///< The edge from this corner to the next.
+    Feature side;    ///< The edge from this corner towards the next.
   };
   StaticVector<Corner, kMaxFaceCorners> corners;
   Feature feature;                    ///< The face, edge or vertex itself.
@@ -105,6 +105,7 @@ class Convex {
   struct Face {
     std::vector<std::uint16_t> vertices;  ///< Counter-clockwise seen from outside.
     std::vector<std::uint16_t> edges;     ///< edges[i] joins vertices[i] and the next one.
+    std::vector<std::uint16_t> telling;   ///< Which of them are the corners of its patch.
   };
 
   void build(const Sphere& sphere);

@@ -1,6 +1,7 @@
 #include "ve_client/contacts/gjk.h"
 
 #include <array>
+#include <cmath>
 #include <limits>
 
 namespace hlm::ve {
@@ -12,9 +13,6 @@ constexpr double kConverged = 1e-13;
 /// Polytopes need about 10 iterations, cylinders about 40. What is not done by then is judged by
 /// its bounds.
 constexpr int kMaxIterations = 128;
-/// Gap in which nearest points are looked for in place of an overlap, m. Rounding turns their
-/// normal by 1e-12 rad; a larger gap improves a normal less.
-constexpr double kMovedApart = 1e-4;
 /// A triangle or tetrahedron flatter than this (sine, or sine times sine) is left to its parts.
 constexpr double kFlat = 1e-12;
 
@@ -60,9 +58,11 @@ bool find_foot(const Simplex& simplex, Part& part) {
   }
   const Vector3 e3 = simplex[part.index[3]].w - w0;
   const double volume = area.dot(e3);
-  if (!(std::abs(volume) > kFlat * e1.norm() * e2.norm() * e3.norm())) return false;
-  weight[1] = -w0.dot(e2.cross(e3)) / volume;
-  weight[2] = -w0.dot(e3.cross(e1)) / volume;
+  const double box = e1.squaredNorm() * e2.squaredNorm() * e3.squaredNorm();
+  if (!(volume * volume > kFlat * kFlat * box)) return false;
+  const Vector3 beside = w0.cross(e3) / volume;
+  weight[1] = e2.dot(beside);
+  weight[2] = -e1.dot(beside);
   weight[3] = -w0.dot(area) / volume;
   weight[0] = 1 - weight[1] - weight[2] - weight[3];
   return weight[0] > 0 && weight[1] > 0 && weight[2] > 0 && weight[3] > 0;
@@ -72,34 +72,45 @@ bool find_foot(const Simplex& simplex, Part& part) {
 struct Nearest {
   Part part;
   Vector3 v = Vector3::Zero();  ///< That point; the origin itself if the simplex contains it.
-  double distance = std::numeric_limits<double>::infinity();
+  double square = std::numeric_limits<double>::infinity();  ///< Of its distance, m².
 };
 
-/// Tries every part of the simplex that contains its newest (last) point: after a support step the
-/// nearest point lies on one of them.
+/// Whether no point of the simplex is nearer the origin than the plane through the part's nearest
+/// point v, across v: then none of any other part is.
+bool is_nearest_of_all(const Simplex& simplex, unsigned others, const Vector3& v, double square) {
+  for (std::size_t i = 0; i + 1 < simplex.size(); ++i) {
+    if ((others >> i & 1U) == 0 && simplex[i].w.dot(v) < square) return false;
+  }
+  return true;
+}
+
+/// Tries the parts of the simplex that contain its newest (last) point, for after a support step
+/// the nearest point lies on one of them: those first that it mostly lies on.
 Nearest nearest_to_origin(const Simplex& simplex) {
   Nearest best;
   const std::size_t newest = simplex.size() - 1;
-  for (unsigned chosen = 0; chosen < (1U << newest); ++chosen) {
+  for (const unsigned others : {3U, 5U, 6U, 7U, 1U, 2U, 4U, 0U}) {
+    if (others >= 1U << newest) continue;
     Part part;
     part.index[part.size++] = newest;
     for (std::size_t i = 0; i < newest; ++i) {
-      if (chosen & (1U << i)) part.index[part.size++] = i;
+      if (others >> i & 1U) part.index[part.size++] = i;
     }
     if (!find_foot(simplex, part)) continue;
     Vector3 v = Vector3::Zero();
     if (part.size < 4) {
       for (std::size_t i = 0; i < part.size; ++i) v += part.weight[i] * simplex[part.index[i]].w;
     }
-    const double distance = v.norm();
-    if (distance < best.distance) best = {part, v, distance};
+    const double square = v.squaredNorm();
+    if (square < best.square) best = {part, v, square};
+    if (is_nearest_of_all(simplex, others, v, square)) break;
   }
   return best;
 }
 
 /// Sets the answer's points from the part, and reduces the simplex to it.
 void accept(const Nearest& nearest, Simplex& simplex, ClosestPoints& answer) {
-  answer.upper = nearest.distance;
+  answer.upper = std::sqrt(nearest.square);
   answer.p_tool.setZero();
   answer.p_body.setZero();
   Simplex reduced;
@@ -115,11 +126,14 @@ void accept(const Nearest& nearest, Simplex& simplex, ClosestPoints& answer) {
 }  // namespace
 
 ClosestPoints closest_points(const CorePair& pair, double beyond) noexcept {
+  return closest_points(pair, beyond, pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT);
+}
+
+ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noexcept {
   using Relation = ClosestPoints::Relation;
   ClosestPoints answer;
   answer.upper = std::numeric_limits<double>::infinity();
   Simplex simplex;
-  Vector3 v = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     answer.n_B = v.normalized();
     const Vector3 p_tool = pair.tool_support(-v);
@@ -131,11 +145,11 @@ ClosestPoints closest_points(const CorePair& pair, double beyond) noexcept {
 
     simplex.push_back({w, p_tool, p_body});
     const Nearest nearest = nearest_to_origin(simplex);
-    if (!(nearest.distance < answer.upper)) break;
+    if (!(std::sqrt(nearest.square) < answer.upper)) break;
     accept(nearest, simplex, answer);
-    if (nearest.distance < kTouchingDistance) {
+    if (answer.upper < kTouchingDistance) {
       answer.relation = Relation::kTouching;
-      answer.n_B = nearest.distance > 0 ? nearest.v.normalized() : Vector3(Vector3::Zero());
+      answer.n_B = answer.upper > 0 ? nearest.v.normalized() : Vector3(Vector3::Zero());
       return answer;
     }
     v = nearest.v;
@@ -149,7 +163,7 @@ ClosestPoints closest_points_moved_apart(const CorePair& pair, const Vector3& n_
   const Vector3 move = (kMovedApart - gap) * n_B;
   CorePair apart = pair;
   apart.p_BT += move;
-  ClosestPoints answer = closest_points(apart, std::numeric_limits<double>::infinity());
+  ClosestPoints answer = closest_points(apart, std::numeric_limits<double>::infinity(), n_B);
   answer.p_tool -= move;
   return answer;
 }

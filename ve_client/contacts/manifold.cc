@@ -349,7 +349,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   bool is_axis = body.is_half_space() || (sharp(pair) && best.gap <= 0);
   for (const Axis& axis : axes) {
     if (is_axis || (axis.n_B - best.n_B).norm() > kSameAxis) continue;
-    best = {axis.gap, separation->upper, axis.n_B};
+    best = {axis.gap, separation->upper, axis.n_B, {}};
     is_axis = true;
   }
   if (is_axis) {

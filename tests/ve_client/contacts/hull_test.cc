@@ -173,6 +173,28 @@ TEST_CASE(
   CHECK(changes == 0);
 }
 
+TEST_CASE("A ball beside the rim of a bar of 85 sides keeps its contact's identity") {
+  constexpr int kSides = 85;
+  Random random;
+  const Placed bar{prism(kSides, 0.05, 0.06), Pose{}};
+  for (int side = 0; side < kSides; ++side) {
+    const double angle = 2 * std::numbers::pi * (side + 0.5) / kSides;
+    const double apothem = 0.05 * std::cos(std::numbers::pi / kSides);
+    const Vector3 beside = 0.015 * Vector3(std::cos(angle), std::sin(angle), 1);
+    const Vector3 rim(apothem * std::cos(angle), apothem * std::sin(angle), 0.03);
+    Placed ball{Sphere{0.02}, {rim + beside, Quaternion::Identity()}};
+    const auto expected = keys_of(contacts_of(ball, bar, kEpsilon));
+    REQUIRE(expected.size() == 1);
+    CHECK(expected.begin()->second.kind == FeatureKind::kEdge);
+    int changes = 0;
+    for (int i = 0; i < 10; ++i) {
+      ball.X_WS.p += random.vector(1e-6);
+      changes += keys_of(contacts_of(ball, bar, kEpsilon)) != expected;
+    }
+    CHECK(changes == 0);
+  }
+}
+
 TEST_CASE("The deepest contact of hulls keeps its identity over small steps") {
   const auto deepest = [](const Manifold& manifold) {
     const auto found = std::min_element(

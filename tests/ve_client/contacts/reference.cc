@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <numbers>
 #include <set>
 #include <utility>
 
@@ -196,6 +197,23 @@ Hull random_hull(int vertices, Random& random) {
     hull.vertices.emplace_back(half.cwiseProduct(random.direction()));
   }
   return hull;
+}
+
+Quaternion random_turn(Turn turn, Random& random) {
+  const Quaternion quarter =
+      rotation_from_vector(std::numbers::pi / 2 * Vector3::Unit(random.integer(0, 2)));
+  switch (turn) {
+    case Turn::kAny:
+      return random.rotation();
+    case Turn::kParallel:
+      return quarter;
+    case Turn::kNearlyParallel:
+      return rotation_from_vector(std::pow(10, random.uniform(-9, -1)) * random.direction()) *
+             quarter;
+    case Turn::kAboutOneAxis:
+      return rotation_from_vector(random.uniform(-3, 3) * Vector3::Unit(random.integer(0, 2)));
+  }
+  return Quaternion::Identity();
 }
 
 double hull_separation(const Hull& a, const Pose& X_WA, const Hull& b, const Pose& X_WB) {

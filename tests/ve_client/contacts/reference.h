@@ -41,6 +41,12 @@ Shape random_shape(int kind, Random& random);
 /// Points on an ellipsoid of 10 to 100 mm.
 Hull random_hull(int vertices, Random& random);
 
+/// How the tool is turned relative to the body.
+enum class Turn { kAny, kParallel, kNearlyParallel, kAboutOneAxis };
+inline constexpr Turn kTurns[] = {Turn::kAny, Turn::kParallel, Turn::kNearlyParallel,
+                                  Turn::kAboutOneAxis};
+Quaternion random_turn(Turn turn, Random& random);
+
 /// The contacts of the pair.
 Manifold contacts_of(const Placed& tool, const Placed& body, double epsilon,
                      ProximityStatistics& statistics);

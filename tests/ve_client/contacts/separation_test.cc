@@ -1,6 +1,5 @@
 // Signed distances and normals of pairs, against independent references.
 #include <limits>
-#include <numbers>
 
 #include "tests/support/catch.h"
 #include "tests/ve_client/contacts/reference.h"
@@ -13,26 +12,6 @@ constexpr double kRounding = 1e-12;  // m: where a closed form holds.
 constexpr double kEpsilon = 0.006;   // m.
 constexpr double kDeepest = -0.02;   // m.
 
-/// How the tool is turned relative to the body.
-enum class Turn { kAny, kParallel, kNearlyParallel, kAboutOneAxis };
-
-Quaternion random_turn(Turn turn, Random& random) {
-  const Quaternion quarter =
-      rotation_from_vector(std::numbers::pi / 2 * Vector3::Unit(random.integer(0, 2)));
-  switch (turn) {
-    case Turn::kAny:
-      return random.rotation();
-    case Turn::kParallel:
-      return quarter;
-    case Turn::kNearlyParallel:
-      return rotation_from_vector(std::pow(10, random.uniform(-9, -1)) * random.direction()) *
-             quarter;
-    case Turn::kAboutOneAxis:
-      return rotation_from_vector(random.uniform(-3, 3) * Vector3::Unit(random.integer(0, 2)));
-  }
-  return Quaternion::Identity();
-}
-
 /// A body anywhere and a tool near it, centres within 0.12 m.
 std::pair<Placed, Placed> random_pair(int tool_kind, int body_kind, Turn turn, Random& random) {
   Placed body{random_shape(body_kind, random), random.pose(0.5)};
@@ -41,8 +20,6 @@ std::pair<Placed, Placed> random_pair(int tool_kind, int body_kind, Turn turn, R
   tool.X_WS.p = body.X_WS.p + random.uniform(0, 0.12) * random.direction();
   return {tool, body};
 }
-
-constexpr Turn kTurns[] = {Turn::kAny, Turn::kParallel, Turn::kNearlyParallel, Turn::kAboutOneAxis};
 
 /// Both points of every contact lie on the shapes' surfaces; at the end of a capsule that is turned
 /// away they lie on the sphere about that end, inside the capsule.
