@@ -74,6 +74,9 @@ TEST_CASE("Inverse inertia and free acceleration are those of the simulated body
       link("a", "0 0 0 0 0 0") + joint("door", "revolute", "world", "a", kSpring),
       link("a", "0 0 0 0 0 0") + joint("drawer", "prismatic", "world", "a", kSpring),
       link("a", "0 0 0 0 0 0") + link("b", "0.3 0 0 0 0.4 0") + joint("j", "revolute", "a", "b"),
+      link("a", "0 0 0 0 0 0") + joint("lamp", "ball", "world", "a"),
+      link("a", "0 0 0 0 0 0") + link("b", "0.3 0 0 0 0.4 0") +
+          joint("shoulder", "ball", "world", "a") + joint("elbow", "ball", "a", "b"),
       link("a", "0 0 0 0 0 0") + link("b", "0.3 0 0 0 0.4 0") +
           joint("shoulder", "revolute", "world", "a", kSpring) +
           joint("elbow", "revolute", "a", "b", kSpring),

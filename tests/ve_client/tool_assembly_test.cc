@@ -142,11 +142,16 @@ TEST_CASE("A model that cannot be a tool is an error that says why") {
       fixed_model("wall", "0 0 0 0 0 0", box("1 1 1")) + model("ball", "0 0 0 0 0 0", "") +
       "<model name='pair'><link name='a'/><link name='b'/></model>"
       "<model name='odd'><haptic:hand><link>nobody</link></haptic:hand><link name='a'/></model>"
+      "<model name='lamp'><link name='a'/><link name='b'/>"
+      "<joint name='hip' type='ball'><parent>a</parent><child>b</child></joint></model>"
       "<model name='stuck'><link name='a'/>"
       "<joint name='j' type='fixed'><parent>world</parent><child>a</child></joint></model>");
   CHECK_THROWS_WITH(assemble_tool(world, "peg"),
                     ContainsSubstring("'peg'") && ContainsSubstring("wall, ball, pair"));
   CHECK_THROWS_WITH(assemble_tool(world, "wall"), ContainsSubstring("static"));
+  CHECK_THROWS_WITH(assemble_tool(world, "lamp"),
+                    ContainsSubstring("joint 'lamp::hip' is a ball joint") &&
+                        ContainsSubstring("three revolute"));
   CHECK_THROWS_WITH(assemble_tool(world, "pair"), ContainsSubstring("one tree"));
   CHECK_THROWS_WITH(assemble_tool(world, "odd"), ContainsSubstring("'nobody'"));
   CHECK_THROWS_WITH(assemble_tool(world, "stuck"), ContainsSubstring("degrees of freedom 0"));

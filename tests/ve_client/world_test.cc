@@ -117,6 +117,29 @@ TEST_CASE("A prismatic joint slides along its axis between its limits") {
   CHECK(std::hypot(moved.x(), moved.z()) < 1e-3);
 }
 
+TEST_CASE("On a ball joint a body swings every way, its point stays, and it turns about itself") {
+  // 0.5 m below the joint at first; pushed to the side and turned about the vertical.
+  World world(world_of("<model name='lamp'><link name='a'><pose>0 0 1 0 0 0</pose>" + kInertial +
+                           "</link><joint name='j' type='ball'><pose>0 0 0.5 0 0 0</pose>"
+                           "<parent>world</parent><child>a</child></joint></model>",
+                       kEarth),
+              {});
+  Twist V = Twist::Zero();
+  V << 0.5, 0.3, 0, 0, 0, 2;
+  V.segment<3>(3) += Vector3(0, 0, -0.5).cross(V.head<3>()) / 0.25;
+  world.set_velocity(0, V);
+  double farthest = 0;
+  for (int i = 0; i < 120; ++i) {
+    world.step(kStep, {});
+    const Vector3 joint = world.X_WB(0) * Vector3(0, 0, 0.5);
+    CHECK((joint - Vector3(0, 0, 1.5)).norm() < 2e-3);
+    farthest = std::max(farthest, world.X_WB(0).p.head<2>().norm());
+  }
+  // v = sqrt(0.34) m/s lifts a pendulum of 0.5 m by v²/2g: to 0.131 m beside the vertical.
+  CHECK(farthest == Approx(0.131).margin(0.01));
+  CHECK(world.V_WB(0).tail<3>().norm() > 1.5);
+}
+
 TEST_CASE("A fixed joint holds a body at another") {
   World world(world_of("<model name='m'><link name='a'>" + kInertial +
                        "</link><link name='b'><pose>0.1 0 0 0 0 0</pose>" + kInertial +

@@ -30,10 +30,10 @@ dSpaceID create_still_space(const WorldDescription& world,
   }
   constexpr int kDepth = 6;  // 4096 cells.
   const Vector3 c = box.center();
-  const Vector3 e = box.sizes();
+  const Vector3 half = box.sizes() / 2;
   const dVector3 center = {c.x(), c.y(), c.z()};
-  const dVector3 extents = {e.x(), e.y(), e.z()};
-  return dQuadTreeSpaceCreate(nullptr, center, extents, kDepth);
+  const dVector3 half_extents = {half.x(), half.y(), half.z()};
+  return dQuadTreeSpaceCreate(nullptr, center, half_extents, kDepth);
 }
 
 void call(void* meet, dGeomID first, dGeomID second) {

@@ -37,8 +37,8 @@ dGeomID create(dSpaceID space, const Shape& shape, const Pose& X_WG) {
 
 dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dBodyID body,
                         const Pose& X_BG) {
-  const dGeomID geometry = create(space, shape, X_WG);
-  if (std::holds_alternative<HalfSpace>(shape)) return geometry;
+  if (std::holds_alternative<HalfSpace>(shape)) return create(space, shape, X_WG);
+  const dGeomID geometry = create(nullptr, shape, X_WG);
   Pose X_GE;  // E: the engine's geometry.
   if (const Hull* hull = std::get_if<Hull>(&shape)) X_GE.p = bounds_of(*hull).center();
   const auto set_pose = [&](auto set_position, auto set_rotation, const Pose& X) {
@@ -52,6 +52,11 @@ dGeomID create_geometry(dSpaceID space, const Shape& shape, const Pose& X_WG, dB
     dGeomSetBody(geometry, body);
     set_pose(dGeomSetOffsetPosition, dGeomSetOffsetQuaternion, X_BG * X_GE);
   }
+  // A quadtree takes what it is given for where its bounds were last: many in one cell, to be moved
+  // to their own one by one, take time with the square of their number.
+  dReal bounds[6];
+  dGeomGetAABB(geometry, bounds);
+  dSpaceAdd(space, geometry);
   return geometry;
 }
 

@@ -24,7 +24,7 @@ Lever lever_of(const World& world, const JointDescription& joint) {
   const BodyDescription& child = world.description().bodies[static_cast<std::size_t>(joint.child)];
   const Pose X_WJ = X_WC * child.X_WB.inverse() * joint.X_WJ;
   const Vector3 axis = X_WJ.R * joint.axis_J;
-  if (joint.type == JointType::kPrismatic) return {X_WC.p, axis};
+  if (joint.type == BodyJoint::kPrismatic) return {X_WC.p, axis};
   Vector3 arm = X_WC.p - X_WJ.p;
   arm -= arm.dot(axis) * axis;
   // Fixed in the child, so that the contact is the same from frame to frame.

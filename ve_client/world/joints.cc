@@ -29,15 +29,23 @@ dJointID create_slider(dWorldID world, const JointDescription& joint, dBodyID ch
   return slider;
 }
 
+dJointID create_ball(dWorldID world, const JointDescription& joint, dBodyID child, dBodyID parent) {
+  const Vector3& p = joint.X_WJ.p;
+  const dJointID ball = dJointCreateBall(world, nullptr);
+  dJointAttach(ball, child, parent);
+  dJointSetBallAnchor(ball, p.x(), p.y(), p.z());
+  return ball;
+}
+
 dJointID create(dWorldID world, const JointDescription& joint, dBodyID child, dBodyID parent) {
   switch (joint.type) {
-    case JointType::kRevolute:
+    case BodyJoint::kRevolute:
       return create_hinge(world, joint, child, parent);
-    case JointType::kPrismatic:
+    case BodyJoint::kPrismatic:
       return create_slider(world, joint, child, parent);
-    case JointType::kFixed:
-    case JointType::kPlanar:
-    case JointType::kFree:  // SDF files have fixed joints only, of these.
+    case BodyJoint::kBall:
+      return create_ball(world, joint, child, parent);
+    case BodyJoint::kFixed:
       break;
   }
   const dJointID fixed = dJointCreateFixed(world, nullptr);
@@ -69,8 +77,8 @@ double Joints::position(int joint) const {
   const JointDescription& description = at(joint).description;
   const dJointID handle = at(joint).handle;
   if (handle == nullptr) return 0;
-  if (description.type == JointType::kRevolute) return dJointGetHingeAngle(handle);
-  if (description.type == JointType::kPrismatic) return dJointGetSliderPosition(handle);
+  if (description.type == BodyJoint::kRevolute) return dJointGetHingeAngle(handle);
+  if (description.type == BodyJoint::kPrismatic) return dJointGetSliderPosition(handle);
   return 0;
 }
 
@@ -78,8 +86,8 @@ double Joints::velocity(int joint) const {
   const JointDescription& description = at(joint).description;
   const dJointID handle = at(joint).handle;
   if (handle == nullptr) return 0;
-  if (description.type == JointType::kRevolute) return dJointGetHingeAngleRate(handle);
-  if (description.type == JointType::kPrismatic) return dJointGetSliderPositionRate(handle);
+  if (description.type == BodyJoint::kRevolute) return dJointGetHingeAngleRate(handle);
+  if (description.type == BodyJoint::kPrismatic) return dJointGetSliderPositionRate(handle);
   return 0;
 }
 
@@ -97,7 +105,7 @@ double Joints::limit_force(int joint) const {
   const auto vector = [](const dReal* v) { return Vector3(v[0], v[1], v[2]); };
   const Vector3 force = vector(at(joint).feedback.f1);
   dVector3 axis;
-  if (at(joint).description.type == JointType::kPrismatic) {
+  if (at(joint).description.type == BodyJoint::kPrismatic) {
     dJointGetSliderAxis(handle, axis);
     return std::abs(force.dot(vector(axis)));
   }
@@ -114,7 +122,7 @@ void Joints::push_springs() {
   for (int i = 0; i < static_cast<int>(joints_.size()); ++i) {
     const double force = spring_force(i);
     if (force == 0) continue;
-    if (at(i).description.type == JointType::kRevolute) {
+    if (at(i).description.type == BodyJoint::kRevolute) {
       dJointAddHingeTorque(at(i).handle, force);
     } else {
       dJointAddSliderForce(at(i).handle, force);

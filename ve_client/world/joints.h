@@ -16,7 +16,7 @@ class Joints {
   /// `bodies`: the engine's, null for fixed ones, in their initial poses.
   Joints(dWorldID world, const WorldDescription& description, std::span<const dBodyID> bodies);
 
-  /// Angle or displacement from the initial poses, rad or m; 0 for a fixed joint.
+  /// Angle or displacement from the initial poses, rad or m; 0 for a fixed or ball joint.
   double position(int joint) const;
   /// Its rate, rad/s or m/s.
   double velocity(int joint) const;

@@ -212,6 +212,13 @@ double Mesh::volume() const {
   return six / 6;
 }
 
+void Mesh::find_around() {
+  around.assign(points.size(), {});
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    for (const int corner : triangles[t]) around[at(corner)].push_back(t);
+  }
+}
+
 Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repairs) {
   const auto say = [&](const std::string& what) {
     repairs.push_back(one_line("mesh " + name + ": " + what));
@@ -235,10 +242,7 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
     for (Triangle& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
     say("turned, as it was inside out");
   }
-  mesh.around.assign(mesh.points.size(), {});
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    for (const int corner : mesh.triangles[t]) mesh.around[at(corner)].push_back(t);
-  }
+  mesh.find_around();
   require_no_fan(mesh, name);
   return mesh;
 }

@@ -27,6 +27,8 @@ struct Mesh {
   Vector3 area(std::size_t triangle) const;
   /// What it encloses, m³, if it is closed.
   double volume() const;
+  /// Sets `around` by the triangles.
+  void find_around();
 };
 
 struct MeshSource {

@@ -102,8 +102,9 @@ class JointedGroup {
     const Pose X_WJ = X_WC * description(j.child).X_WB.inverse() * j.X_WJ;
     Joined result;
     result.axis_W = X_WJ.R * j.axis_J;
-    // Only a revolute joint has a point of its own; the others hold at the child's.
-    const Vector3 p_W = j.type == JointType::kRevolute ? X_WJ.p : X_WC.p;
+    // Only what turns has a point of its own; the others hold at the child's.
+    const bool turns = j.type == BodyJoint::kRevolute || j.type == BodyJoint::kBall;
+    const Vector3 p_W = turns ? X_WJ.p : X_WC.p;
     result.r_child = p_W - X_WC.p;
     result.r_parent = j.parent == kNone ? Vector3::Zero() : Vector3(p_W - world_.X_WB(j.parent).p);
     result.V_child = world_.V_WB(j.child);
@@ -113,10 +114,20 @@ class JointedGroup {
 
   /// Projectors of the relative velocity at the joint's point, [linear; angular], on what the joint
   /// forbids.
-  static std::pair<Matrix3, Matrix3> forbidden(JointType type, const Vector3& axis_W) {
+  static std::pair<Matrix3, Matrix3> forbidden(BodyJoint type, const Vector3& axis_W) {
     const Matrix3 across = Matrix3::Identity() - axis_W * axis_W.transpose();
-    return {type == JointType::kPrismatic ? across : Matrix3::Identity(),
-            type == JointType::kRevolute ? across : Matrix3::Identity()};
+    const Matrix3 all = Matrix3::Identity();
+    switch (type) {
+      case BodyJoint::kRevolute:
+        return {all, across};
+      case BodyJoint::kPrismatic:
+        return {across, all};
+      case BodyJoint::kBall:
+        return {all, Matrix3::Zero()};
+      case BodyJoint::kFixed:
+        break;
+    }
+    return {all, all};
   }
 
   /// Rows of the joints: P_l (v_c + ω_c × r_c − v_p − ω_p × r_p) = 0, P_a (ω_c − ω_p) = 0.
@@ -172,8 +183,8 @@ class JointedGroup {
     const auto push = [&](int body, const Vector3& r, double sign) {
       if (!moves(body)) return;
       Wrench F = Wrench::Zero();
-      if (j.type == JointType::kRevolute) F.tail<3>() = sign * joined.axis_W;
-      if (j.type == JointType::kPrismatic) F << sign * joined.axis_W, sign * r.cross(joined.axis_W);
+      if (j.type == BodyJoint::kRevolute) F.tail<3>() = sign * joined.axis_W;
+      if (j.type == BodyJoint::kPrismatic) F << sign * joined.axis_W, sign * r.cross(joined.axis_W);
       force.segment<6>(row(body)) += F;
     };
     push(j.child, joined.r_child, 1);

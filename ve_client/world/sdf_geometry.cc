@@ -12,12 +12,14 @@
 #include <sdf/Element.hh>
 #include <sdf/Ellipsoid.hh>
 #include <sdf/Geometry.hh>
+#include <sdf/Heightmap.hh>
 #include <sdf/Mesh.hh>
 #include <sdf/Plane.hh>
 #include <sdf/Sphere.hh>
 
 #include "common/range.h"
 #include "ve_client/contacts/hull.h"
+#include "ve_client/world/heightmap.h"
 #include "ve_client/world/mesh_pieces.h"
 #include "ve_client/world/resources.h"
 #include "ve_client/world/sdf_messages.h"
@@ -26,10 +28,18 @@
 namespace hlm::ve {
 namespace {
 
+/// Of a heightmap: smaller ones leave cells that are no larger than what a contact is exact to.
+constexpr Range kMapSide{1e-3, 1000, "m"};
+constexpr Range kMapHeight{1e-6, 1000, "m"};
+
 /// Throws std::runtime_error, for to_collisions() to report.
-double positive_size(double value, const std::string& what) {
-  if (const auto error = find_error(what, value, above_zero("m"))) throw std::runtime_error(*error);
+double ranged_size(double value, const std::string& what, const Range& range) {
+  if (const auto error = find_error(what, value, range)) throw std::runtime_error(*error);
   return value;
+}
+
+double positive_size(double value, const std::string& what) {
+  return ranged_size(value, what, above_zero("m"));
 }
 
 Shape to_shape(const sdf::Geometry& geometry) {
@@ -56,15 +66,19 @@ Shape to_shape(const sdf::Geometry& geometry) {
       return HalfSpace{};
     default:
       throw std::runtime_error(
-          "no geometry; allowed: box, sphere, cylinder, capsule, ellipsoid, mesh, plane");
+          "no geometry; allowed: box, sphere, cylinder, capsule, ellipsoid, mesh, heightmap, "
+          "plane");
   }
 }
 
-std::filesystem::path mesh_file(const sdf::Mesh& mesh) {
-  const auto found = find_resource(mesh.Uri(), place_of(mesh.Element()).file);
-  const std::string name = "mesh '" + mesh.Uri() + "'";
+/// The file that a mesh or heightmap names.
+template <class Source>
+std::filesystem::path file_of(const Source& source) {
+  if (source.Uri() == "__default__") throw std::runtime_error("<uri> is not given");
+  const auto found = find_resource(source.Uri(), place_of(source.Element()).file);
+  const std::string name = source.Element()->GetName() + " '" + source.Uri() + "'";
   if (!found) {
-    throw std::runtime_error(name + " is not found; " + resource_remedy(mesh.Uri()));
+    throw std::runtime_error(name + " is not found; " + resource_remedy(source.Uri()));
   }
   if (!std::filesystem::is_regular_file(*found)) {
     throw std::runtime_error(name + " is not a file (" + found->string() + ")");
@@ -100,45 +114,67 @@ std::vector<Hull> to_hulls(const Mesh& mesh, Pieces pieces) {
   return {};
 }
 
-/// A copy of `common` for each piece of the mesh.
+/// A copy of `common` for each of the hulls that has an inside. `name`: of what they are pieces.
+std::vector<CollisionDescription> with_shapes(CollisionDescription common, std::vector<Hull> hulls,
+                                              const std::string& name, const Place& place,
+                                              Diagnostics& diagnostics) {
+  std::vector<CollisionDescription> collisions;
+  std::size_t thin = 0;
+  std::size_t number = 0;
+  for (Hull& hull : hulls) {
+    common.triangle = number++;
+    if (!has_inside(hull.vertices)) {
+      ++thin;
+      continue;
+    }
+    common.shape = std::move(hull);
+    collisions.push_back(common);
+  }
+  if (thin > 0) {
+    diagnostics.approximate(
+        place, name + ": " + std::to_string(thin) + " of its pieces thinner than 1 µm left out");
+  }
+  if (collisions.empty()) throw std::runtime_error("it is thinner than 1 µm everywhere");
+  return collisions;
+}
+
 std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDescription common,
                                             bool fixed, Diagnostics& diagnostics) {
   const Vector3 scale = to_vector(source.Scale());
   if (!scale.allFinite() || (scale.array() == 0).any()) {
     throw std::runtime_error("mesh scale must be finite and not 0");
   }
-  const std::filesystem::path file = mesh_file(source);
+  const std::filesystem::path file = file_of(source);
+  const std::string name = "mesh " + file.string();
+  const Place place = place_of(source.Element());
   std::vector<std::string> repairs;
   const auto mesh = std::make_shared<const Mesh>(
       read_mesh({file, source.Submesh(), source.CenterSubmesh(), scale}, repairs));
-  for (const std::string& repair : repairs) {
-    diagnostics.approximate(place_of(source.Element()), repair);
-  }
-  std::vector<CollisionDescription> collisions;
+  for (const std::string& repair : repairs) diagnostics.approximate(place, repair);
   try {
     const Pieces pieces = pieces_of(source, *mesh, fixed);
     if (pieces == Pieces::kTriangles) common.mesh = mesh;
-    std::size_t thin = 0;
-    std::size_t number = 0;
-    for (Hull& hull : to_hulls(*mesh, pieces)) {
-      common.triangle = number++;
-      if (!has_inside(hull.vertices)) {
-        ++thin;
-        continue;
-      }
-      common.shape = std::move(hull);
-      collisions.push_back(common);
-    }
-    if (thin > 0) {
-      diagnostics.approximate(place_of(source.Element()),
-                              "mesh " + file.string() + ": " + std::to_string(thin) +
-                                  " of its pieces thinner than 1 µm left out");
-    }
-    if (collisions.empty()) throw std::runtime_error("it is thinner than 1 µm everywhere");
+    return with_shapes(std::move(common), to_hulls(*mesh, pieces), name, place, diagnostics);
   } catch (const std::exception& error) {
-    throw std::runtime_error("mesh " + file.string() + ": " + error.what());
+    throw std::runtime_error(name + ": " + error.what());
   }
-  return collisions;
+}
+
+std::vector<CollisionDescription> to_pieces(const sdf::Heightmap& source,
+                                            CollisionDescription common, bool fixed,
+                                            Diagnostics& diagnostics) {
+  if (!fixed) {
+    throw std::runtime_error("a heightmap cannot move: put it into a model with <static>true");
+  }
+  const Vector3 size{ranged_size(source.Size().X(), "size x", kMapSide),
+                     ranged_size(source.Size().Y(), "size y", kMapSide),
+                     ranged_size(source.Size().Z(), "size z", kMapHeight)};
+  const std::filesystem::path file = file_of(source);
+  common.mesh = std::make_shared<const Mesh>(read_heightmap(file, size));
+  common.X_BG = common.X_BG * Pose{to_vector(source.Position()), Quaternion::Identity()};
+  std::vector<Hull> skin = skin_of(*common.mesh);
+  return with_shapes(std::move(common), std::move(skin), "heightmap " + file.string(),
+                     place_of(source.Element()), diagnostics);
 }
 
 std::optional<double> friction_of(const sdf::Collision& collision) {
@@ -176,6 +212,7 @@ std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
                                                 const Vector3& p_BS, bool fixed,
                                                 Diagnostics& diagnostics) {
   const sdf::Mesh* const mesh = collision.Geom()->MeshShape();
+  const sdf::Heightmap* const heightmap = collision.Geom()->HeightmapShape();
   try {
     ignition::math::Pose3d X_SG;
     const sdf::Errors errors = collision.SemanticPose().Resolve(X_SG);
@@ -185,6 +222,7 @@ std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
     result.friction = friction_of(collision);
     result.X_BG = Pose{p_BS, Quaternion::Identity()} * to_pose(X_SG);
     if (mesh != nullptr) return to_pieces(*mesh, std::move(result), fixed, diagnostics);
+    if (heightmap != nullptr) return to_pieces(*heightmap, std::move(result), fixed, diagnostics);
     result.shape = to_shape(*collision.Geom());
     if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
       if (!(plane->Normal().Length() > 0)) throw std::runtime_error("normal must not be 0 0 0");
@@ -193,8 +231,10 @@ std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
     }
     return {result};
   } catch (const std::runtime_error& error) {
-    diagnostics.refuse(place_of(mesh != nullptr ? mesh->Element() : collision.Element()),
-                       error.what());
+    const sdf::ElementPtr element = mesh != nullptr        ? mesh->Element()
+                                    : heightmap != nullptr ? heightmap->Element()
+                                                           : collision.Element();
+    diagnostics.refuse(place_of(element), error.what());
     return {};
   }
 }

@@ -19,10 +19,11 @@ Pose to_pose(const ignition::math::Pose3d& pose);
 /// The convex pieces of a collision of a link whose SDF frame S has its origin at p_BS (m), with
 /// friction μ if the file has it; `fixed`: the link never moves. A mesh is its convex hull if it is
 /// convex or <haptic:pieces> in <mesh> says "hull", its triangles if it is fixed or that says
-/// "triangles", and else its convex decomposition ("parts"). Empty if it cannot be used; what is
+/// "triangles", and else its convex decomposition ("parts"). A heightmap is its triangles, and must
+/// be fixed. Empty if it cannot be used; what is
 /// refused or approximated goes to `diagnostics`, with its place: sizes that are not finite and
-/// > 0, friction < 0, shapes that are not supported, meshes that are not found, cannot be used or
-/// were repaired.
+/// > 0, friction < 0, shapes that are not supported, meshes and images that are not found,
+/// cannot be used or were repaired.
 std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
                                                 const Vector3& p_BS, bool fixed,
                                                 Diagnostics& diagnostics);

@@ -13,29 +13,31 @@
 namespace hlm::ve {
 namespace {
 
-JointType type_of(const sdf::Joint& joint, Diagnostics& diagnostics) {
+BodyJoint type_of(const sdf::Joint& joint, Diagnostics& diagnostics) {
   switch (joint.Type()) {
     case sdf::JointType::FIXED:
-      return JointType::kFixed;
+      return BodyJoint::kFixed;
     case sdf::JointType::REVOLUTE:
     case sdf::JointType::CONTINUOUS:
-      return JointType::kRevolute;
+      return BodyJoint::kRevolute;
     case sdf::JointType::PRISMATIC:
-      return JointType::kPrismatic;
-    case sdf::JointType::INVALID:
-      return JointType::kFixed;  // The parser has said so.
+      return BodyJoint::kPrismatic;
     case sdf::JointType::BALL:
+      return BodyJoint::kBall;
+    case sdf::JointType::INVALID:
+      return BodyJoint::kFixed;  // The parser has said so.
     case sdf::JointType::UNIVERSAL:
     case sdf::JointType::REVOLUTE2:
     case sdf::JointType::SCREW:
     case sdf::JointType::GEARBOX:
       break;
   }
-  diagnostics.refuse(place_of(joint.Element()),
-                     "type '" + joint.Element()->Get<std::string>("type") +
-                         "' must be fixed, revolute, continuous or prismatic; make it of these, "
-                         "with small links between them");
-  return JointType::kFixed;
+  diagnostics.refuse(
+      place_of(joint.Element()),
+      "type '" + joint.Element()->Get<std::string>("type") +
+          "' must be fixed, revolute, continuous, prismatic or ball; make it of these, "
+          "with small links between them");
+  return BodyJoint::kFixed;
 }
 
 /// Reads the axis of one joint.
@@ -84,7 +86,7 @@ class AxisReader {
     }
     // Files write "no limit" as a very large number. The engine knows angles up to half a turn.
     constexpr double kNone = 1e15;
-    const bool turns = joint_.type == JointType::kRevolute;
+    const bool turns = joint_.type == BodyJoint::kRevolute;
     const double most = turns ? std::numbers::pi : kNone;
     if (lower > -most) joint_.lower = lower;
     if (upper < most) joint_.upper = upper;
@@ -105,9 +107,14 @@ class AxisReader {
 JointDescription to_joint(const sdf::Joint& joint, Diagnostics& diagnostics) {
   JointDescription result;
   result.type = type_of(joint, diagnostics);
-  if (result.type == JointType::kFixed) return result;
+  if (result.type == BodyJoint::kFixed) return result;
   const sdf::JointAxis* axis = joint.Axis(0);
-  if (axis == nullptr) {
+  if (result.type == BodyJoint::kBall) {
+    if (axis == nullptr) return result;
+    diagnostics.approximate(
+        place_of(axis->Element()),
+        "<axis> is not read: a ball joint turns any way, without limits or springs");
+  } else if (axis == nullptr) {
     diagnostics.refuse(place_of(joint.Element()), "has no <axis>");
   } else {
     AxisReader(*axis, diagnostics, result).read(joint.Type() == sdf::JointType::CONTINUOUS);

@@ -107,6 +107,22 @@ class Assembler {
     }
   }
 
+  JointType type_of(const JointDescription& joint) const {
+    switch (joint.type) {
+      case BodyJoint::kFixed:
+        return JointType::kFixed;
+      case BodyJoint::kRevolute:
+        return JointType::kRevolute;
+      case BodyJoint::kPrismatic:
+        return JointType::kPrismatic;
+      case BodyJoint::kBall:
+        break;
+    }
+    fail(model_, "joint '" + joint.name +
+                     "' is a ball joint; a tool's must be fixed, revolute, continuous or "
+                     "prismatic: make it of three revolute ones, with small links between them");
+  }
+
   void add_jointed(const JointDescription& joint, int parent) {
     if (!contains(joint.child)) fail(model_, "joint '" + joint.name + "' leaves the model");
     if (joint.sprung()) {
@@ -114,14 +130,14 @@ class Assembler {
     }
     Link link;
     link.parent = parent;
-    link.joint = joint.type;
+    link.joint = type_of(joint);
     link.axis = joint.axis_J;
     link.lower = std::max(joint.lower, -kNoLimit);
     link.upper = std::min(joint.upper, kNoLimit);
     link.X_PJ = parent == kWorld ? joint.X_WJ : X_WL(parent).inverse() * joint.X_WJ;
     add(link, joint.child, joint.X_WJ.inverse() * body(joint.child).X_WB);
     const auto size = tool_.q.size();
-    const int added = joint_configuration_size(joint.type);
+    const int added = joint_configuration_size(link.joint);
     tool_.q.conservativeResize(size + added);
     tool_.q.tail(added).setZero();
   }

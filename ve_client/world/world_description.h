@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <compare>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -52,10 +53,18 @@ struct BodyDescription {
   std::vector<CollisionDescription> collisions;
 };
 
+/// How a joint lets its child move against its parent.
+enum class BodyJoint : std::uint8_t {
+  kFixed,      ///< Not at all.
+  kRevolute,   ///< About its axis.
+  kPrismatic,  ///< Along its axis.
+  kBall,       ///< About its point, any way. Has no coordinate, limits or spring; not in tools.
+};
+
 /// A joint; its coordinate is zero in the initial poses. J is its frame, fixed in the child.
 struct JointDescription {
   std::string name;
-  JointType type = JointType::kFixed;                       ///< kFixed, kRevolute or kPrismatic.
+  BodyJoint type = BodyJoint::kFixed;
   int parent = -1;                                          ///< Body index; -1 is the world.
   int child = 0;                                            ///< Body index.
   Pose X_WJ;                                                ///< Initial pose of J.
