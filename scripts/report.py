@@ -56,6 +56,7 @@ SECTIONS = {
     "maps": "Where each method stops working",
     "approach": "Where a wall is felt, over approach speed",
     "corners": "Convex edges: all near axes of each pair of shapes, or the best one alone",
+    "roams": "A peg about the testbed's hole: the same in motion, tick by tick",
     "observer": "A hand that is not measured",
     "spatial": "Six degrees of freedom",
     "collisions": "Collisions and friction",
@@ -113,6 +114,9 @@ INTRODUCTION = {
     "corners": "A peg enters holes with 0.2 to 3 mm to spare on each side, straight or askew, at up to 0.5 m/s, "
     "0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
     "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
+    "roams": "Pegs of 38 and 40 mm are led to and fro before the testbed's hole of 40 mm, into it and out, at up to 0.4 m/s and "
+    "5 rad/s, the environment at 30 to 60 Hz. In each tick the force is held against the walls as they are: bars are the "
+    "share of ticks with more than 0.5 N where no wall is within 0.3 mm.",
     "observer": "Four channels on a device with encoder steps of 0.05 mm, a filtered velocity and 0 to 3 ticks of delay: "
     "the hand's wrench measured, observed from the motion, or unknown. Left: what a hand that shakes the handle "
     "in free motion feels as its mass; device and proxy have 1 kg each. Middle: how far the hand's force, as the server knows it, is from "
@@ -411,6 +415,27 @@ def draw_corners(folder):
     return figure
 
 
+def draw_roams(folder):
+    rows = read_table(folder / "roams.csv")
+    epsilons = sorted({float(row["epsilon_m"]) for row in rows})
+    delays = sorted({float(row["delay_s"]) for row in rows})
+    figure, panel = panels(len(epsilons), 4)
+    for axis, epsilon in zip(panel, epsilons):
+        for axes, color, shift in (("one", "#d62728", -0.2), ("all", "#1f77b4", 0.2)):
+            shares = []
+            for delay in delays:
+                points = column([r for r in rows if r["axes"] == axes and float(r["epsilon_m"]) == epsilon
+                                 and float(r["delay_s"]) == delay], "ghosts", 100)
+                shares.append(sum(points) / len(points))
+            axis.bar([i + shift for i in range(len(delays))], shares, width=0.4, color=color,
+                     label="best axis alone" if axes == "one" else "all near axes")
+        axis.set_xticks(range(len(delays)), [f"{1e3 * delay:g}" for delay in delays])
+        axis.set_title(f"ε = {1e3 * epsilon:g} mm")
+        label(axis, "delay each way, ms", "ticks with force from nothing, %")
+        axis.legend(fontsize=7)
+    return figure
+
+
 def draw_spatial(folder):
     figure, axes = panels(3, 4)
     hole = read_table(folder / "spatial_hole_series.csv")
@@ -613,6 +638,7 @@ DRAW = {
     "maps": draw_maps,
     "approach": draw_approach,
     "corners": draw_corners,
+    "roams": draw_roams,
     "observer": draw_observer,
     "spatial": draw_spatial,
     "collisions": draw_collisions,

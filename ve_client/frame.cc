@@ -1,6 +1,8 @@
 #include "ve_client/frame.h"
 
 #include <algorithm>
+#include <cmath>
+#include <functional>
 #include <utility>
 
 #include "common/uniform.h"
@@ -48,6 +50,11 @@ namespace {
 /// Factor on what is travelled until contacts are replaced. 1 covers steady speed and equal periods
 /// only; larger values send more contacts.
 constexpr double kMargin = 1.5;
+/// How far the tool may be held back from the proxy, besides what that is pressed in, before it is
+/// carried there, m; how far it is carried in one frame at most; and in which steps.
+constexpr double kMostLag = 0.004;
+constexpr double kFarthestCarry = 0.05;
+constexpr double kCarryStep = 0.0005;
 /// Farthest that a body is held beyond ε, m.
 constexpr double kFarthestHold = 0.05;
 /// Most contacts of the tool, on all axes: what is left is for those of bodies.
@@ -160,20 +167,48 @@ void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* con
   environment.shared.push(pushes, reported, period, round_trip);
 }
 
+/// What stops a tool in the engine.
+std::function<bool(int body)> obstacles(const VirtualEnvironment& environment,
+                                        std::span<HapticClient* const> clients, std::size_t tool,
+                                        const FrameOptions& options) {
+  // A tool that nobody holds any more does not push what others hold.
+  const bool left = clients.size() > 1 && !clients[tool]->connected();
+  const bool by_impulses = pushes_by_impulses(*clients[tool], options);
+  const Surroundings& surroundings = environment.tools[tool].surroundings;
+  return [&world = environment.world, &surroundings, left, by_impulses](int body) {
+    if (left) return !world.is_movable(body);
+    return !by_impulses || surroundings.is_obstacle(body);
+  };
+}
+
+/// Carries a tool that obstacles hold back to its proxy, if it can be there and everywhere on the
+/// straight way: else it would find contacts where the proxy is not.
+void catch_up(HeldTool& held, const std::function<bool(int body)>& stops_tool) {
+  VirtualTool& tool = held.tool;
+  const double lag = tool.lag();
+  if (lag <= kMostLag || lag > kFarthestCarry) return;
+  if (held.proximity.thinnest() < 2 * kCarryStep) return;  // It might step over a thin wall.
+  const Configuration here = tool.q();
+  const auto pressed_in_at = [&](double share) {
+    tool.place(tool.on_the_way(here, share));
+    return held.proximity.pressed_in(tool, stops_tool);
+  };
+  const int steps = static_cast<int>(std::ceil(lag / kCarryStep));
+  bool passes = lag > kMostLag + pressed_in_at(1);
+  for (int i = 1; passes && i < steps; ++i) {
+    passes = std::isfinite(pressed_in_at(static_cast<double>(i) / steps));
+  }
+  tool.place(passes ? tool.on_the_way(here, 1) : here);
+}
+
 /// One step of the engine, in which the tools follow their proxies.
 void step(VirtualEnvironment& environment, std::span<HapticClient* const> clients, double period,
           const FrameOptions& options) {
   std::vector<ToolContact> contacts;
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
-    const bool by_impulses = pushes_by_impulses(*clients[i], options);
-    // A tool that nobody holds any more does not push what others hold.
-    const bool left = clients.size() > 1 && !clients[i]->connected();
-    const auto stops_tool = [&](int body) {
-      if (left) return !environment.world.is_movable(body);
-      return !by_impulses || held.surroundings.is_obstacle(body);
-    };
     const double reach = held.tool.follow(period);
+    const auto stops_tool = obstacles(environment, clients, i, options);
     const auto own = held.proximity.within_reach(held.tool, reach, stops_tool);
     contacts.insert(contacts.end(), own.begin(), own.end());
   }
@@ -195,8 +230,11 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
   Surroundings& surroundings = held.surroundings;
   const double delay = client.round_trip() + options.delay;
   result.epsilon = adapted_epsilon(options, held.tool.target_speed(), delay, period);
-  const bool all_axes =
-      client.connected() && client.welcome().capabilities.axes && !options.one_axis;
+  // Which axes separate the tool from a shape says nothing of a proxy that is elsewhere, as it is
+  // where contacts come late: without prediction always.
+  const bool all_axes = client.connected() && client.welcome().capabilities.axes &&
+                        !options.one_axis && result.epsilon > 0 &&
+                        held.tool.lag() <= kFarthestCarry;
   std::vector<FoundContact> found =
       tool_contacts(environment.world, held, result.epsilon, delay + 2 * period, all_axes);
   result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
@@ -241,7 +279,10 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
   follow_servers(environment, clients, period, results);
   step(environment, clients, period, options);
   if (stands_still()) return results;
-  for (HeldTool& held : environment.tools) held.tool.read_back();
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    environment.tools[i].tool.read_back();
+    catch_up(environment.tools[i], obstacles(environment, clients, i, options));
+  }
 
   const double sampled_at = clock.now();
   std::vector<Report> reports;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <random>
 
 #include <spdlog/fmt/fmt.h>
@@ -18,7 +19,7 @@
 namespace hlm::experiments {
 namespace {
 
-constexpr double kHalfWidth = 0.02;   // m, of the peg, along x
+constexpr double kHalfWidth = 0.02;   // m, along x: of the peg, or of the testbed's hole
 constexpr double kHalfLength = 0.04;  // m, of the peg, along y
 constexpr double kRest = 0.3;         // s: before the hand begins, and after each reach
 
@@ -27,9 +28,24 @@ std::string block(const std::string& name, double x, double y, double width, dou
                            test::box(fmt::format("{} {} 0.04", width, height)));
 }
 
-std::string peg(double x, double y) {
-  return test::model("peg", fmt::format("{} {} 0 0 0 0", x, y), test::box("0.04 0.08 0.04"),
+std::string peg(const Vector3& p, double half_width) {
+  return test::model("peg", fmt::format("{} {} 0 0 0 0", p.x(), p.y()),
+                     test::box(fmt::format("{} {} 0.04", 2 * half_width, 2 * kHalfLength)),
                      "<haptic:tool_joint>planar</haptic:tool_joint>");
+}
+
+/// The walls of the shipped testbed, with the hole's mouth at y = 0 and the hole below, and its
+/// peg.
+ve::WorldDescription testbed(const Vector3& p, double half_width) {
+  const Pose X_WT{{-0.1, 0.144, 0},
+                  Quaternion(Eigen::AngleAxisd(std::numbers::pi, Vector3::UnitX()))};
+  ve::WorldDescription world = test::repository_world("testbed.sdf");
+  world = ve::with_model_at(world, "enclosure", X_WT * ve::find_model(world, "enclosure").X_WM);
+  world = ve::with_model_at(world, "peg", {p, Quaternion::Identity()});
+  const int peg = ve::find_model(world, "peg").first_body;
+  world.bodies[static_cast<std::size_t>(peg)].collisions.at(0).shape =
+      ve::Box{{2 * half_width, 2 * kHalfLength, 0.04}};
+  return world;
 }
 
 server::HandSegment reach(double duration, const Vector3& p, double angle = 0) {
@@ -89,11 +105,11 @@ Path path_of(const Entry& entry, double delay) {
   return path;
 }
 
-test::VirtualSessionOptions session_options(const Path& path, const std::string& obstacles,
+test::VirtualSessionOptions session_options(const Path& path, const ve::WorldDescription& world,
                                             const CornerConditions& conditions,
                                             std::uint64_t seed) {
   test::VirtualSessionOptions options;
-  options.world = test::world_of(obstacles + peg(path.start.x(), path.start.y()));
+  options.world = world;
   options.hand = path.hand;
   options.device.dry_friction = 0;
   options.device.max_force = 100;
@@ -112,19 +128,19 @@ test::VirtualSessionOptions session_options(const Path& path, const std::string&
 }
 
 /// Gap of the peg from a wall of the hole: x beyond `wall` on the side of `side` (+1, -1), y < 0.
-double gap(const Pose& X_WP, double side, double wall) {
+double gap(const Pose& X_WP, double half_width, double side, double wall) {
   std::array<Vector3, 4> corners;
   double along_x = std::numeric_limits<double>::infinity();
   double along_y = along_x;
   for (std::size_t i = 0; i < 4; ++i) {
     corners[i] =
-        X_WP * Vector3(i & 1 ? kHalfWidth : -kHalfWidth, i & 2 ? kHalfLength : -kHalfLength, 0);
+        X_WP * Vector3(i & 1 ? half_width : -half_width, i & 2 ? kHalfLength : -kHalfLength, 0);
     along_x = std::min(along_x, wall - side * corners[i].x());
     along_y = std::min(along_y, corners[i].y());
   }
   // The wall's edge in the axes of the peg.
   const Vector3 edge = X_WP.inverse() * Vector3(side * wall, 0, 0);
-  const double along_own_x = std::abs(edge.x()) - kHalfWidth;
+  const double along_own_x = std::abs(edge.x()) - half_width;
   const double along_own_y = std::abs(edge.y()) - kHalfLength;
   // Of the peg's own axes only those that leave the whole wall on one side separate them.
   const bool level = std::abs(X_WP.R.z()) < 1e-9;
@@ -138,32 +154,34 @@ double gap(const Pose& X_WP, double side, double wall) {
 
 EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
   const Path path = path_of(entry, conditions.delay);
-  const double wall = kHalfWidth + entry.clearance;
-  const auto walls = [&](double at) {
-    return block("left", -at - 0.05, -0.07, 0.1, 0.14) +
-           block("right", at + 0.05, -0.07, 0.1, 0.14);
-  };
+  const double half_width = entry.testbed ? kHalfWidth - entry.clearance : kHalfWidth;
+  const double wall = half_width + entry.clearance;
+  const std::string tool = peg(path.start, half_width);
   EntryOutcome outcome;
   outcome.least_gap = std::numeric_limits<double>::infinity();
-  test::VirtualSession free(session_options(path, walls(1), conditions, entry.seed),
+  test::VirtualSession free(session_options(path, test::world_of(tool), conditions, entry.seed),
                             [&](const server::TickRecord& record) {
                               if (record.step == 0) return;
-                              const double left = gap(record.X_WP, -1, wall);
-                              const double right = gap(record.X_WP, 1, wall);
+                              const double left = gap(record.X_WP, half_width, -1, wall);
+                              const double right = gap(record.X_WP, half_width, 1, wall);
                               outcome.least_gap = std::min({outcome.least_gap, left, right});
                             });
   free.run(path.duration + kRest);
 
+  const auto hole = [&] {
+    if (entry.testbed) return testbed(path.start, half_width);
+    return test::world_of(block("left", -wall - 0.05, -0.07, 0.1, 0.14) +
+                          block("right", wall + 0.05, -0.07, 0.1, 0.14) + tool);
+  };
   double contacts = 0;
   double updates = 0;
-  test::VirtualSession session(session_options(path, walls(wall), conditions, entry.seed),
-                               [&](const server::TickRecord& record) {
-                                 outcome.largest_force =
-                                     std::max(outcome.largest_force, record.F_env.head<3>().norm());
-                                 if (record.adopted == 0) return;
-                                 contacts += record.active_contacts + record.predicted_contacts;
-                                 ++updates;
-                               });
+  test::VirtualSession session(
+      session_options(path, hole(), conditions, entry.seed), [&](const server::TickRecord& record) {
+        outcome.largest_force = std::max(outcome.largest_force, record.F_env.head<3>().norm());
+        if (record.adopted == 0) return;
+        contacts += record.active_contacts + record.predicted_contacts;
+        ++updates;
+      });
   session.run(path.duration + kRest);
   outcome.enters = session.last().X_WP.p.y() < kHalfLength - 0.055;
   outcome.acting_contacts = contacts / std::max(1.0, updates);
@@ -181,7 +199,9 @@ double wall_error(double speed, const CornerConditions& conditions, std::uint64_
                server::AfterLastSegment::kHold};
   double felt = std::numeric_limits<double>::infinity();
   test::VirtualSession session(
-      session_options(path, block("wall", 0, -0.05, 0.2, 0.1), conditions, seed),
+      session_options(
+          path, test::world_of(block("wall", 0, -0.05, 0.2, 0.1) + peg(path.start, kHalfWidth)),
+          conditions, seed),
       [&](const server::TickRecord& record) {
         if (std::isfinite(felt) || record.F_env.head<3>().norm() < 0.5) return;
         felt = record.X_WP.p.y() - kHalfLength;
@@ -197,6 +217,13 @@ struct Case {
   CornerConditions conditions;
 };
 
+struct Count {
+  int entries = 0;
+  int felt = 0;
+  int stuck = 0;
+  double largest = 0;  // N
+};
+
 std::string in_words(const CornerConditions& c) {
   return c.one_axis ? "best axis alone" : "all near axes";
 }
@@ -207,15 +234,21 @@ void entries(Bench& bench) {
       quick ? std::vector{0.1, 0.5} : std::vector{0.1, 0.2, 0.35, 0.5};
   const std::vector<double> epsilons =
       quick ? std::vector{0.005, 0.02} : std::vector{0.005, 0.02, 0.05};
+  struct Hole {
+    double clearance;  // m
+    bool testbed;
+  };
+  const std::array holes{Hole{0.0002, false}, Hole{0.001, false}, Hole{0.003, false},
+                         Hole{0.001, true}};
   std::vector<Case> cases;
   for (const std::uint64_t seed : bench.seed_list(quick ? 1 : 5)) {
-    for (const double clearance : {0.0002, 0.001, 0.003}) {
+    for (const auto& [clearance, testbed] : holes) {
       for (const double speed : speeds) {
         for (const bool wanders : {false, true}) {
           for (const double delay : {0.0, 0.02}) {
             for (const double epsilon : epsilons) {
               for (const bool one_axis : {false, true}) {
-                cases.push_back({{clearance, speed, wanders, seed},
+                cases.push_back({{clearance, speed, wanders, seed, testbed},
                                  {.delay = delay, .epsilon = epsilon, .one_axis = one_axis}});
               }
             }
@@ -228,38 +261,37 @@ void entries(Bench& bench) {
       bench.map(cases, [](const Case& c) { return enter(c.entry, c.conditions); });
   Table& table =
       bench.table("corners",
-                  "axes,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
+                  "axes,testbed,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
                   "largest_force_n,enters,contacts");
-  struct Count {
-    int entries = 0;
-    int felt = 0;
-    int stuck = 0;
-    double largest = 0;
-  };
-  std::map<bool, Count> counts;
+  std::map<std::pair<bool, bool>, Count> counts;  // By testbed and one_axis.
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto& [entry, conditions] = cases[i];
     const EntryOutcome& o = outcomes[i];
-    table.row(conditions.one_axis ? "one" : "all", entry.clearance, entry.speed,
-              entry.wanders ? 1.0 : 0.0, conditions.delay, conditions.epsilon,
+    table.row(conditions.one_axis ? "one" : "all", entry.testbed ? 1.0 : 0.0, entry.clearance,
+              entry.speed, entry.wanders ? 1.0 : 0.0, conditions.delay, conditions.epsilon,
               static_cast<double>(entry.seed), o.least_gap, o.largest_force, o.enters ? 1.0 : 0.0,
               o.acting_contacts);
     if (o.least_gap < kTouchesNothing) continue;
-    Count& count = counts[conditions.one_axis];
+    Count& count = counts[{entry.testbed, conditions.one_axis}];
     ++count.entries;
     count.felt += o.largest_force > kGhostForce;
     count.stuck += !o.enters;
     count.largest = std::max(count.largest, o.largest_force);
   }
-  const Count& all = counts[false];
-  const Count& one = counts[true];
-  bench.claim({.what = "entries into holes, all near axes",
-               .criterion = "no entry that touches nothing meets more than 0.5 N; all get in",
-               .measured = fmt::format("{} of {} entries, up to {:.2g} N; {} do not get in (best "
-                                       "axis alone: {} of {}, up to {:.2g} N; {})",
-                                       all.felt, all.entries, all.largest, all.stuck, one.felt,
-                                       one.entries, one.largest, one.stuck),
-               .holds = all.entries > 0 && all.felt == 0 && all.stuck == 0});
+  for (const bool testbed : {false, true}) {
+    const Count& all = counts[{testbed, false}];
+    const Count& one = counts[{testbed, true}];
+    bench.claim(
+        {.what = testbed ? "entries into the testbed's hole, whose walls its floor adjoins, with "
+                           "1 mm on each side, all near axes"
+                         : "entries into holes between two blocks, all near axes",
+         .criterion = "no entry that touches nothing meets more than 0.5 N; all get in",
+         .measured = fmt::format("{} of {} entries, up to {:.2g} N; {} do not get in (best axis "
+                                 "alone: {} of {}, up to {:.2g} N; {})",
+                                 all.felt, all.entries, all.largest, all.stuck, one.felt,
+                                 one.entries, one.largest, one.stuck),
+         .holds = all.entries > 0 && all.felt == 0 && all.stuck == 0});
+  }
 }
 
 void walls(Bench& bench) {

@@ -13,12 +13,15 @@ struct CornerConditions {
   double ve_high = 60;     ///< Hz.
 };
 
-/// How a peg of 40 x 80 mm is led into a hole.
+/// How a peg of 80 mm is led into a hole with its mouth at y = 0.
 struct Entry {
   double clearance = 0.001;  ///< On each side, m.
   double speed = 0.2;        ///< Largest, m/s.
   bool wanders = false;      ///< It comes from the side over the edge, and goes in askew.
   std::uint64_t seed = 1;
+  /// The hole of worlds/testbed.sdf, 40 mm wide, with walls that its floor adjoins; else a peg of
+  /// 40 mm enters between two blocks.
+  bool testbed = false;
 };
 
 /// An entry with at least this gap, m, touches nothing.

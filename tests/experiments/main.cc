@@ -32,6 +32,7 @@ constexpr Experiment kExperiments[] = {
     {"collisions", collisions, true},
     {"linkages", linkages, true},
     {"corners", corners, true},
+    {"roams", roams, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
     {"twotools", two_tools, true},

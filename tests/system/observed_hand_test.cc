@@ -171,6 +171,10 @@ TEST_CASE(
     "Directly coupled, a late device is quiet on a wall that it bears and shakes on twice that") {
   const int delay = GENERATE(0, 2, 5);
   VirtualSessionOptions options = pressing({});
+  options.world = test::world_of(  // Nothing but a wall, met without a blow.
+      test::fixed_model("wall", "0 0.0701 0 0 0 0", test::box("2 0.1 0.04")) +
+      test::model("peg", "0 0 0 0 0 0", test::box("0.08 0.04 0.04"),
+                  "<haptic:tool_joint>planar</haptic:tool_joint>"));
   options.device.delay = delay;
   options.device.dry_friction = 0;
   options.servo.controller = ControllerKind::kDirect;

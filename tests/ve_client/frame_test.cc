@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <memory>
+#include <numbers>
 
 #include "protocol/server_session.h"
 #include "tests/support/catch.h"
@@ -124,6 +125,29 @@ TEST_CASE("The tool follows the proxy to the wall and stops there") {
   CHECK(setup.environment.tools.front().tool.q().y() > 0.05);
   setup.run(1);
   CHECK(setup.environment.tools.front().tool.q().y() == Approx(0.124).margin(2e-4));
+}
+
+TEST_CASE("A tool that an edge holds back goes where its proxy has pressed past the edge") {
+  // The peg stands before the hole that fits it exactly, 2 mm beside it: a proxy may go in and
+  // press on one wall, the engine's tool meets the edge.
+  WorldDescription world = test::repository_world("testbed.sdf");
+  const Quaternion upright(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitZ()));
+  world = with_model_at(world, "peg", {{0.102, 0.09, 0}, upright});
+  Setup setup({}, 1, Vector3(0, 0.1, 0), world);
+  setup.run(0.8);
+  CHECK(setup.environment.tools.front().tool.q().y() > 0.16);  // m
+}
+
+TEST_CASE("It does not go through a wall after a proxy that has, however thin both are") {
+  const std::string wall = GENERATE("0.0002", "0.001", "0.05");  // m
+  const std::string tool = GENERATE("0.0002", "0.001", "0.01");
+  const WorldDescription world =
+      test::world_of(test::fixed_model("wall", "0 0 0 0 0 0", test::box("0.1 " + wall + " 0.1")) +
+                     test::model("peg", "0 -0.08 0 0 0 0", test::box("0.1 " + tool + " 0.1"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  Setup setup({}, 1, Vector3(0, 0.1, 0), world);
+  setup.run(2);
+  CHECK(setup.environment.tools.front().tool.q().y() < 0);  // m
 }
 
 TEST_CASE("Each update has the contacts of the very configuration that it carries") {

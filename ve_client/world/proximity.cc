@@ -9,6 +9,11 @@
 namespace hlm::ve {
 namespace {
 
+/// Overlap with an obstacle that may be the proxy's own, pressed in by its force, m.
+constexpr double kPressedIn = 0.003;
+/// Less of the thickness of both than one half, at which things are half through each other.
+constexpr double kNotThrough = 0.2;
+
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 ContactSide side_of_link(int link) {
@@ -39,6 +44,9 @@ Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double epsilon) {
   box.max().array() += epsilon;
   return box;
 }
+
+/// The least extent of a shape along its own axes, m.
+double thickness(const Convex& shape) { return shape.bounds(Pose{}).sizes().minCoeff(); }
 
 /// Leaves of each pair the contacts of one axis: the best one, unless the pair is apart along
 /// another one now and where the tool is drawn to.
@@ -116,6 +124,7 @@ Proximity::Proximity(World& world, const ToolAssembly& assembly)
     }
   }
   for (const ToolShape& a : tool_shapes_) {
+    thinnest_ = std::min(thinnest_, thickness(world.convex(a.id)));
     for (const ToolShape& b : tool_shapes_) {
       if (b.link >= a.link) break;
       if (!are_joined(assembly.description, a.link, b.link)) tool_pairs_.push_back({a, b});
@@ -128,10 +137,9 @@ AxesManifold Proximity::find(const CollisionId& id_a, const Pose& X_WA, const Co
                              const std::optional<Vector3>& before_B) {
   const Convex& a = world_.convex(id_a);
   const Convex& b = world_.convex(id_b);
-  // The axes of one of several pieces do not tell whether the tool is apart from the whole.
-  const bool alone = world_.pieces().of(id_a).adjoining.empty() &&
-                     world_.pieces().of(id_b).adjoining.empty() && !world_.collision(id_b).mesh;
-  if (all_axes_ && alone) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
+  const bool skin = world_.collision(id_b).mesh != nullptr;
+  if (all_axes_ && !skin) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   return {best.begin(), best.end()};
 }
@@ -228,6 +236,26 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     contact.friction = friction.value_or(contact.friction);
   }
   resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
+}
+
+double Proximity::pressed_in(const VirtualTool& tool,
+                             const std::function<bool(int body)>& stops_tool) {
+  const auto sides = sides_;
+  double deepest = 0;
+  for (const FoundContact& contact : query(tool, 0, false)) {
+    const int body = static_cast<int>(contact.key.b.index);
+    if (contact.key.b.kind == SideKind::kToolLink || !stops_tool(body)) continue;
+    const CollisionId a{tool_bodies_[contact.key.a.index],
+                        static_cast<int>(contact.key.a_feature.shape)};
+    const CollisionId b{body, static_cast<int>(contact.key.b_feature.shape)};
+    const double both = thickness(world_.convex(a)) + thickness(world_.convex(b));
+    const bool through = -contact.separation > std::min(kPressedIn, kNotThrough * both);
+    deepest =
+        through ? std::numeric_limits<double>::infinity() : std::max(deepest, -contact.separation);
+    if (through) break;
+  }
+  sides_ = sides;
+  return deepest;
 }
 
 std::span<const ToolContact> Proximity::within_reach(

@@ -1,5 +1,6 @@
 #include "ve_client/world/virtual_tool.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -150,6 +151,11 @@ void VirtualTool::read_back() {
     coordinate += joint_configuration_size(joint);
     velocity += joint_dof(joint);
   }
+  place(q);
+  v_target_.setZero();
+}
+
+void VirtualTool::place(const Configuration& q) {
   model_.set_configuration(q);
   for (int link = 0; link < model_.links(); ++link) {
     const Pose X_WB_link = X_WB(link);
@@ -157,7 +163,34 @@ void VirtualTool::read_back() {
     world_.set_pose(assembly_.bodies[at(link)], X_WB_link);
     world_.set_velocity(assembly_.bodies[at(link)], V_WB);
   }
-  v_target_.setZero();
+}
+
+double VirtualTool::lag() const {
+  double lag = 0;
+  for (int link = 0; link < model_.links(); ++link) {
+    lag = std::max(lag, point_speed(displacement(X_WB(link), X_WB_target(link))));
+  }
+  return lag;
+}
+
+Configuration VirtualTool::on_the_way(const Configuration& q, double share) const {
+  Configuration target = target_.configuration();
+  int coordinate = 0;
+  for (const Link& link : assembly_.description.links) {
+    const int turn = coordinate + (link.joint == JointType::kPlanar ? 2 : 0);
+    const bool turns = link.joint == JointType::kPlanar || link.joint == JointType::kRevolute;
+    if (turns && link.upper - link.lower == 2 * kNoLimit) {
+      target[turn] = unwrapped(target[turn], q[turn]);
+    }
+    coordinate += joint_configuration_size(link.joint);
+  }
+  const bool is_free = assembly_.description.links[0].joint == JointType::kFree;
+  if (is_free && target.segment<4>(kFreeQuaternion).dot(q.segment<4>(kFreeQuaternion)) < 0) {
+    target.segment<4>(kFreeQuaternion) *= -1;
+  }
+  Configuration between = q + share * (target - q);
+  if (is_free) between.segment<4>(kFreeQuaternion).normalize();
+  return between;
 }
 
 /// Reads the joint above a link from the poses and twists of the two bodies that it joins into q

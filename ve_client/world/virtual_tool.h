@@ -68,6 +68,14 @@ class VirtualTool {
   /// from here on they are exactly in that configuration.
   void read_back();
 
+  /// Puts the tool and its bodies at q, with the velocity that it has.
+  void place(const Configuration& q);
+  /// Upper bound on how far any point of the tool is from where it is drawn to, m.
+  double lag() const;
+  /// A configuration on the straight way from `q` to the target: `share` 0 at q, 1 there. Joints
+  /// without limits take the shorter turn.
+  Configuration on_the_way(const Configuration& q, double share) const;
+
   /// Configuration q_VE in which the tool is, after the latest read_back(). Angles are continuous.
   const Configuration& q() const noexcept { return model_.configuration(); }
   const Velocity& v() const noexcept { return v_; }
