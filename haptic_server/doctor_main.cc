@@ -1,13 +1,19 @@
 // haptic_doctor: whether machine, network and device can do it, and why nothing is felt.
-#include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <stdexcept>
 
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
 #include "haptic_server/doctor/contact_examination.h"
+#include "haptic_server/doctor/device_check.h"
 #include "haptic_server/doctor/device_examination.h"
 #include "haptic_server/doctor/force_examination.h"
 #include "haptic_server/doctor/machine.h"
 #include "haptic_server/doctor/network.h"
+#include "haptic_server/doctor/push_examination.h"
 #include "haptic_server/doctor/report.h"
 #include "haptic_server/program.h"
 #include "protocol/transport/udp_socket.h"
@@ -29,7 +35,7 @@ inline constexpr std::array<Word<server::Part>, 6> kWords<server::Part>{{
     {server::Part::kDevice, "device", "present, opened, rated"},
     {server::Part::kForce, "force", "the chain from contact to force"},
     {server::Part::kContacts, "contacts",
-     "of a capture: whether the client's contacts can be trusted"},
+     "whether the client's contacts can be trusted: of a capture, or where the server records"},
 }};
 
 }  // namespace hlm
@@ -38,19 +44,41 @@ namespace hlm::server {
 namespace {
 
 struct DoctorOptions {
-  std::string capture;  ///< Empty: what runs is examined.
+  std::string subject;  ///< A capture, or kDeviceCheck; empty: what runs is examined.
   std::string server = "127.0.0.1:47800";
   Part part = Part::kAll;
   bool json = false;
+  std::string report;    ///< File for all that was found; empty: none.
   std::string key_file;  ///< The server's; empty: none.
+  std::string world_axes = DeviceCheckOptions{}.world_axes;  ///< Of a device that is checked.
+  std::optional<double> push;                                ///< Likewise, N.
   MachineOptions machine;
   PhysicsOptions physics;  ///< Of it the rate and the device.
 };
 
+/// In place of a capture: a person's first minutes with a device.
+constexpr const char* kDeviceCheck = "device";
+
+std::vector<Examination> check_device(const DoctorOptions& options) {
+  if (options.part != Part::kAll) {
+    throw settings::UsageError("--check " + std::string(name_of(options.part)) +
+                               " does not go with 'device', which has steps of its own");
+  }
+  const ServoOptions& servo = options.physics.servo;
+  return check_device(options.physics.device,
+                      {.rate = servo.rate,
+                       .priority = options.machine.priority,
+                       .max_gap = servo.max_gap,
+                       .world_axes = options.world_axes,
+                       .push = options.push,
+                       .force_limit = servo.limits.max_force},
+                      find_running(resolve_option("--server", options.server)));
+}
+
 std::vector<Examination> examine_capture(const DoctorOptions& options) {
   const auto wanted = [&](Part part) { return options.part == part || options.part == Part::kAll; };
   std::vector<Examination> examinations;
-  for (const RecordedSession& session : read_sessions(options.capture)) {
+  for (const RecordedSession& session : read_sessions(options.subject)) {
     if (wanted(Part::kForce)) examinations.push_back(examine_force(session));
     if (wanted(Part::kContacts)) examinations.push_back(examine_contacts(session));
   }
@@ -61,10 +89,17 @@ std::vector<Examination> examine_capture(const DoctorOptions& options) {
   return examinations;
 }
 
-std::vector<Examination> examine_present(const DoctorOptions& options) {
-  if (options.part == Part::kContacts) {
-    throw settings::UsageError("--check contacts needs a capture: record a session with --record");
+/// Of the newest session in what the server records.
+Examination examine_contacts(const std::optional<RunningServer>& running) {
+  if (!running || running->capture.empty()) {
+    throw settings::UsageError(
+        "--check contacts needs a capture, or a server on this machine that records: "
+        "haptic_server --record FILE");
   }
+  return examine_contacts(read_sessions(running->capture).back());
+}
+
+std::vector<Examination> examine_present(const DoctorOptions& options) {
   const protocol::Endpoint server = resolve_option("--server", options.server);
   // Machine and device are those of a server here, unless a person asks for them.
   const bool here = protocol::is_own_address(server);
@@ -73,6 +108,8 @@ std::vector<Examination> examine_present(const DoctorOptions& options) {
     return options.part == part || (options.part == Part::kAll && (here || !local));
   };
   const std::optional<RunningServer> running = find_running(server);
+  // A recording may be long: it is read where a person asks for it.
+  if (options.part == Part::kContacts) return {examine_contacts(running)};
   std::vector<Examination> examinations;
   if (wanted(Part::kMachine)) {
     MachineOptions machine = options.machine;
@@ -93,12 +130,44 @@ std::vector<Examination> examine_present(const DoctorOptions& options) {
   return examinations;
 }
 
+std::vector<Examination> examine(const DoctorOptions& options) {
+  if (options.subject == kDeviceCheck) return check_device(options);
+  return options.subject.empty() ? examine_present(options) : examine_capture(options);
+}
+
+/// Before the examination, which may take a person's time. What the file holds stays until then.
+void check_report(const std::string& file) {
+  std::error_code ignored;
+  const bool is_new = !std::filesystem::exists(file, ignored);
+  if (!std::ofstream(file, std::ios::app)) {
+    throw settings::UsageError("--report " + file + " cannot be written");
+  }
+  if (is_new) std::filesystem::remove(file, ignored);
+}
+
+void write_report(const std::string& file, const std::string& text) {
+  std::ofstream report(file);
+  report << text << std::flush;
+  if (!report) throw std::runtime_error("--report " + file + " cannot be written");
+}
+
+/// What drivers log goes where the report does not.
+void configure_logging() {
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("haptic_doctor"));
+  spdlog::set_pattern("haptic_doctor %l: %v");
+}
+
 int run_doctor(const DoctorOptions& options) {
-  const std::vector<Examination> examinations =
-      options.capture.empty() ? examine_present(options) : examine_capture(options);
+  configure_logging();
+  if (!options.report.empty()) check_report(options.report);
+  const std::vector<Examination> examinations = examine(options);
   std::cout << (options.json ? as_json(examinations) : as_text(examinations)) << std::flush;
   if (!std::cout) throw std::runtime_error("standard output takes no report");
-  return worst(examinations) == Verdict::kProblem ? kProblem : kOk;
+  if (!options.report.empty()) {
+    write_report(options.report, as_report(examinations, options.physics.device.to_toml(false)));
+  }
+  if (worst(examinations) == Verdict::kProblem) return kProblem;
+  return complete(examinations) ? kOk : kFailed;
 }
 
 const char* const kFooter =
@@ -106,20 +175,29 @@ const char* const kFooter =
   haptic_doctor                                  this machine, and the server on it
   haptic_doctor --server HOST:47800              from the simulator's machine
   haptic_doctor --check force                    while something should be felt, and is not
-  haptic_doctor --device NAME --check device     a device, before the first session
+  haptic_doctor --device NAME --check device     whether a device is there, and what it is rated
+  haptic_doctor device --device NAME             with a person at it: its rate, noise, frame, and by
+                                                 small pushes its force; before the first session
+  haptic_doctor --check contacts                 whether a client's contacts can be trusted, while
+                                                 a session goes on that the server records
   haptic_doctor run.pcap                         a session recorded with --record
   haptic_doctor run.pcap --check contacts        whether its client's contacts can be trusted
 
 An idle server is measured in a session of two seconds, in which its device is enabled; contacts and
 faults are left alone, and so is a server that has a client.
+'device' tells a person what to do, on standard error, and takes answers from standard input. Nothing
+moves before that person has typed yes; no push has more than 1 N.
 
-Exit codes: 0 no problem was found; 1 failed; 2 wrong usage or configuration; 4 a problem was found.
+Exit codes: 0 no problem was found; 1 failed, or not all was checked; 2 wrong usage or
+configuration; 4 a problem was found.
 )";
 
 void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& options) {
   command_line.optional_positional(
-      "CAPTURE", options.capture,
-      "A recorded session, pcap or pcapng: its chain of force and its contacts are examined");
+      "CAPTURE", options.subject,
+      "A recorded session, pcap or pcapng: its chain of force and its contacts are examined; or "
+      "the "
+      "word device: the device is checked step by step, with a person at it");
   settings::Table& table = command_line.table();
   table.group("Doctor");
   table.text("server", options.server, "HOST:PORT", "The server that is meant");
@@ -127,6 +205,18 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
   table.choice("check", options.part, "What to examine");
   table.flag("json", options.json, "Write the findings as JSON");
   table.not_in_files();
+  table.text(
+      "report", options.report, "FILE",
+      "Write the findings to this file, too, with version, kernel and the device's keys: to be "
+      "sent to somebody");
+  table.not_in_files();
+  table.text("world-axes", options.world_axes, "WORDS",
+             "With 'device': where the world's x, y and z point for the person at the device");
+  table.not_in_files();
+  table.number("push", options.push, kPushes,
+               "With 'device': largest force of its pushes. Unset: a tenth of the device's rating");
+  table.not_in_files();
+  table.number(options.physics.servo.limits, kLimiterNumbers[0]);
   table.group("Machine");
   table.number("rate", options.physics.servo.rate, kServoRates, "Rate at which the loop is tested");
   table.whole("priority", options.machine.priority, kPriorities, "Its SCHED_FIFO priority");
@@ -134,6 +224,18 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
   options.physics.device.add_to(command_line);
   // The server's own file says more than what is examined.
   command_line.ignore_unknown_keys();
+}
+
+void check_options(const DoctorOptions& options) {
+  check(options.physics);
+  const bool has_axes = options.world_axes != DeviceCheckOptions{}.world_axes;
+  if (options.subject != kDeviceCheck && (options.push || has_axes)) {
+    throw settings::UsageError(std::string(options.push ? "--push" : "--world-axes") +
+                               " goes with 'device' only: haptic_doctor device");
+  }
+  if (const auto error = find_error_in_axes(options.world_axes)) {
+    throw settings::UsageError("--" + *error);
+  }
 }
 
 }  // namespace
@@ -150,5 +252,5 @@ int main(int argc, char** argv) {
   add_doctor_options(command_line, options);
   return server::run_program(
       "haptic_doctor", command_line, options.physics, argc, argv,
-      [&] { server::check(options.physics); }, [&] { return server::run_doctor(options); });
+      [&] { server::check_options(options); }, [&] { return server::run_doctor(options); });
 }

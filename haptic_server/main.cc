@@ -9,6 +9,7 @@
 
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include "haptic_server/device/motor_guard.h"
@@ -43,6 +44,16 @@ void handle_force_stop() {
   stopping.sa_handler = [](int) { force_stop = true; };
   stopping.sa_flags = SA_RESTART;
   sigaction(SIGUSR2, &stopping, nullptr);
+}
+
+/// SIGTERM comes when the process that started this one ends. Throws UsageError if that is another,
+/// or has ended.
+void end_with(pid_t parent) {
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() == parent) return;
+  throw settings::UsageError(
+      "--parent " + std::to_string(parent) +
+      " must be the process that started the server: " + std::to_string(getppid()));
 }
 
 void configure_logging(const std::string& level) {
@@ -134,6 +145,7 @@ void run_server(ServerOptions& options) {
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
+  if (options.parent != 0) end_with(options.parent);
   handle_force_stop();
   const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
   const protocol::Endpoint address = resolve_option("--listen", options.listen);

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <filesystem>
 
 #include <spdlog/spdlog.h>
 
@@ -39,11 +40,13 @@ std::unique_ptr<FlightRecorder> open_recorder(const ServerOptions& options) {
 ServerFacts facts_about(const ServerOptions& options, const protocol::Endpoint& listen,
                         const Device& device) {
   const ServoOptions& servo = options.physics.servo;
-  return {.listen = protocol::to_string(listen),
-          .rate = servo.rate,
-          .least_update_rate = 1 / servo.silence_time.value_or(kDefaultSilenceTimes.most),
-          .device = std::string(device.name()),
-          .ratings = device.ratings()};
+  return {
+      .listen = protocol::to_string(listen),
+      .rate = servo.rate,
+      .least_update_rate = 1 / servo.silence_time.value_or(kDefaultSilenceTimes.most),
+      .device = std::string(device.name()),
+      .ratings = device.ratings(),
+      .capture = options.record.empty() ? "" : std::filesystem::absolute(options.record).string()};
 }
 
 constexpr double kGuardPeriod = 0.5;  // s.

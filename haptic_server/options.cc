@@ -14,6 +14,7 @@ using settings::Table;
 using settings::UsageError;
 
 constexpr Range kKeptRecordings{0, 10000};
+constexpr Range kProcesses{0, 4194304};  // Linux has no larger numbers.
 
 void add_servo_options(Table& table, ServoOptions& o) {
   LocalModelParameters& local = o.local_model;
@@ -87,6 +88,9 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
              "Listen anywhere without a key: whoever reaches the address can move the device. For "
              "closed networks");
   table.number("duration", options.duration, {0, 1e9, "s"}, "End after this long; 0 is never");
+  table.whole("parent", options.parent, kProcesses,
+              "End when the process of this number, which started the server, ends; 0 is none");
+  table.not_in_files();
   add_options(command_line, options.physics);
   table.group("Real time");
   table.choice("realtime", options.realtime.policy,

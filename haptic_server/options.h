@@ -33,6 +33,7 @@ struct ServerOptions {
   std::string recordings;    ///< Directory of the flight recorder; empty: the state directory.
   int keep_recordings = 20;  ///< 0: no flight recorder.
   double duration = 0;       ///< s; 0: until stopped.
+  int parent = 0;            ///< Process whose end ends this one; 0: none.
   std::string log_level = "info";
   bool status = true;  ///< Whether the status line is shown.
 };

@@ -26,6 +26,8 @@ class DeviceChoice final : public settings::Section {
   void add_to(settings::CommandLine& command_line);
 
   const DeviceDriver& driver() const { return *driver_; }
+  /// How it lies in the world; of no effect on a recording.
+  const Workspace& workspace() const { return workspace_; }
   /// All keys of the chosen device with their values. Where a file lies does not matter, what it
   /// says does.
   std::string fingerprint_text() const;

@@ -1,8 +1,10 @@
 #include "haptic_server/device/vendor_library.h"
 
+#include <filesystem>
 #include <stdexcept>
 
 #include <dlfcn.h>
+#include <link.h>
 
 namespace hlm::server {
 namespace {
@@ -30,6 +32,14 @@ VendorLibrary::VendorLibrary(const std::string& file, const std::vector<std::str
   throw std::runtime_error("the vendor's library cannot be opened: " + searched + ". Get it from " +
                            source + ", and give its file as the key 'library' or its folder in " +
                            "LD_LIBRARY_PATH");
+}
+
+std::string VendorLibrary::description() const {
+  const link_map* map = nullptr;
+  if (dlinfo(handle_, RTLD_DI_LINKMAP, &map) != 0 || map == nullptr) return name_;
+  std::error_code error;
+  const std::filesystem::path file = std::filesystem::canonical(map->l_name, error);
+  return error || file == name_ ? name_ : name_ + " (" + file.string() + ')';
 }
 
 void* VendorLibrary::find(const char* symbol) const noexcept { return dlsym(handle_, symbol); }

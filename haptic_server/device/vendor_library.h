@@ -19,6 +19,9 @@ class VendorLibrary {
 
   /// As it was asked for.
   const std::string& name() const noexcept { return name_; }
+  /// Its name, and the file that was found by it, links resolved, which tells its version:
+  /// "libdhd.so (/usr/lib/libdhd.so.3.17.6)".
+  std::string description() const;
   /// Sets `function`, whose type must be the symbol's. Throws std::runtime_error naming the library
   /// and the symbol if there is none.
   template <class Function>

@@ -108,6 +108,8 @@ std::optional<std::string> find_error(const Workspace& workspace) {
   return std::nullopt;
 }
 
+Matrix3 rotation_of(const Workspace& workspace) { return *matrix_of(workspace.frame); }
+
 DeviceRatings ratings_in_world(const DeviceRatings& handle, const Workspace& workspace) noexcept {
   const double s = workspace.scale;
   const double r = workspace.rotation_scale;
@@ -120,7 +122,7 @@ DeviceRatings ratings_in_world(const DeviceRatings& handle, const Workspace& wor
   world.mass /= s;
   world.inertia *= s / (r * r);
   world.damping /= s;
-  world.freedoms = freedoms_in_world(handle.freedoms, *matrix_of(workspace.frame));
+  world.freedoms = freedoms_in_world(handle.freedoms, rotation_of(workspace));
   world.scale = s;
   world.rotation_scale = r;
   return world;
@@ -128,7 +130,7 @@ DeviceRatings ratings_in_world(const DeviceRatings& handle, const Workspace& wor
 
 WorkspaceDevice::WorkspaceDevice(std::unique_ptr<Device> raw, const Workspace& workspace)
     : raw_(std::move(raw)),
-      R_WB_(*matrix_of(workspace.frame)),
+      R_WB_(rotation_of(workspace)),
       scale_(workspace.scale),
       rotation_scale_(workspace.rotation_scale),
       clutch_(workspace.clutch > 0 ? 1u << (workspace.clutch - 1) : 0),

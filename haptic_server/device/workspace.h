@@ -35,6 +35,10 @@ void add_keys(settings::Table& table, Workspace& workspace);
 /// Why it cannot be used, naming the key, its value and what is allowed; empty if valid.
 std::optional<std::string> find_error(const Workspace& workspace);
 
+/// R_WB of its frame: where the axes of the device's base B point in the world. `workspace` must be
+/// valid.
+Matrix3 rotation_of(const Workspace& workspace);
+
 /// What a device that is rated so at its handle is rated for in the world.
 DeviceRatings ratings_in_world(const DeviceRatings& handle, const Workspace& workspace) noexcept;
 

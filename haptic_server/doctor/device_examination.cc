@@ -63,14 +63,38 @@ Finding rating(const std::string& name, double max_force) {
           "choose --force-limit by what its motors and the hand endure"};
 }
 
-void examine_open(const DeviceChoice& choice, double rate, std::vector<Finding>& findings) {
-  const std::unique_ptr<Device> device = choice.driver().open(1 / rate);
-  findings.push_back({Verdict::kGood, "opened", std::string(device->name()), ""});
-  const DeviceRatings& rated = device->ratings();
-  findings.push_back(rating(std::string(device->name()), rated.max_force));
-  const std::optional<DeviceState> state = device->read();
+/// All that is known of it beside its force.
+Finding other_ratings(const DeviceRatings& rated) {
+  std::string known;
+  std::string unknown;
+  const auto add = [&](const char* name, double value, const char* unit, bool is_known) {
+    std::string& list = is_known ? known : unknown;
+    list += list.empty() ? "" : ", ";
+    list += is_known ? fmt::format("{} {:.4g} {}", name, value, unit) : name;
+  };
+  const auto add_finite = [&](const char* name, double value, const char* unit) {
+    add(name, value, unit, std::isfinite(value));
+  };
+  add_finite("torque", rated.max_torque / rated.torque_scale(), "N·m");
+  add_finite("stiffness", rated.max_stiffness * rated.scale, "N/m");
+  add_finite("exchange", rated.exchange_rate, "Hz");
+  add("mass", rated.mass * rated.scale, "kg", rated.mass > 0);
+  add("delay", 1e3 * rated.delay, "ms", rated.delay > 0);
+  return {Verdict::kNote, "rated",
+          fmt::format("at the handle: {}; not known: {}", known.empty() ? "nothing else" : known,
+                      unknown.empty() ? "nothing" : unknown),
+          ""};
+}
+
+void examine_opened(Device& device, std::vector<Finding>& findings) {
+  findings.push_back({Verdict::kGood, "opened", std::string(device.name()), ""});
+  const DeviceRatings& rated = device.ratings();
+  findings.push_back(rating(std::string(device.name()), rated.max_force));
+  findings.push_back(other_ratings(rated));
+  const std::optional<DeviceState> state = device.read();
   if (!state) {
-    findings.push_back({Verdict::kProblem, "state", "it cannot be read",
+    findings.push_back({Verdict::kProblem, "state",
+                        "it cannot be read: " + std::string(device.cause()),
                         "check its cable and power, and that nothing else uses it"});
   } else {
     findings.push_back(health(std::string(name_of(state->health))));
@@ -82,23 +106,36 @@ void examine_open(const DeviceChoice& choice, double rate, std::vector<Finding>&
 
 }  // namespace
 
+std::unique_ptr<Device> open_examined(const DeviceChoice& choice, double rate,
+                                      Examination& examination) {
+  std::vector<Finding>& findings = examination.findings;
+  findings.push_back(presence(choice.driver()));
+  const bool is_listed = findings.back().verdict != Verdict::kProblem;
+  try {
+    std::unique_ptr<Device> device = choice.open(1 / rate);
+    // One whose place a person names need not be listed.
+    if (!is_listed) findings.back() = {Verdict::kNote, "present", "not listed by its driver", ""};
+    examine_opened(*device, findings);
+    return device;
+  } catch (const std::runtime_error& error) {
+    const std::string advice = is_listed ? "" : findings.back().advice;
+    if (!is_listed) findings.pop_back();
+    findings.push_back({Verdict::kProblem, "opened", error.what(), advice});
+    return nullptr;
+  }
+}
+
 Examination examine_device(const DeviceChoice& choice, double rate,
                            const std::optional<RunningServer>& running) {
-  Examination examination{"Is there a device?", {}};
-  std::vector<Finding>& findings = examination.findings;
+  Examination examination{kDeviceQuestion, {}};
   if (running) {
-    findings = {{Verdict::kGood, "opened", running->device + ", by the running haptic_server", ""},
-                rating(running->device, running->max_force),
-                health(running->health),
-                end_of_force(running->halts, running->time_guard)};
-    return examination;
-  }
-  findings.push_back(presence(choice.driver()));
-  if (findings.back().verdict == Verdict::kProblem) return examination;
-  try {
-    examine_open(choice, rate, findings);
-  } catch (const std::runtime_error& error) {
-    findings.push_back({Verdict::kProblem, "opened", error.what(), ""});
+    examination.findings = {
+        {Verdict::kGood, "opened", running->device + ", by the running haptic_server", ""},
+        rating(running->device, running->max_force),
+        health(running->health),
+        end_of_force(running->halts, running->time_guard)};
+  } else {
+    open_examined(choice, rate, examination);
   }
   return examination;
 }

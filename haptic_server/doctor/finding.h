@@ -38,6 +38,7 @@ struct Finding {
 struct Examination {
   std::string question;
   std::vector<Finding> findings;
+  bool complete = true;  ///< All of it was done.
 };
 
 }  // namespace hlm::server

@@ -1,9 +1,12 @@
 #include "haptic_server/doctor/report.h"
 
 #include <algorithm>
+#include <ctime>
 
 #include <nlohmann/json.hpp>
+#include <spdlog/fmt/chrono.h>
 #include <spdlog/fmt/fmt.h>
+#include <sys/utsname.h>
 
 #include "common/settings/table.h"
 
@@ -39,6 +42,11 @@ Verdict worst(const std::vector<Examination>& examinations) noexcept {
   return verdict;
 }
 
+bool complete(const std::vector<Examination>& examinations) noexcept {
+  return std::all_of(examinations.begin(), examinations.end(),
+                     [](const Examination& examination) { return examination.complete; });
+}
+
 std::string as_text(const std::vector<Examination>& examinations) {
   std::string text;
   std::size_t problems = 0;
@@ -50,9 +58,18 @@ std::string as_text(const std::vector<Examination>& examinations) {
     }
     text += '\n';
   }
-  return text + (problems == 0   ? "No problem was found.\n"
-                 : problems == 1 ? "One problem was found.\n"
-                                 : fmt::format("{} problems were found.\n", problems));
+  text += problems == 0   ? "No problem was found"
+          : problems == 1 ? "One problem was found"
+                          : fmt::format("{} problems were found", problems);
+  return text + (complete(examinations) ? ".\n" : ", but not all was checked.\n");
+}
+
+std::string as_report(const std::vector<Examination>& examinations, const std::string& device) {
+  utsname system{};
+  uname(&system);
+  return fmt::format("haptic_doctor {}, {:%Y-%m-%d %H:%M} UTC\n{} {} {}, {}\n\n[device]\n{}\n{}",
+                     HLM_VERSION, fmt::gmtime(std::time(nullptr)), system.sysname, system.release,
+                     system.machine, system.version, device, as_text(examinations));
 }
 
 std::string as_json(const std::vector<Examination>& examinations) {
@@ -65,9 +82,12 @@ std::string as_json(const std::vector<Examination>& examinations) {
                           {"text", f.text},
                           {"advice", f.advice}});
     }
-    all.push_back({{"question", examination.question}, {"findings", std::move(findings)}});
+    all.push_back({{"question", examination.question},
+                   {"complete", examination.complete},
+                   {"findings", std::move(findings)}});
   }
   const nlohmann::json report{{"verdict", name_of(worst(examinations))},
+                              {"complete", complete(examinations)},
                               {"examinations", std::move(all)}};
   return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
 }

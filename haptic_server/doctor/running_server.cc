@@ -30,6 +30,7 @@ RunningServer parsed(const json& state) {
   server.process = state.at("process").get<pid_t>();
   server.age = now() - state.at("written").get<double>();
   server.listen = state.at("listen").get<std::string>();
+  server.capture = state.value("capture", "");  // Servers of older versions do not say.
   server.rate = state.at("rate").get<double>();
   server.session = state.at("session").get<bool>();
   server.silence = state.at("silence").get<double>();

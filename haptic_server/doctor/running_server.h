@@ -15,9 +15,10 @@ namespace hlm::server {
 
 struct RunningServer {
   pid_t process = 0;
-  double age = 0;      ///< Of the state file, s. A server that goes on replaces it each second.
-  std::string listen;  ///< ADDRESS:PORT.
-  double rate = 0;     ///< Hz.
+  double age = 0;       ///< Of the state file, s. A server that goes on replaces it each second.
+  std::string listen;   ///< ADDRESS:PORT.
+  std::string capture;  ///< File to which it records all datagrams; empty: none.
+  double rate = 0;      ///< Hz.
   bool session = false;
   double silence = 0;                 ///< Since anything usable came, s.
   std::optional<double> update_rate;  ///< Hz.

@@ -56,7 +56,7 @@ void EventLog::observe_state(const TickRecord& record) const {
     case ServerState::kFault:
       return spdlog::error(
           "fault: {}{}; {}. Force is off until a person asks for a new session: restart ve_client, "
-          "or press Reset on its page",
+          "or press Reset on its page if that shows this tool",
           meaning_of(record.fault), because(record), remedy_of(record.fault));
   }
 }

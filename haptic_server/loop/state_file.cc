@@ -114,6 +114,7 @@ std::string StateFile::text(const TickRecord& record) const {
   const json state{{"process", getpid()},
                    {"written", now},
                    {"listen", facts_.listen},
+                   {"capture", facts_.capture},
                    {"rate", facts_.rate},
                    {"server", name_of(record.server)},
                    {"fault", name_of(record.fault)},

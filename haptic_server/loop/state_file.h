@@ -22,6 +22,7 @@ struct ServerFacts {
   double least_update_rate = 4;  ///< With fewer updates force comes and goes, Hz.
   std::string device;
   DeviceRatings ratings;
+  std::string capture;  ///< File to which all datagrams are recorded, absolute; empty: none.
 };
 
 /// Replaces a JSON file once a second, as a whole, and removes it at its end. docs/operations.md

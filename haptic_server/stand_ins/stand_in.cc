@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 #include <system_error>
 
@@ -30,6 +31,8 @@ constexpr auto kLongestGap = 100ms;
 constexpr std::uint64_t kSlowSteps = 5ms / kStep;
 /// Of kLate: age of a state.
 constexpr std::uint64_t kLateSteps = 30ms / kStep;
+/// Of kNoisy: how far a position is off, m.
+constexpr double kNoise = 0.5e-3;
 
 std::string variable(const char* name) {
   const char* const value = std::getenv(name);
@@ -102,6 +105,14 @@ DeviceState StandIn::state() {
   if (has(StandInFault::kLate)) seen -= std::min(seen, kLateSteps);
   shown_ = history_[seen % kHistory];
   shown_.buttons = buttons_;
+  if (has(StandInFault::kNoisy)) {
+    std::uniform_real_distribution<double> off(-kNoise, kNoise);
+    for (double& x : shown_.X_WD.p) x += off(noise_);
+  }
+  if (has(StandInFault::kReflect)) {
+    shown_.X_WD.p.x() *= -1;
+    shown_.V_WD[0] *= -1;
+  }
   return shown_;
 }
 
@@ -115,12 +126,18 @@ void StandIn::command(const Wrench& F) {
 void StandIn::enable() {
   const std::lock_guard lock(mutex_);
   advance();
-  if (!has_begun_) device_.align(device_.read()->X_WD);
-  has_begun_ = enabled_ = true;
+  begin();
+  enabled_ = true;
   bitten_ = false;
   command_.setZero();
   commanded_ = Clock::now();
   device_.enable();
+}
+
+/// From now on the handle moves.
+void StandIn::begin() {
+  if (!has_begun_) device_.align(device_.read()->X_WD);
+  has_begun_ = true;
 }
 
 void StandIn::disable() {
@@ -163,7 +180,8 @@ void StandIn::step() {
   if (enabled_ && bites) bitten_ = true;
   const bool is_off = bites || has(StandInFault::kUnplug) || has(StandInFault::kForceOff);
   if (enabled_ && is_off) take_off();
-  if (has_begun_ && !device_.write(command_)) take_off();
+  const Wrench F = has(StandInFault::kReverse) ? Wrench(-command_) : command_;
+  if (has_begun_ && !device_.write(F)) take_off();
   ++steps_;
   history_[steps_ % kHistory] = *device_.read();
 }
@@ -184,6 +202,10 @@ void StandIn::obey(std::string_view order) {
   const std::lock_guard lock(mutex_);
   if (order == "good") {
     faults_ = 0;
+  } else if (order == "let_go") {
+    device_.guided_hand()->release();
+  } else if (order.starts_with("hold ")) {
+    hold(order.substr(order.find(' ')));
   } else if (order == "replug") {
     faults_ &= ~bit_of(StandInFault::kUnplug);
   } else if (const auto fault = value_of<StandInFault>(order)) {
@@ -195,6 +217,14 @@ void StandIn::obey(std::string_view order) {
     if (order.starts_with("press ")) buttons_ |= mask;
     if (order.starts_with("release ")) buttons_ &= ~mask;
   }
+}
+
+void StandIn::hold(std::string_view place) {
+  std::istringstream text{std::string(place)};
+  Vector3 p;
+  if (!(text >> p.x() >> p.y() >> p.z())) return;
+  begin();
+  device_.guided_hand()->hold({p, device_.read()->X_WD.R});
 }
 
 }  // namespace hlm::stand_in

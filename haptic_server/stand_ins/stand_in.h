@@ -5,7 +5,9 @@
 //   HAPTIC_STAND_IN_MOTORS  file that holds what the motors give (Amplifier::Memory); none: nowhere
 //   HAPTIC_STAND_IN_ORDERS  file or FIFO that is read while it grows, one order a line: a word of
 //                           StandInFault, which then lasts; `good` ends all of them, `replug`
-//                           unplugging; `press N` and `release N` are a button, from 0
+//                           unplugging; `press N` and `release N` are a button, from 0;
+//                           `hold X Y Z`: a hand draws the handle there, m, device's frame, until
+//                           `let_go`
 #pragma once
 
 #include <array>
@@ -14,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <random>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -36,6 +39,9 @@ enum class StandInFault {
   kSlow,       ///< States are new 200 times a second.
   kFreeze,     ///< States stay as they are.
   kLate,       ///< States are 30 ms old.
+  kReverse,    ///< Motors push the other way.
+  kReflect,    ///< Positions are those of a mirror: x has the other sign.
+  kNoisy,      ///< Positions are off by up to 0.5 mm in each direction.
 };
 
 }  // namespace hlm::stand_in
@@ -43,7 +49,7 @@ enum class StandInFault {
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<stand_in::StandInFault>, 11> kWords<stand_in::StandInFault>{{
+inline constexpr std::array<Word<stand_in::StandInFault>, 14> kWords<stand_in::StandInFault>{{
     {stand_in::StandInFault::kError, "error", "every call fails"},
     {stand_in::StandInFault::kSaturate, "saturate", "motors give less than is asked for"},
     {stand_in::StandInFault::kTimeGuard, "timeguard", "calls come too often for new values"},
@@ -55,6 +61,9 @@ inline constexpr std::array<Word<stand_in::StandInFault>, 11> kWords<stand_in::S
     {stand_in::StandInFault::kSlow, "slow", "states are new 200 times a second"},
     {stand_in::StandInFault::kFreeze, "freeze", "states stay as they are"},
     {stand_in::StandInFault::kLate, "late", "states are 30 ms old"},
+    {stand_in::StandInFault::kReverse, "reverse", "motors push the other way"},
+    {stand_in::StandInFault::kReflect, "reflect", "positions are those of a mirror"},
+    {stand_in::StandInFault::kNoisy, "noisy", "positions are off by up to 0.5 mm"},
 }};
 
 }  // namespace hlm
@@ -103,6 +112,8 @@ class StandIn {
   void take_off();
   void read_orders();
   void obey(std::string_view order);
+  void hold(std::string_view place);
+  void begin();
 
   static constexpr std::size_t kHistory = 128;  ///< Steps that are remembered.
 
@@ -116,6 +127,7 @@ class StandIn {
   std::array<server::DeviceState, kHistory> history_;
   std::uint64_t steps_ = 0;
   server::DeviceState shown_;  ///< What was seen last.
+  std::minstd_rand noise_;     ///< Of kNoisy.
   Wrench command_ = Wrench::Zero();
   Clock::time_point commanded_ = now_;
   Clock::duration watchdog_{0};

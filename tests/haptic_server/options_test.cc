@@ -205,6 +205,14 @@ TEST_CASE("The printed configuration gives the same server, bit for bit") {
   CHECK(again.options.physics.servo.local_model.stiffness == 1234.5678901234567);
 }
 
+TEST_CASE("The process to end with is no matter of configuration files") {
+  const Parsed printed({"--parent", "5", "--print-config"});
+  REQUIRE(printed.code == 0);
+  CHECK_THAT(printed.out, !ContainsSubstring("parent"));
+  const File file("parent = 5\n");
+  CHECK_THAT(Parsed({"--config", file.path()}).err, ContainsSubstring("parent"));
+}
+
 TEST_CASE("The fingerprint changes with whatever moves the proxy otherwise") {
   const File hand("[[segment]]\nduration = 1.0\nwrench = { force = [1, 0, 0] }\n");
   const File same("[[segment]]\nduration = 1.0\nwrench = { force = [1, 0, 0] }\n");

@@ -1,87 +1,34 @@
 // Drivers of real devices, in the real programs, against stand-ins for the vendors' sides.
-#include <array>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
-#include <optional>
 #include <thread>
 
 #include "tests/support/catch.h"
-#include "tests/system/session.h"
+#include "tests/system/stand_in_session.h"
 
 namespace hlm::test {
 namespace {
 
 using namespace std::chrono_literals;
 using Catch::Matchers::ContainsSubstring;
-using Clock = std::chrono::steady_clock;
 
 constexpr double kPush = 2;  // N, of the hand.
-/// From the first symptom to motors without force, s; the machine may stall for a while beside.
-constexpr double kMostUntilOff = 0.02;
-constexpr double kStall = 0.015;
 /// A device that works again is found within that.
 constexpr auto kReopening = 500ms;
 
-/// A server whose device is a stand-in that a hand pushes; usually with kPush along +y, which is
+/// A device behind a vendor's library; the hand usually pushes it with kPush along +y, which is
 /// against the testbed's wall.
-class StandInSession {
- public:
-  explicit StandInSession(const std::string& device, const Arguments& options = {},
-                          const std::string& wrench = "{ force = [0, 2, 0] }") {
-    std::ofstream(directory_.file("hand.toml"))
-        << "[[segment]]\nduration = 3600.0\nwrench = " << wrench << '\n';
-    std::ofstream(directory_.file("orders"));
-    setenv("HAPTIC_STAND_IN_HAND", directory_.file("hand.toml").c_str(), 1);
-    setenv("HAPTIC_STAND_IN_ORDERS", directory_.file("orders").c_str(), 1);
-    setenv("HAPTIC_STAND_IN_MOTORS", directory_.file("motors").c_str(), 1);
+struct LibrarySession : StandInSession {
+  explicit LibrarySession(const std::string& device, const Arguments& options = {},
+                          const std::string& wrench = "{ force = [0, 2, 0] }")
+      : StandInSession(wrench) {
     setenv("LD_LIBRARY_PATH", HLM_STAND_INS, 1);
-    server_.emplace(Arguments{HLM_SERVER, "--listen", loopback(port_), "--status", "false",
-                              "--max-gap", "1", "--keep-recordings", "0", "--device", device} +
-                    options);
-    REQUIRE(server_->wait_for_error("listening", 10));
+    serve(Arguments{"--device", device} + options);
   }
 
-  /// What a person does who restarts ve_client.
-  void arm(const Arguments& options = {}) {
-    client_.reset();
-    client_.emplace(client_command(port_) + Arguments{"--duration", "60", "--quiet"} + options);
-  }
   /// Until the hand presses the wall and rests there.
-  void press() {
-    const auto presses = [this] { return std::abs(motor() + kPush) < 0.1 * kPush; };
-    Clock::time_point since = Clock::now();
-    const bool rests = wait_until(20, [&] {
-      if (!presses()) since = Clock::now();
-      return Clock::now() - since > 200ms;
-    });
-    INFO(server_->error());
-    REQUIRE(rests);
-  }
-  void order(const std::string& line) const {
-    std::ofstream(directory_.file("orders"), std::ios::app) << line << '\n';
-  }
-  /// Force of the motors along y, N.
-  double motor() const {
-    std::array<double, 6> F{};
-    std::ifstream(directory_.file("motors"), std::ios::binary)
-        .read(reinterpret_cast<char*>(F.data()), sizeof F);
-    return F[1];
-  }
-  /// How long the motors still have force, s.
-  double time_until_off() const {
-    const Clock::time_point begin = Clock::now();
-    while (motor() != 0 && Clock::now() - begin < 5s) std::this_thread::sleep_for(200us);
-    return std::chrono::duration<double>(Clock::now() - begin).count();
-  }
-  Process& server() { return *server_; }
-
- private:
-  TemporaryDirectory directory_;
-  int port_ = free_port();
-  std::optional<Process> server_;
-  std::optional<Process> client_;
+  void press() { StandInSession::press(-kPush); }
 };
 
 /// An order to the stand-in, and what the server's log says of it.
@@ -91,7 +38,7 @@ struct SeededFault {
 };
 
 /// Each fault takes the force away with its cause named, and an explicit arm brings it back.
-void check_faults(StandInSession& session, std::initializer_list<SeededFault> faults) {
+void check_faults(LibrarySession& session, std::initializer_list<SeededFault> faults) {
   for (const SeededFault& fault : faults) {
     INFO(fault.order);
     session.arm();
@@ -111,7 +58,7 @@ void check_faults(StandInSession& session, std::initializer_list<SeededFault> fa
 }
 
 /// The wall's force is the hand's.
-void check_press(StandInSession& session) {
+void check_press(LibrarySession& session) {
   session.arm();
   session.press();
   std::this_thread::sleep_for(500ms);
@@ -120,7 +67,7 @@ void check_press(StandInSession& session) {
 
 /// Only an explicit arm gives the force of a device that was unplugged back, and only once it is
 /// there again.
-void check_replug(StandInSession& session, const std::string& cause) {
+void check_replug(LibrarySession& session, const std::string& cause) {
   session.arm();
   session.press();
   session.order("unplug");
@@ -139,7 +86,7 @@ void check_replug(StandInSession& session, const std::string& cause) {
 TEST_CASE("A hand that presses a wall through a vendor's library feels it within 2 %") {
   const std::string device = GENERATE("forcedimension", "openhaptics");
   INFO(device);
-  StandInSession session(device);
+  LibrarySession session(device);
   check_press(session);
 }
 
@@ -147,7 +94,7 @@ TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there withi
   const std::string device = GENERATE("forcedimension", "openhaptics");
   INFO(device);
   // The hole is along the world's y, where the peg begins.
-  StandInSession session(device, {},
+  LibrarySession session(device, {},
                          "{ force = [0, 0, 0], force_amplitude = [1, 0, 0], frequency = 2 }");
   session.arm({"--start", "hole"});
   REQUIRE(session.server().wait_for_error("force is on", 10));
@@ -167,13 +114,13 @@ TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there withi
 
 TEST_CASE("In another frame and at twice the size a wall gives the same force") {
   // The hand pushes against the wall on the other side.
-  StandInSession session("forcedimension", {"--device-option", "frame=-x -y z", "--device-option",
+  LibrarySession session("forcedimension", {"--device-option", "frame=-x -y z", "--device-option",
                                             "scale=2", "--device-option", "rotation-scale=2"});
   check_press(session);
 }
 
 TEST_CASE("A Force Dimension device that fails gives no force within 20 ms, and says why") {
-  StandInSession session("forcedimension");
+  LibrarySession session("forcedimension");
   check_faults(session, {{"error", "the controller reports an error"},
                          {"mirror", "its frame is left-handed"},
                          {"not_finite", "is not a number"},
@@ -182,7 +129,7 @@ TEST_CASE("A Force Dimension device that fails gives no force within 20 ms, and 
 }
 
 TEST_CASE("A device of OpenHaptics that fails gives no force within 20 ms, and says why") {
-  StandInSession session("openhaptics");
+  LibrarySession session("openhaptics");
   check_faults(session, {{"error", "it reports a fault of its own"},
                          {"mirror", "its frame is left-handed"},
                          {"not_finite", "is not a number"},
@@ -193,7 +140,7 @@ TEST_CASE("A device of OpenHaptics that fails gives no force within 20 ms, and s
 TEST_CASE("A device that freezes while it moves gives no force within 20 ms, and says so") {
   const std::string device = GENERATE("forcedimension", "openhaptics");
   INFO(device);
-  StandInSession session(device);
+  LibrarySession session(device);
   session.arm();
   REQUIRE(wait_until(10, [&] { return session.motor() < -0.3; }));  // N, on the way to the wall
   session.order("freeze");
@@ -204,7 +151,7 @@ TEST_CASE("A device that freezes while it moves gives no force within 20 ms, and
 TEST_CASE("A device that is unplugged gives no force, and is back once a person arms it") {
   const std::string device = GENERATE("forcedimension", "openhaptics");
   INFO(device);
-  StandInSession session(device);
+  LibrarySession session(device);
   check_replug(session, "fault: the device failed: ");
   CHECK_THAT(session.server().error(), ContainsSubstring("not answer"));
 }
@@ -214,7 +161,7 @@ TEST_CASE("What is slow or saturated is said, and force goes on") {
       {{"forcedimension", "at less than half the server's rate"},
        {"openhaptics", "the vendor's scheduler gives new states too seldom"}}));
   INFO(device);
-  StandInSession session(device);
+  LibrarySession session(device);
   session.arm();
   session.press();
   session.order("slow");
@@ -226,7 +173,7 @@ TEST_CASE("What is slow or saturated is said, and force goes on") {
 
 TEST_CASE(
     "While its clutch is held a handle moves freely, and its force is back when it is let go") {
-  StandInSession session("forcedimension", {"--device-option", "clutch=1"});
+  LibrarySession session("forcedimension", {"--device-option", "clutch=1"});
   session.arm();
   session.press();
   session.order("press 0");

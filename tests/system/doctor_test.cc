@@ -308,6 +308,27 @@ TEST_CASE("The doctor reads a recorded session") {
   CHECK_THAT(finished.output, ContainsSubstring("of the states at penalty"));
 }
 
+TEST_CASE("The doctor judges the contacts of a session that goes on, where the server records it") {
+  Clinic clinic;
+  std::optional<Finished> last;
+  SECTION("recorded") {
+    clinic.start_session({"--record", clinic.directory.file("run.pcap")});
+    CHECK(wait_until(20, [&] {
+      last = clinic.doctor("contacts");
+      return last->output.find("change as the tool moves") != std::string::npos;
+    }));
+    INFO(last->output << last->error);
+    CHECK(last->exit_code == kNoProblem);
+  }
+  SECTION("not recorded") {
+    clinic.start_session();
+    REQUIRE(wait_until(5, [&] { return clinic.has_state(); }));
+    last = clinic.doctor("contacts");
+    CHECK(last->exit_code == 2);
+    CHECK_THAT(last->error, ContainsSubstring("that records: haptic_server --record FILE"));
+  }
+}
+
 TEST_CASE("The exit status of a mistake in the use of the doctor is not that of a problem") {
   CHECK(run({HLM_DOCTOR, "--check", "everything"}).exit_code == 2);
   CHECK(run({HLM_DOCTOR, "--server", "nonsense"}).exit_code == 2);

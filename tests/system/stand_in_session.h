@@ -9,6 +9,10 @@
 
 namespace hlm::test {
 
+/// From the first symptom to motors without force, s; the machine may stall for a while beside.
+inline constexpr double kMostUntilOff = 0.02;
+inline constexpr double kStall = 0.015;
+
 /// The stand-ins' environment is that of this process: one of these at a time.
 class StandInSession {
  public:

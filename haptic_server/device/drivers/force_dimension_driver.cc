@@ -30,7 +30,7 @@ std::vector<std::string> ForceDimensionDriver::connected() const {
     }
     const char* const name = dhd.system_name(static_cast<char>(id));
     lines.push_back(number + (name != nullptr ? name : "unknown") + ", through " +
-                    dhd.library.name());
+                    dhd.library.description());
     dhd.close(static_cast<char>(id));
   }
   return lines;

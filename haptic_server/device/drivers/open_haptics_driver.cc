@@ -18,7 +18,7 @@ std::vector<std::string> OpenHapticsDriver::connected() const {
   constexpr double kAnyPeriod = 1e-3;  // s.
   const OpenHapticsDevice device(library, options_, kAnyPeriod);
   return {"'" + options_.unit + "': " + std::string(device.name()) + ", through " +
-          library->library.name()};
+          library->library.description()};
 }
 
 std::unique_ptr<Device> OpenHapticsDriver::open(double dt) const {

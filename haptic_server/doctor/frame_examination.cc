@@ -1,0 +1,119 @@
+#include "haptic_server/doctor/frame_examination.h"
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include <spdlog/fmt/fmt.h>
+
+#include "haptic_server/doctor/frame_fit.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kLeastMove = 0.015;  // m; less is not told from how a hand rests.
+constexpr double kLargestMove = 0.3;  // m; more is another unit, not 5 cm.
+constexpr int kTries = 3;             // For each direction.
+constexpr double kSameFrame = 25 * std::numbers::pi / 180;  // rad.
+constexpr double kUnsure = 30 * std::numbers::pi / 180;     // rad.
+constexpr Freedoms kAlongAxes = 0b000111;
+/// In the order of Outlook::in_world().
+constexpr std::array<const char*, 3> kAsked{"to the right", "away from you", "up"};
+
+int translations(const DeviceRatings& rated) {
+  return std::popcount(static_cast<unsigned>(rated.freedoms & kAlongAxes));
+}
+
+/// The move in the world, m; empty if the handle does not go there.
+std::optional<Vector3> move_along(DeviceBench& bench, Person& person, std::size_t axis) {
+  const bool may_skip = translations(bench.device().ratings()) < 3;
+  const std::string question =
+      fmt::format("Now move the handle about 5 cm {}, hold it there and press Enter{}.",
+                  kAsked[axis], may_skip ? ", or type skip if it does not go there" : "");
+  for (int i = 0; i < kTries; ++i) {
+    const Vector3 before = bench.latest().p;
+    if (bench.ask(question) == "skip" && may_skip) return std::nullopt;
+    const Vector3 move = bench.latest().p - before;
+    if (move.norm() >= kLeastMove) return move;
+    person.say(fmt::format("It moved by {:.1f} mm only. Once more.", 1e3 * move.norm()));
+  }
+  throw BenchEnded(Verdict::kProblem,
+                   fmt::format("the handle did not move {}, or its state is frozen", kAsked[axis]));
+}
+
+std::string device_axis(const Matrix3& R_WB, const Vector3& move) {
+  const Vector3 v = R_WB.transpose() * move;
+  Eigen::Index i = 0;
+  v.cwiseAbs().maxCoeff(&i);
+  return std::string(v[i] < 0 ? "-" : "+") + "xyz"[i];
+}
+
+Finding finding_on(const std::vector<ToldMove>& moves, const Workspace& workspace) {
+  const std::string name = "frame '" + workspace.frame + "' ";
+  if (moves.size() < 2) {
+    return {Verdict::kWarning, "frame", "not checked: that needs two directions", ""};
+  }
+  const std::optional<FrameFit> fit = fit_frame(moves);
+  if (!fit) {
+    return {Verdict::kProblem, "frame",
+            "not known: two of the movements were reported in the same direction",
+            "move along one direction at a time, and try again"};
+  }
+  if (mirrors(moves)) {
+    return {
+        Verdict::kProblem, "frame",
+        "the positions are those of a mirror: no turn of the device explains these movements",
+        "if you moved as asked, look at the device's own settings (handedness, sign of an axis); "
+        "no frame can mend it"};
+  }
+  const double off = angle_between(fit->R_WB, rotation_of(workspace));
+  const double degrees = off * 180 / std::numbers::pi;
+  if (fit->deviation > kUnsure) {
+    return {Verdict::kWarning, "frame",
+            "not sure: the movements were not at right angles to each other", "try again"};
+  }
+  if (off < kSameFrame) {
+    return {Verdict::kGood, "frame",
+            name + fmt::format("is right, within {:.0f}° of how the hand moved", degrees), ""};
+  }
+  const std::string right = frame_text(fit->R_WB);
+  return {Verdict::kProblem, "frame",
+          name + fmt::format("is wrong by {:.0f}°: these movements are those of frame '{}'",
+                             degrees, right),
+          "--device-option \"frame=" + right + "\", then check again"};
+}
+
+}  // namespace
+
+bool examine_frame(DeviceBench& bench, Person& person, const Workspace& workspace,
+                   const Outlook& outlook, std::vector<Finding>& findings) {
+  person.say(
+      fmt::format("The frame: in the world x points {}, y {} and z {} "
+                  "(--world-axes says so). The motors are off: if the handle falls, hold it.",
+                  outlook.word_of(Vector3::UnitX()), outlook.word_of(Vector3::UnitY()),
+                  outlook.word_of(Vector3::UnitZ())));
+  bench.ask("Take the handle to the middle of where it goes, and press Enter.");
+  const Matrix3 R_WB = rotation_of(workspace);
+  std::vector<ToldMove> moves;
+  for (std::size_t axis = 0; axis < kAsked.size(); ++axis) {
+    const Vector3 told = outlook.in_world(static_cast<Eigen::Index>(axis));
+    const std::string word(outlook.word_of(told));
+    const std::optional<Vector3> move = move_along(bench, person, axis);
+    if (!move) {
+      findings.push_back({Verdict::kNote, word, "skipped: the handle does not go there", ""});
+      continue;
+    }
+    const bool is_large = move->norm() > kLargestMove;
+    findings.push_back({is_large ? Verdict::kWarning : Verdict::kNote, word,
+                        fmt::format("{:.0f} mm along the device's {}", 1e3 * move->norm(),
+                                    device_axis(R_WB, *move)),
+                        is_large ? "about 50 mm were asked: is its unit another one?" : ""});
+    moves.push_back({told, R_WB.transpose() * *move});
+  }
+  findings.push_back(finding_on(moves, workspace));
+  return findings.back().verdict == Verdict::kGood;
+}
+
+}  // namespace hlm::server
