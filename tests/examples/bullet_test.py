@@ -63,7 +63,7 @@ class Touch(unittest.TestCase):
         ticks, track = play("brick", 5, reach(0.5, 0, 0.021) + reach(4, 0.15, 0.021))
         force, deviation = mean(ticks, "env_force_x_N", 2, 4.2)
         self.assertAlmostEqual(-force, due, delta=0.05 * due)
-        self.assertLess(deviation, 0.3)                       # N
+        self.assertLess(deviation, 0.1)                       # N
         self.assertLess(largest_jump(ticks, 2, 4.2), 0.15)    # N
         self.assertAlmostEqual(track[-1][0], 0.19, delta=0.01)    # m: tool's and brick's halves farther
 

@@ -6,16 +6,19 @@ Usage: mujoco_python_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER
 
 import os
 import pathlib
+import socket
 import sys
 import tempfile
 import time
+import types
 import unittest
 
 SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
 SUPPORT = pathlib.Path(__file__).resolve().parents[1] / "support"
-os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
+os.environ["HAPTIC_LIBRARY"], os.environ["HAPTIC_SERVER_PROGRAM"] = str(LIBRARY), str(SERVER)
 sys.path[:0] = [str(PACKAGE), str(SUPPORT)]
 
+import haptic._server  # noqa: E402
 import haptic.mujoco  # noqa: E402
 import hand_session  # noqa: E402
 import mujoco_binding as mujoco  # noqa: E402
@@ -33,16 +36,15 @@ SCENE = """<mujoco>
     {bodies}
   </worldbody>
 </mujoco>"""
+BRICK = ('<body name="brick" pos="0.08 0 0.02"><freejoint/><geom type="box" size="0.02 0.04 0.02" mass="0.3"'
+         ' friction="0.4 0 0" priority="1"/></body>')
 
 
 def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, contacts="engine"):
     """Runs the loop of the module's first lines. Returns the ticks of the server, and all that was measured."""
     measured = []
-    with tempfile.TemporaryDirectory() as folder, hand_session.server(SERVER, hand, *options) as server:
-        path = pathlib.Path(folder) / "scene.xml"
-        path.write_text(scene)
-        model = mujoco.MjModel.from_xml_path(path)
-        data = mujoco.MjData(model)
+    model, data = loaded(scene)
+    with hand_session.server(SERVER, hand, *options) as server:
         substeps = round(1 / rate / model.opt.timestep)
         with haptic.mujoco.Session(model, data, tool="tool", period=1 / rate, binding=mujoco, contacts=contacts,
                                    server=server.address) as touch:
@@ -57,6 +59,15 @@ def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, c
         return server.ticks(), measured
 
 
+def loaded(scene):
+    """Model and data."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / "scene.xml"
+        path.write_text(scene)
+        model = mujoco.MjModel.from_xml_path(path)
+    return model, mujoco.MjData(model)
+
+
 class Touch(unittest.TestCase):
     def test_a_ball_on_the_table_rests_where_its_spring_bears_the_push(self):
         scene = SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies="")
@@ -68,9 +79,7 @@ class Touch(unittest.TestCase):
         self.assertLess(deviation, 0.01)                                                     # N
 
     def test_a_brick_is_pushed_at_its_friction(self):
-        brick = ('<body name="brick" pos="0.08 0 0.02"><freejoint/><geom type="box" size="0.02 0.04 0.02" mass="0.3"'
-                 ' friction="0.4 0 0" priority="1"/></body>')
-        scene = SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies=brick)
+        scene = SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies=BRICK)
         ticks, moved = play(5.5, scene, hand_session.reach(0.5, 0, 0.025) + hand_session.reach(4, 0.15, 0.025),
                             lambda data: np.array(data.xipos[2]))
         due = 0.4 * 0.3 * GRAVITY
@@ -79,6 +88,23 @@ class Touch(unittest.TestCase):
         self.assertLess(-force, 1.1 * due)
         self.assertLess(deviation, 0.2)
         self.assertAlmostEqual(moved[-1][0], 0.19, delta=0.005)  # m
+
+    def test_a_force_of_the_user_s_own_on_a_pushed_brick_stays(self):
+        """It bears a part of the brick's weight, so that there is less friction."""
+        own, frames = (0, 0, 1.5, 0, 0, 0), []  # N
+
+        def lift(data):
+            if not frames:
+                data.xfrc_applied[2] = own
+            frames.append(np.array(data.xfrc_applied[2]))
+
+        scene = SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies=BRICK)
+        ticks, _ = play(3.6, scene, hand_session.reach(0.5, 0, 0.025) + hand_session.reach(2.8, 0.105, 0.025), lift)
+        np.testing.assert_allclose(frames, np.tile(own, (len(frames), 1)), atol=1e-9)
+        due = 0.4 * (0.3 * GRAVITY - own[2])
+        force, _ = hand_session.mean(ticks, "command_force_x_N", 2.2, 3.1)
+        self.assertGreater(-force, 0.75 * due)  # N
+        self.assertLess(-force, 1.1 * due)
 
     def test_a_cube_on_a_tray_weighs_what_it_weighs(self):
         """The tool is a tray with a hand below it; the cube falls onto it and is lifted."""
@@ -95,6 +121,32 @@ class Touch(unittest.TestCase):
         self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
 
 
+class Hand(unittest.TestCase):
+    """Of the simulated device of the session's own server."""
+
+    def test_it_presses_until_it_lets_go(self):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            haptic._server.ADDRESS = "127.0.0.1:%d" % probe.getsockname()[1]
+        model, data = loaded(SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
+        forces = []  # N
+        with haptic.mujoco.Session(model, data, tool="tool", period=1 / RATE, binding=mujoco) as touch:
+            start = time.monotonic()
+            for frame in range(1, 2 * RATE + 1):
+                if frame == RATE:
+                    touch.release()
+                elif frame < RATE:
+                    touch.hold((0, 0, 0.015))
+                touch.drive(data)
+                for _ in range(8):
+                    mujoco.mj_step(model, data)
+                touch.send(data)
+                forces.append(touch.touch.force[2])
+                time.sleep(max(0, start + frame / RATE - time.monotonic()))
+        self.assertGreater(np.mean(forces[RATE - 10:RATE]), 0.8)      # its spring of 200 N/m, 4.8 mm long
+        self.assertAlmostEqual(np.mean(forces[-10:]), 0, delta=0.02)  # the ball lies on the table
+
+
 class Pairs(unittest.TestCase):
     """Geoms that collide by <pair> alone."""
 
@@ -105,11 +157,7 @@ class Pairs(unittest.TestCase):
                 conaffinity="0"/></body>
             <body name="body" pos="0.2 0 0.02"><freejoint/>{geoms}</body>
           </worldbody><contact><pair geom1="{pair}" geom2="table"/></contact></mujoco>"""
-        with tempfile.TemporaryDirectory() as folder:
-            path = pathlib.Path(folder) / "scene.xml"
-            path.write_text(text)
-            self.model = mujoco.MjModel.from_xml_path(path)
-        self.data = mujoco.MjData(self.model)
+        self.model, self.data = loaded(text)
         session = haptic.mujoco.Session(self.model, self.data, tool="tool", binding=mujoco, server="127.0.0.1:9")
         self.addCleanup(session.close)
         return session
@@ -127,14 +175,47 @@ class Pairs(unittest.TestCase):
         self.assertNotIn(2, self.session_on(sphere + block, "block")._round)
 
 
+class Versions(unittest.TestCase):
+    """From 3.9 on a gap lies beyond the margin. Debian's MuJoCo is older: what such a one is told is looked at."""
+
+    def session(self, version):
+        text = """<mujoco><worldbody><geom type="plane" size="1 1 0.1" margin="0.001"/>
+            <body name="tool" pos="0 0 0.1"><freejoint/><geom size="0.02" margin="0.002" gap="0.001"/></body>
+            <body pos="0.2 0 0.1"><freejoint/><geom size="0.02"/></body></worldbody></mujoco>"""
+        model, data = loaded(text)
+        binding = types.SimpleNamespace(**{**vars(mujoco), "mj_versionString": lambda: version})
+        touch = haptic.mujoco.Session(model, data, tool="tool", binding=binding, server="127.0.0.1:9")
+        self.addCleanup(touch.close)
+        return touch, model
+
+    def assert_margins_and_gaps(self, model, margins, gaps):
+        np.testing.assert_allclose(model.geom_margin, margins, atol=1e-12)
+        np.testing.assert_allclose(model.geom_gap, gaps, atol=1e-12)
+
+    def test_the_gap_that_lies_within_the_margin(self):
+        """Listed below the margin, with force below margin minus gap."""
+        for version in ("2.2.2", "3.8.1"):
+            touch, model = self.session(version)
+            self.assert_margins_and_gaps(model, (0.001, 0.007, 0.005), (0, 0.006, 0.005))
+            touch._set_force(False)
+            self.assert_margins_and_gaps(model, (0.001, 0.007, 0.005), (0, 1e3, 0.005))
+
+    def test_the_gap_that_lies_beyond_the_margin(self):
+        """Listed below margin plus gap, with force below the margin."""
+        for version in ("3.9.0", "3.16.0", "4.0.0"):
+            touch, model = self.session(version)
+            self.assert_margins_and_gaps(model, (0.001, 0.002, 0), (0, 0.006, 0.005))
+            touch._set_force(False)
+            self.assert_margins_and_gaps(model, (0.001, -1e3, 0), (0, 1e3 + 0.008, 0.005))
+            touch._set_force(True)
+            self.assert_margins_and_gaps(model, (0.001, 0.002, 0), (0, 0.006, 0.005))
+
+
 class Mistakes(unittest.TestCase):
     def refused(self, text, **changes):
-        with tempfile.TemporaryDirectory() as folder:
-            path = pathlib.Path(folder) / "scene.xml"
-            path.write_text("<mujoco><worldbody><body name='arm'><joint/><geom size='0.1'/></body></worldbody></mujoco>")
-            model = mujoco.MjModel.from_xml_path(path)
-            with self.assertRaises(haptic.HapticError) as caught:
-                haptic.mujoco.Session(model, mujoco.MjData(model), binding=mujoco, **changes)
+        model, data = loaded("<mujoco><worldbody><body name='arm'><joint/><geom size='0.1'/></body></worldbody></mujoco>")
+        with self.assertRaises(haptic.HapticError) as caught:
+            haptic.mujoco.Session(model, data, binding=mujoco, **changes)
         self.assertIn(text, str(caught.exception))
 
     def test_a_tool_that_is_not_there_is_named(self):

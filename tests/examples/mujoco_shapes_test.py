@@ -57,12 +57,12 @@ class Touch(unittest.TestCase):
         ball = 'type="sphere" size="0.02" friction="0 0 0"'
         scene = session.SCENE.format(step=1 / 480, height=0.025, tool=ball, bodies=brick)
         due = 0.4 * 0.3 * session.GRAVITY  # N
-        for stiffness, rate in zip(STIFFNESS, (30, 60, 30)):  # The binding here takes 3 ms a frame.
+        for stiffness, rate in zip(STIFFNESS, (30, 60, 60)):
             with self.subTest(stiffness=stiffness, rate=rate):
                 ticks, moved = play(4, scene, reach(0.3, 0, 0.025) + reach(3, 0.15, 0.025), stiffness, rate,
                                     lambda data: np.array(data.xipos[2]))
                 force, _ = mean(ticks, "command_force_x_N", 2, 3)
-                self.assertAlmostEqual(-force, due, delta=0.35 * due)  # N; MuJoCo's friction creeps below its limit
+                self.assertAlmostEqual(-force, due, delta=0.25 * due)  # N; MuJoCo's friction creeps below its limit
                 self.assertGreater(moved[-1][0], 0.15)  # m
 
 

@@ -24,11 +24,12 @@ MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeo
          "mesh_vert": ("float*", "nmeshvert", 3), "nexclude": ("int", None),
          "exclude_signature": ("int*", "nexclude", 1), "npair": ("int", None), "pair_geom1": ("int*", "npair", 1), "pair_geom2": ("int*", "npair", 1),
          "pair_margin": ("double*", "npair", 1), "pair_gap": ("double*", "npair", 1),
-         "jnt_bodyid": ("int*", "njnt", 1), "jnt_limited": ("byte*", "njnt", 1)}
+         "jnt_bodyid": ("int*", "njnt", 1), "jnt_limited": ("byte*", "njnt", 1), "nmocap": ("int", None)}
 DATA = {"ncon": ("int", None), "qpos": ("double*", "nq", 1), "qvel": ("double*", "nv", 1),
         "xipos": ("double*", "nbody", 3), "xpos": ("double*", "nbody", 3), "xfrc_applied": ("double*", "nbody", 6),
         "qacc_smooth": ("double*", "nv", 1), "efc_force": ("double*", "njmax", 1),
-        "geom_xpos": ("double*", "ngeom", 3), "geom_xmat": ("double*", "ngeom", 9)}
+        "geom_xpos": ("double*", "ngeom", 3), "geom_xmat": ("double*", "ngeom", 9),
+        "mocap_pos": ("double*", "nmocap", 3), "mocap_quat": ("double*", "nmocap", 4)}
 CONTACT = {"dist": ("double", 1), "pos": ("double", 3), "frame": ("double", 9), "friction": ("double", 5),
            "dim": ("int", 1), "geom1": ("int", 1), "geom2": ("int", 1), "efc_address": ("int", 1)}
 OPTION = {"timestep": ("double", 1), "gravity": ("double", 3), "cone": ("int", 1)}
@@ -133,6 +134,13 @@ class MjData(_Fields):
         if name not in DATA:
             raise AttributeError(name)
         return self._read("data", DATA, name, self.model)
+
+
+_library.mj_versionString.restype = ctypes.c_char_p
+
+
+def mj_versionString():
+    return _library.mj_versionString().decode()
 
 
 def _void(thing):

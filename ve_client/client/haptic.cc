@@ -11,9 +11,11 @@
 #include <string>
 #include <string_view>
 
+#include "common/range.h"
 #include "protocol/sealing/key_file.h"
 #include "protocol/sealing/sealed_client_link.h"
 #include "protocol/transport/udp_socket.h"
+#include "protocol/wire.h"
 #include "ve_client/client/contact_check.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/client/identity_tracker.h"
@@ -340,5 +342,29 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
   for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
   return static_cast<std::int64_t>(session->client->send(now(), update.contacts, update.bodies));
 }
+
+int haptic_hold(haptic_session* session, const double position[3], const double rotation[4]) {
+  protocol::Control control;
+  control.holds = true;
+  control.X_WTarget.p = Eigen::Map<const Vector3>(position);
+  control.X_WTarget.R = Quaternion(rotation[0], rotation[1], rotation[2], rotation[3]);
+  const double length = control.X_WTarget.R.norm();
+  const Range place{-protocol::kLargestLength, protocol::kLargestLength, "m"};
+  for (const double x : control.X_WTarget.p) {
+    const auto error = find_error("position of the hand", x, place);
+    if (!error) continue;
+    session->error = *error;
+    return -1;
+  }
+  if (!(std::abs(length - 1) <= kUnitTolerance)) {
+    session->error = "rotation of the hand must be of length 1, not " + shortest_text(length);
+    return -1;
+  }
+  control.X_WTarget.R.normalize();
+  session->client->control(control);
+  return 0;
+}
+
+void haptic_release(haptic_session* session) { session->client->control({}); }
 
 const char* haptic_error(const haptic_session* session) { return session->error.c_str(); }

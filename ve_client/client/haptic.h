@@ -187,6 +187,13 @@ HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, 
  * wrong: nothing is sent then, and haptic_error() names it. */
 HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* contacts,
                                size_t count, const haptic_body* bodies, size_t body_count);
+/* Where the server's device is a simulated one, its hand draws the handle there, in the world: with
+ * 200 N/m, 1 N m/rad and at most 10 N, from the next haptic_send() on and until haptic_release().
+ * For a mouse, a script or a test in place of a device; a real one ignores it. 0, or -1 with
+ * haptic_error() if a number cannot be used. */
+HAPTIC_API int haptic_hold(haptic_session* session, const double position[3],
+                           const double rotation[4]);
+HAPTIC_API void haptic_release(haptic_session* session);
 /* What was wrong with the latest call that failed. Valid until the next call. */
 HAPTIC_API const char* haptic_error(const haptic_session* session);
 

@@ -164,6 +164,13 @@ class WithServer(unittest.TestCase):
             with haptic.Session(address, box(), rate=RATE) as anew:
                 until(anew, lambda: anew.connected)
 
+    def test_the_hand_that_is_held_draws_the_handle_until_it_is_released(self):
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            touch.hold((0.02, 0, 0.01))
+            until(touch, lambda: np.allclose(touch.state.device_position, (0.02, 0, 0.01), atol=1e-4))
+            touch.release()  # The script's hand goes on, at x = 0.
+            until(touch, lambda: abs(touch.state.device_position[0]) < 0.005)
+
     def test_a_body_gets_the_impulse_of_the_push_on_it(self):
         """The floor is a body of 2 kg that floats: it moves off as momentum says."""
         mass = 2.0
@@ -240,6 +247,13 @@ class Mistakes(unittest.TestCase):
                 touch.send(np.zeros((4, 3)))
             with self.assertRaisesRegex(haptic.HapticError, r"v must have 6 numbers, not the shape \(3,\)"):
                 touch.sample([0, 0, 0, 1, 0, 0, 0], [0, 0, 0], PERIOD)
+
+    def test_a_place_where_no_hand_can_be_is_named(self):
+        with haptic.Session("127.0.0.1:9", box()) as touch:
+            with self.assertRaisesRegex(haptic.HapticError, "position of the hand nan m must be -10000 to 10000 m"):
+                touch.hold((0, np.nan, 0))
+            with self.assertRaisesRegex(haptic.HapticError, "rotation of the hand must be of length 1, not 0"):
+                touch.hold((0, 0, 0), (0, 0, 0, 0))
 
     def test_a_closed_session_says_so(self):
         touch = haptic.Session("127.0.0.1:9", box())

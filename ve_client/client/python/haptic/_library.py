@@ -94,6 +94,8 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
             ("haptic_sample", ctypes.c_int, session, address, address, _double),
             ("haptic_track", None, session, address, _size, address, _size),
             ("haptic_send", ctypes.c_int64, session, address, _size, address, _size),
+            ("haptic_hold", ctypes.c_int, session, address, address),
+            ("haptic_release", None, session),
             ("haptic_error", ctypes.c_char_p, session)):
         declared = getattr(library, function)
         declared.restype, declared.argtypes = result, arguments

@@ -9,12 +9,13 @@
 `model` and `data` are those of the official binding. The tool is a body with a free joint. While the server
 answers, its geoms make no force of their own: the tool is where the proxy is, and bodies are pushed by
 the impulses that the hand felt. Any body with degrees of freedom can be pushed; what its joints leave of
-its mobility is computed at the present pose, without the centripetal part of its acceleration.
+its mobility is computed at the present pose, without the centripetal part of its acceleration. From drive() to send()
+these pushes are a part of data.xfrc_applied; a force of your own there stays: set it before drive().
 """
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any, Optional, Sequence
 
 import numpy as np
 
@@ -32,7 +33,8 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
            7: ("hull", lambda size: ())}
-_NO_FORCE = 1e3  # m: a gap that no depth reaches
+_NO_FORCE = 1e3  # m: a depth that none reaches
+_GAP_BEYOND = (3, 9)  # Version from which a gap lies beyond the margin, where contacts have no force; before, within it.
 
 
 class Session:
@@ -54,6 +56,7 @@ class Session:
         if binding is None:
             import mujoco as binding
         self._binding, self._model = binding, model
+        self._gap_beyond = tuple(map(int, binding.mj_versionString().split(".")[:2])) >= _GAP_BEYOND
         self._tool = binding.mj_name2id(model, _BODY, tool)
         if self._tool < 0:
             raise haptic.HapticError(f"the model has no body {tool!r}")
@@ -65,7 +68,7 @@ class Session:
         self._period = model.opt.timestep if period is None else period
         for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
-        self._pushed: set[int] = set()
+        self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
         if contacts not in ("engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
         self._epsilon, self._shapes = epsilon, from_mujoco(model, self._tool) if contacts == "shapes" else None
@@ -77,9 +80,10 @@ class Session:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
                                      "it; put their geoms into it")
         self._round = self._round_geoms()
-        self._gaps = np.array(model.geom_gap[self._geoms])
-        self._pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
-        self._pair_gaps = np.array(model.pair_gap[self._pairs])
+        pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
+        #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
+        self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
+                        ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, pairs))]
         self._answered = False
         binding.mj_forward(model, data)
         size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
@@ -100,21 +104,27 @@ class Session:
     def running(self) -> bool:
         return self.touch.running
 
+    def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
+        """As haptic.Session.hold(). With data.mocap_pos and data.mocap_quat of a mocap body in each frame, the mouse in
+        MuJoCo's viewer is the hand."""
+        self.touch.hold(position, rotation)
+
+    def release(self) -> None:
+        """The hand of hold() lets go."""
+        self.touch.release()
+
     def drive(self, data: Any) -> None:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies."""
+        self._take_back_pushes(data)  # of a frame that was not sent
         self.touch.poll()
         self._answered = self.touch.connected and (self._answered or bool(self.touch.state.fresh))
-        self._model.geom_gap[self._geoms] = _NO_FORCE if self._answered else self._gaps
-        self._model.pair_gap[self._pairs] = _NO_FORCE if self._answered else self._pair_gaps
+        self._set_force(not self._answered)
         data.qpos[self._q] = self.touch.q
         data.qvel[self._v] = self.touch.v
         data.qvel[self._v][3:] = _rotation(self.touch.q[3:]).T @ self.touch.v[3:]
-        for body in self._pushed:
-            data.xfrc_applied[body] = 0
-        impulses = self.touch.impulses(self._period)
-        self._pushed = set(impulses)
-        for body, impulse in impulses.items():
-            data.xfrc_applied[body] = impulse / self._period
+        self._pushes = {body: impulse / self._period for body, impulse in self.touch.impulses(self._period).items()}
+        for body, push in self._pushes.items():
+            data.xfrc_applied[body] += push
 
     def send(self, data: Any) -> None:
         """After a frame: what is near the tool, at the pose that the step led to."""
@@ -124,12 +134,18 @@ class Session:
         self.touch.sample(q, v, self._period)
         contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._epsilon)
         bodies = self._bodies(data, contacts)
+        self._take_back_pushes(data)
         self._set_velocities(contacts, bodies)
         if self._shapes is None:
             self.touch.track(contacts, bodies)
         else:
             self._set_loads(data, contacts)
         self.touch.send(contacts, bodies)
+
+    def _take_back_pushes(self, data: Any) -> None:
+        for body, push in self._pushes.items():
+            data.xfrc_applied[body] -= push
+        self._pushes = {}
 
     def _link(self) -> haptic.Link:
         model, body = self._model, self._tool
@@ -139,19 +155,30 @@ class Session:
         link.inertia[:] = ((R * model.body_inertia[body]) @ R.T).ravel()
         return link
 
+    def _set_force(self, own: bool) -> None:
+        """Whether the tool's contacts have MuJoCo's force; they are listed where they were."""
+        for margin, gap, which, own_margin, own_gap in self._listed:
+            if own:
+                margin[which], gap[which] = own_margin, own_gap
+            elif self._gap_beyond:
+                margin[which], gap[which] = -_NO_FORCE, _NO_FORCE + own_margin + own_gap
+            else:
+                gap[which] = _NO_FORCE
+
     def _list_early(self, epsilon: float) -> None:
         """Margin and gap of a pair are the larger of its geoms', or their sum, by MuJoCo's version:
         either way the force begins where it did, and the list `epsilon` before."""
         model = self._model
+        widened = 0 if self._gap_beyond else epsilon
         for geom in range(model.ngeom):
             if model.body_weldid[model.geom_bodyid[geom]] != 0:
-                model.geom_margin[geom] += epsilon
+                model.geom_margin[geom] += widened
                 model.geom_gap[geom] += epsilon
         if model.npair > 0:
             moves = np.asarray(model.body_weldid)[model.geom_bodyid] != 0
-            early = epsilon * (moves[model.pair_geom1] | moves[model.pair_geom2])
-            model.pair_margin[:] += early
-            model.pair_gap[:] += early
+            early = moves[model.pair_geom1] | moves[model.pair_geom2]
+            model.pair_margin[:] += widened * early
+            model.pair_gap[:] += epsilon * early
 
     def _contacts(self, data: Any) -> np.ndarray:
         model, n = self._model, data.ncon
@@ -231,7 +258,7 @@ class Session:
             to["centre"] = data.xipos[body]
             to["velocity"] = J @ data.qvel
             to["inverse_inertia"] = 0.5 * (W + W.T)
-            to["acceleration"] = J @ data.qacc_smooth - W @ data.xfrc_applied[body]
+            to["acceleration"] = J @ data.qacc_smooth - W @ self._pushes.get(body, np.zeros(6))
             to["round"], to["axis"] = self._roundness(data, body)
         return found
 

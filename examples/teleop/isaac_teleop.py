@@ -1,0 +1,67 @@
+"""The seat that IsaacTeleop has for a grounded force device, filled by a haptic server.
+
+    with haptic.Session(tool=haptic.box(mass=0.3, size=(0.04, 0.04, 0.04))) as touch:
+        sink = HapticSink("haptics", ServerHapticDevice(touch))     # HapticSink is IsaacTeleop's
+
+Takes its EndEffectorForce: fx, fy, fz, N. The device's frame is the world of the session. `position` and `rotation` are
+where the simulator's tool belongs in the next frame. Call nothing else of the session: flush() polls and sends.
+"""
+
+import logging
+import time
+
+import numpy as np
+from isaacteleop.haptic_devices import IHapticDevice
+from isaacteleop.retargeting_engine.tensor_types import EndEffectorForce
+
+import haptic
+from force_as_contact import send_force
+
+ENDPOINT = "device"  # IsaacTeleop's name for a single grounded one
+
+
+class ServerHapticDevice(IHapticDevice):
+    """stiffness: of a contact of the server (haptic_server --stiffness), N/m."""
+
+    def __init__(self, touch: haptic.Session, stiffness: float = 4000):
+        self._touch, self._stiffness = touch, stiffness
+        self._force = np.zeros(3)
+        self._flushed_at = time.monotonic()
+        self._warned = False
+
+    @property
+    def position(self) -> np.ndarray:
+        """m."""
+        return self._touch.q[:3]
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """w, x, y, z."""
+        return self._touch.q[3:]
+
+    def accepted_type(self):
+        return EndEffectorForce()
+
+    def endpoints(self):
+        return (ENDPOINT,)
+
+    def apply(self, endpoint, values):
+        if endpoint != ENDPOINT or np.shape(values) != (3,):
+            raise ValueError(f"endpoint {endpoint!r} with the shape {np.shape(values)} must be {ENDPOINT!r} with (3,)")
+        self._force = np.array(values, dtype=np.float64)
+
+    def flush(self, deviceio_session):
+        """Never raises, as IsaacTeleop asks: what is wrong is logged, once."""
+        now = time.monotonic()
+        period, self._flushed_at = max(now - self._flushed_at, 1e-4), now
+        try:
+            send_force(self._touch, self._touch.q, self._touch.v, self._force, period, self._stiffness)
+            self._touch.poll()
+        except haptic.HapticError as error:
+            if not self._warned:
+                logging.getLogger(__name__).warning("no force is sent to the haptic server: %s", error)
+            self._warned = True
+        self._force = np.zeros(3)  # Where no force comes in the next frame, nothing touches.
+
+    def get_tracker(self):
+        return None

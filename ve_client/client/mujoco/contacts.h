@@ -1,0 +1,202 @@
+// MuJoCo's contacts and bodies, as a haptic server wants them.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "common/contact.h"
+
+namespace hlm::mujoco {
+
+/// Of an array of MuJoCo's with `columns` numbers in a row.
+inline Vector3 row3(const mjtNum* array, int row, int columns = 3) {
+  return Eigen::Map<const Vector3>(array + columns * row);
+}
+inline Quaternion rotation_of(const mjtNum* wxyz) {
+  return Quaternion(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
+}
+
+/// A geom by the body that it moves with: bodies without joints are welded to their parents.
+inline int body_of(const mjModel& model, int geom) {
+  return model.body_weldid[model.geom_bodyid[geom]];
+}
+
+/// Whether a gap lies beyond the margin, where contacts are listed without force: since 3.9.
+/// Before, it lay within.
+inline bool gap_is_beyond() {
+  static const bool beyond = [] {
+    int major = 0;
+    int minor = 0;
+    std::sscanf(mj_versionString(), "%d.%d", &major, &minor);
+    return major > 3 || (major == 3 && minor >= 9);
+  }();
+  return beyond;
+}
+
+/// Margin and gap of a geom or pair.
+struct Listing {
+  mjtNum* margin;
+  mjtNum* gap;
+  mjtNum own_margin = *margin;
+  mjtNum own_gap = *gap;
+
+  /// Contacts are listed by `epsilon` earlier, and have their force where they had it.
+  void widen(double epsilon) {
+    *gap = own_gap += epsilon;
+    if (!gap_is_beyond()) *margin = own_margin += epsilon;
+  }
+  /// Whether they have MuJoCo's force; they are listed where they were.
+  void set_force(bool own) const {
+    constexpr double kNone = 1e3;  // m: a depth that none reaches.
+    const bool beyond = gap_is_beyond();
+    *margin = !own && beyond ? -kNone : own_margin;
+    *gap = own ? own_gap : kNone + (beyond ? own_margin + own_gap : 0);
+  }
+};
+
+/// Of the geoms and pairs of which `takes(body)` holds for a body.
+template <class Takes>
+std::vector<Listing> listings(mjModel& model, Takes takes) {
+  std::vector<Listing> found;
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    if (takes(body_of(model, geom))) {
+      found.push_back({model.geom_margin + geom, model.geom_gap + geom});
+    }
+  }
+  for (int pair = 0; pair < model.npair; ++pair) {
+    if (takes(body_of(model, model.pair_geom1[pair])) ||
+        takes(body_of(model, model.pair_geom2[pair]))) {
+      found.push_back({model.pair_margin + pair, model.pair_gap + pair});
+    }
+  }
+  return found;
+}
+
+/// Normal force of a contact, N.
+inline double load_of(const mjModel& model, const mjData& data, int contact) {
+  mjtNum force[6] = {};
+  mj_contactForce(&model, &data, contact, force);
+  return std::max(0.0, force[0]);
+}
+
+/// A contact, side a of which is the tool or else a body that moves. Without identity.
+inline ReportedContact describe(const mjModel& model, const mjData& data, int index, int tool) {
+  const mjContact& listed = data.contact[index];
+  const int body1 = body_of(model, listed.geom1);
+  const int body2 = body_of(model, listed.geom2);
+  const bool first = body1 == tool || (body2 != tool && body2 == 0);  // Geom 1 is of side a.
+  const auto side = [tool](int body) -> ContactSide {
+    if (body == tool) return {SideKind::kToolLink, 0};
+    return {body == 0 ? SideKind::kWorld : SideKind::kMovableBody,
+            static_cast<std::uint32_t>(body)};
+  };
+  ReportedContact contact;
+  contact.pair = static_cast<std::uint32_t>(listed.geom1 * model.ngeom + listed.geom2);
+  contact.a = side(first ? body1 : body2);
+  contact.b = side(first ? body2 : body1);
+  contact.n_W = (first ? -1 : 1) * row3(listed.frame, 0);  // MuJoCo's leads from geom 1 to geom 2.
+  contact.p_WC = row3(listed.pos, 0) - 0.5 * listed.dist * contact.n_W;
+  contact.separation = listed.dist;
+  contact.friction = listed.friction[0];
+  if (contact.a.kind != SideKind::kToolLink) contact.load = load_of(model, data, index);
+  return contact;
+}
+
+/// Contacts of the tool, of the bodies that it is near, and of those that these touch, the nearest
+/// first.
+inline std::vector<ReportedContact> near_contacts(const mjModel& model, const mjData& data,
+                                                  int tool) {
+  std::vector<ReportedContact> all;
+  for (int i = 0; i < data.ncon; ++i) {
+    const ReportedContact contact = describe(model, data, i, tool);
+    if (contact.a.kind != SideKind::kWorld && contact.a != contact.b) all.push_back(contact);
+  }
+  std::set<ContactSide> near{{SideKind::kToolLink, 0}};
+  for (int hop = 0; hop < 2; ++hop) {
+    std::set<ContactSide> further = near;
+    for (const ReportedContact& contact : all) {
+      if (contact.b.kind != SideKind::kMovableBody) continue;
+      if (near.contains(contact.a)) further.insert(contact.b);
+      if (near.contains(contact.b)) further.insert(contact.a);
+    }
+    near = std::move(further);
+  }
+  std::erase_if(all, [&](const ReportedContact& contact) {
+    return !near.contains(contact.a) && !near.contains(contact.b);
+  });
+  std::ranges::stable_sort(all, {}, &ReportedContact::separation);
+  all.resize(std::min(all.size(), kMaxContacts));
+  return all;
+}
+
+/// The bodies of contacts, those first that the tool touches.
+inline std::vector<int> bodies_of(std::vector<ReportedContact> contacts) {
+  std::stable_partition(contacts.begin(), contacts.end(), [](const ReportedContact& contact) {
+    return contact.a.kind == SideKind::kToolLink;
+  });
+  std::vector<int> found;
+  for (const ReportedContact& contact : contacts) {
+    for (const ContactSide& side : {contact.b, contact.a}) {
+      const int body = static_cast<int>(side.index);
+      if (side.kind == SideKind::kMovableBody && std::ranges::find(found, body) == found.end()) {
+        found.push_back(body);
+      }
+    }
+  }
+  return found;
+}
+
+/// What turning leaves of the one geom of a body that collides.
+inline void set_roundness(const mjModel& model, const mjData& data, int body, MovableBody& to) {
+  constexpr double kOffAxis = 1e-6;  // m: the axis passes the centre of mass no farther away.
+  int only = -1;
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    const bool collides = model.geom_contype[geom] != 0 || model.geom_conaffinity[geom] != 0;
+    if (body_of(model, geom) != body || !collides) continue;
+    if (only >= 0) return;
+    only = geom;
+  }
+  if (only < 0 || model.npair > 0) return;
+  for (int joint = 0; joint < model.njnt; ++joint) {
+    if (model.body_weldid[model.jnt_bodyid[joint]] == body && model.jnt_limited[joint]) return;
+  }
+  const Vector3 offset = row3(data.geom_xpos, only) - row3(data.xipos, body);
+  const mjtNum* R = data.geom_xmat + 9 * only;
+  const Vector3 axis(R[2], R[5], R[8]);
+  const int type = model.geom_type[only];
+  if (type == mjGEOM_SPHERE && offset.norm() < kOffAxis) to.roundness = Roundness::kSphere;
+  const bool revolves = type == mjGEOM_CAPSULE || type == mjGEOM_CYLINDER;
+  if (!revolves || axis.cross(offset).norm() >= kOffAxis) return;
+  to.roundness = Roundness::kAxis;
+  to.axis_W = axis;
+}
+
+/// A body in its present state, as mobile as its joints leave it here; without the centripetal part
+/// of its acceleration, and without what the tool's push, a part of xfrc_applied, adds to that.
+inline MovableBody describe(const mjModel& model, mjData& data, int body, const Vector6& push_W) {
+  using Rows = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor>;
+  Rows J(6, model.nv);
+  Rows solved(6, model.nv);
+  mj_jacBodyCom(&model, &data, J.data(), J.data() + 3 * model.nv, body);
+  mj_solveM(&model, &data, solved.data(), J.data(), 6);
+  const Matrix6 W = J * solved.transpose();
+  const Eigen::Map<const Eigen::VectorXd> v(data.qvel, model.nv);
+  const Eigen::Map<const Eigen::VectorXd> a(data.qacc_smooth, model.nv);
+  MovableBody found;
+  found.id = static_cast<std::uint32_t>(body);
+  found.p_WCom = row3(data.xipos, body);
+  found.V_W = J * v;
+  found.W = 0.5 * (W + W.transpose());
+  found.A_W = J * a - W * push_W;
+  set_roundness(model, data, body, found);
+  return found;
+}
+
+}  // namespace hlm::mujoco

@@ -1,0 +1,221 @@
+// A MuJoCo world in the hand.
+//
+//   hlm::mujoco::Session touch(socket, model, data, "tool", options);
+//   while (running) {
+//     touch.drive();                                            // proxy pose onto the tool
+//     for (int i = 0; i < substeps; ++i) mj_step(&model, &data);
+//     touch.send();                                             // contacts within epsilon
+//   }
+//
+// Header only, over hlm::client and the user's MuJoCo; examples/mujoco_cpp is a whole program.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "ve_client/client/contact_check.h"
+#include "ve_client/client/haptic_client.h"
+#include "ve_client/client/identity_tracker.h"
+#include "ve_client/client/mujoco/contacts.h"
+
+namespace hlm::mujoco {
+
+struct Options {
+  protocol::Endpoint server;
+  double period = 1.0 / 60;  ///< Of the frames, s.
+  double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
+};
+
+/// The body of that name, if it can be a tool. Throws std::invalid_argument where there is none, it
+/// has no free joint, or other bodies are welded to it.
+inline int find_tool(const mjModel& model, const std::string& name) {
+  const int tool = mj_name2id(&model, mjOBJ_BODY, name.c_str());
+  if (tool < 0) throw std::invalid_argument("the model has no body '" + name + "'");
+  const int joint = model.body_jntadr[tool];
+  if (joint < 0 || model.jnt_type[joint] != mjJNT_FREE) {
+    throw std::invalid_argument("body '" + name +
+                                "' must have a free joint, as the tool moves freely in the hand");
+  }
+  if (std::count(model.body_weldid, model.body_weldid + model.nbody, tool) > 1) {
+    throw std::invalid_argument(
+        "body '" + name + "' has bodies without joints welded to it; put their geoms into it");
+  }
+  return tool;
+}
+
+/// What a hand holds when it holds this body.
+inline ToolDescription tool_of(const mjModel& model, int body) {
+  const Matrix3 R = rotation_of(model.body_iquat + 4 * body).toRotationMatrix();
+  Link link;
+  link.mass = model.body_mass[body];
+  link.p_LCom = row3(model.body_ipos, body);
+  link.I_LCom = R * row3(model.body_inertia, body).asDiagonal() * R.transpose();
+  ToolDescription tool;
+  tool.links.push_back(link);
+  tool.gravity_W = row3(model.opt.gravity, 0);
+  double size = 0.01;  // m
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    if (model.geom_bodyid[geom] != body) continue;
+    size = std::max(size, row3(model.geom_size, geom).cwiseAbs().maxCoeff());
+  }
+  tool.length = 2 * size;
+  return tool;
+}
+
+/// A client for one model, which it changes: geoms that move are listed ε before they touch, and
+/// the tool resists nothing between two calls of drive(). While the server answers the tool's geoms
+/// make no force of their own: the tool is where the proxy is, and bodies are pushed by the
+/// impulses that the hand felt. Any body with degrees of freedom can be pushed. From drive() to
+/// send() these pushes are a part of xfrc_applied; a force of your own there stays: set it
+/// before drive().
+class Session {
+ public:
+  /// All must outlive this. Throws std::invalid_argument where the tool or the options cannot be
+  /// used.
+  Session(protocol::DatagramLink& link, mjModel& model, mjData& data, const std::string& tool,
+          const Options& options)
+      : model_(model),
+        data_(data),
+        tool_(find_tool(model, tool)),
+        q_at_(model.jnt_qposadr[model.body_jntadr[tool_]]),
+        v_at_(model.jnt_dofadr[model.body_jntadr[tool_]]),
+        period_(options.period),
+        virtual_tool_(tool_of(model, tool_)),
+        q_(Eigen::Map<const Configuration>(data.qpos + q_at_, 7)),
+        client_(link, client_options(options)) {
+    constexpr double kHeld = 1e6;  // kg and kg·m². Of free joints MuJoCo reads the second alone.
+    std::fill_n(model.dof_armature + v_at_, 6, kHeld);
+    std::fill_n(model.dof_M0 + v_at_, 6, kHeld);
+    for (Listing& listing : listings(model, [](int body) { return body != 0; })) {
+      listing.widen(options.epsilon);
+    }
+    of_tool_ = listings(model, [this](int body) { return body == tool_; });
+    mj_forward(&model, &data);
+  }
+
+  /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches
+  /// for all of the frame's steps.
+  void drive() {
+    take_back_pushes();  // Of a frame that was not sent.
+    const protocol::ProxyState* proxy = client_.poll(now()).state;
+    if (proxy != nullptr) {
+      q_ = proxy->q;
+      v_ = proxy->v;
+    }
+    answered_ = client_.connected() && (answered_ || proxy != nullptr);
+    for (const Listing& listing : of_tool_) listing.set_force(!answered_);
+    std::copy(q_.begin(), q_.end(), data_.qpos + q_at_);
+    const Vector3 w_T = rotation_of(data_.qpos + q_at_ + 3).conjugate() * v_.tail<3>();
+    std::copy_n(v_.data(), 3, data_.qvel + v_at_);
+    std::copy_n(w_T.data(), 3, data_.qvel + v_at_ + 3);  // MuJoCo's has the body's axes.
+    for (const protocol::BodyImpulse& due : client_.take_impulses(period_)) {
+      // Whatever a server says, it can push no body that it was not told of.
+      if (!reported_.contains(due.body)) continue;
+      const Push push{static_cast<int>(due.body), due.P_W / period_};
+      applied(push.body) += push.F_W;
+      pushes_.push_back(push);
+    }
+  }
+
+  /// After a frame: what is near the tool, at the pose that the steps led to. Throws
+  /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
+  /// range.
+  void send() {
+    const double sampled_at = now();
+    mj_forward(&model_, &data_);
+    protocol::ContactUpdate update;
+    update.q_VE = Eigen::Map<const Configuration>(data_.qpos + q_at_, 7);
+    update.v_VE = Eigen::Map<const Velocity>(data_.qvel + v_at_, 6);
+    update.v_VE.tail<3>() = rotation_of(data_.qpos + q_at_ + 3) * Vector3(update.v_VE.tail<3>());
+    virtual_tool_.set_configuration(update.q_VE);
+    std::vector<ReportedContact> found = near_contacts(model_, data_, tool_);
+    for (const int body : bodies_of(found)) {
+      if (update.bodies.size() == kMaxBodies) break;
+      update.bodies.push_back(describe(model_, data_, body, push_on(body)));
+      reported_.insert(static_cast<std::uint32_t>(body));
+    }
+    take_back_pushes();
+    for (ReportedContact& contact : found) {
+      for (const MovableBody& body : update.bodies) {
+        if (contact.b != ContactSide{SideKind::kMovableBody, body.id}) continue;
+        const Vector3 arm = contact.p_WC - body.p_WCom;
+        contact.v_WC = body.V_W.head<3>() + Vector3(body.V_W.tail<3>()).cross(arm);
+      }
+      update.contacts.push_back(contact);
+    }
+    tracker_.assign(virtual_tool_, update.bodies, update.contacts);
+    if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
+    client_.sample(sampled_at, update.q_VE, update.v_VE, period_);
+    client_.send(now(), update.contacts, update.bodies);
+    sent_ = update.contacts.size();
+  }
+
+  /// Ends the session.
+  void close() { client_.close(now()); }
+
+  HapticClient& client() { return client_; }
+  /// Where the proxy is, and how many contacts were sent last.
+  const Configuration& q() const { return q_; }
+  std::size_t contacts() const { return sent_; }
+
+ private:
+  /// What the tool does to a body in this frame.
+  struct Push {
+    int body;
+    Vector6 F_W;
+  };
+
+  static double now() {
+    using Seconds = std::chrono::duration<double>;
+    return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+  }
+
+  HapticClientOptions client_options(const Options& options) const {
+    HapticClientOptions client;
+    client.server = options.server;
+    client.tool = virtual_tool_.description();
+    client.q = q_;
+    client.ve_rate = 1 / options.period;
+    client.epsilon = options.epsilon;
+    return client;
+  }
+
+  Eigen::Map<Vector6> applied(int body) {
+    return Eigen::Map<Vector6>(data_.xfrc_applied + std::ptrdiff_t{6} * body);
+  }
+  void take_back_pushes() {
+    for (const Push& push : pushes_) applied(push.body) -= push.F_W;
+    pushes_.clear();
+  }
+  Vector6 push_on(int body) const {
+    const auto found = std::ranges::find(pushes_, body, &Push::body);
+    return found == pushes_.end() ? Vector6::Zero() : found->F_W;
+  }
+
+  mjModel& model_;
+  mjData& data_;
+  int tool_;  ///< Body.
+  int q_at_;  ///< Its place in qpos,
+  int v_at_;  ///< and in qvel.
+  double period_;
+  ToolModel virtual_tool_;
+  IdentityTracker tracker_;
+  Configuration q_;
+  Velocity v_ = Velocity::Zero(6);
+  HapticClient client_;
+  std::vector<Listing> of_tool_;
+  bool answered_ = false;             ///< The server has sent a proxy state of this session.
+  std::vector<Push> pushes_;          ///< What is in xfrc_applied now.
+  std::set<std::uint32_t> reported_;  ///< Bodies.
+  std::size_t sent_ = 0;              ///< Contacts.
+};
+
+}  // namespace hlm::mujoco
