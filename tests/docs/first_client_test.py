@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """The first client of docs/first_ten_minutes.md, as it stands there, presses with what the page says.
 
-Usage: first_client_test.py HAPTIC_SERVER LIBHAPTIC SOURCE
+Usage: first_client_test.py LIBHAPTIC SOURCE
 """
 
 import os
@@ -9,29 +9,19 @@ import pathlib
 import re
 import subprocess
 import sys
-import tempfile
 import time
 
-SERVER, LIBRARY, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
-ADDRESS = "127.0.0.1:47800"  # That of the page.
+LIBRARY, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 page = (SOURCE / "docs/first_ten_minutes.md").read_text()
-hand = re.search(r"printf '(.*)' >", page).group(1).replace("\\n", "\n")
 program = re.search(r"^    import time\n(?:    .*\n|\n)+", page, re.M).group(0).replace("\n    ", "\n")[4:]
-options = re.search(r"^    haptic_server (.*) --hand press.toml$", page, re.M).group(1).split()
 claimed = re.search(r"It ends at `active: (\S+) N, (\S+) mm`", page)
 
-with tempfile.TemporaryDirectory() as folder:
-    script = pathlib.Path(folder) / "press.toml"
-    script.write_text(hand)
-    server = subprocess.Popen([SERVER, *options, "--listen", ADDRESS, "--hand", script, "--status", "false"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    client = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
-                              env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY),
-                                   "PYTHONPATH": str(SOURCE / "ve_client/client/python")})
-    time.sleep(4)
-    client.terminate()
-    server.terminate()
-    last = client.communicate(timeout=10)[0].splitlines()[-2]
-    server.wait(timeout=10)
+client = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
+                          env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY),
+                               "PYTHONPATH": str(SOURCE / "ve_client/client/python")})
+time.sleep(4)
+client.terminate()
+last = client.communicate(timeout=10)[0].splitlines()[-2]
 
 said = re.fullmatch(r"active: (\S+) N, (\S+) mm", last)
 if not said or abs(float(said.group(1)) - float(claimed.group(1))) > 0.01 or \

@@ -16,6 +16,7 @@ PLACES = {  # file, and what stands around the version or its beginning
     "ve_client/client/python/haptic/__init__.py": r'^__version__ = "(\S+)"$',
     "examples/bullet/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",
     "examples/client/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",
+    "examples/mujoco_cpp/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",
     "examples/mujoco/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",
 }
 
