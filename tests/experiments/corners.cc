@@ -28,6 +28,34 @@ std::string block(const std::string& name, double x, double y, double width, dou
                            test::box(fmt::format("{} {} 0.04", width, height)));
 }
 
+/// A fixed box from the level of the mouth downwards, over these ranges, m.
+std::string beneath(const std::string& name, double x_low, double x_high, double z_low,
+                    double z_high) {
+  return test::fixed_model(
+      name, fmt::format("{} -0.07 {} 0 0 0", 0.5 * (x_low + x_high), 0.5 * (z_low + z_high)),
+      test::box(fmt::format("{} 0.14 {}", x_high - x_low, z_high - z_low)));
+}
+
+/// Pieces that touch, with level tops, about a hole from -x to x and -z to z (m): four bars, or
+/// eight tiles.
+std::string level_pieces(Walls walls, double x, double z) {
+  const double far = 0.1;
+  if (walls == Walls::kBars) {
+    return beneath("left", -far, -x, -far, far) + beneath("right", x, far, -far, far) +
+           beneath("near", -x, x, z, far) + beneath("far", -x, x, -far, -z);
+  }
+  const std::array<double, 4> at_x{-far, -x, x, far};
+  const std::array<double, 4> at_z{-far, -z, z, far};
+  std::string tiles;
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) {
+      if (i == 1 && j == 1) continue;
+      tiles += beneath(fmt::format("tile_{}_{}", i, j), at_x[i], at_x[i + 1], at_z[j], at_z[j + 1]);
+    }
+  }
+  return tiles;
+}
+
 std::string peg(const Vector3& p, double half_width) {
   return test::model("peg", fmt::format("{} {} 0 0 0 0", p.x(), p.y()),
                      test::box(fmt::format("{} {} 0.04", 2 * half_width, 2 * kHalfLength)),
@@ -154,7 +182,8 @@ double gap(const Pose& X_WP, double half_width, double side, double wall) {
 
 EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
   const Path path = path_of(entry, conditions.delay);
-  const double half_width = entry.testbed ? kHalfWidth - entry.clearance : kHalfWidth;
+  const double half_width =
+      entry.walls == Walls::kTestbed ? kHalfWidth - entry.clearance : kHalfWidth;
   const double wall = half_width + entry.clearance;
   const std::string tool = peg(path.start, half_width);
   EntryOutcome outcome;
@@ -169,7 +198,15 @@ EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
   free.run(path.duration + kRest);
 
   const auto hole = [&] {
-    if (entry.testbed) return testbed(path.start, half_width);
+    switch (entry.walls) {
+      case Walls::kTestbed:
+        return testbed(path.start, half_width);
+      case Walls::kBars:
+      case Walls::kTiles:
+        return test::world_of(level_pieces(entry.walls, wall, 0.02 + entry.clearance) + tool);
+      case Walls::kApart:
+        break;
+    }
     return test::world_of(block("left", -wall - 0.05, -0.07, 0.1, 0.14) +
                           block("right", wall + 0.05, -0.07, 0.1, 0.14) + tool);
   };
@@ -224,6 +261,34 @@ struct Count {
   double largest = 0;  // N
 };
 
+std::string name_of(Walls walls) {
+  switch (walls) {
+    case Walls::kTestbed:
+      return "testbed";
+    case Walls::kBars:
+      return "bars";
+    case Walls::kTiles:
+      return "tiles";
+    case Walls::kApart:
+      break;
+  }
+  return "apart";
+}
+
+std::string in_words(Walls walls) {
+  switch (walls) {
+    case Walls::kTestbed:
+      return "the testbed's hole, whose walls its floor adjoins, with 1 mm on each side";
+    case Walls::kBars:
+      return "a hole between four bars with level tops that touch";
+    case Walls::kTiles:
+      return "the gap that one of nine level tiles leaves";
+    case Walls::kApart:
+      break;
+  }
+  return "holes between two blocks";
+}
+
 std::string in_words(const CornerConditions& c) {
   return c.one_axis ? "best axis alone" : "all near axes";
 }
@@ -236,19 +301,20 @@ void entries(Bench& bench) {
       quick ? std::vector{0.005, 0.02} : std::vector{0.005, 0.02, 0.05};
   struct Hole {
     double clearance;  // m
-    bool testbed;
+    Walls walls;
   };
-  const std::array holes{Hole{0.0002, false}, Hole{0.001, false}, Hole{0.003, false},
-                         Hole{0.001, true}};
+  const std::array holes{Hole{0.0002, Walls::kApart}, Hole{0.001, Walls::kApart},
+                         Hole{0.003, Walls::kApart},  Hole{0.001, Walls::kTestbed},
+                         Hole{0.001, Walls::kBars},   Hole{0.001, Walls::kTiles}};
   std::vector<Case> cases;
   for (const std::uint64_t seed : bench.seed_list(quick ? 1 : 5)) {
-    for (const auto& [clearance, testbed] : holes) {
+    for (const auto& [clearance, walls] : holes) {
       for (const double speed : speeds) {
         for (const bool wanders : {false, true}) {
           for (const double delay : {0.0, 0.02}) {
             for (const double epsilon : epsilons) {
               for (const bool one_axis : {false, true}) {
-                cases.push_back({{clearance, speed, wanders, seed, testbed},
+                cases.push_back({{clearance, speed, wanders, seed, walls},
                                  {.delay = delay, .epsilon = epsilon, .one_axis = one_axis}});
               }
             }
@@ -261,30 +327,28 @@ void entries(Bench& bench) {
       bench.map(cases, [](const Case& c) { return enter(c.entry, c.conditions); });
   Table& table =
       bench.table("corners",
-                  "axes,testbed,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
+                  "axes,walls,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
                   "largest_force_n,enters,contacts");
-  std::map<std::pair<bool, bool>, Count> counts;  // By testbed and one_axis.
+  std::map<std::pair<Walls, bool>, Count> counts;  // By walls and one_axis.
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto& [entry, conditions] = cases[i];
     const EntryOutcome& o = outcomes[i];
-    table.row(conditions.one_axis ? "one" : "all", entry.testbed ? 1.0 : 0.0, entry.clearance,
+    table.row(conditions.one_axis ? "one" : "all", name_of(entry.walls), entry.clearance,
               entry.speed, entry.wanders ? 1.0 : 0.0, conditions.delay, conditions.epsilon,
               static_cast<double>(entry.seed), o.least_gap, o.largest_force, o.enters ? 1.0 : 0.0,
               o.acting_contacts);
     if (o.least_gap < kTouchesNothing) continue;
-    Count& count = counts[{entry.testbed, conditions.one_axis}];
+    Count& count = counts[{entry.walls, conditions.one_axis}];
     ++count.entries;
     count.felt += o.largest_force > kGhostForce;
     count.stuck += !o.enters;
     count.largest = std::max(count.largest, o.largest_force);
   }
-  for (const bool testbed : {false, true}) {
-    const Count& all = counts[{testbed, false}];
-    const Count& one = counts[{testbed, true}];
+  for (const Walls walls : {Walls::kApart, Walls::kTestbed, Walls::kBars, Walls::kTiles}) {
+    const Count& all = counts[{walls, false}];
+    const Count& one = counts[{walls, true}];
     bench.claim(
-        {.what = testbed ? "entries into the testbed's hole, whose walls its floor adjoins, with "
-                           "1 mm on each side, all near axes"
-                         : "entries into holes between two blocks, all near axes",
+        {.what = fmt::format("entries into {}, all near axes", in_words(walls)),
          .criterion = "no entry that touches nothing meets more than 0.5 N; all get in",
          .measured = fmt::format("{} of {} entries, up to {:.2g} N; {} do not get in (best axis "
                                  "alone: {} of {}, up to {:.2g} N; {})",

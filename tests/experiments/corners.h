@@ -13,15 +13,21 @@ struct CornerConditions {
   double ve_high = 60;     ///< Hz.
 };
 
+/// What the walls of a hole are.
+enum class Walls : std::uint8_t {
+  kApart,    ///< Two blocks, 40 mm and twice the clearance apart.
+  kTestbed,  ///< Those of worlds/testbed.sdf, 40 mm apart, which its floor adjoins.
+  kBars,     ///< Four bars that touch, with level tops.
+  kTiles,    ///< Eight tiles that touch, with level tops, about a ninth that is not there.
+};
+
 /// How a peg of 80 mm is led into a hole with its mouth at y = 0.
 struct Entry {
   double clearance = 0.001;  ///< On each side, m.
   double speed = 0.2;        ///< Largest, m/s.
   bool wanders = false;      ///< It comes from the side over the edge, and goes in askew.
   std::uint64_t seed = 1;
-  /// The hole of worlds/testbed.sdf, 40 mm wide, with walls that its floor adjoins; else a peg of
-  /// 40 mm enters between two blocks.
-  bool testbed = false;
+  Walls walls = Walls::kApart;
 };
 
 /// An entry with at least this gap, m, touches nothing.

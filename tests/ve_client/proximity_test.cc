@@ -3,7 +3,9 @@
 #include "ve_client/world/proximity.h"
 
 #include <algorithm>
+#include <map>
 #include <numbers>
+#include <set>
 
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
@@ -276,6 +278,86 @@ TEST_CASE("Beside an ellipsoid on it a floor is still there") {
   REQUIRE(contacts.size() == 1);
   CHECK((contacts[0].n_W - Vector3::UnitZ()).norm() < 1e-9);
   CHECK(contacts[0].separation == Approx(0.002).margin(1e-9));  // m
+}
+
+/// Four bars that touch, with tops at z = 0, about a hole of 42 mm along x and y, and a peg of
+/// 40 mm.
+WorldDescription level_bars(const std::string& peg = "") {
+  const auto bar = [](const std::string& name, const std::string& at, const std::string& size) {
+    return fixed_model(name, at, box(size));
+  };
+  return world_of(bar("left", "-0.0605 0 -0.05 0 0 0", "0.079 0.2 0.1") +
+                  bar("right", "0.0605 0 -0.05 0 0 0", "0.079 0.2 0.1") +
+                  bar("near", "0 -0.0605 -0.05 0 0 0", "0.042 0.079 0.1") +
+                  bar("far", "0 0.0605 -0.05 0 0 0", "0.042 0.079 0.1") +
+                  model("peg", "0 0 0.05 0 0 0", box("0.04 0.04 0.04"), peg));
+}
+
+/// Normals of the contacts of each pair, by the axis of the pair.
+using PairNormals = std::map<std::uint32_t, std::map<int, Vector3>>;
+
+PairNormals normals_at(Scene& scene, const Configuration& q, double epsilon) {
+  scene.tool.place(q);
+  PairNormals normals;
+  for (const FoundContact& contact : scene.proximity.query(scene.tool, epsilon, true)) {
+    normals[contact.pair][contact.axis] = contact.n_W;
+  }
+  return normals;
+}
+
+Configuration at(double x, double y, double z) {
+  Configuration q(7);
+  q << x, y, z, 1, 0, 0, 0;
+  return q;
+}
+
+TEST_CASE("Over a hole between level pieces each tells whether the tool is beside it") {
+  Scene scene(level_bars(), "peg");
+  const PairNormals normals = normals_at(scene, at(0, 0, 0.023), 0.005);
+  CHECK(normals.size() == 4);
+  Vector3 walls = Vector3::Zero();
+  for (const auto& [pair, of_pair] : normals) {
+    REQUIRE(of_pair.size() == 2);
+    CHECK(of_pair.at(0) == Vector3::UnitZ());
+    CHECK(of_pair.at(1).z() == 0);
+    walls += of_pair.at(1).cwiseAbs();
+  }
+  CHECK(walls == Vector3(2, 2, 0));
+}
+
+TEST_CASE(
+    "In a hole of level pieces the tool has contacts with walls alone, each on the side of its own "
+    "piece") {
+  Scene scene(level_bars(), "peg");
+  const PairNormals normals = normals_at(scene, at(0, 0, -0.03), 0.005);
+  CHECK(normals.size() == 4);
+  for (const auto& [pair, of_pair] : normals) CHECK(of_pair.at(0).z() == 0);
+}
+
+TEST_CASE("All corners of a tool are borne, also one pressed in deeper than it is beyond a seam") {
+  Scene scene(level_bars(), "peg");
+  for (const double x :
+       {-0.04, -0.0407, -0.0205, 0.0407}) {  // Over one side bar, or near, or both.
+    CAPTURE(x);
+    scene.tool.place(at(x, -0.06, 0.0196));
+    std::set<Feature> corners;
+    for (const FoundContact& contact : scene.proximity.query(scene.tool, 0.005, true)) {
+      CHECK(contact.n_W == Vector3::UnitZ());
+      CHECK(contact.separation == Approx(-4e-4).margin(1e-9));
+      corners.insert(contact.key.a_feature);
+    }
+    CHECK(corners.size() == 4);
+  }
+}
+
+TEST_CASE("A planar tool has no contact with what it passes beside, whatever is under it") {
+  Scene scene(world_of(fixed_model("wall", "0 0 -0.05 0 0 0", box("0.1 0.1 0.1")) +
+                       model("peg", "0 0.06 0.021 0 0 0", box("0.04 0.04 0.04"),
+                             "<haptic:tool_joint>planar</haptic:tool_joint>")),
+              "peg");
+  Configuration q(3);
+  q << 0, 0.06, 0;
+  CHECK(normals_at(scene, q, 0.005).empty());
 }
 
 }  // namespace

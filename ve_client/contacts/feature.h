@@ -36,6 +36,11 @@ constexpr PlaneOwner plane_of(const Feature& a, const Feature& b) noexcept {
                                                                       : PlaneOwner::kB;
 }
 
+/// In ContactKey::face: the tool is over no piece of a surface there, but beside the one of the
+/// pair. Each such piece has a contact of its own: only its other axes tell whether the tool is
+/// still beside it.
+inline constexpr std::uint32_t kBeside = std::uint32_t{1} << 30;
+
 /// The feature pair of a contact. It is the same from frame to frame, whichever of the two bodies a
 /// collision detector takes as its reference.
 struct ContactKey {
@@ -44,7 +49,7 @@ struct ContactKey {
   Feature a_feature;
   ContactSide b;  ///< A body by its index in the world, or a link of the tool.
   Feature b_feature;
-  std::uint32_t face = 0;  ///< ManifoldPoint::face.
+  std::uint32_t face = 0;  ///< ManifoldPoint::face, or with kBeside.
 
   auto operator<=>(const ContactKey&) const = default;
 };
@@ -68,6 +73,12 @@ struct FoundContact {
   std::uint16_t axis = 0;          ///< Which axis of its pair it is on; 0 is the best.
   PlaneOwner plane = PlaneOwner::kB;
 };
+
+/// Whether both are of one pair, or neither is beside its piece: else they are not the same however
+/// near they are.
+inline bool may_be_same(const FoundContact& x, const FoundContact& y) noexcept {
+  return x.pair == y.pair || ((x.key.face | y.key.face) & kBeside) == 0;
+}
 
 /// As they are reported to the server; at most kMaxContacts.
 ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept;

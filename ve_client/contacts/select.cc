@@ -25,7 +25,8 @@ Vector3 in_plane(const Vector3& a, const Vector3& planar_normal) {
 
 bool is_same_constraint(const FoundContact& a, const FoundContact& b,
                         const Vector3& planar_normal) {
-  return a.key.a == b.key.a && a.key.b == b.key.b && (a.n_W - b.n_W).norm() < kSameNormal &&
+  return may_be_same(a, b) && a.key.a == b.key.a && a.key.b == b.key.b &&
+         (a.n_W - b.n_W).norm() < kSameNormal &&
          std::abs(a.separation - b.separation) < kSameLength &&
          in_plane(a.p_WC - b.p_WC, planar_normal).norm() < kSameLength;
 }
@@ -151,9 +152,9 @@ void ContactSelection::cluster(std::vector<FoundContact>& contacts) const {
     const double within =
         was_selected(contact) ? radius * kClusterHysteresis : radius / kClusterHysteresis;
     const bool known = std::any_of(contacts.begin(), end, [&](const FoundContact& other) {
-      return other.key.a == contact.key.a && other.key.b == contact.key.b &&
-             other.axis == contact.axis && (other.p_WC - contact.p_WC).norm() <= within &&
-             have_one_normal(other, contact);
+      return may_be_same(other, contact) && other.key.a == contact.key.a &&
+             other.key.b == contact.key.b && other.axis == contact.axis &&
+             (other.p_WC - contact.p_WC).norm() <= within && have_one_normal(other, contact);
     });
     if (!known) contacts[kept++] = contact;
   }

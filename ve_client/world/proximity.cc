@@ -45,6 +45,18 @@ Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double epsilon) {
   return box;
 }
 
+/// Whether a planar tool stays apart from a shape, however it moves.
+bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W) {
+  constexpr double kAlong = 1e-6;  // Sine: rounding.
+  std::map<int, double> gaps;
+  for (const ManifoldPoint& point : manifold) {
+    if (point.n_W.cross(planar_normal_W).norm() > kAlong) continue;
+    const auto gap = gaps.try_emplace(point.axis, point.separation).first;
+    gap->second = std::min(gap->second, point.separation);
+  }
+  return std::ranges::any_of(gaps, [](const auto& gap) { return gap.second > 0; });
+}
+
 /// The least extent of a shape along its own axes, m.
 double thickness(const Convex& shape) { return shape.bounds(Pose{}).sizes().minCoeff(); }
 
@@ -115,7 +127,7 @@ AxesManifold with_plane(const AxesManifold& found, const CollisionDescription& p
 }  // namespace
 
 Proximity::Proximity(World& world, const ToolAssembly& assembly)
-    : world_(world), tool_bodies_(assembly.bodies) {
+    : world_(world), planar_normal_W_(assembly.planar_normal_W), tool_bodies_(assembly.bodies) {
   for (int link = 0; link < static_cast<int>(tool_bodies_.size()); ++link) {
     const int body = tool_bodies_[at(link)];
     const auto count = world_.description().bodies[at(body)].collisions.size();
@@ -212,7 +224,8 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
   const auto friction = friction_between(world_.collision(id), world_.collision(other));
   const Pose X_WO = world_.X_WG(other);
-  const bool has_side = side.kind == SideKind::kToolLink && world_.is_movable(other.body);
+  const bool of_tool = side.kind == SideKind::kToolLink;
+  const bool has_side = of_tool && world_.is_movable(other.body);
   std::optional<Vector3> before;
   if (has_side) {
     const auto known = sides_before_.find({id, other});
@@ -225,6 +238,7 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     manifold =
         with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
   }
+  if (of_tool && planar_normal_W_ && passes_beside(manifold, *planar_normal_W_)) return;
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }

@@ -81,6 +81,7 @@ class Proximity {
                     double epsilon, const std::optional<Vector3>& before_B = {});
 
   World& world_;
+  std::optional<Vector3> planar_normal_W_;
   double thinnest_ = std::numeric_limits<double>::infinity();
   bool all_axes_ = false;
   std::vector<int> tool_bodies_;

@@ -18,6 +18,12 @@ constexpr double kSameNormal = 1e-9;
 constexpr double kIsNormal = 1e-3;
 /// A contact whose normal is within this angle of a face's, rad, is one with that face.
 constexpr double kFaceAngle = 0.1;
+/// By so much less, m, the gap of an axis may be than the best one's, which is no surface's, to
+/// stand in for it: at a seam a tool may be pressed in deeper than it reaches beyond. More would
+/// throw out a tool that is pressed into the walls of a hole.
+constexpr double kStandsIn = 1e-3;
+/// So far out of a piece, m, the point of it that is nearest is outermost in that direction.
+constexpr double kOutwards = 0.01;
 /// Two contacts with normals within this angle, rad, in one place are the same.
 constexpr double kSamePlane = 0.02;
 
@@ -38,6 +44,20 @@ struct Border {
 };
 
 Vector3 across(const Vector3& v, const Vector3& n) { return v - v.dot(n) * n; }
+
+/// Those of the contacts of a pair, from one on, that are on its axis.
+std::span<Meeting> axis_from(std::span<Meeting> meetings, std::size_t begin) {
+  const auto first = meetings.begin() + static_cast<std::ptrdiff_t>(begin);
+  return {first, std::find_if(first, meetings.end(), [n = first->n](const Meeting& meeting) {
+            return (meeting.n - n).norm() > kSameNormal;
+          })};
+}
+
+double gap_of(std::span<const Meeting> set) {
+  return std::ranges::min_element(set, {},
+                                  [](const Meeting& meeting) { return meeting.contact.separation; })
+      ->contact.separation;
+}
 
 /// Resolves the contacts of a pair for one of its pieces.
 class Resolver {
@@ -67,6 +87,8 @@ class Resolver {
   bool is_on_surface(std::span<const Meeting> set) const;
   Vector3 within_own(const Vector3& p_F) const;
   bool put_on_surface(Meeting& meeting) const;
+  Vector3 keep_best(std::span<Meeting> set, bool real, std::vector<FoundContact>& contacts);
+  bool is_beside(const Meeting& meeting) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
   Border border_at(const Meeting& meeting, const Vector3& n, const PiecesAtPoint& pieces) const;
@@ -75,7 +97,6 @@ class Resolver {
   void name(FoundContact& contact, const CollisionId& id, FeatureKind kind, std::uint16_t index);
   void name_surface(FoundContact& contact, std::size_t face);
   void name_border(FoundContact& contact, std::size_t face, std::size_t other_face);
-  static void pair_with_surface(FoundContact& contact);
 
   const Pieces& pieces_;
   const Piece& own_;
@@ -137,8 +158,10 @@ std::optional<bool> Resolver::is_on_mesh(std::span<const Meeting> set) const {
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const Vector3& n = set.front().n;
   if (const auto is = is_on_mesh(set)) return *is;
+  // On another axis than the best the points may be beside the piece, far over it.
+  const Vector3 outwards = set.front().contact.axis > 0 ? Vector3(kOutwards * n) : Vector3::Zero();
   const auto is_on = [&](const Vector3& outermost) {
-    const Vector3 p_F = within_own(outermost);
+    const Vector3 p_F = within_own(outermost + outwards);
     const PiecesAtPoint pieces = pieces_at(own_, p_F);
     return pieces.size() == 1 || (surface_normal(n, p_F, pieces) - n).norm() < kIsNormal;
   };
@@ -258,7 +281,6 @@ void Resolver::name_surface(FoundContact& contact, std::size_t face) {
       joined ? own_.surfaces[face] : Piece::Surface{own_.id, static_cast<std::uint16_t>(face)};
   name(contact, surface.id, FeatureKind::kFace, surface.face);
   contact.key.face = 0;
-  if (surface.shared) pair_with_surface(contact);
 }
 
 void Resolver::name_border(FoundContact& contact, std::size_t face, std::size_t other_face) {
@@ -267,19 +289,28 @@ void Resolver::name_border(FoundContact& contact, std::size_t face, std::size_t 
   const Piece::Surface& surface = own_.surfaces[face];
   name(contact, std::min(surface, own_.surfaces[other_face]).id, FeatureKind::kEdge, *number);
   contact.key.face = 2 * std::uint32_t{surface.face} + 1;
-  if (surface.shared) pair_with_surface(contact);
 }
 
-/// The contacts of a surface of several pieces are of one pair, which has no other axes: those of
-/// the first piece do not tell whether the others are apart.
-void Resolver::pair_with_surface(FoundContact& contact) { contact.pair = ~pair_of(contact.key); }
+/// Whether a point of the tool is over none of the pieces there, and does not touch their plane.
+bool Resolver::is_beside(const Meeting& meeting) const {
+  return meeting.contact.separation > 0 && own_.mesh == nullptr &&
+         std::ranges::none_of(pieces_at(own_, meeting.at), [&](const Piece* piece) {
+           return contains(*piece, meeting.at, kSeamGap);
+         });
+}
 
 /// Gives a contact its place on a surface of several pieces. False if it has none: it is at a
 /// border inside of that.
 bool Resolver::settle(Meeting& meeting) {
   const Feature& feature = own_feature(meeting.contact);
   if (feature.kind == FeatureKind::kFace) {
-    if (feature.index < own_.planes.size()) name_surface(meeting.contact, feature.index);
+    if (feature.index >= own_.planes.size()) return true;
+    if (is_beside(meeting)) {
+      meeting.contact.key.face |= kBeside;
+      shared_ = true;
+    } else {
+      name_surface(meeting.contact, feature.index);
+    }
     return true;
   }
   if (own_.mesh != nullptr) {
@@ -305,27 +336,41 @@ bool Resolver::settle(Meeting& meeting) {
   return true;
 }
 
+/// Adds what is on the surface, or can be put there, of the contacts on an axis as the best one.
+/// Returns their normal; zero if the surface has none like it.
+Vector3 Resolver::keep_best(std::span<Meeting> set, bool real,
+                            std::vector<FoundContact>& contacts) {
+  Vector3 n = Vector3::Zero();
+  for (Meeting& meeting : set) {
+    if (!real && (own_.mesh != nullptr || !put_on_surface(meeting))) continue;
+    // Outermost points tell of a gap, not of where the tool stands.
+    if (meeting.contact.axis > 0 && !contains(own_, meeting.at, kSeamGap)) continue;
+    n = meeting.n;
+    meeting.contact.axis = 0;
+    if (meeting.contact.key.face >= kTellsApart) meeting.contact.key.face = 0;
+    if (settle(meeting)) contacts.push_back(reported(meeting));
+  }
+  return n;
+}
+
 bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
+  static const double cosine = std::cos(kOneAxis);
   std::vector<Meeting> meetings;
   for (std::size_t i = first; i < contacts.size(); ++i) meetings.push_back(seen(contacts[i]));
   contacts.resize(first);
-  for (auto begin = meetings.begin(); begin != meetings.end();) {
-    const auto end = std::find_if(begin, meetings.end(), [n = begin->n](const Meeting& meeting) {
-      return (meeting.n - n).norm() > kSameNormal;
-    });
-    // Those on another than the best axis are sent as they are, or not: not without the best one.
-    const bool other_axis = begin->contact.axis > 0;
-    const bool whole =
-        !other_axis ||
-        std::any_of(contacts.begin() + static_cast<std::ptrdiff_t>(first), contacts.end(),
-                    [pair = begin->contact.pair](const FoundContact& contact) {
-                      return contact.axis == 0 && contact.pair == pair;
-                    });
-    const bool real = whole && is_on_surface({begin, end});
-    shared_ = shared_ || own_.mesh != nullptr;
-    for (; begin != end; ++begin) {
-      const bool stays = real || (!other_axis && own_.mesh == nullptr && put_on_surface(*begin));
-      if (stays && (other_axis || settle(*begin))) contacts.push_back(reported(*begin));
+  shared_ = own_.mesh != nullptr;
+  const double least = gap_of(axis_from(meetings, 0)) - kStandsIn;
+  Vector3 best = Vector3::Zero();
+  for (std::size_t begin = 0; begin < meetings.size();) {
+    const std::span<Meeting> set = axis_from(meetings, begin);
+    begin += set.size();
+    const Vector3& n = set.front().n;
+    const bool real = is_on_surface(set);
+    if (contacts.size() > first) {
+      if (!real || (n - best).norm() < kIsNormal) continue;
+      for (const Meeting& meeting : set) contacts.push_back(reported(meeting));
+    } else if (gap_of(set) >= least && (best.isZero(0) || n.dot(best) > cosine)) {
+      best = keep_best(set, real, contacts);
     }
   }
   return shared_;
@@ -381,24 +426,37 @@ bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
 }
 
 void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
-  std::vector<FoundContact> kept;
-  std::vector<std::size_t> best;  // Those of `kept` that are on the best axis of their pair.
-  kept.reserve(contacts.size());
+  constexpr double kRounding = 1e-9;  // m: contacts that differ by it are the first one's pair.
+  std::vector<FoundContact> best;
+  std::vector<FoundContact> others;
+  const auto add = [&](const FoundContact& contact) {
+    const auto known = std::ranges::find_if(
+        best, [&](const FoundContact& other) { return are_same(other, contact, pieces); });
+    if (known == best.end()) {
+      best.push_back(contact);
+    } else if (contact.separation < known->separation - kRounding) {
+      *known = contact;
+    }
+  };
+  const auto is_beside = [](const FoundContact& contact) { return contact.key.face & kBeside; };
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0) {
-      kept.push_back(contact);
-      continue;
-    }
-    const auto known = std::ranges::find_if(
-        best, [&](std::size_t i) { return are_same(kept[i], contact, pieces); });
-    if (known == best.end()) {
-      best.push_back(kept.size());
-      kept.push_back(contact);
-    } else if (contact.separation < kept[*known].separation) {
-      kept[*known] = contact;
+      others.push_back(contact);
+    } else if (!is_beside(contact)) {
+      add(contact);
     }
   }
-  contacts = std::move(kept);
+  const std::size_t over = best.size();
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0 || !is_beside(contact)) continue;
+    const auto end = best.begin() + static_cast<std::ptrdiff_t>(over);
+    if (std::none_of(best.begin(), end,
+                     [&](const FoundContact& other) { return are_same(other, contact, pieces); })) {
+      best.push_back(contact);
+    }
+  }
+  contacts = std::move(best);
+  contacts.insert(contacts.end(), others.begin(), others.end());
 }
 
 void keep_whole_pairs(std::vector<FoundContact>& contacts) {
