@@ -49,6 +49,7 @@ export class Session {
   #world;
   #tool;
   #period;
+  #frame; // Period of the present one, s.
   #near;
   #client;
   #q;
@@ -66,7 +67,7 @@ export class Session {
   constructor(world, tool, { period, epsilon = 0.005, ...options }) {
     this.#world = world;
     this.#tool = tool;
-    this.#period = period;
+    this.#period = this.#frame = period;
     const link = linkOf(tool);
     this.#q = configuration(tool);
     this.#client = new Client({
@@ -82,8 +83,9 @@ export class Session {
     }
   }
 
-  /** Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for all of its steps. */
-  drive() {
+  /** Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for all of its steps.
+   * `period`: of this frame, s, if it makes up for lost time. */
+  drive(period = this.#period) {
     this.#takeBackPushes(); // of a frame that was not sent
     const state = this.#client.poll();
     this.#state = state;
@@ -94,10 +96,11 @@ export class Session {
     if (!state.connected) this.#answered = 0;
     if (this.#answered > 0 || state.fresh) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
     this.#place();
-    for (const { body, impulse } of this.#client.takeImpulses(this.#period)) {
+    this.#frame = period;
+    for (const { body, impulse } of this.#client.takeImpulses(period)) {
       const pushed = this.#reported.get(body);
       if (!pushed?.isValid() || !pushed.isDynamic()) continue;
-      this.#pushes.push([pushed, scale(1 / this.#period, [...impulse])]);
+      this.#pushes.push([pushed, scale(1 / period, [...impulse])]);
     }
     this.#push(1);
   }
@@ -105,7 +108,7 @@ export class Session {
   /** After a frame: what is near the tool. Throws where something in Rapier's state is out of a server's range. */
   send() {
     this.#takeBackPushes();
-    this.#client.sample(this.#q, this.#v, this.#period);
+    this.#client.sample(this.#q, this.#v, this.#frame);
     const contacts = this.#contacts();
     const bodies = this.#bodies(contacts);
     this.#client.track(contacts.filter(({ identity }) => identity === 0n), bodies);
