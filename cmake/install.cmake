@@ -112,4 +112,5 @@ manual_page(ve_client "simulates a virtual environment for the haptic server")
 # The README's links hold between these, too.
 install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
 install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
-install(DIRECTORY docs examples DESTINATION ${documents} PATTERN site EXCLUDE PATTERN __pycache__ EXCLUDE)
+install(DIRECTORY docs examples DESTINATION ${documents} PATTERN site EXCLUDE PATTERN __pycache__ EXCLUDE
+  PATTERN node_modules EXCLUDE PATTERN .npmrc EXCLUDE)

@@ -1,0 +1,163 @@
+// The client library's C interface (haptic.h) in JavaScript.
+//
+//   const touch = new Session({ server: '127.0.0.1:47800', rate: 60 });
+//   while (running) {
+//     const state = touch.poll();              // move the tool towards state.q
+//     step(period);                            // your engine
+//     touch.sample(q, v, period);              // where the tool is now
+//     touch.send(contacts, bodies);
+//   }
+//   touch.close();
+//
+// The library is libhaptic.so.1, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+import koffi from 'koffi';
+
+const ABI = 1;
+const MAX_ERROR = 512;
+export const MAX_CONTACTS = 192;
+export const MAX_BODIES = 16;
+export const Side = { WORLD: 0, TOOL_LINK: 1, MOVABLE_BODY: 2 };
+export const Roundness = { NONE: 0, AXIS: 1, SPHERE: 2 };
+
+const doubles = (count) => koffi.array('double', count);
+
+koffi.struct('haptic_link', {
+  parent: 'int32_t', joint: 'int32_t', position: doubles(3), rotation: doubles(4), axis: doubles(3), mass: 'double',
+  centre: doubles(3), inertia: doubles(9), lower: 'double', upper: 'double',
+});
+koffi.struct('haptic_options', {
+  server: 'const char*', key_file: 'const char*', links: 'haptic_link*', link_count: 'size_t', hand_link: 'int32_t',
+  hand_position: doubles(3), hand_rotation: doubles(4), gravity: doubles(3), length: 'double', q: doubles(17),
+  rate: 'double', epsilon: 'double', clears_fault: 'int32_t',
+});
+koffi.struct('haptic_contact', {
+  identity: 'uint64_t', pair: 'uint32_t', axis: 'uint16_t', a_kind: 'uint8_t', b_kind: 'uint8_t', a_index: 'uint32_t',
+  b_index: 'uint32_t', point: doubles(3), normal: doubles(3), separation: 'double', velocity: doubles(3),
+  friction: 'double', load: 'double', plane: 'uint32_t',
+});
+koffi.struct('haptic_body', {
+  id: 'uint32_t', round: 'uint32_t', centre: doubles(3), velocity: doubles(6), inverse_inertia: doubles(36),
+  acceleration: doubles(6), axis: doubles(3),
+});
+koffi.struct('haptic_impulse', { body: 'uint32_t', reserved: 'uint32_t', impulse: doubles(6) });
+koffi.struct('haptic_state', {
+  connected: 'int32_t', began: 'int32_t', lost: 'int32_t', fresh: 'int32_t', step: 'uint64_t', acknowledged: 'uint64_t',
+  q_count: 'int32_t', v_count: 'int32_t', q: doubles(17), v: doubles(16), contact_wrench: doubles(6),
+  command: doubles(6), device_position: doubles(3), device_rotation: doubles(4), server: 'int32_t', active: 'int32_t',
+  predicted: 'int32_t', buttons: 'uint32_t', gripper: 'double', round_trip: 'double', servo_rate: 'double',
+  message: koffi.array('char', 240, 'String'),
+});
+koffi.opaque('haptic_session');
+
+function find() {
+  const name = process.env.HAPTIC_LIBRARY ?? 'libhaptic.so.1';
+  try {
+    return koffi.load(name);
+  } catch (error) {
+    throw new Error(`${name}: ${error.message}; HAPTIC_LIBRARY must name libhaptic.so.1 where it is not found`);
+  }
+}
+
+function load() {
+  const library = find();
+  const abi = library.func('int haptic_abi()')();
+  if (abi !== ABI) throw new Error(`libhaptic.so has the interface ${abi}, this file is for ${ABI}`);
+  return {
+    defaultOptions: library.func('haptic_options haptic_default_options()'),
+    box: library.func('haptic_link haptic_box(double mass, const double* size)'),
+    open: library.func('haptic_session* haptic_open(const haptic_options* options, _Out_ char* error, size_t size)'),
+    close: library.func('void haptic_close(haptic_session* session)'),
+    poll: library.func('void haptic_poll(haptic_session* session, _Out_ haptic_state* state)'),
+    takeImpulses: library.func(
+      'size_t haptic_take_impulses(haptic_session* session, double period, _Out_ haptic_impulse* impulses)'),
+    sample: library.func(
+      'int haptic_sample(haptic_session* session, const double* q, const double* v, double period)'),
+    track: library.func('void haptic_track(haptic_session* session, _Inout_ haptic_contact* contacts, size_t count, ' +
+      'const haptic_body* bodies, size_t body_count)'),
+    send: library.func('int64_t haptic_send(haptic_session* session, const haptic_contact* contacts, size_t count, ' +
+      'const haptic_body* bodies, size_t body_count)'),
+    hold: library.func('int haptic_hold(haptic_session* session, const double* position, const double* rotation)'),
+    release: library.func('void haptic_release(haptic_session* session)'),
+    error: library.func('const char* haptic_error(const haptic_session* session)'),
+  };
+}
+
+let loaded;
+const library = () => (loaded ??= load());
+
+/** A solid box of that mass (kg) and those edge lengths (m) as a link, free: a start for your own. */
+export function box(mass, size) {
+  return library().box(mass, size);
+}
+
+export class Session {
+  #handle;
+  #impulses = Array.from({ length: MAX_BODIES }, () => ({}));
+
+  /** `options`: fields of haptic_options that are not its default, with `links` an array. Throws where one cannot be
+   * used. */
+  constructor({ links = [], q = [], ...options }) {
+    const all = { ...library().defaultOptions(), ...options };
+    if (links.length > 0) Object.assign(all, { links, link_count: links.length });
+    all.q = Float64Array.from({ length: 17 }, (_, i) => q[i] ?? all.q[i]);
+    const error = ['\0'.repeat(MAX_ERROR)];
+    this.#handle = library().open(all, error, MAX_ERROR);
+    if (!this.#handle) throw new Error(error[0]);
+  }
+
+  /** Once per step, before it: the newest news of the server, as haptic_state. */
+  poll() {
+    const state = {};
+    library().poll(this.#session, state);
+    return state;
+  }
+
+  /** For a step of `period` seconds that begins: a list of { body, impulse }. */
+  takeImpulses(period) {
+    const count = library().takeImpulses(this.#session, period, this.#impulses);
+    return this.#impulses.slice(0, Number(count));
+  }
+
+  /** After a step: where the tool is, for which contacts are found. */
+  sample(q, v, period) {
+    if (library().sample(this.#session, Float64Array.from(q), Float64Array.from(v), period) !== 0) this.#fail();
+  }
+
+  /** Gives contacts lasting identities where the engine has none. After sample(), once per step. */
+  track(contacts, bodies = []) {
+    const tracked = [...contacts]; // Koffi puts new objects into it.
+    library().track(this.#session, tracked, tracked.length, bodies, bodies.length);
+    tracked.forEach(({ identity }, i) => { contacts[i].identity = identity; });
+  }
+
+  /** Sends what is near. Returns the update's sequence, 0 without a session. */
+  send(contacts, bodies = []) {
+    const sequence = Number(library().send(this.#session, contacts, contacts.length, bodies, bodies.length));
+    if (sequence < 0) this.#fail();
+    return sequence;
+  }
+
+  /** The hand of a simulated device draws the handle there (m; w, x, y, z), until release(). */
+  hold(position, rotation = [1, 0, 0, 0]) {
+    if (library().hold(this.#session, position, rotation) !== 0) this.#fail();
+  }
+
+  release() {
+    library().release(this.#session);
+  }
+
+  /** Says goodbye. What follows throws. */
+  close() {
+    library().close(this.#handle);
+    this.#handle = null;
+  }
+
+  get #session() {
+    if (!this.#handle) throw new Error('the session is closed');
+    return this.#handle;
+  }
+
+  #fail() {
+    throw new Error(library().error(this.#session));
+  }
+}

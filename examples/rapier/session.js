@@ -1,0 +1,195 @@
+// A Rapier world in the hand.
+//
+//   const touch = new Session(world, tool, { server: '127.0.0.1:47800', period: 1 / 60 });
+//   while (running) {
+//     touch.drive();               // proxy pose onto the tool, impulses onto bodies
+//     world.step();                // once or more often
+//     touch.send();                // contacts within epsilon, and what the tool can push
+//   }
+//   touch.close();
+import RAPIER from '@dimforge/rapier3d-compat';
+import { bodiesOf, contactsOfBodies, describe } from './bodies.js';
+import { MAX_BODIES, MAX_CONTACTS, Side, Session as Client, box } from './haptic.js';
+import { NearContacts } from './near_contacts.js';
+import { list, object, rotate, scale } from './vectors.js';
+
+/** Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer frames would let them
+ * sink in, more would push a body twice. */
+const HAND_OVER = 2;
+
+/** The virtual tool that a hand holds when it holds this body. */
+function linkOf(body) {
+  body.recomputeMassPropertiesFromColliders();
+  if (!body.isDynamic() || body.mass() === 0) throw new Error('the tool must be a dynamic body with mass');
+  const frame = body.principalInertiaLocalFrame();
+  const axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => rotate(frame, axis));
+  const principal = list(body.principalInertia());
+  const inertia = Array.from({ length: 9 }, (_, k) =>
+    principal.reduce((sum, I, i) => sum + I * axes[i][Math.floor(k / 3)] * axes[i][k % 3], 0));
+  return { ...box(body.mass(), [0, 0, 0]), centre: list(body.localCom()), inertia };
+}
+
+/** Edge of a cube with that mass and moment of inertia, m. */
+function sizeOf({ mass, inertia }) {
+  return Math.max(0.01, Math.sqrt(6 * Math.max(inertia[0], inertia[4], inertia[8]) / mass));
+}
+
+function configuration(body) {
+  const { x, y, z, w } = body.rotation();
+  const length = Math.hypot(x, y, z, w);
+  return [...list(body.translation()), w / length, x / length, y / length, z / length];
+}
+
+/** A client for one world. The server takes a body that joints hold for a free one.
+ *
+ * From its construction on the tool is kinematic: it is where the proxy is. While the server answers it makes no force
+ * of its own, but pushes bodies by the impulses that the hand felt. The bodies near it are kept awake. From drive() to
+ * send() these pushes are a part of the bodies' user forces: reset those before drive(). */
+export class Session {
+  #world;
+  #tool;
+  #period;
+  #frame; // Period of the present one, s.
+  #near;
+  #client;
+  #q;
+  #v = [0, 0, 0, 0, 0, 0];
+  #state = null;
+  #answered = 0; // Frames since the first proxy state of the session, up to HAND_OVER + 1.
+  #groups = new Map(); // Solver groups of the tool's colliders where it makes force, by handle.
+  #numbers = new Map(); // By handles of bodies.
+  #reported = new Map(); // Bodies by number. The server can push no others, whatever it says.
+  #pushes = [];
+  #sent = 0;
+
+  /** `tool`: a dynamic body. `period`: of the frames, s. `epsilon`: contacts are sent from this separation on, m. Other
+   * options are those of haptic_options. */
+  constructor(world, tool, { period, epsilon = 0.005, ...options }) {
+    this.#world = world;
+    this.#tool = tool;
+    this.#period = this.#frame = period;
+    const link = linkOf(tool);
+    this.#q = configuration(tool);
+    this.#client = new Client({
+      links: [link], length: sizeOf(link), gravity: scale(tool.gravityScale(), list(world.gravity)), q: this.#q,
+      rate: 1 / period, epsilon, ...options,
+    });
+    this.#near = new NearContacts(world, epsilon);
+    tool.setBodyType(RAPIER.RigidBodyType.KinematicPositionBased, true);
+    for (const collider of this.#colliders()) {
+      // Rapier finds no contacts of kinematic bodies with fixed ones unless told to.
+      collider.setActiveCollisionTypes(RAPIER.ActiveCollisionTypes.ALL);
+      this.#groups.set(collider.handle, collider.solverGroups());
+    }
+  }
+
+  /** Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for all of its steps.
+   * `period`: of this frame, s, if it makes up for lost time. */
+  drive(period = this.#period) {
+    this.#takeBackPushes(); // of a frame that was not sent
+    const state = this.#client.poll();
+    this.#state = state;
+    if (state.fresh) {
+      this.#q = [...state.q.slice(0, 7)];
+      this.#v = [...state.v.slice(0, 6)];
+    }
+    if (!state.connected) this.#answered = 0;
+    if (this.#answered > 0 || state.fresh) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
+    this.#place();
+    this.#frame = period;
+    for (const { body, impulse } of this.#client.takeImpulses(period)) {
+      const pushed = this.#reported.get(body);
+      if (!pushed?.isValid() || !pushed.isDynamic()) continue;
+      this.#pushes.push([pushed, scale(1 / period, [...impulse])]);
+    }
+    this.#push(1);
+  }
+
+  /** After a frame: what is near the tool. Throws where something in Rapier's state is out of a server's range. */
+  send() {
+    this.#takeBackPushes();
+    this.#client.sample(this.#q, this.#v, this.#frame);
+    const contacts = this.#contacts();
+    const bodies = this.#bodies(contacts);
+    this.#client.track(contacts.filter(({ identity }) => identity === 0n), bodies);
+    this.#client.send(contacts, bodies);
+    this.#sent = contacts.length;
+  }
+
+  /** Ends the session. */
+  close() {
+    this.#client.close();
+  }
+
+  /** The newest news of the server, as haptic_state; null before the first drive(). */
+  get state() {
+    return this.#state;
+  }
+
+  /** Where the tool is: position (m) and quaternion (w, x, y, z). */
+  get q() {
+    return this.#q;
+  }
+
+  /** How many contacts were sent last. */
+  get sent() {
+    return this.#sent;
+  }
+
+  #colliders() {
+    return Array.from({ length: this.#tool.numColliders() }, (_, i) => this.#tool.collider(i));
+  }
+
+  #place() {
+    const [w, x, y, z] = this.#q.slice(3);
+    this.#tool.setTranslation(object(this.#q), true);
+    this.#tool.setRotation({ w, x, y, z }, true);
+    for (const collider of this.#colliders()) {
+      const groups = this.#answered > HAND_OVER ? 0 : this.#groups.get(collider.handle) ?? 0;
+      if (collider.solverGroups() !== groups) collider.setSolverGroups(groups);
+    }
+  }
+
+  #push(sign) {
+    for (const [body, wrench] of this.#pushes) {
+      if (!body.isValid()) continue;
+      body.addForce(object(scale(sign, wrench.slice(0, 3))), true);
+      body.addTorque(object(scale(sign, wrench.slice(3))), true);
+    }
+  }
+
+  #takeBackPushes() {
+    this.#push(-1);
+    this.#pushes = [];
+  }
+
+  #numberOf(body) {
+    if (!this.#numbers.has(body.handle)) this.#numbers.set(body.handle, this.#numbers.size + 1);
+    const number = this.#numbers.get(body.handle);
+    this.#reported.set(number, body);
+    return number;
+  }
+
+  /** Those of the tool first, the nearest before the others. */
+  #contacts() {
+    const ofTool = this.#near.of(this.#tool).map((contact) =>
+      ({ ...contact, a_kind: Side.TOOL_LINK, a_index: 0, load: 0 }));
+    ofTool.sort((first, second) => first.separation - second.separation);
+    const ofBodies = contactsOfBodies(this.#near, ofTool, this.#tool).map((contact) =>
+      ({ ...contact, a_kind: Side.MOVABLE_BODY, a_index: this.#numberOf(contact.body) }));
+    return [...ofTool, ...ofBodies].slice(0, MAX_CONTACTS).map((contact) => this.#withSideB(contact));
+  }
+
+  /** Those that the tool touches first. All are kept awake, as many as can be are sent. */
+  #bodies(contacts) {
+    const near = [...new Set([...bodiesOf(contacts), ...contacts.flatMap(({ body }) => body ?? [])])];
+    near.forEach((body) => body.wakeUp());
+    return near.slice(0, MAX_BODIES).map((body) => describe(body, this.#numberOf(body), this.#world.gravity));
+  }
+
+  #withSideB(contact) {
+    const parent = contact.other.parent();
+    const velocity = parent ? list(parent.velocityAtPoint(object(contact.point))) : [0, 0, 0];
+    return { ...contact, b_index: contact.b_kind === Side.MOVABLE_BODY ? this.#numberOf(parent) : 0, velocity };
+  }
+}
