@@ -115,7 +115,9 @@ void ContactAudit::compare(std::vector<Seen>& now, double dt) {
 void ContactAudit::compare(const Seen& before, const Seen& now, double dt) {
   const ReportedContact& was = before.contact;
   const ReportedContact& is = now.contact;
-  const Vector3 relative = tool_point(before) - (was.p_WC + dt * was.v_WC);
+  // A body that is hit gets its new velocity at any time in between.
+  const Vector3 relative = tool_point(before) - (was.p_WC + 0.5 * dt * (was.v_WC + is.v_WC));
+  const double unknown = 0.5 * dt * (is.v_WC - was.v_WC).norm();
   const Vector3 travel = relative - was.separation * was.n_W;
   if (!same_sides(was, is) || (before.p_A - now.p_A).norm() > kOtherPlace + 2 * travel.norm()) {
     ++counts_.wandered;
@@ -128,14 +130,14 @@ void ContactAudit::compare(const Seen& before, const Seen& now, double dt) {
   ++counts_.kept;
   const double motion = was.n_W.dot(travel);
   const double change = is.separation - was.separation;
-  const bool moves = std::abs(motion) > kNoticeable;
+  const bool moves = std::abs(motion) > kNoticeable + unknown;
   counts_.moved += moves;
   if (moves && std::abs(change + motion) < 0.3 * std::abs(motion)) {
     ++counts_.reversed;
     return;
   }
   const double jump = std::abs(change - motion);
-  if (jump < kJump + kJumpShare * travel.norm()) return;
+  if (jump < kJump + kJumpShare * travel.norm() + unknown) return;
   ++counts_.jumped;
   counts_.largest_jump = std::max(counts_.largest_jump, jump);
 }

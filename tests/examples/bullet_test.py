@@ -14,7 +14,7 @@ SERVER, EXAMPLE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 
 import hand_session  # noqa: E402
-from hand_session import largest_jump, mean, push, reach  # noqa: E402
+from hand_session import largest_jump, mean, on_time, push, reach  # noqa: E402
 
 STIFFNESS = 4000  # N/m, of each contact: the server's default
 GRAVITY = 9.81  # m/s²
@@ -60,7 +60,7 @@ class Touch(unittest.TestCase):
 
     def test_a_brick_is_pushed_at_its_friction(self):
         due = 0.4 * 0.3 * GRAVITY  # N
-        ticks, track = play("brick", 5, reach(0.5, 0, 0.021) + reach(4, 0.15, 0.021))
+        ticks, track = on_time(play, "brick", 5, reach(0.5, 0, 0.021) + reach(4, 0.15, 0.021))
         force, deviation = mean(ticks, "env_force_x_N", 2, 4.2)
         self.assertAlmostEqual(-force, due, delta=0.05 * due)
         self.assertLess(deviation, 0.1)                       # N
@@ -68,7 +68,7 @@ class Touch(unittest.TestCase):
         self.assertAlmostEqual(track[-1][0], 0.19, delta=0.01)    # m: tool's and brick's halves farther
 
     def test_a_free_body_gains_the_momentum_that_the_hand_felt(self):
-        ticks, track = play("puck", 3, reach(0.5, 0, 0.021) + reach(0.8, 0.08, 0.021))
+        ticks, track = on_time(play, "puck", 3, reach(0.5, 0, 0.021) + reach(0.8, 0.08, 0.021))
         gained = 0.3 * (track[-1][0] - track[-2][0]) / PRINTED  # N·s
         felt = -sum(float(row["env_force_x_N"]) for row in ticks) / SERVO_RATE
         self.assertGreater(felt, 0.02)
@@ -76,7 +76,7 @@ class Touch(unittest.TestCase):
 
     def test_a_body_that_is_lifted_weighs_what_it_weighs(self):
         weight = 0.3 * GRAVITY  # N
-        ticks, track = play("tray", 4, reach(2, 0, 0.085))
+        ticks, track = on_time(play, "tray", 4, reach(2, 0, 0.085))
         force, deviation = mean(ticks, "env_force_z_N", 2.7, 3.3)
         self.assertAlmostEqual(-force, weight, delta=0.03 * weight)
         self.assertLess(deviation, 0.01)                        # N

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <string>
 
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
@@ -165,6 +166,25 @@ TEST_CASE("Separations that are not those of the sampled pose are named") {
       contact.separation += random.uniform(-1, 1) * 0.003;
   });
   CHECK(first.subject == "separation");
+}
+
+TEST_CASE("A body that is hit between two updates moves as its velocities say") {
+  const auto findings = findings_of([](ContactUpdate& update) {
+    constexpr double kTurn = 0.027;  // s: between two blows
+    constexpr double kSpeed = 0.3;   // m/s
+    const double phase = std::fmod(update.ve_time, 2 * kTurn);
+    const double height = kSpeed * (phase < kTurn ? phase : 2 * kTurn - phase);
+    for (ReportedContact& contact : update.contacts) {
+      contact.p_WC.z() += height;
+      contact.separation -= height;
+      contact.v_WC.z() = phase < kTurn ? kSpeed : -kSpeed;
+    }
+  });
+  for (const Finding& finding : findings) {
+    CAPTURE(finding.text);
+    CHECK(finding.subject != std::string("separation"));
+    CHECK(finding.subject != std::string("normal"));
+  }
 }
 
 TEST_CASE("A session without contacts is too short to tell") {
