@@ -32,13 +32,14 @@ class Arguments {
       return;
     }
     found.option = app_.add_option("--" + option, found.values)->type_name(placeholder);
-    found.option->expected(count);
+    found.option->expected(count)->allow_extra_args(false);
     found.option->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   }
   void add_repeated(const std::string& option, const std::string& placeholder) {
     Found& found = found_.emplace_back(Found{option, option, {}, nullptr});
     found.option = app_.add_option("--" + option, found.values)->type_name(placeholder);
-    found.option->expected(1)->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+    found.option->expected(1)->allow_extra_args(false);
+    found.option->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   }
   void add_positional(const std::string& name, std::string& value) { app_.add_option(name, value); }
 

@@ -131,6 +131,11 @@ TEST_CASE("Options set what they name, the last one of its kind wins") {
   CHECK(mill.engine.power == 99);
 }
 
+TEST_CASE("What follows an option's value is not its own") {
+  CHECK_THAT(error_of({"--stones", "3", "flour"}), ContainsSubstring("argument 'flour'"));
+  CHECK_THAT(error_of({"--miller", "Ben", "flour"}), ContainsSubstring("argument 'flour'"));
+}
+
 TEST_CASE("The command line goes before the file") {
   const File file("stones = 3\nminutes = 1\n");
   Mill mill;
