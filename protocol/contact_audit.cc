@@ -19,6 +19,8 @@ constexpr double kNoticeable = 2e-4;
 /// What a separation may be off by what the motion says, m, and as a part of the travel.
 constexpr double kJump = 5e-4;
 constexpr double kJumpShare = 0.25;
+/// What is unknown of a body's motion between two updates after a blow, at most, m.
+constexpr double kBlow = 5e-3;
 /// By so much of epsilon, or at most this, m, a contact may be seen late.
 constexpr double kLate = 1e-3;
 /// A point farther from its link's origin than so many lengths of the tool, and this, m, is of
@@ -117,7 +119,7 @@ void ContactAudit::compare(const Seen& before, const Seen& now, double dt) {
   const ReportedContact& is = now.contact;
   // A body that is hit gets its new velocity at any time in between.
   const Vector3 relative = tool_point(before) - (was.p_WC + 0.5 * dt * (was.v_WC + is.v_WC));
-  const double unknown = 0.5 * dt * (is.v_WC - was.v_WC).norm();
+  const double unknown = std::min(kBlow, 0.5 * dt * (is.v_WC - was.v_WC).norm());
   const Vector3 travel = relative - was.separation * was.n_W;
   if (!same_sides(was, is) || (before.p_A - now.p_A).norm() > kOtherPlace + 2 * travel.norm()) {
     ++counts_.wandered;

@@ -67,7 +67,7 @@ function load() {
     box: library.func('haptic_link haptic_box(double mass, const double* size)'),
     open: library.func('haptic_session* haptic_open(const haptic_options* options, _Out_ char* error, size_t size)'),
     close: library.func('void haptic_close(haptic_session* session)'),
-    poll: library.func('void haptic_poll(haptic_session* session, _Out_ haptic_state* state)'),
+    poll: library.func('void haptic_poll(haptic_session* session, _Inout_ haptic_state* state)'),
     takeImpulses: library.func(
       'size_t haptic_take_impulses(haptic_session* session, double period, _Out_ haptic_impulse* impulses)'),
     sample: library.func(
@@ -92,6 +92,7 @@ export function box(mass, size) {
 
 export class Session {
   #handle;
+  #state = {}; // What a poll without news leaves as it is.
   #impulses = Array.from({ length: MAX_BODIES }, () => ({}));
 
   /** `options`: fields of haptic_options that are not its default, with `links` an array. Throws where one cannot be
@@ -107,9 +108,8 @@ export class Session {
 
   /** Once per step, before it: the newest news of the server, as haptic_state. */
   poll() {
-    const state = {};
-    library().poll(this.#session, state);
-    return state;
+    library().poll(this.#session, this.#state);
+    return this.#state;
   }
 
   /** For a step of `period` seconds that begins: a list of { body, impulse }. */

@@ -24,6 +24,10 @@ function bits(handle) {
 /** Rapier keeps the contacts of a pair that moves less than 5 cm as they were, except between colliders with hooks.
  * This hook is asked for sensors only: it changes nothing else. */
 function listAnew(collider) {
+  if (collider.shapeType() === RAPIER.ShapeType.Compound) {
+    throw new Error('contacts of a compound collider are in the frames of its parts, which JavaScript is not told: ' +
+      'add the parts to the body as colliders of their own');
+  }
   collider.setActiveHooks(collider.activeHooks() | RAPIER.ActiveHooks.FILTER_INTERSECTION_PAIRS);
 }
 

@@ -7,8 +7,10 @@
 import RAPIER from '@dimforge/rapier3d-compat';
 import { Session } from './session.js';
 
+const LONGEST_FRAME = 0.5; // s
 const STEP_RATE = 120; // Hz, of Rapier's steps, at least one in a frame
 const CM = 0.01;
+const PRINTED = 0.5; // s, from line to line
 
 /** Friction of two colliders is the product of their coefficients. */
 const solid = (shape, friction) =>
@@ -71,12 +73,20 @@ function simulate(name, server, seconds, rate) {
   world.timestep = period / steps;
   world.step(); // The first one takes 0.1 s, to be compiled.
   const touch = new Session(world, tool, { server, period });
+  try {
+    play(touch, world, { period, steps, frames: Math.floor(seconds * rate) }, body);
+  } finally {
+    touch.close();
+  }
+}
+
+function play(touch, world, { period, steps, frames }, body) {
   const start = performance.now();
-  const frames = Math.floor(seconds * rate);
-  const printed = Math.max(1, Math.floor(rate / 2));
+  const printed = Math.max(1, Math.floor(PRINTED / period));
+  const most = Math.max(1, Math.floor(LONGEST_FRAME / period));
   for (let frame = 0; frame < frames;) {
     const late = Math.floor((performance.now() - start) / (1000 * period) - frame);
-    const due = Math.min(Math.max(1, 1 + late), frames - frame); // A body must fall for as long as it is borne.
+    const due = Math.min(Math.max(1, 1 + late), most, frames - frame); // A body must fall for as long as it is borne.
     touch.drive(due * period);
     for (let step = 0; step < due * steps; ++step) world.step();
     touch.send();
@@ -84,7 +94,6 @@ function simulate(name, server, seconds, rate) {
     if (frame % printed < due) report(touch, body);
     sleepUntil(start + 1000 * frame * period);
   }
-  touch.close();
 }
 
 function positive(name, text) {

@@ -156,7 +156,7 @@ double number_of(const json& report, Step step, const std::string& subject) {
   return std::stod(words.substr(words.find(": ") + 2));
 }
 
-const Arguments kSigma{"--device", "forcedimension"};
+const Arguments kSigma = device_of("forcedimension");
 
 TEST_CASE("A device that is as it is set passes, and its mass, friction and rate are found") {
   Visit visit;

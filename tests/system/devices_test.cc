@@ -24,7 +24,7 @@ struct LibrarySession : StandInSession {
                           const std::string& wrench = "{ force = [0, 2, 0] }")
       : StandInSession(wrench) {
     setenv("LD_LIBRARY_PATH", HLM_STAND_INS, 1);
-    serve(Arguments{"--device", device} + options);
+    serve(device_of(device) + options);
   }
 
   /// Until the hand presses the wall and rests there.

@@ -9,6 +9,11 @@ Arguments operator+(Arguments a, const Arguments& b) {
   return a;
 }
 
+Arguments device_of(const std::string& name) {
+  const Arguments device{"--device", name};
+  return name == "forcedimension" ? device + Arguments{"--device-option", "watchdog=0.03"} : device;
+}
+
 std::string loopback(int port) { return "127.0.0.1:" + std::to_string(port); }
 
 Arguments server_command(int port) {

@@ -11,6 +11,10 @@ namespace hlm::test {
 using Arguments = std::vector<std::string>;
 Arguments operator+(Arguments a, const Arguments& b);
 
+/// A vendor's device. A sigma.7 has about the longest watchdog that it takes: a machine that stalls
+/// for 16 ms is no matter here.
+Arguments device_of(const std::string& name);
+
 std::string loopback(int port);
 /// haptic_server there at 500 Hz, which endures pauses of the machine of up to 1 s.
 Arguments server_command(int port);

@@ -334,6 +334,19 @@ TEST_CASE(
   for (const auto& [pair, of_pair] : normals) CHECK(of_pair.at(0).z() == 0);
 }
 
+TEST_CASE(
+    "A piece tells that the tool has left it where that is over the hole, not over the next") {
+  Scene scene(level_bars(), "peg");
+  const auto with_sides = [](const PairNormals& normals) {
+    return std::ranges::count_if(normals, [](const auto& pair) {
+      return pair.second.at(0) == Vector3::UnitZ() && pair.second.size() > 1;
+    });
+  };
+  // 1 mm over left: straight before the hole, and with one corner before near.
+  CHECK(with_sides(normals_at(scene, at(-0.002, 0, 0.0199), 0.005)) == 1);
+  CHECK(with_sides(normals_at(scene, at(-0.002, -0.02, 0.0199), 0.005)) == 0);
+}
+
 TEST_CASE("All corners of a tool are borne, also one pressed in deeper than it is beyond a seam") {
   Scene scene(level_bars(), "peg");
   for (const double x :

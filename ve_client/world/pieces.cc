@@ -63,6 +63,19 @@ bool adjoin(const Piece& a, const Piece& b) {
 
 }  // namespace
 
+Vector3 within(const Piece& piece, const Vector3& p_F) {
+  constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
+  Vector3 nearest = p_F;
+  for (int i = 0; i < kRounds; ++i) {
+    const Vector3 from = nearest;
+    for_each_side(piece, from, [&](const PieceSide& side) {
+      nearest -= std::max(0.0, side.height + side.n_F.dot(nearest - from)) * side.n_F;
+      return true;
+    });
+  }
+  return nearest;
+}
+
 bool contains(const Piece& piece, const Vector3& p_F, double slack) {
   const Vector3 beyond = (p_F - p_F.cwiseMax(piece.bounds_F.min()).cwiseMin(piece.bounds_F.max()));
   if (beyond.cwiseAbs().maxCoeff() > slack) return false;

@@ -56,6 +56,8 @@ struct PieceSide {
 inline constexpr std::size_t kMaxSides = 16;
 using PieceSides = StaticVector<PieceSide, kMaxSides>;
 
+/// A point, or about the nearest to it in a piece.
+Vector3 within(const Piece& piece, const Vector3& p_F);
 /// Whether a point is in a piece or no farther outside of each of its sides than `slack`, m.
 bool contains(const Piece& piece, const Vector3& p_F, double slack);
 /// The sides that are no farther from a point than `reach` on either side, m; the first kMaxSides.

@@ -238,7 +238,9 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     manifold =
         with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
   }
-  if (of_tool && planar_normal_W_ && passes_beside(manifold, *planar_normal_W_)) return;
+  const bool in_plane = of_tool && side.index == 0 && planar_normal_W_ &&
+                        world_.description().bodies[at(other.body)].fixed;
+  if (in_plane && passes_beside(manifold, *planar_normal_W_)) return;
   if (has_side && !manifold.empty()) {
     sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
   }
@@ -249,13 +251,18 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     contact.v_WC = world_.velocity_at(other.body, point.p_WC);
     contact.friction = friction.value_or(contact.friction);
   }
+  const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
+  const bool overlaps =
+      !piece.mesh && deepest != manifold.end() && deepest->separation < -kPressedIn / 2;
   resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
+  lost_ = lost_ || (overlaps && contacts_.size() == first);
 }
 
 double Proximity::pressed_in(const VirtualTool& tool,
                              const std::function<bool(int body)>& stops_tool) {
   const auto sides = sides_;
   double deepest = 0;
+  lost_ = false;
   for (const FoundContact& contact : query(tool, 0, false)) {
     const int body = static_cast<int>(contact.key.b.index);
     if (contact.key.b.kind == SideKind::kToolLink || !stops_tool(body)) continue;
@@ -269,7 +276,7 @@ double Proximity::pressed_in(const VirtualTool& tool,
     if (through) break;
   }
   sides_ = sides;
-  return deepest;
+  return lost_ ? std::numeric_limits<double>::infinity() : deepest;
 }
 
 std::span<const ToolContact> Proximity::within_reach(

@@ -84,6 +84,9 @@ class Proximity {
   std::optional<Vector3> planar_normal_W_;
   double thinnest_ = std::numeric_limits<double>::infinity();
   bool all_axes_ = false;
+  /// Whether a pair overlapped by more than what is pressed in at a seam, and has no contact: a
+  /// narrow tool is deep in two pieces, past the sides on which they adjoin.
+  bool lost_ = false;
   std::vector<int> tool_bodies_;
   std::vector<ToolShape> tool_shapes_;
   std::vector<ToolPair> tool_pairs_;

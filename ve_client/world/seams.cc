@@ -84,10 +84,11 @@ class Resolver {
   FoundContact reported(Meeting meeting) const;
 
   std::optional<bool> is_on_mesh(std::span<const Meeting> set) const;
+  bool is_on_surface(const Vector3& n, const Vector3& p_F) const;
   bool is_on_surface(std::span<const Meeting> set) const;
-  Vector3 within_own(const Vector3& p_F) const;
   bool put_on_surface(Meeting& meeting) const;
   Vector3 keep_best(std::span<Meeting> set, bool real, std::vector<FoundContact>& contacts);
+  bool goes_on_along(std::span<const Meeting> axis) const;
   bool is_beside(const Meeting& meeting) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
@@ -105,6 +106,7 @@ class Resolver {
   Pose X_WF_;
   Pose X_FO_;  ///< Of the other shape.
   bool shared_ = false;
+  std::vector<Vector3> best_at_;  ///< Where the contacts on the best axis are.
 };
 
 Meeting Resolver::seen(const FoundContact& contact) const {
@@ -125,20 +127,6 @@ FoundContact Resolver::reported(Meeting meeting) const {
   return contact;
 }
 
-/// A point, or about the nearest to it in the piece.
-Vector3 Resolver::within_own(const Vector3& p_F) const {
-  constexpr double kAll = std::numeric_limits<double>::infinity();
-  constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
-  Vector3 within = p_F;
-  for (int i = 0; i < kRounds; ++i) {
-    const Vector3 from = within;
-    for (const PieceSide& side : sides_at(own_, from, kAll)) {
-      within -= std::max(0.0, side.height + side.n_F.dot(within - from)) * side.n_F;
-    }
-  }
-  return within;
-}
-
 /// Whether a set of contacts is on the mesh whose skin the piece is of; empty if it is of none, or
 /// if the mesh does not tell.
 std::optional<bool> Resolver::is_on_mesh(std::span<const Meeting> set) const {
@@ -153,6 +141,13 @@ std::optional<bool> Resolver::is_on_mesh(std::span<const Meeting> set) const {
   return tells ? std::optional(false) : std::nullopt;
 }
 
+/// Whether n is a normal of the surface where the piece is nearest to a point.
+bool Resolver::is_on_surface(const Vector3& n, const Vector3& p_F) const {
+  const Vector3 nearest = within(own_, p_F);
+  const PiecesAtPoint pieces = pieces_at(own_, nearest);
+  return pieces.size() == 1 || (surface_normal(n, nearest, pieces) - n).norm() < kIsNormal;
+}
+
 /// Whether the normal of a set of contacts is one of the surface at any of them or in their middle.
 /// One such place is enough: a floor goes on under the walls that stand on its border.
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
@@ -160,11 +155,7 @@ bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   if (const auto is = is_on_mesh(set)) return *is;
   // On another axis than the best the points may be beside the piece, far over it.
   const Vector3 outwards = set.front().contact.axis > 0 ? Vector3(kOutwards * n) : Vector3::Zero();
-  const auto is_on = [&](const Vector3& outermost) {
-    const Vector3 p_F = within_own(outermost + outwards);
-    const PiecesAtPoint pieces = pieces_at(own_, p_F);
-    return pieces.size() == 1 || (surface_normal(n, p_F, pieces) - n).norm() < kIsNormal;
-  };
+  const auto is_on = [&](const Vector3& at) { return is_on_surface(n, at + outwards); };
   Vector3 middle = Vector3::Zero();
   for (const Meeting& meeting : set) {
     if (is_on(meeting.at)) return true;
@@ -280,7 +271,7 @@ void Resolver::name_surface(FoundContact& contact, std::size_t face) {
   const auto surface =
       joined ? own_.surfaces[face] : Piece::Surface{own_.id, static_cast<std::uint16_t>(face)};
   name(contact, surface.id, FeatureKind::kFace, surface.face);
-  contact.key.face = 0;
+  contact.key.face &= kBeside;
 }
 
 void Resolver::name_border(FoundContact& contact, std::size_t face, std::size_t other_face) {
@@ -288,7 +279,7 @@ void Resolver::name_border(FoundContact& contact, std::size_t face, std::size_t 
   if (!number) return;
   const Piece::Surface& surface = own_.surfaces[face];
   name(contact, std::min(surface, own_.surfaces[other_face]).id, FeatureKind::kEdge, *number);
-  contact.key.face = 2 * std::uint32_t{surface.face} + 1;
+  contact.key.face = (contact.key.face & kBeside) | (2 * std::uint32_t{surface.face} + 1);
 }
 
 /// Whether a point of the tool is over none of the pieces there, and does not touch their plane.
@@ -348,9 +339,20 @@ Vector3 Resolver::keep_best(std::span<Meeting> set, bool real,
     n = meeting.n;
     meeting.contact.axis = 0;
     if (meeting.contact.key.face >= kTellsApart) meeting.contact.key.face = 0;
-    if (settle(meeting)) contacts.push_back(reported(meeting));
+    if (!settle(meeting)) continue;
+    best_at_.push_back(meeting.at);
+    contacts.push_back(reported(meeting));
   }
   return n;
+}
+
+/// Whether another piece goes on where this one ends along an axis, before any of its best
+/// contacts: a tool that moves there leaves this piece, but not the surface.
+bool Resolver::goes_on_along(std::span<const Meeting> axis) const {
+  const Vector3& n = axis.front().n;
+  const double end = n.dot(axis.front().at) + kOutwards;
+  return std::ranges::any_of(
+      best_at_, [&](const Vector3& at) { return !is_on_surface(n, at + (end - n.dot(at)) * n); });
 }
 
 bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
@@ -366,11 +368,13 @@ bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
     begin += set.size();
     const Vector3& n = set.front().n;
     const bool real = is_on_surface(set);
-    if (contacts.size() > first) {
-      if (!real || (n - best).norm() < kIsNormal) continue;
-      for (const Meeting& meeting : set) contacts.push_back(reported(meeting));
-    } else if (gap_of(set) >= least && (best.isZero(0) || n.dot(best) > cosine)) {
+    const bool stands_in = contacts.size() == first && gap_of(set) >= least &&
+                           (best.isZero(0) || n.dot(best) > cosine);
+    if (set.front().contact.axis == 0 || stands_in) {
       best = keep_best(set, real, contacts);
+    } else if (contacts.size() > first && real && (n - best).norm() >= kIsNormal &&
+               !goes_on_along(set)) {
+      for (const Meeting& meeting : set) contacts.push_back(reported(meeting));
     }
   }
   return shared_;
@@ -470,9 +474,13 @@ void keep_whole_pairs(std::vector<FoundContact>& contacts) {
   std::ranges::sort(pairs);
   std::ranges::sort(keys);
   std::erase_if(contacts, [&](const FoundContact& contact) {
-    return contact.axis > 0 && (!std::ranges::binary_search(pairs, contact.pair) ||
-                                std::ranges::binary_search(keys, contact.key));
+    return contact.axis > 0 && !std::ranges::binary_search(pairs, contact.pair);
   });
+  for (FoundContact& contact : contacts) {
+    if (contact.axis > 0 && std::ranges::binary_search(keys, contact.key)) {
+      contact.key.face = kTellsApart + contact.axis;
+    }
+  }
 }
 
 }  // namespace hlm::ve

@@ -32,8 +32,9 @@ bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
 /// smallest separation stays. The order of the others remains.
 void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
 
-/// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. Nor
-/// any with the key of one on a best axis, which has it from a surface of several pieces.
+/// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. One
+/// with the key of a contact on a best axis, which has it from a surface of several pieces, gets
+/// another.
 void keep_whole_pairs(std::vector<FoundContact>& contacts);
 
 }  // namespace hlm::ve
