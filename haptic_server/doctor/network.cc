@@ -16,6 +16,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "common/steady_seconds.h"
 #include "protocol/client_session.h"
 #include "protocol/sealing/sealed_client_link.h"
 #include "protocol/transport/udp_socket.h"
@@ -26,10 +27,6 @@ namespace {
 constexpr double kAnswerTime = 2;   // s; a server answers a hello within a few ticks.
 constexpr double kUpdateRate = 60;  // Hz.
 constexpr double kMilliseconds = 1e3;
-
-double steady_now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 /// A small rigid body, free in space.
 protocol::Hello hello() {
@@ -62,15 +59,15 @@ class Measuring {
         session_(link, {.server = options.server, .hello = hello(), .clears_fault = false}) {}
 
   Measurement run() {
-    const double begin = steady_now();
-    while (!session_.active() && !result_.reject && steady_now() - begin < kAnswerTime) {
+    const double begin = steady_seconds();
+    while (!session_.active() && !result_.reject && steady_seconds() - begin < kAnswerTime) {
       poll();
     }
     if (session_.active()) {
       result_.answered = true;
-      result_.answer_time = steady_now() - begin;
+      result_.answer_time = steady_seconds() - begin;
       measure();
-      session_.close(steady_now());
+      session_.close(steady_seconds());
     }
     result_.answered |= result_.reject.has_value();
     result_.late = session_.statistics().count(protocol::DropReason::kStale);
@@ -81,18 +78,18 @@ class Measuring {
  private:
   void measure() {
     const std::uint64_t before = session_.statistics().datagrams;
-    const double begin = steady_now();
+    const double begin = steady_seconds();
     double due = begin;
-    while (session_.active() && steady_now() - begin < options_.time) {
-      if (steady_now() >= due) {
+    while (session_.active() && steady_seconds() - begin < options_.time) {
+      if (steady_seconds() >= due) {
         send();
         // Not sooner after a stall: of several updates in a tick the newest alone is acknowledged.
-        due = steady_now() + 1 / kUpdateRate;
+        due = steady_seconds() + 1 / kUpdateRate;
       }
       poll();
     }
-    const double end = steady_now() + std::min(1.0, 3 * session_.round_trip() + 0.05);
-    while (session_.active() && steady_now() < end) poll();
+    const double end = steady_seconds() + std::min(1.0, 3 * session_.round_trip() + 0.05);
+    while (session_.active() && steady_seconds() < end) poll();
     // All that a server sends without telemetry, also those that came while this process stalled.
     result_.acknowledged = session_.statistics().datagrams - before;
   }
@@ -103,13 +100,13 @@ class Measuring {
     update.ve_time = static_cast<double>(result_.sent) * update.ve_period;
     update.q_VE = q_;
     update.v_VE = Velocity::Zero(6);
-    session_.send(steady_now(), update);
+    session_.send(steady_seconds(), update);
     ++result_.sent;
   }
 
   void poll() {
     constexpr auto kPause = std::chrono::microseconds(200);
-    const protocol::ClientSession::Inbox inbox = session_.poll(steady_now());
+    const protocol::ClientSession::Inbox inbox = session_.poll(steady_seconds());
     if (inbox.reject) result_.reject = inbox.reject;
     if (inbox.state != nullptr) {
       q_ = inbox.state->q;

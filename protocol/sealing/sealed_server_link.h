@@ -8,11 +8,11 @@
 #include <optional>
 #include <span>
 
+#include "common/steady_seconds.h"
 #include "protocol/datagram_link.h"
 #include "protocol/sealing/noise.h"
 #include "protocol/sealing/packets.h"
 #include "protocol/sealing/sealed_channel.h"
-#include "protocol/sealing/steady_seconds.h"
 #include "protocol/sealing/token_bucket.h"
 
 namespace hlm::protocol {

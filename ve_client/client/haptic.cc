@@ -1,7 +1,6 @@
 #include "ve_client/client/haptic.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -12,6 +11,7 @@
 #include <string_view>
 
 #include "common/range.h"
+#include "common/steady_seconds.h"
 #include "protocol/sealing/key_file.h"
 #include "protocol/sealing/sealed_client_link.h"
 #include "protocol/transport/udp_socket.h"
@@ -31,11 +31,6 @@ namespace {
 using namespace hlm;
 using protocol::SealedClientLink;
 using protocol::UdpSocket;
-
-double now() {
-  using Seconds = std::chrono::duration<double>;
-  return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 void copy(std::string_view text, char* to, std::size_t size) {
   if (size == 0) return;
@@ -236,13 +231,13 @@ haptic_session* haptic_open(const haptic_options* options, char* error, std::siz
 
 void haptic_close(haptic_session* session) {
   if (session == nullptr) return;
-  session->client->close(now());
+  session->client->close(steady_seconds());
   delete session;
 }
 
 void haptic_poll(haptic_session* session, haptic_state* state) {
   HapticClient& client = *session->client;
-  const HapticClient::Inbox inbox = client.poll(now());
+  const HapticClient::Inbox inbox = client.poll(steady_seconds());
   state->connected = client.connected();
   state->began = inbox.welcomed;
   state->lost = inbox.lost;
@@ -301,7 +296,7 @@ int haptic_sample(haptic_session* session, const double* q, const double* v, dou
   session->tool.set_configuration(configuration);
   session->update.q_VE = configuration;
   session->update.v_VE = velocity;
-  session->client->sample(now(), configuration, velocity, period);
+  session->client->sample(steady_seconds(), configuration, velocity, period);
   return 0;
 }
 
@@ -340,7 +335,8 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
     return -1;
   }
   for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
-  return static_cast<std::int64_t>(session->client->send(now(), update.contacts, update.bodies));
+  return static_cast<std::int64_t>(
+      session->client->send(steady_seconds(), update.contacts, update.bodies));
 }
 
 int haptic_hold(haptic_session* session, const double position[3], const double rotation[4]) {

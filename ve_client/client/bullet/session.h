@@ -11,7 +11,6 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -19,6 +18,7 @@
 
 #include <btBulletDynamicsCommon.h>
 
+#include "common/steady_seconds.h"
 #include "protocol/codec.h"
 #include "ve_client/client/bullet/bodies.h"
 #include "ve_client/client/bullet/near_contacts.h"
@@ -79,7 +79,7 @@ class Session {
   /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for
   /// all of the frame's substeps.
   void drive() {
-    const protocol::ProxyState* proxy = client_.poll(now()).state;
+    const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
@@ -101,7 +101,7 @@ class Session {
   /// After a frame: what is near the tool. Throws std::invalid_argument if Bullet's state is not
   /// finite, or something in it is out of a server's range.
   void send() {
-    const double sampled_at = now();
+    const double sampled_at = steady_seconds();
     model_.set_configuration(q_);
     near_.begin_frame();
     std::vector<ReportedContact> found = near_.of(tool_);
@@ -131,12 +131,12 @@ class Session {
     tracker_.assign(model_, update.bodies, update.contacts);
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, q_, v_, period_);
-    client_.send(now(), update.contacts, update.bodies);
+    client_.send(steady_seconds(), update.contacts, update.bodies);
     sent_ = update.contacts.size();
   }
 
   /// Ends the session.
-  void close() { client_.close(now()); }
+  void close() { client_.close(steady_seconds()); }
 
   HapticClient& client() { return client_; }
   /// Where the tool is, and how many contacts were sent last.
@@ -148,10 +148,6 @@ class Session {
   /// frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
 
-  static double now() {
-    using Seconds = std::chrono::duration<double>;
-    return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
-  }
   static btVector3 bullet_vector(const Vector3& v) {
     return {static_cast<btScalar>(v.x()), static_cast<btScalar>(v.y()),
             static_cast<btScalar>(v.z())};

@@ -11,7 +11,6 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <set>
@@ -21,6 +20,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include "common/steady_seconds.h"
 #include "ve_client/client/contact_check.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/client/identity_tracker.h"
@@ -105,7 +105,7 @@ class Session {
   /// for all of the frame's steps.
   void drive() {
     take_back_pushes();  // Of a frame that was not sent.
-    const protocol::ProxyState* proxy = client_.poll(now()).state;
+    const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
@@ -129,7 +129,7 @@ class Session {
   /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
   /// range.
   void send() {
-    const double sampled_at = now();
+    const double sampled_at = steady_seconds();
     mj_forward(&model_, &data_);
     protocol::ContactUpdate update;
     update.q_VE = Eigen::Map<const Configuration>(data_.qpos + q_at_, 7);
@@ -154,12 +154,12 @@ class Session {
     tracker_.assign(virtual_tool_, update.bodies, update.contacts);
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, update.q_VE, update.v_VE, period_);
-    client_.send(now(), update.contacts, update.bodies);
+    client_.send(steady_seconds(), update.contacts, update.bodies);
     sent_ = update.contacts.size();
   }
 
   /// Ends the session.
-  void close() { client_.close(now()); }
+  void close() { client_.close(steady_seconds()); }
 
   HapticClient& client() { return client_; }
   /// Where the proxy is, and how many contacts were sent last.
@@ -172,11 +172,6 @@ class Session {
     int body;
     Vector6 F_W;
   };
-
-  static double now() {
-    using Seconds = std::chrono::duration<double>;
-    return Seconds(std::chrono::steady_clock::now().time_since_epoch()).count();
-  }
 
   HapticClientOptions client_options(const Options& options) const {
     HapticClientOptions client;
