@@ -4,6 +4,7 @@
 #include <iterator>
 #include <limits>
 
+#include "ve_client/world/merge.h"
 #include "ve_client/world/mesh_normals.h"
 
 namespace hlm::ve {

@@ -1,5 +1,5 @@
-// Which contacts are on no surface because another piece goes on there, and which are on one and
-// the same surface of several pieces (docs/method.md 8.5)?
+// Which contacts of a pair are on no surface because another piece goes on there, and which are on
+// a surface of several pieces (docs/method.md 8.5)?
 #pragma once
 
 #include <vector>
@@ -22,19 +22,11 @@ struct PairSide {
 };
 
 /// Of the contacts of one pair, from `first` on, those stay that are on a surface of the pieces
-/// that are fixed to either shape. Their normals are some of that surface, and those of a corner
-/// with a surface of several pieces have the same key on each of them. Returns whether other pairs
-/// may have the same contacts: then merge_same() is needed.
+/// that are fixed to either shape; where the best axis is no surface's, the next one may take its
+/// place. Their normals are some of that surface, and those of a corner over a surface of several
+/// pieces have the same key on each of them. Returns whether other pairs may have the same
+/// contacts: then merge_same() is needed.
 bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
                    std::vector<FoundContact>& contacts, std::size_t first);
-
-/// Of contacts that several pieces have with the same feature in the same place, the one of the
-/// smallest separation stays. The order of the others remains.
-void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
-
-/// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. One
-/// with the key of a contact on a best axis, which has it from a surface of several pieces, gets
-/// another.
-void keep_whole_pairs(std::vector<FoundContact>& contacts);
 
 }  // namespace hlm::ve

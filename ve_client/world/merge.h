@@ -1,0 +1,21 @@
+// Which contacts do several pairs of pieces have in common (docs/method.md 8.5)?
+#pragma once
+
+#include <vector>
+
+#include "ve_client/contacts/feature.h"
+#include "ve_client/world/pieces.h"
+
+namespace hlm::ve {
+
+/// Of contacts that several pairs have with the same feature in the same place, the one of the
+/// smallest separation stays, and one over its piece rather than those beside theirs. First come
+/// those on the best axes, then the others, which all stay.
+void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
+
+/// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. One
+/// with the key of a contact on a best axis, which has it from a surface of several pieces, gets
+/// another.
+void keep_whole_pairs(std::vector<FoundContact>& contacts);
+
+}  // namespace hlm::ve
