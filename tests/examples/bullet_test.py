@@ -5,7 +5,6 @@ Usage: bullet_test.py HAPTIC_SERVER EXAMPLE
 """
 
 import pathlib
-import re
 import subprocess
 import sys
 import unittest
@@ -14,82 +13,15 @@ SERVER, EXAMPLE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 
 import hand_session  # noqa: E402
-from hand_session import largest_jump, mean, on_time, push, reach  # noqa: E402
-
-STIFFNESS = 4000  # N/m, of each contact: the server's default
-GRAVITY = 9.81  # m/s²
-SERVO_RATE = 1000  # Hz
-PRINTED = 0.5  # s, from line to line of the example
+from touch_tasks import TouchTasks  # noqa: E402
 
 
-def play(scene, seconds, hand, *options, rate=60):
-    """Runs server and example. Returns the ticks with force on, and where the body was every half second, m."""
-    with hand_session.server(SERVER, hand, *options) as server:
-        printed = subprocess.run([EXAMPLE, scene, server.address, str(seconds), str(rate)], stdout=subprocess.PIPE, text=True,
-                                 check=True, timeout=60).stdout
-        ticks = server.ticks()
-    return ticks, [[float(x) for x in place] for place in re.findall(r"body at \((\S+), (\S+), (\S+)\)", printed)]
-
-
-class Touch(unittest.TestCase):
-    def rests(self, ticks, column, force, begin, end):
-        """It is that force, N, still, and updates change nothing."""
-        mean_force, deviation = mean(ticks, column, begin, end)
-        self.assertAlmostEqual(mean_force, force, delta=0.01)
-        self.assertLess(deviation, 0.01)
-        self.assertLess(largest_jump(ticks, begin, end), 0.15)
-
-    def test_a_box_that_is_pressed_on_the_table_rests_on_its_four_corners(self):
-        for stiffness in (4e3, 16e3, 50e3):
-            for rate in (30, 60, 500):
-                with self.subTest(stiffness=stiffness, rate=rate):
-                    ticks, _ = play("table", 2.5, reach(0.5, 0, 0.018) + push(3, 0, -2), "--stiffness", str(stiffness),
-                                    rate=rate)
-                    self.rests(ticks, "env_force_z_N", 2, 1.2, 1.7)
-                    depth = 2 / (4 * stiffness)
-                    self.assertAlmostEqual(0.02 - mean(ticks, "proxy_z_m", 1.2, 1.7)[0], depth, delta=0.02 * depth)
-
-    def test_a_box_that_slides_on_the_table_feels_the_friction_of_both(self):
-        ticks, _ = play("table", 4.5, reach(0.5, 0, 0.021) + push(0.5, 0, -2)
-                        + "[[segment]]\nduration = 2\nmove_to = { position = [0.1, 0, 0.015] }\n")
-        load, _ = mean(ticks, "env_force_z_N", 2, 2.8)
-        friction, _ = mean(ticks, "env_force_x_N", 2, 2.8)
-        self.assertGreater(load, 1.5)  # N
-        self.assertAlmostEqual(-friction, 0.5 * load, delta=0.01 * load)
-        self.assertLess(largest_jump(ticks, 2, 2.8), 0.15)    # N
-
-    def test_a_brick_is_pushed_at_its_friction(self):
-        due = 0.4 * 0.3 * GRAVITY  # N
-        ticks, track = on_time(play, "brick", 5, reach(0.5, 0, 0.021) + reach(4, 0.15, 0.021))
-        force, deviation = mean(ticks, "env_force_x_N", 2, 4.2)
-        self.assertAlmostEqual(-force, due, delta=0.05 * due)
-        self.assertLess(deviation, 0.1)                       # N
-        self.assertLess(largest_jump(ticks, 2, 4.2), 0.15)    # N
-        self.assertAlmostEqual(track[-1][0], 0.19, delta=0.01)    # m: tool's and brick's halves farther
-
-    def test_a_free_body_gains_the_momentum_that_the_hand_felt(self):
-        ticks, track = on_time(play, "puck", 3, reach(0.5, 0, 0.021) + reach(0.8, 0.08, 0.021))
-        gained = 0.3 * (track[-1][0] - track[-2][0]) / PRINTED  # N·s
-        felt = -sum(float(row["env_force_x_N"]) for row in ticks) / SERVO_RATE
-        self.assertGreater(felt, 0.02)
-        self.assertAlmostEqual(gained, felt, delta=0.05 * felt)
-
-    def test_a_body_that_is_lifted_weighs_what_it_weighs(self):
-        weight = 0.3 * GRAVITY  # N
-        ticks, track = on_time(play, "tray", 4, reach(2, 0, 0.085))
-        force, deviation = mean(ticks, "env_force_z_N", 2.7, 3.3)
-        self.assertAlmostEqual(-force, weight, delta=0.03 * weight)
-        self.assertLess(deviation, 0.01)                        # N
-        self.assertLess(largest_jump(ticks, 1, 3.3), 0.15)      # N, after the tool met it
-        self.assertGreater(track[-1][2], 0.095)                 # m: 15 mm above the rails
-
-    def test_a_peg_in_a_hole_with_a_tenth_of_a_millimetre_on_each_side_rests_on_its_walls(self):
-        ticks, _ = play("hole", 4.4, reach(0.8, 0, 0.06) + reach(0.8, 0, 0.035) + push(1, 2, 0) + push(1.5, -2, 0),
-                        "--max-stiffness-sum", "8")
-        self.rests(ticks, "env_force_x_N", -2, 1.8, 2.3)
-        self.rests(ticks, "env_force_x_N", 2, 3, 3.7)
-        depth = 2 / (4 * STIFFNESS)
-        self.assertAlmostEqual(-mean(ticks, "proxy_x_m", 3, 3.7)[0], 0.0001 + depth, delta=0.05 * depth)  # m
+class Touch(TouchTasks, unittest.TestCase):
+    @staticmethod
+    def play(scene, seconds, hand, *options, rate=60):
+        return hand_session.play(SERVER, hand, options, lambda address: subprocess.run(
+            [EXAMPLE, scene, address, str(seconds), str(rate)], stdout=subprocess.PIPE, text=True, check=True,
+            timeout=60).stdout)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import pathlib
+import re
 import socket
 import statistics
 import subprocess
@@ -86,6 +87,15 @@ def largest_jump(ticks, begin, end):
     return max(sum((a - b) ** 2 for a, b in zip(force[i], force[i - 1])) ** 0.5
                for i, row in enumerate(ticks)
                if row["adopted"] != "0" and begin <= float(row["time_s"]) - start < end)
+
+
+def play(program, hand, options, example):
+    """Runs a server and `example(address)`, which returns what an example printed. Returns the ticks with force on, and
+    where the body was from line to line, m."""
+    with server(program, hand, *options) as running:
+        printed = example(running.address)
+        ticks = running.ticks()
+    return ticks, [[float(x) for x in place] for place in re.findall(r"body at \((\S+), (\S+), (\S+)\)", printed)]
 
 
 def longest_wait(ticks):
