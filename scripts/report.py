@@ -112,7 +112,7 @@ INTRODUCTION = {
     "Left: where the handle comes to rest, from where it should. Middle: how far it gets beyond the wall. "
     "Right: how far handle and the environment's tool drift apart on the way.",
     "corners": "A peg enters holes with 0.2 to 3 mm to spare on each side, straight or askew, at up to 0.5 m/s, "
-    "0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
+    "between two blocks, in the testbed, and among bars or tiles whose level tops touch; 0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
     "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
     "roams": "Pegs of 38 and 40 mm are led to and fro before the testbed's hole of 40 mm, into it and out, at up to 0.4 m/s and "
     "5 rad/s, the environment at 30 to 60 Hz. In each tick the force is held against the walls as they are: bars are the "

@@ -261,32 +261,20 @@ struct Count {
   double largest = 0;  // N
 };
 
-std::string name_of(Walls walls) {
-  switch (walls) {
-    case Walls::kTestbed:
-      return "testbed";
-    case Walls::kBars:
-      return "bars";
-    case Walls::kTiles:
-      return "tiles";
-    case Walls::kApart:
-      break;
-  }
-  return "apart";
-}
+struct WallsWords {
+  Walls walls;
+  const char* name;
+  const char* hole;
+};
+constexpr std::array kWallsWords{
+    WallsWords{Walls::kApart, "apart", "holes between two blocks"},
+    WallsWords{Walls::kTestbed, "testbed",
+               "the testbed's hole, whose walls its floor adjoins, with 1 mm on each side"},
+    WallsWords{Walls::kBars, "bars", "a hole between four bars with level tops that touch"},
+    WallsWords{Walls::kTiles, "tiles", "the gap that one of nine level tiles leaves"}};
 
-std::string in_words(Walls walls) {
-  switch (walls) {
-    case Walls::kTestbed:
-      return "the testbed's hole, whose walls its floor adjoins, with 1 mm on each side";
-    case Walls::kBars:
-      return "a hole between four bars with level tops that touch";
-    case Walls::kTiles:
-      return "the gap that one of nine level tiles leaves";
-    case Walls::kApart:
-      break;
-  }
-  return "holes between two blocks";
+const char* name_of(Walls walls) {
+  return std::ranges::find(kWallsWords, walls, &WallsWords::walls)->name;
 }
 
 std::string in_words(const CornerConditions& c) {
@@ -344,11 +332,11 @@ void entries(Bench& bench) {
     count.stuck += !o.enters;
     count.largest = std::max(count.largest, o.largest_force);
   }
-  for (const Walls walls : {Walls::kApart, Walls::kTestbed, Walls::kBars, Walls::kTiles}) {
+  for (const auto& [walls, name, hole] : kWallsWords) {
     const Count& all = counts[{walls, false}];
     const Count& one = counts[{walls, true}];
     bench.claim(
-        {.what = fmt::format("entries into {}, all near axes", in_words(walls)),
+        {.what = fmt::format("entries into {}, all near axes", hole),
          .criterion = "no entry that touches nothing meets more than 0.5 N; all get in",
          .measured = fmt::format("{} of {} entries, up to {:.2g} N; {} do not get in (best axis "
                                  "alone: {} of {}, up to {:.2g} N; {})",
