@@ -150,6 +150,17 @@ TEST_CASE("It does not go through a wall after a proxy that has, however thin bo
   CHECK(setup.environment.tools.front().tool.q().y() < 0);  // m
 }
 
+TEST_CASE("Nor does a narrow one between two slabs that touch") {
+  const WorldDescription world =
+      test::world_of(test::fixed_model("left", "-0.05 0 0 0 0 0", test::box("0.1 0.05 0.1")) +
+                     test::fixed_model("right", "0.05 0 0 0 0 0", test::box("0.1 0.05 0.1")) +
+                     test::model("peg", "0 -0.08 0 0 0 0", test::box("0.004 0.02 0.1"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  Setup setup({}, 1, Vector3(0, 0.1, 0), world);
+  setup.run(2);
+  CHECK(setup.environment.tools.front().tool.q().y() < 0);  // m
+}
+
 TEST_CASE("Each update has the contacts of the very configuration that it carries") {
   Setup setup;
   setup.run(2);
