@@ -1,6 +1,7 @@
 #include "ve_client/world/proximity.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 
@@ -88,7 +89,8 @@ void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& co
     }
     std::size_t best = 0;
     for (std::size_t i = 1; i < gaps.size(); ++i) {
-      const bool apart = gaps[i].now > kApart && gaps[i].there > 0;
+      const bool is_found = std::isfinite(gaps[i].now);  // Else it is on no surface (8.5).
+      const bool apart = is_found && gaps[i].now > kApart && gaps[i].there > 0;
       if (apart && gaps[i].there > gaps[best].there) best = i;
     }
     std::copy_if(first, last, std::back_inserter(kept),
