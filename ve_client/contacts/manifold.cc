@@ -25,6 +25,11 @@ constexpr double kReach = 2;
 constexpr double kSameAxis = 1e-4;
 constexpr double kSameNormal = 1e-9;  ///< The same for rounding alone.
 
+/// Most looks along the tool's way for axes that turn, and how far the shapes must be apart by
+/// those that are known for none to be taken, m: so far the tool may leave its way.
+constexpr std::size_t kMostLooks = 6;
+constexpr double kClear = 0.01;
+
 /// Cosine between two normals of a pair that are on one side of it: 30°.
 constexpr double kSameSide = 0.866;
 
@@ -275,6 +280,77 @@ FeaturePairs rounded_features(const CorePair& pair, const CoreSeparation& separa
   return pairs;
 }
 
+/// Whether no list of normals decides if the shapes overlap.
+bool turns(const CorePair& pair) {
+  return !sharp(pair) || pair.tool.is_hull() || pair.body.is_hull();
+}
+
+/// The shapes after a part of the tool's way.
+struct Look {
+  double share;
+  CoreSeparation separation;
+};
+using Looks = StaticVector<Look, kMostLooks + 1>;
+
+CorePair moved(CorePair pair, const Vector3& travel_B) {
+  pair.p_BT += travel_B;
+  return pair;
+}
+
+/// The place between two looks where the gap that they tell is least. The gap is convex along the
+/// way, and each look is a tangent of it.
+struct Crossing {
+  double share;
+  double gap;  ///< m.
+};
+Crossing crossing(const Look& a, const Look& b, const Vector3& travel_B) {
+  const double slope_a = a.separation.n_B.dot(travel_B);
+  const double slope_b = b.separation.n_B.dot(travel_B);
+  const double at_b = a.separation.gap + (b.share - a.share) * slope_a;
+  const double turn = slope_b - slope_a;
+  const double back = turn > 0 ? (b.separation.gap - at_b) / turn : 0;
+  const double share = std::clamp(b.share - back, a.share, b.share);
+  return {share, a.separation.gap + (share - a.share) * slope_a};
+}
+
+/// Looks along the way, in its order: each where those before tell the least gap.
+Looks looks_ahead(const CorePair& pair, const CoreSeparation& now, const Vector3& travel_B) {
+  Looks looks{{0, now}};
+  const auto look = [&](std::size_t at, double share) {
+    const auto there =
+        find_separation(moved(pair, share * travel_B), std::numeric_limits<double>::infinity());
+    if (!there || !there->is_confirmed()) return false;
+    looks.insert(looks.begin() + static_cast<std::ptrdiff_t>(at), {share, *there});
+    return true;
+  };
+  bool more = look(1, 1);
+  while (more && looks.size() < looks.capacity()) {
+    std::size_t at = 1;
+    Crossing least = crossing(looks[0], looks[1], travel_B);
+    for (std::size_t i = 2; i < looks.size(); ++i) {
+      const Crossing other = crossing(looks[i - 1], looks[i], travel_B);
+      if (other.gap >= least.gap) continue;
+      least = other;
+      at = i;
+    }
+    more = least.gap < pair.tool.margin() + pair.body.margin() + kClear && look(at, least.share);
+  }
+  return looks;
+}
+
+/// The features that meet at a look, where they are now: on a line along the normal there.
+FeaturePairs features_ahead(const CorePair& pair, const Look& look, const Vector3& travel_B) {
+  const Vector3& n = look.separation.n_B;
+  const Vector3 way = look.share * travel_B;
+  FeaturePairs pairs = rounded_features(moved(pair, way), look.separation);
+  for (FeaturePair& p : pairs) {
+    const double gap = gap_of(p, n) - n.dot(way);
+    p.p_tool -= way;
+    p.p_body = p.p_tool - gap * n;
+  }
+  return pairs;
+}
+
 /// The signed distance if it is within epsilon and confirmed.
 std::optional<CoreSeparation> near_separation(const CorePair& pair, double epsilon,
                                               ProximityStatistics& statistics,
@@ -324,7 +400,7 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B) {
+                       const std::optional<Vector3>& before_B, const Vector3& travel_W) {
   const CorePair pair(tool, X_WT, body, X_WB);
   const auto separation = near_separation(pair, epsilon, statistics, before_B);
   AxesManifold manifold;
@@ -333,8 +409,9 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   Axes kept;
   Axes bearing;  // Of these.
   std::uint16_t count = 0;
+  std::size_t room = kMaxAxesPoints;
   const auto add = [&](const Axis& axis, const FeaturePairs& pairs, bool bears = true) {
-    if (pairs.empty() || manifold.size() + pairs.size() > manifold.capacity()) return;
+    if (pairs.empty() || manifold.size() + pairs.size() > room) return;
     for (const FeaturePair& p : pairs) {
       ManifoldPoint& point = manifold.emplace_back(manifold_point(pair, X_WB, p, axis.n_B));
       point.axis = count;
@@ -356,14 +433,15 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     add({best.n_B, best.gap}, near_features(pair, best, epsilon + margins));
     kept.push_back({best.n_B, best.gap});
     bearing.push_back({best.n_B, best.gap});
-  } else if (!sharp(pair) || tool.is_hull() || body.is_hull()) {
+  } else if (turns(pair)) {
     add({best.n_B, best.gap}, rounded_features(pair, best));
   }
+  const auto is_known = [&bearing](const Vector3& n_B) {
+    return std::any_of(bearing.begin(), bearing.end(),
+                       [&](const Axis& other) { return n_B.dot(other.n_B) > std::cos(kOneAxis); });
+  };
   for (const Axis& axis : axes) {
-    const bool known = std::any_of(bearing.begin(), bearing.end(), [&](const Axis& other) {
-      return axis.n_B.dot(other.n_B) > std::cos(kOneAxis);
-    });
-    if (!known) {
+    if (!is_known(axis.n_B)) {
       add(axis, axis_features(pair, axis, epsilon + margins));
       bearing.push_back(axis);
     } else if (is_new_face(axis, pair.body, kept)) {
@@ -372,6 +450,18 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
       continue;
     }
     kept.push_back(axis);
+  }
+  if (turns(pair) && !body.is_half_space() && !travel_W.isZero()) {
+    room = manifold.capacity();
+    const Vector3 travel_B = X_WB.R.conjugate() * travel_W;
+    for (const Look& look : looks_ahead(pair, *separation, travel_B)) {
+      const Axis axis{look.separation.n_B, pair.gap(look.separation.n_B)};
+      const bool is_new = std::none_of(kept.begin(), kept.end(), [&](const Axis& other) {
+        return (axis.n_B - other.n_B).norm() < kSameAxis;
+      });
+      if (look.share == 0 || !is_new) continue;
+      add(axis, features_ahead(pair, look, travel_B), !is_known(axis.n_B));
+    }
   }
   return manifold;
 }

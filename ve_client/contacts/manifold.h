@@ -25,7 +25,10 @@ struct ManifoldPoint {
 inline constexpr std::uint32_t kTellsApart = std::uint32_t{1} << 31;
 inline constexpr std::size_t kMaxManifoldPoints = 32;
 using Manifold = StaticVector<ManifoldPoint, kMaxManifoldPoints>;
-using AxesManifold = StaticVector<ManifoldPoint, 4 * kMaxManifoldPoints>;
+/// Most contacts on all near axes, and on those ahead, which are the last.
+inline constexpr std::size_t kMaxAxesPoints = 4 * kMaxManifoldPoints;
+inline constexpr std::size_t kMaxPointsAhead = 12;
+using AxesManifold = StaticVector<ManifoldPoint, kMaxAxesPoints + kMaxPointsAhead>;
 
 /// Counts of answers that were refused, over the life of the caller's program.
 struct ProximityStatistics {
@@ -49,8 +52,13 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 /// the face's border. An axis less than kOneAxis from a former one that is meant to bear is not
 /// meant to: of such only normals of the body's faces are listed, which tell whether the shapes are
 /// apart as the tool turns.
+///
+/// The normals of curved shapes, and of the edges of hulls, turn as the tool moves. With
+/// `travel_W`, how far it is about to move relative to the body (m), they are also those that
+/// become the best along that way.
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B = {});
+                       const std::optional<Vector3>& before_B = {},
+                       const Vector3& travel_W = Vector3::Zero());
 
 }  // namespace hlm::ve
