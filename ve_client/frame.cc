@@ -50,11 +50,8 @@ namespace {
 /// Factor on what is travelled until contacts are replaced. 1 covers steady speed and equal periods
 /// only; larger values send more contacts.
 constexpr double kMargin = 1.5;
-/// How far the tool may be held back from the proxy, besides what that is pressed in, before it is
-/// carried there, m; how far it is carried in one frame at most; and in which steps.
-constexpr double kMostLag = 0.004;
-constexpr double kFarthestCarry = 0.05;
-constexpr double kCarryStep = 0.0005;
+/// Farthest from the proxy that what separates the tool from a shape says something of it, m.
+constexpr double kFarthestLag = 0.05;
 /// Farthest that a body is held beyond ε, m.
 constexpr double kFarthestHold = 0.05;
 /// Most contacts of the tool, on all axes: what is left is for those of bodies.
@@ -181,26 +178,6 @@ std::function<bool(int body)> obstacles(const VirtualEnvironment& environment,
   };
 }
 
-/// Carries a tool that obstacles hold back to its proxy, if it can be there and everywhere on the
-/// straight way: else it would find contacts where the proxy is not.
-void catch_up(HeldTool& held, const std::function<bool(int body)>& stops_tool) {
-  VirtualTool& tool = held.tool;
-  const double lag = tool.lag();
-  if (lag <= kMostLag || lag > kFarthestCarry) return;
-  if (held.proximity.thinnest() < 2 * kCarryStep) return;  // It might step over a thin wall.
-  const Configuration here = tool.q();
-  const auto pressed_in_at = [&](double share) {
-    tool.place(tool.on_the_way(here, share));
-    return held.proximity.pressed_in(tool, stops_tool);
-  };
-  const int steps = static_cast<int>(std::ceil(lag / kCarryStep));
-  bool passes = lag > kMostLag + pressed_in_at(1);
-  for (int i = 1; passes && i < steps; ++i) {
-    passes = std::isfinite(pressed_in_at(static_cast<double>(i) / steps));
-  }
-  tool.place(passes ? tool.on_the_way(here, 1) : here);
-}
-
 /// One step of the engine, in which the tools follow their proxies.
 void step(VirtualEnvironment& environment, std::span<HapticClient* const> clients, double period,
           const FrameOptions& options) {
@@ -234,7 +211,7 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
   // where contacts come late: without prediction always.
   const bool all_axes = client.connected() && client.welcome().capabilities.axes &&
                         !options.one_axis && result.epsilon > 0 &&
-                        held.tool.lag() <= kFarthestCarry;
+                        held.tool.lag() <= kFarthestLag;
   std::vector<FoundContact> found =
       tool_contacts(environment.world, held, result.epsilon, delay + 2 * period, all_axes);
   result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
@@ -280,8 +257,9 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
   step(environment, clients, period, options);
   if (stands_still()) return results;
   for (std::size_t i = 0; i < clients.size(); ++i) {
-    environment.tools[i].tool.read_back();
-    catch_up(environment.tools[i], obstacles(environment, clients, i, options));
+    HeldTool& held = environment.tools[i];
+    held.tool.read_back();
+    held.catch_up.update(held.tool, held.proximity, obstacles(environment, clients, i, options));
   }
 
   const double sampled_at = clock.now();

@@ -11,8 +11,8 @@
 namespace hlm::ve {
 namespace {
 
-/// Overlap with an obstacle that may be the proxy's own, pressed in by its force, m.
-constexpr double kPressedIn = 0.003;
+/// Overlap at a seam from which on a narrow tool may be past the sides that adjoin, m.
+constexpr double kDeepInSeam = 0.0015;
 /// Less of the thickness of both than one half, at which things are half through each other.
 constexpr double kNotThrough = 0.2;
 
@@ -149,24 +149,27 @@ Proximity::Proximity(World& world, const ToolAssembly& assembly)
 
 AxesManifold Proximity::find(const CollisionId& id_a, const Pose& X_WA, const CollisionId& id_b,
                              const Pose& X_WB, double epsilon,
-                             const std::optional<Vector3>& before_B) {
+                             const std::optional<Vector3>& before_B, const Vector3& travel_W) {
   const Convex& a = world_.convex(id_a);
   const Convex& b = world_.convex(id_b);
   // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
   const bool skin = world_.collision(id_b).mesh != nullptr;
-  if (all_axes_ && !skin) return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
+  if (all_axes_ && !skin) {
+    return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B, travel_W);
+  }
   const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
   return {best.begin(), best.end()};
 }
 
 std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon,
-                                               bool all_axes) {
+                                               bool all_axes, double ahead) {
   all_axes_ = all_axes;
+  ahead_ = ahead;
   contacts_.clear();
   sides_before_ = std::exchange(sides_, {});
   for (const auto& [link, id] : tool_shapes_) {
     const Pose X_WG = tool.X_WB(link) * world_.collision(id).X_BG;
-    query_shape(side_of_link(link), id, X_WG, epsilon);
+    query_shape(side_of_link(link), id, X_WG, tool.target_velocity_at(link, X_WG.p), epsilon);
   }
   for (const ToolPair& pair : tool_pairs_) query_tool_pair(tool, pair, epsilon);
   merge();
@@ -201,29 +204,30 @@ void Proximity::merge() {
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
   all_axes_ = false;
+  ahead_ = 0;
   contacts_.clear();
   const auto count = world_.description().bodies[at(body)].collisions.size();
   for (int shape = 0; shape < static_cast<int>(count); ++shape) {
     const CollisionId id{body, shape};
     query_shape({SideKind::kMovableBody, static_cast<std::uint32_t>(body)}, id, world_.X_WG(id),
-                epsilon);
+                Vector3::Zero(), epsilon);
   }
   merge();
   return contacts_;
 }
 
 void Proximity::query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
-                            double epsilon) {
+                            const Vector3& v_W, double epsilon) {
   world_.find_near(inflated(world_.convex(id).bounds(X_WG), epsilon), near_);
   for (const CollisionId& other : near_) {
     // The tool's own shapes are never found; it touches all others.
     const bool touches = side.kind == SideKind::kToolLink || world_.can_touch(id.body, other.body);
-    if (touches) query_pair(side, id, X_WG, other, epsilon);
+    if (touches) query_pair(side, id, X_WG, v_W, other, epsilon);
   }
 }
 
 void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
-                           const CollisionId& other, double epsilon) {
+                           const Vector3& v_W, const CollisionId& other, double epsilon) {
   const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
   const auto friction = friction_between(world_.collision(id), world_.collision(other));
   const Pose X_WO = world_.X_WG(other);
@@ -236,7 +240,13 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   }
   const CollisionDescription& piece = world_.collision(other);
   if (piece.mesh) before = piece.mesh->area(piece.triangle).normalized();
-  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before);
+  // Of pieces that adjoin, edges are no edges; of a movable body it is not known where it goes.
+  const bool looks_ahead = of_tool && !has_side && world_.pieces().of(id).adjoining.empty() &&
+                           world_.pieces().of(other).adjoining.empty();
+  const Vector3 travel_W = looks_ahead
+                               ? Vector3(possible_travel(v_W.norm(), ahead_) * v_W.normalized())
+                               : Vector3::Zero();
+  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before, travel_W);
   if (piece.mesh) {
     manifold =
         with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
@@ -256,15 +266,15 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   }
   const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
   const bool overlaps =
-      !piece.mesh && deepest != manifold.end() && deepest->separation < -kPressedIn / 2;
+      !piece.mesh && deepest != manifold.end() && deepest->separation < -kDeepInSeam;
   resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
   lost_ = lost_ || (overlaps && contacts_.size() == first);
 }
 
-double Proximity::pressed_in(const VirtualTool& tool,
-                             const std::function<bool(int body)>& stops_tool) {
+Overlap Proximity::overlap(const VirtualTool& tool,
+                           const std::function<bool(int body)>& stops_tool) {
   const auto sides = sides_;
-  double deepest = 0;
+  Overlap overlap;
   lost_ = false;
   for (const FoundContact& contact : query(tool, 0, false)) {
     const int body = static_cast<int>(contact.key.b.index);
@@ -273,13 +283,12 @@ double Proximity::pressed_in(const VirtualTool& tool,
                         static_cast<int>(contact.key.a_feature.shape)};
     const CollisionId b{body, static_cast<int>(contact.key.b_feature.shape)};
     const double both = thickness(world_.convex(a)) + thickness(world_.convex(b));
-    const bool through = -contact.separation > std::min(kPressedIn, kNotThrough * both);
-    deepest =
-        through ? std::numeric_limits<double>::infinity() : std::max(deepest, -contact.separation);
-    if (through) break;
+    overlap.depth = std::max(overlap.depth, -contact.separation);
+    overlap.is_through |= -contact.separation > kNotThrough * both;
   }
   sides_ = sides;
-  return lost_ ? std::numeric_limits<double>::infinity() : deepest;
+  overlap.is_through |= lost_;
+  return overlap;
 }
 
 std::span<const ToolContact> Proximity::within_reach(

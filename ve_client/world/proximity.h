@@ -18,6 +18,12 @@
 
 namespace hlm::ve {
 
+/// How deep the tool overlaps something.
+struct Overlap {
+  double depth = 0;         ///< m.
+  bool is_through = false;  ///< By more than a fifth of the thickness of both, of any two shapes.
+};
+
 /// ε-active contact detection. Links of the tool touch each other too, except those that a joint
 /// connects.
 class Proximity {
@@ -32,8 +38,9 @@ class Proximity {
   /// movable body it stays on the side on which it was at the call before. Of two links the normal
   /// points to the one farther from the root, and the velocity is zero: both are the tool's. Valid
   /// until the next call.
+  /// ahead: the axes are also those that matter while the tool moves as its target did, s.
   std::span<const FoundContact> query(const VirtualTool& tool, double epsilon,
-                                      bool all_axes = false);
+                                      bool all_axes = false, double ahead = 0);
   /// Likewise those of a body that is not fixed, whose normals point to it, with all bodies that
   /// the engine lets it touch. Valid until the next call.
   std::span<const FoundContact> query(int body, double epsilon);
@@ -44,9 +51,8 @@ class Proximity {
   std::span<const ToolContact> within_reach(
       const VirtualTool& tool, double reach,
       const std::function<bool(int body)>& stops_tool = [](int) { return true; });
-  /// How deep the tool overlaps what stops it, m; infinite where that is more than a proxy does
-  /// that presses on it: 3 mm, or a fifth of the thickness of both.
-  double pressed_in(const VirtualTool& tool, const std::function<bool(int body)>& stops_tool);
+  /// The overlap of the tool with what stops it.
+  Overlap overlap(const VirtualTool& tool, const std::function<bool(int body)>& stops_tool);
 
   /// Least extent of a shape of the tool, m.
   double thinnest() const noexcept { return thinnest_; }
@@ -67,23 +73,25 @@ class Proximity {
 
   void query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon);
   void query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
-                   double epsilon);
+                   const Vector3& v_W, double epsilon);
   void resolve(const PairSide& a, const PairSide& b, std::size_t first);
   void merge();
   void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
-                  const CollisionId& other, double epsilon);
+                  const Vector3& v_W, const CollisionId& other, double epsilon);
 
   /// Normals between shapes of the tool and of movable bodies, in the frame of the body's shape.
   using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
 
   /// Contacts of a pair of shapes, without what the world knows of it.
   AxesManifold find(const CollisionId& a, const Pose& X_WA, const CollisionId& b, const Pose& X_WB,
-                    double epsilon, const std::optional<Vector3>& before_B = {});
+                    double epsilon, const std::optional<Vector3>& before_B = {},
+                    const Vector3& travel_W = Vector3::Zero());
 
   World& world_;
   std::optional<Vector3> planar_normal_W_;
   double thinnest_ = std::numeric_limits<double>::infinity();
   bool all_axes_ = false;
+  double ahead_ = 0;  ///< s.
   /// Whether a pair overlapped by more than what is pressed in at a seam, and has no contact: a
   /// narrow tool is deep in two pieces, past the sides on which they adjoin.
   bool lost_ = false;

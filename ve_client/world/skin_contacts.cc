@@ -25,21 +25,20 @@ struct Candidate {
 
 }  // namespace
 
+bool is_on_skin(const World& world, const FoundContact& contact) {
+  const ContactSide& b = contact.key.b;
+  if (b.kind == SideKind::kToolLink) return false;
+  const CollisionId id{static_cast<int>(b.index), static_cast<int>(contact.key.b_feature.shape)};
+  return world.collision(id).mesh != nullptr;
+}
+
 void SkinContacts::name(const World& world, const VirtualTool& tool,
                         std::vector<FoundContact>& contacts) {
-  const auto is_skin = [&](const FoundContact& contact) {
-    const ContactSide& b = contact.key.b;
-    if (b.kind == SideKind::kToolLink) return false;
-    return world
-               .collision(
-                   {static_cast<int>(b.index), static_cast<int>(contact.key.b_feature.shape)})
-               .mesh != nullptr;
-  };
   std::vector<Known> now;
   std::vector<std::size_t> places;  // Of `now` among the contacts.
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     const FoundContact& contact = contacts[i];
-    if (!is_skin(contact)) continue;
+    if (!is_on_skin(world, contact)) continue;
     const Vector3 p_W = contact.p_WC + contact.separation * contact.n_W;
     const Pose& X_WL = tool.X_WB(static_cast<int>(contact.key.a.index));
     now.push_back({contact.key, contact.key, X_WL.inverse() * p_W, contact.n_W});

@@ -10,6 +10,9 @@
 
 namespace hlm::ve {
 
+/// Whether a contact that Proximity found is with a mesh that is a skin of triangles.
+bool is_on_skin(const World& world, const FoundContact& contact);
+
 /// Gives contacts with meshes that are skins of triangles names of their own, which go on where a
 /// contact leaves one triangle for the next. By feature pairs it would be another one there, and
 /// the proxy's deformation would be lost at each edge.

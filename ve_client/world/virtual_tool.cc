@@ -34,7 +34,8 @@ VirtualTool::VirtualTool(World& world, const ToolAssembly& assembly, const Follo
       model_(assembly.description),
       v_(Velocity::Zero(model_.dof())),
       target_(assembly.description),
-      v_target_(v_) {
+      v_target_(v_),
+      v_proxy_(v_) {
   model_.set_configuration(assembly.q);
   target_.set_configuration(assembly.q);
   for (const int body : assembly_.bodies) {
@@ -65,11 +66,17 @@ void VirtualTool::set_target(const Configuration& q, const Velocity& v) {
   }
   target_.set_configuration(unit);
   v_target_ = v;
+  v_proxy_ = v;
   target_speed_ = 0;
   for (int link = 0; link < target_.links(); ++link) {
     const Vector3 p_WB = (target_.X_WL(link) * assembly_.X_LB[at(link)]).p;
     target_speed_ = std::max(target_speed_, point_speed(target_.jacobian(link, p_WB) * v));
   }
+}
+
+Vector3 VirtualTool::target_velocity_at(int link, const Vector3& p_W) const {
+  const Vector3 p_W_target = X_WB_target(link) * (X_WB(link).inverse() * p_W);
+  return (target_.jacobian(link, p_W_target) * v_proxy_).head<3>();
 }
 
 double VirtualTool::point_speed(const Twist& V_WB) const noexcept {
@@ -165,30 +172,35 @@ void VirtualTool::place(const Configuration& q) {
   }
 }
 
-double VirtualTool::lag() const {
-  double lag = 0;
+double VirtualTool::lag() const { return distance_to(target_.configuration()); }
+
+double VirtualTool::distance_to(const Configuration& q) const {
+  ToolModel there = model_;
+  there.set_configuration(q);
+  double distance = 0;
   for (int link = 0; link < model_.links(); ++link) {
-    lag = std::max(lag, point_speed(displacement(X_WB(link), X_WB_target(link))));
+    const Pose X_WB_there = there.X_WL(link) * assembly_.X_LB[at(link)];
+    distance = std::max(distance, point_speed(displacement(X_WB(link), X_WB_there)));
   }
-  return lag;
+  return distance;
 }
 
-Configuration VirtualTool::on_the_way(const Configuration& q, double share) const {
-  Configuration target = target_.configuration();
+Configuration VirtualTool::between(const Configuration& from, Configuration to,
+                                   double share) const {
   int coordinate = 0;
   for (const Link& link : assembly_.description.links) {
     const int turn = coordinate + (link.joint == JointType::kPlanar ? 2 : 0);
     const bool turns = link.joint == JointType::kPlanar || link.joint == JointType::kRevolute;
     if (turns && link.upper - link.lower == 2 * kNoLimit) {
-      target[turn] = unwrapped(target[turn], q[turn]);
+      to[turn] = unwrapped(to[turn], from[turn]);
     }
     coordinate += joint_configuration_size(link.joint);
   }
   const bool is_free = assembly_.description.links[0].joint == JointType::kFree;
-  if (is_free && target.segment<4>(kFreeQuaternion).dot(q.segment<4>(kFreeQuaternion)) < 0) {
-    target.segment<4>(kFreeQuaternion) *= -1;
+  if (is_free && to.segment<4>(kFreeQuaternion).dot(from.segment<4>(kFreeQuaternion)) < 0) {
+    to.segment<4>(kFreeQuaternion) *= -1;
   }
-  Configuration between = q + share * (target - q);
+  Configuration between = from + share * (to - from);
   if (is_free) between.segment<4>(kFreeQuaternion).normalize();
   return between;
 }

@@ -38,6 +38,13 @@ struct FollowOptions {
   double max_force = 50;
 };
 
+/// How far a hand may take a point that moves at `speed` (m/s) in `time` (s), m. 5 m/s² is a firm
+/// push of 5 N on a tool of 1 kg.
+constexpr double possible_travel(double speed, double time) noexcept {
+  constexpr double kAcceleration = 5;
+  return speed * time + 0.5 * kAcceleration * time * time;
+}
+
 /// Owns the tool's part of a World. Not thread-safe.
 class VirtualTool {
  public:
@@ -55,6 +62,8 @@ class VirtualTool {
   void set_target(const Configuration& q, const Velocity& v);
   /// Upper bound on the speed of any point of the latest target, m/s.
   double target_speed() const noexcept { return target_speed_; }
+  /// Velocity that the latest target had where a link's point at p_W is drawn to, m/s.
+  Vector3 target_velocity_at(int link, const Vector3& p_W) const;
 
   /// Begins a step of dt seconds. Returns how far the tool's points will move in it at most if
   /// nothing stops them, m.
@@ -72,9 +81,12 @@ class VirtualTool {
   void place(const Configuration& q);
   /// Upper bound on how far any point of the tool is from where it is drawn to, m.
   double lag() const;
-  /// A configuration on the straight way from `q` to the target: `share` 0 at q, 1 there. Joints
+  /// Likewise from where it would be at q.
+  double distance_to(const Configuration& q) const;
+  /// Configuration on the straight way between two: `share` 0 at the first, 1 at the second. Joints
   /// without limits take the shorter turn.
-  Configuration on_the_way(const Configuration& q, double share) const;
+  Configuration between(const Configuration& from, Configuration to, double share) const;
+  const Configuration& target() const noexcept { return target_.configuration(); }
 
   /// Configuration q_VE in which the tool is, after the latest read_back(). Angles are continuous.
   const Configuration& q() const noexcept { return model_.configuration(); }
@@ -101,8 +113,9 @@ class VirtualTool {
   FollowOptions options_;
   ToolModel model_;  ///< At q_VE.
   Velocity v_;
-  ToolModel target_;  ///< At the proxy's configuration.
-  Velocity v_target_;
+  ToolModel target_;   ///< At the proxy's configuration.
+  Velocity v_target_;  ///< Zero after its step.
+  Velocity v_proxy_;   ///< Of the latest target.
   double target_speed_ = 0;
 };
 

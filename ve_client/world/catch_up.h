@@ -1,0 +1,26 @@
+// Where does a tool go that obstacles hold back in the engine while its proxy has passed them?
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "ve_client/world/proximity.h"
+#include "ve_client/world/virtual_tool.h"
+
+namespace hlm::ve {
+
+/// Carries it to its proxy, along the way that the proxy has taken: else it would find contacts
+/// where the proxy is not, and none where it is.
+class CatchUp {
+ public:
+  /// After a frame, the tool read back. It is carried if it is held back by more than 4 mm, can be
+  /// where the proxy is, and is nowhere on the way through what stops it: never through a wall,
+  /// whatever the proxy did.
+  void update(VirtualTool& tool, Proximity& proximity,
+              const std::function<bool(int body)>& stops_tool);
+
+ private:
+  std::vector<Configuration> way_;  ///< Of the proxy since the tool was with it.
+};
+
+}  // namespace hlm::ve
