@@ -41,7 +41,7 @@ inline constexpr std::array<Method, 17> kMethods{{
      .label = "LM adaptive ε",
      .help = "Local model; epsilon grows with speed and delay",
      .epsilon = 0.005,
-     .largest_epsilon = 0.08,
+     .largest_epsilon = 0.2,
      .on_page = true},
     // Deformation without, and the controller without deformation.
     {.name = "lm0-direct",

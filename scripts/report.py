@@ -57,6 +57,7 @@ SECTIONS = {
     "approach": "Where a wall is felt, over approach speed",
     "corners": "Convex edges: all near axes of each pair of shapes, or the best one alone",
     "roams": "A peg about the testbed's hole: the same in motion, tick by tick",
+    "posts": "A rod among posts",
     "observer": "A hand that is not measured",
     "spatial": "Six degrees of freedom",
     "collisions": "Collisions and friction",
@@ -115,8 +116,11 @@ INTRODUCTION = {
     "between two blocks, in the testbed, and among bars or tiles whose level tops touch; 0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
     "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
     "roams": "Pegs of 38 and 40 mm are led to and fro before the testbed's hole of 40 mm, into it and out, at up to 0.4 m/s and "
-    "5 rad/s, the environment at 30 to 60 Hz. In each tick the force is held against the walls as they are: bars are the "
-    "share of ticks with more than 0.5 N where no wall is within 0.3 mm.",
+    "5 rad/s, or pushed about the room with up to 7 N, the environment at 30 to 60 Hz. In each tick the force is held "
+    "against the walls as they are. Left: the share of ticks with more than 0.5 N where no wall is within 0.3 mm, of led "
+    "pegs. Middle: how deep they get. Right: in how many runs a pushed peg's middle gets into a wall.",
+    "posts": "A rod of 10 mm is led at up to 0.5 m/s over rows of posts or balls, 3 mm above them, and down between them; the "
+    "environment at 30 to 60 Hz. It touches none: bars are the share of ticks with more than 0.5 N.",
     "observer": "Four channels on a device with encoder steps of 0.05 mm, a filtered velocity and 0 to 3 ticks of delay: "
     "the hand's wrench measured, observed from the motion, or unknown. Left: what a hand that shakes the handle "
     "in free motion feels as its mass; device and proxy have 1 kg each. Middle: how far the hand's force, as the server knows it, is from "
@@ -415,24 +419,43 @@ def draw_corners(folder):
     return figure
 
 
+def draw_bars(axis, rows, group, value, title):
+    """Bars of value(rows) by delay, one colour for each value of the column `group`."""
+    delays = sorted({float(row["delay_s"]) for row in rows})
+    names = list(dict.fromkeys(row[group] for row in rows))
+    width = 0.8 / len(names)
+    for i, name in enumerate(names):
+        heights = [value([r for r in rows if r[group] == name and float(r["delay_s"]) == delay])
+                   for delay in delays]
+        axis.bar([place + (i - (len(names) - 1) / 2) * width for place in range(len(delays))], heights,
+                 width=width, label=name)
+    axis.set_xticks(range(len(delays)), [f"{1e3 * delay:g}" for delay in delays])
+    label(axis, "delay each way, ms", title)
+    axis.legend(fontsize=7)
+
+
+def mean_percent(name):
+    return lambda rows: sum(column(rows, name, 100)) / len(rows)
+
+
 def draw_roams(folder):
     rows = read_table(folder / "roams.csv")
-    epsilons = sorted({float(row["epsilon_m"]) for row in rows})
-    delays = sorted({float(row["delay_s"]) for row in rows})
-    figure, panel = panels(len(epsilons), 4)
-    for axis, epsilon in zip(panel, epsilons):
-        for axes, color, shift in (("one", "#d62728", -0.2), ("all", "#1f77b4", 0.2)):
-            shares = []
-            for delay in delays:
-                points = column([r for r in rows if r["axes"] == axes and float(r["epsilon_m"]) == epsilon
-                                 and float(r["delay_s"]) == delay], "ghosts", 100)
-                shares.append(sum(points) / len(points))
-            axis.bar([i + shift for i in range(len(delays))], shares, width=0.4, color=color,
-                     label="best axis alone" if axes == "one" else "all near axes")
-        axis.set_xticks(range(len(delays)), [f"{1e3 * delay:g}" for delay in delays])
-        axis.set_title(f"ε = {1e3 * epsilon:g} mm")
-        label(axis, "delay each way, ms", "ticks with force from nothing, %")
-        axis.legend(fontsize=7)
+    led = [row for row in rows if row["hand"] == "led"]
+    pushed = [row for row in rows if row["hand"] == "pushed"]
+    figure, axes = panels(3, 4)
+    draw_bars(axes[0], led, "setting", mean_percent("ghosts"), "ticks with force from nothing, %")
+    draw_bars(axes[1], led, "setting", lambda points: max(column(points, "deepest_m", 1e3)), "deepest, mm")
+    draw_bars(axes[2], pushed, "setting", mean_percent("leaves"), "pushed: runs that leave the room, %")
+    return figure
+
+
+def draw_posts(folder):
+    rows = read_table(folder / "posts.csv")
+    figure, axes = panels(2, 4)
+    for axis, name, title in zip(axes, ("all", "one"), ("ε adapts", "best axis alone, ε = 50 mm")):
+        draw_bars(axis, [row for row in rows if row["axes"] == name], "posts", mean_percent("ghosts"),
+                  "ticks with force from nothing, %")
+        axis.set_title(title)
     return figure
 
 
@@ -639,6 +662,7 @@ DRAW = {
     "approach": draw_approach,
     "corners": draw_corners,
     "roams": draw_roams,
+    "posts": draw_posts,
     "observer": draw_observer,
     "spatial": draw_spatial,
     "collisions": draw_collisions,

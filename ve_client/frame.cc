@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/uniform.h"
+#include "ve_client/contacts/select_pairs.h"
 
 namespace hlm::ve {
 namespace {
@@ -47,23 +48,22 @@ VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
 
 namespace {
 
-/// Factor on what is travelled until contacts are replaced. 1 covers steady speed and equal periods
-/// only; larger values send more contacts.
+/// Factor on the time until contacts are replaced. 1 covers steady speed and equal periods only;
+/// larger values send more contacts.
 constexpr double kMargin = 1.5;
 /// Farthest from the proxy that what separates the tool from a shape says something of it, m.
 constexpr double kFarthestLag = 0.05;
 /// Farthest that a body is held beyond ε, m.
 constexpr double kFarthestHold = 0.05;
-/// Most contacts of the tool, on all axes: what is left is for those of bodies.
-constexpr std::size_t kMostToolContacts = 2 * kMaxSelected;
-static_assert(kMostToolContacts <= kMaxContacts);
 
 }  // namespace
 
-double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period) {
-  const double travel = kMargin * speed * (delay + period);
-  return std::clamp(travel, options.epsilon, std::max(options.epsilon, options.largest_epsilon));
+double adapted_epsilon(const FrameOptions& options, double speed, double lifetime) {
+  return std::clamp(speed * lifetime, options.epsilon,
+                    std::max(options.epsilon, options.largest_epsilon));
 }
+
+double lifetime(double delay, double period) { return kMargin * (delay + 2 * period); }
 
 namespace {
 
@@ -87,59 +87,45 @@ Pushes follow_server(World& world, VirtualTool& tool, HapticClient& client, doub
   return pushes;
 }
 
-/// Adds the contacts on the other axes of the pairs that are sent, nearest pairs first: all of a
-/// pair's or none, for a server treats what is missing as no obstacle to the others.
-void add_other_axes(std::vector<FoundContact> others, const std::optional<Vector3>& planar_normal_W,
-                    std::vector<FoundContact>& contacts) {
-  std::vector<const FoundContact*> nearest;
-  for (const FoundContact& contact : contacts) nearest.push_back(&contact);
-  std::ranges::stable_sort(nearest, {}, &FoundContact::separation);
-  std::vector<std::uint32_t> pairs;
-  for (const FoundContact* contact : nearest) {
-    if (std::ranges::find(pairs, contact->pair) == pairs.end()) pairs.push_back(contact->pair);
-  }
-  for (const std::uint32_t pair : pairs) {
-    std::vector<FoundContact> of_pair;
-    std::erase_if(others, [&](const FoundContact& contact) {
-      if (contact.pair != pair) return false;
-      of_pair.push_back(contact);
-      return true;
-    });
-    ContactSelection selection;
-    const auto selected = selection.select(of_pair, planar_normal_W);
-    if (contacts.size() + selected.size() > kMostToolContacts) return;
-    contacts.insert(contacts.end(), selected.begin(), selected.end());
-  }
+/// Within which the tool's contacts are sent, and for how long.
+struct Search {
+  double epsilon;   ///< m.
+  double smallest;  ///< That of shapes with one axis, m.
+  double lifetime;  ///< s.
+  bool all_axes;
+};
+
+Search search_for(const VirtualTool& tool, const HapticClient& client, double period,
+                  const FrameOptions& options) {
+  const double delay = client.round_trip() + options.delay;
+  const double matters_for = lifetime(delay, period);
+  // Which axes separate the tool from a shape says nothing of a proxy that is elsewhere, as it is
+  // where contacts come late: without prediction always.
+  const bool all_axes = client.connected() && client.welcome().capabilities.axes &&
+                        !options.one_axis && options.epsilon > 0 && tool.lag() <= kFarthestLag;
+  return {.epsilon = all_axes ? adapted_epsilon(options, tool.target_speed(), matters_for)
+                              : options.epsilon,
+          .smallest = options.epsilon,
+          .lifetime = matters_for,
+          .all_axes = all_axes};
 }
 
-/// The contacts of the tool within epsilon. A body in the engine follows the tool's impulses by
-/// `lag` seconds: what was reported of it is, until it is farther than both can have moved in that.
-std::vector<FoundContact> tool_contacts(const World& world, HeldTool& held, double epsilon,
-                                        double lag, bool all_axes) {
+/// The contacts of the tool within ε. A body in the engine follows the tool's impulses late: what
+/// was reported of it is, until it is farther than both can have moved meanwhile.
+std::vector<FoundContact> tool_contacts(const World& world, HeldTool& held, const Search& search) {
   const VirtualTool& tool = held.tool;
   const Surroundings& surroundings = held.surroundings;
   const bool holds = !surroundings.bodies().empty();
-  const auto found = held.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0), all_axes);
+  const auto found = held.proximity.query(tool, search.epsilon + (holds ? kFarthestHold : 0),
+                                          search.all_axes, search.lifetime);
   std::vector<FoundContact> contacts(found.begin(), found.end());
   std::erase_if(contacts, [&](const FoundContact& contact) {
-    const double travel = kMargin * lag * (tool.target_speed() + contact.v_WC.norm());
+    const double travel = search.lifetime * (tool.target_speed() + contact.v_WC.norm());
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
-    return contact.separation > epsilon + hold;
+    const bool one_axis = is_on_skin(world, contact);
+    return contact.separation > (one_axis ? search.smallest : search.epsilon) + hold;
   });
   held.skin_contacts.name(world, tool, contacts);
-  return contacts;
-}
-
-/// Those to send: the selected ones of the best axes, and the other axes of their pairs.
-std::vector<FoundContact> selected(HeldTool& held, std::vector<FoundContact> found) {
-  const auto other = std::stable_partition(
-      found.begin(), found.end(), [](const FoundContact& contact) { return contact.axis == 0; });
-  std::vector<FoundContact> others(other, found.end());
-  found.erase(other, found.end());
-  const auto& planar_normal_W = held.assembly.planar_normal_W;
-  const auto best = held.selection.select(found, planar_normal_W);
-  std::vector<FoundContact> contacts(best.begin(), best.end());
-  add_other_axes(std::move(others), planar_normal_W, contacts);
   return contacts;
 }
 
@@ -205,17 +191,13 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
                      double period, const FrameOptions& options, FrameResult& result) {
   HeldTool& held = environment.tools[i];
   Surroundings& surroundings = held.surroundings;
-  const double delay = client.round_trip() + options.delay;
-  result.epsilon = adapted_epsilon(options, held.tool.target_speed(), delay, period);
-  // Which axes separate the tool from a shape says nothing of a proxy that is elsewhere, as it is
-  // where contacts come late: without prediction always.
-  const bool all_axes = client.connected() && client.welcome().capabilities.axes &&
-                        !options.one_axis && result.epsilon > 0 &&
-                        held.tool.lag() <= kFarthestLag;
-  std::vector<FoundContact> found =
-      tool_contacts(environment.world, held, result.epsilon, delay + 2 * period, all_axes);
+  const Search search = search_for(held.tool, client, period, options);
+  result.epsilon = search.epsilon;
+  std::vector<FoundContact> found = tool_contacts(environment.world, held, search);
   result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
-  std::vector<FoundContact> contacts = selected(held, std::move(found));
+  std::vector<FoundContact> contacts =
+      select_pairs(held.selection, std::move(found), options.epsilon, held.assembly.planar_normal_W,
+                   [&](const ContactSide& side) { return surroundings.reports(side); });
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0) {
       ++result.on_other_axes;
@@ -230,7 +212,7 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
     surroundings.find({}, 0);
     return {reports_of(contacts), {}};
   }
-  surroundings.find(contacts, result.epsilon);
+  surroundings.find(contacts, options.epsilon);
   result.bodies = surroundings.bodies().size();
   result.supports = surroundings.contacts().size();
   contacts.insert(contacts.end(), surroundings.contacts().begin(), surroundings.contacts().end());

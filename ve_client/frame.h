@@ -52,13 +52,14 @@ struct VirtualEnvironment {
                      const FollowOptions& follow);
 };
 
-inline constexpr Range kEpsilons{0, 0.1, "m"};
+inline constexpr Range kEpsilons{0, 0.2, "m"};
 
 struct FrameOptions {
   double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
-  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). To a server that does not
-  /// choose among axes, larger values let the tool feel walls past the edges where they end.
-  double largest_epsilon = 0;
+  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Without prediction, and to a
+  /// server that does not choose among axes, it does not: there, larger values let the tool feel
+  /// walls past the edges where they end.
+  double largest_epsilon = 0.2;
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
   double delay = 0;
@@ -92,10 +93,13 @@ struct FrameResult {
   double epsilon = 0;             ///< ε of this frame, m.
 };
 
-/// ε for a tool whose fastest point moves at `speed` (m/s): what it travels until contacts found
-/// now are replaced by the next, with a margin for what it may accelerate and for longer frames.
-/// delay: from the proxy's state here to contacts there, s. period: of the frames, s.
-double adapted_epsilon(const FrameOptions& options, double speed, double delay, double period);
+/// ε for a tool whose fastest point moves at `speed` (m/s): what it travels in the lifetime, s.
+double adapted_epsilon(const FrameOptions& options, double speed, double lifetime);
+
+/// How old the proxy's state that contacts are found for gets until they are replaced, s, with a
+/// margin for what the tool may accelerate and for longer frames: the state was sent as the frame
+/// before began. delay: from the proxy's state here to contacts there, s. period: of the frames, s.
+double lifetime(double delay, double period);
 
 /// One frame of `period` simulated seconds, with a client for each tool, in their order. The
 /// clients' links and `clock` decide whether it runs on UDP and real time or in memory and virtual

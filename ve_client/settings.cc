@@ -80,10 +80,9 @@ class CommandLine {
   void add_frame(Table& table) {
     table.group("Contacts and frames");
     table.number("epsilon", settings_.frame.epsilon, kEpsilons,
-                 "Report contacts up to this separation; 0 is touching ones only");
+                 "Report contacts up to this separation at least; 0 is touching ones only");
     table.number("largest-epsilon", settings_.frame.largest_epsilon, kEpsilons,
-                 "Above --epsilon, that separation grows with the tool's speed and the delay, up "
-                 "to this; 0 is off");
+                 "That separation grows with the tool's speed and the delay up to this; 0 is off");
     table.number("rate", rate_, kFrameRates, "Frames per second");
     table.interval("rate-range", rate_range_, kFrameRates,
                    "Instead of --rate, draw the rate of each frame uniformly between these");

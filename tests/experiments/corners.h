@@ -3,15 +3,29 @@
 
 #include <cstdint>
 
+#include "tests/support/virtual_session.h"
+
 namespace hlm::experiments {
 
 struct CornerConditions {
-  double delay = 0;        ///< One way, s.
-  double epsilon = 0.005;  ///< m.
-  bool one_axis = false;   ///< Only the best axis of each pair of shapes is sent.
-  double ve_low = 30;      ///< Hz. The rate of each frame is drawn between these.
-  double ve_high = 60;     ///< Hz.
+  double delay = 0;            ///< One way, s.
+  double epsilon = 0.005;      ///< m.
+  bool one_axis = false;       ///< Only the best axis of each pair of shapes is sent.
+  double ve_low = 30;          ///< Hz. The rate of each frame is drawn between these.
+  double ve_high = 60;         ///< Hz.
+  double largest_epsilon = 0;  ///< m; above `epsilon`, ε adapts.
 };
+inline constexpr double kLargestEpsilon = ve::FrameOptions{}.largest_epsilon;
+
+/// A device and a server whose limits are far away, with this hand.
+test::VirtualSessionOptions session_options(const server::HandScript& hand,
+                                            const ve::WorldDescription& world,
+                                            const CornerConditions& conditions, std::uint64_t seed);
+
+/// A reach of a firm hand to p (m), turned by `angle` about z (rad).
+server::HandSegment firm_reach(double duration, const Vector3& p, double angle = 0);
+/// How long a reach with minimum jerk takes whose largest speed is `speed`, m/s.
+double duration_of(double length, double speed);
 
 /// What the walls of a hole are.
 enum class Walls : std::uint8_t {

@@ -33,6 +33,7 @@ constexpr Experiment kExperiments[] = {
     {"linkages", linkages, true},
     {"corners", corners, true},
     {"roams", roams, true},
+    {"posts", posts, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
     {"twotools", two_tools, true},

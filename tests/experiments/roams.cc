@@ -1,13 +1,12 @@
-// What is felt by a peg that roams about the mouth of the testbed's hole, tick by tick against the
-// walls as they are; all near axes of each pair of shapes against the best one alone.
+// What is felt by a peg that roams about the testbed's room and the mouth of its hole, led or
+// pushed at random, tick by tick against the walls as they are; with fixed and with adapting ε.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numbers>
 #include <random>
-#include <utility>
+#include <vector>
 
 #include <spdlog/fmt/fmt.h>
 
@@ -108,116 +107,172 @@ server::HandScript roaming_hand(std::uint64_t seed) {
   return hand;
 }
 
-struct Roam {
-  double half_width = 0.02;  // m
-  std::uint64_t seed = 1;
+/// Thrown about the room: pushes of up to 7 N in random directions.
+server::HandScript pushing_hand(std::uint64_t seed) {
+  constexpr double kLargest = 7;   // N
+  constexpr double kDuration = 8;  // s
+  constexpr double kWait = 0.5;    // s, for the first contacts.
+  std::mt19937_64 engine(seed);
+  server::HandScript hand{.segments = {{kWait, server::Push{}}}};
+  for (double left = kDuration; left > 0; left -= hand.segments.back().duration) {
+    const double angle = uniform(engine, 0, 2 * std::numbers::pi);
+    const double force = uniform(engine, 0, kLargest);
+    server::Push push;
+    push.constant.head<3>() = force * Vector3(std::cos(angle), std::sin(angle), 0);
+    hand.segments.push_back({uniform(engine, 0.1, 0.6), push});
+  }
+  return hand;
+}
+
+enum class Hand : std::uint8_t { kLeads, kPushes };
+
+/// What is sent of the walls.
+struct Setting {
+  const char* name;
+  Hand hand;
   CornerConditions conditions;
+};
+constexpr std::array kSettings{
+    Setting{"ε = 50 mm", Hand::kLeads, {.epsilon = 0.05}},
+    Setting{"ε = 50 mm, best axis alone", Hand::kLeads, {.epsilon = 0.05, .one_axis = true}},
+    Setting{"ε = 5 mm", Hand::kLeads, {}},
+    Setting{"ε = 5 mm, best axis alone", Hand::kLeads, {.one_axis = true}},
+    Setting{"ε adapts", Hand::kLeads, {.largest_epsilon = kLargestEpsilon}},
+    Setting{"ε = 5 mm", Hand::kPushes, {}},
+    Setting{"ε adapts", Hand::kPushes, {.largest_epsilon = kLargestEpsilon}},
+};
+
+struct Roam {
+  std::size_t setting = 0;
+  double half_width = 0.02;  // m
+  double delay = 0;          // Each way, s.
+  std::uint64_t seed = 1;
 };
 
 struct RoamOutcome {
+  double runs = 0;
   double ticks = 0;
   double ghosts = 0;         ///< Ticks with more than kGhostForce although nothing is near.
   double largest_ghost = 0;  // N
   double deepest = 0;        // m
+  double leaves = 0;         ///< Runs in which the peg's middle gets into a wall.
   double largest_step = 0;   ///< Of force at an update, N.
+
+  void add(const RoamOutcome& other) {
+    runs += other.runs;
+    ticks += other.ticks;
+    ghosts += other.ghosts;
+    largest_ghost = std::max(largest_ghost, other.largest_ghost);
+    deepest = std::max(deepest, other.deepest);
+    leaves += other.leaves;
+    largest_step = std::max(largest_step, other.largest_step);
+  }
 };
 
 RoamOutcome roam(const Roam& roam) {
   constexpr double kNear = 3e-4;  // m
-  const CornerConditions& conditions = roam.conditions;
-  test::VirtualSessionOptions options;
-  options.world = ve::with_model_at(
-      options.world, "peg", {kStart, Quaternion(Eigen::AngleAxisd(kUpright, Vector3::UnitZ()))});
-  const int peg = ve::find_model(options.world, "peg").first_body;
-  options.world.bodies[static_cast<std::size_t>(peg)].collisions.at(0).shape =
+  constexpr double kRest = 0.5;   // s
+  const Setting& setting = kSettings[roam.setting];
+  CornerConditions conditions = setting.conditions;
+  conditions.delay = roam.delay;
+  ve::WorldDescription world =
+      ve::with_model_at(test::repository_world("testbed.sdf"), "peg",
+                        {kStart, Quaternion(Eigen::AngleAxisd(kUpright, Vector3::UnitZ()))});
+  const int peg = ve::find_model(world, "peg").first_body;
+  world.bodies[static_cast<std::size_t>(peg)].collisions.at(0).shape =
       ve::Box{{2 * kHalfLength, 2 * roam.half_width, 0.04}};
-  options.hand = roaming_hand(roam.seed);
-  options.device.dry_friction = 0;
-  options.device.max_force = options.servo.limits.max_force = 100;
-  options.device.max_torque = options.servo.limits.max_torque = 5;
-  options.device.max_force_rate = 1e9;
-  options.servo.handle = {.max_speed = 1e9, .max_rate = 1e9, .workspace = 1e9};
-  options.link.delay = conditions.delay;
-  options.seed = roam.seed;
-  options.rate_low = conditions.ve_low;
-  options.rate_high = conditions.ve_high;
-  options.frame = {.epsilon = conditions.epsilon, .one_axis = conditions.one_axis};
+  const server::HandScript hand =
+      setting.hand == Hand::kLeads ? roaming_hand(roam.seed) : pushing_hand(roam.seed);
 
-  RoamOutcome outcome;
+  RoamOutcome outcome{.runs = 1};
   Vector3 before = Vector3::Zero();
-  test::VirtualSession session(options, [&](const server::TickRecord& record) {
-    if (record.step == 0) return;
-    const Vector3 F = record.F_env.head<3>();
-    const double peg_gap = gap(record.X_WP, roam.half_width);
-    ++outcome.ticks;
-    outcome.deepest = std::max(outcome.deepest, -peg_gap);
-    if (peg_gap > kNear && F.norm() > kGhostForce) {
-      ++outcome.ghosts;
-      outcome.largest_ghost = std::max(outcome.largest_ghost, F.norm());
-    }
-    if (record.adopted > 0) {
-      outcome.largest_step = std::max(outcome.largest_step, (F - before).norm());
-    }
-    before = F;
-  });
-  constexpr double kRest = 0.5;  // s
+  test::VirtualSession session(
+      session_options(hand, world, conditions, roam.seed), [&](const server::TickRecord& record) {
+        if (record.step == 0) return;
+        const Vector3 F = record.F_env.head<3>();
+        const double peg_gap = gap(record.X_WP, roam.half_width);
+        ++outcome.ticks;
+        outcome.deepest = std::max(outcome.deepest, -peg_gap);
+        if (clearance(record.X_WP.p.head<2>()) < 0) outcome.leaves = 1;
+        if (peg_gap > kNear && F.norm() > kGhostForce) {
+          ++outcome.ghosts;
+          outcome.largest_ghost = std::max(outcome.largest_ghost, F.norm());
+        }
+        if (record.adopted > 0) {
+          outcome.largest_step = std::max(outcome.largest_step, (F - before).norm());
+        }
+        before = F;
+      });
   double duration = kRest;
-  for (const auto& segment : options.hand.segments) duration += segment.duration;
+  for (const auto& segment : hand.segments) duration += segment.duration;
   session.run(duration);
   return outcome;
+}
+
+std::vector<Roam> roams_of(Bench& bench) {
+  std::vector<Roam> cases;
+  for (std::size_t i = 0; i < kSettings.size(); ++i) {
+    const bool led = kSettings[i].hand == Hand::kLeads;
+    const int seeds = bench.quick() ? 4 : led ? 12 : 40;
+    for (const std::uint64_t seed : bench.seed_list(seeds)) {
+      for (const double half_width : {0.019, 0.02}) {
+        for (const double delay : {0.0, 0.02, 0.05}) {
+          cases.push_back({i, half_width, delay, seed});
+        }
+      }
+    }
+  }
+  return cases;
+}
+
+std::string in_words(const RoamOutcome& o) {
+  return fmt::format(
+      "{:.2f} % of the ticks, {:.0f} mm deep and steps of {:.0f} N at most, {:g} of {:g} leave the "
+      "room",
+      100 * o.ghosts / o.ticks, 1e3 * o.deepest, o.largest_step, o.leaves, o.runs);
 }
 
 }  // namespace
 
 void roams(Bench& bench) {
-  std::vector<Roam> cases;
-  for (const std::uint64_t seed : bench.seed_list(bench.quick() ? 4 : 12)) {
-    for (const double half_width : {0.019, 0.02}) {
-      for (const double delay : {0.0, 0.02, 0.05}) {
-        for (const double epsilon : {0.005, 0.05}) {
-          for (const bool one_axis : {false, true}) {
-            cases.push_back(
-                {half_width, seed, {.delay = delay, .epsilon = epsilon, .one_axis = one_axis}});
-          }
-        }
-      }
-    }
-  }
+  const std::vector<Roam> cases = roams_of(bench);
   const auto outcomes = bench.map(cases, roam);
-  Table& table = bench.table("roams",
-                             "axes,peg_width_m,delay_s,epsilon_m,seed,ghosts,largest_ghost_n,"
-                             "deepest_m,largest_step_n");
-  std::map<std::pair<double, bool>, RoamOutcome> sums;  // By epsilon and one_axis.
+  Table& table =
+      bench.table("roams",
+                  "hand,setting,peg_width_m,delay_s,seed,ghosts,largest_ghost_n,deepest_m,leaves,"
+                  "largest_step_n");
+  std::array<RoamOutcome, kSettings.size()> sums{};
+  std::array<RoamOutcome, kSettings.size()> far{};  // At 50 ms.
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    const auto& [half_width, seed, conditions] = cases[i];
+    const auto& [setting, half_width, delay, seed] = cases[i];
     const RoamOutcome& o = outcomes[i];
-    table.row(conditions.one_axis ? "one" : "all", 2 * half_width, conditions.delay,
-              conditions.epsilon, static_cast<double>(seed), o.ghosts / o.ticks, o.largest_ghost,
-              o.deepest, o.largest_step);
-    RoamOutcome& sum = sums[{conditions.epsilon, conditions.one_axis}];
-    sum.ticks += o.ticks;
-    sum.ghosts += o.ghosts;
-    sum.deepest = std::max(sum.deepest, o.deepest);
-    sum.largest_step = std::max(sum.largest_step, o.largest_step);
+    table.row(kSettings[setting].hand == Hand::kLeads ? "led" : "pushed", kSettings[setting].name,
+              2 * half_width, delay, static_cast<double>(seed), o.ghosts / o.ticks, o.largest_ghost,
+              o.deepest, o.leaves, o.largest_step);
+    const bool pushed_from_afar = kSettings[setting].hand == Hand::kPushes && delay > 0.02;
+    (pushed_from_afar ? far : sums)[setting].add(o);
   }
   const auto share = [](const RoamOutcome& o) { return o.ghosts / o.ticks; };
-  const auto in_words = [&](double epsilon) {
-    const auto of = [&](bool one_axis) {
-      const RoamOutcome& o = sums[{epsilon, one_axis}];
-      return fmt::format("{:.2f} % of the ticks, {:.0f} mm deep and steps of {:.0f} N at most",
-                         100 * share(o), 1e3 * o.deepest, o.largest_step);
-    };
-    return of(false) + "; best axis alone: " + of(true);
-  };
-  const RoamOutcome& all = sums[{0.05, false}];
-  const RoamOutcome& one = sums[{0.05, true}];
-  bench.claim({.what = "a peg roams about the testbed's hole, ε = 50 mm, 0 to 50 ms each way",
+  const auto& [wide, wide_one, fixed, fixed_one, adapts, pushed_fixed, pushed] = sums;
+  const double most_deep = wide_one.deepest + 0.005;
+  bench.claim({.what = "a peg is led about the testbed's hole, ε = 50 mm, 0 to 50 ms each way",
                .criterion =
                    "more than 0.5 N where nothing is within 0.3 mm in less than 1 % of the "
                    "ticks; no deeper by more than 5 mm than with the best axis alone",
-               .measured = in_words(0.05),
-               .holds = share(all) < 0.01 && all.deepest < one.deepest + 0.005});
-  bench.find("With ε = 5 mm, which covers 0.15 m/s without delay: " + in_words(0.005) + ".");
+               .measured = in_words(wide) + "; best axis alone: " + in_words(wide_one),
+               .holds = share(wide) < 0.01 && wide.deepest < most_deep});
+  bench.claim({.what = "the same with ε that adapts",
+               .criterion = "the same",
+               .measured = in_words(adapts),
+               .holds = share(adapts) < 0.01 && adapts.deepest < most_deep});
+  bench.find("With ε = 5 mm, which covers 0.15 m/s without delay: " + in_words(fixed) +
+             "; best axis alone: " + in_words(fixed_one) + ".");
+  bench.claim({.what = "a peg of 1 kg is pushed about the room at random with up to 7 N, ε adapts, "
+                       "0 and 20 ms each way",
+               .criterion = "its middle gets into a wall in 3 % of the runs at most",
+               .measured = in_words(pushed) + "; ε = 5 mm: " + in_words(pushed_fixed),
+               .holds = pushed.leaves <= 0.03 * pushed.runs});
+  bench.find("At 50 ms each way: " + in_words(far[6]) + "; ε = 5 mm: " + in_words(far[5]) + ".");
 }
 
 }  // namespace hlm::experiments

@@ -382,7 +382,7 @@ class LivePage(PageTest):
             wait_for(lambda: self.frame()[kind][field] == value, f"{field} {text}")
             wait_for(lambda: self.driver.find_element("id", f"field-{field}").get_property("value")
                      == shown, f"{field} shown as {shown}")
-        for field, text, allowed in (("epsilon", "5 kg", "0 to 100 mm"), ("epsilon", "200 mm", "0 to 100 mm"),
+        for field, text, allowed in (("epsilon", "5 kg", "0 to 200 mm"), ("epsilon", "300 mm", "0 to 200 mm"),
                                      ("delay", "soon", "0 to 200 ms"), ("loss", "60 %", "0 to 50 %"),
                                      ("stiffness", "0", "1 to 1000000 N/m")):
             before = self.frame()["environment"]

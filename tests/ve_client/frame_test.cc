@@ -16,13 +16,13 @@ namespace hlm::ve {
 namespace {
 
 TEST_CASE("Ε grows with speed and delay between its bounds") {
-  FrameOptions options{.epsilon = 0.005};
-  CHECK(adapted_epsilon(options, 10, 1, 1) == 0.005);  // fixed unless a largest one is given
-  options.largest_epsilon = 0.08;
-  CHECK(adapted_epsilon(options, 0.01, 0.04, 0.03) == 0.005);
-  CHECK(adapted_epsilon(options, 0.2, 0.04, 0.03) > 0.2 * 0.07);  // m: what the tool travels
-  CHECK(adapted_epsilon(options, 0.2, 0.04, 0.03) < 2 * 0.2 * 0.07);
-  CHECK(adapted_epsilon(options, 10, 1, 1) == 0.08);
+  const FrameOptions options{.epsilon = 0.005, .largest_epsilon = 0.08};
+  const double time = lifetime(0.04, 0.03);
+  CHECK(adapted_epsilon(options, 0.01, time) == 0.005);
+  CHECK(adapted_epsilon(options, 0.2, time) > 0.2 * 0.1);  // m: what the tool travels
+  CHECK(adapted_epsilon(options, 0.2, time) < 2 * 0.2 * 0.1);
+  CHECK(adapted_epsilon(options, 10, time) == 0.08);
+  CHECK(adapted_epsilon({.epsilon = 0.005, .largest_epsilon = 0}, 10, time) == 0.005);
 }
 
 /// A server without a local model: its proxy moves at a constant velocity from where hello put it.
@@ -37,7 +37,7 @@ class ScriptedServer {
       hellos.push_back(*inbox.hello);
       session_.accept(now, {.servo_rate = 1000,
                             .fingerprint = 0,
-                            .capabilities = {.movable_bodies = movable_bodies}});
+                            .capabilities = {.movable_bodies = movable_bodies, .axes = axes}});
       began_ = now;
       impulses = {};
     }
@@ -59,6 +59,7 @@ class ScriptedServer {
   std::optional<Configuration> forced_q;  ///< Sent instead of the proxy's configuration.
   bool goodbye = false;
   bool movable_bodies = false;
+  bool axes = false;
   std::optional<Wrench> push;  ///< On a body.
   std::uint32_t pushed_body = 0;
   protocol::Impulses impulses;  ///< Of the session.
@@ -176,9 +177,10 @@ TEST_CASE("Each update has the contacts of the very configuration that it carrie
   CHECK(with_contacts > 10);
 }
 
-TEST_CASE("A tool that approaches fast gets a wall from farther away") {
-  const auto farthest = [](const FrameOptions& options) {
+TEST_CASE("A tool that approaches fast gets a wall from farther away, if its server knows axes") {
+  const auto farthest = [](const FrameOptions& options, bool axes = true) {
     Setup setup({.delay = 0.02}, 1, Vector3(0, 0.3, 0));
+    setup.server->axes = axes;
     setup.run(1, options);
     double separation = 0;
     for (const protocol::ContactUpdate& update : setup.server->updates) {
@@ -188,9 +190,11 @@ TEST_CASE("A tool that approaches fast gets a wall from farther away") {
     }
     return separation;
   };
-  CHECK(farthest({.epsilon = 0.005}) <= 0.005);  // m
+  CHECK(farthest({.epsilon = 0.005, .largest_epsilon = 0}) <= 0.005);  // m
+  CHECK(farthest({.epsilon = 0.005}, false) <= 0.005);
+  CHECK(farthest({.epsilon = 0}) <= 0);
   // 0.3 m/s over 40 ms of round trip and a frame of 17 to 33 ms.
-  CHECK(farthest({.epsilon = 0.005, .largest_epsilon = 0.08}) > 0.3 * (0.04 + 0.017));
+  CHECK(farthest({.epsilon = 0.005}) > 0.3 * (0.04 + 0.017));
 }
 
 TEST_CASE("An update tells simulated time, the step's length and the time since sampling") {

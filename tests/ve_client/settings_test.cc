@@ -92,7 +92,7 @@ TEST_CASE("Options set what they name") {
 
 TEST_CASE("A mistake is one line that names the option, its value and what is allowed") {
   CHECK_THAT(error_of({"--epsilon", "-1"}),
-             ContainsSubstring("--epsilon") && ContainsSubstring("-1") && ContainsSubstring("0.1"));
+             ContainsSubstring("--epsilon") && ContainsSubstring("-1") && ContainsSubstring("0.2"));
   CHECK_THAT(error_of({"--epsilon", "wide"}), ContainsSubstring("wide"));
   CHECK_THAT(error_of({"--rate", "0"}), ContainsSubstring("--rate") && ContainsSubstring("1000"));
   CHECK_THAT(error_of({"--rate-range", "60", "30"}), ContainsSubstring("--rate-range"));
@@ -135,7 +135,7 @@ TEST_CASE("Help names the units") {
   const Parsed help = parse({"--help"});
   CHECK(help.arguments.exit_code == 0);
   CHECK_THAT(help.out, ContainsSubstring("--delay s") && ContainsSubstring("0 to 1 s") &&
-                           ContainsSubstring("1 to 1000 Hz") && ContainsSubstring("0 to 0.1 m") &&
+                           ContainsSubstring("1 to 1000 Hz") && ContainsSubstring("0 to 0.2 m") &&
                            ContainsSubstring("3 the server never"));
 }
 

@@ -1,0 +1,84 @@
+#include "ve_client/contacts/select_pairs.h"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <span>
+
+namespace hlm::ve {
+namespace {
+
+struct Pair {
+  std::vector<FoundContact> best;                               ///< On its best axis.
+  std::vector<FoundContact> others;                             ///< On the other ones.
+  double separation = std::numeric_limits<double>::infinity();  ///< m.
+};
+
+/// Those with a contact on a best axis, the nearest first, with what is selected of the others.
+std::vector<Pair> pairs_of(std::span<const FoundContact> found,
+                           const std::optional<Vector3>& planar_normal_W) {
+  std::map<std::uint32_t, Pair> by_number;
+  for (const FoundContact& contact : found) {
+    Pair& pair = by_number[contact.pair];
+    (contact.axis == 0 ? pair.best : pair.others).push_back(contact);
+    if (contact.axis == 0) pair.separation = std::min(pair.separation, contact.separation);
+  }
+  std::vector<Pair> pairs;
+  for (auto& [number, pair] : by_number) {
+    if (pair.best.empty()) continue;
+    ContactSelection others;
+    const auto selected = others.select(pair.others, planar_normal_W);
+    pair.others.assign(selected.begin(), selected.end());
+    pairs.push_back(std::move(pair));
+  }
+  std::ranges::stable_sort(pairs, {}, &Pair::separation);
+  return pairs;
+}
+
+void leave_out_far(std::vector<Pair>& pairs, double epsilon,
+                   const std::function<bool(const ContactSide&)>& stays) {
+  const auto is_needed = [&](const Pair& pair) {
+    return pair.separation <= epsilon || stays(pair.best.front().key.b);
+  };
+  std::size_t best = 0;
+  std::size_t all = 0;
+  const auto take = [&](const Pair& pair) {
+    best += pair.best.size();
+    all += pair.best.size() + pair.others.size();
+  };
+  for (const Pair& pair : pairs) {
+    if (is_needed(pair)) take(pair);
+  }
+  std::erase_if(pairs, [&](const Pair& pair) {
+    if (is_needed(pair)) return false;
+    const bool fits = best + pair.best.size() <= kMaxSelected &&
+                      all + pair.best.size() + pair.others.size() <= kMostToolContacts;
+    if (fits) take(pair);
+    return !fits;
+  });
+}
+
+}  // namespace
+
+std::vector<FoundContact> select_pairs(ContactSelection& selection, std::vector<FoundContact> found,
+                                       double epsilon,
+                                       const std::optional<Vector3>& planar_normal_W,
+                                       const std::function<bool(const ContactSide&)>& stays) {
+  std::vector<Pair> pairs = pairs_of(found, planar_normal_W);
+  leave_out_far(pairs, epsilon, stays);
+  std::vector<FoundContact> best;
+  for (const Pair& pair : pairs) best.insert(best.end(), pair.best.begin(), pair.best.end());
+  const auto selected = selection.select(best, planar_normal_W);
+  std::vector<FoundContact> contacts(selected.begin(), selected.end());
+  for (const Pair& pair : pairs) {
+    const auto is_of_pair = [&](const FoundContact& contact) {
+      return contact.pair == pair.best.front().pair;
+    };
+    if (std::ranges::none_of(selected, is_of_pair)) continue;
+    if (contacts.size() + pair.others.size() > kMostToolContacts) break;
+    contacts.insert(contacts.end(), pair.others.begin(), pair.others.end());
+  }
+  return contacts;
+}
+
+}  // namespace hlm::ve
