@@ -20,8 +20,7 @@ std::optional<DropReason> Assembler::add(const Header& header, std::span<const s
   }
   if (header.parts != parts_) return DropReason::kMalformed;
   if (arrived_ & bit) return DropReason::kStale;
-  // By pointers: a span's iterators are copied byte by byte.
-  bytes_[header.part].assign(bytes.data(), bytes.data() + bytes.size());
+  copy(bytes, bytes_[header.part]);
   arrived_ |= bit;
   return std::nullopt;
 }

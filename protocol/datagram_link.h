@@ -2,6 +2,7 @@
 // link around one of these that records or seals.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -27,6 +28,12 @@ using DatagramBytes = StaticVector<std::byte, kMaxDatagram>;
 
 inline std::span<const std::byte> view(const DatagramBytes& bytes) noexcept {
   return {bytes.data(), bytes.size()};
+}
+
+/// Copies at most kMaxDatagram bytes; the vector's own assign() and constructor do it byte by byte.
+inline void copy(std::span<const std::byte> from, DatagramBytes& to) noexcept {
+  to.resize(from.size(), boost::container::default_init);
+  std::ranges::copy(from, to.data());
 }
 
 struct Datagram {

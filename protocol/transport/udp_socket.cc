@@ -136,7 +136,7 @@ bool UdpSocket::receive(Datagram& datagram) noexcept {
     datagram.peer = {ntohl(sender.sin_addr.s_addr), ntohs(sender.sin_port)};
     const auto received = static_cast<std::size_t>(size);
     const std::size_t kept = received <= kMaxDatagram ? received : 0;
-    datagram.bytes.assign(socket_->buffer.begin(), socket_->buffer.begin() + kept);
+    copy({socket_->buffer.data(), kept}, datagram.bytes);
     datagram.waited = waited_since_arrival(message);
     return true;
   }

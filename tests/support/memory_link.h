@@ -85,7 +85,8 @@ class MemoryNetwork {
     if (drawn(conditions_.loss)) return;
     const int copies = drawn(conditions_.duplication) ? 2 : 1;
     protocol::DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
-    protocol::DatagramBytes altered(bytes.begin(), bytes.end());
+    protocol::DatagramBytes altered;
+    protocol::copy(bytes, altered);
     if (alter_ && to == kServer) alter_({altered.data(), altered.size()});
     for (int i = 0; i < copies; ++i) {
       double arrival = now_ + conditions_.delay + uniform(engine_) * conditions_.jitter;
