@@ -4,24 +4,35 @@
 
 namespace hlm::protocol {
 
+namespace {
+
 static_assert(kMaxParts <= 64, "one bit of arrived_ per part");
+
+std::uint64_t bit_of(const Header& header) noexcept { return std::uint64_t{1} << header.part; }
+
+}  // namespace
+
+std::optional<DropReason> Assembler::judge(const Header& header) const noexcept {
+  const std::uint64_t sequence = header.envelope.sequence;
+  if (sequence == refused_) return DropReason::kMalformed;
+  if (sequence < newest_ || sequence <= accepted_) return DropReason::kStale;
+  if (sequence > newest_) return std::nullopt;
+  if (header.parts != parts_) return DropReason::kMalformed;
+  if (arrived_ & bit_of(header)) return DropReason::kStale;
+  return std::nullopt;
+}
 
 std::optional<DropReason> Assembler::add(const Header& header, std::span<const std::byte> bytes,
                                          ReceiveStatistics& statistics) noexcept {
-  const std::uint64_t sequence = header.envelope.sequence;
-  const std::uint64_t bit = std::uint64_t{1} << header.part;
-  if (sequence == refused_) return DropReason::kMalformed;
-  if (is_stale(header)) return DropReason::kStale;
-  if (sequence > newest_) {
+  if (const auto reason = judge(header)) return reason;
+  if (header.envelope.sequence > newest_) {
     discard_incomplete(statistics);
-    newest_ = sequence;
+    newest_ = header.envelope.sequence;
     parts_ = header.parts;
     arrived_ = 0;
   }
-  if (header.parts != parts_) return DropReason::kMalformed;
-  if (arrived_ & bit) return DropReason::kStale;
   copy(bytes, bytes_[header.part]);
-  arrived_ |= bit;
+  arrived_ |= bit_of(header);
   return std::nullopt;
 }
 

@@ -16,9 +16,11 @@ namespace hlm::protocol {
 /// For the messages of one sender in one session. Never allocates or throws.
 class Assembler {
  public:
-  /// Adds a part that was found good (decode_part()). Returns why it is dropped; empty if it was
-  /// added. A part of a newer message discards an incomplete older one, whose parts are counted as
-  /// incomplete.
+  /// Why a part is to be dropped, whatever its contents; empty if it is wanted.
+  std::optional<DropReason> judge(const Header& header) const noexcept;
+  /// Adds a part that was found good (decode_part()). Returns why it is dropped, as judge() does;
+  /// empty if it was added. A part of a newer message discards an incomplete older one, whose parts
+  /// are counted as incomplete.
   std::optional<DropReason> add(const Header& header, std::span<const std::byte> bytes,
                                 ReceiveStatistics& statistics) noexcept;
   /// The complete message is used: only newer ones count from here on.
@@ -26,10 +28,6 @@ class Assembler {
   /// The message of this sequence, complete or not, cannot be used: it leaves no trace, and no part
   /// of it counts any more. Parts of it that wait for others are counted as incomplete.
   void refuse(std::uint64_t sequence, ReceiveStatistics& statistics) noexcept;
-  /// Whether the part's message is older than what was used or is being put together.
-  bool is_stale(const Header& header) const noexcept {
-    return header.envelope.sequence < newest_ || header.envelope.sequence <= accepted_;
-  }
   /// Forgets everything: the next message may have any sequence.
   void restart(ReceiveStatistics& statistics) noexcept;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 #include "protocol/layout.h"
 
@@ -100,9 +101,15 @@ void write_list(Writer& writer, const List& list, const Share& share) noexcept {
   for (std::size_t i = 0; i < share.count; ++i) layout::fields(writer, list[share.first + i]);
 }
 
-/// Reads a list's header and its items, each as many bytes as the sender gave it.
+/// What is in front of a list.
+struct ListHeader {
+  Share share;
+  std::uint16_t item_size = 0;
+};
+
+/// Reads it, and refuses what the list cannot hold.
 template <class List>
-Share read_list(Reader& reader, List& list, PartError& where) noexcept {
+ListHeader read_list_header(Reader& reader, const List& list) noexcept {
   std::uint16_t first = 0;
   std::uint16_t count = 0;
   std::uint16_t total = 0;
@@ -113,17 +120,27 @@ Share read_list(Reader& reader, List& list, PartError& where) noexcept {
   reader.u16(size);
   reader.require(total <= list.capacity() && first + count <= total);
   reader.require(count == 0 || size >= item_size(list));
-  if (reader.error()) return {};
-  list.resize(total);
-  for (std::size_t i = first; i < std::size_t{first} + count && !reader.error(); ++i) {
+  return {{first, count, total}, size};
+}
+
+/// Reads a list's header and its items, each as many bytes as the sender gave it.
+template <class List>
+void read_list(Reader& reader, List& list, PartError& where) noexcept {
+  const auto [share, item_size] = read_list_header(reader, list);
+  if (reader.error()) return;
+  list.resize(share.total);
+  for (std::size_t i = share.first; i < share.first + share.count && !reader.error(); ++i) {
     where.in_item = true;
     where.item = i;
-    const std::size_t end = reader.position() + size;
+    const std::size_t end = reader.position() + item_size;
     layout::fields(reader, list[i]);
     reader.skip_to(end);
   }
   if (!reader.error()) where.in_item = false;
-  return {first, count, total};
+}
+
+bool are_equal(std::span<const std::byte> a, std::span<const std::byte> b) noexcept {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
 /// The datagram's fixed fields.
@@ -134,16 +151,15 @@ std::span<const std::byte> block_of(std::span<const std::byte> bytes,
 
 template <class Message>
 std::optional<PartError> decode_body(std::span<const std::byte> bytes, const Header& header,
-                                     Message& message, Shares& shares) noexcept {
+                                     Message& message) noexcept {
   Reader reader(bytes.first(kHeaderSize + header.block), kHeaderSize);
   layout::block(reader, message);
   if (reader.error()) return PartError{*reader.error(), reader.update_error(), false, 0};
 
   Reader lists(bytes, kHeaderSize + header.block);
   PartError where;
-  std::size_t i = 0;
   layout::lists(message, [&](auto& list) {
-    if (!lists.error()) shares[i++] = read_list(lists, list, where);
+    if (!lists.error()) read_list(lists, list, where);
   });
   if (!lists.error()) return std::nullopt;
   where.reason = *lists.error();
@@ -151,35 +167,61 @@ std::optional<PartError> decode_body(std::span<const std::byte> bytes, const Hea
   return where;
 }
 
-/// All parts, in order: of one message, and each list whole.
+/// Which items of each list of `message` a part has. False if it cannot be read.
 template <class Message>
-std::optional<DropReason> decode_parts(std::span<const std::span<const std::byte>> parts,
-                                       Message& message) noexcept {
+bool read_shares(std::span<const std::byte> bytes, const Header& header, const Message& message,
+                 Shares& shares) noexcept {
+  Reader reader(bytes, kHeaderSize + header.block);
+  std::size_t i = 0;
+  layout::lists(message, [&](const auto& list) {
+    const auto [share, item_size] = read_list_header(reader, list);
+    reader.skip_to(reader.position() + share.count * item_size);
+    shares[i++] = share;
+  });
+  return !reader.error();
+}
+
+using PartViews = StaticVector<std::span<const std::byte>, kMaxParts>;
+
+PartViews views_of(std::span<const DatagramBytes> parts) noexcept {
+  PartViews views;
+  for (const DatagramBytes& part : parts) views.push_back(view(part));
+  return views;
+}
+
+/// All parts, in order, with the same fixed fields and each list whole.
+template <class Message>
+bool are_of_one_message(const PartViews& parts, const Message& message) noexcept {
   Header first;
   Shares before{};  // What the parts up to here hold.
   for (std::size_t i = 0; i < parts.size(); ++i) {
     Header header;
-    if (const auto reason = decode_header(parts[i], header)) return reason;
-    if (header.type != kTypeOf<Message>) return DropReason::kUnexpected;
-    if (header.part != i || header.parts != parts.size()) return DropReason::kMalformed;
-    if (i == 0) first = header;
-    if (header.envelope != first.envelope) return DropReason::kMalformed;
-    if (!std::ranges::equal(block_of(parts[i], header), block_of(parts[0], first))) {
-      return DropReason::kMalformed;
-    }
     Shares shares{};
-    if (const auto error = decode_body(parts[i], header, message, shares)) return error->reason;
+    if (decode_header(parts[i], header)) return false;
+    if (!read_shares(parts[i], header, message, shares)) return false;
+    if (i == 0) first = header;
+    if (header.part != i || header.parts != parts.size()) return false;
+    if (header.envelope != first.envelope) return false;
+    if (!are_equal(block_of(parts[i], header), block_of(parts[0], first))) return false;
     for (std::size_t list = 0; list < kMaxLists; ++list) {
       const Share& share = shares[list];
-      if (i > 0 && share.total != before[list].total) return DropReason::kMalformed;
-      if (share.first != before[list].count) return DropReason::kMalformed;
+      if (i > 0 && share.total != before[list].total) return false;
+      if (share.first != before[list].count) return false;
       before[list].total = share.total;
       before[list].count += share.count;
     }
   }
   const auto is_whole = [](const Share& share) { return share.count == share.total; };
-  return std::ranges::all_of(before, is_whole) ? std::nullopt
-                                               : std::optional(DropReason::kMalformed);
+  return std::ranges::all_of(before, is_whole);
+}
+
+template <class Message>
+std::optional<DropReason> decode_parts(const PartViews& parts, Message& message) noexcept {
+  for (const std::span<const std::byte> part : parts) {
+    if (const auto error = decode_part(part, message)) return error->reason;
+  }
+  if (!are_of_one_message(parts, message)) return DropReason::kMalformed;
+  return std::nullopt;
 }
 
 /// A reject is the same in every version, so its header is not looked at.
@@ -258,8 +300,7 @@ std::optional<PartError> decode_part(std::span<const std::byte> bytes, Message& 
   Header header;
   if (const auto reason = decode_header(bytes, header)) return PartError{.reason = *reason};
   if (header.type != kTypeOf<Message>) return PartError{.reason = DropReason::kUnexpected};
-  Shares shares{};
-  return decode_body(bytes, header, message, shares);
+  return decode_body(bytes, header, message);
 }
 
 template <class Message>
@@ -270,16 +311,18 @@ std::optional<DropReason> decode(std::span<const std::byte> bytes, Message& mess
       return decode_reject(bytes, message);
     }
   }
-  return decode_parts(std::span(&bytes, 1), message);
+  return decode_parts({bytes}, message);
 }
 
 template <class Message>
 std::optional<DropReason> decode(std::span<const DatagramBytes> parts, Message& message) noexcept {
-  StaticVector<std::span<const std::byte>, kMaxParts> views;
   if (parts.empty() || parts.size() > kMaxParts) return DropReason::kMalformed;
-  for (const DatagramBytes& part : parts) views.push_back(view(part));
-  return decode_parts(std::span<const std::span<const std::byte>>(views.data(), views.size()),
-                      message);
+  return decode_parts(views_of(parts), message);
+}
+
+template <class Message>
+bool is_whole(std::span<const DatagramBytes> parts, const Message& message) noexcept {
+  return are_of_one_message(views_of(parts), message);
 }
 
 std::optional<StablePart> read_stable_part(std::span<const std::byte> bytes) noexcept {
@@ -300,7 +343,8 @@ std::optional<StablePart> read_stable_part(std::span<const std::byte> bytes) noe
   template DatagramBytes encode(const Envelope&, const Message&, std::uint8_t) noexcept;        \
   template std::optional<PartError> decode_part(std::span<const std::byte>, Message&) noexcept; \
   template std::optional<DropReason> decode(std::span<const std::byte>, Message&) noexcept;     \
-  template std::optional<DropReason> decode(std::span<const DatagramBytes>, Message&) noexcept;
+  template std::optional<DropReason> decode(std::span<const DatagramBytes>, Message&) noexcept; \
+  template bool is_whole(std::span<const DatagramBytes>, const Message&) noexcept;
 HLM_INSTANTIATE(Hello)
 HLM_INSTANTIATE(Welcome)
 HLM_INSTANTIATE(Reject)

@@ -84,6 +84,11 @@ template <class Message>
 [[nodiscard]] std::optional<DropReason> decode(std::span<const DatagramBytes> parts,
                                                Message& message) noexcept;
 
+/// Whether `parts`, which decode_part() has read into `message` one by one, are all parts of one
+/// message, in order.
+template <class Message>
+[[nodiscard]] bool is_whole(std::span<const DatagramBytes> parts, const Message& message) noexcept;
+
 /// What stands at the same place in every version of the protocol, so that a hello of any version
 /// can be answered and a reject of any version be understood.
 struct StablePart {

@@ -120,7 +120,7 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
 std::optional<DropReason> ServerSession::take_update(double now, const Header& header) noexcept {
   if (!from_client(header)) return DropReason::kForeignSession;
   if (!is_plausible(header)) return DropReason::kMalformed;
-  if (update_parts_.is_stale(header)) return DropReason::kStale;
+  if (const auto reason = update_parts_.judge(header)) return reason;
   ContactUpdate& scratch = updates_[1 - newest_update_];
   if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
     ++refused_;
@@ -141,10 +141,11 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
 std::optional<DropReason> ServerSession::complete_update(double now,
                                                          const Header& header) noexcept {
   ContactUpdate& update = updates_[1 - newest_update_];
-  std::optional<DropReason> reason = decode(update_parts_.parts(), update);
+  std::optional<DropReason> reason;
   Refusal refusal{.refused = header.envelope.sequence};
-  if (reason) {
+  if (!is_whole(update_parts_.parts(), update)) {
     refusal.error = UpdateError::kLayout;
+    reason = DropReason::kMalformed;
   } else {
     normalize(tool_, update.q_VE);
     if (const auto misfit = find_misfit(tool_, update)) {

@@ -9,6 +9,7 @@
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
+#include "tests/support/random.h"
 
 namespace hlm::protocol {
 namespace {
@@ -305,6 +306,81 @@ TEST_CASE("Nothing refused leaves a trace: later updates of smaller sequences ar
   REQUIRE(inbox.update != nullptr);
   CHECK(inbox.update->ve_time == 3);
   CHECK(inbox.control != nullptr);
+}
+
+TEST_CASE("A repeated part changes nothing of what the first one said") {
+  Server server;
+  server.begin();
+  const Envelope envelope{.session = kFirstId, .sequence = 1};
+  const ContactUpdate update = planar_update(20);
+  ContactUpdate other = update;
+  SECTION("whatever it says") { other.contacts[2].separation = 0.004; }
+  SECTION("not even if it is wrong") { other.contacts[2].n_W.setZero(); }
+  server.link.deliver(kClient, encode(envelope, update, 0));
+  server.link.deliver(kClient, encode(envelope, other, 0));
+  server.link.deliver(kClient, encode(envelope, update, 1));
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.update != nullptr);
+  CHECK(inbox.update->contacts[2].separation == update.contacts[2].separation);
+  CHECK(server.session.statistics().total_dropped() == 1);
+  CHECK(server.dropped(DropReason::kStale) == 1);
+  CHECK(server.link.sent().empty());
+}
+
+TEST_CASE("An update is taken as it was sent, whatever came between its parts") {
+  test::Random random;
+  Server server;
+  server.begin();
+  int taken = 0;
+  for (std::uint64_t newest = 3; newest <= 300; newest += 3) {
+    struct Part {
+      std::uint64_t sequence;
+      std::size_t contacts;
+      std::uint8_t part;
+    };
+    std::vector<Part> parts;
+    for (std::uint64_t sequence = newest - 2; sequence <= newest; ++sequence) {
+      const auto contacts = static_cast<std::size_t>(random.integer(0, 40));
+      const std::uint8_t count = part_count(planar_update(contacts));
+      for (std::uint8_t part = 0; part < count; ++part) {
+        parts.push_back({sequence, contacts, part});
+      }
+    }
+    std::shuffle(parts.begin(), parts.end(), random.engine());
+    for (const auto& [sequence, contacts, part] : parts) {
+      const Envelope envelope{.session = kFirstId, .sequence = sequence};
+      const auto time = static_cast<double>(sequence);
+      server.link.deliver(kClient, encode(envelope, planar_update(contacts, time), part));
+      // One that says something else under the same number.
+      if (random.integer(0, 2) == 0) {
+        server.link.deliver(kClient, encode(envelope, planar_update(contacts, -time), part));
+      }
+      const ServerSession::Inbox inbox = server.poll(0.001 * time);
+      if (inbox.update == nullptr) continue;
+      ++taken;
+      CHECK(inbox.update->ve_time == time);
+      CHECK(inbox.update->contacts.size() == contacts);
+      for (std::size_t i = 0; i < inbox.update->contacts.size(); ++i) {
+        CHECK(inbox.update->contacts[i].identity == i);
+        CHECK(inbox.update->contacts[i].p_WC.y() == time);
+      }
+    }
+  }
+  CHECK(taken >= 100);
+  CHECK(server.dropped(DropReason::kMalformed) == 0);
+}
+
+TEST_CASE("Parts that are good one by one and do not make one update are refused") {
+  Server server;
+  server.begin();
+  const Envelope envelope{.session = kFirstId, .sequence = 1};
+  server.link.deliver(kClient, encode(envelope, planar_update(20, 1), 0));
+  server.link.deliver(kClient, encode(envelope, planar_update(20, 2), 1));
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  CHECK(inbox.update == nullptr);
+  CHECK(inbox.refused);
+  CHECK(server.dropped(DropReason::kMalformed) == 2);
+  CHECK(server.link.last_sent<Refusal>().error == UpdateError::kLayout);
 }
 
 TEST_CASE("A client learns why its update is refused, and ten times a second at most") {
