@@ -63,7 +63,7 @@ class CompoundFields {
  public:
   template <class Vector>
   void vector(Vector& values) noexcept {
-    for (auto& value : values) self().f64(value);
+    self().f64s(values, Sign::kAny);
   }
   /// p x, y, z; R w, x, y, z.
   template <class P>
@@ -93,7 +93,7 @@ class CompoundFields {
   }
   template <class Vector>
   void vector_within(Vector& values, double bound) noexcept {
-    for (auto& value : values) self().f64(value, Within{bound});
+    self().f64s(values, Within{bound});
   }
   template <class Vector>
   void short_vector_within(Vector& values, double bound) noexcept {
@@ -141,6 +141,10 @@ class Writer : public CompoundFields<Writer> {
     append(std::bit_cast<std::uint64_t>(value));
   }
   void f64(double value, Within) noexcept { append(std::bit_cast<std::uint64_t>(value)); }
+  template <class Vector, class Allowed>
+  void f64s(const Vector& values, Allowed) noexcept {
+    for (const double value : values) f64(value);
+  }
   void f32(double value, Sign = Sign::kAny) noexcept {
     append(std::bit_cast<std::uint32_t>(static_cast<float>(value)));
   }
@@ -220,6 +224,19 @@ class Reader : public CompoundFields<Reader> {
   }
   void f64(double& value, Within within) noexcept {
     check(value = std::bit_cast<double>(take<std::uint64_t>()), within);
+  }
+  /// All coordinates of a vector, copied at once: what follows may load several of them together.
+  template <class Vector, class Allowed>
+  void f64s(Vector& values, Allowed allowed) noexcept {
+    const std::size_t size = sizeof(double) * static_cast<std::size_t>(values.size());
+    if (!has(size)) return refuse(DropReason::kMalformed, UpdateError::kLayout);
+    std::memcpy(values.data(), bytes_.data() + position_, size);
+    position_ += size;
+    for (double& value : values) {
+      value = std::bit_cast<double>(
+          boost::endian::little_to_native(std::bit_cast<std::uint64_t>(value)));
+      check(value, allowed);
+    }
   }
   void f32(double& value, Sign sign = Sign::kAny) noexcept {
     check(value = std::bit_cast<float>(take<std::uint32_t>()), sign);
@@ -324,9 +341,13 @@ class Reader : public CompoundFields<Reader> {
     if (check_finite(value)) require(std::abs(value) <= within.bound, UpdateError::kRange);
   }
 
+  bool has(std::size_t size) const noexcept {
+    return position_ <= bytes_.size() && bytes_.size() - position_ >= size;
+  }
+
   template <std::unsigned_integral T>
   T take() noexcept {
-    if (position_ > bytes_.size() || bytes_.size() - position_ < sizeof(T)) {
+    if (!has(sizeof(T))) {
       refuse(DropReason::kMalformed, UpdateError::kLayout);
       return 0;
     }
