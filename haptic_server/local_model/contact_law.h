@@ -127,10 +127,14 @@ class FrameLoads {
 
   /// A force on a, and the opposite on b.
   void add(const LocalContact& contact, const Vector3& arm, const Vector3& f) noexcept {
-    Wrench F;
-    F << f, arm.cross(f);
-    wrenches_[contact.frame_a] += F;
-    wrenches_[contact.frame_b] -= F;
+    // By halves: a wrench that is put together first waits for its own stores.
+    const Vector3 moment = arm.cross(f);
+    Wrench& on_a = wrenches_[contact.frame_a];
+    Wrench& on_b = wrenches_[contact.frame_b];
+    on_a.head<3>() += f;
+    on_a.tail<3>() += moment;
+    on_b.head<3>() -= f;
+    on_b.tail<3>() -= moment;
   }
 
   Unknowns generalised() const noexcept {

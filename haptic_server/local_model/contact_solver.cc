@@ -33,17 +33,6 @@ enum class Mode : std::uint8_t {
   kSlip,  ///< Friction is at its limit.
 };
 
-struct Trial {
-  Mode mode = Mode::kOff;
-  bool capped = false;             ///< The normal force is at its limit.
-  std::uint16_t pair = 0;          ///< Index of its PairLoad.
-  Vector3 slip = Vector3::Zero();  ///< In kSlip: friction for each newton of normal force,
-  double across = 0;               ///< the part of elastic_friction() across it,
-  Vector3 rest = Vector3::Zero();  ///< and friction that does not follow within the round, N.
-  Vector3 arm = Vector3::Zero();   ///< Of the contact point from O, m.
-};
-using Trials = StaticVector<Trial, kMaxLocalContacts>;
-
 /// What the contacts between two frames do in one round, about O: wrench on a less Z times the
 /// difference of the frames' twists.
 struct PairLoad {
@@ -66,22 +55,54 @@ std::uint16_t pair_of(const LocalContact& contact, PairLoads& pairs) noexcept {
   return static_cast<std::uint16_t>(pairs.size() - 1);
 }
 
-Trials first_trials(const ContactGroup& group, const FrameMotions& frames,
-                    PairLoads& pairs) noexcept {
-  Trials trials;
-  for (const LocalContact& contact : group.contacts) {
-    Trial& trial = trials.emplace_back();
-    if (!takes_part(contact, group.law)) continue;
-    trial.pair = pair_of(contact, pairs);
-    trial.arm = contact.p_W - frames.reference_W();
-    const bool slips = contact.slipping || static_friction(contact, group.law) == 0;
-    trial.mode = slips ? Mode::kSlip : Mode::kStick;
+struct Trial {
+  Mode mode = Mode::kOff;
+  bool capped = false;             ///< The normal force is at its limit.
+  std::uint16_t pair = 0;          ///< Index of its PairLoad.
+  Vector3 slip = Vector3::Zero();  ///< In kSlip: friction for each newton of normal force,
+  double across = 0;               ///< the part of elastic_friction() across it,
+  Vector3 rest = Vector3::Zero();  ///< and friction that does not follow within the round, N.
+  Vector3 arm = Vector3::Zero();   ///< Of the contact point from O, m.
+
+  /// In the mode of the step before.
+  Trial(const LocalContact& contact, const ContactLaw& law, const FrameMotions& frames,
+        PairLoads& pairs) noexcept {
+    if (!takes_part(contact, law)) return;
+    pair = pair_of(contact, pairs);
+    arm = contact.p_W - frames.reference_W();
+    const bool slips = contact.slipping || static_friction(contact, law) == 0;
+    mode = slips ? Mode::kSlip : Mode::kStick;
     if (contact.slipping) {
-      const double mu = std::min(kinetic_friction(contact, group.law), kMostFollowing);
-      trial.slip = mu * tangential(contact.f_W, contact.n_W).stableNormalized();
+      const double mu = std::min(kinetic_friction(contact, law), kMostFollowing);
+      slip = mu * tangential(contact.f_W, contact.n_W).stableNormalized();
     }
   }
-  return trials;
+};
+using Trials = StaticVector<Trial, kMaxLocalContacts>;
+
+/// A unit force along n at `arm` from O: force and moment.
+Vector6 unit_wrench(const Vector3& n, const Vector3& arm) noexcept {
+  Vector6 wrench;
+  wrench << n, arm.cross(n);
+  return wrench;
+}
+
+/// Adds [β I, -β [r]; β [r], -β [r]²], [r] = skew(r): the impedance of a point at r from O that is
+/// β in every direction. By its entries, which takes half the time of whole matrices.
+void add_point_impedance(double beta, const Vector3& r, Matrix6& Z) noexcept {
+  const Vector3 m = beta * r;
+  for (int i = 0; i < 3; ++i) {
+    const int j = (i + 1) % 3;
+    const int k = (i + 2) % 3;
+    Z(i, i) += beta;
+    Z(i, 3 + j) += m[k];
+    Z(j, 3 + i) -= m[k];
+    Z(3 + i, j) -= m[k];
+    Z(3 + j, i) += m[k];
+    Z(3 + i, 3 + i) += m[j] * r[j] + m[k] * r[k];
+    Z(3 + i, 3 + j) -= r[i] * m[j];
+    Z(3 + j, 3 + i) -= r[j] * m[i];
+  }
 }
 
 /// Adds the contact's force, f = f_0 - Z v_point, to the load of its pair.
@@ -91,33 +112,28 @@ void add_contact(const LocalContact& contact, const Trial& trial, const ContactL
   const Vector3& n = contact.n_W;
   const double f_n =
       trial.capped ? contact.cap : -law.stiffness * contact.s + beta * n.dot(contact.v_WC);
-  const Vector3 elastic = beta * contact.v_WC - law.stiffness * contact.z_W;
-  Vector6 normal;
-  normal << n, trial.arm.cross(n);
   Vector3 f_0;
   if (trial.mode == Mode::kStick) {
     // Z = β I: the normal and both tangential directions share one impedance.
     f_0 = f_n * n - law.stiffness * contact.z_W + beta * tangential(contact.v_WC, n);
-    const Matrix3 arm = beta * skew(trial.arm);
-    load.impedance.topLeftCorner<3, 3>().diagonal().array() += beta;
-    load.impedance.topRightCorner<3, 3>() -= arm;
-    load.impedance.bottomLeftCorner<3, 3>() += arm;
-    load.impedance.bottomRightCorner<3, 3>().noalias() -= arm * skew(trial.arm);
-    if (trial.capped) load.impedance.noalias() -= (beta * normal) * normal.transpose();
+    add_point_impedance(beta, trial.arm, load.impedance);
+    if (trial.capped) {
+      const Vector6 normal = unit_wrench(n, trial.arm);
+      load.impedance.noalias() -= (beta * normal) * normal.transpose();
+    }
   } else {
     // Friction follows the normal force within the step, so that a body that is tilted by its
     // friction has the loads that go with it.
     const Vector3 direction = n + trial.slip;
     f_0 = f_n * direction + trial.rest;
     if (!trial.capped) {
-      Vector6 column;
-      column << direction, trial.arm.cross(direction);
-      load.impedance.noalias() += (beta * column) * normal.transpose();
+      load.impedance.noalias() +=
+          (beta * unit_wrench(direction, trial.arm)) * unit_wrench(n, trial.arm).transpose();
     }
     if (trial.across > 0) {  // The force turns with the velocity.
+      const Vector3 elastic = beta * contact.v_WC - law.stiffness * contact.z_W;
       const Vector3 e = n.cross(trial.slip).normalized();
-      Vector6 row;
-      row << e, trial.arm.cross(e);
+      const Vector6 row = unit_wrench(e, trial.arm);
       f_0 += trial.across * e.dot(elastic) * e;
       load.impedance.noalias() += (trial.across * beta * row) * row.transpose();
     }
@@ -160,9 +176,9 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
   const RelativeVelocity v = relative_velocity(contact, V, trial.arm);
   const double wanted = penalty(contact, v.normal, law);
   const double f_n = std::min(wanted, contact.cap);
-  const Trial before = trial;
-  trial.mode = Mode::kOff;
-  trial.capped = wanted > contact.cap;
+  const bool capped = wanted > contact.cap;
+  const Vector3 slip_before = trial.slip;
+  Mode mode = Mode::kOff;
   trial.slip.setZero();
   trial.rest.setZero();
   if (f_n > 0) {
@@ -171,9 +187,9 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
     const double mu_k = kinetic_friction(contact, law);
     const double mu = contact.slipping ? mu_k : static_friction(contact, law);
     // Friction at its limit that turned the slip round within the step would have stopped it.
-    const bool stopped = before.mode == Mode::kSlip && f.dot(before.slip) < 0;
+    const bool stopped = trial.mode == Mode::kSlip && f.dot(slip_before) < 0;
     const bool slips = mu == 0 || (size > mu * f_n && !stopped);
-    trial.mode = slips ? Mode::kSlip : Mode::kStick;
+    mode = slips ? Mode::kSlip : Mode::kStick;
     if (slips && size > 0) {
       const double following = std::min(mu_k, kMostFollowing);
       trial.slip = (following / size) * f;
@@ -181,8 +197,11 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
       trial.rest = ((mu_k - following) * f_n / size) * f;
     }
   }
-  return trial.mode != before.mode || trial.capped != before.capped ||
-         (trial.slip - before.slip).squaredNorm() > kSettled * kSettled;
+  const bool changed = mode != trial.mode || capped != trial.capped ||
+                       (trial.slip - slip_before).squaredNorm() > kSettled * kSettled;
+  trial.mode = mode;
+  trial.capped = capped;
+  return changed;
 }
 
 /// One round: the loads of the pairs in the present modes, and the velocities that follow.
@@ -191,7 +210,10 @@ class ContactSolver {
   ContactSolver(ContactGroups groups, const FrameMotions& frames, const StepSystem& given) noexcept
       : groups_(groups), frames_(frames), given_(given) {
     for (const ContactGroup& group : groups_) {
-      trials_.push_back(first_trials(group, frames_, pairs_));
+      Trials& trials = trials_.emplace_back();
+      for (const LocalContact& contact : group.contacts) {
+        trials.emplace_back(contact, group.law, frames_, pairs_);
+      }
     }
   }
 

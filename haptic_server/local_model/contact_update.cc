@@ -187,6 +187,12 @@ void measure_axes(const PlacedReports& reports, const LocalContacts& existing,
       [](const LocalContact&) {});
 }
 
+/// A new contact at the end of the list. emplace_back() would fill it with zeros first.
+LocalContact& add_to(LocalContacts& contacts) noexcept {
+  contacts.resize(contacts.size() + 1, boost::container::default_init);
+  return contacts.back();
+}
+
 /// A contact on an axis that does not act.
 void set_waiting(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
                  double age) noexcept {
@@ -258,12 +264,12 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
       reports, existing,
       [&](const Placed& placed, const LocalContact* known) {
         if (placed.axis != kOnlyAxis && !updated.axes[placed.axis].acts) {
-          set_waiting(updated.waiting.emplace_back(), placed, frames, age);
+          set_waiting(add_to(updated.waiting), placed, frames, age);
           if (known != nullptr) orphan(*known);
           return;
         }
         if (only_active && placed.report->separation > 0) return;
-        LocalContact& contact = updated.acting.emplace_back();
+        LocalContact& contact = add_to(updated.acting);
         set_tool_contact(contact, placed, known, frames, age, policy);
         if (known == nullptr || !contact.loaded || !touches_body(contact)) return;
         unspent += contact.f_W.dot(contact.n_W) * (known->deferred - contact.deferred);
@@ -295,7 +301,7 @@ void adopt_supports(const LocalContacts& existing, const ReportedContacts& repor
   match(
       reports, existing,
       [&](const Placed& placed, const LocalContact* known) {
-        set_support(updated.emplace_back(), placed, known, frames, stiffness);
+        set_support(add_to(updated), placed, known, frames, stiffness);
       },
       [](const LocalContact&) {});
 }
