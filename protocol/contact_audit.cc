@@ -34,6 +34,10 @@ bool same_sides(const ReportedContact& a, const ReportedContact& b) {
          (a.b.kind == SideKind::kToolLink) == (b.b.kind == SideKind::kToolLink);
 }
 
+/// How much farther away a contact may be for a body that changed its velocity between two updates,
+/// at any time, by so much, m.
+double blow(double change, double dt) { return std::max(0.0, change * dt); }
+
 }  // namespace
 
 Vector3 ContactAudit::tool_point(const Seen& seen) const {
@@ -68,17 +72,28 @@ std::vector<ContactAudit::Seen> ContactAudit::see(const ContactUpdate& update) {
   return seen;
 }
 
+double ContactAudit::v_n_with(const Seen& seen, const MovableBodies& bodies) {
+  const ReportedContact& contact = seen.contact;
+  if (contact.b.kind != SideKind::kMovableBody) return seen.v_n;
+  const auto body = std::ranges::find(bodies, contact.b.index, &MovableBody::id);
+  if (body == bodies.end()) return -seen.v_n;
+  const Vector3 arm = contact.p_WC - body->p_WCom;
+  const Vector3 v_W = body->V_W.head<3>() + Vector3(body->V_W.tail<3>()).cross(arm);
+  return seen.v_n - contact.n_W.dot(v_W - contact.v_WC);
+}
+
 void ContactAudit::add(const ContactUpdate& update) {
   const double dt = update.ve_time - time_;
   const bool follows = counts_.updates > 0 && dt > 0 && dt < kGap;
   std::vector<Seen> now = see(update);
-  if (follows) compare(now, dt);
+  if (follows) compare(now, update.bodies, dt);
   before_ = std::move(now);
+  bodies_before_ = update.bodies;
   time_ = update.ve_time;
   ++counts_.updates;
 }
 
-void ContactAudit::compare(std::vector<Seen>& now, double dt) {
+void ContactAudit::compare(std::vector<Seen>& now, const MovableBodies& bodies, double dt) {
   std::vector<const Seen*> unknown;
   for (const Seen& one : now) {
     const auto known = std::ranges::find_if(before_, [&](const Seen& before) {
@@ -103,14 +118,16 @@ void ContactAudit::compare(std::vector<Seen>& now, double dt) {
       continue;
     }
     ++counts_.appeared;
-    const double one_update_ago = one->contact.separation - one->v_n * dt;
+    const double one_update_ago = one->contact.separation - one->v_n * dt +
+                                  blow(one->v_n - v_n_with(*one, bodies_before_), dt);
     counts_.late += one_update_ago < epsilon_ - std::min(kLate, epsilon_ / 2);
   }
   for (const Seen& before : before_) {
     if (before.goes_on) continue;
     const Vector3 c = before.contact.p_WC + dt * before.contact.v_WC;
     const double separation = before.contact.n_W.dot(tool_point(before) - c);
-    counts_.vanished += separation < std::min(epsilon_, counts_.seen_from) / 2;
+    const double farthest = separation + blow(v_n_with(before, bodies) - before.v_n, dt);
+    counts_.vanished += farthest < std::min(epsilon_, counts_.seen_from) / 2;
   }
 }
 

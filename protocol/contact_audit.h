@@ -50,14 +50,18 @@ class ContactAudit {
   };
 
   std::vector<Seen> see(const ContactUpdate& update);
-  void compare(std::vector<Seen>& now, double dt);
+  void compare(std::vector<Seen>& now, const MovableBodies& bodies, double dt);
   /// The same identity in both.
   void compare(const Seen& before, const Seen& now, double dt);
   Vector3 tool_point(const Seen& seen) const;
+  /// Seen::v_n with the body as another update has it. A body that is not in it may have been hit
+  /// in between: it went the other way, as the tool sees it.
+  static double v_n_with(const Seen& seen, const MovableBodies& bodies);
 
   ToolModel tool_;
   double epsilon_;
   std::vector<Seen> before_;
+  MovableBodies bodies_before_;
   double time_ = 0;  ///< Of `before_`, s.
   ContactCounts counts_;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <string>
 
 #include "tests/support/catch.h"
@@ -185,6 +186,41 @@ TEST_CASE("A body that is hit between two updates moves as its velocities say") 
     CHECK(finding.subject != std::string("separation"));
     CHECK(finding.subject != std::string("normal"));
   }
+}
+
+TEST_CASE("A body that is hit between two updates comes and goes as it may") {
+  protocol::ContactAudit audit(box(), kEpsilon);
+  for (int frame = 1; frame <= 600; ++frame) {
+    // Below a tool that rests: up, a blow, down again, with each contact sent while it is near.
+    constexpr double kTurn = 0.031;  // s: between two blows, and from a blow to the lowest place
+    constexpr double kSpeed = 0.6;   // m/s
+    const double time = frame * kPeriod;
+    const double phase = std::fmod(time, 2 * kTurn);
+    ContactUpdate update = good_update(std::numbers::pi / 4);
+    update.ve_time = time;
+    update.v_VE.setZero();
+    const double distance = kSpeed * std::min(phase, 2 * kTurn - phase);
+    const Vector3 v_WC(0, 0, phase < kTurn ? -kSpeed : kSpeed);
+    MovableBody& body = update.bodies.emplace_back();
+    body.id = 7;
+    body.V_W.head<3>() = v_WC;
+    const double height = update.q_VE[2] - kHalf;
+    update.contacts = good_update(1e-9).contacts;
+    for (ReportedContact& contact : update.contacts) {
+      contact.b = {SideKind::kMovableBody, 7};
+      contact.p_WC.z() = height - distance;
+      contact.separation = distance;
+      contact.v_WC = v_WC;
+    }
+    if (distance > kEpsilon) {
+      update.contacts.clear();
+      update.bodies.clear();
+    }
+    audit.add(update);
+  }
+  CHECK(audit.counts().appeared > 100);
+  CHECK(audit.counts().late == 0);
+  CHECK(audit.counts().vanished == 0);
 }
 
 TEST_CASE("A session without contacts is too short to tell") {
