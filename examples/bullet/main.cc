@@ -22,7 +22,7 @@
 
 namespace {
 
-constexpr double kStepRate = 480;  // Hz, of Bullet's steps, at least one in a frame
+constexpr double kStep = 1.0 / 480;  // s, of Bullet's steps, at least one in a frame
 
 /// A Bullet world and what it is made of.
 class World {
@@ -104,20 +104,21 @@ Scene make(std::string_view name, World& world) {
 
 void simulate(std::string_view name, const char* server, double seconds, double rate) {
   const double period = 1 / rate;
-  const int substeps = std::max(1, static_cast<int>(std::lround(kStepRate / rate)));
   World world;
   const Scene scene = make(name, world);
   hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
   hlm::bullet::Options options;
   options.server = hlm::protocol::resolve(server);
   options.period = period;
+  options.step = std::min(kStep, period);
   hlm::bullet::Session touch(socket, world.bullet(), *scene.tool, options);
 
   const auto start = std::chrono::steady_clock::now();
   const int frames = static_cast<int>(seconds * rate);
   for (int frame = 1; frame <= frames; ++frame) {
-    touch.drive();
-    world.bullet().stepSimulation(btScalar(period), substeps, btScalar(period / substeps));
+    const int steps = touch.drive();
+    world.bullet().stepSimulation(btScalar(steps * options.step), steps + 1,
+                                  btScalar(options.step));
     touch.send();
     if (frame % std::max(1, static_cast<int>(rate / 2)) == 0) {
       const btVector3 body =

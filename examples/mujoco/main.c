@@ -127,16 +127,16 @@ static size_t find_contacts(haptic_contact* contacts) {
   return count;
 }
 
-/* The tool's impulses act during the whole frame. */
-static void push(haptic_session* touch) {
+/* The tool's impulses act during the whole frame of `period` seconds. */
+static void push(haptic_session* touch, double period) {
   haptic_impulse impulses[HAPTIC_MAX_BODIES];
-  const size_t count = haptic_take_impulses(touch, 1.0 / RATE, impulses);
+  const size_t count = haptic_take_impulses(touch, period, impulses);
   size_t i;
   int k;
   mju_zero(data->xfrc_applied, 6 * model->nbody);
   for (i = 0; i < count; ++i) {
     for (k = 0; k < 6; ++k) {
-      data->xfrc_applied[6 * impulses[i].body + (unsigned)k] = impulses[i].impulse[k] * RATE;
+      data->xfrc_applied[6 * impulses[i].body + (unsigned)k] = impulses[i].impulse[k] / period;
     }
   }
 }
@@ -154,9 +154,8 @@ static int simulate(haptic_session* touch, const haptic_options* options, double
   haptic_state state = {0};
   double q[7], v[6] = {0};
   struct timespec time;
-  const int frames = (int)(seconds * RATE),
-            substeps = (int)(1.0 / RATE / model->opt.timestep + 0.5);
-  int frame, i, brick = mj_name2id(model, mjOBJ_BODY, "brick");
+  const int frames = (int)(seconds * RATE);
+  int frame, i, steps, brick = mj_name2id(model, mjOBJ_BODY, "brick");
   mju_copy(q, options->q, 7);
   clock_gettime(CLOCK_MONOTONIC, &time);
   for (frame = 1; frame <= frames; ++frame) {
@@ -166,18 +165,20 @@ static int simulate(haptic_session* touch, const haptic_options* options, double
       mju_copy(q, state.q, 7);
       mju_copy(v, state.v, 6);
     }
-    push(touch);
-    for (i = 0; i < substeps; ++i) {
+    /* As many as bring MuJoCo's time up to the hand's, also after a frame that came late. */
+    steps = haptic_take_steps(touch, model->opt.timestep);
+    if (steps > 0) push(touch, steps * model->opt.timestep);
+    for (i = 0; i < steps; ++i) {
       drive(q, v);
       mj_step(model, data);
     }
     drive(q, v);
     mj_forward(model, data); /* contacts and loads of this very moment */
-    if (haptic_sample(touch, q, v, 1.0 / RATE) != 0) break;
+    if (steps > 0 && haptic_sample(touch, q, v, steps * model->opt.timestep) != 0) break;
     contact_count = find_contacts(contacts);
     body_count = find_bodies(contacts, contact_count, bodies);
     haptic_track(touch, contacts, contact_count, bodies, body_count);
-    if (haptic_send(touch, contacts, contact_count, bodies, body_count) < 0) break;
+    if (steps > 0 && haptic_send(touch, contacts, contact_count, bodies, body_count) < 0) break;
     if (frame % (RATE / 2) == 0) {
       printf("%s tool %.4f %.4f %.4f force %.3f %.3f %.3f brick %.4f contacts %d\n",
              state.connected    ? "connected"

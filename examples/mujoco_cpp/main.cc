@@ -33,14 +33,12 @@ void simulate(const char* scene, const char* server, double seconds) {
   options.period = 1 / kRate;
   hlm::mujoco::Session touch(socket, *model, *data, "tool", options);
 
-  const int substeps =
-      std::max(1, static_cast<int>(std::lround(options.period / model->opt.timestep)));
   const auto start = std::chrono::steady_clock::now();
   const int frames = static_cast<int>(seconds * kRate);
   const int last = model->nbody - 1;
   for (int frame = 1; frame <= frames; ++frame) {
-    touch.drive();
-    for (int i = 0; i < substeps; ++i) mj_step(model.get(), data.get());
+    const int steps = touch.drive();
+    for (int i = 0; i < steps; ++i) mj_step(model.get(), data.get());
     touch.send();
     if (frame % static_cast<int>(kRate / 2) == 0) {
       const double* p = data->xipos + 3 * last;

@@ -12,7 +12,7 @@ import haptic.mujoco
 import mujoco
 import mujoco.viewer
 
-PERIOD, SUBSTEPS = 1 / 60, 8  # s, of a frame; and MuJoCo's steps in it
+PERIOD = 1 / 60  # s, of a frame
 
 model = mujoco.MjModel.from_xml_path(str(pathlib.Path(__file__).with_name("scene.xml")))
 data = mujoco.MjData(model)
@@ -21,8 +21,7 @@ with haptic.mujoco.Session(model, data, tool="tool", period=PERIOD, contacts="sh
     frame, start = 0, time.monotonic()
     while viewer.is_running():
         touch.hold(data.mocap_pos[0], data.mocap_quat[0])
-        touch.drive(data)
-        for _ in range(SUBSTEPS):
+        for _ in range(touch.drive(data)):
             mujoco.mj_step(model, data)
         touch.send(data)
         viewer.sync()

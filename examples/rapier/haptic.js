@@ -70,6 +70,7 @@ function load() {
     poll: library.func('void haptic_poll(haptic_session* session, _Inout_ haptic_state* state)'),
     takeImpulses: library.func(
       'size_t haptic_take_impulses(haptic_session* session, double period, _Out_ haptic_impulse* impulses)'),
+    takeSteps: library.func('int haptic_take_steps(haptic_session* session, double step)'),
     sample: library.func(
       'int haptic_sample(haptic_session* session, const double* q, const double* v, double period)'),
     track: library.func('void haptic_track(haptic_session* session, _Inout_ haptic_contact* contacts, size_t count, ' +
@@ -110,6 +111,14 @@ export class Session {
   poll() {
     library().poll(this.#session, this.#state);
     return this.#state;
+  }
+
+  /** For an engine in real time: how many of its steps, of `step` seconds, are due in the frame that begins. After
+   * poll(). With 0 there is nothing to do in this one. */
+  takeSteps(step) {
+    const steps = library().takeSteps(this.#session, step);
+    if (steps < 0) this.#fail();
+    return steps;
   }
 
   /** For a step of `period` seconds that begins: a list of { body, impulse }. */

@@ -2,9 +2,9 @@
 //
 //   const touch = new Session(world, tool, { server: '127.0.0.1:47800', period: 1 / 60 });
 //   while (running) {
-//     touch.drive();               // proxy pose onto the tool, impulses onto bodies
-//     world.step();                // once or more often
-//     touch.send();                // contacts within epsilon, and what the tool can push
+//     let steps = touch.drive();       // proxy pose onto the tool, impulses onto bodies
+//     while (steps-- > 0) world.step();
+//     touch.send();                    // contacts within epsilon, and what the tool can push
 //   }
 //   touch.close();
 import RAPIER from '@dimforge/rapier3d-compat';
@@ -48,8 +48,7 @@ function configuration(body) {
 export class Session {
   #world;
   #tool;
-  #period;
-  #frame; // Period of the present one, s.
+  #frame = 0; // Length of the present one's steps, s.
   #near;
   #client;
   #q;
@@ -62,12 +61,11 @@ export class Session {
   #pushes = [];
   #sent = 0;
 
-  /** `tool`: a dynamic body. `period`: of the frames, s. `epsilon`: contacts are sent from this separation on, m. Other
+  /** `tool`: a dynamic body. `period`: about that of the frames, s. `epsilon`: contacts are sent from this separation on, m. Other
    * options are those of haptic_options. */
   constructor(world, tool, { period, epsilon = 0.005, ...options }) {
     this.#world = world;
     this.#tool = tool;
-    this.#period = this.#frame = period;
     const link = linkOf(tool);
     this.#q = configuration(tool);
     this.#client = new Client({
@@ -84,8 +82,9 @@ export class Session {
   }
 
   /** Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for all of its steps.
-   * `period`: of this frame, s, if it makes up for lost time. */
-  drive(period = this.#period) {
+   * Returns how many steps to take: they bring the world's time up to the hand's, so frames may come late. 0 where less
+   * than a step has passed. */
+  drive() {
     this.#takeBackPushes(); // of a frame that was not sent
     const state = this.#client.poll();
     this.#state = state;
@@ -94,20 +93,24 @@ export class Session {
       this.#v = [...state.v.slice(0, 6)];
     }
     if (!state.connected) this.#answered = 0;
-    if (this.#answered > 0 || state.fresh) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
+    const steps = this.#client.takeSteps(this.#world.timestep);
+    this.#frame = steps * this.#world.timestep;
+    const handsOver = steps > 0 && (this.#answered > 0 || state.fresh);
+    if (handsOver) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
     this.#place();
-    this.#frame = period;
-    for (const { body, impulse } of this.#client.takeImpulses(period)) {
+    for (const { body, impulse } of this.#client.takeImpulses(this.#frame)) {
       const pushed = this.#reported.get(body);
       if (!pushed?.isValid() || !pushed.isDynamic()) continue;
-      this.#pushes.push([pushed, scale(1 / period, [...impulse])]);
+      this.#pushes.push([pushed, scale(1 / this.#frame, [...impulse])]);
     }
     this.#push(1);
+    return steps;
   }
 
   /** After a frame: what is near the tool. Throws where something in Rapier's state is out of a server's range. */
   send() {
     this.#takeBackPushes();
+    if (this.#frame === 0) return;
     this.#client.sample(this.#q, this.#v, this.#frame);
     const contacts = this.#contacts();
     const bodies = this.#bodies(contacts);

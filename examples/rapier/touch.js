@@ -7,7 +7,6 @@
 import RAPIER from '@dimforge/rapier3d-compat';
 import { Session } from './session.js';
 
-const LONGEST_FRAME = 0.5; // s
 const STEP_RATE = 120; // Hz, of Rapier's steps, at least one in a frame
 const CM = 0.01;
 const PRINTED = 0.5; // s, from line to line
@@ -69,29 +68,23 @@ function simulate(name, server, seconds, rate) {
   const world = new RAPIER.World({ x: 0, y: 0, z: -9.81 });
   const { tool, body } = make(name, world);
   const period = 1 / rate;
-  const steps = Math.max(1, Math.round(STEP_RATE / rate));
-  world.timestep = period / steps;
+  world.timestep = Math.min(1 / STEP_RATE, period);
   world.step(); // The first one takes 0.1 s, to be compiled.
   const touch = new Session(world, tool, { server, period });
   try {
-    play(touch, world, { period, steps, frames: Math.floor(seconds * rate) }, body);
+    play(touch, world, { period, frames: Math.floor(seconds * rate) }, body);
   } finally {
     touch.close();
   }
 }
 
-function play(touch, world, { period, steps, frames }, body) {
+function play(touch, world, { period, frames }, body) {
   const start = performance.now();
   const printed = Math.max(1, Math.floor(PRINTED / period));
-  const most = Math.max(1, Math.floor(LONGEST_FRAME / period));
-  for (let frame = 0; frame < frames;) {
-    const late = Math.floor((performance.now() - start) / (1000 * period) - frame);
-    const due = Math.min(Math.max(1, 1 + late), most, frames - frame); // A body must fall for as long as it is borne.
-    touch.drive(due * period);
-    for (let step = 0; step < due * steps; ++step) world.step();
+  for (let frame = 1; frame <= frames; ++frame) {
+    for (let steps = touch.drive(); steps > 0; --steps) world.step();
     touch.send();
-    frame += due;
-    if (frame % printed < due) report(touch, body);
+    if (frame % printed === 0) report(touch, body);
     sleepUntil(start + 1000 * frame * period);
   }
 }

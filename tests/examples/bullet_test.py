@@ -5,7 +5,6 @@ Usage: bullet_test.py HAPTIC_SERVER EXAMPLE
 """
 
 import pathlib
-import subprocess
 import sys
 import unittest
 
@@ -18,10 +17,9 @@ from touch_tasks import TouchTasks  # noqa: E402
 
 class Touch(TouchTasks, unittest.TestCase):
     @staticmethod
-    def play(scene, seconds, hand, *options, rate=60):
-        return hand_session.play(SERVER, hand, options, lambda address: subprocess.run(
-            [EXAMPLE, scene, address, str(seconds), str(rate)], stdout=subprocess.PIPE, text=True, check=True,
-            timeout=60).stdout)
+    def play(scene, seconds, hand, *options, rate=60, stall=0):
+        return hand_session.play(SERVER, hand, options, lambda address: hand_session.run(
+            [EXAMPLE, scene, address, str(seconds), str(rate)], stall))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ Usage: mujoco_python_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER
 import os
 import pathlib
 import socket
+import statistics
 import sys
 import tempfile
 import time
@@ -40,21 +41,22 @@ BRICK = ('<body name="brick" pos="0.08 0 0.02"><freejoint/><geom type="box" size
          ' friction="0.4 0 0" priority="1"/></body>')
 
 
-def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, contacts="engine"):
-    """Runs the loop of the module's first lines. Returns the ticks of the server, and all that was measured."""
+def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, contacts="engine", stall=0):
+    """Runs the loop of the module's first lines, which stands still for `stall` seconds now and then. Returns the ticks of
+    the server, and all that was measured."""
     measured = []
     model, data = loaded(scene)
     with hand_session.server(SERVER, hand, *options) as server:
-        substeps = round(1 / rate / model.opt.timestep)
         with haptic.mujoco.Session(model, data, tool="tool", period=1 / rate, binding=mujoco, contacts=contacts,
                                    server=server.address) as touch:
             start = time.monotonic()
             for frame in range(1, int(seconds * rate) + 1):
-                touch.drive(data)
-                for _ in range(substeps):
+                for _ in range(touch.drive(data)):
                     mujoco.mj_step(model, data)
                 touch.send(data)
                 measured.append(measure(data))
+                if stall and frame % (rate // 2) == 0:
+                    time.sleep(stall)
                 time.sleep(max(0, start + frame / rate - time.monotonic()))
         return server.ticks(), measured
 
@@ -121,6 +123,54 @@ class Touch(unittest.TestCase):
         self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
 
 
+class Time(unittest.TestCase):
+    """A cube of 0.3 kg on a tray is lifted by 40 mm and carried to the side, by a loop that is slow, late or both."""
+
+    TOOL = 'type="box" size="0.05 0.05 0.005"'
+    CUBE = '<body name="cube" pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
+
+    def lift(self, *, step, rate, stall=0):
+        scene = SCENE.format(step=step, height=0.05, tool=self.TOOL, bodies=self.CUBE)
+        hand = hand_session.reach(1, 0, 0.06) + hand_session.reach(1.5, 0, 0.1) + hand_session.reach(1, 0.03, 0.1)
+        ticks, measured = play(
+            4.4, scene, hand, lambda data: (time.monotonic(), data.time, data.xipos[2][2] - data.xipos[1][2] - 0.025),
+            rate=rate, stall=stall, contacts="shapes")
+        self.is_carried(ticks, [gap for _, _, gap in measured[rate:]],
+                        f"step {1e3 * step:g} ms, {rate} Hz, stalls of {1e3 * stall:g} ms")
+        return measured[rate:]
+
+    def is_carried(self, ticks, gaps, how):
+        weight = (0.3 + 0.1) * GRAVITY  # N, of cube and tool
+        least, most = hand_session.extremes(ticks, "env_force_z_N", 1.2, 3.9)
+        jump = hand_session.largest_jump(ticks, 1.2, 3.9)
+        print(f"{how}: cube {1e3 * min(gaps):.1f} to {1e3 * max(gaps):.1f} mm above the tray, at last "
+              f"{1e3 * gaps[-1]:.1f} mm; force {-most:.2f} to {-least:.2f} N, at most {jump:.3f} N in an update")
+        self.assertLess(-least, weight + 1)
+        self.assertGreater(-most, weight - 1)
+        self.assertLess(max(gaps), 0.003)  # m: it is not thrown up
+        self.assertLess(jump, 0.3)         # N
+        self.assertAlmostEqual(statistics.median(gaps[-10:]), 0, delta=0.008)  # m: it has not fallen through
+
+    def test_a_cube_is_carried_at_every_rate_of_the_user_s_loop(self):
+        for step, rate in ((0.002, 50), (0.002, 60), (0.002, 25), (0.004, 144)):
+            with self.subTest(step=step, rate=rate):
+                real, simulated, _ = zip(*self.lift(step=step, rate=rate))
+                self.assertAlmostEqual(simulated[-1] - simulated[0], real[-1] - real[0], delta=0.1)  # s
+
+    def test_a_cube_stays_on_the_tray_while_the_loop_stalls(self):
+        for stall in (0.03, 0.1, 0.3):
+            with self.subTest(stall=stall):
+                self.lift(step=0.002, rate=RATE, stall=stall)
+
+    def test_who_takes_other_steps_is_told_so(self):
+        model, data = loaded(SCENE.format(step=0.002, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
+        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, server="127.0.0.1:9") as touch:
+            self.assertEqual(touch.drive(data), 8)  # of a frame at 60 Hz
+            mujoco.mj_step(model, data)
+            with self.assertWarnsRegex(UserWarning, "returned 8 steps, and 1 were taken"):
+                touch.send(data)
+
+
 class Hand(unittest.TestCase):
     """Of the simulated device of the session's own server."""
 
@@ -137,8 +187,7 @@ class Hand(unittest.TestCase):
                     touch.release()
                 elif frame < RATE:
                     touch.hold((0, 0, 0.015))
-                touch.drive(data)
-                for _ in range(8):
+                for _ in range(touch.drive(data)):
                     mujoco.mj_step(model, data)
                 touch.send(data)
                 forces.append(touch.touch.force[2])

@@ -17,10 +17,9 @@ import hand_session  # noqa: E402
 from touch_tasks import TouchTasks  # noqa: E402
 
 
-def run(*command):
+def run(*command, stall=0):
     """Its output."""
-    return subprocess.run(["node", *command], stdout=subprocess.PIPE, text=True, check=True, timeout=60,
-                          env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY)}).stdout
+    return hand_session.run(["node", *command], stall, env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY)})
 
 
 class Contacts(unittest.TestCase):
@@ -48,9 +47,9 @@ class Touch(TouchTasks, unittest.TestCase):
     largest_deviation_of_load = 0.1  # N
 
     @staticmethod
-    def play(scene, seconds, hand, *options, rate=60):
+    def play(scene, seconds, hand, *options, rate=60, stall=0):
         return hand_session.play(SERVER, hand, options,
-                                 lambda address: run(EXAMPLE, scene, address, str(seconds), str(rate)))
+                                 lambda address: run(EXAMPLE, scene, address, str(seconds), str(rate), stall=stall))
 
 
 if __name__ == "__main__":

@@ -4,10 +4,12 @@ import contextlib
 import csv
 import pathlib
 import re
+import signal
 import socket
 import statistics
 import subprocess
 import tempfile
+import time
 
 STIFFNESS = 400  # N/m, of the hand
 GRIP = f"""after = "hold"
@@ -22,6 +24,7 @@ max_torque = 0.3
 PATIENCE = 10  # s
 ATTEMPTS = 3
 LATE = 0.04  # s between two updates: more than two frames
+BETWEEN_STALLS = 0.5  # s
 
 
 def reach(seconds, x, z):
@@ -80,6 +83,13 @@ def mean(ticks, column, begin, end):
     return statistics.mean(chosen), statistics.pstdev(chosen)
 
 
+def extremes(ticks, column, begin, end):
+    """Least and largest from `begin` to `end`, s since force was on."""
+    start = float(ticks[0]["time_s"])
+    chosen = [float(row[column]) for row in ticks if begin <= float(row["time_s"]) - start < end]
+    return min(chosen), max(chosen)
+
+
 def largest_jump(ticks, begin, end):
     """Largest change of the contact force in a step that takes an update, N, from `begin` to `end`, s."""
     start = float(ticks[0]["time_s"])
@@ -96,6 +106,31 @@ def play(program, hand, options, example):
         printed = example(running.address)
         ticks = running.ticks()
     return ticks, [[float(x) for x in place] for place in re.findall(r"body at \((\S+), (\S+), (\S+)\)", printed)]
+
+
+def run(command, stall=0, **options):
+    """What a program prints that stands still for `stall` seconds now and then."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **options) as program:
+        try:
+            while stall > 0 and not _ends_within(program, BETWEEN_STALLS):
+                program.send_signal(signal.SIGSTOP)
+                time.sleep(stall)
+                program.send_signal(signal.SIGCONT)
+            printed, _ = program.communicate(timeout=60)
+        except BaseException:
+            program.kill()
+            raise
+    if program.returncode != 0:
+        raise subprocess.CalledProcessError(program.returncode, command)
+    return printed
+
+
+def _ends_within(program, seconds):
+    try:
+        program.wait(seconds)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
 
 
 def longest_wait(ticks):

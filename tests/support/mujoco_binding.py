@@ -25,7 +25,7 @@ MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeo
          "exclude_signature": ("int*", "nexclude", 1), "npair": ("int", None), "pair_geom1": ("int*", "npair", 1), "pair_geom2": ("int*", "npair", 1),
          "pair_margin": ("double*", "npair", 1), "pair_gap": ("double*", "npair", 1),
          "jnt_bodyid": ("int*", "njnt", 1), "jnt_limited": ("byte*", "njnt", 1), "nmocap": ("int", None)}
-DATA = {"ncon": ("int", None), "qpos": ("double*", "nq", 1), "qvel": ("double*", "nv", 1),
+DATA = {"ncon": ("int", None), "time": ("double", None), "qpos": ("double*", "nq", 1), "qvel": ("double*", "nv", 1),
         "xipos": ("double*", "nbody", 3), "xpos": ("double*", "nbody", 3), "xfrc_applied": ("double*", "nbody", 6),
         "qacc_smooth": ("double*", "nv", 1), "efc_force": ("double*", "njmax", 1),
         "geom_xpos": ("double*", "ngeom", 3), "geom_xmat": ("double*", "ngeom", 9),

@@ -1,10 +1,10 @@
 """What an example of an engine shall let a hand feel: a box presses, slides, pushes, lifts and enters a hole.
 
-A subclass, which is also a unittest.TestCase, has `play(scene, seconds, hand, *options, rate=60)`, which returns the ticks
-with force on and where the body was every half second, m.
+A subclass, which is also a unittest.TestCase, has `play(scene, seconds, hand, *options, rate=60, stall=0)`, which
+returns the ticks with force on and where the body was every half second, m. stall: see hand_session.run().
 """
 
-from hand_session import largest_jump, mean, on_time, push, reach
+from hand_session import extremes, largest_jump, mean, on_time, push, reach
 
 STIFFNESS = 4000  # N/m, of each contact: the server's default
 GRAVITY = 9.81  # m/s²
@@ -17,6 +17,7 @@ class TouchTasks:
     largest_jump_of_bodies = 0.15  # N
     largest_deviation_of_brick = 0.1  # N
     largest_deviation_of_load = 0.01  # N, of a body that is carried
+    largest_error_after_stall = 1.5  # N
 
     def rests(self, ticks, column, force, begin, end):
         """It is that force, N, still, and updates change nothing."""
@@ -68,6 +69,16 @@ class TouchTasks:
         self.assertLess(deviation, self.largest_deviation_of_load)
         self.assertLess(largest_jump(ticks, 1, 3.3), self.largest_jump_of_bodies)  # after the tool met it
         self.assertGreater(track[-1][2], 0.095)     # m: 15 mm above the rails
+
+    def test_a_body_that_is_lifted_stays_on_the_tool_while_its_world_stalls(self):
+        weight = 0.3 * GRAVITY  # N
+        for stall in (0.03, 0.1, 0.3):
+            with self.subTest(stall=stall):
+                ticks, track = self.play("tray", 5, reach(2, 0, 0.085), stall=stall)
+                least, most = extremes(ticks, "env_force_z_N", 1.2, 4)
+                self.assertGreater(-most, weight - self.largest_error_after_stall)
+                self.assertLess(-least, weight + self.largest_error_after_stall)
+                self.assertGreater(track[-1][2], 0.095)     # m: 15 mm above the rails
 
     def test_a_peg_in_a_hole_with_a_tenth_of_a_millimetre_on_each_side_rests_on_its_walls(self):
         ticks, _ = self.play("hole", 4.4, reach(0.8, 0, 0.06) + reach(0.8, 0, 0.035) + push(1, 2, 0) + push(1.5, -2, 0),

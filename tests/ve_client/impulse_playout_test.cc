@@ -51,5 +51,27 @@ TEST_CASE("Where reports stay away the bodies' time goes on, and what was due fo
   CHECK(playout.taken(7)[2] == Approx(kForce * 1e-3 * (23 - kTouch) * kFrame).epsilon(0.02));
 }
 
+TEST_CASE(
+    "A world that stood still gives its bodies nothing of that time, and no frame gets more") {
+  ImpulsePlayout playout;
+  for (int frame = 1; frame <= 20; ++frame) {
+    playout.receive(report(frame));
+    force(playout);
+  }
+  playout.skip();
+  const double before = playout.step();
+  int taken = 0;
+  for (int frame = 30; frame < 40; ++frame) {
+    playout.receive(report(frame));
+    if (playout.reported() < kFrame) continue;
+    CHECK(force(playout) == Approx(kForce).epsilon(0.03));
+    ++taken;
+  }
+  CHECK(taken >= 9);
+  // The server is told that the bodies have what it counts of the time that was left out.
+  CHECK(playout.step() - before == Approx((taken + 10) * kFrame).epsilon(0.01));
+  CHECK(playout.taken(7)[2] == Approx(kForce * 1e-3 * (playout.step() - kTouch * kFrame)));
+}
+
 }  // namespace
 }  // namespace hlm

@@ -272,6 +272,14 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
   state->gripper = proxy.gripper;
 }
 
+int haptic_take_steps(haptic_session* session, double step) {
+  if (!(step > 0 && step < 1e6)) {
+    session->error = "step (s) must be > 0";
+    return -1;
+  }
+  return session->client->take_steps(step);
+}
+
 std::size_t haptic_take_impulses(haptic_session* session, double period, haptic_impulse* impulses) {
   std::size_t count = 0;
   if (!(period > 0 && period < 1e6)) return 0;

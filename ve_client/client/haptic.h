@@ -171,6 +171,10 @@ HAPTIC_API void haptic_close(haptic_session* session);
 
 /* Once per step, before it. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
+/* For an engine in real time: how many of its steps, of `step` seconds, the frame that begins is
+ * due, after haptic_poll(). It makes up for a frame that came late. 0: nothing to take, to sample
+ * and to send in this one; -1 with haptic_error() if `step` is not > 0. */
+HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
 /* The impulses for a step of `period` seconds that begins. Returns how many, at most
  * HAPTIC_MAX_BODIES, which `impulses` must hold. */
 HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,

@@ -16,26 +16,42 @@ protocol::ClientSessionOptions session_options(const HapticClientOptions& option
   return session;
 }
 
+/// Silence time where there is no server, s.
+constexpr double kSilenceAlone = 0.1;
+
 }  // namespace
 
 HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options)
-    : session_(link, session_options(options)) {}
+    : session_(link, session_options(options)),
+      world_time_(1 / options.ve_rate),
+      ve_rate_(options.ve_rate) {}
 
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
   if (inbox.welcomed || inbox.lost) playout_.reset();
   if (inbox.state != nullptr) playout_.hear(inbox.state->step);
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
+  const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
+  stood_still_ = !world_time_.begin_frame(now, silence_time);
   return inbox;
+}
+
+int HapticClient::take_steps(double step) noexcept {
+  in_real_time_ = true;
+  if (stood_still_) playout_.skip();
+  const double reported = connected() ? playout_.reported() / welcome().servo_rate : kSilenceAlone;
+  return world_time_.take_steps(step, reported);
 }
 
 DueImpulses HapticClient::take_impulses(double period) {
   if (!connected()) return {};
-  return playout_.take(period * welcome().servo_rate);
+  const double usual = in_real_time_ ? 1 / ve_rate_ : 0;
+  return playout_.take(period * welcome().servo_rate, usual * welcome().servo_rate);
 }
 
 void HapticClient::sample(double now, const Configuration& q, const Velocity& v, double period) {
   sampled_at_ = now;
+  world_time_.end_steps(now, period);
   update_.ve_time += period;
   update_.ve_period = period;
   update_.q_VE = q;

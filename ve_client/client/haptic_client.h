@@ -9,6 +9,7 @@
 #include "common/tool_model.h"
 #include "protocol/client_session.h"
 #include "ve_client/client/impulse_playout.h"
+#include "ve_client/client/world_time.h"
 
 namespace hlm {
 
@@ -36,6 +37,10 @@ class HapticClient {
   /// Inbox::state is the newest proxy state, null if none came since the last call; draw the tool
   /// toward its q (and q̇).
   Inbox poll(double now);
+  /// Of an engine in real time: how many steps of `step` seconds the frame that begins is due,
+  /// after poll(). It makes up for a frame that came late; it may be none, and then there is
+  /// nothing to take, to sample and to send.
+  int take_steps(double step) noexcept;
   /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) for a
   /// step of H = `period` seconds that begins. It must apply them, P/H as a wrench on the body: the
   /// next update says that its bodies contain them. Nothing else of the tool may push those bodies.
@@ -68,6 +73,10 @@ class HapticClient {
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Of the latest sample.
   ImpulsePlayout playout_;
+  WorldTime world_time_;
+  double ve_rate_;             ///< Hz.
+  bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
+  bool stood_still_ = false;   ///< Its world does not make up for the time before this frame.
   double sampled_at_ = 0;
 };
 

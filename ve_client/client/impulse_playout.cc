@@ -29,6 +29,7 @@ void ImpulsePlayout::reset() { *this = {}; }
 
 void ImpulsePlayout::hear(std::uint64_t step) {
   newest_ = std::max(newest_, static_cast<double>(step));
+  if (gap_ && gap_->end == gap_->begin) gap_->end = newest_;
 }
 
 void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
@@ -41,38 +42,80 @@ void ImpulsePlayout::receive(const protocol::Impulses& impulses) {
   reports_.push_back(std::move(report));
 }
 
-DueImpulses ImpulsePlayout::take(double steps) {
+DueImpulses ImpulsePlayout::take(double steps, double usual) {
   if (!(steps > 0)) return {};
-  advance(steps);
-  forget_played();
+  DueImpulses due;
+  double step = next_step(steps, std::max(steps, usual));
+  if (gap_ && gap_->end > gap_->begin && step >= gap_->begin) {
+    advance_to(gap_->begin);
+    give(due);
+    const double length = gap_->end - gap_->begin;
+    advance_to(step_ + length);
+    for (const auto& [body, P] : totals()) taken_[body] = P;
+    step += length;
+    gap_.reset();
+  }
+  advance_to(step);
+  give(due);
+  return due;
+}
+
+void ImpulsePlayout::skip() {
+  if (!gap_) gap_ = Gap{newest_, newest_};
+}
+
+double ImpulsePlayout::reported() const {
+  const double left_out = gap_ ? gap_->end - gap_->begin : 0;
+  return newest_ - left_out - step_;
+}
+
+/// Adds what bodies get up to step_.
+void ImpulsePlayout::give(DueImpulses& due) {
+  for (const auto& [body, P] : totals()) {
+    Vector6& taken = taken_.try_emplace(body, Vector6::Zero()).first->second;
+    if (P == taken) continue;
+    auto item = std::ranges::find(due, body, &protocol::BodyImpulse::body);
+    if (item == due.end()) {
+      if (due.size() == due.capacity()) break;
+      due.push_back({body, Vector6::Zero()});
+      item = due.end() - 1;
+    }
+    item->P_W += P - taken;
+    taken = P;
+  }
+}
+
+ImpulsePlayout::Totals ImpulsePlayout::totals() const {
   const Report& before = reports_.front();
   const Report& after = reports_.size() > 1 ? reports_[1] : before;
   const double span = after.step - before.step;
   const double part = span > 0 ? std::clamp((step_ - before.step) / span, 0.0, 1.0) : 1;
-
-  DueImpulses due;
+  Totals totals;
   for (const auto& [body, P_W] : after.totals) {
     const Vector6 P_before = total(before.totals, body);
-    const Vector6 P = P_before + part * (P_W - P_before);
-    Vector6& taken = taken_.try_emplace(body, Vector6::Zero()).first->second;
-    if (P == taken) continue;
-    if (due.size() == due.capacity()) break;
-    due.push_back({body, P - taken});
-    taken = P;
+    totals[body] = P_before + part * (P_W - P_before);
   }
-  return due;
+  return totals;
 }
 
 Vector6 ImpulsePlayout::taken(std::uint32_t body) const { return total(taken_, body); }
 
-void ImpulsePlayout::advance(double steps) {
-  const double before = step_;
-  const double behind = (newest_ - step_) / steps - 1 - kLag;
+/// frame: what distances are measured in, steps.
+double ImpulsePlayout::next_step(double steps, double frame) {
+  const double behind = (reported() - steps) / frame - kLag;
   const double astray = behind - std::clamp(behind, -kJitter, kJitter);
-  step_ += steps * (1 + std::clamp(kGain * astray, -kLargestSkew, kLargestSkew));
+  double step = step_ + steps * (1 + std::clamp(kGain * astray, -kLargestSkew, kLargestSkew));
   const bool nothing_due = idle_ && reports_.back().totals == taken_;
-  if (nothing_due || behind > kLargestLag) step_ = newest_ - kLag * steps;
-  step_ = std::clamp(step_, before, std::max(before, newest_ + kLargestLag * steps));
+  if (nothing_due || behind > kLargestLag) {
+    step = newest_ - kLag * frame;
+    gap_.reset();
+  }
+  return std::clamp(step, step_, std::max(step_, step_ + reported() + kLargestLag * frame));
+}
+
+void ImpulsePlayout::advance_to(double step) {
+  step_ = std::max(step_, step);
+  forget_played();
 }
 
 /// Keeps the newest report that step_ has passed, and those after it.

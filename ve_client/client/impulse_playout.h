@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <optional>
 
 #include "protocol/messages.h"
 
@@ -23,8 +24,14 @@ class ImpulsePlayout {
   /// The server is known to have come to this step of its loop.
   void hear(std::uint64_t step);
   void receive(const protocol::Impulses& totals);
-  /// A frame of so many steps of the server begins: what is due in it.
-  DueImpulses take(double steps);
+  /// The environment's time stood still from the newest report to the next: what came in between is
+  /// left out, as bodies do not get what they had no time for.
+  void skip();
+  /// Steps of the server that are known and were not taken yet.
+  double reported() const;
+  /// A frame of so many steps of the server begins: what is due in it. usual: steps of most frames,
+  /// if this one may be much shorter.
+  DueImpulses take(double steps, double usual = 0);
 
   /// Step of the server up to which impulses were taken, as far as they were reported; may lie
   /// between two.
@@ -39,7 +46,17 @@ class ImpulsePlayout {
     Totals totals;
   };
 
-  void advance(double steps);
+  /// Steps of the server that are left out. Not known yet how many where begin is end.
+  struct Gap {
+    double begin;
+    double end;
+  };
+
+  void give(DueImpulses& due);
+  double next_step(double steps, double frame);
+  void advance_to(double step);
+  /// What was reported up to step_.
+  Totals totals() const;
   void forget_played();
 
   double newest_ = 0;
@@ -47,6 +64,7 @@ class ImpulsePlayout {
   std::deque<Report> reports_{Report{}};  ///< The last that was played out, and those after it.
   Totals taken_;
   bool idle_ = true;  ///< The latest report brought nothing new.
+  std::optional<Gap> gap_;
 };
 
 }  // namespace hlm

@@ -248,6 +248,13 @@ class Mistakes(unittest.TestCase):
             with self.assertRaisesRegex(haptic.HapticError, r"v must have 6 numbers, not the shape \(3,\)"):
                 touch.sample([0, 0, 0, 1, 0, 0, 0], [0, 0, 0], PERIOD)
 
+    def test_a_step_without_length_is_named(self):
+        with haptic.Session("127.0.0.1:9", box()) as touch:
+            touch.poll()
+            for step in (0, -1, float("nan")):
+                with self.assertRaisesRegex(haptic.HapticError, r"step \(s\) must be > 0"):
+                    touch.steps(step)
+
     def test_a_place_where_no_hand_can_be_is_named(self):
         with haptic.Session("127.0.0.1:9", box()) as touch:
             with self.assertRaisesRegex(haptic.HapticError, "position of the hand nan m must be -10000 to 10000 m"):

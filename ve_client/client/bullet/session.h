@@ -2,9 +2,9 @@
 //
 //   hlm::bullet::Session touch(socket, world, tool, options);
 //   while (running) {
-//     touch.drive();                                            // proxy pose onto the tool
-//     world.stepSimulation(period, substeps, period / substeps);
-//     touch.send();                                             // contacts within epsilon
+//     const int steps = touch.drive();                         // proxy pose onto the tool
+//     world.stepSimulation(steps * step, steps + 1, step);
+//     touch.send();                                            // contacts within epsilon
 //   }
 //
 // Header only, over hlm::client and the user's Bullet; examples/bullet is a whole program.
@@ -30,7 +30,8 @@ namespace hlm::bullet {
 
 struct Options {
   protocol::Endpoint server;
-  double period = 1.0 / 60;  ///< Of the frames, what stepSimulation() is given, s.
+  double period = 1.0 / 60;  ///< About that of the frames, s.
+  double step = 1.0 / 240;   ///< Of Bullet, the last argument of stepSimulation(), s, > 0.
   double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
 };
 
@@ -65,7 +66,7 @@ class Session {
           const Options& options)
       : world_(world),
         tool_(tool),
-        period_(options.period),
+        step_(options.step),
         model_(tool_of(tool)),
         near_(world, options.epsilon),
         q_(configuration(tool.getWorldTransform())),
@@ -77,30 +78,36 @@ class Session {
   }
 
   /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for
-  /// all of the frame's substeps.
-  void drive() {
+  /// all of the frame's steps. Returns how many steps to take: they bring Bullet's time up to the
+  /// hand's, so frames may come late. 0 where less than a step has passed.
+  int drive() {
     const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
     }
     if (!client_.connected()) answered_ = 0;
-    if (answered_ > 0 || proxy != nullptr) answered_ = std::min(answered_ + 1, kHandOver + 1);
+    const int steps = client_.take_steps(step_);
+    frame_ = steps * step_;
+    const bool hands_over = steps > 0 && (answered_ > 0 || proxy != nullptr);
+    if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
     place();
-    for (const protocol::BodyImpulse& due : client_.take_impulses(period_)) {
+    for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       btCollisionObject* object = reported_.contains(due.body) ? find(world_, due.body) : nullptr;
       btRigidBody* body = object != nullptr ? movable(*object) : nullptr;
       if (body == nullptr) continue;
-      const Vector6 F_W = due.P_W / period_;
+      const Vector6 F_W = due.P_W / frame_;
       body->activate();
       body->applyCentralForce(bullet_vector(F_W.head<3>()));
       body->applyTorque(bullet_vector(F_W.tail<3>()));
     }
+    return steps;
   }
 
   /// After a frame: what is near the tool. Throws std::invalid_argument if Bullet's state is not
   /// finite, or something in it is out of a server's range.
   void send() {
+    if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     model_.set_configuration(q_);
     near_.begin_frame();
@@ -130,7 +137,7 @@ class Session {
     }
     tracker_.assign(model_, update.bodies, update.contacts);
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
-    client_.sample(sampled_at, q_, v_, period_);
+    client_.sample(sampled_at, q_, v_, frame_);
     client_.send(steady_seconds(), update.contacts, update.bodies);
     sent_ = update.contacts.size();
   }
@@ -184,7 +191,8 @@ class Session {
 
   btDiscreteDynamicsWorld& world_;
   btRigidBody& tool_;
-  double period_;
+  double step_;
+  double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel model_;
   NearContacts near_;
   IdentityTracker tracker_;

@@ -2,9 +2,9 @@
 //
 //   hlm::mujoco::Session touch(socket, model, data, "tool", options);
 //   while (running) {
-//     touch.drive();                                            // proxy pose onto the tool
-//     for (int i = 0; i < substeps; ++i) mj_step(&model, &data);
-//     touch.send();                                             // contacts within epsilon
+//     const int steps = touch.drive();                        // proxy pose onto the tool
+//     for (int i = 0; i < steps; ++i) mj_step(&model, &data);
+//     touch.send();                                           // contacts within epsilon
 //   }
 //
 // Header only, over hlm::client and the user's MuJoCo; examples/mujoco_cpp is a whole program.
@@ -30,7 +30,7 @@ namespace hlm::mujoco {
 
 struct Options {
   protocol::Endpoint server;
-  double period = 1.0 / 60;  ///< Of the frames, s.
+  double period = 1.0 / 60;  ///< About that of the frames, s.
   double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
 };
 
@@ -87,7 +87,6 @@ class Session {
         tool_(find_tool(model, tool)),
         q_at_(model.jnt_qposadr[model.body_jntadr[tool_]]),
         v_at_(model.jnt_dofadr[model.body_jntadr[tool_]]),
-        period_(options.period),
         virtual_tool_(tool_of(model, tool_)),
         q_(Eigen::Map<const Configuration>(data.qpos + q_at_, 7)),
         client_(link, client_options(options)) {
@@ -102,33 +101,40 @@ class Session {
   }
 
   /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches
-  /// for all of the frame's steps.
-  void drive() {
+  /// for all of the frame's steps. Returns how many steps to take: they bring MuJoCo's time up to
+  /// the hand's, so frames may come late. 0 where less than a step has passed.
+  int drive() {
     take_back_pushes();  // Of a frame that was not sent.
     const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
     }
-    answered_ = client_.connected() && (answered_ || proxy != nullptr);
-    for (const Listing& listing : of_tool_) listing.set_force(!answered_);
+    const int steps = client_.take_steps(model_.opt.timestep);
+    frame_ = steps * model_.opt.timestep;
+    if (!client_.connected()) answered_ = 0;
+    const bool hands_over = steps > 0 && (answered_ > 0 || proxy != nullptr);
+    if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
+    for (const Listing& listing : of_tool_) listing.set_force(answered_ <= kHandOver);
     std::copy(q_.begin(), q_.end(), data_.qpos + q_at_);
     const Vector3 w_T = rotation_of(data_.qpos + q_at_ + 3).conjugate() * v_.tail<3>();
     std::copy_n(v_.data(), 3, data_.qvel + v_at_);
     std::copy_n(w_T.data(), 3, data_.qvel + v_at_ + 3);  // MuJoCo's has the body's axes.
-    for (const protocol::BodyImpulse& due : client_.take_impulses(period_)) {
+    for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       // Whatever a server says, it can push no body that it was not told of.
       if (!reported_.contains(due.body)) continue;
-      const Push push{static_cast<int>(due.body), due.P_W / period_};
+      const Push push{static_cast<int>(due.body), due.P_W / frame_};
       applied(push.body) += push.F_W;
       pushes_.push_back(push);
     }
+    return steps;
   }
 
   /// After a frame: what is near the tool, at the pose that the steps led to. Throws
   /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
   /// range.
   void send() {
+    if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     mj_forward(&model_, &data_);
     protocol::ContactUpdate update;
@@ -153,7 +159,7 @@ class Session {
     }
     tracker_.assign(virtual_tool_, update.bodies, update.contacts);
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
-    client_.sample(sampled_at, update.q_VE, update.v_VE, period_);
+    client_.sample(sampled_at, update.q_VE, update.v_VE, frame_);
     client_.send(steady_seconds(), update.contacts, update.bodies);
     sent_ = update.contacts.size();
   }
@@ -167,6 +173,10 @@ class Session {
   std::size_t contacts() const { return sent_; }
 
  private:
+  /// Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer
+  /// frames would let them sink in by some millimetres, more would push a body twice.
+  static constexpr int kHandOver = 2;
+
   /// What the tool does to a body in this frame.
   struct Push {
     int body;
@@ -197,17 +207,17 @@ class Session {
 
   mjModel& model_;
   mjData& data_;
-  int tool_;  ///< Body.
-  int q_at_;  ///< Its place in qpos,
-  int v_at_;  ///< and in qvel.
-  double period_;
+  int tool_;          ///< Body.
+  int q_at_;          ///< Its place in qpos,
+  int v_at_;          ///< and in qvel.
+  double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel virtual_tool_;
   IdentityTracker tracker_;
   Configuration q_;
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
   std::vector<Listing> of_tool_;
-  bool answered_ = false;             ///< The server has sent a proxy state of this session.
+  int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
   std::vector<Push> pushes_;          ///< What is in xfrc_applied now.
   std::set<std::uint32_t> reported_;  ///< Bodies.
   std::size_t sent_ = 0;              ///< Contacts.

@@ -228,6 +228,14 @@ class Session:
         """The hand of hold() lets go."""
         self._library.haptic_release(self._open())
 
+    def steps(self, step: float) -> int:
+        """For an engine in real time: how many of its steps, of `step` seconds, are due in the frame that begins. After
+        poll(), once per frame. It makes up for a frame that came late. With 0 there is nothing to do in this one."""
+        count = self._library.haptic_take_steps(self._open(), step)
+        if count < 0:
+            self._fail()
+        return count
+
     def impulses(self, period: float) -> dict[int, np.ndarray]:
         """The tool's impulses on bodies for a step that begins: apply each / period as a wrench at
         the body's centre of mass during it. The next send() says that its bodies contain them."""

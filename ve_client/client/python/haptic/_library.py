@@ -90,6 +90,7 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
             ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
             ("haptic_close", None, session),
             ("haptic_poll", None, session, address),
+            ("haptic_take_steps", ctypes.c_int, session, _double),
             ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
             ("haptic_sample", ctypes.c_int, session, address, address, _double),
             ("haptic_track", None, session, address, _size, address, _size),
@@ -97,6 +98,8 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
             ("haptic_hold", ctypes.c_int, session, address, address),
             ("haptic_release", None, session),
             ("haptic_error", ctypes.c_char_p, session)):
-        declared = getattr(library, function)
+        declared = getattr(library, function, None)
+        if declared is None:
+            raise OSError(f"{name} has no {function}(): it is older than this package")
         declared.restype, declared.argtypes = result, arguments
     return library

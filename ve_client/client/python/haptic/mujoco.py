@@ -2,9 +2,12 @@
 
     with haptic.mujoco.Session(model, data, tool="peg", epsilon=0.005) as touch:
         while touch.running:
-            touch.drive(data)               # proxy pose onto the tool, impulses onto bodies
-            mujoco.mj_step(model, data)
-            touch.send(data)                # contacts within epsilon, and what the tool can push
+            for _ in range(touch.drive(data)):  # proxy pose onto the tool, impulses onto bodies
+                mujoco.mj_step(model, data)
+            touch.send(data)                    # contacts within epsilon, and what the tool can push
+
+drive() returns how many steps bring MuJoCo's time up to the hand's, so the loop may run at any rate and come late; it
+returns 0 where less than a step has passed.
 
 `model` and `data` are those of the official binding. The tool is a body with a free joint. While the server
 answers, its geoms make no force of their own: the tool is where the proxy is, and bodies are pushed by
@@ -15,7 +18,8 @@ these pushes are a part of data.xfrc_applied; a force of your own there stays: s
 
 from __future__ import annotations
 
-from typing import Any, Optional, Sequence
+import warnings
+from typing import Any, Sequence
 
 import numpy as np
 
@@ -33,6 +37,9 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
            7: ("hull", lambda size: ())}
+# Frames in which the tool still bears what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
+# some millimetres, more would push it twice.
+_HAND_OVER = 2
 _NO_FORCE = 1e3  # m: a depth that none reaches
 _GAP_BEYOND = (3, 9)  # Version from which a gap lies beyond the margin, where contacts have no force; before, within it.
 
@@ -40,8 +47,8 @@ _GAP_BEYOND = (3, 9)  # Version from which a gap lies beyond the margin, where c
 class Session:
     """A client for one model.
 
-    tool: name of a body with a free joint. period: of your frames, s (default: one step of the model).
-    binding: the module `mujoco`, or one with its functions. Other arguments are those of
+    tool: name of a body with a free joint. period: about that of your frames, s. After a silence of four of them the
+    server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its functions. Other arguments are those of
     haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
     contacts: "engine" takes MuJoCo's own, "shapes" those that haptic.proximity finds between the same geoms:
@@ -52,7 +59,7 @@ class Session:
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
-                 period: Optional[float] = None, contacts: str = "engine", binding: Any = None, **options: Any):
+                 period: float = 1 / 60, contacts: str = "engine", binding: Any = None, **options: Any):
         if binding is None:
             import mujoco as binding
         self._binding, self._model = binding, model
@@ -65,7 +72,8 @@ class Session:
             raise haptic.HapticError(f"body {tool!r} must have a free joint, as the tool moves freely in the hand")
         self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self._period = model.opt.timestep if period is None else period
+        self._begin, self._frame = 0.0, 0.0  # s: of the present frame, MuJoCo's time and the steps' length
+        self._warned = False
         for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
@@ -84,10 +92,10 @@ class Session:
         #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
         self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
                         ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, pairs))]
-        self._answered = False
+        self._answered = 0  # frames since the first proxy state of the session
         binding.mj_forward(model, data)
         size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
-        defaults = {"length": size, "gravity": model.opt.gravity, "rate": 1 / self._period}
+        defaults = {"length": size, "gravity": model.opt.gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
                                     **{**defaults, **options})
 
@@ -113,25 +121,36 @@ class Session:
         """The hand of hold() lets go."""
         self.touch.release()
 
-    def drive(self, data: Any) -> None:
-        """Before a frame: the tool where the proxy is, and the tool's impulses on bodies."""
+    def drive(self, data: Any) -> int:
+        """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
+        steps. Returns how many steps to take."""
         self._take_back_pushes(data)  # of a frame that was not sent
         self.touch.poll()
-        self._answered = self.touch.connected and (self._answered or bool(self.touch.state.fresh))
-        self._set_force(not self._answered)
+        steps = self.touch.steps(self._model.opt.timestep)
+        if not self.touch.connected:
+            self._answered = 0
+        elif steps > 0 and (self._answered > 0 or self.touch.state.fresh):
+            self._answered += 1
+        self._set_force(self._answered <= _HAND_OVER)
         data.qpos[self._q] = self.touch.q
         data.qvel[self._v] = self.touch.v
         data.qvel[self._v][3:] = _rotation(self.touch.q[3:]).T @ self.touch.v[3:]
-        self._pushes = {body: impulse / self._period for body, impulse in self.touch.impulses(self._period).items()}
+        self._begin, self._frame = data.time, steps * self._model.opt.timestep
+        if steps > 0:
+            self._pushes = {body: impulse / self._frame for body, impulse in self.touch.impulses(self._frame).items()}
         for body, push in self._pushes.items():
             data.xfrc_applied[body] += push
+        return steps
 
     def send(self, data: Any) -> None:
-        """After a frame: what is near the tool, at the pose that the step led to."""
+        """After a frame: what is near the tool, at the pose that the steps led to."""
+        self._warn_of_steps(data)
+        if self._frame == 0:
+            return
         self._binding.mj_forward(self._model, data)
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = _rotation(q[3:]) @ v[3:]
-        self.touch.sample(q, v, self._period)
+        self.touch.sample(q, v, self._frame)
         contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._epsilon)
         bodies = self._bodies(data, contacts)
         self._take_back_pushes(data)
@@ -141,6 +160,15 @@ class Session:
         else:
             self._set_loads(data, contacts)
         self.touch.send(contacts, bodies)
+
+    def _warn_of_steps(self, data: Any) -> None:
+        """Once, where MuJoCo's time is not the hand's. It may stand still, and begin anew."""
+        step = self._model.opt.timestep
+        due, taken = round(self._frame / step), round((data.time - self._begin) / step)
+        if taken > 0 and taken != due and not self._warned:
+            self._warned = True
+            warnings.warn(f"drive() returned {due} steps, and {taken} were taken: bodies move as if time went at "
+                          "another rate. Take as many as it returns", stacklevel=3)
 
     def _take_back_pushes(self, data: Any) -> None:
         for body, push in self._pushes.items():
