@@ -57,6 +57,7 @@ export class Session {
   #answered = 0; // Frames since the first proxy state of the session, up to HAND_OVER + 1.
   #groups = new Map(); // Solver groups of the tool's colliders where it makes force, by handle.
   #numbers = new Map(); // By handles of bodies.
+  #nextNumber = 1; // The server may know of the bodies before.
   #reported = new Map(); // Bodies by number. The server can push no others, whatever it says.
   #pushes = [];
   #sent = 0;
@@ -111,6 +112,7 @@ export class Session {
   send() {
     this.#takeBackPushes();
     if (this.#frame === 0) return;
+    this.#forgetRemoved();
     this.#client.sample(this.#q, this.#v, this.#frame);
     const contacts = this.#contacts();
     const bodies = this.#bodies(contacts);
@@ -167,10 +169,18 @@ export class Session {
   }
 
   #numberOf(body) {
-    if (!this.#numbers.has(body.handle)) this.#numbers.set(body.handle, this.#numbers.size + 1);
+    if (!this.#numbers.has(body.handle)) this.#numbers.set(body.handle, this.#nextNumber++);
     const number = this.#numbers.get(body.handle);
     this.#reported.set(number, body);
     return number;
+  }
+
+  #forgetRemoved() {
+    for (const [number, body] of this.#reported) {
+      if (body.isValid()) continue;
+      this.#reported.delete(number);
+      this.#numbers.delete(body.handle);
+    }
   }
 
   /** Those of the tool first, the nearest before the others. */
