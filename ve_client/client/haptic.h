@@ -184,7 +184,8 @@ HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,
 HAPTIC_API int haptic_sample(haptic_session* session, const double* q, const double* v,
                              double period);
 /* Gives contacts lasting identities where the engine has none: by pair, place on side a and normal.
- * After haptic_sample(), before haptic_send(), with the bodies of that. */
+ * After haptic_sample(), before haptic_send(), with the bodies of that. What is wrong is refused
+ * there; of more than HAPTIC_MAX_CONTACTS contacts the last are left as they are. */
 HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, size_t count,
                              const haptic_body* bodies, size_t body_count);
 /* Sends what is near. Returns the update's sequence, 0 without a session, -1 if something given is

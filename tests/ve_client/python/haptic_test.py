@@ -248,6 +248,15 @@ class Mistakes(unittest.TestCase):
             with self.assertRaisesRegex(haptic.HapticError, r"v must have 6 numbers, not the shape \(3,\)"):
                 touch.sample([0, 0, 0, 1, 0, 0, 0], [0, 0, 0], PERIOD)
 
+    def test_more_contacts_than_can_be_sent_are_refused_when_they_are_sent(self):
+        contacts = haptic.contacts(haptic.MAX_CONTACTS + 1)
+        contacts["normal"], contacts["identity"] = (0, 0, 1), 7
+        with haptic.Session("127.0.0.1:9", box()) as touch:
+            touch.track(contacts)
+            self.assertEqual(contacts["identity"][-1], 7)  # as it was
+            with self.assertRaisesRegex(haptic.HapticError, "193 contacts and 0 bodies must be at most 192 and 16"):
+                touch.send(contacts)
+
     def test_a_step_without_length_is_named(self):
         with haptic.Session("127.0.0.1:9", box()) as touch:
             touch.poll()
