@@ -171,6 +171,16 @@ class Time(unittest.TestCase):
                 touch.send(data)
 
 
+class Epsilon(unittest.TestCase):
+    def test_it_is_half_as_much_again_as_the_tool_travels_in_a_frame(self):
+        model, data = loaded(SCENE.format(step=0.002, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
+        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
+                                   server="127.0.0.1:9") as touch:
+            frame = 0.002 * touch.drive(data)
+            for speed, epsilon in ((0.01, 0.005), (0.5, 1.5 * 0.5 * frame), (50, 0.1)):
+                self.assertAlmostEqual(touch._reach(np.array((0, 0, -speed, 0, 0, 0))), epsilon, delta=1e-9)  # m
+
+
 class Hand(unittest.TestCase):
     """Of the simulated device of the session's own server."""
 

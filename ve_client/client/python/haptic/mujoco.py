@@ -52,14 +52,16 @@ class Session:
     haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
     contacts: "engine" takes MuJoCo's own, "shapes" those that haptic.proximity finds between the same geoms:
-    exact, with all corners and lasting identities, and MuJoCo's list as it was.
+    exact, with all corners and lasting identities, and MuJoCo's list as it was. There epsilon grows with the tool's speed
+    and the delay up to `largest_epsilon`, m.
 
     With "engine" this changes the model: geoms that move are listed `epsilon` before they touch, and have
     their force where they had it.
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
-                 period: float = 1 / 60, contacts: str = "engine", binding: Any = None, **options: Any):
+                 period: float = 1 / 60, contacts: str = "engine", largest_epsilon: float = 0.1,
+                 binding: Any = None, **options: Any):
         if binding is None:
             import mujoco as binding
         self._binding, self._model = binding, model
@@ -79,7 +81,8 @@ class Session:
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
         if contacts not in ("engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
-        self._epsilon, self._shapes = epsilon, from_mujoco(model, self._tool) if contacts == "shapes" else None
+        self._epsilon, self._largest_epsilon = epsilon, largest_epsilon
+        self._shapes = from_mujoco(model, self._tool) if contacts == "shapes" else None
         if self._shapes is None:
             self._list_early(epsilon)
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
@@ -94,8 +97,8 @@ class Session:
                         ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, pairs))]
         self._answered = 0  # frames since the first proxy state of the session
         binding.mj_forward(model, data)
-        size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
-        defaults = {"length": size, "gravity": model.opt.gravity, "rate": 1 / period}
+        self._size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
+        defaults = {"length": self._size, "gravity": model.opt.gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
                                     **{**defaults, **options})
 
@@ -151,7 +154,7 @@ class Session:
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = _rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._frame)
-        contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._epsilon)
+        contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._reach(v))
         bodies = self._bodies(data, contacts)
         self._take_back_pushes(data)
         self._set_velocities(contacts, bodies)
@@ -169,6 +172,13 @@ class Session:
             self._warned = True
             warnings.warn(f"drive() returned {due} steps, and {taken} were taken: bodies move as if time went at "
                           "another rate. Take as many as it returns", stacklevel=3)
+
+    def _reach(self, v: np.ndarray) -> float:
+        """Epsilon for a tool of that velocity: what it travels until these contacts are replaced, and half of that for what
+        it may accelerate."""
+        speed = np.linalg.norm(v[:3]) + self._size * np.linalg.norm(v[3:])
+        travel = 1.5 * speed * (self.touch.state.round_trip + self._frame)
+        return max(self._epsilon, min(travel, self._largest_epsilon))
 
     def _take_back_pushes(self, data: Any) -> None:
         for body, push in self._pushes.items():
