@@ -5,6 +5,7 @@
 
 #include <benchmark/benchmark.h>
 
+#include "ve_client/contacts/select_pairs.h"
 #include "ve_client/frame.h"
 #include "ve_client/world/scene.h"
 
@@ -12,7 +13,7 @@ namespace hlm::ve {
 namespace {
 
 constexpr double kPeriod = 1.0 / 60;  // s
-constexpr double kEpsilon = 0.01;     // m
+constexpr double kSmallest = 0.005;   // ε, m
 
 /// A shipped scene after 3 s, when what can fall has fallen; one for all runs.
 VirtualEnvironment& settled(const std::string& name) {
@@ -26,9 +27,12 @@ VirtualEnvironment& settled(const std::string& name) {
   return environment;
 }
 
-/// The contacts of the tool and those of the bodies that it can push, while the tool is led in
-/// circles of 0.1 m among the things of the scene, 0.3 m/s.
+/// The contacts of the tool that are sent, with ε of so many millimetres, and those of the bodies
+/// that it can push, while the tool is led in circles of 0.1 m among the things of the scene, 0.3
+/// m/s.
 void ScaleQuery(benchmark::State& state) {
+  const double epsilon = 1e-3 * static_cast<double>(state.range(0));
+  constexpr double kSpeed = 0.3;  // m/s
   VirtualEnvironment& environment = settled("scale");
   HeldTool& held = environment.tools[0];
   const int rod = held.assembly.bodies[0];
@@ -41,10 +45,15 @@ void ScaleQuery(benchmark::State& state) {
     const Vector3 p(0.1 * std::cos(angle), 0.1 * std::sin(angle), 0.034);
     environment.world.set_pose(rod, {p, Quaternion::Identity()});
     held.tool.read_back();
+    Velocity v = Velocity::Zero(6);
+    v.head<2>() = kSpeed * Eigen::Vector2d(-std::sin(angle), std::cos(angle));
+    held.tool.set_target(held.tool.q(), v);
     state.ResumeTiming();
-    const auto found = held.proximity.query(held.tool, kEpsilon, true);
-    std::vector<FoundContact> of_tool(found.begin(), found.end());
-    held.surroundings.find(of_tool, kEpsilon);
+    const auto found = held.proximity.query(held.tool, epsilon, true, epsilon / kSpeed);
+    std::vector<FoundContact> of_tool =
+        select_pairs(held.selection, {found.begin(), found.end()}, kSmallest, {},
+                     [](const ContactSide&) { return false; });
+    held.surroundings.find(of_tool, kSmallest);
     contacts += static_cast<double>(of_tool.size() + held.surroundings.contacts().size());
     bodies += static_cast<double>(held.surroundings.bodies().size());
   }
@@ -52,7 +61,7 @@ void ScaleQuery(benchmark::State& state) {
   state.counters["contacts"] = Counter(contacts, Counter::kAvgIterations);
   state.counters["bodies"] = Counter(bodies, Counter::kAvgIterations);
 }
-BENCHMARK(ScaleQuery)->Unit(benchmark::kMicrosecond);
+BENCHMARK(ScaleQuery)->Arg(5)->Arg(20)->Arg(50)->Arg(100)->Arg(200)->Unit(benchmark::kMicrosecond);
 
 void step_at_rest(benchmark::State& state, const char* name) {
   World& world = settled(name).world;

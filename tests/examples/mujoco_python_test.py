@@ -177,7 +177,7 @@ class Epsilon(unittest.TestCase):
         with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
                                    server="127.0.0.1:9") as touch:
             frame = 0.002 * touch.drive(data)
-            for speed, epsilon in ((0.01, 0.005), (0.5, 1.5 * 0.5 * frame), (50, 0.1)):
+            for speed, epsilon in ((0.01, 0.005), (0.5, 1.5 * 0.5 * 2 * frame), (50, 0.1)):
                 self.assertAlmostEqual(touch._reach(np.array((0, 0, -speed, 0, 0, 0))), epsilon, delta=1e-9)  # m
 
 

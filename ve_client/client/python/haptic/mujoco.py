@@ -174,10 +174,10 @@ class Session:
                           "another rate. Take as many as it returns", stacklevel=3)
 
     def _reach(self, v: np.ndarray) -> float:
-        """Epsilon for a tool of that velocity: what it travels until these contacts are replaced, and half of that for what
-        it may accelerate."""
+        """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
+        and half of that for what it may accelerate."""
         speed = np.linalg.norm(v[:3]) + self._size * np.linalg.norm(v[3:])
-        travel = 1.5 * speed * (self.touch.state.round_trip + self._frame)
+        travel = 1.5 * speed * (self.touch.state.round_trip + 2 * self._frame)
         return max(self._epsilon, min(travel, self._largest_epsilon))
 
     def _take_back_pushes(self, data: Any) -> None:
