@@ -31,6 +31,8 @@ class Assembler {
   /// Forgets everything: the next message may have any sequence.
   void restart(ReceiveStatistics& statistics) noexcept;
 
+  /// Whether a part of the message of this sequence has come, and it is the newest.
+  bool holds(std::uint64_t sequence) const noexcept { return parts_ > 0 && newest_ == sequence; }
   /// Whether all parts of the newest message have come.
   bool complete() const noexcept { return parts_ > 0 && arrived_count() == parts_; }
   /// All parts in order, if complete().

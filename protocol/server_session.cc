@@ -122,7 +122,9 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   if (!is_plausible(header)) return DropReason::kMalformed;
   if (const auto reason = update_parts_.judge(header)) return reason;
   ContactUpdate& scratch = updates_[1 - newest_update_];
+  const bool begins = !update_parts_.holds(header.envelope.sequence);
   if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
+    spoiled_ = spoiled_ || begins;
     ++refused_;
     inbox_.refused = true;
     update_parts_.refuse(header.envelope.sequence, statistics_);
@@ -133,6 +135,7 @@ std::optional<DropReason> ServerSession::take_update(double now, const Header& h
   }
   if (const auto reason = update_parts_.add(header, view(datagram_.bytes), statistics_))
     return reason;
+  spoiled_ = spoiled_ && !begins;
   if (update_parts_.complete()) return complete_update(now, header);
   hear(now);
   return std::nullopt;
@@ -143,7 +146,9 @@ std::optional<DropReason> ServerSession::complete_update(double now,
   ContactUpdate& update = updates_[1 - newest_update_];
   std::optional<DropReason> reason;
   Refusal refusal{.refused = header.envelope.sequence};
-  if (!is_whole(update_parts_.parts(), update)) {
+  const bool is_good =
+      spoiled_ ? !decode(update_parts_.parts(), update) : is_whole(update_parts_.parts(), update);
+  if (!is_good) {
     refusal.error = UpdateError::kLayout;
     reason = DropReason::kMalformed;
   } else {

@@ -123,6 +123,8 @@ class ServerSession {
   double last_heard_ = 0;   ///< s.
   Assembler update_parts_;
   std::array<ContactUpdate, 2> updates_;  ///< The newest, and room to decode the next.
+  /// Into that room went a refused part of another message than the one that is put together.
+  bool spoiled_ = false;
   std::size_t newest_update_ = 0;
   Envelope acknowledged_;               ///< Of the newest update; sequence 0 if there is none.
   double received_at_ = 0;              ///< When it arrived, s.

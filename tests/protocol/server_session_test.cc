@@ -370,6 +370,26 @@ TEST_CASE("An update is taken as it was sent, whatever came between its parts") 
   CHECK(server.dropped(DropReason::kMalformed) == 0);
 }
 
+TEST_CASE("A refused part of a newer update changes nothing of the one that is put together") {
+  Server server;
+  server.begin();
+  const ContactUpdate update = planar_update(20, 1);
+  ContactUpdate bad = planar_update(GENERATE(std::size_t{3}, std::size_t{20}, std::size_t{40}), 2);
+  bad.contacts[2].n_W.setZero();
+  server.link.deliver(kClient, encode({.session = kFirstId, .sequence = 1}, update, 0));
+  server.link.deliver(kClient, encode({.session = kFirstId, .sequence = 2}, bad, 0));
+  server.link.deliver(kClient, encode({.session = kFirstId, .sequence = 1}, update, 1));
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.update != nullptr);
+  CHECK(inbox.update->ve_time == 1);
+  REQUIRE(inbox.update->contacts.size() == 20);
+  for (std::size_t i = 0; i < 20; ++i) {
+    CHECK(inbox.update->contacts[i].identity == i);
+    CHECK(inbox.update->contacts[i].p_WC == update.contacts[i].p_WC);
+    CHECK(inbox.update->contacts[i].n_W == update.contacts[i].n_W);
+  }
+}
+
 TEST_CASE("Parts that are good one by one and do not make one update are refused") {
   Server server;
   server.begin();
