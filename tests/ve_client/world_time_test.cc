@@ -52,6 +52,14 @@ TEST_CASE("An engine's time is the hand's at every rate of the user's loop") {
   }
 }
 
+TEST_CASE("After frames in which nobody asked for steps the world goes on from where it was") {
+  WorldTime time{kPeriod};
+  double now = 0;
+  for (int frame = 0; frame < 300; ++frame) time.begin_frame(now += kPeriod, kSilence);
+  const double everything = 1e9;  // s: reported
+  CHECK(time.take_steps(kStep, everything) * kStep <= kSilence + kStep);
+}
+
 TEST_CASE("Time that was missed is made up for when it is known what the hand did in it") {
   World world;
   for (int frame = 0; frame < 10; ++frame) world.frame(kPeriod);

@@ -23,7 +23,8 @@ bool WorldTime::begin_frame(double now, double silence_time) noexcept {
   // The server hears of a frame up to a period after it began.
   const bool can_make_up = passed <= silence_time - period_ && slow_ < kSlowFrames;
   const bool makes_up = passed <= period_ || can_make_up;
-  owed_ += makes_up ? passed : std::min(passed, period_);
+  owed_ = std::min(owed_ + (makes_up ? passed : std::min(passed, period_)),
+                   std::max(silence_time, period_));
   if (!begun_) stepped_at_ = now - period_;
   begun_at_ = now;
   begun_ = true;

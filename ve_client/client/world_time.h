@@ -6,7 +6,8 @@ namespace hlm {
 /// A frame that comes late is made up for as soon as the server has reported what the hand did
 /// meanwhile: a body that it carries must fall for as long as it is borne. Some time is not made up
 /// for: that of a silence in which the server let go of the bodies, and what an engine takes that
-/// is slower than its world, and would only come later still.
+/// is slower than its world, and would only come later still. Nor for more than a silence
+/// altogether: frames in which no steps were asked for are a pause.
 class WorldTime {
  public:
   /// period: nominal, of the frames, s, > 0.

@@ -47,7 +47,7 @@ _GAP_BEYOND = (3, 9)  # Version from which a gap lies beyond the margin, where c
 class Session:
     """A client for one model.
 
-    tool: name of a body with a free joint. period: about that of your frames, s. After a silence of four of them the
+    tool: name of a body with a free joint. period: about that of your frames, s. After a silence of four and a half of them the
     server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its functions. Other arguments are those of
     haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
@@ -75,6 +75,7 @@ class Session:
         self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
         self._begin, self._frame = 0.0, 0.0  # s: of the present frame, MuJoCo's time and the steps' length
+        self._period = period
         self._warned = False
         for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
@@ -177,7 +178,7 @@ class Session:
         """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
         and half of that for what it may accelerate."""
         speed = np.linalg.norm(v[:3]) + self._size * np.linalg.norm(v[3:])
-        travel = 1.5 * speed * (self.touch.state.round_trip + 2 * self._frame)
+        travel = 1.5 * speed * (self.touch.state.round_trip + 2 * max(self._frame, self._period))
         return max(self._epsilon, min(travel, self._largest_epsilon))
 
     def _take_back_pushes(self, data: Any) -> None:
