@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
+#include <fstream>
 #include <memory>
 #include <numbers>
 
 #include "protocol/server_session.h"
+#include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
 #include "tests/support/virtual_clock.h"
@@ -147,6 +150,32 @@ TEST_CASE("It does not go through a wall after a proxy that has, however thin bo
                      test::model("peg", "0 -0.08 0 0 0 0", test::box("0.1 " + tool + " 0.1"),
                                  "<haptic:tool_joint>planar</haptic:tool_joint>"));
   Setup setup({}, 1, Vector3(0, 0.1, 0), world);
+  setup.run(2);
+  CHECK(setup.environment.tools.front().tool.q().y() < 0);  // m
+}
+
+TEST_CASE("Nor through a plate that is turned in its mesh, be it a hull or a skin") {
+  const bool is_hull = GENERATE(true, false);
+  const test::TemporaryDirectory directory;
+  const double turn = std::numbers::pi / 4;
+  std::ofstream file(directory / "plate.obj");
+  for (int i = 0; i < 8; ++i) {  // 0.6 m long, 10 mm thick
+    const double x = i & 1 ? 0.3 : -0.3;
+    const double y = i & 2 ? 0.005 : -0.005;
+    file << "v " << std::cos(turn) * x - std::sin(turn) * y << ' '
+         << std::sin(turn) * x + std::cos(turn) * y << ' ' << (i & 4 ? 0.05 : -0.05) << '\n';
+  }
+  file << "f 1 3 4 2\nf 5 6 8 7\nf 1 5 7 3\nf 2 4 8 6\nf 1 2 6 5\nf 3 7 8 4\n";
+  if (!is_hull) file << "v 0 0 0\nv 0.001 0 0\nv 0 0.001 0\nf 9 10 11\n";
+  file.close();
+  const std::string mesh = "<collision name='plate'><geometry><mesh><uri>" +
+                           (directory / "plate.obj").string() +
+                           "</uri></mesh></geometry></collision>";
+  const WorldDescription world =
+      test::world_of(test::fixed_model("wall", "0 0 0 0 0 " + std::to_string(-turn), mesh) +
+                     test::model("peg", "0 -0.08 0 0 0 0", test::box("0.04 0.04 0.04"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  Setup setup({}, 1, Vector3(0.05, 0.1, 0), world);
   setup.run(2);
   CHECK(setup.environment.tools.front().tool.q().y() < 0);  // m
 }

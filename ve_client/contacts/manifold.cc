@@ -435,6 +435,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     bearing.push_back({best.n_B, best.gap});
   } else if (turns(pair)) {
     add({best.n_B, best.gap}, rounded_features(pair, best));
+    kept.push_back({best.n_B, best.gap});
   }
   const auto is_known = [&bearing](const Vector3& n_B) {
     return std::any_of(bearing.begin(), bearing.end(),
@@ -461,6 +462,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
       });
       if (look.share == 0 || !is_new) continue;
       add(axis, features_ahead(pair, look, travel_B), !is_known(axis.n_B));
+      if (kept.size() < kept.capacity()) kept.push_back(axis);
     }
   }
   return manifold;

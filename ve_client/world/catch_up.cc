@@ -12,7 +12,7 @@ constexpr double kMostLag = 0.004;
 /// from one side of it to the other.
 constexpr double kStep = 0.1;
 /// Most steps in a frame, of some 20 µs each, and most frames that a way lasts.
-constexpr int kMostSteps = 400;
+constexpr double kMostSteps = 400;
 constexpr std::size_t kLongestWay = 200;
 
 }  // namespace
@@ -30,29 +30,30 @@ void CatchUp::update(VirtualTool& tool, Proximity& proximity,
     tool.place(q);
     return proximity.overlap(tool, stops_tool);
   };
-  int left = kMostSteps;
+  double left = kMostSteps;
   const auto passes = [&](const Configuration& from, const Configuration& to) {
     tool.place(from);
-    const int steps =
-        static_cast<int>(std::ceil(tool.distance_to(to) / (kStep * proximity.thinnest())));
+    const double steps = std::ceil(tool.distance_to(to) / (kStep * proximity.thinnest()));
+    if (!(steps <= left)) return false;
     left -= steps;
-    for (int i = 1; left >= 0 && i <= steps; ++i) {
-      if (overlap_at(tool.between(from, to, static_cast<double>(i) / steps)).is_through) {
-        return false;
-      }
+    for (double i = 1; i <= steps; ++i) {
+      if (overlap_at(tool.between(from, to, i / steps)).is_through) return false;
     }
-    return left >= 0;
+    return true;
+  };
+  const auto passes_along_the_way = [&] {
+    Configuration at = here;
+    for (const Configuration& to : way_) {
+      if (!passes(at, to)) return false;
+      at = to;
+    }
+    return passes(at, there);
   };
 
   if (way_.size() < kLongestWay) way_.push_back(there);
   const Overlap overlap = overlap_at(there);
-  bool free = !overlap.is_through && lag > kMostLag + overlap.depth;
-  Configuration at = here;
-  for (auto to = way_.begin(); free && to != way_.end(); ++to) {
-    free = passes(at, *to);
-    at = *to;
-  }
-  free = free && passes(at, there);
+  const bool free = !overlap.is_through && lag > kMostLag + overlap.depth &&
+                    (passes(here, there) || passes_along_the_way());
   tool.place(free ? tool.between(here, there, 1) : here);
   if (free) way_.clear();
 }

@@ -9,13 +9,13 @@
 
 namespace hlm::ve {
 
-/// Carries it to its proxy, along the way that the proxy has taken: else it would find contacts
-/// where the proxy is not, and none where it is.
+/// Carries it to its proxy, straight or along the way that the proxy has taken: else it would find
+/// contacts where the proxy is not, and none where it is.
 class CatchUp {
  public:
-  /// After a frame, the tool read back. It is carried if it is held back by more than 4 mm, can be
-  /// where the proxy is, and is nowhere on the way through what stops it: never through a wall,
-  /// whatever the proxy did.
+  /// After a frame, the tool read back. It is carried if it is held back by more than 4 mm beyond
+  /// what the proxy is pressed in, and is nowhere on the way through what stops it: never through a
+  /// wall, whatever the proxy did. Not farther in a frame than 40 times the tool's least extent.
   void update(VirtualTool& tool, Proximity& proximity,
               const std::function<bool(int body)>& stops_tool);
 

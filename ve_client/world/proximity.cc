@@ -59,8 +59,17 @@ bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W)
   return std::ranges::any_of(gaps, [](const auto& gap) { return gap.second > 0; });
 }
 
-/// The least extent of a shape along its own axes, m.
-double thickness(const Convex& shape) { return shape.bounds(Pose{}).sizes().minCoeff(); }
+/// The least extent of a shape, along its own axes and the normals of its faces, m; 0 of what has
+/// no other side.
+double thickness(const Convex& shape) {
+  if (shape.is_half_space()) return 0;
+  double least = shape.bounds(Pose{}).sizes().minCoeff();
+  if (!shape.is_polytope() || shape.margin() > 0) return least;
+  for (const Vector3& n : shape.face_normals()) {
+    least = std::min(least, n.dot(shape.support(n) - shape.support(-n)));
+  }
+  return least;
+}
 
 /// Leaves of each pair the contacts of one axis: the best one, unless the pair is apart along
 /// another one now and where the tool is drawn to.
@@ -271,6 +280,13 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   lost_ = lost_ || (overlaps && contacts_.size() == first);
 }
 
+double Proximity::thickness_of(const CollisionId& id) {
+  const auto known = thickness_.find(id);
+  if (known != thickness_.end()) return known->second;
+  const bool is_skin = world_.collision(id).mesh != nullptr;
+  return thickness_[id] = is_skin ? 0 : thickness(world_.convex(id));
+}
+
 Overlap Proximity::overlap(const VirtualTool& tool,
                            const std::function<bool(int body)>& stops_tool) {
   const auto sides = sides_;
@@ -282,9 +298,9 @@ Overlap Proximity::overlap(const VirtualTool& tool,
     const CollisionId a{tool_bodies_[contact.key.a.index],
                         static_cast<int>(contact.key.a_feature.shape)};
     const CollisionId b{body, static_cast<int>(contact.key.b_feature.shape)};
-    const double both = thickness(world_.convex(a)) + thickness(world_.convex(b));
+    const double both = thickness_of(a) + thickness_of(b);
     overlap.depth = std::max(overlap.depth, -contact.separation);
-    overlap.is_through |= -contact.separation > kNotThrough * both;
+    overlap.is_through |= -contact.separation > std::min(kNotThrough * both, thickness_of(a) / 2);
   }
   sides_ = sides;
   overlap.is_through |= lost_;

@@ -20,8 +20,9 @@ namespace hlm::ve {
 
 /// How deep the tool overlaps something.
 struct Overlap {
-  double depth = 0;         ///< m.
-  bool is_through = false;  ///< By more than a fifth of the thickness of both, of any two shapes.
+  double depth = 0;  ///< m.
+  /// By more than a fifth of the thickness of both, or half of the tool's, of any two shapes.
+  bool is_through = false;
 };
 
 /// ε-active contact detection. Links of the tool touch each other too, except those that a joint
@@ -74,6 +75,7 @@ class Proximity {
   void query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon);
   void query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                    const Vector3& v_W, double epsilon);
+  double thickness_of(const CollisionId& id);
   void resolve(const PairSide& a, const PairSide& b, std::size_t first);
   void merge();
   void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
@@ -102,8 +104,9 @@ class Proximity {
   std::vector<FoundContact> contacts_;
   bool shared_ = false;  ///< Whether pieces may have found the same contact.
   std::vector<ToolContact> within_reach_;
-  Sides sides_before_;  ///< At the query of the tool before.
-  Sides sides_;         ///< At the present or latest one.
+  Sides sides_before_;                       ///< At the query of the tool before.
+  Sides sides_;                              ///< At the present or latest one.
+  std::map<CollisionId, double> thickness_;  ///< Of what was overlapped, m.
   ProximityStatistics statistics_;
 };
 
