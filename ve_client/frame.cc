@@ -7,6 +7,7 @@
 
 #include "common/uniform.h"
 #include "ve_client/contacts/select_pairs.h"
+#include "ve_client/world/catch_up.h"
 
 namespace hlm::ve {
 namespace {
@@ -241,7 +242,7 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
     held.tool.read_back();
-    held.catch_up.update(held.tool, held.proximity, obstacles(environment, clients, i, options));
+    catch_up(held.tool, held.proximity, obstacles(environment, clients, i, options));
   }
 
   const double sampled_at = clock.now();

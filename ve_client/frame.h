@@ -14,7 +14,6 @@
 #include "ve_client/clock.h"
 #include "ve_client/contacts/select.h"
 #include "ve_client/shared_bodies.h"
-#include "ve_client/world/catch_up.h"
 #include "ve_client/world/proximity.h"
 #include "ve_client/world/skin_contacts.h"
 #include "ve_client/world/surroundings.h"
@@ -32,7 +31,6 @@ struct HeldTool {
   Proximity proximity;
   SkinContacts skin_contacts;
   Surroundings surroundings;
-  CatchUp catch_up;
   ContactSelection selection;
 };
 

@@ -172,35 +172,30 @@ void VirtualTool::place(const Configuration& q) {
   }
 }
 
-double VirtualTool::lag() const { return distance_to(target_.configuration()); }
-
-double VirtualTool::distance_to(const Configuration& q) const {
-  ToolModel there = model_;
-  there.set_configuration(q);
-  double distance = 0;
+double VirtualTool::lag() const {
+  double lag = 0;
   for (int link = 0; link < model_.links(); ++link) {
-    const Pose X_WB_there = there.X_WL(link) * assembly_.X_LB[at(link)];
-    distance = std::max(distance, point_speed(displacement(X_WB(link), X_WB_there)));
+    lag = std::max(lag, point_speed(displacement(X_WB(link), X_WB_target(link))));
   }
-  return distance;
+  return lag;
 }
 
-Configuration VirtualTool::between(const Configuration& from, Configuration to,
-                                   double share) const {
+Configuration VirtualTool::on_the_way(const Configuration& q, double share) const {
+  Configuration target = target_.configuration();
   int coordinate = 0;
   for (const Link& link : assembly_.description.links) {
     const int turn = coordinate + (link.joint == JointType::kPlanar ? 2 : 0);
     const bool turns = link.joint == JointType::kPlanar || link.joint == JointType::kRevolute;
     if (turns && link.upper - link.lower == 2 * kNoLimit) {
-      to[turn] = unwrapped(to[turn], from[turn]);
+      target[turn] = unwrapped(target[turn], q[turn]);
     }
     coordinate += joint_configuration_size(link.joint);
   }
   const bool is_free = assembly_.description.links[0].joint == JointType::kFree;
-  if (is_free && to.segment<4>(kFreeQuaternion).dot(from.segment<4>(kFreeQuaternion)) < 0) {
-    to.segment<4>(kFreeQuaternion) *= -1;
+  if (is_free && target.segment<4>(kFreeQuaternion).dot(q.segment<4>(kFreeQuaternion)) < 0) {
+    target.segment<4>(kFreeQuaternion) *= -1;
   }
-  Configuration between = from + share * (to - from);
+  Configuration between = q + share * (target - q);
   if (is_free) between.segment<4>(kFreeQuaternion).normalize();
   return between;
 }

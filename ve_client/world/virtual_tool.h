@@ -81,12 +81,9 @@ class VirtualTool {
   void place(const Configuration& q);
   /// Upper bound on how far any point of the tool is from where it is drawn to, m.
   double lag() const;
-  /// Likewise from where it would be at q.
-  double distance_to(const Configuration& q) const;
-  /// Configuration on the straight way between two: `share` 0 at the first, 1 at the second. Joints
+  /// A configuration on the straight way from `q` to the target: `share` 0 at q, 1 there. Joints
   /// without limits take the shorter turn.
-  Configuration between(const Configuration& from, Configuration to, double share) const;
-  const Configuration& target() const noexcept { return target_.configuration(); }
+  Configuration on_the_way(const Configuration& q, double share) const;
 
   /// Configuration q_VE in which the tool is, after the latest read_back(). Angles are continuous.
   const Configuration& q() const noexcept { return model_.configuration(); }
