@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "ve_client/contacts/clip.h"
+#include "ve_client/contacts/look_ahead.h"
 #include "ve_client/contacts/penetration.h"
 #include "ve_client/contacts/separation.h"
 
@@ -24,11 +25,6 @@ constexpr double kReach = 2;
 /// leaves.
 constexpr double kSameAxis = 1e-4;
 constexpr double kSameNormal = 1e-9;  ///< The same for rounding alone.
-
-/// Most looks along the tool's way for axes that turn, and how far the shapes must be apart by
-/// those that are known for none to be taken, m: so far the tool may leave its way.
-constexpr std::size_t kMostLooks = 6;
-constexpr double kClear = 0.01;
 
 /// Cosine between two normals of a pair that are on one side of it: 30°.
 constexpr double kSameSide = 0.866;
@@ -283,59 +279,6 @@ FeaturePairs rounded_features(const CorePair& pair, const CoreSeparation& separa
 /// Whether no list of normals decides if the shapes overlap.
 bool turns(const CorePair& pair) {
   return !sharp(pair) || pair.tool.is_hull() || pair.body.is_hull();
-}
-
-/// The shapes after a part of the tool's way.
-struct Look {
-  double share;
-  CoreSeparation separation;
-};
-using Looks = StaticVector<Look, kMostLooks + 1>;
-
-CorePair moved(CorePair pair, const Vector3& travel_B) {
-  pair.p_BT += travel_B;
-  return pair;
-}
-
-/// The place between two looks where the gap that they tell is least. The gap is convex along the
-/// way, and each look is a tangent of it.
-struct Crossing {
-  double share;
-  double gap;  ///< m.
-};
-Crossing crossing(const Look& a, const Look& b, const Vector3& travel_B) {
-  const double slope_a = a.separation.n_B.dot(travel_B);
-  const double slope_b = b.separation.n_B.dot(travel_B);
-  const double at_b = a.separation.gap + (b.share - a.share) * slope_a;
-  const double turn = slope_b - slope_a;
-  const double back = turn > 0 ? (b.separation.gap - at_b) / turn : 0;
-  const double share = std::clamp(b.share - back, a.share, b.share);
-  return {share, a.separation.gap + (share - a.share) * slope_a};
-}
-
-/// Looks along the way, in its order: each where those before tell the least gap.
-Looks looks_ahead(const CorePair& pair, const CoreSeparation& now, const Vector3& travel_B) {
-  Looks looks{{0, now}};
-  const auto look = [&](std::size_t at, double share) {
-    const auto there =
-        find_separation(moved(pair, share * travel_B), std::numeric_limits<double>::infinity());
-    if (!there || !there->is_confirmed()) return false;
-    looks.insert(looks.begin() + static_cast<std::ptrdiff_t>(at), {share, *there});
-    return true;
-  };
-  bool more = look(1, 1);
-  while (more && looks.size() < looks.capacity()) {
-    std::size_t at = 1;
-    Crossing least = crossing(looks[0], looks[1], travel_B);
-    for (std::size_t i = 2; i < looks.size(); ++i) {
-      const Crossing other = crossing(looks[i - 1], looks[i], travel_B);
-      if (other.gap >= least.gap) continue;
-      least = other;
-      at = i;
-    }
-    more = least.gap < pair.tool.margin() + pair.body.margin() + kClear && look(at, least.share);
-  }
-  return looks;
 }
 
 /// The features that meet at a look, where they are now: on a line along the normal there.
