@@ -26,8 +26,8 @@ std::vector<Pair> pairs_of(std::span<const FoundContact> found,
   std::vector<Pair> pairs;
   for (auto& [number, pair] : by_number) {
     if (pair.best.empty()) continue;
-    ContactSelection others;
-    const auto selected = others.select(pair.others, planar_normal_W);
+    ContactSelection of_pair;
+    const auto selected = of_pair.select(pair.others, planar_normal_W);
     pair.others.assign(selected.begin(), selected.end());
     pairs.push_back(std::move(pair));
   }
@@ -35,26 +35,30 @@ std::vector<Pair> pairs_of(std::span<const FoundContact> found,
   return pairs;
 }
 
-void leave_out_far(std::vector<Pair>& pairs, double epsilon,
+/// selection: as it was at the frame before.
+void leave_out_far(std::vector<Pair>& pairs, ContactSelection selection, double epsilon,
+                   const std::optional<Vector3>& planar_normal_W,
                    const std::function<bool(const ContactSide&)>& stays) {
   const auto is_needed = [&](const Pair& pair) {
     return pair.separation <= epsilon || stays(pair.best.front().key.b);
   };
-  std::size_t best = 0;
-  std::size_t all = 0;
-  const auto take = [&](const Pair& pair) {
-    best += pair.best.size();
-    all += pair.best.size() + pair.others.size();
-  };
+  std::vector<FoundContact> needed;
+  std::size_t others = 0;
   for (const Pair& pair : pairs) {
-    if (is_needed(pair)) take(pair);
+    if (!is_needed(pair)) continue;
+    needed.insert(needed.end(), pair.best.begin(), pair.best.end());
+    others += pair.others.size();
   }
+  std::size_t best = selection.select(needed, planar_normal_W).size();
   std::erase_if(pairs, [&](const Pair& pair) {
     if (is_needed(pair)) return false;
-    const bool fits = best + pair.best.size() <= kMaxSelected &&
-                      all + pair.best.size() + pair.others.size() <= kMostToolContacts;
-    if (fits) take(pair);
-    return !fits;
+    const std::size_t of_pair = ContactSelection().select(pair.best, planar_normal_W).size();
+    const bool fits = best + of_pair <= kMaxSelected &&
+                      best + of_pair + others + pair.others.size() <= kMostToolContacts;
+    if (!fits) return true;
+    best += of_pair;
+    others += pair.others.size();
+    return false;
   });
 }
 
@@ -65,7 +69,7 @@ std::vector<FoundContact> select_pairs(ContactSelection& selection, std::vector<
                                        const std::optional<Vector3>& planar_normal_W,
                                        const std::function<bool(const ContactSide&)>& stays) {
   std::vector<Pair> pairs = pairs_of(found, planar_normal_W);
-  leave_out_far(pairs, epsilon, stays);
+  leave_out_far(pairs, selection, epsilon, planar_normal_W, stays);
   std::vector<FoundContact> best;
   for (const Pair& pair : pairs) best.insert(best.end(), pair.best.begin(), pair.best.end());
   const auto selected = selection.select(best, planar_normal_W);

@@ -90,6 +90,18 @@ TEST_CASE("A pair within epsilon is reported, however many others there are") {
   CHECK(count(contacts, 8) == Count{0, 0});
 }
 
+TEST_CASE("Contacts that stand for one another take one place of those for far pairs") {
+  std::vector<FoundContact> found;
+  for (std::uint16_t i = 0; i < 65; ++i) add(found, {i, 0.004, 1, 0});
+  for (FoundContact& contact : found) contact.p_WC = Vector3(1e-6 * contact.pair, 0, 0);
+  add(found, {65, 0.02});
+  for (FoundContact& contact : found) contact.key.b_feature.shape = 0;
+  ContactSelection selection;
+  const auto contacts = select_pairs(selection, found, kEpsilon, std::nullopt,
+                                     [](const ContactSide&) { return false; });
+  CHECK(count(contacts, 65) == Count{4, 4});
+}
+
 TEST_CASE("A pair with a body that is reported stays, however far") {
   std::vector<Pair> pairs = row(20, 0.02);
   pairs.push_back({20, 0.06, 4, 4, {SideKind::kMovableBody, 3}});
