@@ -180,6 +180,14 @@ class Epsilon(unittest.TestCase):
             for speed, epsilon in ((0.01, 0.005), (0.5, 1.5 * 0.5 * 2 * frame), (50, 0.1)):
                 self.assertAlmostEqual(touch._reach(np.array((0, 0, -speed, 0, 0, 0))), epsilon, delta=1e-9)  # m
 
+    def test_what_is_far_from_the_origin_moves_faster_as_the_tool_turns(self):
+        tool = 'type="sphere" size="0.02" pos="0.3 0 0"'
+        model, data = loaded(SCENE.format(step=0.002, height=0.03, tool=tool, bodies=""))
+        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
+                                   server="127.0.0.1:9") as touch:
+            frame = max(0.002 * touch.drive(data), 1 / 60)
+            self.assertAlmostEqual(touch._reach(np.array((0, 0, 0, 0, 1, 0))), 1.5 * 0.32 * 2 * frame, delta=1e-9)  # m
+
 
 class Hand(unittest.TestCase):
     """Of the simulated device of the session's own server."""

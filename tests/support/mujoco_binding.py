@@ -16,6 +16,7 @@ MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeo
          "jnt_type": ("int*", "njnt", 1), "jnt_qposadr": ("int*", "njnt", 1), "jnt_dofadr": ("int*", "njnt", 1),
          "dof_armature": ("double*", "nv", 1), "dof_M0": ("double*", "nv", 1), "njnt": ("int", None), "njmax": ("int", None), "geom_bodyid": ("int*", "ngeom", 1),
          "geom_margin": ("double*", "ngeom", 1), "geom_gap": ("double*", "ngeom", 1),
+         "geom_pos": ("double*", "ngeom", 3), "geom_rbound": ("double*", "ngeom", 1),
          "geom_size": ("double*", "ngeom", 3), "geom_type": ("int*", "ngeom", 1),
          "geom_contype": ("int*", "ngeom", 1), "geom_conaffinity": ("int*", "ngeom", 1),
          "body_parentid": ("int*", "nbody", 1), "geom_friction": ("double*", "ngeom", 3),

@@ -92,6 +92,8 @@ class Session:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
                                      "it; put their geoms into it")
         self._round = self._round_geoms()
+        #: From the body's origin to the tool's farthest point, m.
+        self._arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
         pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
         #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
         self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
@@ -177,7 +179,7 @@ class Session:
     def _reach(self, v: np.ndarray) -> float:
         """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
         and half of that for what it may accelerate."""
-        speed = np.linalg.norm(v[:3]) + self._size * np.linalg.norm(v[3:])
+        speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
         travel = 1.5 * speed * (self.touch.state.round_trip + 2 * max(self._frame, self._period))
         return max(self._epsilon, min(travel, self._largest_epsilon))
 
