@@ -226,6 +226,31 @@ TEST_CASE("A tool that approaches fast gets a wall from farther away, if its ser
   CHECK(farthest({.epsilon = 0.005}) > 0.3 * (0.04 + 0.017));
 }
 
+TEST_CASE(
+    "Of a skin, whose triangles have one axis each, contacts come from the smallest epsilon on") {
+  const test::TemporaryDirectory directory;
+  std::ofstream(directory / "skin.obj") << "v -1 0.05 -1\nv 1 0.05 -1\nv 1 0.05 1\nv -1 0.05 1\n"
+                                        << "f 1 2 3\nf 1 3 4\n";
+  const WorldDescription world =
+      test::world_of(test::fixed_model("skin", "0 0 0 0 0 0",
+                                       "<collision name='skin'><geometry><mesh><uri>" +
+                                           (directory / "skin.obj").string() +
+                                           "</uri></mesh></geometry></collision>") +
+                     test::model("peg", "0 -0.1 0 0 0 0", test::box("0.04 0.04 0.04"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  Setup setup({.delay = 0.02}, 1, Vector3(0, 0.3, 0), world);
+  setup.server->axes = true;
+  setup.run(1);
+  double farthest = -1;
+  for (const protocol::ContactUpdate& update : setup.server->updates) {
+    for (const ReportedContact& contact : update.contacts) {
+      farthest = std::max(farthest, contact.separation);
+    }
+  }
+  CHECK(farthest <= 0.005);  // m
+  CHECK(farthest > -0.01);
+}
+
 TEST_CASE("An update tells simulated time, the step's length and the time since sampling") {
   Setup setup;
   setup.run(1, {.delay = 0.012});
