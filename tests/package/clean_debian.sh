@@ -1,58 +1,127 @@
 #!/usr/bin/env bash
-# Installs the package on a clean Debian 12, in a folder that is its root, and uses it there: the programs,
-# the client library in C++, C and Python; then removes it and looks for what it left. Needs root.
-# Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
+# Installs the package on a clean Debian 12, started by its own systemd in a container without a network, and uses
+# it there: the service, also killed and hung, the programs, the client library in C++, C and Python; then removes it and
+# looks for what it left. Needs root. Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
 set -euo pipefail
 deb=$(realpath "$1")
 root=$(mktemp -d)
-server=
+chmod 755 "$root"  # The root of all its users.
+container=
 clean_up() {
-  [ -z "$server" ] || kill "$server" 2>/dev/null || true
+  if [ -n "$container" ]; then
+    kill "$container" 2>/dev/null || true
+    wait "$container" || true
+  fi
   umount -q "$root/proc" || true
   rm -rf "$root"
 }
 trap clean_up EXIT
-inside() { chroot "$root" env DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin "$@"; }
-files() { inside find / -xdev -not -path '/proc*' -not -path '/tmp/*' -not -path '/var/cache/*' \
-  -not -path '/var/lib/apt/*' -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' \
-  -not -path '*/__pycache__*' | sort; }
+environment=(env DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin)
+fail() {
+  echo "clean_debian.sh: $*" >&2
+  exit 1
+}
 
-debootstrap --variant=minbase bookworm "$root" >/dev/null
+# What the package depends on, while there is a network.
+debootstrap --variant=minbase --include=systemd,systemd-sysv,dbus,udev bookworm "$root" >/dev/null
 mount -t proc proc "$root/proc"
+prepare() { chroot "$root" "${environment[@]}" "$@"; }
 cp "$deb" "$root/tmp/package.deb"
-inside apt-get update -qq
-inside apt-get install -y -qq /tmp/package.deb >/dev/null
-inside apt-get install -y -qq --no-install-recommends g++ cmake make pkg-config >/dev/null
-inside dpkg --purge haptic-local-model >/dev/null
+prepare apt-get update -qq
+prepare apt-get install -y -qq /tmp/package.deb >/dev/null
+prepare apt-get install -y -qq --no-install-recommends g++ cmake make pkg-config >/dev/null
+prepare dpkg --purge haptic-local-model >/dev/null
+umount "$root/proc"
+mv "$root/tmp/package.deb" "$root/root/"
+
+systemd-nspawn --quiet --directory="$root" --boot --private-network --register=no --keep-unit \
+  --capability=CAP_IPC_LOCK --console=pipe </dev/null >"$root/boot.log" 2>&1 &
+container=$!
+for _ in {1..50}; do
+  first=$(pgrep -P "$container" || true)
+  [ -z "$first" ] || [ ! -S "$root/run/dbus/system_bus_socket" ] || break
+  sleep 0.2
+done
+inside() { nsenter --all --target "$first" "${environment[@]}" "$@"; }
+state=$(inside timeout 60 systemctl is-system-running --wait) || fail "systemd is $state"
+files() { inside find / -xdev -not -path '/tmp/*' -not -path '/var/tmp/*' -not -path '/var/cache/*' \
+  -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' -not -path '*/__pycache__*' -not -path '*/.cache/*' | sort; }
 before=$(files)
-inside apt-get install -y -qq /tmp/package.deb >/dev/null
+inside dpkg -i /root/package.deb >/dev/null
+
+# A container may not raise limits where its host may not: capabilities give the same rights there.
+drop_in=/etc/systemd/system/haptic_server.service.d
+if [ "$(ulimit -Hr)" = 0 ]; then
+  inside mkdir -p $drop_in
+  inside tee $drop_in/rights.conf >/dev/null <<'UNIT'
+[Service]
+CapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK
+AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK
+UNIT
+  inside systemctl daemon-reload
+fi
+main_process() { inside systemctl show --property MainPID --value haptic_server; }
+# A new process serves, within so many seconds.
+await_restart() {
+  for _ in $(seq "$(($2 * 5))"); do
+    now=$(main_process)
+    if [ "$now" != 0 ] && [ "$now" != "$1" ] && inside systemctl --quiet is-active haptic_server; then return; fi
+    sleep 0.2
+  done
+  inside journalctl --no-pager --unit haptic_server >&2
+  fail "haptic_server did not start again within $2 s"
+}
+play() {
+  inside ve_client --server 127.0.0.1:47800 --world /usr/share/haptic_local_model/worlds/testbed.sdf --duration 2 "$@"
+}
+inside systemctl enable --quiet --now haptic_server || {
+  inside journalctl --no-pager --unit haptic_server >&2
+  fail "the service does not start"
+}
+play
+for signal in KILL STOP; do  # Systemd ends one that hangs after two seconds.
+  before_signal=$(main_process)
+  inside kill -$signal "$before_signal"
+  await_restart "$before_signal" 8
+  echo "the service came back after SIG$signal"
+done
+[ "$(inside pgrep -c haptic_server)" -le 2 ] || fail "processes were left: $(inside pgrep -a haptic)"
+play
 
 for program in haptic_server haptic_replay haptic_doctor haptic_keygen ve_client; do
   inside "$program" --version
 done
-chroot "$root" /usr/bin/haptic_server --listen 127.0.0.1:47871 --status false &
-server=$!
-inside ve_client --server 127.0.0.1:47871 --world /usr/share/haptic_local_model/worlds/testbed.sdf \
-  --duration 2
 inside cp -r /usr/share/doc/haptic-local-model/examples/client /tmp/client
 inside cmake -S /tmp/client -B /tmp/client/build >/dev/null
 inside cmake --build /tmp/client/build >/dev/null
-echo 'int main(void) { return haptic_abi() != HAPTIC_ABI; }' >"$root/tmp/abi.c"
+echo 'int main(void) { return haptic_abi() != HAPTIC_ABI; }' | inside tee /tmp/abi.c >/dev/null
 inside sh -c 'cc -include haptic.h /tmp/abi.c -o /tmp/abi $(pkg-config --cflags --libs haptic) && /tmp/abi'
 inside timeout 20 python3 -c '
 import haptic
-with haptic.Session("127.0.0.1:47871", tool=haptic.box()) as touch:
+with haptic.Session("127.0.0.1:47800", tool=haptic.box()) as touch:
     while touch.poll() and not touch.connected:
         touch.sample(touch.q, touch.v, 0.02)
     print("connected:", touch.connected)'
-kill "$server"
-wait "$server" || true
-server=
 
-inside dpkg --purge haptic-local-model >/dev/null
-left=$(comm -13 <(echo "$before") <(files))
-[ -z "$left" ] || {
-  echo "left behind:" "$left" >&2
-  exit 1
+# A key, as docs/operations.md hands it over.
+inside haptic_keygen /etc/haptic.key
+inside mkdir -p $drop_in
+inside tee $drop_in/key.conf >/dev/null <<'UNIT'
+[Service]
+LoadCredential=haptic.key:/etc/haptic.key
+Environment="HAPTIC_SERVER_OPTIONS=--key-file %d/haptic.key"
+UNIT
+inside systemctl daemon-reload
+inside systemctl restart haptic_server || {
+  inside journalctl --no-pager --unit haptic_server >&2
+  fail "the service does not start with a key"
 }
-echo "installed, used in three languages, and gone without a trace"
+play --key-file /etc/haptic.key
+! play >/dev/null 2>&1 || fail "the service talks without its key"
+
+inside rm -rf $drop_in /etc/haptic.key
+inside dpkg --purge haptic-local-model >/dev/null
+! inside pgrep -l haptic || fail "processes run on after the package is gone"
+left=$(comm -13 <(echo "$before") <(files))
+[ -z "$left" ] || fail "left behind:" "$left"
+echo "installed, served, used in three languages, and gone without a trace"
