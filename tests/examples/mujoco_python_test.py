@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """haptic.mujoco on MuJoCo's own library: held, pushed and pressed things have their weight, friction and stiffness.
 
-Usage: mujoco_python_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER
+Usage: mujoco_python_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER MUJOCO
+MUJOCO: "mujoco", Debian's library, or a package of tests/support/mujoco_npm
 """
 
 import os
@@ -22,9 +23,10 @@ sys.path[:0] = [str(PACKAGE), str(SUPPORT)]
 import haptic._server  # noqa: E402
 import haptic.mujoco  # noqa: E402
 import hand_session  # noqa: E402
-import mujoco_binding as mujoco  # noqa: E402
 import numpy as np  # noqa: E402
+from mujoco_chosen import mujoco_of  # noqa: E402
 
+mujoco = mujoco_of(sys.argv[4])
 RATE = 60  # Hz, of frames; each is eight steps of MuJoCo
 GRAVITY = 9.81  # m/s²
 STIFFNESS = 4000  # N/m, of a contact: the server's default
@@ -293,4 +295,4 @@ class Mistakes(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)

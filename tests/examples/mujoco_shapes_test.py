@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """haptic.mujoco with contacts="shapes": the same feel at every stiffness and frame rate.
 
-Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER
+Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER MUJOCO, as mujoco_python_test.py
 """
 
 import pathlib
@@ -13,9 +13,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
 import mujoco_python_test as session  # noqa: E402  (finds the library and the package)
 import haptic.mujoco  # noqa: E402
-import mujoco_binding as mujoco  # noqa: E402
 import numpy as np  # noqa: E402
 from hand_session import largest_jump, mean, push, reach  # noqa: E402
+from mujoco_python_test import mujoco  # noqa: E402
 
 STIFFNESS = (4e3, 16e3, 50e3)  # N/m
 RATES = (30, 60, 500)  # Hz
@@ -111,4 +111,4 @@ class Geoms(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
