@@ -93,13 +93,14 @@ class Geoms(unittest.TestCase):
         ball = 'type="sphere" size="0.02"'
         self.assertEqual(len(self.find(ball, 0.101, world=post)), 1)
         exclude = '<contact><exclude body1="post" body2="tool"/></contact>'
-        self.assertEqual(len(self.find(ball, 0.101, world=post, contact=exclude)), 0)
+        for last in ("", '<body pos="1 0 1"><freejoint/><geom size="0.02"/></body>'):  # Versions count from 0 or from 1.
+            self.assertEqual(len(self.find(ball, 0.101, world=post, last=last, contact=exclude)), 0)
 
-    def find(self, geom, height, epsilon=0.005, world="", contact=""):
+    def find(self, geom, height, epsilon=0.005, world="", last="", contact=""):
         text = f"""<mujoco><asset><mesh name="tent" vertex="0 0 0  0.02 0 0  0 0.02 0  0 0 0.02"/>
             <hfield name="hills" nrow="3" ncol="3" size="1 1 1 0.1"/></asset><worldbody>
             <geom type="plane" size="1 1 0.1"/>{world}<body name="tool" pos="0 0 {height}"><freejoint/>
-            <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><geom {geom}/></body></worldbody>
+            <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><geom {geom}/></body>{last}</worldbody>
             {contact}</mujoco>"""
         with tempfile.TemporaryDirectory() as folder:
             path = pathlib.Path(folder) / "scene.xml"
@@ -107,7 +108,7 @@ class Geoms(unittest.TestCase):
             model = mujoco.MjModel.from_xml_path(path)
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        return haptic.mujoco.from_mujoco(model, mujoco.mj_name2id(model, 1, "tool")).find(data, epsilon)
+        return haptic.mujoco.from_mujoco(model, mujoco.mj_name2id(model, 1, "tool"), mujoco).find(data, epsilon)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import numpy as np
 # Of a number its type and None; of an array its type, its rows as a size of the model, and numbers in a row.
 MODEL = {"nq": ("int", None), "nv": ("int", None), "nbody": ("int", None), "ngeom": ("int", None),
          "body_jntadr": ("int*", "nbody", 1), "body_weldid": ("int*", "nbody", 1),
+         "body_dofnum": ("int*", "nbody", 1),
          "body_mass": ("double*", "nbody", 1), "body_ipos": ("double*", "nbody", 3),
          "body_iquat": ("double*", "nbody", 4), "body_inertia": ("double*", "nbody", 3),
          "jnt_type": ("int*", "njnt", 1), "jnt_qposadr": ("int*", "njnt", 1), "jnt_dofadr": ("int*", "njnt", 1),

@@ -23,25 +23,30 @@ inline Quaternion rotation_of(const mjtNum* wxyz) {
   return Quaternion(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).normalized();
 }
 
-/// A geom by the body that it moves with: bodies without joints are welded to their parents.
+/// A geom by the body that it moves with by joints: bodies without are welded to their parents, and
+/// 0, the world, is also for what only a mocap body moves.
 inline int body_of(const mjModel& model, int geom) {
-  return model.body_weldid[model.geom_bodyid[geom]];
+  const int body = model.body_weldid[model.geom_bodyid[geom]];
+  return model.body_dofnum[body] > 0 ? body : 0;
 }
 
-/// Whether a gap lies beyond the margin, where contacts are listed without force: since 3.9.
-/// Before, it lay within.
-inline bool gap_is_beyond() {
-  static const bool beyond = [] {
-    int major = 0;
-    int minor = 0;
-    std::sscanf(mj_versionString(), "%d.%d", &major, &minor);
-    return major > 3 || (major == 3 && minor >= 9);
+inline bool is_since(int major, int minor) {
+  static const std::pair<int, int> version = [] {
+    std::pair<int, int> read;
+    std::sscanf(mj_versionString(), "%d.%d", &read.first, &read.second);
+    return read;
   }();
-  return beyond;
+  return version >= std::pair(major, minor);
 }
+/// Whether a gap lies beyond the margin, where contacts are listed without force. Before, it lay
+/// within.
+inline bool gap_is_beyond() { return is_since(3, 9); }
+/// Whether margins and gaps of two geoms add up. Before, the larger counted.
+inline bool margins_add_up() { return is_since(3, 5); }
 
 /// Margin and gap of a geom or pair.
 struct Listing {
+  bool of_pair;
   mjtNum* margin;
   mjtNum* gap;
   mjtNum own_margin = *margin;
@@ -49,8 +54,9 @@ struct Listing {
 
   /// Contacts are listed by `epsilon` earlier, and have their force where they had it.
   void widen(double epsilon) {
-    *gap = own_gap += epsilon;
-    if (!gap_is_beyond()) *margin = own_margin += epsilon;
+    const double early = of_pair || !margins_add_up() ? epsilon : epsilon / 2;
+    *gap = own_gap += early;
+    if (!gap_is_beyond()) *margin = own_margin += early;
   }
   /// Whether they have MuJoCo's force; they are listed where they were.
   void set_force(bool own) const {
@@ -67,16 +73,36 @@ std::vector<Listing> listings(mjModel& model, Takes takes) {
   std::vector<Listing> found;
   for (int geom = 0; geom < model.ngeom; ++geom) {
     if (takes(body_of(model, geom))) {
-      found.push_back({model.geom_margin + geom, model.geom_gap + geom});
+      found.push_back({false, model.geom_margin + geom, model.geom_gap + geom});
     }
   }
   for (int pair = 0; pair < model.npair; ++pair) {
     if (takes(body_of(model, model.pair_geom1[pair])) ||
         takes(body_of(model, model.pair_geom2[pair]))) {
-      found.push_back({model.pair_margin + pair, model.pair_gap + pair});
+      found.push_back({true, model.pair_margin + pair, model.pair_gap + pair});
     }
   }
   return found;
+}
+
+/// Contacts are listed by `epsilon` earlier, those of all geoms, so that it is the same for each
+/// pair of them.
+inline void list_early(mjModel& model, double epsilon) {
+  for (Listing& listing : listings(model, [](int) { return true; })) listing.widen(epsilon);
+#if mjVERSION_HEADER >= 300
+  // At a pair of bodies with several geoms it looks only within these, which its compiler found.
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    mjtNum& margin = model.body_margin[model.geom_bodyid[geom]];
+    margin = std::max(margin, model.geom_margin[geom] + model.geom_gap[geom]);
+  }
+#endif
+}
+
+/// A tool that sleeps would have no contacts with what does not move.
+inline void keep_awake([[maybe_unused]] mjModel& model, [[maybe_unused]] int body) {
+#if mjVERSION_HEADER >= 340
+  model.tree_sleep_policy[model.body_treeid[body]] = mjSLEEP_NEVER;
+#endif
 }
 
 /// Normal force of a contact, N.
@@ -115,6 +141,7 @@ inline std::vector<ReportedContact> near_contacts(const mjModel& model, const mj
                                                   int tool) {
   std::vector<ReportedContact> all;
   for (int i = 0; i < data.ncon; ++i) {
+    if (data.contact[i].geom1 < 0 || data.contact[i].geom2 < 0) continue;  // A flex.
     const ReportedContact contact = describe(model, data, i, tool);
     if (contact.a.kind != SideKind::kWorld && contact.a != contact.b) all.push_back(contact);
   }

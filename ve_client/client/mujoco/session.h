@@ -70,11 +70,11 @@ inline ToolDescription tool_of(const mjModel& model, int body) {
   return tool;
 }
 
-/// A client for one model, which it changes: geoms that move are listed ε before they touch, and
-/// the tool resists nothing between two calls of drive(). While the server answers the tool's geoms
-/// make no force of their own: the tool is where the proxy is, and bodies are pushed by the
-/// impulses that the hand felt. Any body with degrees of freedom can be pushed. From drive() to
-/// send() these pushes are a part of xfrc_applied; a force of your own there stays: set it
+/// A client for one model, which it changes: geoms are listed ε before they touch, and the tool
+/// resists nothing between two calls of drive(). A flex is not felt. While the server answers the
+/// tool's geoms make no force of their own: the tool is where the proxy is, and bodies are pushed
+/// by the impulses that the hand felt. Any body with degrees of freedom can be pushed. From drive()
+/// to send() these pushes are a part of xfrc_applied; a force of your own there stays: set it
 /// before drive().
 class Session {
  public:
@@ -93,9 +93,8 @@ class Session {
     constexpr double kHeld = 1e6;  // kg and kg·m². Of free joints MuJoCo reads the second alone.
     std::fill_n(model.dof_armature + v_at_, 6, kHeld);
     std::fill_n(model.dof_M0 + v_at_, 6, kHeld);
-    for (Listing& listing : listings(model, [](int body) { return body != 0; })) {
-      listing.widen(options.epsilon);
-    }
+    keep_awake(model, tool_);
+    list_early(model, options.epsilon);
     of_tool_ = listings(model, [this](int body) { return body == tool_; });
     mj_forward(&model, &data);
   }

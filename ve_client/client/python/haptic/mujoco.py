@@ -41,7 +41,10 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
 # some millimetres, more would push it twice.
 _HAND_OVER = 2
 _NO_FORCE = 1e3  # m: a depth that none reaches
-_GAP_BEYOND = (3, 9)  # Version from which a gap lies beyond the margin, where contacts have no force; before, within it.
+# Versions from which on bodies of excluded pairs are counted from 0, before from 1; margins and gaps of a pair's geoms add
+# up, before the larger counts; and a gap lies beyond the margin, where contacts have no force, before within it.
+_EXCLUDED_FROM_0, _ADDED_UP, _GAP_BEYOND = (3, 0), (3, 5), (3, 9)
+_NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 
 
 class Session:
@@ -55,8 +58,8 @@ class Session:
     exact, with all corners and lasting identities, and MuJoCo's list as it was. There epsilon grows with the tool's speed
     and the delay up to `largest_epsilon`, m.
 
-    With "engine" this changes the model: geoms that move are listed `epsilon` before they touch, and have
-    their force where they had it.
+    With "engine" this changes the model: geoms are listed `epsilon` before they touch, and have their force where they had
+    it. A flex is not felt, nor is a geom's adhesion. A mocap body is a wall, without a velocity.
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
@@ -64,8 +67,7 @@ class Session:
                  binding: Any = None, **options: Any):
         if binding is None:
             import mujoco as binding
-        self._binding, self._model = binding, model
-        self._gap_beyond = tuple(map(int, binding.mj_versionString().split(".")[:2])) >= _GAP_BEYOND
+        self._binding, self._model, self._version = binding, model, _version(binding)
         self._tool = binding.mj_name2id(model, _BODY, tool)
         if self._tool < 0:
             raise haptic.HapticError(f"the model has no body {tool!r}")
@@ -79,11 +81,13 @@ class Session:
         self._warned = False
         for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
+        if hasattr(model, "tree_sleep_policy"):  # Of a tool that sleeps MuJoCo 3 lists no contact with what does not move.
+            model.tree_sleep_policy[model.body_treeid[self._tool]] = _NEVER_SLEEPS
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
         if contacts not in ("engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
         self._epsilon, self._largest_epsilon = epsilon, largest_epsilon
-        self._shapes = from_mujoco(model, self._tool) if contacts == "shapes" else None
+        self._shapes = from_mujoco(model, self._tool, binding) if contacts == "shapes" else None
         if self._shapes is None:
             self._list_early(epsilon)
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
@@ -91,6 +95,7 @@ class Session:
         if len(welded) > 1:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
                                      "it; put their geoms into it")
+        self._bodies_of_geoms = _bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
         #: From the body's origin to the tool's farthest point, m.
         self._arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
@@ -201,32 +206,30 @@ class Session:
         for margin, gap, which, own_margin, own_gap in self._listed:
             if own:
                 margin[which], gap[which] = own_margin, own_gap
-            elif self._gap_beyond:
+            elif self._version >= _GAP_BEYOND:
                 margin[which], gap[which] = -_NO_FORCE, _NO_FORCE + own_margin + own_gap
             else:
                 gap[which] = _NO_FORCE
 
     def _list_early(self, epsilon: float) -> None:
-        """Margin and gap of a pair are the larger of its geoms', or their sum, by MuJoCo's version:
-        either way the force begins where it did, and the list `epsilon` before."""
+        """Of all geoms, so that it is the same for each pair of them: the force begins where it did, and the list
+        `epsilon` before."""
         model = self._model
-        widened = 0 if self._gap_beyond else epsilon
-        for geom in range(model.ngeom):
-            if model.body_weldid[model.geom_bodyid[geom]] != 0:
-                model.geom_margin[geom] += widened
-                model.geom_gap[geom] += epsilon
-        if model.npair > 0:
-            moves = np.asarray(model.body_weldid)[model.geom_bodyid] != 0
-            early = moves[model.pair_geom1] | moves[model.pair_geom2]
-            model.pair_margin[:] += widened * early
-            model.pair_gap[:] += epsilon * early
+        of_geom = epsilon / 2 if self._version >= _ADDED_UP else epsilon
+        for margin, gap, early in ((model.geom_margin, model.geom_gap, of_geom),
+                                   (model.pair_margin, model.pair_gap, epsilon)):
+            gap += early
+            if self._version < _GAP_BEYOND:
+                margin += early
+        # MuJoCo 3 looks at a pair of bodies with several geoms only within these, which its compiler found.
+        if hasattr(model, "body_margin"):
+            np.maximum.at(model.body_margin, model.geom_bodyid, model.geom_margin + model.geom_gap)
 
     def _contacts(self, data: Any) -> np.ndarray:
         model, n = self._model, data.ncon
         found, listed = haptic.contacts(n), data.contact
         geom1, geom2 = np.asarray(listed.geom1)[:n], np.asarray(listed.geom2)[:n]
-        body1 = model.body_weldid[model.geom_bodyid[geom1]]
-        body2 = model.body_weldid[model.geom_bodyid[geom2]]
+        body1, body2 = self._bodies_of_geoms[geom1], self._bodies_of_geoms[geom2]
         # Side a, to which the normal points, is the tool, else a body that moves.
         first = (body1 == self._tool) | ((body2 != self._tool) & (body2 == 0))
         a, b = np.where(first, body1, body2), np.where(first, body2, body1)
@@ -243,7 +246,7 @@ class Session:
         found["friction"] = np.asarray(listed.friction)[:n].reshape(n, 5)[:, 0]
         found["load"] = self._loads(data)
         found["load"][a == self._tool] = 0
-        found = found[(found["a_kind"] != haptic.WORLD) & (a != b)]
+        found = found[(found["a_kind"] != haptic.WORLD) & (a != b) & (geom1 >= 0) & (geom2 >= 0)]  # -1: a flex
         return np.ascontiguousarray(self._near(found))
 
     @staticmethod
@@ -308,7 +311,7 @@ class Session:
         model = self._model
         collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
         collides[model.pair_geom1] = collides[model.pair_geom2] = True
-        bodies = np.asarray(model.body_weldid)[model.geom_bodyid]
+        bodies = self._bodies_of_geoms
         limited = model.body_weldid[np.asarray(model.jnt_bodyid)[np.asarray(model.jnt_limited) != 0]]
         found = {}
         for body in set(bodies[collides].tolist()) - {0} - set(limited.tolist()):
@@ -342,8 +345,8 @@ class Shapes:
     """The model's geoms as haptic.proximity has them. The index of a body is its own, or that of what it is
     welded to."""
 
-    def __init__(self, model: Any, tool: int):
-        self._model = model
+    def __init__(self, model: Any, tool: int, version: tuple[int, ...]):
+        self._model, self._version = model, version
         collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
         self._geoms = np.flatnonzero(collides)
         own = np.asarray(model.geom_bodyid)[self._geoms]
@@ -352,7 +355,8 @@ class Shapes:
                          - set(self._geoms.tolist()))
         if by_pair:
             raise haptic.HapticError(f"geom {by_pair[0]} collides by <pair> alone; use contacts='engine'")
-        shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, body)]
+        owners = _bodies(model)[own]
+        shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, owners)]
         self._proximity = haptic.proximity.Proximity(shapes, self._excluded(own, body))
 
     def find(self, data: Any, epsilon: float) -> np.ndarray:
@@ -392,9 +396,8 @@ class Shapes:
         model = self._model
         parent = np.asarray(model.body_weldid)[np.asarray(model.body_parentid)[body]]
         first, second = np.divmod(np.asarray(model.exclude_signature, dtype=np.int64), 1 << 16)
-        # MuJoCo 2.2 counts these bodies from 1, MuJoCo 3 from 0. Where a model can be either, it is the latter.
-        from_one = int(max([*first, *second], default=0) >= len(np.asarray(model.body_weldid)))
-        named = {(int(p) - from_one, int(q) - from_one) for p, q in zip(first, second)}
+        base = 0 if self._version >= _EXCLUDED_FROM_0 else 1
+        named = {(int(p) - base, int(q) - base) for p, q in zip(first, second)}
         def apart(i: int, j: int) -> bool:
             related = body[i] != 0 and body[j] != 0 and (body[i] == parent[j] or body[j] == parent[i])
             return bool(related) or any((int(p), int(q)) in named
@@ -402,9 +405,23 @@ class Shapes:
         return [(i, j) for i in range(len(body)) for j in range(i) if apart(i, j)]
 
 
-def from_mujoco(model: Any, tool: int) -> Shapes:
-    """tool: number of the body that the hand holds. Raises haptic.HapticError at a geom that cannot be used."""
-    return Shapes(model, tool)
+def from_mujoco(model: Any, tool: int, binding: Any = None) -> Shapes:
+    """tool: number of the body that the hand holds. binding: as of Session. Raises haptic.HapticError at a geom that cannot
+    be used."""
+    if binding is None:
+        import mujoco as binding
+    return Shapes(model, tool, _version(binding))
+
+
+def _version(binding: Any) -> tuple[int, ...]:
+    """Major and minor."""
+    return tuple(map(int, binding.mj_versionString().split(".")[:2]))
+
+
+def _bodies(model: Any) -> np.ndarray:
+    """Of each body the one that it moves with by joints: 0, the world, where there are none, and so for a mocap body."""
+    welded = np.asarray(model.body_weldid)
+    return np.where(np.asarray(model.body_dofnum)[welded] == 0, 0, welded)
 
 
 def _quaternions(matrices: np.ndarray) -> np.ndarray:
