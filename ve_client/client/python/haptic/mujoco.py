@@ -59,7 +59,8 @@ class Session:
     and the delay up to `largest_epsilon`, m.
 
     With "engine" this changes the model: geoms are listed `epsilon` before they touch, and have their force where they had
-    it. A flex is not felt, nor is a geom's adhesion. A mocap body is a wall, without a velocity.
+    it. Before MuJoCo 3.12 boxes that do not touch can have deep contacts: take "shapes". A flex is not felt, nor is a geom's
+    adhesion. A mocap body is a wall, without a velocity.
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
