@@ -127,6 +127,25 @@ class Touch(unittest.TestCase):
         self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
 
 
+    def test_an_arm_that_a_servo_holds_is_pushed_at_its_stiffness(self):
+        """Damping, of its joint or of the servo, acts within a frame: 0.17 kg at the tip."""
+        length, stiffness, damping, push = 0.2, 20, 1.5, 0.02  # m, N·m/rad, N·m·s/rad, m
+        due = push / (1 / hand_session.STIFFNESS + length**2 / stiffness + 1 / STIFFNESS)
+        for of_joint, of_servo, contacts in ((damping, 0, "engine"), (0, damping, "shapes")):
+            with self.subTest(of_joint=of_joint, of_servo=of_servo):
+                arm = f"""<body pos="-0.2 0 0.3"><joint name="joint" axis="0 1 0" damping="{of_joint}"/>
+                    <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.01" mass="0.2"/>
+                    <geom type="box" size="0.02 0.02 0.01" pos="0.2 0 0" mass="0.1"/></body>"""
+                servo = f"""<actuator><general joint="joint" biastype="affine" gainprm="{stiffness}"
+                    biasprm="0 -{stiffness} -{of_servo}"/></actuator>"""
+                scene = SCENE.format(step=0.002, height=0.335, tool='type="sphere" size="0.02"', bodies=arm).replace(
+                    "<option ", '<option gravity="0 0 0" ').replace("</worldbody>", "</worldbody>" + servo)
+                ticks, _ = play(4, scene, hand_session.reach(1, 0, 0.335) + hand_session.reach(0.5, 0, 0.33 - push),
+                                contacts=contacts)
+                force, deviation = hand_session.mean(ticks, "command_force_z_N", 3, 3.9)
+                self.assertAlmostEqual(force, due, delta=0.05 * due)  # N
+                self.assertLess(deviation, 0.1)
+
     def test_when_the_server_ends_the_tray_bears_the_cube_by_itself(self):
         cube = '<body pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
         model, data = loaded(SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube))

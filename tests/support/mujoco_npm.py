@@ -19,7 +19,8 @@ FOLDER = pathlib.Path(__file__).resolve().parent / "mujoco_npm"
 # Numbers in a row of the arrays that have rows.
 COLUMNS = {"body_ipos": 3, "body_iquat": 4, "body_inertia": 3, "geom_pos": 3, "geom_size": 3,
            "geom_friction": 3, "jnt_range": 2, "mesh_vert": 3, "xpos": 3, "xipos": 3, "xfrc_applied": 6, "geom_xpos": 3,
-           "geom_xmat": 9, "mocap_pos": 3, "mocap_quat": 4}
+           "geom_xmat": 9, "mocap_pos": 3, "mocap_quat": 4, "actuator_trnid": 2,
+           "actuator_gear": 6, "actuator_biasprm": 10}
 TYPES = {"Float64Array": np.float64, "Float32Array": np.float32, "Int32Array": np.int32, "Uint8Array": np.uint8}
 # Of a contact, in the order in which they are sent.
 CONTACT = {"dist": 1, "pos": 3, "frame": 9, "friction": 5, "dim": 1, "geom1": 1, "geom2": 1, "efc_address": 1}

@@ -19,7 +19,7 @@ these pushes are a part of data.xfrc_applied; a force of your own there stays: s
 from __future__ import annotations
 
 import warnings
-from typing import Any, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
 
@@ -30,6 +30,7 @@ _FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
 _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther away
 _BODY = 1  # mjOBJ_BODY
+_OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
 # Of mjtGeom: kind and sizes of haptic.proximity.
@@ -186,8 +187,11 @@ class Session:
         """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
         and half of that for what it may accelerate."""
         speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
-        travel = 1.5 * speed * (self.touch.state.round_trip + 2 * max(self._frame, self._period))
-        return max(self._epsilon, min(travel, self._largest_epsilon))
+        return max(self._epsilon, min(1.5 * speed * self._delay(), self._largest_epsilon))
+
+    def _delay(self) -> float:
+        """From the state that is known until what is sent now is replaced, s."""
+        return self.touch.state.round_trip + 2 * max(self._frame, self._period)
 
     def _take_back_pushes(self, data: Any) -> None:
         for body, push in self._pushes.items():
@@ -295,17 +299,39 @@ class Session:
         found = haptic.bodies(len(chosen))
         nv = self._model.nv
         J, solved = np.zeros((6, nv)), np.zeros((6, nv))
+        slowed = self._damping(data) if chosen else None
         for to, body in zip(found, chosen):
             self._binding.mj_jacBodyCom(self._model, data, J[:3], J[3:], body)
             self._binding.mj_solveM(self._model, data, solved, J)
-            W = J @ solved.T
+            W = J @ slowed(solved).T
             to["id"] = body
             to["centre"] = data.xipos[body]
             to["velocity"] = J @ data.qvel
             to["inverse_inertia"] = 0.5 * (W + W.T)
-            to["acceleration"] = J @ data.qacc_smooth - W @ self._pushes.get(body, np.zeros(6))
+            to["acceleration"] = J @ slowed(data.qacc_smooth) - W @ self._pushes.get(body, np.zeros(6))
             to["round"], to["axis"] = self._roundness(data, body)
         return found
+
+    def _damping(self, data: Any) -> Callable[[np.ndarray], np.ndarray]:
+        """Of rows of accelerations, M⁻¹ f, makes (M + h D)⁻¹ f: an implicit step over the delay h. Where damping D, of
+        joints and of servos on them, acts faster than that, a body that the server thinks free would chatter."""
+        model = self._model
+        damping = np.array(model.dof_damping)
+        servo = np.flatnonzero((np.asarray(model.actuator_trntype) == _OF_JOINT)
+                               & (np.asarray(model.actuator_biastype) == _AFFINE))
+        joints = np.asarray(model.actuator_trnid)[servo, 0]
+        # Since 3.11 an actuator may have several outputs, each with its gear.
+        output = np.asarray(model.actuator_outadr)[servo] if hasattr(model, "actuator_outadr") else servo
+        gear, gain = np.asarray(model.actuator_gear)[output, 0], -np.asarray(model.actuator_biasprm)[servo, 2]
+        np.add.at(damping, np.asarray(model.jnt_dofadr)[joints], gear**2 * np.maximum(gain, 0))
+        damped = np.flatnonzero(damping)
+        if len(damped) == 0:
+            return lambda rows: rows
+        unit, solved = np.zeros((len(damped), model.nv)), np.zeros((len(damped), model.nv))
+        unit[np.arange(len(damped)), damped] = 1
+        self._binding.mj_solveM(model, data, solved, unit)
+        slowing = np.linalg.solve(np.diag(1 / (self._delay() * damping[damped])) + solved[:, damped], solved)
+        return lambda rows: rows - rows[..., damped] @ slowing
 
     def _round_geoms(self) -> dict[int, int]:
         """Of each body with one geom that collides, and that revolves, this geom."""
