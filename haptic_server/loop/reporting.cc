@@ -158,10 +158,8 @@ protocol::Impulses impulses_of(const LocalModel& model, double contained) noexce
   const auto add = [&](bool near) {
     for (const BodyImpulses::Total& total : model.impulses().totals()) {
       if (impulses.bodies.size() == impulses.bodies.capacity()) break;
-      if (is_near(total.body) != near) continue;
-      // Of a near body also that it has none: the first one came after that.
-      const bool touched = total.last_step != 0;
-      if (near || (touched && static_cast<double>(total.last_step + kRepeatedSteps) > contained)) {
+      if (total.last_step == 0 || is_near(total.body) != near) continue;
+      if (near || static_cast<double>(total.last_step + kRepeatedSteps) > contained) {
         impulses.bodies.push_back({total.body, total.P_W});
       }
     }

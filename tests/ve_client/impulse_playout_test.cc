@@ -36,6 +36,16 @@ TEST_CASE("Reports that come just before a frame or just after it give the body 
   }
 }
 
+TEST_CASE("The first impulse on a body is applied whole, whenever the report before it came") {
+  ImpulsePlayout playout;
+  for (int frame = 1; frame <= kTouch; ++frame) {
+    playout.hear(report(frame).step);  // Nothing is touched, so nothing is reported.
+    CHECK(force(playout) == 0);
+  }
+  playout.receive(report(kTouch + 1));
+  CHECK(force(playout) == Approx(kForce));
+}
+
 TEST_CASE("Where reports stay away the bodies' time goes on, and what was due follows") {
   ImpulsePlayout playout;
   for (int frame = 1; frame <= 20; ++frame) {

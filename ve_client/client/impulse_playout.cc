@@ -92,8 +92,10 @@ ImpulsePlayout::Totals ImpulsePlayout::totals() const {
   const double part = span > 0 ? std::clamp((step_ - before.step) / span, 0.0, 1.0) : 1;
   Totals totals;
   for (const auto& [body, P_W] : after.totals) {
-    const Vector6 P_before = total(before.totals, body);
-    totals[body] = P_before + part * (P_W - P_before);
+    // Of a body's first impulse the report before, which may be long ago, says nothing.
+    const auto known = before.totals.find(body);
+    totals[body] =
+        known != before.totals.end() ? Vector6(known->second + part * (P_W - known->second)) : P_W;
   }
   return totals;
 }

@@ -61,21 +61,6 @@ TEST_CASE("The force of a contact is commanded in the tick that takes its update
   CHECK(bench.device.written[0] < -1);
 }
 
-TEST_CASE("A body that is near is reported before it is touched: its first impulse has a begin") {
-  ServoBench bench;
-  bench.begin();
-  protocol::ContactUpdate update = bench.update({wall_ahead(1e-3)});  // m
-  update.contacts[0].b = {SideKind::kMovableBody, 7};
-  MovableBody& body = update.bodies.emplace_back();
-  body.id = 7;
-  body.W = Matrix6::Identity();
-  bench.tick_with(update);
-  const auto told = bench.last_sent<protocol::Impulses>();
-  REQUIRE(told.bodies.size() == 1);
-  CHECK(told.bodies[0].body == 7);
-  CHECK(told.bodies[0].P_W.isZero(0));
-}
-
 TEST_CASE("Without a session a tick touches no device") {
   ServoBench bench;
   const TickRecord& record = bench.ticks(3);
