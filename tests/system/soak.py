@@ -161,7 +161,10 @@ class Program:
     def end(self, signal_number=signal.SIGTERM, allowed=(0,)):
         """Ends it; a status that is neither allowed nor explained by the signal is a crash."""
         self.check_alive()
+        begun = time.monotonic()
         while signal_number != signal.SIGKILL and not self.catches(signal_number):
+            if time.monotonic() > begun + RECOVERY:
+                raise Failure(f"{self.name} does not catch signal {signal_number}")
             time.sleep(0.05)  # It has only just begun.
             self.check_alive()
         self.process.send_signal(signal_number)
@@ -332,6 +335,7 @@ def main():
     parser.add_argument("--keep", type=pathlib.Path, default=pathlib.Path("out/soak"),
                         help="where the logs of a failure go; default %(default)s")
     arguments = parser.parse_args()
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # Under nohup the programs would ignore it, too.
     print(f"soak of {arguments.minutes:g} min, seed {arguments.seed}", flush=True)
     with tempfile.TemporaryDirectory() as name:
         soak = Soak(arguments, pathlib.Path(name))
