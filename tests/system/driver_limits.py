@@ -2,6 +2,7 @@
 """The stiffest walls that each driver's device bears, through its stand-in, in the real programs.
 
 Usage: driver_limits.py HAPTIC_SERVER VE_CLIENT STAND_INS WORLDS [--only DRIVER …] [--methods METHOD …] [--seconds S]
+                        [--stiffness K … | --drift K]
 
 A hand shakes the handle sideways, with the peg in the testbed's hole, which fits it exactly, as in the paper. Printed for
 each driver and method: the largest contact stiffness at which the server's side gives out no energy of its own, which is
@@ -26,7 +27,7 @@ SETTLED = 1.5  # s of a session before it is judged
 WINDOW = 2  # s, whole periods of the hand
 UNSTABLE = 0.01  # J in the window, as in the experiments
 
-# Force of the hand, N; the server's options; mass (kg) and delay (s) that it is told; the program behind the vendor's boundary.
+# Force of the hand, N; the server's options; mass (kg) and delay (s) that it is told; the program of the vendor's side.
 DRIVERS = {
     "forcedimension": (3, ["--device", "forcedimension"], (0.3, 0.001), None),
     "openhaptics": (2, ["--device", "openhaptics"], (0.1, 0.002), None),
@@ -55,14 +56,6 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def wait_for(condition, seconds=10):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            raise RuntimeError("a program did not start")
-        time.sleep(0.02)
-
-
 class Trial:
     """One session of the programs, with all that they leave in a folder."""
 
@@ -71,10 +64,25 @@ class Trial:
 
     def given(self, stiffness):
         """Energy out of nothing, J."""
+        return energy_given(self.rows(stiffness), "four" in self.method)
+
+    def drift(self, stiffness):
+        """Of the proxy to either side, peak to peak, m."""
+        places = [float(row["proxy_x_m"]) for row in self.rows(stiffness)]
+        return max(places) - min(places)
+
+    def rows(self, stiffness):
+        """Of the tick log, once the session has settled; none if a fault ended it."""
         with tempfile.TemporaryDirectory() as folder:
             log = pathlib.Path(folder) / "ticks.csv"
             self._play(folder, log, stiffness)
-            return energy_given(log, "four" in self.method)
+            with open(log, encoding="utf-8") as file:
+                rows = list(csv.DictReader(file))
+        if any(row["fault"] != "none" for row in rows):
+            return []
+        rows = [row for row in rows if row["server_state"] == "active"]
+        start = float(rows[0]["time_s"]) + SETTLED
+        return [row for row in rows if float(row["time_s"]) >= start]
 
     def is_stable(self, stiffness):
         """In one of two runs: a machine that stalls makes energy, too."""
@@ -108,8 +116,9 @@ class Trial:
                 if not line:
                     raise RuntimeError(f"haptic_server did not start for {self.driver}")
             client = subprocess.Popen(
-                [self.programs.client, "--server", address, "--world", self.programs.worlds / "testbed.sdf", "--start", "hole",
-                 "--duration", str(SETTLED + self.seconds), "--quiet", "--log-level", "off", *client_options],
+                [self.programs.client, "--server", address, "--world", self.programs.worlds / "testbed.sdf",
+                 "--start", "hole", "--duration", str(SETTLED + self.seconds), "--quiet",
+                 "--log-level", "off", *client_options],
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             running.append(client)
             time.sleep(SETTLED / 2)
@@ -130,16 +139,11 @@ def known(driver, mass, delay):
     return [word for key, value in keys.items() for word in ("--device-option", f"{key}={value}")]
 
 
-def energy_given(log, four_channels):
+def energy_given(rows, four_channels):
     """The most that the server's side of the device gave in any WINDOW, J: a passive one gives none out of nothing, and
-    what it stores in a period of the hand it has given back by the next. Infinite if a fault ended the session."""
-    with open(log, encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    if any(row["fault"] != "none" for row in rows):
+    what it stores in a period of the hand it has given back by the next. Infinite without rows."""
+    if not rows:
         return math.inf
-    rows = [row for row in rows if row["server_state"] == "active"]
-    start = float(rows[0]["time_s"]) + SETTLED
-    rows = [row for row in rows if float(row["time_s"]) >= start]
     given = [0]
     for before, now in zip(rows, rows[1:]):
         given.append(given[-1] + work(before, "command", "device", before, now)
@@ -151,7 +155,8 @@ def energy_given(log, four_channels):
 def work(row, wrench, moved, before, now):
     """Of that row's wrench on what moved from tick to tick, J."""
     duration = float(now["time_s"]) - float(before["time_s"])
-    return sum(float(row[f"{wrench}_force_{axis}_N"]) * (float(now[f"{moved}_{axis}_m"]) - float(before[f"{moved}_{axis}_m"]))
+    return sum(float(row[f"{wrench}_force_{axis}_N"])
+               * (float(now[f"{moved}_{axis}_m"]) - float(before[f"{moved}_{axis}_m"]))
                + float(row[f"{wrench}_torque_{axis}_N_m"]) * float(now[f"{moved}_w{axis}_rad_per_s"]) * duration
                for axis in "xyz")
 
@@ -175,11 +180,14 @@ def main():
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS))
     parser.add_argument("--seconds", type=float, default=3, help="that a stiffness is judged; default %(default)s")
     parser.add_argument("--stiffness", type=float, nargs="+", help="print the energy at these, N/m, instead")
+    parser.add_argument("--drift", type=float, metavar="STIFFNESS", help="print how far the proxy moves there, instead")
     programs = parser.parse_args()
     for driver in programs.only:
         for method in programs.methods:
             trial = Trial(programs, driver, method, programs.seconds)
-            if programs.stiffness:
+            if programs.drift:
+                found = f"{1e3 * trial.drift(programs.drift):.2f} mm"
+            elif programs.stiffness:
                 found = "  ".join(f"{k:g}: {1e3 * trial.given(k):.2f}" for k in programs.stiffness) + " mJ"
             else:
                 stiffness, beyond = largest_stiffness(trial)
