@@ -3,6 +3,11 @@
 # it there: the service, also killed and hung, the programs, the client library in C++, C and Python; then removes it and
 # looks for what it left. Needs root. Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
 set -euo pipefail
+fail() {
+  echo "clean_debian.sh: $*" >&2
+  exit 1
+}
+[ -f "${1:-}" ] || fail "'${1:-}' must be a package, as scripts/package makes it"
 deb=$(realpath "$1")
 root=$(mktemp -d)
 chmod 755 "$root"  # The root of all its users.
@@ -17,10 +22,6 @@ clean_up() {
 }
 trap clean_up EXIT
 environment=(env DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin)
-fail() {
-  echo "clean_debian.sh: $*" >&2
-  exit 1
-}
 
 # What the package depends on, while there is a network.
 debootstrap --variant=minbase --include=systemd,systemd-sysv,dbus,udev bookworm "$root" >/dev/null

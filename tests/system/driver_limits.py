@@ -67,9 +67,9 @@ class Trial:
         return energy_given(self.rows(stiffness), "four" in self.method)
 
     def drift(self, stiffness):
-        """Of the proxy to either side, peak to peak, m."""
+        """Of the proxy to either side, peak to peak, m; infinite if a fault ended the session."""
         places = [float(row["proxy_x_m"]) for row in self.rows(stiffness)]
-        return max(places) - min(places)
+        return max(places) - min(places) if places else math.inf
 
     def rows(self, stiffness):
         """Of the tick log, once the session has settled; none if a fault ended it."""
@@ -182,6 +182,11 @@ def main():
     parser.add_argument("--stiffness", type=float, nargs="+", help="print the energy at these, N/m, instead")
     parser.add_argument("--drift", type=float, metavar="STIFFNESS", help="print how far the proxy moves there, instead")
     programs = parser.parse_args()
+    if not programs.seconds > WINDOW:
+        parser.error(f"--seconds {programs.seconds:g} must be more than {WINDOW}")
+    for path in (programs.server, programs.client, programs.stand_ins, programs.worlds):
+        if not path.exists():
+            parser.error(f"{path} is not there")
     for driver in programs.only:
         for method in programs.methods:
             trial = Trial(programs, driver, method, programs.seconds)
