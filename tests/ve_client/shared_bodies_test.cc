@@ -56,7 +56,7 @@ TEST_CASE("What one tool does to a body reaches the other's server whole, and sm
   Shared shared("0 0 0");
   double told = 0;    // m/s: what the other's server has been told that the body gained.
   double before = 0;  // m/s²
-  for (int frame = 0; frame < 120; ++frame) {
+  for (int frame = 0; frame < 200; ++frame) {
     shared.push(2, 0);
     const MovableBody body = shared.report(1);
     CHECK(body.A_W[0] - before < 0.1 * 2);  // Of 2 N on 1 kg.
@@ -67,6 +67,18 @@ TEST_CASE("What one tool does to a body reaches the other's server whole, and sm
   CHECK(told == Approx(shared.world.V_WB(0)[0]).epsilon(1e-3));
   CHECK(shared.report(0).A_W[0] == 0);  // The tool's own push is no force of others.
   CHECK(shared.report(0).V_W == shared.world.V_WB(0));
+}
+
+TEST_CASE("Where a tool has left a body, the other's server soon knows how it moves") {
+  Shared shared("0 0 0");
+  for (int frame = 0; frame < 200; ++frame) shared.push(2, 0);
+  double ahead = 0;  // m: of the world's body, by what its server was told.
+  for (int frame = 0; frame < 120; ++frame) {
+    shared.push(0, 0);
+    ahead += kPeriod * (shared.report(1).V_W[0] - shared.world.V_WB(0)[0]);
+  }
+  CHECK(std::abs(ahead) < 0.03);  // 2 m/s² and a loop of 0.1 s, twice.
+  CHECK(shared.report(1).A_W[0] == Approx(0).margin(1e-3));
 }
 
 TEST_CASE("A body that two tools push resists more, and weighs the same") {
