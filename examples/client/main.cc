@@ -1,15 +1,19 @@
 // A simulator that lets a hand feel its world: a ball above a floor, in the plane. y points down.
 //
-//   haptic_server --hand worlds/hands/session.toml   # in another terminal
-//   simulator 127.0.0.1:47800                        # 10 s
+//   simulator                                        # 10 s, with a haptic_server of its own
+//
+//   haptic_server --hand worlds/hands/session.toml   # or one in another terminal
+//   simulator 127.0.0.1:47800
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <optional>
 #include <thread>
 
 #include <protocol/transport/udp_socket.h>
 #include <ve_client/client/haptic_client.h>
+#include <ve_client/client/own_server.h>
 
 namespace {
 
@@ -46,17 +50,31 @@ hlm::ReportedContacts contacts(const hlm::Configuration& q) {
   return near;
 }
 
-void simulate(const char* server) {
+/// The hand of a simulated device draws the ball 10 mm into the floor, with 200 N/m.
+hlm::protocol::Control press() {
+  hlm::protocol::Control control;
+  control.holds = true;
+  control.X_WTarget.p = {0, kFloor - kRadius + 0.01, 0};
+  return control;
+}
+
+void simulate(const char* named) {
   hlm::Configuration q = hlm::Configuration::Zero(3);
   hlm::Velocity v = hlm::Velocity::Zero(3);
   hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
   hlm::HapticClientOptions options;
-  options.server = hlm::protocol::resolve(server);
+  options.server = hlm::protocol::resolve(named != nullptr ? named : hlm::usual_server());
+  std::optional<hlm::OwnServer> own;
+  if (named == nullptr && !hlm::may_listen(options.server)) {
+    own.emplace(hlm::OwnServerOptions{.planar = true});
+    options.server = own->endpoint();
+  }
   options.tool = ball();
   options.q = q;
   options.ve_rate = 1 / kPeriod;
   options.epsilon = kEpsilon;
   hlm::HapticClient haptic(socket, options);
+  if (own) haptic.control(press());
 
   const auto start = std::chrono::steady_clock::now();
   for (int step = 1; step <= 600; ++step) {
@@ -80,7 +98,7 @@ void simulate(const char* server) {
 }  // namespace
 
 int main(int argc, char** argv) try {
-  simulate(argc > 1 ? argv[1] : "127.0.0.1:47800");
+  simulate(argc > 1 ? argv[1] : nullptr);
 } catch (const std::exception& error) {
   std::fprintf(stderr, "simulator: %s\n", error.what());
   return 1;

@@ -9,7 +9,8 @@
 //   }
 //   touch.close();
 //
-// The library is libhaptic.so.1, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+// With server: null one is started where none listens; touch.ownServer says so, touch.hold() is its hand. The library is
+// libhaptic.so.1, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
 import koffi from 'koffi';
 
 const ABI = 1;
@@ -66,6 +67,7 @@ function load() {
     defaultOptions: library.func('haptic_options haptic_default_options()'),
     box: library.func('haptic_link haptic_box(double mass, const double* size)'),
     open: library.func('haptic_session* haptic_open(const haptic_options* options, _Out_ char* error, size_t size)'),
+    ownServer: library.func('const char* haptic_own_server(const haptic_session* session)'),
     close: library.func('void haptic_close(haptic_session* session)'),
     poll: library.func('void haptic_poll(haptic_session* session, _Inout_ haptic_state* state)'),
     takeImpulses: library.func(
@@ -105,6 +107,11 @@ export class Session {
     const error = ['\0'.repeat(MAX_ERROR)];
     this.#handle = library().open(all, error, MAX_ERROR);
     if (!this.#handle) throw new Error(error[0]);
+  }
+
+  /** A sentence on the server that this session started; empty if it started none. */
+  get ownServer() {
+    return library().ownServer(this.#session);
   }
 
   /** Once per step, before it: the newest news of the server, as haptic_state. */

@@ -21,7 +21,7 @@ SUPPORT = pathlib.Path(__file__).resolve().parents[1] / "support"
 os.environ["HAPTIC_LIBRARY"], os.environ["HAPTIC_SERVER_PROGRAM"] = str(LIBRARY), str(SERVER)
 sys.path[:0] = [str(PACKAGE), str(SUPPORT)]
 
-import haptic._server  # noqa: E402
+import haptic  # noqa: E402
 import haptic.mujoco  # noqa: E402
 import hand_session  # noqa: E402
 import numpy as np  # noqa: E402
@@ -235,7 +235,7 @@ class Hand(unittest.TestCase):
     def test_it_presses_until_it_lets_go(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
-            haptic._server.ADDRESS = "127.0.0.1:%d" % probe.getsockname()[1]
+            os.environ["HAPTIC_SERVER"] = "127.0.0.1:%d" % probe.getsockname()[1]
         model, data = loaded(SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
         forces = []  # N
         with haptic.mujoco.Session(model, data, tool="tool", period=1 / RATE, binding=mujoco) as touch:

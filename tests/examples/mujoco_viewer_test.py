@@ -21,7 +21,7 @@ EXAMPLE = pathlib.Path(sys.argv[5]).resolve()
 os.environ["HAPTIC_LIBRARY"], os.environ["HAPTIC_SERVER_PROGRAM"] = str(LIBRARY), str(SERVER)
 sys.path[:0] = [str(PACKAGE), str(pathlib.Path(__file__).resolve().parents[1] / "support")]
 
-import haptic._server  # noqa: E402
+import haptic  # noqa: E402
 from mujoco_chosen import mujoco_of  # noqa: E402
 
 mujoco = mujoco_of(sys.argv[4])
@@ -59,7 +59,7 @@ class Example(unittest.TestCase):
     def test_the_mouse_presses_and_pushes(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
-            haptic._server.ADDRESS = "127.0.0.1:%d" % probe.getsockname()[1]
+            os.environ["HAPTIC_SERVER"] = "127.0.0.1:%d" % probe.getsockname()[1]
         mujoco.viewer = types.ModuleType("mujoco.viewer")
         mujoco.viewer.launch_passive = Viewer
         sys.modules.update({"mujoco": mujoco, "mujoco.viewer": mujoco.viewer})

@@ -40,10 +40,10 @@ def cached(name):
     return found.group(1) if found else ""
 
 
-def run(*command):
+def run(*command, **variables):
     """What the command prints. Raises AssertionError with that if it fails."""
     done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, text=True)
+                          stderr=subprocess.STDOUT, text=True, env={**os.environ, **variables})
     if done.returncode != 0:
         raise AssertionError(f"{' '.join(map(str, command))}:\n{done.stdout}")
     return done.stdout
@@ -150,6 +150,9 @@ class Package(unittest.TestCase):
         last = re.fullmatch(r"connected, ball at \(\S+, (\S+)\) m, contacts: 1", lines[-1])
         self.assertTrue(last, lines)
         self.assertAlmostEqual(float(last.group(1)), 0.015, delta=0.005)
+        # By itself it starts a server, whose hand leads the ball 10 mm into the floor with 200 N/m, against 4 kN/m.
+        lines = run(build / "simulator", HAPTIC_SERVER=server, PATH=f"{self.programs}:{os.environ['PATH']}").splitlines()
+        self.assertRegex(lines[-1], r"connected, ball at \(0\.0000, 0\.015[45]\) m, contacts: 1")
 
     def test_an_installed_sealing_library_serves_a_users_project(self):
         cmake_lists = (EXAMPLE / "CMakeLists.txt").read_text().replace("hlm::client", "hlm::client hlm::sealing")

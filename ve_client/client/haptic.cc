@@ -19,6 +19,7 @@
 #include "ve_client/client/contact_check.h"
 #include "ve_client/client/haptic_client.h"
 #include "ve_client/client/identity_tracker.h"
+#include "ve_client/client/own_server.h"
 
 static_assert(HAPTIC_MAX_DOF == hlm::kMaxDof && HAPTIC_MAX_CONFIGURATION == hlm::kMaxConfiguration);
 static_assert(HAPTIC_MAX_CONTACTS == hlm::kMaxContacts && HAPTIC_MAX_BODIES == hlm::kMaxBodies);
@@ -88,8 +89,7 @@ ToolDescription tool_of(const haptic_options& options) {
 
 HapticClientOptions client_options(const haptic_options& options) {
   HapticClientOptions client;
-  if (options.server == nullptr) throw std::invalid_argument("server must be HOST:PORT, not NULL");
-  client.server = protocol::resolve(options.server);
+  client.server = protocol::resolve(options.server == nullptr ? usual_server() : options.server);
   client.tool = tool_of(options);
   client.q = Eigen::Map<const Configuration>(options.q, client.tool.configuration_size());
   client.ve_rate = options.rate;
@@ -149,14 +149,30 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
 struct haptic_session {
   explicit haptic_session(const haptic_options& options)
       : client_options_(client_options(options)), tool(client_options_.tool), socket({}) {
-    if (options.key_file != nullptr) {
-      sealed.emplace(socket, client_options_.server, protocol::read_key(options.key_file));
-    }
+    std::optional<protocol::noise::Key> key;
+    if (options.key_file != nullptr) key = protocol::read_key(options.key_file);
+    if (options.server == nullptr && !may_listen(client_options_.server)) start_own(options);
+    if (key) sealed.emplace(socket, client_options_.server, *key);
     client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : socket,
                    client_options_);
     tool.set_configuration(client_options_.q);
     update.q_VE = client_options_.q;
     update.v_VE = Velocity::Zero(tool.dof());
+  }
+
+  void start_own(const haptic_options& options) {
+    const std::string nobody = "no server listens at " + to_string(client_options_.server);
+    try {
+      own.emplace(
+          OwnServerOptions{.planar = client_options_.tool.links[0].joint == JointType::kPlanar,
+                           .key_file = options.key_file == nullptr ? "" : options.key_file});
+    } catch (const std::runtime_error& failure) {
+      throw std::runtime_error(nobody + ", and " + failure.what());
+    }
+    client_options_.server = own->endpoint();
+    started = nobody + ": started " + own->program() + " at " + to_string(own->endpoint()) +
+              " with a simulated device, until this session ends or: kill " +
+              std::to_string(own->process());
   }
 
   /// Keeps the latest refusal until a session begins.
@@ -170,12 +186,18 @@ struct haptic_session {
         message = "contact " + std::to_string(inbox.refusal->item) + ": " + message;
       }
     }
+    if (own && !client->connected() && own->status()) {
+      message = "the server that this session started has ended, with status " +
+                std::to_string(*own->status());
+    }
   }
 
   HapticClientOptions client_options_;
   ToolModel tool;                  ///< At the latest sample.
   protocol::ContactUpdate update;  ///< Of it, to be checked.
   UdpSocket socket;
+  std::optional<OwnServer> own;
+  std::string started;  ///< What was; empty if nothing was.
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
   IdentityTracker tracker;
@@ -207,8 +229,10 @@ haptic_options haptic_default_options(void) {
   constexpr double kEdge = 0.1;  // m
   static const double size[3] = {kEdge, kEdge, kEdge};
   static const haptic_link link = haptic_box(1, size);
+  thread_local std::string server;
+  server = usual_server();
   haptic_options options{};
-  options.server = "127.0.0.1:47800";
+  options.server = server.c_str();
   options.links = &link;
   options.link_count = 1;
   options.hand_rotation[0] = 1;
@@ -370,5 +394,7 @@ int haptic_hold(haptic_session* session, const double position[3], const double 
 }
 
 void haptic_release(haptic_session* session) { session->client->control({}); }
+
+const char* haptic_own_server(const haptic_session* session) { return session->started.c_str(); }
 
 const char* haptic_error(const haptic_session* session) { return session->error.c_str(); }

@@ -62,7 +62,8 @@ typedef struct haptic_link {
 } haptic_link;
 
 typedef struct haptic_options {
-  const char* server;   /* "HOST:PORT" */
+  const char* server;   /* "HOST:PORT"; NULL: the usual one, or one of this session's own where
+                           nobody listens there, see haptic_own_server() */
   const char* key_file; /* shared with the server; NULL: unsealed, for this machine alone */
   const haptic_link* links;
   size_t link_count;                  /* 1 to 16 */
@@ -151,22 +152,29 @@ typedef struct haptic_state {
   double gripper;                /* 0 closed to 1 open */
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
-  char message[HAPTIC_MAX_TEXT]; /* why a session, an update or a contact was refused last; "" when
-                                    one begins */
+  char message[HAPTIC_MAX_TEXT]; /* why a session, an update or a contact was refused last, or that
+                                    the session's own server has ended; "" when one begins */
 } haptic_state;
 
 HAPTIC_API int haptic_abi(void);
-/* Server 127.0.0.1:47800, a free rigid tool of 1 kg and 0.1 m at the origin, 60 Hz, epsilon 5 mm.
- */
+/* The usual server, which is what the environment variable HAPTIC_SERVER names or 127.0.0.1:47800;
+ * a free rigid tool of 1 kg and 0.1 m at the origin, 60 Hz, epsilon 5 mm. */
 HAPTIC_API haptic_options haptic_default_options(void);
 /* A solid box of that mass and those edge lengths as a link, free: a start for your own. */
 HAPTIC_API haptic_link haptic_box(double mass, const double size[3]);
 
-/* NULL if the options cannot be used; `error` then says why, in one line. The server need not run
- * yet: it is asked until it answers. */
+/* NULL if the options cannot be used; `error` then says why, in one line. A server that is named
+ * need not run yet: it is asked until it answers. */
 HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* error,
                                        size_t error_size);
-/* Says goodbye and frees the session. NULL is ignored. */
+/* A sentence on the server with a simulated device that this session started, at a free port of
+ * this machine, since its options named none and nobody listens at the usual place; "" if it
+ * started none. haptic_hold() is its hand. It ends with the session, with the program, or with the
+ * thread that called haptic_open(). The program is what HAPTIC_SERVER_PROGRAM names, or
+ * haptic_server beside this library or in PATH. */
+HAPTIC_API const char* haptic_own_server(const haptic_session* session);
+/* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.
+ * NULL is ignored. */
 HAPTIC_API void haptic_close(haptic_session* session);
 
 /* Once per step, before it. */

@@ -20,8 +20,7 @@ SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys
 PATIENCE = 10  # s
 CLIENT = """
 import sys, time
-import haptic, haptic._server
-haptic._server.ADDRESS = "{address}"
+import haptic
 # The floor is 1 mm below the tool; the hand's spring of 200 N/m leads 10.5 mm into it, whose own has 4000 N/m.
 with haptic.Session({arguments}tool=haptic.box(mass=0.3, size=(0.04,) * 3)) as touch:
     print(touch.message, flush=True)
@@ -53,8 +52,8 @@ def runs(process):
 
 @contextlib.contextmanager
 def client(arguments="", at_last="", address=None, **variables):
-    program = CLIENT.format(address=address or free_address(), arguments=arguments, at_last=at_last)
-    environment = {**os.environ, "HAPTIC_LIBRARY": str(LIBRARY), "PYTHONPATH": str(PACKAGE), **variables}
+    program = CLIENT.format(arguments=arguments, at_last=at_last)
+    environment = {**os.environ, "HAPTIC_SERVER": address or free_address(), "HAPTIC_LIBRARY": str(LIBRARY), "PYTHONPATH": str(PACKAGE), **variables}
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                                env=environment)
     try:

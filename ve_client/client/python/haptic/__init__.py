@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import ctypes
 import os
+import sys
 from typing import Optional, Sequence
 
 import numpy as np
 
-from haptic import _server
 from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, NO_LIMIT, Impulse, Link, Options, State,
                              load)
 
@@ -103,14 +103,14 @@ def sphere(mass: float = 1, radius: float = 0.05, joint: str = "free") -> Link:
 class Session:
     """One client of a haptic server. It keeps asking until a server answers, and after one is gone.
 
-    server: "HOST:PORT". Without it, one at 127.0.0.1:47800; and where none listens there and start_server allows it,
-    one with a simulated device is started at a free port, for this session alone. It ends with the session, with the
-    program, or with the thread that made the session. hold() is its hand.
+    server: "HOST:PORT". Without it, what HAPTIC_SERVER names or 127.0.0.1:47800; and where none listens there and
+    start_server allows it, one with a simulated device is started at a free port, for this session alone. It ends with the
+    session, with the program, or with the thread that made the session. hold() is its hand.
 
     tool: the root link, or all links, parents before children. q: where the tool is now (default: all
     zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
-    on, m. Raises HapticError where something cannot be used, OSError where there is no library, or no
-    haptic_server to start.
+    on, m. Raises HapticError where something cannot be used or there is no haptic_server to
+    start, OSError where there is no library.
     """
 
     def __init__(self, server: Optional[str] = None, tool: Link | Sequence[Link] | None = None, *,
@@ -118,7 +118,7 @@ class Session:
                  epsilon: float = 0.005, length: Optional[float] = None,
                  gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
                  start_server: bool = True):
-        self._session = self._own_server = None
+        self._session = None
         self._library = load()
         options = self._library.haptic_default_options()
         links = [tool] if isinstance(tool, Link) else list(tool or [])
@@ -132,12 +132,10 @@ class Session:
         if q is not None:
             start = _array(q, count, "q").copy()
         options.q[:count] = start
-        if server is None:
-            server = _server.ADDRESS
-            if start_server and not _server.listens():
-                self._own_server = _server.OwnServer()
-                server = self._own_server.address
-        options.server = server.encode()
+        if server is not None:
+            options.server = server.encode()
+        elif start_server:
+            options.server = None
         options.key_file = os.fsencode(key_file) if key_file is not None else None
         options.rate, options.epsilon = rate, epsilon
         options.gravity[:] = tuple(gravity)
@@ -148,9 +146,8 @@ class Session:
         self._session = self._library.haptic_open(ctypes.byref(options), error, len(error))
         if not self._session:
             raise HapticError(error.value.decode())
-        if self._own_server:
-            planar = links and links[0].joint == JOINTS["planar"]
-            self._own_server.start("planar" if planar else "spatial", key_file)
+        if started := self._library.haptic_own_server(self._session):
+            print("haptic:", started.decode(), file=sys.stderr, flush=True)
         self._state = State()
         self._q_now = np.frombuffer(self._state.q)[:count]
         self._address = ctypes.addressof(self._state)
@@ -175,9 +172,7 @@ class Session:
         """Says goodbye, and ends a server that the session started. What follows raises HapticError."""
         if self._session:
             self._library.haptic_close(self._session)
-        if self._own_server:
-            self._own_server.end()
-        self._session = self._own_server = None
+        self._session = None
         self.running = False
 
     def poll(self) -> bool:
@@ -213,8 +208,6 @@ class Session:
     def message(self) -> str:
         """Why the server refused a session, an update or a contact last, or that a server of the session's own has
         ended; empty when a session begins."""
-        if not self.connected and self._own_server and self._own_server.status is not None:
-            return f"the server that this session started has ended, with status {self._own_server.status}"
         return self._state.message.decode(errors="replace")
 
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:

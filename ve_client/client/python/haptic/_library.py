@@ -88,6 +88,7 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
     for function, result, *arguments in (
             ("haptic_default_options", Options),
             ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
+            ("haptic_own_server", ctypes.c_char_p, session),
             ("haptic_close", None, session),
             ("haptic_poll", None, session, address),
             ("haptic_take_steps", ctypes.c_int, session, _double),
