@@ -79,7 +79,7 @@ ve::WorldDescription testbed(const Vector3& p, double half_width) {
 struct Path {
   Vector3 start;
   server::HandScript hand;
-  double duration;  ///< s.
+  double duration = 0;  ///< s.
 };
 
 /// Into a hole with its mouth at y = 0: straight, or from the side, 3 mm above the mouth's edge,
@@ -182,24 +182,39 @@ server::HandSegment firm_reach(double duration, const Vector3& p, double angle) 
 
 double duration_of(double length, double speed) { return 1.875 * length / speed; }
 
+namespace {
+
+/// Of the peg, m.
+double half_width_of(const Entry& entry) {
+  return entry.walls == Walls::kTestbed ? kHalfWidth - entry.clearance : kHalfWidth;
+}
+
+}  // namespace
+
+double least_gap(const Entry& entry, double delay) {
+  const Path path = path_of(entry, delay);
+  const double half_width = half_width_of(entry);
+  const double wall = half_width + entry.clearance;
+  double least = std::numeric_limits<double>::infinity();
+  test::VirtualSession session(
+      session_options(path.hand, test::world_of(peg(path.start, half_width)), {.delay = delay},
+                      entry.seed),
+      [&](const server::TickRecord& record) {
+        if (record.step == 0) return;
+        for (const double side : {-1.0, 1.0}) {
+          least = std::min(least, gap(record.X_WP, half_width, side, wall));
+        }
+      });
+  session.run(path.duration + kRest);
+  return least;
+}
+
 EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
   const Path path = path_of(entry, conditions.delay);
-  const double half_width =
-      entry.walls == Walls::kTestbed ? kHalfWidth - entry.clearance : kHalfWidth;
+  const double half_width = half_width_of(entry);
   const double wall = half_width + entry.clearance;
   const std::string tool = peg(path.start, half_width);
   EntryOutcome outcome;
-  outcome.least_gap = std::numeric_limits<double>::infinity();
-  test::VirtualSession free(
-      session_options(path.hand, test::world_of(tool), conditions, entry.seed),
-      [&](const server::TickRecord& record) {
-        if (record.step == 0) return;
-        const double left = gap(record.X_WP, half_width, -1, wall);
-        const double right = gap(record.X_WP, half_width, 1, wall);
-        outcome.least_gap = std::min({outcome.least_gap, left, right});
-      });
-  free.run(path.duration + kRest);
-
   const auto hole = [&] {
     switch (entry.walls) {
       case Walls::kTestbed:
@@ -254,8 +269,13 @@ double wall_error(double speed, const CornerConditions& conditions, std::uint64_
 
 namespace {
 
-struct Case {
+struct Way {
   Entry entry;
+  double delay;  ///< s.
+};
+
+struct Case {
+  std::size_t way;
   CornerConditions conditions;
 };
 
@@ -295,38 +315,44 @@ void entries(Bench& bench) {
   const std::array holes{Hole{0.0002, Walls::kApart}, Hole{0.001, Walls::kApart},
                          Hole{0.003, Walls::kApart},  Hole{0.001, Walls::kTestbed},
                          Hole{0.001, Walls::kBars},   Hole{0.001, Walls::kTiles}};
-  std::vector<Case> cases;
+  std::vector<Way> ways;
   for (const std::uint64_t seed : bench.seed_list(quick ? 1 : 5)) {
     for (const auto& [clearance, walls] : holes) {
       for (const double speed : speeds) {
         for (const bool wanders : {false, true}) {
           for (const double delay : {0.0, 0.02}) {
-            for (const double epsilon : epsilons) {
-              for (const bool one_axis : {false, true}) {
-                cases.push_back({{clearance, speed, wanders, seed, walls},
-                                 {.delay = delay, .epsilon = epsilon, .one_axis = one_axis}});
-              }
-            }
+            ways.push_back({{clearance, speed, wanders, seed, walls}, delay});
           }
         }
       }
     }
   }
+  std::vector<Case> cases;
+  for (std::size_t way = 0; way < ways.size(); ++way) {
+    for (const double epsilon : epsilons) {
+      for (const bool one_axis : {false, true}) {
+        cases.push_back(
+            {way, {.delay = ways[way].delay, .epsilon = epsilon, .one_axis = one_axis}});
+      }
+    }
+  }
+  const auto gaps = bench.map(ways, [](const Way& w) { return least_gap(w.entry, w.delay); });
   const auto outcomes =
-      bench.map(cases, [](const Case& c) { return enter(c.entry, c.conditions); });
+      bench.map(cases, [&](const Case& c) { return enter(ways[c.way].entry, c.conditions); });
   Table& table =
       bench.table("corners",
                   "axes,walls,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
                   "largest_force_n,enters,contacts");
   std::map<std::pair<Walls, bool>, Count> counts;  // By walls and one_axis.
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    const auto& [entry, conditions] = cases[i];
+    const auto& [way, conditions] = cases[i];
+    const Entry& entry = ways[way].entry;
     const EntryOutcome& o = outcomes[i];
     table.row(conditions.one_axis ? "one" : "all", name_of(entry.walls), entry.clearance,
               entry.speed, entry.wanders ? 1.0 : 0.0, conditions.delay, conditions.epsilon,
-              static_cast<double>(entry.seed), o.least_gap, o.largest_force, o.enters ? 1.0 : 0.0,
+              static_cast<double>(entry.seed), gaps[way], o.largest_force, o.enters ? 1.0 : 0.0,
               o.acting_contacts);
-    if (o.least_gap < kTouchesNothing) continue;
+    if (gaps[way] < kTouchesNothing) continue;
     Count& count = counts[{entry.walls, conditions.one_axis}];
     ++count.entries;
     count.felt += o.largest_force > kGhostForce;

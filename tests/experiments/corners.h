@@ -49,8 +49,10 @@ inline constexpr double kTouchesNothing = 1e-5;
 /// Force that is felt although nothing is there, N.
 inline constexpr double kGhostForce = 0.5;
 
+/// From the walls on its path, where these are not there, m. delay: one way, s.
+double least_gap(const Entry& entry, double delay);
+
 struct EntryOutcome {
-  double least_gap = 0;        ///< From the walls, on the same path without them, m.
   double largest_force = 0;    ///< Of the contacts on the hand, N.
   bool enters = false;         ///< The peg is in at the end.
   double acting_contacts = 0;  ///< In the local model, mean.
