@@ -1,0 +1,168 @@
+#include "ve_client/web/http_connection.h"
+
+#include <chrono>
+#include <string_view>
+
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+
+#include "common/settings/directories.h"
+#include "ve_client/web/static_files.h"
+
+namespace hlm::ve {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using boost::system::error_code;
+
+constexpr std::string_view kSessionPath = "/session";
+constexpr std::string_view kRecordingPath = "/recording";
+
+/// Largest header of an HTTP request, bytes; browsers send under 2 KiB. Less refuses pages on a
+/// host with many cookies.
+constexpr std::uint32_t kMaxHeader = 8 * 1024;
+
+/// For a request to come, and for a file to be sent. Less closes idle connections that a browser
+/// would have used again; more lets stalled ones occupy their places for longer.
+constexpr std::chrono::seconds kHttpTimeout{30};
+
+/// The page's import map is inline, so scripts need 'unsafe-inline'.
+constexpr const char* kContentSecurityPolicy =
+    "default-src 'self'; connect-src 'self' ws: ; img-src 'self' data:; "
+    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'";
+
+std::string_view to_std(beast::string_view text) { return {text.data(), text.size()}; }
+beast::string_view to_beast(std::string_view text) { return {text.data(), text.size()}; }
+
+HostNames names_of(const tcp::socket& socket) {
+  error_code ignored;
+  const tcp::endpoint local = socket.local_endpoint(ignored);
+  return {local.address().to_string(), local.port()};
+}
+
+/// The only header of that name; empty if there is none or more than one.
+std::string_view only(const HttpRequest& request, http::field name) {
+  return request.count(name) == 1 ? to_std(request[name]) : std::string_view();
+}
+
+}  // namespace
+
+HttpConnection::HttpConnection(const ServedFiles& files, PageHub& hub, tcp::socket socket,
+                               std::shared_ptr<const void> place)
+    : files_(files),
+      hub_(hub),
+      place_(std::move(place)),
+      hosts_(names_of(socket)),
+      stream_(std::move(socket)),
+      buffer_(2 * kMaxHeader) {}
+
+void HttpConnection::read() {
+  parser_.emplace();
+  parser_->header_limit(kMaxHeader);
+  stream_.expires_after(kHttpTimeout);
+  http::async_read_header(
+      stream_, buffer_, *parser_,
+      [self = shared_from_this()](error_code error, std::size_t) { self->on_read(error); });
+}
+
+void HttpConnection::on_read(error_code error) {
+  if (error == http::error::header_limit || error == http::error::buffer_overflow) {
+    return refuse(http::status::request_header_fields_too_large,
+                  "the header must be at most " + std::to_string(kMaxHeader) + " bytes");
+  }
+  if (!error) respond();
+}
+
+void HttpConnection::respond() {
+  if (!hosts_.is_host(only(request(), http::field::host))) {
+    return refuse(http::status::forbidden, "the Host header must be one of " + hosts_.list());
+  }
+  if (websocket::is_upgrade(request())) return become_page();
+  const http::verb method = request().method();
+  if (method != http::verb::get && method != http::verb::head) {
+    return refuse(http::status::method_not_allowed, "only GET and HEAD are allowed");
+  }
+  if (to_std(request().target()) == kRecordingPath) return send_recording();
+  send_file();
+}
+
+void HttpConnection::become_page() {
+  if (to_std(request().target()) != kSessionPath) {
+    return refuse(http::status::not_found,
+                  "WebSockets are at " + std::string(kSessionPath) + " only");
+  }
+  if (!hosts_.is_origin(only(request(), http::field::origin))) {
+    return refuse(http::status::forbidden,
+                  "the Origin header must be http:// and one of " + hosts_.list());
+  }
+  if (!parser_->is_done() || buffer_.size() != 0) {
+    return refuse(http::status::bad_request, "nothing may follow the request for a WebSocket");
+  }
+  if (!hub_.has_room()) {
+    return refuse(http::status::service_unavailable, "too many pages are open: close one");
+  }
+  hub_.add(std::move(stream_), request());
+}
+
+void HttpConnection::send_file() {
+  const auto file = find_static_file(files_.root, to_std(request().target()));
+  http::response<http::file_body> response;
+  error_code error = http::make_error_code(http::error::end_of_stream);
+  if (file) response.body().open(file->path.c_str(), beast::file_mode::scan, error);
+  if (error) return refuse(http::status::not_found, "there is no such file");
+  response.set(http::field::content_type, to_beast(file->content_type));
+  send(std::move(response));
+}
+
+void HttpConnection::send_recording() {
+  const auto file = settings::find_newest_recording(files_.recordings);
+  http::response<http::file_body> response;
+  error_code error = http::make_error_code(http::error::end_of_stream);
+  if (file) response.body().open(file->c_str(), beast::file_mode::scan, error);
+  if (error) return refuse(http::status::not_found, "haptic_server has left no recording here");
+  response.set(http::field::content_type, "text/csv; charset=utf-8");
+  response.set(http::field::content_disposition,
+               "attachment; filename=\"" + file->filename().string() + '"');
+  send(std::move(response));
+}
+
+void HttpConnection::refuse(http::status status, std::string reason) {
+  http::response<http::string_body> response;
+  response.result(status);
+  response.set(http::field::content_type, "text/plain; charset=utf-8");
+  if (status == http::status::method_not_allowed) response.set(http::field::allow, "GET, HEAD");
+  response.body() = std::move(reason) + "\n";
+  send(std::move(response));
+}
+
+template <class Body>
+void HttpConnection::send(http::response<Body> response) {
+  response.set(http::field::cache_control, "no-cache");
+  response.set(http::field::x_frame_options, "DENY");
+  response.set("X-Content-Type-Options", "nosniff");
+  response.set("Content-Security-Policy", kContentSecurityPolicy);
+  response.set("Cross-Origin-Resource-Policy", "same-origin");
+  // Bodies of requests are not read, so nothing can follow them.
+  response.keep_alive(parser_->is_done() && request().keep_alive());
+  response.prepare_payload();
+  if (request().method() != http::verb::head) return write(std::move(response));
+  write(http::response<http::empty_body>(std::move(response.base())));
+}
+
+template <class Body>
+void HttpConnection::write(http::response<Body> response) {
+  const auto kept = std::make_shared<http::response<Body>>(std::move(response));
+  stream_.expires_after(kHttpTimeout);
+  http::async_write(stream_, *kept,
+                    [self = shared_from_this(), kept](error_code error, std::size_t) {
+                      if (error || !kept->keep_alive()) return;
+                      self->read();
+                    });
+}
+
+}  // namespace hlm::ve

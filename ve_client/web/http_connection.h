@@ -1,0 +1,58 @@
+// A connection of a browser: requests for files, one after the other, until it becomes a page.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http/parser.hpp>
+
+#include "ve_client/web/host_names.h"
+#include "ve_client/web/page_hub.h"
+
+namespace hlm::ve {
+
+/// What is served.
+struct ServedFiles {
+  std::filesystem::path root;                     ///< Without symbolic links.
+  std::vector<std::filesystem::path> recordings;  ///< Where flight recordings may be.
+};
+
+/// Kept alive by its pending operation alone. Of the server's thread.
+class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
+ public:
+  /// `place` is held for the life of the connection.
+  HttpConnection(const ServedFiles& files, PageHub& hub, boost::asio::ip::tcp::socket socket,
+                 std::shared_ptr<const void> place);
+
+  void read();
+
+ private:
+  const HttpRequest& request() const { return parser_->get(); }
+  void on_read(boost::system::error_code error);
+  void respond();
+  void become_page();
+  void send_file();
+  void send_recording();
+  void refuse(boost::beast::http::status status, std::string reason);
+  template <class Body>
+  void send(boost::beast::http::response<Body> response);
+  template <class Body>
+  void write(boost::beast::http::response<Body> response);
+
+  const ServedFiles& files_;
+  PageHub& hub_;
+  std::shared_ptr<const void> place_;
+  HostNames hosts_;
+  boost::beast::tcp_stream stream_;
+  boost::beast::flat_buffer buffer_;
+  std::optional<boost::beast::http::request_parser<boost::beast::http::empty_body>> parser_;
+};
+
+}  // namespace hlm::ve
