@@ -14,8 +14,8 @@ constexpr double kImpedance = 80;
 /// How much of what is new of the others reaches a server in a loop. Faster shakes the body; slower
 /// lets tools that squeeze it sink in before they feel each other.
 constexpr double kPerLoop = 0.3;
-/// The same once they have left the body, which then needs no such care. Slower, and what its
-/// server is told falls millimetres behind the body.
+/// The same once they have not pushed the body for a loop: late impulses come sooner, so they have
+/// left it. Slower, and what its server is told falls millimetres behind the body.
 constexpr double kLeftPerLoop = 1;
 /// Time constants with which that mass comes, and goes when the body is no longer shared, s. It may
 /// lose touch with one of the tools for a moment.
@@ -111,7 +111,8 @@ void SharedBodies::learn(std::size_t tool, std::span<const Pushes> pushes, doubl
   }
   for (auto& [body, others] : others_on) {
     const Wrench F = present.try_emplace(body, Wrench::Zero()).first->second;
-    const double learnt = share((F.isZero(0) ? kLeftPerLoop : kPerLoop) / loop_, period);
+    others.away = F.isZero(0) ? others.away + period : 0;
+    const double learnt = share((others.away > loop_ ? kLeftPerLoop : kPerLoop) / loop_, period);
     others.mean += learnt * (F - others.mean);
     others.unreported += mobility_of(world_, body).W * (F - others.mean) * period;
     others.unreported -= learnt * others.unreported;

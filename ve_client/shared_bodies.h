@@ -37,6 +37,7 @@ class SharedBodies {
     Wrench mean = Wrench::Zero();
     /// Velocity that they gave it in the world, and that its server is yet to learn.
     Twist unreported = Twist::Zero();
+    double away = 0;  ///< Since they pushed last, s.
   };
   using OthersOn = std::map<int, Others>;
 
