@@ -77,6 +77,13 @@ TEST_CASE("A program that lets the system collect its children ends its server t
   CHECK_FALSE(runs(process));
 }
 
+TEST_CASE("Without a variable, or with an empty one, the usual server is the documented one") {
+  setenv("HAPTIC_SERVER", "", 1);
+  CHECK(usual_server() == "127.0.0.1:47800");
+  unsetenv("HAPTIC_SERVER");
+  CHECK(usual_server() == "127.0.0.1:47800");
+}
+
 TEST_CASE("Another machine may have a server at the usual place") {
   CHECK(may_listen(protocol::resolve("192.0.2.1:47800")));  // RFC 5737: nobody's.
 }

@@ -10,6 +10,8 @@
 #include <string>
 #include <string_view>
 
+#include <unistd.h>
+
 #include "common/range.h"
 #include "common/steady_seconds.h"
 #include "protocol/sealing/key_file.h"
@@ -144,6 +146,15 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
   return items_of<MovableBodies>(from, count, body_of);
 }
 
+/// Of a session's own server.
+std::string end_of(int status) {
+  const std::string ended = "the server that this session started has ended";
+  if (status == OwnServer::kUnknown) return ended;
+  const std::string with = ended + ", with status " + std::to_string(status);
+  return status != 0 ? with
+                     : with + ": it was stopped, or the thread that opened the session ended";
+}
+
 }  // namespace
 
 struct haptic_session {
@@ -186,12 +197,10 @@ struct haptic_session {
         message = "contact " + std::to_string(inbox.refusal->item) + ": " + message;
       }
     }
-    if (own && !client->connected() && own->status()) {
-      message = "the server that this session started has ended, with status " +
-                std::to_string(*own->status());
-    }
+    if (own && !client->connected() && own->status()) message = end_of(*own->status());
   }
 
+  pid_t process = getpid();  ///< Whose session it is.
   HapticClientOptions client_options_;
   ToolModel tool;                  ///< At the latest sample.
   protocol::ContactUpdate update;  ///< Of it, to be checked.
@@ -229,8 +238,7 @@ haptic_options haptic_default_options(void) {
   constexpr double kEdge = 0.1;  // m
   static const double size[3] = {kEdge, kEdge, kEdge};
   static const haptic_link link = haptic_box(1, size);
-  thread_local std::string server;
-  server = usual_server();
+  static const std::string server = usual_server();
   haptic_options options{};
   options.server = server.c_str();
   options.links = &link;
@@ -255,7 +263,8 @@ haptic_session* haptic_open(const haptic_options* options, char* error, std::siz
 
 void haptic_close(haptic_session* session) {
   if (session == nullptr) return;
-  session->client->close(steady_seconds());
+  // A child that was forked has a copy of what is still the parent's.
+  if (getpid() == session->process) session->client->close(steady_seconds());
   delete session;
 }
 

@@ -169,9 +169,10 @@ HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* erro
                                        size_t error_size);
 /* A sentence on the server with a simulated device that this session started, at a free port of
  * this machine, since its options named none and nobody listens at the usual place; "" if it
- * started none. haptic_hold() is its hand. It ends with the session, with the program, or with the
- * thread that called haptic_open(). The program is what HAPTIC_SERVER_PROGRAM names, or
- * haptic_server beside this library or in PATH. */
+ * started none. haptic_hold() is its hand. It ends with the session, with the program, however that
+ * is, or with the thread that called haptic_open(), which should last. It is a child of the
+ * program, which should wait for others by their ids. The program is what HAPTIC_SERVER_PROGRAM
+ * names, or haptic_server beside this library or in PATH. */
 HAPTIC_API const char* haptic_own_server(const haptic_session* session);
 /* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.
  * NULL is ignored. */

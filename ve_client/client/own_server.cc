@@ -6,12 +6,14 @@
 #include <cstdlib>
 #include <filesystem>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <vector>
 
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <link.h>
 #include <netinet/in.h>
 #include <signal.h>
 #include <spawn.h>
@@ -36,8 +38,10 @@ class Port {
  public:
   explicit Port(const protocol::Endpoint& at) noexcept
       : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    const int others_may_ask = 1;
-    setsockopt(socket_, SOL_SOCKET, SO_REUSEADDR, &others_may_ask, sizeof others_may_ask);
+    if (at.port != 0) {
+      const int others_may_ask = 1;
+      setsockopt(socket_, SOL_SOCKET, SO_REUSEADDR, &others_may_ask, sizeof others_may_ask);
+    }
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(at.address);
@@ -68,20 +72,31 @@ bool is_program(const fs::path& file) {
   return fs::is_regular_file(file, error) && access(file.c_str(), X_OK) == 0;
 }
 
+/// Of a variable that is set to something; otherwise null.
+const char* variable(const char* name) {
+  const char* const value = std::getenv(name);
+  return value == nullptr || *value == '\0' ? nullptr : value;
+}
+
 /// bin/ beside the folder of the library or program that this code is in, or one above.
 std::vector<fs::path> places_beside() {
   Dl_info here{};
-  if (dladdr(reinterpret_cast<const void*>(&usual_server), &here) == 0) return {};
+  link_map* map = nullptr;
+  if (dladdr1(reinterpret_cast<const void*>(&usual_server), &here, reinterpret_cast<void**>(&map),
+              RTLD_DL_LINKMAP) == 0) {
+    return {};
+  }
   std::error_code error;
-  const fs::path file = fs::canonical(here.dli_fname, error);
+  const bool is_program = *map->l_name == '\0';
+  const fs::path file = fs::canonical(is_program ? "/proc/self/exe" : map->l_name, error);
   if (error) return {};
   const fs::path above = file.parent_path().parent_path();
   return {above / "bin" / kName, above.parent_path() / "bin" / kName};
 }
 
 std::vector<fs::path> places_in_path() {
-  const char* const variable = std::getenv("PATH");
-  std::string path = variable == nullptr ? "" : variable;
+  const char* const value = variable("PATH");
+  const std::string path = value == nullptr ? "" : value;
   std::vector<fs::path> places;
   for (std::size_t begin = 0; begin < path.size();) {
     const std::size_t end = std::min(path.find(':', begin), path.size());
@@ -97,7 +112,7 @@ std::string find_program() {
   const auto look_in = [&](const std::vector<fs::path>& more) {
     places.insert(places.end(), more.begin(), more.end());
   };
-  if (const char* const named = std::getenv(kVariable)) {
+  if (const char* const named = variable(kVariable)) {
     look_in({named});
     searched = named;
   } else {
@@ -111,6 +126,18 @@ std::string find_program() {
   throw std::runtime_error(std::string("there is no ") + kName + " to start: looked for " +
                            searched + ". Install it, set " + kVariable +
                            " to its file, or name a server that runs");
+}
+
+/// Without what systemd asks of the program that it started.
+std::vector<char*> environment() {
+  std::vector<char*> kept;
+  for (char** each = environ; each != nullptr && *each != nullptr; ++each) {
+    const std::string_view text(*each);
+    if (!text.starts_with("NOTIFY_SOCKET=") && !text.starts_with("WATCHDOG_"))
+      kept.push_back(*each);
+  }
+  kept.push_back(nullptr);
+  return kept;
 }
 
 /// In a session of its own, so that Ctrl-C is for the program, which may go on; with nothing of the
@@ -133,9 +160,13 @@ pid_t start(std::vector<std::string> arguments) {
   posix_spawn_file_actions_init(&files);
   posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  if (fcntl(STDERR_FILENO, F_GETFD) < 0) {
+    posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  }
   posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
   pid_t process = -1;
-  const int error = posix_spawn(&process, words[0], &files, &how, words.data(), environ);
+  const int error =
+      posix_spawn(&process, words[0], &files, &how, words.data(), environment().data());
   posix_spawn_file_actions_destroy(&files);
   posix_spawnattr_destroy(&how);
   if (error == 0) return process;
@@ -146,7 +177,7 @@ pid_t start(std::vector<std::string> arguments) {
 }  // namespace
 
 std::string usual_server() {
-  const char* const named = std::getenv("HAPTIC_SERVER");
+  const char* const named = variable("HAPTIC_SERVER");
   return named != nullptr ? named : "127.0.0.1:47800";
 }
 
@@ -197,7 +228,7 @@ std::optional<int> OwnServer::status() noexcept {
   if (ended == process_) {
     status_ = WIFSIGNALED(how) ? 128 + WTERMSIG(how) : WEXITSTATUS(how);
   } else if (ended < 0 && errno == ECHILD) {
-    status_ = 0;  // The program had it waited for elsewhere.
+    status_ = kUnknown;
   }
   return status_;
 }

@@ -21,8 +21,9 @@ struct OwnServerOptions {
   std::string key_file = {};  ///< Shared with the client; empty: none.
 };
 
-/// Runs until this object ends, or the program, or the thread that made it, however that is. Its
-/// hand is Control::X_WTarget.
+/// Runs until this object ends, or the program, however that is; or the thread that made it, which
+/// should last. A child of the program, which should wait for others by their ids. Its hand is
+/// Control::X_WTarget.
 class OwnServer {
  public:
   /// Starts it at a free port of this machine. The program is what HAPTIC_SERVER_PROGRAM names, or
@@ -38,7 +39,9 @@ class OwnServer {
   const protocol::Endpoint& endpoint() const noexcept { return endpoint_; }
   const std::string& program() const noexcept { return program_; }
   pid_t process() const noexcept { return process_; }
-  /// What it ended with, 128 + the signal that ended it; empty while it runs.
+  /// Where the program, or the system for it, has waited for it elsewhere.
+  static constexpr int kUnknown = -1;
+  /// What it ended with, 128 + the signal that ended it, or kUnknown; empty while it runs.
   std::optional<int> status() noexcept;
 
  private:

@@ -19,7 +19,8 @@ import unittest
 SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
 PATIENCE = 10  # s
 CLIENT = """
-import sys, time
+done = False
+import os, sys, time
 import haptic
 # The floor is 1 mm below the tool; the hand's spring of 200 N/m leads 10.5 mm into it, whose own has 4000 N/m.
 with haptic.Session({arguments}tool=haptic.box(mass=0.3, size=(0.04,) * 3)) as touch:
@@ -44,10 +45,9 @@ def free_address():
 
 def runs(process):
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
+        return pathlib.Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
         return False
-    return pathlib.Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
 @contextlib.contextmanager
@@ -114,6 +114,14 @@ class Started(unittest.TestCase):
                 process.send_signal(number)
                 self.assert_ends(server)
 
+    def test_a_child_that_was_forked_ends_without_it(self):
+        forks = 'if touch.server_state == "active" and not done:\n            done = True\n            os.fork() or sys.exit(0)'
+        with client(at_last=forks) as process:
+            server = self.started(process)
+            states = [process.stdout.readline().split()[0] for _ in range(60)]  # 1 s
+            self.assertEqual(set(states), {"active"})
+            self.assertTrue(runs(server))
+
     def test_two_programs_have_one_each_and_leave_the_usual_port_free(self):
         address = free_address()
         with client(address=address) as one, client(address=address) as other:
@@ -141,6 +149,20 @@ class Started(unittest.TestCase):
                         self.wait_for(process, lambda state, force: state == "active")
                 finally:
                     other.terminate()
+
+
+    def test_a_variable_that_is_empty_is_none(self):
+        with client(HAPTIC_SERVER_PROGRAM="", PATH="") as process:
+            self.started(process)
+
+    def test_without_standard_error_nothing_is_said(self):
+        program = CLIENT.format(arguments="", at_last="break")
+        done = subprocess.run(["/bin/sh", "-c", 'exec "$@" 2>&-', "sh", sys.executable, "-c", program],
+                              stdout=subprocess.PIPE, text=True, timeout=PATIENCE,
+                              env={**os.environ, "HAPTIC_SERVER": free_address(), "HAPTIC_LIBRARY": str(LIBRARY),
+                                   "PYTHONPATH": str(PACKAGE)})
+        self.assertEqual(done.returncode, 0)
+        self.assertEqual(done.stdout, "\noff 0.0\n")
 
 
 class NotStarted(unittest.TestCase):

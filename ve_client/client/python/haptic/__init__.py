@@ -16,6 +16,7 @@ system keeps its libraries.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import sys
@@ -105,7 +106,7 @@ class Session:
 
     server: "HOST:PORT". Without it, what HAPTIC_SERVER names or 127.0.0.1:47800; and where none listens there and
     start_server allows it, one with a simulated device is started at a free port, for this session alone. It ends with the
-    session, with the program, or with the thread that made the session. hold() is its hand.
+    session, with the program, or with the thread that made the session, which should last. hold() is its hand.
 
     tool: the root link, or all links, parents before children. q: where the tool is now (default: all
     zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
@@ -145,9 +146,9 @@ class Session:
         error = ctypes.create_string_buffer(512)
         self._session = self._library.haptic_open(ctypes.byref(options), error, len(error))
         if not self._session:
-            raise HapticError(error.value.decode())
+            raise HapticError(_text(error.value))
         if started := self._library.haptic_own_server(self._session):
-            print("haptic:", started.decode(), file=sys.stderr, flush=True)
+            _tell("haptic: " + _text(started))
         self._state = State()
         self._q_now = np.frombuffer(self._state.q)[:count]
         self._address = ctypes.addressof(self._state)
@@ -208,7 +209,7 @@ class Session:
     def message(self) -> str:
         """Why the server refused a session, an update or a contact last, or that a server of the session's own has
         ended; empty when a session begins."""
-        return self._state.message.decode(errors="replace")
+        return _text(self._state.message)
 
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
         """Where the device is a simulated one, its hand draws the handle there (m; w, x, y, z) with 200 N/m, 1 N m/rad
@@ -264,7 +265,19 @@ class Session:
         return self._session
 
     def _fail(self) -> None:
-        raise HapticError(self._library.haptic_error(self._open()).decode())
+        raise HapticError(_text(self._library.haptic_error(self._open())))
+
+
+def _text(given: bytes) -> str:
+    """What may hold a name that is no UTF-8, or be cut within a character."""
+    return given.decode(errors="replace")
+
+
+def _tell(sentence: str) -> None:
+    """On standard error, where there is one."""
+    with contextlib.suppress(OSError, ValueError):
+        if sys.stderr is not None:
+            print(sentence, file=sys.stderr, flush=True)
 
 
 def _array(values: Sequence[float], count: int, name: str) -> np.ndarray:
