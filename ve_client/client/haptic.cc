@@ -148,11 +148,10 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
 
 /// Of a session's own server.
 std::string end_of(int status) {
-  const std::string ended = "the server that this session started has ended";
-  if (status == OwnServer::kUnknown) return ended;
-  const std::string with = ended + ", with status " + std::to_string(status);
-  return status != 0 ? with
-                     : with + ": it was stopped, or the thread that opened the session ended";
+  std::string ended = "the server that this session started has ended";
+  if (status != OwnServer::kUnknown) ended += ", with status " + std::to_string(status);
+  if (status == 0) ended += ": it was stopped, or the thread that opened the session ended";
+  return ended;
 }
 
 }  // namespace

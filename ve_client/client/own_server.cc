@@ -144,6 +144,7 @@ std::vector<char*> environment() {
 /// program's but its standard error.
 pid_t start(std::vector<std::string> arguments) {
   std::vector<char*> words;
+  words.reserve(arguments.size() + 1);
   for (std::string& argument : arguments) words.push_back(argument.data());
   words.push_back(nullptr);
   sigset_t none;
