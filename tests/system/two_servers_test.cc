@@ -1,5 +1,5 @@
-// Two real servers and one client: two hands in one world, of which one server is killed and comes
-// back. Judged from the other server's log.
+// Two real servers and one client: two hands in one world, on hosts of their own, or where one
+// server is killed and comes back. Judged from the other server's log.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "tests/support/catch.h"
+#include "tests/system/hosts.h"
 #include "tests/system/session.h"
 
 namespace hlm::test {
@@ -142,6 +143,41 @@ TEST_CASE("Two servers, one client: a killed server ends its hand's push, the ot
   CHECK(borne(ticks, 7.2, 8) == Approx(kWeight).epsilon(0.03));
   // The limiter would let the command change by 24 N in a tick.
   CHECK(largest_step(ticks, 5) < 3);
+}
+
+TEST_CASE("Two servers on hosts of their own, one client on a third: the tray bears the block") {
+  const Hosts hosts(2);
+  if (!hosts.made()) {
+    WARN("SKIPPED: network namespaces need root (CAP_SYS_ADMIN) and iproute2");
+    return;
+  }
+  const TemporaryDirectory directory;
+  const std::string key = directory.file("haptic.key");
+  REQUIRE(run({HLM_KEYGEN, key}).exit_code == 0);
+  const std::string log = directory.file("ticks.csv");
+  const auto on = [](const std::string& host) { return Arguments{"ip", "netns", "exec", host}; };
+  const auto server = [&](int i) {
+    return on(hosts.server(i)) +
+           Arguments{HLM_SERVER, "--listen", "0.0.0.0:47800", "--key-file", key,
+                     "--rate",   "500",      "--max-gap",     "5",          "--silence-time",
+                     "1",        "--status", "false"};
+  };
+  Process tray(server(0) + Arguments{"--log", log} +
+               hand(directory, "tray.toml", move(0.5, 0.053) + move(1.2, 0.1)));
+  Process peg(server(1) + hand(directory, "peg.toml", move(1, 0.21)));
+  REQUIRE(tray.wait_for_error("listening", 10));
+  REQUIRE(peg.wait_for_error("listening", 10));
+  const Finished client =
+      run(on(hosts.client()) + Arguments{HLM_CLIENT, "--server", Hosts::address(0) + ":47800",
+                                         "--second-server", Hosts::address(1) + ":47800",
+                                         "--key-file", key, "--world", HLM_WORLDS "/bimanual.sdf",
+                                         "--duration", "5"});
+  INFO(client.error);
+  CHECK(client.exit_code == 0);
+  CHECK(peg.error().find("begins") != std::string::npos);
+  tray.send_signal(SIGTERM);
+  CHECK(tray.wait(10) == 0);
+  CHECK(borne(read_ticks(log), 3, 4.5) == Approx(kWeight).epsilon(0.03));
 }
 
 }  // namespace
