@@ -23,7 +23,7 @@ if(HLM_SEALING)
   file(RELATIVE_PATH from_pkgconfig /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
   configure_file(cmake/haptic.pc.in haptic.pc @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/haptic.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
-  install(DIRECTORY ve_client/client/python/haptic DESTINATION lib/python3/dist-packages
+  install(DIRECTORY client/python/haptic DESTINATION lib/python3/dist-packages
     FILES_MATCHING PATTERN "*.py")
 endif()
 if(HLM_VE_CLIENT)

@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "common/spatial.h"
-#include "common/static_vector.h"
-#include "common/vocabulary.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm {
 

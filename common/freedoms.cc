@@ -1,4 +1,4 @@
-#include "common/freedoms.h"
+#include "hlm/common/freedoms.h"
 
 namespace hlm {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/tool_model.h"
+#include "hlm/common/tool_model.h"
 
 namespace hlm {
 

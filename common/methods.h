@@ -5,7 +5,7 @@
 #include <array>
 #include <string_view>
 
-#include "common/vocabulary.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm {
 

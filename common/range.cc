@@ -1,4 +1,4 @@
-#include "common/range.h"
+#include "hlm/common/range.h"
 
 #include <charconv>
 #include <cmath>

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/sentence.h"
+#include "hlm/common/sentence.h"
 
 namespace hlm {
 

@@ -1,10 +1,10 @@
-#include "common/tool_description.h"
+#include "hlm/common/tool_description.h"
 
 #include <cmath>
 
 #include <Eigen/Eigenvalues>
 
-#include "common/range.h"
+#include "hlm/common/range.h"
 
 namespace hlm {
 namespace {

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/sentence.h"
-#include "common/spatial.h"
-#include "common/static_vector.h"
+#include "hlm/common/sentence.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/static_vector.h"
 
 namespace hlm {
 

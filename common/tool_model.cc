@@ -1,4 +1,4 @@
-#include "common/tool_model.h"
+#include "hlm/common/tool_model.h"
 
 namespace hlm {
 namespace {

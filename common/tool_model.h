@@ -4,8 +4,8 @@
 
 #include <array>
 
-#include "common/spatial.h"
-#include "common/tool_description.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/tool_description.h"
 
 namespace hlm {
 

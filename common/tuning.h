@@ -3,8 +3,8 @@
 
 #include <array>
 
-#include "common/range.h"
-#include "common/vocabulary.h"
+#include "hlm/common/range.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm {
 

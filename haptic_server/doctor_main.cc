@@ -7,16 +7,16 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include "haptic_server/doctor/contact_examination.h"
-#include "haptic_server/doctor/device_check.h"
-#include "haptic_server/doctor/device_examination.h"
-#include "haptic_server/doctor/force_examination.h"
-#include "haptic_server/doctor/machine.h"
-#include "haptic_server/doctor/network.h"
-#include "haptic_server/doctor/push_examination.h"
-#include "haptic_server/doctor/report.h"
-#include "haptic_server/program.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/doctor/contact_examination.h"
+#include "hlm/doctor/device_check.h"
+#include "hlm/doctor/device_examination.h"
+#include "hlm/doctor/force_examination.h"
+#include "hlm/doctor/machine.h"
+#include "hlm/doctor/network.h"
+#include "hlm/doctor/push_examination.h"
+#include "hlm/doctor/report.h"
+#include "hlm/server/program.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 

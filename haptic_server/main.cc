@@ -12,20 +12,20 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
-#include "haptic_server/device/motor_guard.h"
-#include "haptic_server/loop/cpu_latency.h"
-#include "haptic_server/loop/drop_log.h"
-#include "haptic_server/loop/event_log.h"
-#include "haptic_server/loop/run_summary.h"
-#include "haptic_server/loop/status_line.h"
-#include "haptic_server/loop/tick_log.h"
-#include "haptic_server/operation.h"
-#include "haptic_server/options.h"
-#include "haptic_server/program.h"
-#include "protocol/sealing/sealed_server_link.h"
-#include "protocol/transport/capture.h"
-#include "protocol/transport/recording_link.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/device/motor_guard.h"
+#include "hlm/loop/cpu_latency.h"
+#include "hlm/loop/drop_log.h"
+#include "hlm/loop/event_log.h"
+#include "hlm/loop/run_summary.h"
+#include "hlm/loop/status_line.h"
+#include "hlm/loop/tick_log.h"
+#include "hlm/sealing/sealed_server_link.h"
+#include "hlm/server/operation.h"
+#include "hlm/server/options.h"
+#include "hlm/server/program.h"
+#include "hlm/transport/capture.h"
+#include "hlm/transport/recording_link.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

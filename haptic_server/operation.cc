@@ -1,4 +1,4 @@
-#include "haptic_server/operation.h"
+#include "hlm/server/operation.h"
 
 #include <atomic>
 #include <csignal>
@@ -6,8 +6,8 @@
 
 #include <spdlog/spdlog.h>
 
-#include "common/settings/directories.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/settings/directories.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

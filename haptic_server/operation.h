@@ -3,12 +3,12 @@
 
 #include <memory>
 
-#include "haptic_server/device/motor_guard.h"
-#include "haptic_server/loop/flight_recorder.h"
-#include "haptic_server/loop/service_manager.h"
-#include "haptic_server/loop/state_file.h"
-#include "haptic_server/options.h"
-#include "protocol/datagram_link.h"
+#include "hlm/device/motor_guard.h"
+#include "hlm/loop/flight_recorder.h"
+#include "hlm/loop/service_manager.h"
+#include "hlm/loop/state_file.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/server/options.h"
 
 namespace hlm::server {
 

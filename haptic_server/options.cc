@@ -1,11 +1,11 @@
-#include "haptic_server/options.h"
+#include "hlm/server/options.h"
 
 #include <cmath>
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/control/stiffness_bound.h"
-#include "haptic_server/device/drivers/replay_driver.h"
+#include "hlm/control/stiffness_bound.h"
+#include "hlm/device/drivers/replay_driver.h"
 
 namespace hlm::server {
 namespace {

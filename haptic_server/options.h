@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "common/settings/command_line.h"
-#include "haptic_server/device/device_choice.h"
-#include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/loop/realtime.h"
-#include "haptic_server/loop/servo.h"
+#include "hlm/device/device_choice.h"
+#include "hlm/loop/periodic_loop.h"
+#include "hlm/loop/realtime.h"
+#include "hlm/loop/servo.h"
+#include "hlm/settings/command_line.h"
 
 namespace hlm::server {
 

@@ -1,13 +1,13 @@
-#include "haptic_server/program.h"
+#include "hlm/server/program.h"
 
 #include <csignal>
 #include <exception>
 #include <iostream>
 #include <stdexcept>
 
-#include "common/one_line.h"
-#include "protocol/sealing/key_file.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/common/one_line.h"
+#include "hlm/sealing/key_file.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 

@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 
-#include "common/settings/command_line.h"
-#include "haptic_server/options.h"
-#include "protocol/datagram_link.h"
-#include "protocol/sealing/noise.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/sealing/noise.h"
+#include "hlm/server/options.h"
+#include "hlm/settings/command_line.h"
 
 namespace hlm::server {
 

@@ -8,15 +8,15 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/loop/tick_log.h"
-#include "haptic_server/options.h"
-#include "haptic_server/program.h"
-#include "haptic_server/replay/energy_receipt.h"
-#include "haptic_server/replay/live_replay.h"
-#include "haptic_server/replay/offline_replay.h"
-#include "haptic_server/replay/recorded_session.h"
-#include "protocol/sealing/sealed_client_link.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/loop/tick_log.h"
+#include "hlm/replay/energy_receipt.h"
+#include "hlm/replay/live_replay.h"
+#include "hlm/replay/offline_replay.h"
+#include "hlm/replay/recorded_session.h"
+#include "hlm/sealing/sealed_client_link.h"
+#include "hlm/server/options.h"
+#include "hlm/server/program.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

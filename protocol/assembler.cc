@@ -1,4 +1,4 @@
-#include "protocol/assembler.h"
+#include "hlm/protocol/assembler.h"
 
 #include <bit>
 

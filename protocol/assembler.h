@@ -8,8 +8,8 @@
 #include <optional>
 #include <span>
 
-#include "protocol/codec.h"
-#include "protocol/statistics.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

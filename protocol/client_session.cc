@@ -1,12 +1,12 @@
-#include "protocol/client_session.h"
+#include "hlm/protocol/client_session.h"
 
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
 
-#include "protocol/nanoseconds.h"
-#include "protocol/random_identifier.h"
-#include "protocol/tool_fit.h"
+#include "hlm/protocol/nanoseconds.h"
+#include "hlm/protocol/random_identifier.h"
+#include "hlm/protocol/tool_fit.h"
 
 namespace hlm::protocol {
 namespace {

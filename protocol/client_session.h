@@ -1,14 +1,14 @@
-// The client's side of the session. Any simulator can link this (with ve_client/client above it).
+// The client's side of the session. Any simulator can link this (with client above it).
 #pragma once
 
 #include <cstdint>
 #include <optional>
 
-#include "protocol/assembler.h"
-#include "protocol/codec.h"
-#include "protocol/datagram_link.h"
-#include "protocol/messages.h"
-#include "protocol/statistics.h"
+#include "hlm/protocol/assembler.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

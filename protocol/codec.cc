@@ -1,10 +1,10 @@
-#include "protocol/codec.h"
+#include "hlm/protocol/codec.h"
 
 #include <algorithm>
 #include <array>
 #include <cstring>
 
-#include "protocol/layout.h"
+#include "hlm/protocol/layout.h"
 
 namespace hlm::protocol {
 namespace {

@@ -6,9 +6,9 @@
 #include <optional>
 #include <span>
 
-#include "protocol/datagram_link.h"
-#include "protocol/messages.h"
-#include "protocol/statistics.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

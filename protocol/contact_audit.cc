@@ -1,4 +1,4 @@
-#include "protocol/contact_audit.h"
+#include "hlm/protocol/contact_audit.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/tool_model.h"
-#include "protocol/messages.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::protocol {
 

@@ -8,9 +8,9 @@
 #include <optional>
 #include <span>
 
-#include "common/static_vector.h"
-#include "protocol/messages.h"
-#include "protocol/statistics.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

@@ -1,9 +1,9 @@
-#include "protocol/force_chain.h"
+#include "hlm/protocol/force_chain.h"
 
 #include <cmath>
 #include <cstdio>
 
-#include "common/contact.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::protocol {
 namespace {
@@ -13,35 +13,36 @@ constexpr double kBarelyFelt = 0.1;  // N.
 constexpr double kDead = 1;          // s without a word of the client.
 constexpr double kSoft = 50;         // N/m: as air to a hand.
 
-using Text = std::string;
-
 /// About three significant digits, without exponents for the usual sizes.
-Text fixed(double value) {
+std::string fixed(double value) {
   if (!std::isfinite(value)) return "–";
   const double size = std::abs(value);
   const char* format = size >= 1e6 ? "%.1e" : size >= 100 ? "%.0f" : size >= 10 ? "%.1f" : "%.2f";
   char text[32];
   std::snprintf(text, sizeof text, format, value);
-  return text == Text("-0.00") ? "0.00" : text;
+  return text == std::string("-0.00") ? "0.00" : text;
 }
 
-Text newtons(double value) { return fixed(value) + " N"; }
-Text millimetres(double metres) { return fixed(1e3 * metres) + " mm"; }
-Text milliseconds(double seconds) { return std::to_string(std::lround(1e3 * seconds)) + " ms"; }
+std::string newtons(double value) { return fixed(value) + " N"; }
+std::string millimetres(double metres) { return fixed(1e3 * metres) + " mm"; }
+std::string milliseconds(double seconds) {
+  return std::to_string(std::lround(1e3 * seconds)) + " ms";
+}
 
 ChainLink session(const ForceFacts& f) {
-  ChainLink link{"session", Text(name_of(f.server)), {}};
+  ChainLink link{"session", std::string(name_of(f.server)), {}};
   if (!f.session) {
     link.value = "none";
     link.reason = f.refused.empty() ? "no client has a session: start ve_client" : f.refused;
   } else if (f.fault != Fault::kNone) {
-    link.reason = "haptic_server stopped with fault " + Text(name_of(f.fault)) + ": " +
-                  Text(meaning_of(f.fault)) + "; restart ve_client, or press Reset on its page";
+    link.reason = "haptic_server stopped with fault " + std::string(name_of(f.fault)) + ": " +
+                  std::string(meaning_of(f.fault)) +
+                  "; restart ve_client, or press Reset on its page";
   }
   return link;
 }
 
-Text updates_reason(const ForceFacts& f) {
+std::string updates_reason(const ForceFacts& f) {
   if (f.silence && *f.silence > kDead) {
     return "nothing has come from the client for " + fixed(*f.silence) +
            " s: it is dead or hangs, or the network to it is cut";
@@ -59,12 +60,13 @@ Text updates_reason(const ForceFacts& f) {
 }
 
 ChainLink updates(const ForceFacts& f) {
-  const Text rate = f.update_rate ? fixed(*f.update_rate) + " Hz\n" : "";
+  const std::string rate = f.update_rate ? fixed(*f.update_rate) + " Hz\n" : "";
   return {"updates", rate + "age " + milliseconds(f.age), updates_reason(f)};
 }
 
 ChainLink device(const ForceFacts& f) {
-  const Text position = "x " + fixed(1e3 * f.p_WD.x()) + "\ny " + fixed(1e3 * f.p_WD.y()) + " mm";
+  const std::string position =
+      "x " + fixed(1e3 * f.p_WD.x()) + "\ny " + fixed(1e3 * f.p_WD.y()) + " mm";
   if (!f.motors_off) return {"device", position, {}};
   return {"device", "motors off",
           "the device is disabled: its own safety, or its enable switch, holds the motors off"};
@@ -106,7 +108,7 @@ ChainLink separation(const ForceFacts& f) {
 
 ChainLink penalty(const ForceFacts& f) {
   if (!f.uses_contacts) return {"penalty", "–", {}};
-  const Text force = f.penalty ? newtons(*f.penalty) : fixed(f.stiffness) + " N/m";
+  const std::string force = f.penalty ? newtons(*f.penalty) : fixed(f.stiffness) + " N/m";
   ChainLink link{"penalty", force + "\n" + std::to_string(f.active) + " active", {}};
   if (f.active == 0) {
     link.reason = "no local contact is active";
@@ -125,7 +127,7 @@ ChainLink environment(const ForceFacts& f) {
   return link;
 }
 
-Text limit_reason(const ForceFacts& f) {
+std::string limit_reason(const ForceFacts& f) {
   const bool felt = f.F_command.norm() >= kBarelyFelt;
   switch (f.limit) {
     case ForceLimit::kNone:
@@ -148,7 +150,7 @@ Text limit_reason(const ForceFacts& f) {
 }
 
 ChainLink limiter(const ForceFacts& f) {
-  return {"limiter", f.limit == ForceLimit::kNone ? "free" : Text(name_of(f.limit)),
+  return {"limiter", f.limit == ForceLimit::kNone ? "free" : std::string(name_of(f.limit)),
           limit_reason(f)};
 }
 

@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "common/spatial.h"
-#include "common/vocabulary.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::protocol {
 

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "protocol/messages.h"
-#include "protocol/wire.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/protocol/wire.h"
 
 namespace hlm::protocol {
 

@@ -6,13 +6,13 @@
 #include <cstdint>
 #include <string_view>
 
-#include "common/contact.h"
-#include "common/freedoms.h"
-#include "common/static_vector.h"
-#include "common/tool_description.h"
-#include "common/tool_model.h"
-#include "common/tuning.h"
-#include "common/vocabulary.h"
+#include "hlm/common/contact.h"
+#include "hlm/common/freedoms.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/common/tuning.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::protocol {
 

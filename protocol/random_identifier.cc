@@ -1,4 +1,4 @@
-#include "protocol/random_identifier.h"
+#include "hlm/protocol/random_identifier.h"
 
 #include <cerrno>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-#include "protocol/server_session.h"
+#include "hlm/protocol/server_session.h"
 
 #include <algorithm>
 #include <array>
@@ -6,10 +6,10 @@
 #include <cstdio>
 #include <string>
 
-#include "protocol/nanoseconds.h"
-#include "protocol/random_identifier.h"
-#include "protocol/text.h"
-#include "protocol/tool_fit.h"
+#include "hlm/protocol/nanoseconds.h"
+#include "hlm/protocol/random_identifier.h"
+#include "hlm/protocol/text.h"
+#include "hlm/protocol/tool_fit.h"
 
 namespace hlm::protocol {
 namespace {

@@ -6,11 +6,11 @@
 #include <optional>
 #include <string_view>
 
-#include "protocol/assembler.h"
-#include "protocol/codec.h"
-#include "protocol/datagram_link.h"
-#include "protocol/messages.h"
-#include "protocol/statistics.h"
+#include "hlm/protocol/assembler.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

@@ -1,4 +1,4 @@
-#include "protocol/statistics.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

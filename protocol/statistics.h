@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/vocabulary.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::protocol {
 

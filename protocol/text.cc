@@ -1,4 +1,4 @@
-#include "protocol/text.h"
+#include "hlm/protocol/text.h"
 
 #include <algorithm>
 #include <cstddef>

@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "protocol/messages.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::protocol {
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <limits>
 
-#include "protocol/messages.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::protocol {
 

@@ -1,10 +1,10 @@
-#include "protocol/tool_fit.h"
+#include "hlm/protocol/tool_fit.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/range.h"
-#include "protocol/wire.h"
+#include "hlm/common/range.h"
+#include "hlm/protocol/wire.h"
 
 namespace hlm::protocol {
 

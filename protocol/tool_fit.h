@@ -3,10 +3,10 @@
 
 #include <optional>
 
-#include "common/sentence.h"
-#include "common/tool_description.h"
-#include "common/tool_model.h"
-#include "protocol/messages.h"
+#include "hlm/common/sentence.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::protocol {
 

@@ -17,10 +17,10 @@
 
 #include <boost/endian/conversion.hpp>
 
-#include "common/spatial.h"
-#include "common/vocabulary.h"
-#include "protocol/datagram_link.h"
-#include "protocol/statistics.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

@@ -1,12 +1,12 @@
-#include "ve_client/check.h"
+#include "hlm/ve/check.h"
 
 #include <algorithm>
 #include <stdexcept>
 
 #include <spdlog/fmt/fmt.h>
 
-#include "ve_client/frame.h"
-#include "ve_client/world/scene.h"
+#include "hlm/ve/frame.h"
+#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 namespace {

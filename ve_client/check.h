@@ -3,7 +3,7 @@
 
 #include <ostream>
 
-#include "ve_client/settings.h"
+#include "hlm/ve/settings.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/client_run.h"
+#include "hlm/ve/client_run.h"
 
 #include <algorithm>
 #include <chrono>
@@ -7,9 +7,9 @@
 #include <spdlog/fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
-#include "common/settings/directories.h"
-#include "common/settings/table.h"
-#include "protocol/sealing/key_file.h"
+#include "hlm/sealing/key_file.h"
+#include "hlm/settings/directories.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::ve {
 namespace {

@@ -10,12 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "ve_client/clock.h"
-#include "ve_client/frame.h"
-#include "ve_client/settings.h"
-#include "ve_client/tool_session.h"
-#include "ve_client/web/live_page.h"
-#include "ve_client/world/scene.h"
+#include "hlm/ve/clock.h"
+#include "hlm/ve/frame.h"
+#include "hlm/ve/settings.h"
+#include "hlm/ve/tool_session.h"
+#include "hlm/web/live_page.h"
+#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 

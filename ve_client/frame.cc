@@ -1,13 +1,13 @@
-#include "ve_client/frame.h"
+#include "hlm/ve/frame.h"
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <utility>
 
-#include "common/uniform.h"
-#include "ve_client/contacts/select_pairs.h"
-#include "ve_client/world/catch_up.h"
+#include "hlm/common/uniform.h"
+#include "hlm/contacts/select_pairs.h"
+#include "hlm/world/catch_up.h"
 
 namespace hlm::ve {
 namespace {

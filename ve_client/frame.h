@@ -9,16 +9,16 @@
 #include <string>
 #include <vector>
 
-#include "common/range.h"
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/clock.h"
-#include "ve_client/contacts/select.h"
-#include "ve_client/shared_bodies.h"
-#include "ve_client/world/proximity.h"
-#include "ve_client/world/skin_contacts.h"
-#include "ve_client/world/surroundings.h"
-#include "ve_client/world/virtual_tool.h"
-#include "ve_client/world/world.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/common/range.h"
+#include "hlm/contacts/select.h"
+#include "hlm/ve/clock.h"
+#include "hlm/ve/shared_bodies.h"
+#include "hlm/world/proximity.h"
+#include "hlm/world/skin_contacts.h"
+#include "hlm/world/surroundings.h"
+#include "hlm/world/virtual_tool.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

@@ -7,11 +7,11 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include "common/one_line.h"
-#include "common/settings/table.h"
-#include "ve_client/check.h"
-#include "ve_client/client_run.h"
-#include "ve_client/settings.h"
+#include "hlm/common/one_line.h"
+#include "hlm/settings/table.h"
+#include "hlm/ve/check.h"
+#include "hlm/ve/client_run.h"
+#include "hlm/ve/settings.h"
 
 namespace hlm::ve {
 namespace {

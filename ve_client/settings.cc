@@ -1,8 +1,8 @@
-#include "ve_client/settings.h"
+#include "hlm/ve/settings.h"
 
 #include <vector>
 
-#include "common/settings/command_line.h"
+#include "hlm/settings/command_line.h"
 
 namespace hlm::ve {
 namespace {

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include "ve_client/client/impaired_link.h"
-#include "ve_client/frame.h"
-#include "ve_client/world/scene.h"
-#include "ve_client/world/virtual_tool.h"
+#include "hlm/ve/frame.h"
+#include "hlm/ve/impaired_link.h"
+#include "hlm/world/scene.h"
+#include "hlm/world/virtual_tool.h"
 
 namespace hlm::ve {
 

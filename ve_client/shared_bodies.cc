@@ -1,9 +1,9 @@
-#include "ve_client/shared_bodies.h"
+#include "hlm/ve/shared_bodies.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "ve_client/world/mobility.h"
+#include "hlm/world/mobility.h"
 
 namespace hlm::ve {
 namespace {

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "common/contact.h"
-#include "ve_client/world/world.h"
+#include "hlm/common/contact.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

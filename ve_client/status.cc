@@ -1,4 +1,4 @@
-#include "ve_client/status.h"
+#include "hlm/ve/status.h"
 
 #include <algorithm>
 #include <stdexcept>

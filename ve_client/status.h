@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/contacts/manifold.h"
-#include "ve_client/frame.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/contacts/manifold.h"
+#include "hlm/ve/frame.h"
 
 namespace hlm::ve {
 

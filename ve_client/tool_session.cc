@@ -1,10 +1,10 @@
-#include "ve_client/tool_session.h"
+#include "hlm/ve/tool_session.h"
 
 #include <utility>
 
 #include <spdlog/spdlog.h>
 
-#include "common/settings/table.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::ve {
 

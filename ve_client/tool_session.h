@@ -7,14 +7,14 @@
 #include <optional>
 #include <string>
 
-#include "protocol/sealing/sealed_client_link.h"
-#include "protocol/transport/capture.h"
-#include "protocol/transport/recording_link.h"
-#include "protocol/transport/udp_socket.h"
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/client/impaired_link.h"
-#include "ve_client/settings.h"
-#include "ve_client/status.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/sealing/sealed_client_link.h"
+#include "hlm/transport/capture.h"
+#include "hlm/transport/recording_link.h"
+#include "hlm/transport/udp_socket.h"
+#include "hlm/ve/impaired_link.h"
+#include "hlm/ve/settings.h"
+#include "hlm/ve/status.h"
 
 namespace hlm::ve {
 

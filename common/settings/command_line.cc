@@ -1,11 +1,11 @@
-#include "common/settings/command_line.h"
+#include "hlm/settings/command_line.h"
 
 #include <iostream>
 #include <list>
 
 #include <CLI/CLI.hpp>
 
-#include "common/settings/nearest.h"
+#include "hlm/settings/nearest.h"
 
 namespace hlm::settings {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "common/settings/configuration_file.h"
-#include "common/settings/table.h"
+#include "hlm/settings/configuration_file.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::settings {
 

@@ -1,4 +1,4 @@
-#include "common/settings/configuration_file.h"
+#include "hlm/settings/configuration_file.h"
 
 #include <algorithm>
 #include <cerrno>

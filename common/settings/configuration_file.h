@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/settings/table.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::settings {
 

@@ -1,4 +1,4 @@
-#include "common/settings/directories.h"
+#include "hlm/settings/directories.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-#include "common/settings/nearest.h"
+#include "hlm/settings/nearest.h"
 
 #include <algorithm>
 #include <cstddef>

@@ -1,10 +1,10 @@
-#include "common/settings/table.h"
+#include "hlm/settings/table.h"
 
 #include <algorithm>
 #include <charconv>
 #include <sstream>
 
-#include "common/settings/nearest.h"
+#include "hlm/settings/nearest.h"
 
 namespace hlm::settings {
 namespace {

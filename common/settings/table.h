@@ -14,9 +14,9 @@
 #include <string_view>
 #include <vector>
 
-#include "common/one_line.h"
-#include "common/range.h"
-#include "common/vocabulary.h"
+#include "hlm/common/one_line.h"
+#include "hlm/common/range.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::settings {
 

@@ -17,8 +17,8 @@
 #include <vector>
 
 #include <btBulletDynamicsCommon.h>
-#include <protocol/transport/udp_socket.h>
-#include <ve_client/client/bullet/session.h>
+#include <hlm/client/bullet/session.h>
+#include <hlm/transport/udp_socket.h>
 
 namespace {
 

@@ -11,9 +11,9 @@
 #include <optional>
 #include <thread>
 
-#include <protocol/transport/udp_socket.h>
-#include <ve_client/client/haptic_client.h>
-#include <ve_client/client/own_server.h>
+#include <hlm/client/haptic_client.h>
+#include <hlm/client/own_server.h>
+#include <hlm/transport/udp_socket.h>
 
 namespace {
 

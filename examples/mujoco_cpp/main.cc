@@ -12,9 +12,9 @@
 #include <stdexcept>
 #include <thread>
 
+#include <hlm/client/mujoco/session.h>
+#include <hlm/transport/udp_socket.h>
 #include <mujoco/mujoco.h>
-#include <protocol/transport/udp_socket.h>
-#include <ve_client/client/mujoco/session.h>
 
 namespace {
 

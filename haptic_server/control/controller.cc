@@ -1,10 +1,10 @@
-#include "haptic_server/control/controller.h"
+#include "hlm/control/controller.h"
 
 #include <algorithm>
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/control/stiffness_bound.h"
+#include "hlm/control/stiffness_bound.h"
 
 namespace hlm::server {
 namespace {

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "common/range.h"
-#include "common/tuning.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/local_model/local_model.h"
+#include "hlm/common/range.h"
+#include "hlm/common/tuning.h"
+#include "hlm/device/device.h"
+#include "hlm/local_model/local_model.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/control/stiffness_bound.h"
+#include "hlm/control/stiffness_bound.h"
 
 #include <algorithm>
 #include <cmath>

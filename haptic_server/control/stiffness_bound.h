@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "haptic_server/control/controller.h"
+#include "hlm/control/controller.h"
 
 namespace hlm::server {
 

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

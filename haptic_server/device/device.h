@@ -7,9 +7,9 @@
 #include <optional>
 #include <string_view>
 
-#include "common/freedoms.h"
-#include "common/spatial.h"
-#include "common/vocabulary.h"
+#include "hlm/common/freedoms.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::server {
 

@@ -1,15 +1,15 @@
-#include "haptic_server/device/device_choice.h"
+#include "hlm/device/device_choice.h"
 
 #include <fstream>
 #include <iterator>
 
-#include "common/settings/nearest.h"
-#include "haptic_server/device/drivers/diy_driver.h"
-#include "haptic_server/device/drivers/force_dimension_driver.h"
-#include "haptic_server/device/drivers/haply_driver.h"
-#include "haptic_server/device/drivers/open_haptics_driver.h"
-#include "haptic_server/device/drivers/replay_driver.h"
-#include "haptic_server/device/drivers/simulated_driver.h"
+#include "hlm/device/drivers/diy_driver.h"
+#include "hlm/device/drivers/force_dimension_driver.h"
+#include "hlm/device/drivers/haply_driver.h"
+#include "hlm/device/drivers/open_haptics_driver.h"
+#include "hlm/device/drivers/replay_driver.h"
+#include "hlm/device/drivers/simulated_driver.h"
+#include "hlm/settings/nearest.h"
 
 namespace hlm::server {
 namespace {

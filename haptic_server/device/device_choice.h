@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "common/settings/command_line.h"
-#include "haptic_server/device/device_driver.h"
-#include "haptic_server/device/observed_device.h"
-#include "haptic_server/device/workspace.h"
+#include "hlm/device/device_driver.h"
+#include "hlm/device/observed_device.h"
+#include "hlm/device/workspace.h"
+#include "hlm/settings/command_line.h"
 
 namespace hlm::server {
 

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/settings/table.h"
-#include "haptic_server/device/device.h"
+#include "hlm/device/device.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/diy_board.h"
+#include "hlm/device/diy_board.h"
 
 #include <algorithm>
 #include <cerrno>

@@ -4,8 +4,8 @@
 #include <atomic>
 #include <string>
 
-#include "haptic_server/device/diy_frames.h"
-#include "haptic_server/device/exchange_device.h"
+#include "hlm/device/diy_frames.h"
+#include "hlm/device/exchange_device.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/diy_frames.h"
+#include "hlm/device/diy_frames.h"
 
 #include <bit>
 #include <cmath>

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "haptic_server/device/pantograph.h"
+#include "hlm/device/pantograph.h"
 
 namespace hlm::server {
 

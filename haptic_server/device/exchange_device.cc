@@ -1,4 +1,4 @@
-#include "haptic_server/device/exchange_device.h"
+#include "hlm/device/exchange_device.h"
 
 #include <algorithm>
 #include <csignal>
@@ -9,8 +9,8 @@
 #include <sched.h>
 #include <spdlog/spdlog.h>
 
-#include "common/one_line.h"
-#include "haptic_server/device/saturate.h"
+#include "hlm/common/one_line.h"
+#include "hlm/device/saturate.h"
 
 namespace hlm::server {
 namespace {

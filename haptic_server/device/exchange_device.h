@@ -11,9 +11,9 @@
 #include <string>
 #include <thread>
 
-#include "common/settings/table.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/device/newest.h"
+#include "hlm/device/device.h"
+#include "hlm/device/newest.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/force_dimension_device.h"
+#include "hlm/device/force_dimension_device.h"
 
 #include <algorithm>
 #include <cmath>

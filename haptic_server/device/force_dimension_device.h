@@ -9,11 +9,11 @@
 #include <string>
 #include <string_view>
 
-#include "common/range.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/device/force_dimension_library.h"
-#include "haptic_server/device/motion_check.h"
-#include "haptic_server/device/reopener.h"
+#include "hlm/common/range.h"
+#include "hlm/device/device.h"
+#include "hlm/device/force_dimension_library.h"
+#include "hlm/device/motion_check.h"
+#include "hlm/device/reopener.h"
 
 namespace hlm::server {
 

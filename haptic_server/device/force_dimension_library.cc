@@ -1,4 +1,4 @@
-#include "haptic_server/device/force_dimension_library.h"
+#include "hlm/device/force_dimension_library.h"
 
 namespace hlm::server {
 

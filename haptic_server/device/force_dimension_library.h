@@ -4,7 +4,7 @@
 #include <array>
 #include <string>
 
-#include "haptic_server/device/vendor_library.h"
+#include "hlm/device/vendor_library.h"
 
 namespace hlm::server {
 

@@ -1,11 +1,11 @@
-#include "haptic_server/device/hand.h"
+#include "hlm/device/hand.h"
 
 #include <cassert>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include "haptic_server/device/saturate.h"
+#include "hlm/device/saturate.h"
 
 namespace hlm::server {
 namespace {

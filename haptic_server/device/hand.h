@@ -6,7 +6,7 @@
 #include <variant>
 #include <vector>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

@@ -1,10 +1,10 @@
-#include "haptic_server/device/hand_observer.h"
+#include "hlm/device/hand_observer.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "haptic_server/device/saturate.h"
+#include "hlm/device/saturate.h"
 
 namespace hlm::server {
 namespace {

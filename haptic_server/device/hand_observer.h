@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/spatial.h"
-#include "haptic_server/device/device.h"
+#include "hlm/common/spatial.h"
+#include "hlm/device/device.h"
 
 namespace hlm::server {
 

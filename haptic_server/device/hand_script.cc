@@ -1,4 +1,4 @@
-#include "haptic_server/device/hand_script.h"
+#include "hlm/device/hand_script.h"
 
 #include <initializer_list>
 #include <sstream>
@@ -8,8 +8,8 @@
 
 #include <toml++/toml.h>
 
-#include "common/one_line.h"
-#include "common/range.h"
+#include "hlm/common/one_line.h"
+#include "hlm/common/range.h"
 
 namespace hlm::server {
 namespace {

@@ -17,7 +17,7 @@
 
 #include <string>
 
-#include "haptic_server/device/hand.h"
+#include "hlm/device/hand.h"
 
 namespace hlm::server {
 

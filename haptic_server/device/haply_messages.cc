@@ -1,11 +1,11 @@
-#include "haptic_server/device/haply_messages.h"
+#include "hlm/device/haply_messages.h"
 
 #include <cmath>
 #include <stdexcept>
 
 #include <nlohmann/json.hpp>
 
-#include "common/one_line.h"
+#include "hlm/common/one_line.h"
 
 namespace hlm::server {
 namespace {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "haptic_server/device/exchange_device.h"
+#include "hlm/device/exchange_device.h"
 
 namespace hlm::server {
 

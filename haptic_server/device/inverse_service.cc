@@ -1,5 +1,5 @@
 // Boost 1.74's Beast needs <utility> before it in C++20.
-#include "haptic_server/device/inverse_service.h"
+#include "hlm/device/inverse_service.h"
 
 #include <algorithm>
 #include <cmath>
@@ -41,7 +41,7 @@ constexpr const char* kNoGrip = "none";
 constexpr const char* kSource =
     "the Inverse Service comes with the device's software, https://docs.haply.co";
 
-[[noreturn]] void fail(const std::string& what) { throw std::runtime_error(what); }
+[[noreturn]] void give_up(const std::string& what) { throw std::runtime_error(what); }
 
 /// A text frame of a client (RFC 6455, 5.2), its mask zero.
 std::string text_frame(const std::string& text) {
@@ -68,11 +68,11 @@ std::string listed(const std::vector<std::string>& names) {
 std::string chosen(const char* what, const char* key, const std::string& id,
                    const std::vector<std::string>& all) {
   if (id.empty() && all.size() > 1) {
-    fail("several " + std::string(what) + "s: " + listed(all) + "; choose one with the key " + key);
+    give_up("several " + std::string(what) + "s: " + listed(all) + "; choose one with the key " + key);
   }
   if (id.empty()) return all.empty() ? "" : all.front();
   if (std::find(all.begin(), all.end(), id) != all.end()) return id;
-  fail("no " + std::string(what) + " '" + id + "'; there are: " + listed(all));
+  give_up("no " + std::string(what) + " '" + id + "'; there are: " + listed(all));
 }
 
 }  // namespace
@@ -117,7 +117,7 @@ class InverseService::Connection {
   /// The first message.
   HaplyInventory inventory() {
     const auto message = receive(steady_clock::now() + kOpening);
-    if (!message) fail("the Inverse Service at " + address_ + " sent no inventory within 2 s");
+    if (!message) give_up("the Inverse Service at " + address_ + " sent no inventory within 2 s");
     return parse_haply_inventory(*message);
   }
 
@@ -149,7 +149,7 @@ class InverseService::Connection {
     context_.poll();
     check();
     if (!has_message_) return;
-    fail(
+    give_up(
         "the Inverse Service broke its rule of one reply for each request: a message came that "
         "was not asked for");
   }
@@ -164,7 +164,7 @@ class InverseService::Connection {
   }
 
   [[noreturn]] void refuse(const error_code& error) const {
-    fail("no Inverse Service answers at " + address_ + " (" + error.message() + "); " + kSource);
+    give_up("no Inverse Service answers at " + address_ + " (" + error.message() + "); " + kSource);
   }
 
   void read() {
@@ -176,7 +176,7 @@ class InverseService::Connection {
   }
 
   void check() const {
-    if (error_) fail("the connection to the Inverse Service ended: " + error_.message());
+    if (error_) give_up("the connection to the Inverse Service ended: " + error_.message());
   }
 
   /// The pending write refers to the caller: it has to end first.
@@ -185,7 +185,7 @@ class InverseService::Connection {
     tcp_stream().close();
     work_.reset();
     context_.run_for(kOpening);
-    fail("the Inverse Service takes no requests");
+    give_up("the Inverse Service takes no requests");
   }
 
   std::string address_;
@@ -204,13 +204,13 @@ HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions&
   HaplyChoice choice;
   choice.device = chosen("Inverse3", "id", options.device, ids);
   if (choice.device.empty()) {
-    fail("the Inverse Service at " + options.address +
+    give_up("the Inverse Service at " + options.address +
          " has no Inverse3: plug it in, and switch it on");
   }
   for (const HaplyDevice& device : inventory.devices) {
     if (device.id != choice.device || options.handedness == "any") continue;
     if (device.handedness != options.handedness) {
-      fail("handedness of Inverse3 " + device.id + " is '" + device.handedness + "', must be '" +
+      give_up("handedness of Inverse3 " + device.id + " is '" + device.handedness + "', must be '" +
            options.handedness + "' as the key handedness says");
     }
   }
@@ -253,7 +253,7 @@ void InverseService::close() noexcept {
 }
 
 void InverseService::send(const std::optional<Vector3>& force) {
-  if (!connection_) fail("there is no connection to the Inverse Service");
+  if (!connection_) give_up("there is no connection to the Inverse Service");
   connection_->send(force ? haply_force_request(choice_.device, options_.force_field, *force)
                           : haply_probe_request(choice_));
 }

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/exchange_device.h"
-#include "haptic_server/device/haply_messages.h"
+#include "hlm/device/exchange_device.h"
+#include "hlm/device/haply_messages.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/motion_check.h"
+#include "hlm/device/motion_check.h"
 
 namespace hlm::server {
 namespace {

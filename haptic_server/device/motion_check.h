@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "haptic_server/device/device.h"
+#include "hlm/device/device.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/motor_guard.h"
+#include "hlm/device/motor_guard.h"
 
 #include <algorithm>
 #include <array>

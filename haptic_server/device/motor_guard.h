@@ -6,7 +6,7 @@
 
 #include <sys/types.h>
 
-#include "haptic_server/device/device.h"
+#include "hlm/device/device.h"
 
 namespace hlm::server {
 

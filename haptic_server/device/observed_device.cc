@@ -1,8 +1,8 @@
-#include "haptic_server/device/observed_device.h"
+#include "hlm/device/observed_device.h"
 
 #include <utility>
 
-#include "haptic_server/device/saturate.h"
+#include "hlm/device/saturate.h"
 
 namespace hlm::server {
 namespace {

@@ -5,9 +5,9 @@
 #include <memory>
 #include <optional>
 
-#include "common/settings/table.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/device/hand_observer.h"
+#include "hlm/device/device.h"
+#include "hlm/device/hand_observer.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/open_haptics_device.h"
+#include "hlm/device/open_haptics_device.h"
 
 #include <array>
 #include <stdexcept>

@@ -10,12 +10,12 @@
 #include <string_view>
 #include <utility>
 
-#include "common/range.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/device/motion_check.h"
-#include "haptic_server/device/newest.h"
-#include "haptic_server/device/open_haptics_library.h"
-#include "haptic_server/device/reopener.h"
+#include "hlm/common/range.h"
+#include "hlm/device/device.h"
+#include "hlm/device/motion_check.h"
+#include "hlm/device/newest.h"
+#include "hlm/device/open_haptics_library.h"
+#include "hlm/device/reopener.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/open_haptics_library.h"
+#include "hlm/device/open_haptics_library.h"
 
 namespace hlm::server {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "haptic_server/device/vendor_library.h"
+#include "hlm/device/vendor_library.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/pantograph.h"
+#include "hlm/device/pantograph.h"
 
 #include <cmath>
 #include <numbers>

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

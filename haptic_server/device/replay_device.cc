@@ -1,4 +1,4 @@
-#include "haptic_server/device/replay_device.h"
+#include "hlm/device/replay_device.h"
 
 #include <array>
 #include <cassert>
@@ -13,7 +13,7 @@
 #define CSV_IO_NO_THREAD
 #include <libfccp/csv.h>
 
-#include "haptic_server/device/device_columns.h"
+#include "hlm/device/device_columns.h"
 
 namespace hlm::server {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/device.h"
+#include "hlm/device/device.h"
 
 namespace hlm::server {
 

@@ -1,7 +1,7 @@
 // A wrench cut to what someone can exert.
 #pragma once
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

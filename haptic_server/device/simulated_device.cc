@@ -1,11 +1,11 @@
-#include "haptic_server/device/simulated_device.h"
+#include "hlm/device/simulated_device.h"
 
 #include <cassert>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include "haptic_server/device/saturate.h"
+#include "hlm/device/saturate.h"
 
 namespace hlm::server {
 namespace {

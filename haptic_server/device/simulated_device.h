@@ -8,12 +8,12 @@
 #include <optional>
 #include <string>
 
-#include "common/range.h"
-#include "common/spatial.h"
-#include "common/vocabulary.h"
-#include "haptic_server/device/amplifier.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/device/hand.h"
+#include "hlm/common/range.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/device/amplifier.h"
+#include "hlm/device/device.h"
+#include "hlm/device/hand.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/vendor_library.h"
+#include "hlm/device/vendor_library.h"
 
 #include <filesystem>
 #include <stdexcept>

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "common/settings/table.h"
-#include "haptic_server/device/device.h"
+#include "hlm/device/device.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::server {
 

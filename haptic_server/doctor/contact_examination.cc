@@ -1,10 +1,10 @@
-#include "haptic_server/doctor/contact_examination.h"
+#include "hlm/doctor/contact_examination.h"
 
 #include <algorithm>
 
 #include <spdlog/fmt/fmt.h>
 
-#include "protocol/codec.h"
+#include "hlm/protocol/codec.h"
 
 namespace hlm::server {
 namespace {

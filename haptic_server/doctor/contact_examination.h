@@ -1,9 +1,9 @@
 // Can the contacts of a client be trusted? From a recorded session.
 #pragma once
 
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/replay/recorded_session.h"
-#include "protocol/contact_audit.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/protocol/contact_audit.h"
+#include "hlm/replay/recorded_session.h"
 
 namespace hlm::server {
 

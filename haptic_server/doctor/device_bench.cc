@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/device_bench.h"
+#include "hlm/doctor/device_bench.h"
 
 #include <algorithm>
 #include <cmath>

@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/device.h"
-#include "haptic_server/device/motor_guard.h"
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/person.h"
-#include "haptic_server/loop/histogram.h"
-#include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/safety/limiter.h"
+#include "hlm/device/device.h"
+#include "hlm/device/motor_guard.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/person.h"
+#include "hlm/loop/histogram.h"
+#include "hlm/loop/periodic_loop.h"
+#include "hlm/safety/limiter.h"
 
 namespace hlm::server {
 

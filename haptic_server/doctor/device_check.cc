@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/device_check.h"
+#include "hlm/doctor/device_check.h"
 
 #include <algorithm>
 #include <memory>
@@ -6,14 +6,14 @@
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
-#include "haptic_server/doctor/device_bench.h"
-#include "haptic_server/doctor/device_examination.h"
-#include "haptic_server/doctor/frame_examination.h"
-#include "haptic_server/doctor/push_examination.h"
-#include "haptic_server/doctor/report.h"
-#include "haptic_server/doctor/rest_examination.h"
-#include "haptic_server/loop/realtime.h"
-#include "haptic_server/program.h"
+#include "hlm/doctor/device_bench.h"
+#include "hlm/doctor/device_examination.h"
+#include "hlm/doctor/frame_examination.h"
+#include "hlm/doctor/push_examination.h"
+#include "hlm/doctor/report.h"
+#include "hlm/doctor/rest_examination.h"
+#include "hlm/loop/realtime.h"
+#include "hlm/server/program.h"
 
 namespace hlm::server {
 namespace {

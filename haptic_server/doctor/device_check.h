@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/device_choice.h"
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/push_examination.h"
-#include "haptic_server/doctor/running_server.h"
+#include "hlm/device/device_choice.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/push_examination.h"
+#include "hlm/doctor/running_server.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/device_examination.h"
+#include "hlm/doctor/device_examination.h"
 
 #include <cmath>
 #include <stdexcept>

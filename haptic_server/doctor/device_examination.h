@@ -4,9 +4,9 @@
 #include <memory>
 #include <optional>
 
-#include "haptic_server/device/device_choice.h"
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/running_server.h"
+#include "hlm/device/device_choice.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/running_server.h"
 
 namespace hlm::server {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/vocabulary.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::server {
 

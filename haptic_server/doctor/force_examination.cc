@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/force_examination.h"
+#include "hlm/doctor/force_examination.h"
 
 #include <algorithm>
 #include <map>
@@ -6,8 +6,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "protocol/codec.h"
-#include "protocol/nanoseconds.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/nanoseconds.h"
 
 namespace hlm::server {
 namespace {

@@ -4,9 +4,9 @@
 #include <optional>
 #include <string>
 
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/running_server.h"
-#include "haptic_server/replay/recorded_session.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/running_server.h"
+#include "hlm/replay/recorded_session.h"
 
 namespace hlm::server {
 

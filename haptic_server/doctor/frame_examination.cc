@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/frame_examination.h"
+#include "hlm/doctor/frame_examination.h"
 
 #include <array>
 #include <bit>
@@ -8,7 +8,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/doctor/frame_fit.h"
+#include "hlm/doctor/frame_fit.h"
 
 namespace hlm::server {
 namespace {

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/workspace.h"
-#include "haptic_server/doctor/device_bench.h"
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/outlook.h"
+#include "hlm/device/workspace.h"
+#include "hlm/doctor/device_bench.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/outlook.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/frame_fit.h"
+#include "hlm/doctor/frame_fit.h"
 
 #include <algorithm>
 #include <cmath>

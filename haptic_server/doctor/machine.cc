@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/machine.h"
+#include "hlm/doctor/machine.h"
 
 #include <algorithm>
 #include <array>
@@ -16,10 +16,10 @@
 #include <sys/xattr.h>
 #include <unistd.h>
 
-#include "haptic_server/loop/cpu_latency.h"
-#include "haptic_server/loop/histogram.h"
-#include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/loop/realtime.h"
+#include "hlm/loop/cpu_latency.h"
+#include "hlm/loop/histogram.h"
+#include "hlm/loop/periodic_loop.h"
+#include "hlm/loop/realtime.h"
 
 namespace hlm::server {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <optional>
 
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/running_server.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/running_server.h"
 
 namespace hlm::server {
 

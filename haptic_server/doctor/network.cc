@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/network.h"
+#include "hlm/doctor/network.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -16,10 +16,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "common/steady_seconds.h"
-#include "protocol/client_session.h"
-#include "protocol/sealing/sealed_client_link.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/common/steady_seconds.h"
+#include "hlm/protocol/client_session.h"
+#include "hlm/sealing/sealed_client_link.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

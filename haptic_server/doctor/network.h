@@ -4,10 +4,10 @@
 #include <optional>
 #include <string>
 
-#include "haptic_server/doctor/finding.h"
-#include "haptic_server/doctor/running_server.h"
-#include "protocol/datagram_link.h"
-#include "protocol/sealing/noise.h"
+#include "hlm/doctor/finding.h"
+#include "hlm/doctor/running_server.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/sealing/noise.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/outlook.h"
+#include "hlm/doctor/outlook.h"
 
 #include <algorithm>
 #include <array>

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/person.h"
+#include "hlm/doctor/person.h"
 
 #include <cctype>
 #include <iostream>
@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/settings/table.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::server {
 namespace {

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/push_examination.h"
+#include "hlm/doctor/push_examination.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/doctor/push_fit.h"
+#include "hlm/doctor/push_fit.h"
 
 namespace hlm::server {
 namespace {

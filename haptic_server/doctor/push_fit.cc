@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/push_fit.h"
+#include "hlm/doctor/push_fit.h"
 
 #include <algorithm>
 #include <array>

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "haptic_server/doctor/device_bench.h"
+#include "hlm/doctor/device_bench.h"
 
 namespace hlm::server {
 

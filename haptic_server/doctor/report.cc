@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/report.h"
+#include "hlm/doctor/report.h"
 
 #include <algorithm>
 #include <ctime>
@@ -8,7 +8,7 @@
 #include <spdlog/fmt/fmt.h>
 #include <sys/utsname.h>
 
-#include "common/settings/table.h"
+#include "hlm/settings/table.h"
 
 namespace hlm::server {
 namespace {

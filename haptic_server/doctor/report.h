@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/doctor/finding.h"
+#include "hlm/doctor/finding.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/rest_examination.h"
+#include "hlm/doctor/rest_examination.h"
 
 #include <cmath>
 

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "haptic_server/doctor/device_bench.h"
-#include "haptic_server/doctor/finding.h"
+#include "hlm/doctor/device_bench.h"
+#include "hlm/doctor/finding.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/running_server.h"
+#include "hlm/doctor/running_server.h"
 
 #include <cerrno>
 #include <chrono>
@@ -7,8 +7,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/settings/directories.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/settings/directories.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

@@ -8,8 +8,8 @@
 
 #include <sys/types.h>
 
-#include "protocol/datagram_link.h"
-#include "protocol/force_chain.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/protocol/force_chain.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/body_friction.h"
+#include "hlm/local_model/body_friction.h"
 
 #include <algorithm>
 #include <optional>

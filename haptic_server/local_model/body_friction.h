@@ -3,9 +3,9 @@
 // up to 40 %.
 #pragma once
 
-#include "common/contact.h"
-#include "haptic_server/local_model/local_body.h"
-#include "haptic_server/local_model/local_contact.h"
+#include "hlm/common/contact.h"
+#include "hlm/local_model/local_body.h"
+#include "hlm/local_model/local_contact.h"
 
 namespace hlm::server {
 

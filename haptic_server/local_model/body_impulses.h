@@ -8,9 +8,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/spatial.h"
-#include "common/static_vector.h"
-#include "haptic_server/local_model/local_body.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/local_model/local_body.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/collision.h"
+#include "hlm/local_model/collision.h"
 
 #include <algorithm>
 

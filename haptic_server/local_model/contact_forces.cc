@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/contact_forces.h"
+#include "hlm/local_model/contact_forces.h"
 
 #include <algorithm>
 #include <cmath>

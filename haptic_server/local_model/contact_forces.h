@@ -4,8 +4,8 @@
 
 #include <span>
 
-#include "common/tool_model.h"
-#include "haptic_server/local_model/contact_law.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/local_model/contact_law.h"
 
 namespace hlm::server {
 

@@ -5,7 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "haptic_server/local_model/contact_forces.h"
+#include "hlm/local_model/contact_forces.h"
 
 namespace hlm::server {
 namespace {

@@ -1,11 +1,11 @@
-#include "haptic_server/local_model/contact_update.h"
+#include "hlm/local_model/contact_update.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <tuple>
 
-#include "haptic_server/local_model/pair_axes.h"
+#include "hlm/local_model/pair_axes.h"
 
 namespace hlm::server {
 namespace {

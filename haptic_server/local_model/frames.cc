@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/frames.h"
+#include "hlm/local_model/frames.h"
 
 namespace hlm::server {
 

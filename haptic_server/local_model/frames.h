@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "common/tool_model.h"
-#include "haptic_server/local_model/local_body.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/local_model/local_body.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/free_motion.h"
+#include "hlm/local_model/free_motion.h"
 
 #include <cmath>
 

@@ -1,7 +1,7 @@
 // The motion of a tool on which no force acts (docs/method.md 1).
 #pragma once
 
-#include "common/tool_model.h"
+#include "hlm/common/tool_model.h"
 
 namespace hlm::server {
 

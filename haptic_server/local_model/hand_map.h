@@ -3,7 +3,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "common/tool_model.h"
+#include "hlm/common/tool_model.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/joint_limits.h"
+#include "hlm/local_model/joint_limits.h"
 
 #include <algorithm>
 

@@ -2,8 +2,8 @@
 // the same law as a link at a wall (docs/method.md 4.6).
 #pragma once
 
-#include "common/tool_model.h"
-#include "haptic_server/local_model/local_contact.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/local_model/local_contact.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/local_body.h"
+#include "hlm/local_model/local_body.h"
 
 #include <cmath>
 
@@ -8,13 +8,13 @@ namespace {
 /// What is left of W below this part of its largest diagonal element is what rounding leaves of a
 /// direction that joints have taken. Larger would freeze the heavy directions of a body with a
 /// small inertia.
-constexpr double kRankTolerance = 1e-9;
+constexpr double kJointRounding = 1e-9;
 
 /// B with W = B Bᵀ, one column for each direction in which the body can move: Cholesky's
 /// factorisation with pivots, which ends at the rank. One that goes on divides rounding by
 /// rounding.
 Jacobian square_root(Matrix6 W) noexcept {
-  const double smallest = kRankTolerance * W.diagonal().maxCoeff();
+  const double smallest = kJointRounding * W.diagonal().maxCoeff();
   Jacobian B(6, 6);
   Eigen::Index columns = 0;
   for (Eigen::Index pivot = 0; columns < 6; ++columns) {

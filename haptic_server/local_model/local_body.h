@@ -1,10 +1,10 @@
 // A movable body near the tool, as the local model moves it between updates (docs/method.md 11).
 #pragma once
 
-#include "common/contact.h"
-#include "common/spatial.h"
-#include "common/static_vector.h"
-#include "common/tool_model.h"
+#include "hlm/common/contact.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/common/tool_model.h"
 
 namespace hlm::server {
 

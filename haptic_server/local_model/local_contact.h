@@ -5,11 +5,11 @@
 #include <cstdint>
 #include <limits>
 
-#include "common/contact.h"
-#include "common/spatial.h"
-#include "common/static_vector.h"
-#include "common/vocabulary.h"
-#include "haptic_server/local_model/frames.h"
+#include "hlm/common/contact.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/local_model/frames.h"
 
 namespace hlm::server {
 

@@ -1,11 +1,11 @@
-#include "haptic_server/local_model/local_model.h"
+#include "hlm/local_model/local_model.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "haptic_server/local_model/collision.h"
-#include "haptic_server/local_model/free_motion.h"
-#include "haptic_server/local_model/pair_axes.h"
+#include "hlm/local_model/collision.h"
+#include "hlm/local_model/free_motion.h"
+#include "hlm/local_model/pair_axes.h"
 
 namespace hlm::server {
 namespace {

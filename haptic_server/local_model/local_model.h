@@ -9,16 +9,16 @@
 #include <array>
 #include <cstdint>
 
-#include "common/tool_model.h"
-#include "common/vocabulary.h"
-#include "haptic_server/local_model/body_impulses.h"
-#include "haptic_server/local_model/contact_forces.h"
-#include "haptic_server/local_model/contact_update.h"
-#include "haptic_server/local_model/hand_map.h"
-#include "haptic_server/local_model/joint_limits.h"
-#include "haptic_server/local_model/local_contact.h"
-#include "haptic_server/local_model/parameters.h"
-#include "haptic_server/local_model/stiffness_limit.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/local_model/body_impulses.h"
+#include "hlm/local_model/contact_forces.h"
+#include "hlm/local_model/contact_update.h"
+#include "hlm/local_model/hand_map.h"
+#include "hlm/local_model/joint_limits.h"
+#include "hlm/local_model/local_contact.h"
+#include "hlm/local_model/parameters.h"
+#include "hlm/local_model/stiffness_limit.h"
 
 namespace hlm::server {
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <optional>
 
-#include "haptic_server/local_model/body_friction.h"
-#include "haptic_server/local_model/local_model.h"
+#include "hlm/local_model/body_friction.h"
+#include "hlm/local_model/local_model.h"
 
 namespace hlm::server {
 namespace {

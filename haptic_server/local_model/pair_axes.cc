@@ -1,9 +1,9 @@
-#include "haptic_server/local_model/pair_axes.h"
+#include "hlm/local_model/pair_axes.h"
 
 #include <algorithm>
 #include <limits>
 
-#include "haptic_server/local_model/contact_forces.h"
+#include "hlm/local_model/contact_forces.h"
 
 namespace hlm::server {
 namespace {

@@ -1,7 +1,7 @@
 // Which separating axis of each pair of convex pieces acts in a step (docs/method.md 2.8)?
 #pragma once
 
-#include "haptic_server/local_model/contact_update.h"
+#include "hlm/local_model/contact_update.h"
 
 namespace hlm::server {
 

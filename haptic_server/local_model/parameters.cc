@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/parameters.h"
+#include "hlm/local_model/parameters.h"
 
 namespace hlm::server {
 

@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "common/range.h"
-#include "common/tuning.h"
-#include "common/vocabulary.h"
+#include "hlm/common/range.h"
+#include "hlm/common/tuning.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::server {
 

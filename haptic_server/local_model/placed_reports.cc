@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/placed_reports.h"
+#include "hlm/local_model/placed_reports.h"
 
 #include <algorithm>
 #include <cmath>

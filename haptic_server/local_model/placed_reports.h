@@ -3,10 +3,10 @@
 
 #include <optional>
 
-#include "common/contact.h"
-#include "common/tool_model.h"
-#include "haptic_server/local_model/frames.h"
-#include "haptic_server/local_model/local_contact.h"
+#include "hlm/common/contact.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/local_model/frames.h"
+#include "hlm/local_model/local_contact.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/local_model/stiffness_limit.h"
+#include "hlm/local_model/stiffness_limit.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@ namespace hlm::server {
 namespace {
 
 /// Relative excess over a limit that is rounding.
-constexpr double kRounding = 1e-9;
+constexpr double kLimitRounding = 1e-9;
 
 template <class Matrix>
 double largest_eigenvalue(const Matrix& symmetric) noexcept {
@@ -103,7 +103,7 @@ double StiffnessLimit::scale(const ToolModel& tool, const LocalContacts& contact
   const double k = parameters.stiffness;
   double scale = 1;
   const auto limit = [&](double largest, double value) {
-    if (value > (1 + kRounding) * largest) scale = std::min(scale, largest / value);
+    if (value > (1 + kLimitRounding) * largest) scale = std::min(scale, largest / value);
   };
   const double most = std::min(parameters.max_stiffness_sum, parameters.max_hand_stiffness / k);
   const bool may_exceed = static_cast<double>(contacts.size()) > most || !is_unheld(tool);

@@ -1,4 +1,4 @@
-#include "haptic_server/loop/cpu_latency.h"
+#include "hlm/loop/cpu_latency.h"
 
 #include <cerrno>
 #include <cstdint>

@@ -1,4 +1,4 @@
-#include "haptic_server/loop/drift.h"
+#include "hlm/loop/drift.h"
 
 #include <algorithm>
 #include <numbers>

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

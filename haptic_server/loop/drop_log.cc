@@ -1,4 +1,4 @@
-#include "haptic_server/loop/drop_log.h"
+#include "hlm/loop/drop_log.h"
 
 #include <cstddef>
 #include <string>

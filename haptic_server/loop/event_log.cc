@@ -1,4 +1,4 @@
-#include "haptic_server/loop/event_log.h"
+#include "hlm/loop/event_log.h"
 
 #include <spdlog/spdlog.h>
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 

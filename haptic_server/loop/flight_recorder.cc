@@ -1,4 +1,4 @@
-#include "haptic_server/loop/flight_recorder.h"
+#include "hlm/loop/flight_recorder.h"
 
 #include <algorithm>
 #include <cassert>
@@ -12,8 +12,8 @@
 
 #include <spdlog/spdlog.h>
 
-#include "common/settings/directories.h"
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
+#include "hlm/settings/directories.h"
 
 namespace hlm::server {
 namespace {

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 

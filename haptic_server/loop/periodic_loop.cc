@@ -1,4 +1,4 @@
-#include "haptic_server/loop/periodic_loop.h"
+#include "hlm/loop/periodic_loop.h"
 
 #include <algorithm>
 #include <cerrno>

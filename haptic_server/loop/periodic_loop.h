@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <utility>
 
-#include "common/range.h"
+#include "hlm/common/range.h"
 
 namespace hlm::server {
 

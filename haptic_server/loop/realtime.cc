@@ -1,4 +1,4 @@
-#include "haptic_server/loop/realtime.h"
+#include "hlm/loop/realtime.h"
 
 #include <cerrno>
 #include <cstddef>

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "common/range.h"
-#include "common/vocabulary.h"
+#include "hlm/common/range.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::server {
 

@@ -1,11 +1,11 @@
-#include "haptic_server/loop/reporting.h"
+#include "hlm/loop/reporting.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string_view>
 
-#include "protocol/text.h"
+#include "hlm/protocol/text.h"
 
 namespace hlm::server {
 namespace {

@@ -3,13 +3,13 @@
 
 #include <cstdint>
 
-#include "haptic_server/device/device.h"
-#include "haptic_server/local_model/local_model.h"
-#include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/loop/servo_options.h"
-#include "haptic_server/loop/tick_record.h"
-#include "haptic_server/safety/state_machine.h"
-#include "protocol/server_session.h"
+#include "hlm/device/device.h"
+#include "hlm/local_model/local_model.h"
+#include "hlm/loop/periodic_loop.h"
+#include "hlm/loop/servo_options.h"
+#include "hlm/loop/tick_record.h"
+#include "hlm/protocol/server_session.h"
+#include "hlm/safety/state_machine.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/loop/run_summary.h"
+#include "hlm/loop/run_summary.h"
 
 #include <algorithm>
 

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <string>
 
-#include "haptic_server/loop/drift.h"
-#include "haptic_server/loop/histogram.h"
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/loop/drift.h"
+#include "hlm/loop/histogram.h"
+#include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/loop/service_manager.h"
+#include "hlm/loop/service_manager.h"
 
 #include <cstddef>
 #include <cstdlib>

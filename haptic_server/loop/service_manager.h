@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/loop/servo.h"
+#include "hlm/loop/servo.h"
 
 #include <algorithm>
 #include <array>
@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <string_view>
 
-#include "haptic_server/control/stiffness_bound.h"
-#include "haptic_server/loop/reporting.h"
+#include "hlm/control/stiffness_bound.h"
+#include "hlm/loop/reporting.h"
 
 namespace hlm::server {
 namespace {

@@ -8,19 +8,19 @@
 #include <cstdint>
 #include <optional>
 
-#include "haptic_server/control/controller.h"
-#include "haptic_server/control/engine_view.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/local_model/local_model.h"
-#include "haptic_server/loop/periodic_loop.h"
-#include "haptic_server/loop/servo_options.h"
-#include "haptic_server/loop/telemetry.h"
-#include "haptic_server/loop/tick_record.h"
-#include "haptic_server/safety/hand_work.h"
-#include "haptic_server/safety/limiter.h"
-#include "haptic_server/safety/model_energy.h"
-#include "haptic_server/safety/state_machine.h"
-#include "protocol/server_session.h"
+#include "hlm/control/controller.h"
+#include "hlm/control/engine_view.h"
+#include "hlm/device/device.h"
+#include "hlm/local_model/local_model.h"
+#include "hlm/loop/periodic_loop.h"
+#include "hlm/loop/servo_options.h"
+#include "hlm/loop/telemetry.h"
+#include "hlm/loop/tick_record.h"
+#include "hlm/protocol/server_session.h"
+#include "hlm/safety/hand_work.h"
+#include "hlm/safety/limiter.h"
+#include "hlm/safety/model_energy.h"
+#include "hlm/safety/state_machine.h"
 
 namespace hlm::server {
 

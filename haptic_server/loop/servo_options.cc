@@ -1,4 +1,4 @@
-#include "haptic_server/loop/servo_options.h"
+#include "hlm/loop/servo_options.h"
 
 #include <algorithm>
 

@@ -5,12 +5,12 @@
 #include <optional>
 #include <string>
 
-#include "common/range.h"
-#include "common/tuning.h"
-#include "haptic_server/control/controller.h"
-#include "haptic_server/local_model/parameters.h"
-#include "haptic_server/safety/handle_limits.h"
-#include "haptic_server/safety/limiter.h"
+#include "hlm/common/range.h"
+#include "hlm/common/tuning.h"
+#include "hlm/control/controller.h"
+#include "hlm/local_model/parameters.h"
+#include "hlm/safety/handle_limits.h"
+#include "hlm/safety/limiter.h"
 
 namespace hlm::server {
 

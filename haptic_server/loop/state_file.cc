@@ -1,4 +1,4 @@
-#include "haptic_server/loop/state_file.h"
+#include "hlm/loop/state_file.h"
 
 #include <algorithm>
 #include <chrono>
@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <unistd.h>
 
-#include "protocol/messages.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::server {
 namespace {

@@ -8,10 +8,10 @@
 #include <optional>
 #include <string>
 
-#include "haptic_server/device/device.h"
-#include "haptic_server/loop/histogram.h"
-#include "haptic_server/loop/tick_record.h"
-#include "protocol/force_chain.h"
+#include "hlm/device/device.h"
+#include "hlm/loop/histogram.h"
+#include "hlm/loop/tick_record.h"
+#include "hlm/protocol/force_chain.h"
 
 namespace hlm::server {
 

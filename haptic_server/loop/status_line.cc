@@ -1,10 +1,10 @@
-#include "haptic_server/loop/status_line.h"
+#include "hlm/loop/status_line.h"
 
 #include <ostream>
 
 #include <spdlog/fmt/fmt.h>
 
-#include "protocol/messages.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::server {
 namespace {

@@ -1,4 +1,4 @@
-#include "haptic_server/loop/telemetry.h"
+#include "hlm/loop/telemetry.h"
 
 namespace hlm::server {
 namespace {

@@ -1,9 +1,9 @@
 // Telemetry in the tick: signals in batches, and the local contacts, to a client that asked.
 #pragma once
 
-#include "haptic_server/local_model/local_model.h"
-#include "haptic_server/loop/tick_record.h"
-#include "protocol/server_session.h"
+#include "hlm/local_model/local_model.h"
+#include "hlm/loop/tick_record.h"
+#include "hlm/protocol/server_session.h"
 
 namespace hlm::server {
 

@@ -2,8 +2,8 @@
 // and readers visit the same list.
 #pragma once
 
-#include "haptic_server/device/device_columns.h"
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/device/device_columns.h"
+#include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 

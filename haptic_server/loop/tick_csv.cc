@@ -1,11 +1,11 @@
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
 
 #include <array>
 #include <charconv>
 #include <string_view>
 #include <type_traits>
 
-#include "haptic_server/loop/tick_columns.h"
+#include "hlm/loop/tick_columns.h"
 
 namespace hlm::server {
 namespace {

@@ -1,11 +1,11 @@
-#include "haptic_server/loop/tick_log.h"
+#include "hlm/loop/tick_log.h"
 
 #include <cerrno>
 #include <chrono>
 #include <stdexcept>
 #include <utility>
 
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
 
 namespace hlm::server {
 namespace {

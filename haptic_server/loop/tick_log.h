@@ -12,7 +12,7 @@
 
 #include <boost/lockfree/spsc_queue.hpp>
 
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 

@@ -4,12 +4,12 @@
 #include <array>
 #include <cstdint>
 
-#include "common/spatial.h"
-#include "common/tool_model.h"
-#include "common/vocabulary.h"
-#include "haptic_server/device/device.h"
-#include "haptic_server/safety/energy_tank.h"
-#include "protocol/statistics.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/device/device.h"
+#include "hlm/protocol/statistics.h"
+#include "hlm/safety/energy_tank.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/replay/energy_receipt.h"
+#include "hlm/replay/energy_receipt.h"
 
 #include <algorithm>
 #include <cmath>

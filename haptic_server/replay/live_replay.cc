@@ -1,4 +1,4 @@
-#include "haptic_server/replay/live_replay.h"
+#include "hlm/replay/live_replay.h"
 
 #include <algorithm>
 #include <chrono>
@@ -6,9 +6,9 @@
 #include <thread>
 #include <unordered_map>
 
-#include "common/tool_model.h"
-#include "protocol/client_session.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/protocol/client_session.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {

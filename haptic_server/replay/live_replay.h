@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <functional>
 
-#include "haptic_server/loop/drift.h"
-#include "haptic_server/replay/recorded_session.h"
-#include "protocol/datagram_link.h"
+#include "hlm/loop/drift.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/replay/recorded_session.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/replay/offline_replay.h"
+#include "hlm/replay/offline_replay.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,8 +6,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/server_session.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/server_session.h"
 
 namespace hlm::server {
 namespace {

@@ -6,9 +6,9 @@
 #include <functional>
 #include <optional>
 
-#include "haptic_server/device/device.h"
-#include "haptic_server/loop/servo.h"
-#include "haptic_server/replay/recorded_session.h"
+#include "hlm/device/device.h"
+#include "hlm/loop/servo.h"
+#include "hlm/replay/recorded_session.h"
 
 namespace hlm::server {
 

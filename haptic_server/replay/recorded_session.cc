@@ -1,4 +1,4 @@
-#include "haptic_server/replay/recorded_session.h"
+#include "hlm/replay/recorded_session.h"
 
 #include <algorithm>
 #include <map>
@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "protocol/tool_fit.h"
-#include "protocol/transport/capture.h"
+#include "hlm/protocol/tool_fit.h"
+#include "hlm/transport/capture.h"
 
 namespace hlm::server {
 namespace {

@@ -6,8 +6,8 @@
 #include <map>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/messages.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm::server {
 

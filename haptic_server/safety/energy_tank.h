@@ -2,7 +2,7 @@
 // (docs/method.md 13; after Hannaford and Ryu 2002).
 #pragma once
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::server {
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic_server/device/device.h"
-#include "haptic_server/safety/limiter_options.h"
+#include "hlm/device/device.h"
+#include "hlm/safety/limiter_options.h"
 
 namespace hlm::server {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "common/spatial.h"
-#include "haptic_server/device/device.h"
+#include "hlm/common/spatial.h"
+#include "hlm/device/device.h"
 
 namespace hlm::server {
 

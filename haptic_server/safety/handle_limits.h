@@ -3,9 +3,9 @@
 
 #include <array>
 
-#include "common/range.h"
-#include "common/spatial.h"
-#include "common/vocabulary.h"
+#include "hlm/common/range.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/vocabulary.h"
 
 namespace hlm::server {
 

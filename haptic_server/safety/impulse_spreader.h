@@ -1,8 +1,8 @@
 // Renders collision impulses within the force budget (docs/method.md 5.4, Eq. 12).
 #pragma once
 
-#include "common/spatial.h"
-#include "haptic_server/safety/force_budget.h"
+#include "hlm/common/spatial.h"
+#include "hlm/safety/force_budget.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/safety/limiter.h"
+#include "hlm/safety/limiter.h"
 
 #include <algorithm>
 

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 
-#include "common/spatial.h"
-#include "common/vocabulary.h"
-#include "haptic_server/safety/energy_tank.h"
-#include "haptic_server/safety/force_budget.h"
-#include "haptic_server/safety/impulse_spreader.h"
-#include "haptic_server/safety/limiter_options.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/safety/energy_tank.h"
+#include "hlm/safety/force_budget.h"
+#include "hlm/safety/impulse_spreader.h"
+#include "hlm/safety/limiter_options.h"
 
 namespace hlm::server {
 

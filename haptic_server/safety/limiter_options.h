@@ -3,7 +3,7 @@
 
 #include <array>
 
-#include "common/range.h"
+#include "hlm/common/range.h"
 
 namespace hlm::server {
 

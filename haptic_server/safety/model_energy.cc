@@ -1,4 +1,4 @@
-#include "haptic_server/safety/model_energy.h"
+#include "hlm/safety/model_energy.h"
 
 #include <algorithm>
 

@@ -1,9 +1,9 @@
-#include "haptic_server/safety/state_machine.h"
+#include "hlm/safety/state_machine.h"
 
 #include <algorithm>
 #include <cstddef>
 
-#include "common/contact.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::server {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "common/vocabulary.h"
-#include "haptic_server/safety/limiter.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/safety/limiter.h"
 
 namespace hlm::server {
 

@@ -31,8 +31,8 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include "haptic_server/device/diy_frames.h"
-#include "haptic_server/stand_ins/stand_in.h"
+#include "hlm/device/diy_frames.h"
+#include "hlm/stand_ins/stand_in.h"
 
 namespace hlm::stand_in {
 namespace {

@@ -28,7 +28,7 @@
 #include <boost/beast/websocket.hpp>
 #include <nlohmann/json.hpp>
 
-#include "haptic_server/stand_ins/stand_in.h"
+#include "hlm/stand_ins/stand_in.h"
 
 namespace hlm::stand_in {
 namespace {

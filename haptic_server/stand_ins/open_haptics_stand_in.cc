@@ -10,8 +10,8 @@
 #include <string_view>
 #include <thread>
 
-#include "haptic_server/device/saturate.h"
-#include "haptic_server/stand_ins/stand_in.h"
+#include "hlm/device/saturate.h"
+#include "hlm/stand_ins/stand_in.h"
 
 using hlm::Wrench;
 using hlm::server::DeviceState;

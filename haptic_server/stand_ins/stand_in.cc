@@ -1,4 +1,4 @@
-#include "haptic_server/stand_ins/stand_in.h"
+#include "hlm/stand_ins/stand_in.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -14,7 +14,7 @@
 #include <sched.h>
 #include <unistd.h>
 
-#include "haptic_server/device/hand_script.h"
+#include "hlm/device/hand_script.h"
 
 namespace hlm::stand_in {
 namespace {

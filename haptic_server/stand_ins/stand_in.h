@@ -21,7 +21,7 @@
 #include <string_view>
 #include <thread>
 
-#include "haptic_server/device/simulated_device.h"
+#include "hlm/device/simulated_device.h"
 
 namespace hlm::stand_in {
 

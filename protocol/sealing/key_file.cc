@@ -1,4 +1,4 @@
-#include "protocol/sealing/key_file.h"
+#include "hlm/sealing/key_file.h"
 
 #include <array>
 #include <cerrno>

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "protocol/sealing/noise.h"
+#include "hlm/sealing/noise.h"
 
 namespace hlm::protocol {
 

@@ -2,8 +2,8 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "common/settings/command_line.h"
-#include "protocol/sealing/key_file.h"
+#include "hlm/sealing/key_file.h"
+#include "hlm/settings/command_line.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "protocol/sealing/noise.h"
+#include "hlm/sealing/noise.h"
 
 #include <algorithm>
 #include <cassert>

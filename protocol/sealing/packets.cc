@@ -1,10 +1,10 @@
-#include "protocol/sealing/packets.h"
+#include "hlm/sealing/packets.h"
 
 #include <algorithm>
 #include <cassert>
 
-#include "protocol/random_identifier.h"
-#include "protocol/wire.h"
+#include "hlm/protocol/random_identifier.h"
+#include "hlm/protocol/wire.h"
 
 namespace hlm::protocol {
 namespace {

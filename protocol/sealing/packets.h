@@ -7,8 +7,8 @@
 #include <span>
 #include <string_view>
 
-#include "protocol/datagram_link.h"
-#include "protocol/sealing/noise.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/sealing/noise.h"
 
 namespace hlm::protocol {
 

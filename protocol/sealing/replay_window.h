@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "protocol/statistics.h"
+#include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
 

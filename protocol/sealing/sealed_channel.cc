@@ -1,4 +1,4 @@
-#include "protocol/sealing/sealed_channel.h"
+#include "hlm/sealing/sealed_channel.h"
 
 namespace hlm::protocol {
 

@@ -5,9 +5,9 @@
 #include <optional>
 #include <span>
 
-#include "protocol/sealing/noise.h"
-#include "protocol/sealing/packets.h"
-#include "protocol/sealing/replay_window.h"
+#include "hlm/sealing/noise.h"
+#include "hlm/sealing/packets.h"
+#include "hlm/sealing/replay_window.h"
 
 namespace hlm::protocol {
 

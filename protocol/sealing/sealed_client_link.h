@@ -6,11 +6,11 @@
 #include <optional>
 #include <span>
 
-#include "common/steady_seconds.h"
-#include "protocol/datagram_link.h"
-#include "protocol/sealing/noise.h"
-#include "protocol/sealing/packets.h"
-#include "protocol/sealing/sealed_channel.h"
+#include "hlm/common/steady_seconds.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/sealing/noise.h"
+#include "hlm/sealing/packets.h"
+#include "hlm/sealing/sealed_channel.h"
 
 namespace hlm::protocol {
 

@@ -8,12 +8,12 @@
 #include <optional>
 #include <span>
 
-#include "common/steady_seconds.h"
-#include "protocol/datagram_link.h"
-#include "protocol/sealing/noise.h"
-#include "protocol/sealing/packets.h"
-#include "protocol/sealing/sealed_channel.h"
-#include "protocol/sealing/token_bucket.h"
+#include "hlm/common/steady_seconds.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/sealing/noise.h"
+#include "hlm/sealing/packets.h"
+#include "hlm/sealing/sealed_channel.h"
+#include "hlm/sealing/token_bucket.h"
 
 namespace hlm::protocol {
 

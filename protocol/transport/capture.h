@@ -9,7 +9,7 @@
 #include <span>
 #include <string>
 
-#include "protocol/datagram_link.h"
+#include "hlm/protocol/datagram_link.h"
 
 struct pcap;
 struct pcap_dumper;

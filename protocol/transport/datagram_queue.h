@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "protocol/datagram_link.h"
+#include "hlm/protocol/datagram_link.h"
 
 namespace hlm::protocol {
 

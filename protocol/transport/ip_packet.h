@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "protocol/datagram_link.h"
+#include "hlm/protocol/datagram_link.h"
 
 namespace hlm::protocol {
 

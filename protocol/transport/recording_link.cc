@@ -1,4 +1,4 @@
-#include "protocol/transport/recording_link.h"
+#include "hlm/transport/recording_link.h"
 
 #include <ctime>
 #include <utility>

@@ -8,8 +8,8 @@
 
 #include <boost/lockfree/spsc_queue.hpp>
 
-#include "protocol/datagram_link.h"
-#include "protocol/transport/capture.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/transport/capture.h"
 
 namespace hlm::protocol {
 

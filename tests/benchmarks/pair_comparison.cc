@@ -26,8 +26,8 @@
 #include <fcl/geometry/shape/sphere.h>
 #include <fcl/narrowphase/distance.h>
 
-#include "ve_client/contacts/hull.h"
-#include "ve_client/contacts/manifold.h"
+#include "hlm/contacts/hull.h"
+#include "hlm/contacts/manifold.h"
 
 namespace hlm::ve {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "ve_client/contacts/manifold.h"
+#include "hlm/contacts/manifold.h"
 
 namespace hlm::ve {
 namespace {

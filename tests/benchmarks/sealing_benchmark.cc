@@ -8,11 +8,11 @@
 
 #include <benchmark/benchmark.h>
 
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/loop/servo.h"
-#include "protocol/client_session.h"
-#include "protocol/sealing/sealed_client_link.h"
-#include "protocol/sealing/sealed_server_link.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/loop/servo.h"
+#include "hlm/protocol/client_session.h"
+#include "hlm/sealing/sealed_client_link.h"
+#include "hlm/sealing/sealed_server_link.h"
 #include "tests/support/memory_link.h"
 
 namespace hlm::server {

@@ -5,9 +5,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "ve_client/contacts/select_pairs.h"
-#include "ve_client/frame.h"
-#include "ve_client/world/scene.h"
+#include "hlm/contacts/select_pairs.h"
+#include "hlm/ve/frame.h"
+#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 namespace {

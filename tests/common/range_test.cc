@@ -1,8 +1,8 @@
-#include "common/range.h"
+#include "hlm/common/range.h"
 
 #include <cmath>
 
-#include "common/tuning.h"
+#include "hlm/common/tuning.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

@@ -1,4 +1,4 @@
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

@@ -1,4 +1,4 @@
-#include "common/tool_description.h"
+#include "hlm/common/tool_description.h"
 
 #include <limits>
 

@@ -1,5 +1,5 @@
 // The tool model against MuJoCo, and against its own definitions by finite differences.
-#include "common/tool_model.h"
+#include "hlm/common/tool_model.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/mujoco_tool.h"

@@ -18,7 +18,7 @@ claimed = re.search(r"It ends at `active: (\S+) N, (\S+) mm`", page)
 
 client = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
                           env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY),
-                               "PYTHONPATH": str(SOURCE / "ve_client/client/python")})
+                               "PYTHONPATH": str(SOURCE / "client/python")})
 time.sleep(4)
 client.terminate()
 last = client.communicate(timeout=10)[0].splitlines()[-2]

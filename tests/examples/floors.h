@@ -8,14 +8,14 @@
 #include <string>
 
 #include <btBulletDynamicsCommon.h>
+#include <haptic_proximity.h>
 #include <mujoco/mujoco.h>
 #include <ode/ode.h>
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "common/contact.h"
-#include "ve_client/client/bullet/near_contacts.h"
-#include "ve_client/client/haptic_proximity.h"
+#include "hlm/client/bullet/near_contacts.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::test {
 

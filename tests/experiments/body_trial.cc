@@ -6,7 +6,7 @@
 #include <span>
 #include <stdexcept>
 
-#include "protocol/codec.h"
+#include "hlm/protocol/codec.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/hand.h"
+#include "hlm/device/hand.h"
 #include "tests/experiments/trial.h"
 
 namespace hlm::experiments {

@@ -6,7 +6,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/control/controller.h"
+#include "hlm/control/controller.h"
 #include "tests/experiments/experiments.h"
 #include "tests/support/random_collision.h"
 #include "tests/support/virtual_session.h"

@@ -8,11 +8,11 @@
 #include <Eigen/Eigenvalues>
 #include <spdlog/fmt/fmt.h>
 
-#include "common/uniform.h"
-#include "haptic_server/device/hand_script.h"
-#include "haptic_server/local_model/free_motion.h"
-#include "haptic_server/local_model/hand_map.h"
-#include "haptic_server/local_model/local_model.h"
+#include "hlm/common/uniform.h"
+#include "hlm/device/hand_script.h"
+#include "hlm/local_model/free_motion.h"
+#include "hlm/local_model/hand_map.h"
+#include "hlm/local_model/local_model.h"
 #include "tests/experiments/experiments.h"
 #include "tests/support/virtual_session.h"
 

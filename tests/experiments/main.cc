@@ -6,8 +6,8 @@
 #include <CLI/CLI.hpp>
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/control/controller.h"
-#include "haptic_server/local_model/parameters.h"
+#include "hlm/control/controller.h"
+#include "hlm/local_model/parameters.h"
 #include "tests/experiments/experiments.h"
 
 namespace hlm::experiments {

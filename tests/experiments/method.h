@@ -3,7 +3,7 @@
 
 #include <string_view>
 
-#include "common/methods.h"
+#include "hlm/common/methods.h"
 
 namespace hlm::experiments {
 

@@ -10,7 +10,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "common/uniform.h"
+#include "hlm/common/uniform.h"
 #include "tests/experiments/corners.h"
 #include "tests/experiments/experiments.h"
 #include "tests/support/virtual_session.h"

@@ -5,7 +5,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/device/hand_script.h"
+#include "hlm/device/hand_script.h"
 #include "tests/experiments/experiments.h"
 #include "tests/support/virtual_session.h"
 

@@ -5,7 +5,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "haptic_server/local_model/parameters.h"
+#include "hlm/local_model/parameters.h"
 #include "tests/experiments/experiments.h"
 #include "tests/experiments/hole_task.h"
 #include "tests/experiments/stiffness_search.h"

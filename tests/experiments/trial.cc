@@ -7,8 +7,8 @@
 #include <random>
 #include <stdexcept>
 
-#include "common/uniform.h"
-#include "haptic_server/local_model/contact_update.h"
+#include "hlm/common/uniform.h"
+#include "hlm/local_model/contact_update.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {

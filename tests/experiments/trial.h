@@ -4,12 +4,12 @@
 #include <cstdint>
 #include <vector>
 
-#include "haptic_server/device/observed_device.h"
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/loop/tick_record.h"
+#include "hlm/device/observed_device.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/loop/tick_record.h"
+#include "hlm/world/world_description.h"
 #include "tests/experiments/method.h"
 #include "tests/support/memory_link.h"
-#include "ve_client/world/world_description.h"
 
 namespace hlm::experiments {
 

@@ -1,7 +1,7 @@
 // Capture files: the datagrams in them, the sessions that these make, and their replay.
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/replay/offline_replay.h"
-#include "protocol/transport/capture.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/replay/offline_replay.h"
+#include "hlm/transport/capture.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

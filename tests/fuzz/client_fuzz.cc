@@ -1,9 +1,9 @@
 // The client library, and whatever a server, or somebody else, may send to it.
+#include "hlm/client/haptic_client.h"
 #include "tests/fuzz/deliveries.h"
 #include "tests/fuzz/promises.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
-#include "ve_client/client/haptic_client.h"
 
 namespace hlm::fuzz {
 namespace {

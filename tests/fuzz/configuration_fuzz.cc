@@ -3,9 +3,9 @@
 #include <sstream>
 #include <string>
 
-#include "haptic_server/options.h"
+#include "hlm/server/options.h"
+#include "hlm/ve/settings.h"
 #include "tests/fuzz/fuzz.h"
-#include "ve_client/settings.h"
 
 namespace hlm::fuzz {
 namespace {

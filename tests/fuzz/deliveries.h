@@ -4,8 +4,8 @@
 #include <cstring>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/layout.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/layout.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

@@ -2,7 +2,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "haptic_server/device/haply_messages.h"
+#include "hlm/device/haply_messages.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

@@ -7,17 +7,17 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/loop/servo.h"
-#include "haptic_server/options.h"
-#include "protocol/transport/capture.h"
-#include "protocol/transport/ip_packet.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/loop/servo.h"
+#include "hlm/server/options.h"
+#include "hlm/transport/capture.h"
+#include "hlm/transport/ip_packet.h"
+#include "hlm/ve/settings.h"
 #include "tests/fuzz/deliveries.h"
 #include "tests/fuzz/wire_actions.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/protocol/transport/capture_files.h"
-#include "ve_client/settings.h"
 
 namespace hlm::fuzz {
 namespace {

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/wire.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/wire.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace hlm::fuzz {

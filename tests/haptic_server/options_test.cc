@@ -1,5 +1,5 @@
 // The server's options, its choice of a device, and what a replay must share with a recording.
-#include "haptic_server/options.h"
+#include "hlm/server/options.h"
 
 #include <filesystem>
 #include <fstream>
@@ -8,7 +8,7 @@
 
 #include <unistd.h>
 
-#include "haptic_server/program.h"
+#include "hlm/server/program.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

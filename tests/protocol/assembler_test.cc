@@ -1,5 +1,5 @@
 // Messages in parts: whole or not at all, only the newest.
-#include "protocol/assembler.h"
+#include "hlm/protocol/assembler.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,5 +1,5 @@
 // The client's side of the session, on a link whose other side is the test.
-#include "protocol/client_session.h"
+#include "hlm/protocol/client_session.h"
 
 #include <string>
 #include <vector>

@@ -1,5 +1,5 @@
 // Messages to bytes and back; what is refused.
-#include "protocol/codec.h"
+#include "hlm/protocol/codec.h"
 
 #include <fstream>
 #include <limits>
@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "protocol/layout.h"
-#include "protocol/tool_fit.h"
+#include "hlm/protocol/layout.h"
+#include "hlm/protocol/tool_fit.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/layout.h"
-#include "protocol/transport/capture.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/layout.h"
+#include "hlm/transport/capture.h"
 #include "tests/protocol/expected_fields.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "protocol/messages.h"
-#include "protocol/sealing/packets.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/sealing/packets.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"
 

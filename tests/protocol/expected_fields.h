@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/layout.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/layout.h"
 #include "tests/protocol/expected.h"
 #include "tests/support/catch.h"
 

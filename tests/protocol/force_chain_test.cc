@@ -1,5 +1,5 @@
 // Does the chain of force name the link that stops it?
-#include "protocol/force_chain.h"
+#include "hlm/protocol/force_chain.h"
 
 #include "tests/support/catch.h"
 

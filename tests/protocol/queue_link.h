@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/datagram_link.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/datagram_link.h"
 
 namespace hlm::test {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "protocol/messages.h"
+#include "hlm/protocol/messages.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::test {

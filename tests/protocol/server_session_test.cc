@@ -1,5 +1,5 @@
 // The server's side of the session, on a link whose other side is the test.
-#include "protocol/server_session.h"
+#include "hlm/protocol/server_session.h"
 
 #include <algorithm>
 #include <string>

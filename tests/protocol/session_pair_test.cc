@@ -4,9 +4,9 @@
 #include <string>
 #include <thread>
 
-#include "protocol/client_session.h"
-#include "protocol/server_session.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/protocol/client_session.h"
+#include "hlm/protocol/server_session.h"
+#include "hlm/transport/udp_socket.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "common/contact.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::test {
 

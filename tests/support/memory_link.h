@@ -10,9 +10,9 @@
 #include <span>
 #include <utility>
 
-#include "common/uniform.h"
-#include "protocol/datagram_link.h"
-#include "protocol/transport/datagram_queue.h"
+#include "hlm/common/uniform.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/transport/datagram_queue.h"
 
 namespace hlm::test {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::test {
 

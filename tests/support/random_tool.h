@@ -1,7 +1,7 @@
 // Random virtual tools and configurations.
 #pragma once
 
-#include "common/tool_model.h"
+#include "hlm/common/tool_model.h"
 #include "tests/support/random.h"
 
 namespace hlm::test {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "ve_client/clock.h"
+#include "hlm/ve/clock.h"
 
 namespace hlm::test {
 

@@ -11,15 +11,15 @@
 #include <string>
 #include <vector>
 
-#include "haptic_server/device/observed_device.h"
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/loop/servo.h"
-#include "protocol/server_session.h"
-#include "protocol/transport/recording_link.h"
+#include "hlm/device/observed_device.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/loop/servo.h"
+#include "hlm/protocol/server_session.h"
+#include "hlm/transport/recording_link.h"
+#include "hlm/ve/frame.h"
 #include "tests/support/memory_link.h"
 #include "tests/support/virtual_clock.h"
 #include "tests/support/worlds.h"
-#include "ve_client/frame.h"
 
 namespace hlm::test {
 

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <string>
 
-#include "ve_client/world/sdf_loader.h"
+#include "hlm/world/sdf_loader.h"
 
 namespace hlm::test {
 

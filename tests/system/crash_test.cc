@@ -10,7 +10,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "haptic_server/device/amplifier.h"
+#include "hlm/device/amplifier.h"
 #include "tests/support/catch.h"
 #include "tests/system/session.h"
 

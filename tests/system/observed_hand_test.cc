@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic_server/control/stiffness_bound.h"
-#include "haptic_server/device/hand_script.h"
+#include "hlm/control/stiffness_bound.h"
+#include "hlm/device/hand_script.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

@@ -14,8 +14,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "protocol/codec.h"
-#include "protocol/transport/capture.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/transport/capture.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/system/process.h"

@@ -3,9 +3,9 @@
 #include <filesystem>
 #include <string>
 
+#include "hlm/world/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
-#include "ve_client/world/scene.h"
 
 namespace hlm::test {
 namespace {

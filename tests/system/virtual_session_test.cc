@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <limits>
 
-#include "haptic_server/device/hand_script.h"
-#include "haptic_server/replay/offline_replay.h"
-#include "haptic_server/replay/recorded_session.h"
+#include "hlm/device/hand_script.h"
+#include "hlm/replay/offline_replay.h"
+#include "hlm/replay/recorded_session.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"

@@ -1,5 +1,5 @@
 // The client's frame, on a virtual clock and a network in memory.
-#include "ve_client/frame.h"
+#include "hlm/ve/frame.h"
 
 #include <algorithm>
 #include <bit>
@@ -8,7 +8,7 @@
 #include <memory>
 #include <numbers>
 
-#include "protocol/server_session.h"
+#include "hlm/protocol/server_session.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"

@@ -1,5 +1,5 @@
 // Heightmaps: where their heights are, what is felt of them, and which cannot be used.
-#include "ve_client/world/heightmap.h"
+#include "hlm/world/heightmap.h"
 
 #include <filesystem>
 #include <fstream>
@@ -8,12 +8,12 @@
 
 #include <unistd.h>
 
+#include "hlm/world/proximity.h"
+#include "hlm/world/sdf_loader.h"
 #include "tests/support/catch.h"
 #include "tests/support/png.h"
 #include "tests/support/random.h"
 #include "tests/support/worlds.h"
-#include "ve_client/world/proximity.h"
-#include "ve_client/world/sdf_loader.h"
 
 namespace hlm::ve::test {
 namespace {

@@ -1,7 +1,7 @@
 // A network made worse on purpose.
-#include "ve_client/client/impaired_link.h"
+#include "hlm/ve/impaired_link.h"
 
-#include "protocol/codec.h"
+#include "hlm/protocol/codec.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
 

@@ -1,21 +1,21 @@
 // Meshes as collision shapes: what is read, repaired and refused; the pieces that stand for them.
-#include "ve_client/world/mesh.h"
+#include "hlm/world/mesh.h"
 
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <numbers>
 
+#include "hlm/contacts/hull.h"
+#include "hlm/contacts/manifold.h"
+#include "hlm/world/mesh_pieces.h"
+#include "hlm/world/mesh_rays.h"
+#include "hlm/world/sdf_loader.h"
+#include "hlm/world/tool_assembly.h"
+#include "hlm/world/world.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/worlds.h"
-#include "ve_client/contacts/hull.h"
-#include "ve_client/contacts/manifold.h"
-#include "ve_client/world/mesh_pieces.h"
-#include "ve_client/world/mesh_rays.h"
-#include "ve_client/world/sdf_loader.h"
-#include "ve_client/world/tool_assembly.h"
-#include "ve_client/world/world.h"
 
 namespace hlm::ve::test {
 namespace {

@@ -1,6 +1,6 @@
 // How jointed bodies answer forces, against probing: a wrench on the simulated body for one short
 // step.
-#include "ve_client/world/mobility.h"
+#include "hlm/world/mobility.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

@@ -1,15 +1,15 @@
 // The ε-query between the tool and the world: on the paper's testbed, with moving bodies, and with
 // tools of several links and shapes.
-#include "ve_client/world/proximity.h"
+#include "hlm/world/proximity.h"
 
 #include <algorithm>
 #include <map>
 #include <numbers>
 #include <set>
 
+#include "hlm/contacts/select.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
-#include "ve_client/contacts/select.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,9 +1,9 @@
 // Bodies at rest: which they are, what wakes them, and that nothing else shows it.
-#include "ve_client/world/rest.h"
+#include "hlm/world/rest.h"
 
+#include "hlm/world/world.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
-#include "ve_client/world/world.h"
 
 namespace hlm::ve {
 namespace {

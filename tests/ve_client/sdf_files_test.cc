@@ -11,10 +11,10 @@
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
+#include "hlm/world/resources.h"
+#include "hlm/world/sdf_elements.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
-#include "ve_client/world/resources.h"
-#include "ve_client/world/sdf_elements.h"
 
 namespace hlm::ve {
 namespace {

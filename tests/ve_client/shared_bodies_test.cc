@@ -1,9 +1,9 @@
-#include "ve_client/shared_bodies.h"
+#include "hlm/ve/shared_bodies.h"
 
+#include "hlm/world/mobility.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/worlds.h"
-#include "ve_client/world/mobility.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,12 +1,12 @@
 // Which bodies take part, what they rest on, and with how much.
-#include "ve_client/world/surroundings.h"
+#include "hlm/world/surroundings.h"
 
 #include <algorithm>
 #include <set>
 
+#include "hlm/contacts/select.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
-#include "ve_client/contacts/select.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,5 +1,5 @@
 // The virtual tool that a model makes.
-#include "ve_client/world/tool_assembly.h"
+#include "hlm/world/tool_assembly.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"

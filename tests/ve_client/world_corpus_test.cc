@@ -4,10 +4,10 @@
 #include <map>
 #include <set>
 
+#include "hlm/world/scene.h"
+#include "hlm/world/sdf_loader.h"
+#include "hlm/world/world.h"
 #include "tests/support/catch.h"
-#include "ve_client/world/scene.h"
-#include "ve_client/world/sdf_loader.h"
-#include "ve_client/world/world.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,13 +1,13 @@
 // The simulated world: gravity, contacts among loose bodies, joints and their limits,
 // repeatability.
-#include "ve_client/world/world.h"
+#include "hlm/world/world.h"
 
 #include <cmath>
 #include <thread>
 
+#include "hlm/world/tool_assembly.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
-#include "ve_client/world/tool_assembly.h"
 
 namespace hlm::ve {
 namespace {

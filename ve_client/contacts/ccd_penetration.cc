@@ -1,4 +1,4 @@
-#include "ve_client/contacts/ccd_penetration.h"
+#include "hlm/contacts/ccd_penetration.h"
 
 #include <ccd/ccd.h>
 

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "ve_client/contacts/separation.h"
+#include "hlm/contacts/separation.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/contacts/clip.h"
+#include "hlm/contacts/clip.h"
 
 #include <algorithm>
 #include <optional>

@@ -2,7 +2,7 @@
 // meet there?
 #pragma once
 
-#include "ve_client/contacts/convex.h"
+#include "hlm/contacts/convex.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/contacts/convex.h"
+#include "hlm/contacts/convex.h"
 
 #include <algorithm>
 #include <cassert>
@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "common/range.h"
-#include "ve_client/contacts/hull.h"
+#include "hlm/common/range.h"
+#include "hlm/contacts/hull.h"
 
 namespace hlm::ve {
 namespace {

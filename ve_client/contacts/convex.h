@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "common/spatial.h"
-#include "common/static_vector.h"
-#include "ve_client/contacts/feature.h"
-#include "ve_client/contacts/shape.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/contacts/shape.h"
 
 namespace hlm::ve {
 

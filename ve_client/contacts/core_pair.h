@@ -1,7 +1,7 @@
 // The cores of a tool shape and a body shape, both seen in the body's frame B.
 #pragma once
 
-#include "ve_client/contacts/convex.h"
+#include "hlm/contacts/convex.h"
 
 namespace hlm::ve {
 

@@ -1,10 +1,10 @@
-#include "ve_client/contacts/expanding_polytope.h"
+#include "hlm/contacts/expanding_polytope.h"
 
 #include <array>
 #include <cstdint>
 #include <limits>
 
-#include "common/static_vector.h"
+#include "hlm/common/static_vector.h"
 
 namespace hlm::ve {
 namespace {

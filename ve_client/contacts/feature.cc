@@ -1,4 +1,4 @@
-#include "ve_client/contacts/feature.h"
+#include "hlm/contacts/feature.h"
 
 #include <algorithm>
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <tuple>
 
-#include "common/contact.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::ve {
 

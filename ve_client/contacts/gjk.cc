@@ -1,4 +1,4 @@
-#include "ve_client/contacts/gjk.h"
+#include "hlm/contacts/gjk.h"
 
 #include <array>
 #include <cmath>
@@ -14,7 +14,7 @@ constexpr double kConverged = 1e-13;
 /// its bounds.
 constexpr int kMaxIterations = 128;
 /// A triangle or tetrahedron flatter than this (sine, or sine times sine) is left to its parts.
-constexpr double kFlat = 1e-12;
+constexpr double kFlatSine = 1e-12;
 
 /// A point of the Minkowski difference tool - body, and the two points that it comes from.
 struct SimplexPoint {
@@ -50,7 +50,7 @@ bool find_foot(const Simplex& simplex, Part& part) {
   const Vector3 area = e1.cross(e2);
   if (part.size == 3) {
     const double square = area.squaredNorm();
-    if (!(square > kFlat * kFlat * e1.squaredNorm() * e2.squaredNorm())) return false;
+    if (!(square > kFlatSine * kFlatSine * e1.squaredNorm() * e2.squaredNorm())) return false;
     weight[1] = e2.cross(w0).dot(area) / square;
     weight[2] = w0.cross(e1).dot(area) / square;
     weight[0] = 1 - weight[1] - weight[2];
@@ -59,7 +59,7 @@ bool find_foot(const Simplex& simplex, Part& part) {
   const Vector3 e3 = simplex[part.index[3]].w - w0;
   const double volume = area.dot(e3);
   const double box = e1.squaredNorm() * e2.squaredNorm() * e3.squaredNorm();
-  if (!(volume * volume > kFlat * kFlat * box)) return false;
+  if (!(volume * volume > kFlatSine * kFlatSine * box)) return false;
   const Vector3 beside = w0.cross(e3) / volume;
   weight[1] = e2.dot(beside);
   weight[2] = -e1.dot(beside);

@@ -1,7 +1,7 @@
 // How far apart are two convex cores, and where are they nearest?
 #pragma once
 
-#include "ve_client/contacts/core_pair.h"
+#include "hlm/contacts/core_pair.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/contacts/hull.h"
+#include "hlm/contacts/hull.h"
 
 #include <algorithm>
 #include <array>
@@ -13,7 +13,7 @@
 
 #include <libqhull_r/qhull_ra.h>
 
-#include "common/range.h"
+#include "hlm/common/range.h"
 
 namespace hlm::ve {
 namespace {

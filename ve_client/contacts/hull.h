@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/contacts/look_ahead.h"
+#include "hlm/contacts/look_ahead.h"
 
 #include <algorithm>
 #include <limits>

@@ -1,9 +1,9 @@
 // Which normals of a pair of shapes become the best while the tool goes its way?
 #pragma once
 
-#include "common/static_vector.h"
-#include "ve_client/contacts/core_pair.h"
-#include "ve_client/contacts/separation.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/contacts/core_pair.h"
+#include "hlm/contacts/separation.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/contacts/manifold.h"
+#include "hlm/contacts/manifold.h"
 
 #include <algorithm>
 #include <cassert>
@@ -7,10 +7,10 @@
 #include <limits>
 #include <vector>
 
-#include "ve_client/contacts/clip.h"
-#include "ve_client/contacts/look_ahead.h"
-#include "ve_client/contacts/penetration.h"
-#include "ve_client/contacts/separation.h"
+#include "hlm/contacts/clip.h"
+#include "hlm/contacts/look_ahead.h"
+#include "hlm/contacts/penetration.h"
+#include "hlm/contacts/separation.h"
 
 namespace hlm::ve {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "ve_client/contacts/convex.h"
-#include "ve_client/contacts/feature.h"
+#include "hlm/contacts/convex.h"
+#include "hlm/contacts/feature.h"
 
 namespace hlm::ve {
 

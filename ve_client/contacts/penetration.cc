@@ -1,4 +1,4 @@
-#include "ve_client/contacts/penetration.h"
+#include "hlm/contacts/penetration.h"
 
 #include <algorithm>
 #include <array>
@@ -6,8 +6,8 @@
 #include <limits>
 #include <optional>
 
-#include "ve_client/contacts/ccd_penetration.h"
-#include "ve_client/contacts/expanding_polytope.h"
+#include "hlm/contacts/ccd_penetration.h"
+#include "hlm/contacts/expanding_polytope.h"
 
 namespace hlm::ve {
 namespace {

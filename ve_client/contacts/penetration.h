@@ -1,7 +1,7 @@
 // The signed distance of cores that touch or overlap: which normal has the largest gap?
 #pragma once
 
-#include "ve_client/contacts/separation.h"
+#include "hlm/contacts/separation.h"
 
 namespace hlm::ve {
 

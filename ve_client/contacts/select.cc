@@ -1,4 +1,4 @@
-#include "ve_client/contacts/select.h"
+#include "hlm/contacts/select.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@ namespace {
 /// surface could push in the plane.
 constexpr double kOutOfPlane = 1e-3;
 /// Difference up to which two normals count as equal (unit vectors): rounding, many times over.
-constexpr double kSameNormal = 1e-6;
+constexpr double kEqualNormal = 1e-6;
 /// Difference up to which two points or separations count as equal, m: rounding, many times over.
 constexpr double kSameLength = 1e-6;
 
@@ -26,7 +26,7 @@ Vector3 in_plane(const Vector3& a, const Vector3& planar_normal) {
 bool is_same_constraint(const FoundContact& a, const FoundContact& b,
                         const Vector3& planar_normal) {
   return may_be_same(a, b) && a.key.a == b.key.a && a.key.b == b.key.b &&
-         (a.n_W - b.n_W).norm() < kSameNormal &&
+         (a.n_W - b.n_W).norm() < kEqualNormal &&
          std::abs(a.separation - b.separation) < kSameLength &&
          in_plane(a.p_WC - b.p_WC, planar_normal).norm() < kSameLength;
 }

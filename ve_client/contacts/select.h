@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "ve_client/contacts/feature.h"
+#include "hlm/contacts/feature.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/contacts/select_pairs.h"
+#include "hlm/contacts/select_pairs.h"
 
 #include <algorithm>
 #include <limits>

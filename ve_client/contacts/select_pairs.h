@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "ve_client/contacts/select.h"
+#include "hlm/contacts/select.h"
 
 namespace hlm::ve {
 

@@ -1,6 +1,6 @@
-#include "ve_client/contacts/separation.h"
+#include "hlm/contacts/separation.h"
 
-#include "ve_client/contacts/penetration.h"
+#include "hlm/contacts/penetration.h"
 
 namespace hlm::ve {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "ve_client/contacts/gjk.h"
+#include "hlm/contacts/gjk.h"
 
 namespace hlm::ve {
 

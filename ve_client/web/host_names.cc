@@ -1,4 +1,4 @@
-#include "ve_client/web/host_names.h"
+#include "hlm/web/host_names.h"
 
 #include <algorithm>
 #include <cctype>

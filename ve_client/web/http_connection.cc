@@ -1,4 +1,4 @@
-#include "ve_client/web/http_connection.h"
+#include "hlm/web/http_connection.h"
 
 #include <chrono>
 #include <string_view>
@@ -7,8 +7,8 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 
-#include "common/settings/directories.h"
-#include "ve_client/web/static_files.h"
+#include "hlm/settings/directories.h"
+#include "hlm/web/static_files.h"
 
 namespace hlm::ve {
 namespace {

@@ -13,8 +13,8 @@
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/parser.hpp>
 
-#include "ve_client/web/host_names.h"
-#include "ve_client/web/page_hub.h"
+#include "hlm/web/host_names.h"
+#include "hlm/web/page_hub.h"
 
 namespace hlm::ve {
 

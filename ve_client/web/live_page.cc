@@ -1,8 +1,8 @@
-#include "ve_client/web/live_page.h"
+#include "hlm/web/live_page.h"
 
 #include <memory>
 
-#include "common/settings/directories.h"
+#include "hlm/settings/directories.h"
 
 namespace hlm::ve {
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <utility>
 
-#include "ve_client/web/live_settings.h"
-#include "ve_client/web/page_messages.h"
-#include "ve_client/web/page_requests.h"
-#include "ve_client/web/page_server.h"
+#include "hlm/web/live_settings.h"
+#include "hlm/web/page_messages.h"
+#include "hlm/web/page_requests.h"
+#include "hlm/web/page_server.h"
 
 namespace hlm::ve {
 

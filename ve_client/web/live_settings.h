@@ -3,9 +3,9 @@
 
 #include <array>
 
-#include "protocol/messages.h"
-#include "ve_client/client/impaired_link.h"
-#include "ve_client/frame.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/ve/frame.h"
+#include "hlm/ve/impaired_link.h"
 
 namespace hlm::ve {
 

@@ -1,8 +1,8 @@
 // The methods that a page offers: what each sets, and which is in effect.
 #pragma once
 
-#include "common/methods.h"
-#include "ve_client/web/live_settings.h"
+#include "hlm/common/methods.h"
+#include "hlm/web/live_settings.h"
 
 namespace hlm::ve {
 

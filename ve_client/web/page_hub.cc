@@ -1,4 +1,4 @@
-#include "ve_client/web/page_hub.h"
+#include "hlm/web/page_hub.h"
 
 #include <chrono>
 #include <deque>

@@ -12,7 +12,7 @@
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 
-#include "ve_client/web/page_register.h"
+#include "hlm/web/page_register.h"
 
 namespace hlm::ve {
 

@@ -1,15 +1,15 @@
-#include "ve_client/web/page_messages.h"
+#include "hlm/web/page_messages.h"
 
 #include <bit>
 
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
 
-#include "common/freedoms.h"
-#include "protocol/force_chain.h"
-#include "protocol/tick_columns.h"
-#include "ve_client/contacts/hull.h"
-#include "ve_client/web/methods.h"
+#include "hlm/common/freedoms.h"
+#include "hlm/contacts/hull.h"
+#include "hlm/protocol/force_chain.h"
+#include "hlm/protocol/tick_columns.h"
+#include "hlm/web/methods.h"
 
 namespace hlm::ve {
 namespace {

@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "protocol/messages.h"
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/frame.h"
-#include "ve_client/web/live_settings.h"
-#include "ve_client/world/scene.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/ve/frame.h"
+#include "hlm/web/live_settings.h"
+#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/web/page_register.h"
+#include "hlm/web/page_register.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,10 +1,10 @@
-#include "ve_client/web/page_requests.h"
+#include "hlm/web/page_requests.h"
 
 #include <cmath>
 
 #include <nlohmann/json.hpp>
 
-#include "ve_client/web/methods.h"
+#include "hlm/web/methods.h"
 
 namespace hlm::ve {
 namespace {

@@ -7,7 +7,7 @@
 #include <variant>
 #include <vector>
 
-#include "ve_client/web/live_settings.h"
+#include "hlm/web/live_settings.h"
 
 namespace hlm::ve {
 

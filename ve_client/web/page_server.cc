@@ -1,5 +1,5 @@
 // Boost 1.74 needs <utility> before Asio in C++20.
-#include "ve_client/web/page_server.h"
+#include "hlm/web/page_server.h"
 
 #include <chrono>
 #include <csignal>
@@ -13,9 +13,9 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 
-#include "ve_client/web/http_connection.h"
-#include "ve_client/web/page_hub.h"
-#include "ve_client/web/static_files.h"
+#include "hlm/web/http_connection.h"
+#include "hlm/web/page_hub.h"
+#include "hlm/web/static_files.h"
 
 namespace hlm::ve {
 namespace {

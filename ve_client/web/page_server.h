@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "ve_client/web/page_register.h"
+#include "hlm/web/page_register.h"
 
 namespace hlm::ve {
 

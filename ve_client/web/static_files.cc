@@ -1,4 +1,4 @@
-#include "ve_client/web/static_files.h"
+#include "hlm/web/static_files.h"
 
 #include <algorithm>
 #include <array>

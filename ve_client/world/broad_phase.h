@@ -8,8 +8,8 @@
 
 #include <ode/ode.h>
 
-#include "ve_client/contacts/convex.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/contacts/convex.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

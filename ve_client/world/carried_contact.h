@@ -1,7 +1,7 @@
 // A contact of the tool while its bodies move on.
 #pragma once
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/catch_up.h"
+#include "hlm/world/catch_up.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/contact_memory.h"
+#include "hlm/world/contact_memory.h"
 
 #include <utility>
 

@@ -8,7 +8,7 @@
 
 #include <ode/ode.h>
 
-#include "ve_client/contacts/feature.h"
+#include "hlm/contacts/feature.h"
 
 namespace hlm::ve {
 

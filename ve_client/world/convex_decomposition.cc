@@ -12,8 +12,8 @@
 #include <bullet/HACD/hacdHACD.h>
 #include <unistd.h>
 
-#include "ve_client/contacts/hull.h"
-#include "ve_client/world/mesh_pieces.h"
+#include "hlm/contacts/hull.h"
+#include "hlm/world/mesh_pieces.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,8 +1,8 @@
-#include "ve_client/world/diagnostics.h"
+#include "hlm/world/diagnostics.h"
 
 #include <algorithm>
 
-#include "common/one_line.h"
+#include "hlm/common/one_line.h"
 
 namespace hlm::ve {
 namespace {

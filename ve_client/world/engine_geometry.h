@@ -3,9 +3,9 @@
 
 #include <ode/ode.h>
 
-#include "common/spatial.h"
-#include "ve_client/contacts/shape.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/common/spatial.h"
+#include "hlm/contacts/shape.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

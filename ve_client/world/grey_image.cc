@@ -1,4 +1,4 @@
-#include "ve_client/world/grey_image.h"
+#include "hlm/world/grey_image.h"
 
 #include <array>
 #include <cerrno>
@@ -12,7 +12,7 @@
 
 #include <png.h>
 
-#include "common/one_line.h"
+#include "hlm/common/one_line.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,8 +1,8 @@
-#include "ve_client/world/heightmap.h"
+#include "hlm/world/heightmap.h"
 
 #include <algorithm>
 
-#include "ve_client/world/grey_image.h"
+#include "hlm/world/grey_image.h"
 
 namespace hlm::ve {
 namespace {

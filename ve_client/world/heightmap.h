@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "ve_client/world/mesh.h"
+#include "hlm/world/mesh.h"
 
 namespace hlm::ve {
 

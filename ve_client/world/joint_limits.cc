@@ -1,4 +1,4 @@
-#include "ve_client/world/joint_limits.h"
+#include "hlm/world/joint_limits.h"
 
 #include <cmath>
 #include <limits>

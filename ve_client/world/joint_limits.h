@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "ve_client/contacts/feature.h"
-#include "ve_client/world/world.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/joints.h"
+#include "hlm/world/joints.h"
 
 #include <cmath>
 

@@ -1,9 +1,9 @@
-#include "ve_client/world/merge.h"
+#include "hlm/world/merge.h"
 
 #include <algorithm>
 #include <cstdint>
 
-#include "ve_client/contacts/manifold.h"
+#include "hlm/contacts/manifold.h"
 
 namespace hlm::ve {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "ve_client/contacts/feature.h"
-#include "ve_client/world/pieces.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/world/pieces.h"
 
 namespace hlm::ve {
 

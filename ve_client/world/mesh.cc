@@ -1,4 +1,4 @@
-#include "ve_client/world/mesh.h"
+#include "hlm/world/mesh.h"
 
 #include <algorithm>
 #include <map>
@@ -12,8 +12,9 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
-#include "common/one_line.h"
-#include "common/range.h"
+#include "hlm/common/one_line.h"
+#include "hlm/common/range.h"
+#include "hlm/world/index.h"
 
 namespace hlm::ve {
 namespace {
@@ -25,8 +26,6 @@ constexpr double kThinnest = 1e-9;
 constexpr Range kCoordinates{-1000, 1000, "m"};
 
 using Triangle = std::array<int, 3>;
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
   throw std::runtime_error(one_line("mesh " + name + ": " + what));

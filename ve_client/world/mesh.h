@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/spatial.h"
+#include "hlm/common/spatial.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/mesh_normals.h"
+#include "hlm/world/mesh_normals.h"
 
 #include <algorithm>
 #include <iterator>

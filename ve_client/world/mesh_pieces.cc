@@ -1,10 +1,11 @@
-#include "ve_client/world/mesh_pieces.h"
+#include "hlm/world/mesh_pieces.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "ve_client/contacts/hull.h"
-#include "ve_client/world/mesh_rays.h"
+#include "hlm/contacts/hull.h"
+#include "hlm/world/index.h"
+#include "hlm/world/mesh_rays.h"
 
 namespace hlm::ve {
 namespace {
@@ -19,8 +20,6 @@ constexpr double kThinnest = 2e-5;
 /// A direction at a corner that makes a larger angle with a triangle's normal than 80° (cosine)
 /// does not lead behind it.
 constexpr double kSteepest = 0.17;
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 /// Outward unit directions at the points: normals of the triangles around, weighted by angle.
 std::vector<Vector3> point_normals(const Mesh& mesh) {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "ve_client/contacts/shape.h"
-#include "ve_client/world/mesh.h"
+#include "hlm/contacts/shape.h"
+#include "hlm/world/mesh.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/mesh_rays.h"
+#include "hlm/world/mesh_rays.h"
 
 #include <algorithm>
 #include <limits>

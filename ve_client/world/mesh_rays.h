@@ -5,7 +5,7 @@
 
 #include <Eigen/Geometry>
 
-#include "ve_client/world/mesh.h"
+#include "hlm/world/mesh.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/mobility.h"
+#include "hlm/world/mobility.h"
 
 #include <algorithm>
 #include <vector>

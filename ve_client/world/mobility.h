@@ -1,8 +1,8 @@
 // How a body answers forces as its joints leave it: what the local model must know to move it.
 #pragma once
 
-#include "common/spatial.h"
-#include "ve_client/world/world.h"
+#include "hlm/common/spatial.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

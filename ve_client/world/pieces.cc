@@ -1,4 +1,4 @@
-#include "ve_client/world/pieces.h"
+#include "hlm/world/pieces.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <map>
 #include <numeric>
 
-#include "ve_client/contacts/gjk.h"
+#include "hlm/contacts/gjk.h"
 
 namespace hlm::ve {
 namespace {

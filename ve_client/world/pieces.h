@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/static_vector.h"
-#include "ve_client/contacts/convex.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/common/static_vector.h"
+#include "hlm/contacts/convex.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,12 +1,13 @@
-#include "ve_client/world/proximity.h"
+#include "hlm/world/proximity.h"
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <limits>
 
-#include "ve_client/world/merge.h"
-#include "ve_client/world/mesh_normals.h"
+#include "hlm/world/index.h"
+#include "hlm/world/merge.h"
+#include "hlm/world/mesh_normals.h"
 
 namespace hlm::ve {
 namespace {
@@ -15,8 +16,6 @@ namespace {
 constexpr double kDeepInSeam = 0.0015;
 /// Less of the thickness of both than one half, at which things are half through each other.
 constexpr double kNotThrough = 0.2;
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 ContactSide side_of_link(int link) {
   return {SideKind::kToolLink, static_cast<std::uint32_t>(link)};
@@ -75,10 +74,10 @@ double thickness(const Convex& shape) {
 /// another one now and where the tool is drawn to.
 void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& contacts) {
   constexpr double kApart = -1e-4;  // m: what the engine leaves of overlap where the tool rests.
-  constexpr double kNone = std::numeric_limits<double>::infinity();
+  constexpr double kUntouched = std::numeric_limits<double>::infinity();
   struct Gap {
-    double now = kNone;
-    double there = kNone;
+    double now = kUntouched;
+    double there = kUntouched;
   };
   std::vector<FoundContact> kept;
   std::ranges::stable_sort(contacts, {}, &FoundContact::pair);

@@ -9,12 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "ve_client/contacts/convex.h"
-#include "ve_client/contacts/feature.h"
-#include "ve_client/contacts/manifold.h"
-#include "ve_client/world/seams.h"
-#include "ve_client/world/virtual_tool.h"
-#include "ve_client/world/world.h"
+#include "hlm/contacts/convex.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/contacts/manifold.h"
+#include "hlm/world/seams.h"
+#include "hlm/world/virtual_tool.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/resources.h"
+#include "hlm/world/resources.h"
 
 #include <cstdlib>
 #include <sstream>

@@ -1,4 +1,4 @@
-#include "ve_client/world/rest.h"
+#include "hlm/world/rest.h"
 
 #include <algorithm>
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "ve_client/world/world_description.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

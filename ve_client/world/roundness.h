@@ -1,8 +1,8 @@
 // Which turns leave a body where it is?
 #pragma once
 
-#include "common/contact.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/common/contact.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/scene.h"
+#include "hlm/world/scene.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 
 #include <tinyxml2.h>
 
-#include "ve_client/world/sdf_loader.h"
-#include "ve_client/world/tool_assembly.h"
+#include "hlm/world/sdf_loader.h"
+#include "hlm/world/tool_assembly.h"
 
 namespace hlm::ve {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "ve_client/world/diagnostics.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/world/diagnostics.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

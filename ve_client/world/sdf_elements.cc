@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_elements.h"
+#include "hlm/world/sdf_elements.h"
 
 #include <algorithm>
 #include <vector>

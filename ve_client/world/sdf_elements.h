@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "ve_client/world/diagnostics.h"
+#include "hlm/world/diagnostics.h"
 
 namespace hlm::ve {
 

@@ -1,12 +1,12 @@
-#include "ve_client/world/sdf_file.h"
+#include "hlm/world/sdf_file.h"
 
 #include <algorithm>
 #include <cctype>
 #include <fstream>
 #include <sstream>
 
-#include "ve_client/world/resources.h"
-#include "ve_client/world/sdf_elements.h"
+#include "hlm/world/resources.h"
+#include "hlm/world/sdf_elements.h"
 
 namespace hlm::ve {
 namespace {

@@ -10,7 +10,7 @@
 
 #include <tinyxml2.h>
 
-#include "ve_client/world/diagnostics.h"
+#include "hlm/world/diagnostics.h"
 
 namespace hlm::ve {
 

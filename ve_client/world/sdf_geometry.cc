@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_geometry.h"
+#include "hlm/world/sdf_geometry.h"
 
 #include <algorithm>
 #include <array>
@@ -17,13 +17,13 @@
 #include <sdf/Plane.hh>
 #include <sdf/Sphere.hh>
 
-#include "common/range.h"
-#include "ve_client/contacts/hull.h"
-#include "ve_client/world/heightmap.h"
-#include "ve_client/world/mesh_pieces.h"
-#include "ve_client/world/resources.h"
-#include "ve_client/world/sdf_messages.h"
-#include "ve_client/world/sdf_places.h"
+#include "hlm/common/range.h"
+#include "hlm/contacts/hull.h"
+#include "hlm/world/heightmap.h"
+#include "hlm/world/mesh_pieces.h"
+#include "hlm/world/resources.h"
+#include "hlm/world/sdf_messages.h"
+#include "hlm/world/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

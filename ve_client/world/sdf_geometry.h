@@ -7,8 +7,8 @@
 #include <ignition/math/Pose3.hh>
 #include <sdf/Collision.hh>
 
-#include "ve_client/world/diagnostics.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/world/diagnostics.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,14 +1,14 @@
-#include "ve_client/world/sdf_joints.h"
+#include "hlm/world/sdf_joints.h"
 
 #include <numbers>
 #include <stdexcept>
 
 #include <sdf/JointAxis.hh>
 
-#include "common/range.h"
-#include "ve_client/world/sdf_geometry.h"
-#include "ve_client/world/sdf_messages.h"
-#include "ve_client/world/sdf_places.h"
+#include "hlm/common/range.h"
+#include "hlm/world/sdf_geometry.h"
+#include "hlm/world/sdf_messages.h"
+#include "hlm/world/sdf_places.h"
 
 namespace hlm::ve {
 namespace {
@@ -85,12 +85,12 @@ class AxisReader {
       return;
     }
     // Files write "no limit" as a very large number. The engine knows angles up to half a turn.
-    constexpr double kNone = 1e15;
+    constexpr double kUnlimited = 1e15;
     const bool turns = joint_.type == BodyJoint::kRevolute;
-    const double most = turns ? std::numbers::pi : kNone;
+    const double most = turns ? std::numbers::pi : kUnlimited;
     if (lower > -most) joint_.lower = lower;
     if (upper < most) joint_.upper = upper;
-    const auto is_lost = [&](double limit) { return limit >= most && limit < kNone; };
+    const auto is_lost = [&](double limit) { return limit >= most && limit < kUnlimited; };
     if (turns && (is_lost(-lower) || is_lost(upper))) {
       diagnostics_.approximate(place_, "limits of half a turn and more are none");
     }

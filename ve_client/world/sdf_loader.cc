@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_loader.h"
+#include "hlm/world/sdf_loader.h"
 
 #include <algorithm>
 #include <array>
@@ -10,13 +10,13 @@
 #include <sdf/SDFImpl.hh>
 #include <sdf/World.hh>
 
-#include "common/range.h"
-#include "ve_client/world/sdf_elements.h"
-#include "ve_client/world/sdf_geometry.h"
-#include "ve_client/world/sdf_messages.h"
-#include "ve_client/world/sdf_models.h"
-#include "ve_client/world/sdf_places.h"
-#include "ve_client/world/sdf_trees.h"
+#include "hlm/common/range.h"
+#include "hlm/world/sdf_elements.h"
+#include "hlm/world/sdf_geometry.h"
+#include "hlm/world/sdf_messages.h"
+#include "hlm/world/sdf_models.h"
+#include "hlm/world/sdf_places.h"
+#include "hlm/world/sdf_trees.h"
 
 namespace hlm::ve {
 namespace {

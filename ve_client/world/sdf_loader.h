@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
-#include "ve_client/world/diagnostics.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/world/diagnostics.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

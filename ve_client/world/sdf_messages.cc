@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_messages.h"
+#include "hlm/world/sdf_messages.h"
 
 #include <algorithm>
 #include <iostream>

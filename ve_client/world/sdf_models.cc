@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_models.h"
+#include "hlm/world/sdf_models.h"
 
 #include <algorithm>
 
@@ -8,11 +8,11 @@
 #include <sdf/Joint.hh>
 #include <sdf/Link.hh>
 
-#include "common/range.h"
-#include "ve_client/world/sdf_geometry.h"
-#include "ve_client/world/sdf_joints.h"
-#include "ve_client/world/sdf_messages.h"
-#include "ve_client/world/sdf_places.h"
+#include "hlm/common/range.h"
+#include "hlm/world/sdf_geometry.h"
+#include "hlm/world/sdf_joints.h"
+#include "hlm/world/sdf_messages.h"
+#include "hlm/world/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <sdf/Model.hh>
 
-#include "ve_client/world/diagnostics.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/world/diagnostics.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_places.h"
+#include "hlm/world/sdf_places.h"
 
 #include <algorithm>
 #include <optional>

@@ -1,4 +1,4 @@
-#include "ve_client/world/sdf_schema.h"
+#include "hlm/world/sdf_schema.h"
 
 #include <cmath>
 #include <cstdlib>
@@ -8,8 +8,8 @@
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
-#include "ve_client/world/sdf_elements.h"
-#include "ve_client/world/sdf_places.h"
+#include "hlm/world/sdf_elements.h"
+#include "hlm/world/sdf_places.h"
 
 namespace hlm::ve {
 namespace {

@@ -6,7 +6,7 @@
 #include <sdf/Element.hh>
 #include <sdf/Types.hh>
 
-#include "ve_client/world/diagnostics.h"
+#include "hlm/world/diagnostics.h"
 
 namespace hlm::ve {
 

@@ -1,13 +1,13 @@
-#include "ve_client/world/sdf_trees.h"
+#include "hlm/world/sdf_trees.h"
 
 #include <algorithm>
 
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
-#include "ve_client/world/sdf_elements.h"
-#include "ve_client/world/sdf_places.h"
-#include "ve_client/world/sdf_schema.h"
+#include "hlm/world/sdf_elements.h"
+#include "hlm/world/sdf_places.h"
+#include "hlm/world/sdf_schema.h"
 
 namespace hlm::ve {
 namespace {

@@ -10,8 +10,8 @@
 #include <sdf/ParserConfig.hh>
 #include <sdf/Types.hh>
 
-#include "ve_client/world/sdf_file.h"
-#include "ve_client/world/sdf_messages.h"
+#include "hlm/world/sdf_file.h"
+#include "hlm/world/sdf_messages.h"
 
 namespace hlm::ve {
 

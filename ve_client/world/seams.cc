@@ -1,12 +1,12 @@
-#include "ve_client/world/seams.h"
+#include "hlm/world/seams.h"
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <span>
 
-#include "ve_client/world/mesh_normals.h"
-#include "ve_client/world/surface_normal.h"
+#include "hlm/world/mesh_normals.h"
+#include "hlm/world/surface_normal.h"
 
 namespace hlm::ve {
 namespace {
@@ -39,8 +39,6 @@ struct Border {
   bool within = false;                   ///< And the overlap of the two shapes has no corner there.
   std::optional<std::size_t> open_face;  ///< The piece's face at which the surface ends.
 };
-
-Vector3 across(const Vector3& v, const Vector3& n) { return v - v.dot(n) * n; }
 
 /// Those of the contacts of a pair, from one on, that are on its axis.
 std::span<Meeting> axis_from(std::span<Meeting> meetings, std::size_t begin) {

@@ -4,9 +4,9 @@
 
 #include <vector>
 
-#include "ve_client/contacts/feature.h"
-#include "ve_client/contacts/manifold.h"
-#include "ve_client/world/pieces.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/contacts/manifold.h"
+#include "hlm/world/pieces.h"
 
 namespace hlm::ve {
 

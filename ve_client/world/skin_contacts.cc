@@ -1,4 +1,4 @@
-#include "ve_client/world/skin_contacts.h"
+#include "hlm/world/skin_contacts.h"
 
 #include <algorithm>
 #include <optional>

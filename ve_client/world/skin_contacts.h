@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "ve_client/contacts/feature.h"
-#include "ve_client/world/virtual_tool.h"
-#include "ve_client/world/world.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/world/virtual_tool.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

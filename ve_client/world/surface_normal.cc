@@ -1,4 +1,4 @@
-#include "ve_client/world/surface_normal.h"
+#include "hlm/world/surface_normal.h"
 
 #include <algorithm>
 #include <cmath>
@@ -21,8 +21,6 @@ constexpr double kParallel = 1e-3;
 constexpr double kDegenerate = 1e-9;
 
 using Normals = StaticVector<Vector3, kMaxSides>;
-
-Vector3 across(const Vector3& v, const Vector3& n) { return v - v.dot(n) * n; }
 
 bool has(const Normals& normals, const Vector3& n) {
   return std::ranges::any_of(

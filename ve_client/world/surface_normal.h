@@ -1,9 +1,12 @@
 // Which normals has the surface that several pieces make together?
 #pragma once
 
-#include "ve_client/world/pieces.h"
+#include "hlm/world/pieces.h"
 
 namespace hlm::ve {
+
+/// The part of v that is across the unit vector n.
+inline Vector3 across(const Vector3& v, const Vector3& n) { return v - v.dot(n) * n; }
 
 /// Of the normals of the surface of these pieces at a point of one of them, the one nearest to the
 /// unit vector n; zero if none is within 45° of it. Those of all sides at the point count that no

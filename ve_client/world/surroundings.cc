@@ -1,10 +1,11 @@
-#include "ve_client/world/surroundings.h"
+#include "hlm/world/surroundings.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "ve_client/world/joint_limits.h"
-#include "ve_client/world/mobility.h"
+#include "hlm/world/index.h"
+#include "hlm/world/joint_limits.h"
+#include "hlm/world/mobility.h"
 
 namespace hlm::ve {
 namespace {
@@ -16,7 +17,6 @@ constexpr double kTouching = 1e-4;
 /// A body with less mobility than this part of its own is held by its joints.
 constexpr double kHeld = 1e-6;
 
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 int body_of(const ContactSide& side) { return static_cast<int>(side.index); }
 
 bool contains(const std::vector<int>& bodies, int body) {

@@ -4,11 +4,11 @@
 #include <span>
 #include <vector>
 
-#include "common/contact.h"
-#include "ve_client/contacts/feature.h"
-#include "ve_client/world/proximity.h"
-#include "ve_client/world/roundness.h"
-#include "ve_client/world/world.h"
+#include "hlm/common/contact.h"
+#include "hlm/contacts/feature.h"
+#include "hlm/world/proximity.h"
+#include "hlm/world/roundness.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

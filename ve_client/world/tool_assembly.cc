@@ -1,10 +1,10 @@
-#include "ve_client/world/tool_assembly.h"
+#include "hlm/world/tool_assembly.h"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
-#include "ve_client/contacts/convex.h"
+#include "hlm/contacts/convex.h"
 
 namespace hlm::ve {
 namespace {

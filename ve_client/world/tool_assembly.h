@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "common/tool_description.h"
-#include "common/tool_model.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,10 +1,10 @@
 // The virtual tool in the world: it follows the proxy, and says where it really is.
 #pragma once
 
-#include "common/tool_model.h"
-#include "common/vocabulary.h"
-#include "ve_client/world/tool_assembly.h"
-#include "ve_client/world/world.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/common/vocabulary.h"
+#include "hlm/world/tool_assembly.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 

@@ -1,12 +1,12 @@
-#include "ve_client/world/world.h"
+#include "hlm/world/world.h"
 
 #include <algorithm>
 #include <cmath>
 #include <mutex>
 #include <stdexcept>
 
-#include "common/range.h"
-#include "ve_client/world/mobility.h"
+#include "hlm/common/range.h"
+#include "hlm/world/mobility.h"
 
 namespace hlm::ve {
 namespace {

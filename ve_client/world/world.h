@@ -11,17 +11,17 @@
 
 #include <ode/ode.h>
 
-#include "common/spatial.h"
-#include "ve_client/contacts/convex.h"
-#include "ve_client/contacts/manifold.h"
-#include "ve_client/world/broad_phase.h"
-#include "ve_client/world/carried_contact.h"
-#include "ve_client/world/contact_memory.h"
-#include "ve_client/world/joints.h"
-#include "ve_client/world/pieces.h"
-#include "ve_client/world/rest.h"
-#include "ve_client/world/seams.h"
-#include "ve_client/world/world_description.h"
+#include "hlm/common/spatial.h"
+#include "hlm/contacts/convex.h"
+#include "hlm/contacts/manifold.h"
+#include "hlm/world/broad_phase.h"
+#include "hlm/world/carried_contact.h"
+#include "hlm/world/contact_memory.h"
+#include "hlm/world/joints.h"
+#include "hlm/world/pieces.h"
+#include "hlm/world/rest.h"
+#include "hlm/world/seams.h"
+#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

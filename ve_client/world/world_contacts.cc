@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "ve_client/world/world.h"
+#include "hlm/world/world.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,4 +1,4 @@
-#include "ve_client/world/world_description.h"
+#include "hlm/world/world_description.h"
 
 #include <algorithm>
 #include <span>

@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "common/spatial.h"
-#include "common/tool_description.h"
-#include "ve_client/contacts/shape.h"
-#include "ve_client/world/diagnostics.h"
-#include "ve_client/world/mesh.h"
+#include "hlm/common/spatial.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/contacts/shape.h"
+#include "hlm/world/diagnostics.h"
+#include "hlm/world/mesh.h"
 
 namespace hlm::ve {
 

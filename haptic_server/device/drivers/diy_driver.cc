@@ -1,4 +1,4 @@
-#include "haptic_server/device/drivers/diy_driver.h"
+#include "hlm/device/drivers/diy_driver.h"
 
 #include <numbers>
 

@@ -1,8 +1,8 @@
 // Haply's 2DIY, a planar pantograph at a serial port.
 #pragma once
 
-#include "haptic_server/device/device_driver.h"
-#include "haptic_server/device/diy_board.h"
+#include "hlm/device/device_driver.h"
+#include "hlm/device/diy_board.h"
 
 namespace hlm::server {
 

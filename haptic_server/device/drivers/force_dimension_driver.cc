@@ -1,4 +1,4 @@
-#include "haptic_server/device/drivers/force_dimension_driver.h"
+#include "hlm/device/drivers/force_dimension_driver.h"
 
 #include <algorithm>
 

@@ -1,8 +1,8 @@
 // Force Dimension's devices as ones to be opened.
 #pragma once
 
-#include "haptic_server/device/device_driver.h"
-#include "haptic_server/device/force_dimension_device.h"
+#include "hlm/device/device_driver.h"
+#include "hlm/device/force_dimension_device.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/drivers/haply_driver.h"
+#include "hlm/device/drivers/haply_driver.h"
 
 namespace hlm::server {
 namespace {

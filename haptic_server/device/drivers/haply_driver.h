@@ -1,8 +1,8 @@
 // Haply's Inverse3 and Minverse, through the Inverse Service.
 #pragma once
 
-#include "haptic_server/device/device_driver.h"
-#include "haptic_server/device/inverse_service.h"
+#include "hlm/device/device_driver.h"
+#include "hlm/device/inverse_service.h"
 
 namespace hlm::server {
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/drivers/open_haptics_driver.h"
+#include "hlm/device/drivers/open_haptics_driver.h"
 
 namespace hlm::server {
 

@@ -1,8 +1,8 @@
 // Devices of OpenHaptics as ones to be opened.
 #pragma once
 
-#include "haptic_server/device/device_driver.h"
-#include "haptic_server/device/open_haptics_device.h"
+#include "hlm/device/device_driver.h"
+#include "hlm/device/open_haptics_device.h"
 
 namespace hlm::server {
 

@@ -1,9 +1,9 @@
-#include "haptic_server/device/drivers/replay_driver.h"
+#include "hlm/device/drivers/replay_driver.h"
 
 #include <array>
 
-#include "haptic_server/device/replay_device.h"
-#include "haptic_server/device/simulated_device.h"
+#include "hlm/device/replay_device.h"
+#include "hlm/device/simulated_device.h"
 
 namespace hlm::server {
 namespace {

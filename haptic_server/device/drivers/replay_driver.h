@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "haptic_server/device/device_driver.h"
+#include "hlm/device/device_driver.h"
 
 namespace hlm::server {
 

@@ -1,6 +1,6 @@
-#include "haptic_server/device/drivers/simulated_driver.h"
+#include "hlm/device/drivers/simulated_driver.h"
 
-#include "haptic_server/device/hand_script.h"
+#include "hlm/device/hand_script.h"
 
 namespace hlm::server {
 

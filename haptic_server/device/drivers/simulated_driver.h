@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "haptic_server/device/device_driver.h"
-#include "haptic_server/device/simulated_device.h"
+#include "hlm/device/device_driver.h"
+#include "hlm/device/simulated_device.h"
 
 namespace hlm::server {
 

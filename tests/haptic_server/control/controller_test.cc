@@ -1,5 +1,5 @@
 // The controllers (docs/method.md 6).
-#include "haptic_server/control/controller.h"
+#include "hlm/control/controller.h"
 
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"

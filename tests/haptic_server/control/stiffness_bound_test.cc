@@ -1,9 +1,9 @@
 // The bound on stiffness of a sampled and late device, on the simulated one.
-#include "haptic_server/control/stiffness_bound.h"
+#include "hlm/control/stiffness_bound.h"
 
 #include <cmath>
 
-#include "haptic_server/device/simulated_device.h"
+#include "hlm/device/simulated_device.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

@@ -1,5 +1,5 @@
 // The line to a 2DIY's board, which is a pseudo-terminal here.
-#include "haptic_server/device/diy_board.h"
+#include "hlm/device/diy_board.h"
 
 #include <chrono>
 #include <cmath>

@@ -1,5 +1,5 @@
 // What the servo sees of a device behind a line, and the line of the servo.
-#include "haptic_server/device/exchange_device.h"
+#include "hlm/device/exchange_device.h"
 
 #include <chrono>
 #include <cmath>

@@ -1,5 +1,5 @@
 // Force Dimension's devices, through the stand-in for the vendor's library.
-#include "haptic_server/device/force_dimension_device.h"
+#include "hlm/device/force_dimension_device.h"
 
 #include <cstdlib>
 #include <fstream>

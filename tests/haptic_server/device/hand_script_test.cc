@@ -1,4 +1,4 @@
-#include "haptic_server/device/hand_script.h"
+#include "hlm/device/hand_script.h"
 
 #include <cstdlib>
 #include <filesystem>

@@ -1,11 +1,11 @@
 // Messages of the Inverse Service, good and bad.
-#include "haptic_server/device/haply_messages.h"
+#include "hlm/device/haply_messages.h"
 
 #include <cmath>
 
 #include <nlohmann/json.hpp>
 
-#include "haptic_server/device/inverse_service.h"
+#include "hlm/device/inverse_service.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

@@ -1,5 +1,5 @@
 // What a device says of its handle that cannot be.
-#include "haptic_server/device/motion_check.h"
+#include "hlm/device/motion_check.h"
 
 #include <limits>
 #include <string>

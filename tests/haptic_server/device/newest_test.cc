@@ -1,5 +1,5 @@
 // A value between two threads.
-#include "haptic_server/device/newest.h"
+#include "hlm/device/newest.h"
 
 #include <array>
 #include <cstdint>

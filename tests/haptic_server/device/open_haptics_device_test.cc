@@ -1,5 +1,5 @@
 // Devices of OpenHaptics, through the stand-in for the vendor's library.
-#include "haptic_server/device/open_haptics_device.h"
+#include "hlm/device/open_haptics_device.h"
 
 #include <array>
 #include <chrono>

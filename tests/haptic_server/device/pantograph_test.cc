@@ -1,11 +1,11 @@
 // The 2DIY's kinematics and frames.
-#include "haptic_server/device/pantograph.h"
+#include "hlm/device/pantograph.h"
 
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "haptic_server/device/diy_frames.h"
+#include "hlm/device/diy_frames.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

@@ -1,4 +1,4 @@
-#include "haptic_server/device/replay_device.h"
+#include "hlm/device/replay_device.h"
 
 #include <charconv>
 #include <filesystem>

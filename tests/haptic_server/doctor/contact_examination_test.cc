@@ -1,4 +1,4 @@
-#include "haptic_server/doctor/contact_examination.h"
+#include "hlm/doctor/contact_examination.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // The bounds of a push on a real clock, with the simulated device.
-#include "haptic_server/doctor/device_bench.h"
+#include "hlm/doctor/device_bench.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include "haptic_server/device/simulated_device.h"
+#include "hlm/device/simulated_device.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 

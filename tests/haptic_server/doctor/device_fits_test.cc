@@ -2,9 +2,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/doctor/frame_fit.h"
-#include "haptic_server/doctor/push_fit.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/doctor/frame_fit.h"
+#include "hlm/doctor/push_fit.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

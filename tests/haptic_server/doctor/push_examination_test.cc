@@ -1,5 +1,5 @@
 // The step that pushes, with the simulated device on a real clock and answers that a pipe holds.
-#include "haptic_server/doctor/push_examination.h"
+#include "hlm/doctor/push_examination.h"
 
 #include <algorithm>
 #include <array>
@@ -8,8 +8,8 @@
 
 #include <unistd.h>
 
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/device/workspace.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/device/workspace.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

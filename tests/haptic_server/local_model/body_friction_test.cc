@@ -1,5 +1,5 @@
 // What the motion of bodies tells of their friction.
-#include "haptic_server/local_model/body_friction.h"
+#include "hlm/local_model/body_friction.h"
 
 #include "tests/support/catch.h"
 

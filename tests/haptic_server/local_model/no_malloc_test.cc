@@ -1,7 +1,7 @@
 // The tick allocates nothing, with the most bodies and contacts too.
 #include "tests/support/no_malloc.h"
 
-#include "haptic_server/local_model/local_model.h"
+#include "hlm/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"

@@ -1,9 +1,9 @@
 // Of the axes of a pair only the one with the greatest gap acts.
-#include "haptic_server/local_model/pair_axes.h"
+#include "hlm/local_model/pair_axes.h"
 
 #include <memory>
 
-#include "haptic_server/local_model/local_model.h"
+#include "hlm/local_model/local_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_tool.h"
 

@@ -1,12 +1,12 @@
 // What the flight recorder writes, when, and what it keeps.
-#include "haptic_server/loop/flight_recorder.h"
+#include "hlm/loop/flight_recorder.h"
 
 #include <cmath>
 #include <fstream>
 #include <optional>
 
-#include "common/settings/directories.h"
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
+#include "hlm/settings/directories.h"
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
 

@@ -1,5 +1,5 @@
 // Does the histogram tell the distribution of times?
-#include "haptic_server/loop/histogram.h"
+#include "hlm/loop/histogram.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
 #include "tests/support/catch.h"
 
 namespace hlm::server {

@@ -1,5 +1,5 @@
 // Does the summary tell what the ticks were?
-#include "haptic_server/loop/run_summary.h"
+#include "hlm/loop/run_summary.h"
 
 #include <numbers>
 #include <string>

@@ -1,5 +1,5 @@
 // What a control changes of the servo's options, and which options are refused.
-#include "haptic_server/loop/servo_options.h"
+#include "hlm/loop/servo_options.h"
 
 #include <limits>
 

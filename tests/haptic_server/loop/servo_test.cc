@@ -1,5 +1,5 @@
 // The tick: its order, its sessions, its faults, and what reaches proxy, device and client.
-#include "haptic_server/loop/servo.h"
+#include "hlm/loop/servo.h"
 
 #include <cmath>
 #include <limits>

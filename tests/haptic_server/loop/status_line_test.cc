@@ -1,5 +1,5 @@
 // Does the status line say how the session is going?
-#include "haptic_server/loop/status_line.h"
+#include "hlm/loop/status_line.h"
 
 #include <sstream>
 #include <string>

@@ -1,5 +1,5 @@
 // Does a line of the tick log say every signal exactly, under the right name?
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
 
 #include <bit>
 #include <charconv>

@@ -1,5 +1,5 @@
 // Does every tick get from the servo thread to the file, and is a lost one counted?
-#include "haptic_server/loop/tick_log.h"
+#include "hlm/loop/tick_log.h"
 
 #include <atomic>
 #include <csignal>
@@ -13,7 +13,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "haptic_server/loop/tick_csv.h"
+#include "hlm/loop/tick_csv.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
 

@@ -1,12 +1,12 @@
 // A recorded session on the server's own tick: bit for bit where the capture is whole, and where
 // it is not, the replay says from where on.
-#include "haptic_server/replay/offline_replay.h"
+#include "hlm/replay/offline_replay.h"
 
 #include <filesystem>
 #include <functional>
 
-#include "haptic_server/device/simulated_device.h"
-#include "protocol/transport/recording_link.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/transport/recording_link.h"
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"

@@ -1,11 +1,11 @@
 // What a capture holds becomes sessions, whatever else passed and in whatever order.
-#include "haptic_server/replay/recorded_session.h"
+#include "hlm/replay/recorded_session.h"
 
 #include <stdexcept>
 #include <string>
 
-#include "protocol/sealing/packets.h"
-#include "protocol/transport/capture.h"
+#include "hlm/sealing/packets.h"
+#include "hlm/transport/capture.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <memory>
 
-#include "haptic_server/device/simulated_device.h"
-#include "haptic_server/loop/servo.h"
+#include "hlm/device/simulated_device.h"
+#include "hlm/loop/servo.h"
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

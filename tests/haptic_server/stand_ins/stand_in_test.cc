@@ -1,5 +1,5 @@
 // The core of the stand-ins: it keeps real time, obeys orders, and shows what its motors give.
-#include "haptic_server/stand_ins/stand_in.h"
+#include "hlm/stand_ins/stand_in.h"
 
 #include <cstdlib>
 #include <fstream>

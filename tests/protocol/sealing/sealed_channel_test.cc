@@ -1,11 +1,11 @@
 // Sealed packets: once each, unchanged, in any order within the window.
-#include "protocol/sealing/sealed_channel.h"
+#include "hlm/sealing/sealed_channel.h"
 
 #include <algorithm>
 #include <set>
 #include <vector>
 
-#include "protocol/wire.h"
+#include "hlm/protocol/wire.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 

@@ -1,5 +1,5 @@
 // Shapes as contact detection sees them: supports, bounds, features, sizes that are refused.
-#include "ve_client/contacts/convex.h"
+#include "hlm/contacts/convex.h"
 
 #include <limits>
 #include <set>

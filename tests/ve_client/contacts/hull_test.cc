@@ -1,5 +1,5 @@
 // Convex hulls as collision shapes: their faces, their separation, their features.
-#include "ve_client/contacts/hull.h"
+#include "hlm/contacts/hull.h"
 
 #include <limits>
 #include <numbers>

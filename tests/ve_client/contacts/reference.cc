@@ -7,8 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "hlm/contacts/hull.h"
 #include "tests/support/catch.h"
-#include "ve_client/contacts/hull.h"
 
 namespace hlm::ve::test {
 namespace {

@@ -2,8 +2,8 @@
 // signed distance of two boxes by enumeration.
 #pragma once
 
+#include "hlm/contacts/manifold.h"
 #include "tests/support/random.h"
-#include "ve_client/contacts/manifold.h"
 
 namespace hlm::ve::test {
 

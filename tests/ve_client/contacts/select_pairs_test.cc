@@ -1,5 +1,5 @@
 // Which pairs of shapes are reported whole?
-#include "ve_client/contacts/select_pairs.h"
+#include "hlm/contacts/select_pairs.h"
 
 #include <algorithm>
 #include <vector>

@@ -1,5 +1,5 @@
 // Which contacts are reported?
-#include "ve_client/contacts/select.h"
+#include "hlm/contacts/select.h"
 
 #include <algorithm>
 #include <vector>

@@ -1,5 +1,5 @@
 // Under which names a browser may ask for the live page.
-#include "ve_client/web/host_names.h"
+#include "hlm/web/host_names.h"
 
 #include "tests/support/catch.h"
 

@@ -1,5 +1,5 @@
 // Who holds the hand, and what a reset brings back: pages over real sockets on loopback.
-#include "ve_client/web/live_page.h"
+#include "hlm/web/live_page.h"
 
 #include <chrono>
 #include <functional>

@@ -7,13 +7,13 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/freedoms.h"
-#include "protocol/tick_columns.h"
+#include "hlm/common/freedoms.h"
+#include "hlm/protocol/tick_columns.h"
+#include "hlm/web/methods.h"
+#include "hlm/web/page_messages.h"
+#include "hlm/web/page_requests.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
-#include "ve_client/web/methods.h"
-#include "ve_client/web/page_messages.h"
-#include "ve_client/web/page_requests.h"
 
 namespace hlm::ve {
 namespace {

@@ -1,5 +1,5 @@
 // Who is open and what they asked, without a network.
-#include "ve_client/web/page_register.h"
+#include "hlm/web/page_register.h"
 
 #include "tests/support/catch.h"
 

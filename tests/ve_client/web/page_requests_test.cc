@@ -1,8 +1,8 @@
 // What pages ask for: taken, or refused with what is allowed.
-#include "ve_client/web/page_requests.h"
+#include "hlm/web/page_requests.h"
 
+#include "hlm/web/methods.h"
 #include "tests/support/catch.h"
-#include "ve_client/web/methods.h"
 
 namespace hlm::ve {
 namespace {

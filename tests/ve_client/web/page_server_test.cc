@@ -1,5 +1,5 @@
 // The page server over real sockets on loopback.
-#include "ve_client/web/page_server.h"
+#include "hlm/web/page_server.h"
 
 #include <chrono>
 #include <functional>

@@ -1,5 +1,5 @@
 // Which files a page may have.
-#include "ve_client/web/static_files.h"
+#include "hlm/web/static_files.h"
 
 #include "tests/support/catch.h"
 #include "tests/ve_client/web/web_root.h"

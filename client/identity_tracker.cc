@@ -1,4 +1,4 @@
-#include "ve_client/client/identity_tracker.h"
+#include "hlm/client/identity_tracker.h"
 
 #include <algorithm>
 #include <cmath>

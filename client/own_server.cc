@@ -1,4 +1,4 @@
-#include "ve_client/client/own_server.h"
+#include "hlm/client/own_server.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -21,7 +21,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "protocol/transport/udp_socket.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm {
 namespace {

@@ -7,8 +7,8 @@
 
 #include <btBulletDynamicsCommon.h>
 
-#include "common/contact.h"
-#include "ve_client/client/bullet/near_contacts.h"
+#include "hlm/client/bullet/near_contacts.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::bullet {
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/contact.h"
-#include "common/tool_model.h"
+#include "hlm/common/contact.h"
+#include "hlm/common/tool_model.h"
 
 namespace hlm {
 

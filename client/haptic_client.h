@@ -4,12 +4,12 @@
 
 #include <cstdint>
 
-#include "common/contact.h"
-#include "common/tool_description.h"
-#include "common/tool_model.h"
-#include "protocol/client_session.h"
-#include "ve_client/client/impulse_playout.h"
-#include "ve_client/client/world_time.h"
+#include "hlm/client/impulse_playout.h"
+#include "hlm/client/world_time.h"
+#include "hlm/common/contact.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/protocol/client_session.h"
 
 namespace hlm {
 

@@ -7,8 +7,8 @@
 #include <random>
 #include <span>
 
-#include "protocol/datagram_link.h"
-#include "protocol/transport/datagram_queue.h"
+#include "hlm/protocol/datagram_link.h"
+#include "hlm/transport/datagram_queue.h"
 
 namespace hlm {
 

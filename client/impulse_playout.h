@@ -6,7 +6,7 @@
 #include <map>
 #include <optional>
 
-#include "protocol/messages.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm {
 

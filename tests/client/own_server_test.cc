@@ -1,15 +1,15 @@
-#include "ve_client/client/own_server.h"
+#include "hlm/client/own_server.h"
 
 #include <csignal>
 #include <cstdlib>
 
 #include <sys/wait.h>
 
-#include "common/steady_seconds.h"
-#include "protocol/transport/udp_socket.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/common/steady_seconds.h"
+#include "hlm/transport/udp_socket.h"
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
-#include "ve_client/client/haptic_client.h"
 
 namespace hlm {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <sys/types.h>
 
-#include "protocol/datagram_link.h"
+#include "hlm/protocol/datagram_link.h"
 
 namespace hlm {
 

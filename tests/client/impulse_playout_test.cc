@@ -1,5 +1,5 @@
 // When impulses on bodies are applied: evenly, however their reports come.
-#include "ve_client/client/impulse_playout.h"
+#include "hlm/client/impulse_playout.h"
 
 #include "tests/support/catch.h"
 

@@ -1,4 +1,4 @@
-#include "ve_client/client/world_time.h"
+#include "hlm/client/world_time.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@ namespace {
 constexpr int kSlowFrames = 2;
 /// How long a frame waits for reports, periods, before it takes its usual steps without them. More
 /// would be a silence to the server, less lets bodies fall where a report is late.
-constexpr double kPatience = 2;
+constexpr double kLongestWait = 2;
 /// A step that is due but for so much of it is taken, so that rounding delays none.
 constexpr double kRounding = 1e-6;
 constexpr double kMostSteps = 1e6;
@@ -32,7 +32,7 @@ bool WorldTime::begin_frame(double now, double silence_time) noexcept {
 }
 
 int WorldTime::take_steps(double step, double reported) noexcept {
-  const bool waits = begun_at_ - stepped_at_ <= kPatience * period_;
+  const bool waits = begun_at_ - stepped_at_ <= kLongestWait * period_;
   const double due = std::min(owed_, waits ? reported : std::max(reported, period_ + step));
   const double steps = std::clamp(std::floor(due / step + kRounding), 0.0, kMostSteps);
   owed_ -= steps * step;

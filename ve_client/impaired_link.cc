@@ -1,9 +1,9 @@
-#include "ve_client/client/impaired_link.h"
+#include "hlm/ve/impaired_link.h"
 
 #include <limits>
 
-#include "common/uniform.h"
-#include "protocol/codec.h"
+#include "hlm/common/uniform.h"
+#include "hlm/protocol/codec.h"
 
 namespace hlm {
 namespace {

@@ -18,13 +18,13 @@
 
 #include <btBulletDynamicsCommon.h>
 
-#include "common/steady_seconds.h"
-#include "protocol/codec.h"
-#include "ve_client/client/bullet/bodies.h"
-#include "ve_client/client/bullet/near_contacts.h"
-#include "ve_client/client/contact_check.h"
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/client/identity_tracker.h"
+#include "hlm/client/bullet/bodies.h"
+#include "hlm/client/bullet/near_contacts.h"
+#include "hlm/client/contact_check.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/client/identity_tracker.h"
+#include "hlm/common/steady_seconds.h"
+#include "hlm/protocol/codec.h"
 
 namespace hlm::bullet {
 

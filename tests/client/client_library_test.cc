@@ -2,12 +2,12 @@
 #include <array>
 #include <cmath>
 
-#include "protocol/codec.h"
-#include "protocol/tool_fit.h"
+#include "hlm/client/contact_check.h"
+#include "hlm/client/identity_tracker.h"
+#include "hlm/protocol/codec.h"
+#include "hlm/protocol/tool_fit.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
-#include "ve_client/client/contact_check.h"
-#include "ve_client/client/identity_tracker.h"
 
 namespace hlm {
 namespace {

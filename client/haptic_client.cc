@@ -1,4 +1,4 @@
-#include "ve_client/client/haptic_client.h"
+#include "hlm/client/haptic_client.h"
 
 namespace hlm {
 namespace {

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "common/tool_model.h"
-#include "protocol/messages.h"
+#include "hlm/common/tool_model.h"
+#include "hlm/protocol/messages.h"
 
 namespace hlm {
 

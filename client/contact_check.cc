@@ -1,12 +1,12 @@
-#include "ve_client/client/contact_check.h"
+#include "hlm/client/contact_check.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "common/range.h"
-#include "protocol/tool_fit.h"
-#include "protocol/wire.h"
+#include "hlm/common/range.h"
+#include "hlm/protocol/tool_fit.h"
+#include "hlm/protocol/wire.h"
 
 namespace hlm {
 namespace {

@@ -1,4 +1,4 @@
-#include "ve_client/client/haptic_proximity.h"
+#include "haptic_proximity.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "ve_client/contacts/convex.h"
-#include "ve_client/contacts/manifold.h"
+#include "hlm/contacts/convex.h"
+#include "hlm/contacts/manifold.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "ve_client/client/impulse_playout.h"
+#include "hlm/client/impulse_playout.h"
 
 #include <algorithm>
 

@@ -20,11 +20,11 @@
 
 #include <mujoco/mujoco.h>
 
-#include "common/steady_seconds.h"
-#include "ve_client/client/contact_check.h"
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/client/identity_tracker.h"
-#include "ve_client/client/mujoco/contacts.h"
+#include "hlm/client/contact_check.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/client/identity_tracker.h"
+#include "hlm/client/mujoco/contacts.h"
+#include "hlm/common/steady_seconds.h"
 
 namespace hlm::mujoco {
 

@@ -1,5 +1,5 @@
 // How many steps an engine takes in a frame, so that its time is the hand's.
-#include "ve_client/client/world_time.h"
+#include "hlm/client/world_time.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "ve_client/client/haptic.h"
+#include "haptic.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,16 +12,16 @@
 
 #include <unistd.h>
 
-#include "common/range.h"
-#include "common/steady_seconds.h"
-#include "protocol/sealing/key_file.h"
-#include "protocol/sealing/sealed_client_link.h"
-#include "protocol/transport/udp_socket.h"
-#include "protocol/wire.h"
-#include "ve_client/client/contact_check.h"
-#include "ve_client/client/haptic_client.h"
-#include "ve_client/client/identity_tracker.h"
-#include "ve_client/client/own_server.h"
+#include "hlm/client/contact_check.h"
+#include "hlm/client/haptic_client.h"
+#include "hlm/client/identity_tracker.h"
+#include "hlm/client/own_server.h"
+#include "hlm/common/range.h"
+#include "hlm/common/steady_seconds.h"
+#include "hlm/protocol/wire.h"
+#include "hlm/sealing/key_file.h"
+#include "hlm/sealing/sealed_client_link.h"
+#include "hlm/transport/udp_socket.h"
 
 static_assert(HAPTIC_MAX_DOF == hlm::kMaxDof && HAPTIC_MAX_CONFIGURATION == hlm::kMaxConfiguration);
 static_assert(HAPTIC_MAX_CONTACTS == hlm::kMaxContacts && HAPTIC_MAX_BODIES == hlm::kMaxBodies);

@@ -11,7 +11,7 @@
 
 #include <mujoco/mujoco.h>
 
-#include "common/contact.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::mujoco {
 

@@ -11,8 +11,8 @@
 
 #include <btBulletDynamicsCommon.h>
 
-#include "common/contact.h"
-#include "ve_client/client/bullet/polyhedron.h"
+#include "hlm/client/bullet/polyhedron.h"
+#include "hlm/common/contact.h"
 
 namespace hlm::bullet {
 
