@@ -77,6 +77,7 @@ def contacts(count: int) -> np.ndarray:
 
 
 def bodies(count: int) -> np.ndarray:
+    """`count` bodies, all zero: fill in each field of BODY."""
     return np.zeros(count, BODY)
 
 
@@ -188,6 +189,7 @@ class Session:
 
     @property
     def connected(self) -> bool:
+        """Whether a server has answered and the session goes on."""
         return bool(self._state.connected)
 
     @property

@@ -15,6 +15,7 @@ _double, _int, _size = ctypes.c_double, ctypes.c_int32, ctypes.c_size_t
 
 
 class Link(ctypes.Structure):
+    """A link of the virtual tool, as haptic_link in haptic.h. haptic.box() and haptic.sphere() make one."""
     _fields_ = [("parent", _int), ("joint", _int), ("position", _double * 3), ("rotation", _double * 4),
                 ("axis", _double * 3), ("mass", _double), ("centre", _double * 3), ("inertia", _double * 9),
                 ("lower", _double), ("upper", _double)]
@@ -33,6 +34,7 @@ class Impulse(ctypes.Structure):
 
 
 class State(ctypes.Structure):
+    """The latest news of the server, as haptic_state in haptic.h."""
     _fields_ = [("connected", _int), ("began", _int), ("lost", _int), ("fresh", _int),
                 ("step", ctypes.c_uint64), ("acknowledged", ctypes.c_uint64), ("q_count", _int),
                 ("v_count", _int), ("q", _double * MAX_CONFIGURATION), ("v", _double * MAX_DOF),

@@ -114,10 +114,12 @@ class Session:
         self.close()
 
     def close(self) -> None:
+        """Says goodbye, and ends a server that the session started."""
         self.touch.close()
 
     @property
     def running(self) -> bool:
+        """As haptic.Session.running: set `touch.touch.running` to False to end a loop."""
         return self.touch.running
 
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:

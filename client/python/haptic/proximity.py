@@ -43,10 +43,12 @@ def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index
 
 
 def sphere(radius: float, side: int = haptic.WORLD, index: int = 0) -> Shape:
+    """A sphere about its centre (m), of the world, of a link of the tool or of a body."""
     return shape("sphere", (radius,), side, index)
 
 
 def box(size: Sequence[float], side: int = haptic.WORLD, index: int = 0) -> Shape:
+    """A box about its centre (edge lengths in m), of the world, of a link of the tool or of a body."""
     return shape("box", size, side, index)
 
 
