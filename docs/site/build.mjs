@@ -1,43 +1,87 @@
-// Builds the site from the repository's Markdown and checks its links.
+// Builds the site from the repository's Markdown and from the API's own words, with an index to search it, and checks
+// its links.
 // Usage: node build.mjs REPOSITORY OUT
+import { execFileSync } from 'node:child_process';
 import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
-import { basename, dirname, join, posix } from 'node:path';
+import { dirname, join, posix } from 'node:path';
 import { Marked } from 'marked';
 
 const [repository, out] = process.argv.slice(2);
 
 // The menu, in this order; other documents of docs/ follow by their own title.
-const MENU = [
-  ['docs/concepts.md', 'Concepts'],
-  ['docs/first_ten_minutes.md', 'First ten minutes'],
-  ['docs/adapter.md', 'Write an adapter'],
-  ['docs/devices.md', 'Devices'],
-  ['docs/worlds.md', 'Worlds'],
-  ['docs/operations.md', 'Operation'],
-  ['protocol/PROTOCOL.md', 'Protocol'],
-  ['docs/method.md', 'Method'],
-  ['docs/numbers.md', 'Numbers'],
-];
-const LAST = [
-  ['README.md', 'README'],
-  ['CHANGELOG.md', 'Changes'],
-  ['CONTRIBUTING.md', 'Contributing'],
-];
+const MENU = {
+  'Begin': [
+    ['docs/index.md', 'Overview'],
+    ['docs/concepts.md', 'Concepts'],
+    ['docs/first_ten_minutes.md', 'First ten minutes'],
+    ['docs/install.md', 'Installation'],
+  ],
+  'Connect': [
+    ['docs/adapter.md', 'Adapters'],
+    ['docs/devices.md', 'Devices'],
+    ['docs/worlds.md', 'Worlds'],
+  ],
+  'Use': [
+    ['docs/live_page.md', 'Live page'],
+    ['docs/options.md', 'Options'],
+    ['docs/replay.md', 'Record and replay'],
+    ['docs/operations.md', 'Service and operation'],
+    ['docs/troubleshooting.md', 'Tuning, troubleshooting'],
+    ['docs/limitations.md', 'Limitations'],
+  ],
+  'Method': [
+    ['docs/method.md', 'Index of sections'],
+    ['docs/method/tool.md', 'The virtual tool'],
+    ['docs/method/updates.md', 'Updates'],
+    ['docs/method/forces.md', 'Contact and collision'],
+    ['docs/method/control.md', 'Controllers, limits'],
+    ['docs/method/energy.md', 'Energy'],
+    ['docs/method/device.md', 'Hand and delay'],
+    ['docs/method/bodies.md', 'Bodies, two hands'],
+    ['docs/method/detection.md', 'Contact detection'],
+    ['docs/method/engine.md', 'The engine'],
+    ['docs/method/figures.md', "The paper's figures"],
+    ['docs/method/limits.md', 'Where it stops'],
+    ['docs/method/prior.md', 'Prior local models'],
+  ],
+  'Reference': [
+    ['protocol/PROTOCOL.md', 'Protocol'],
+    ['docs/numbers.md', 'Numbers'],
+    ['docs/api_python.md', 'API: Python'],
+    ['docs/api_c.md', 'API: C'],
+    ['docs/page_messages.md', 'Page messages'],
+    ['docs/dependencies.md', 'Dependencies'],
+  ],
+  'Project': [
+    ['README.md', 'README'],
+    ['CHANGELOG.md', 'Changes'],
+    ['CONTRIBUTING.md', 'Contributing'],
+  ],
+};
+// Made from the sources, not files of the repository.
+const GENERATED = new Map(['python', 'c'].map((language) => [`docs/api_${language}.md`, execFileSync(
+  'python3', [join(repository, 'docs/site/api.py'), repository, language], { encoding: 'utf8' })]));
 
-const text = (source) => readFileSync(join(repository, source), 'utf8');
+const text = (source) => GENERATED.get(source) ?? readFileSync(join(repository, source), 'utf8');
 const titleOf = (source) => text(source).match(/^# (.+)$/m)[1].replace(/[`*]/g, '');
 const escaped = (string) => string.replace(/&/g, '&amp;').replace(/</g, '&lt;').replace(/"/g, '&quot;');
 
+function findDocuments(folder) {
+  return readdirSync(join(repository, folder), { withFileTypes: true }).flatMap((entry) => {
+    const path = posix.join(folder, entry.name);
+    if (entry.isDirectory()) return entry.name === 'site' ? [] : findDocuments(path);
+    return entry.name.endsWith('.md') ? [path] : [];
+  });
+}
+
 function findPages() {
-  const listed = new Set(MENU.map(([source]) => source));
-  const others = readdirSync(join(repository, 'docs'))
-    .filter((name) => name.endsWith('.md') && !listed.has(`docs/${name}`))
-    .map((name) => [`docs/${name}`, titleOf(`docs/${name}`)]);
-  const pages = [...MENU, ...others, ...LAST].filter(([source]) => existsSync(join(repository, source)));
-  return pages.map(([source, label], index) => ({
-    source,
-    label,
-    file: index === 0 ? 'index.html' : `${basename(source, '.md').toLowerCase()}.html`,
+  const listed = Object.entries(MENU).flatMap(([group, entries]) => entries.map(([source, label]) => ({ group, source, label })));
+  const known = new Set(listed.map(({ source }) => source));
+  const others = findDocuments('docs').filter((source) => !known.has(source))
+    .map((source) => ({ group: 'More', source, label: titleOf(source) }));
+  return [...listed, ...others].map((page) => ({
+    ...page,
+    file: `${page.source.replace(/^(docs|protocol)\/|\.md$/g, '').replace(/\//g, '_').toLowerCase()}.html`,
   }));
 }
 
@@ -45,7 +89,7 @@ function findPages() {
 function slugger() {
   const seen = new Map();
   return (heading) => {
-    const slug = heading.toLowerCase().replace(/<[^>]*>/g, '').replace(/&[a-z]+;/g, '')
+    const slug = heading.toLowerCase().replace(/<[^>]*>/g, '').replace(/&#?\w+;/g, '')
       .replace(/[^\p{L}\p{N}\s_-]/gu, '').trim().replace(/\s/g, '-');
     const count = seen.get(slug) ?? 0;
     seen.set(slug, count + 1);
@@ -63,7 +107,7 @@ function target(source, href) {
   if (/^[a-z]+:/i.test(href) || href.startsWith('#')) return href;
   const [path, fragment] = href.split('#');
   const wanted = posix.normalize(posix.join(posix.dirname(source), path)).replace(/\/$/, '');
-  if (wanted.startsWith('..') || !existsSync(join(repository, wanted))) {
+  if (wanted.startsWith('..') || !(GENERATED.has(wanted) || existsSync(join(repository, wanted)))) {
     problems.push(`${source}: ${href} is not there`);
     return href;
   }
@@ -89,19 +133,38 @@ function render({ source, label, file }) {
   });
   const entry = (page) =>
     `<a href="${page.file}"${page.file === file ? ' aria-current="page"' : ''}>${escaped(page.label)}</a>`;
+  const groups = [...new Set(pages.map((page) => page.group))].map((group) =>
+    `<h2>${escaped(group)}</h2>\n${pages.filter((page) => page.group === group).map(entry).join('\n')}`);
   return `<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>${escaped(label)} – Haptic local model</title>
 <link rel="stylesheet" href="style.css">
-<nav><strong>Haptic local model</strong>
-${pages.map(entry).join('\n')}
+<nav><strong><a href="index.html">Haptic local model</a></strong>
+<input id="search" type="search" placeholder="Search" aria-label="Search" autocomplete="off">
+<div id="found" role="listbox" hidden></div>
+${groups.join('\n')}
 </nav>
 <main>
 ${marked.parse(text(source))}</main>
+<script src="search.js" defer></script>
 </html>
 `;
+}
+
+// What a search looks at: of each heading its page, where it leads, its words and those below it.
+function searchIndex(html) {
+  const plain = (part) => part.replace(/<[^>]*>/g, ' ').replace(/&lt;/g, '<').replace(/&gt;/g, '>').replace(/&quot;/g, '"')
+    .replace(/&#39;/g, "'").replace(/&amp;/g, '&').replace(/\s+/g, ' ').trim();
+  return pages.flatMap(({ label, file }) => {
+    const main = html.get(file).match(/<main>([^]*)<\/main>/)[1];
+    return main.split(/(?=<h[1-4] id=")/).filter((part) => plain(part)).map((part) => {
+      const [, id = '', heading = ''] = part.match(/^<h[1-4] id="([^"]*)">([^]*?)<\/h/) ?? [];
+      const below = heading ? part.slice(part.indexOf('</h') + 5) : part;
+      return [label, id ? `${file}#${id}` : file, plain(heading), plain(below)];
+    });
+  });
 }
 
 function write(file, content) {
@@ -150,6 +213,7 @@ const html = new Map(pages.map((page) => [page.file, render(page)]));
 for (const [file, content] of html) write(file, content);
 for (const file of files) (statSync(join(repository, file)).isDirectory() ? copyFolder : copy)(file);
 copyFileSync(new URL('style.css', import.meta.url), join(out, 'style.css'));
+write('search.js', `${readFileSync(new URL('search.js', import.meta.url), 'utf8')}\nstart(${JSON.stringify(searchIndex(html))});\n`);
 check(html);
 for (const problem of problems) console.error(problem);
 if (problems.length > 0) process.exit(1);
