@@ -142,7 +142,7 @@ INTRODUCTION = {
     "the hand must feel is known: weight, friction, its own push. Each mark is the mean of a run at 30 or "
     "60 Hz, 0 or 20 ms each way, and contacts of 4 to 50 kN/m; its bar the standard deviation.",
     "bodylimits": "The same tasks, and a rest on a tower of three cubes, over delay and mass. Colour: how far the "
-    "mean force is from what is due; crosses: more than 10 %, or a standard deviation of more than 6 % of it "
+    "mean force is from what is expected; crosses: more than 10 %, or a standard deviation of more than 6 % of it "
     "(and 0.05 N): the hand feels another body there, or a chatter.",
     "scenes": "Each scene of scripts/run is played in virtual time by its own hand: the largest command, its limit, "
     "and the largest step of the contact force at an update that no collision explains.",
