@@ -117,6 +117,18 @@ function target(source, href) {
   return statSync(join(repository, wanted)).isDirectory() ? `files/${wanted}/index.html` : `files/${wanted}`;
 }
 
+// Where each section of the method is, by its number; in brackets the method's text cites them.
+const sections = new Map([...text('docs/method.md').matchAll(/^ *- ([\d.]+) \[.+\]\(([^)]+)\)$/gm)]
+  .map(([, number, href]) => [number, target('docs/method.md', href)]));
+
+function linkSections(html) {
+  const link = (number) => `<a href="${sections.get(number)}">${number}</a>`;
+  return html.split(/(<(pre|code|a|h\d)\b[^]*?<\/\2>)/).filter((_, i) => i % 3 !== 2).map((part, i) => (i % 2 ? part
+    : part.replace(/\((\d[\d.]*(?:, \d[\d.]*)*)\)/g, (whole, numbers) => (
+      numbers.split(', ').every((number) => sections.has(number)) ? `(${numbers.split(', ').map(link).join(', ')})` : whole))
+  )).join('');
+}
+
 function render({ source, label, file }) {
   const slug = slugger();
   const marked = new Marked({ gfm: true });
@@ -147,7 +159,7 @@ function render({ source, label, file }) {
 ${groups.join('\n')}
 </nav>
 <main>
-${marked.parse(text(source))}</main>
+${source.startsWith('docs/method/') ? linkSections(marked.parse(text(source))) : marked.parse(text(source))}</main>
 <script src="search.js" defer></script>
 </html>
 `;
