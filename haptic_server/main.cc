@@ -19,6 +19,7 @@
 #include "hlm/loop/run_summary.h"
 #include "hlm/loop/status_line.h"
 #include "hlm/loop/tick_log.h"
+#include "hlm/replay/journal.h"
 #include "hlm/sealing/sealed_server_link.h"
 #include "hlm/server/operation.h"
 #include "hlm/server/options.h"
@@ -75,7 +76,7 @@ class Recording {
           }
         }) {}
 
-  protocol::DatagramLink& link() { return link_; }
+  protocol::RecordingLink& link() { return link_; }
 
   /// Writes what is left. Throws std::runtime_error if any of it could not be written.
   void close() {
@@ -104,11 +105,14 @@ class Recording {
 };
 
 /// Ticks until a signal or the duration ends it.
-void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log, double duration) {
+void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log,
+              protocol::RecordingLink* recording, double duration) {
   loop.run([&](const Timing& timing) noexcept {
     guard.beat();
-    if (force_stop.exchange(false, std::memory_order_relaxed)) servo.stop();
+    const bool stopped = force_stop.exchange(false, std::memory_order_relaxed);
+    if (stopped) servo.stop();
     TickRecord record = servo.tick(timing);
+    if (recording != nullptr) note_tick(*recording, timing, stopped, servo.exchange());
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
     if (stop_signal != 0 || (duration > 0 && timing.begin >= duration)) loop.stop();
@@ -163,7 +167,10 @@ void run_server(ServerOptions& options) {
   if (key) link = &sealed.emplace(*link, *key);
   std::optional<Recording> recording;
   if (!options.record.empty()) {
-    link = &recording.emplace(options.record, *link, socket.local()).link();
+    protocol::RecordingLink& recorded =
+        recording.emplace(options.record, *link, socket.local()).link();
+    note_device(recorded, *device);
+    link = &recorded;
   }
   protocol::ServerSession session(*link, {});
   const auto servo = std::make_unique<Servo>(
@@ -193,7 +200,7 @@ void run_server(ServerOptions& options) {
     spdlog::info("listening on {}, {} Hz{}", protocol::to_string(socket.local()), loop_options.rate,
                  key ? ", for clients with the key" : "");
     prepare_thread(options.realtime);
-    run_loop(loop, *servo, guard, log, options.duration);
+    run_loop(loop, *servo, guard, log, recording ? &recording->link() : nullptr, options.duration);
   }
   operation.stopping();
   log.drain();

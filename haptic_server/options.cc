@@ -5,7 +5,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "hlm/control/stiffness_bound.h"
-#include "hlm/device/drivers/replay_driver.h"
 
 namespace hlm::server {
 namespace {
@@ -174,13 +173,6 @@ std::uint64_t fingerprint(const PhysicsOptions& options, const Device& device) {
   add_servo_options(table, servo);
   const std::uint64_t upper = hash_of(table.to_toml(false) + ratings_text(device));
   return upper << 32 | hash_of(options.device.fingerprint_text());
-}
-
-bool made_with(std::uint64_t recorded, const PhysicsOptions& options, const Device& device) {
-  const std::uint64_t own = fingerprint(options, device);
-  const bool is_played_back =
-      dynamic_cast<const ReplayDriver*>(&options.device.driver()) != nullptr;
-  return is_played_back ? recorded >> 32 == own >> 32 : recorded == own;
 }
 
 }  // namespace hlm::server

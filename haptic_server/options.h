@@ -55,12 +55,8 @@ std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options
 /// What is doubtful about options on this device: sentences for a person.
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device);
 
-/// What a replay must share with the recording, for the welcome. Its upper half is a hash of the
-/// servo's options and of the device's ratings. The lower half is one of all the device's keys and
-/// of the hand script's text: a device that plays back a log has others than the recorded one.
+/// What a replay must share with the recording, for the welcome: a hash of the servo's options, of
+/// the device's ratings, of all its keys and of the hand script's text.
 std::uint64_t fingerprint(const PhysicsOptions& options, const Device& device);
-
-/// Whether a recording with that fingerprint was made with what these options describe.
-bool made_with(std::uint64_t recorded, const PhysicsOptions& options, const Device& device);
 
 }  // namespace hlm::server

@@ -1,10 +1,13 @@
 // haptic_replay: plays a recorded stream of contact packets, into a running server or offline.
 #include <algorithm>
 #include <csignal>
+#include <deque>
 #include <iostream>
 #include <numbers>
 #include <optional>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include <spdlog/fmt/fmt.h>
 
@@ -35,64 +38,124 @@ struct ReplayOptions {
   double speed = 1;
   int session = 0;  ///< From 1; 0: all of them.
   bool offline = false;
-  bool receipt = false;  ///< Offline too.
-  std::string ticks;     ///< Tick log to write, CSV; empty: none.
+  bool receipt = false;   ///< Offline too.
+  bool simulate = false;  ///< Offline, the configured device instead of the recorded one.
+  std::string ticks;      ///< Tick log to write, CSV; empty: none.
   PhysicsOptions physics;
 };
+
+settings::UsageError no_such_session(const ReplayOptions& options, std::size_t count) {
+  return settings::UsageError("--session " + std::to_string(options.session) + " must be 1 to " +
+                              std::to_string(count) + ": " + options.capture + " holds " +
+                              std::to_string(count));
+}
 
 std::vector<RecordedSession> chosen_sessions(const ReplayOptions& options) {
   std::vector<RecordedSession> sessions = read_sessions(options.capture);
   if (options.session == 0) return sessions;
-  const auto count = static_cast<int>(sessions.size());
-  if (options.session < 1 || options.session > count) {
-    throw settings::UsageError("--session " + std::to_string(options.session) + " must be 1 to " +
-                               std::to_string(count) + ": " + options.capture + " holds " +
-                               std::to_string(count));
-  }
-  return {sessions[static_cast<std::size_t>(options.session - 1)]};
+  const auto index = static_cast<std::size_t>(options.session - 1);
+  if (index >= sessions.size()) throw no_such_session(options, sessions.size());
+  return {sessions[index]};
 }
 
 void warn(const std::string& text) { std::cerr << "haptic_replay: warning: " << text << '\n'; }
 
-/// Whether all came back bit for bit.
-bool run_offline(ReplayOptions& options) {
-  PhysicsOptions& physics = options.physics;
-  const std::unique_ptr<Device> device = physics.device.open(1 / physics.servo.rate);
-  if (const auto lowered = suit_to(*device, physics)) warn(*lowered);
-  const std::uint64_t own = fingerprint(physics, *device);
-  // Nobody else drains the log, so it must hold what comes between two drains.
-  TickLog log(options.ticks, 2, [](const TickRecord&) {});
-  std::ostream& report = options.receipt ? std::cerr : std::cout;
-  bool all_equal = true;
-  for (const RecordedSession& session : chosen_sessions(options)) {
-    if (!made_with(session.welcome.fingerprint, physics, *device)) {
-      warn(
-          "the session was recorded with other options than these: give the server's with "
-          "--config");
+/// Where an offline replay's ticks go.
+class OfflineOutput {
+ public:
+  explicit OfflineOutput(const ReplayOptions& options)
+      // Nobody else drains the log, so it must hold what comes between two drains.
+      : log_(options.ticks, 2, [](const TickRecord&) {}), with_receipt_(options.receipt) {}
+
+  void observe(const TickRecord& record) {
+    if (stop_requested != 0) throw std::runtime_error("stopped by a signal");
+    log_.record(record);
+    log_.drain();
+    if (!with_receipt_ || record.step == 0) return;
+    if (receipts_.empty() || receipts_.back().first != record.session) {
+      receipts_.emplace_back(record.session, std::cout);
     }
-    std::optional<EnergyReceipt> receipt;
-    if (options.receipt) receipt.emplace(std::cout);
-    const OfflineResult result =
-        replay_offline(session, physics.servo, own, *device, [&](const TickRecord& record) {
-          if (stop_requested != 0) throw std::runtime_error("stopped by a signal");
-          log.record(record);
-          log.drain();
-          if (receipt) receipt->observe(record);
-        });
-    report << "replay of session " << std::hex << session.id << std::dec << ": " << result.steps
+    receipts_.back().second.observe(record);
+  }
+
+  void report(const OfflineResult& result) const {
+    std::ostream& report = with_receipt_ ? std::cerr : std::cout;
+    report << "replay of session " << std::hex << result.session << std::dec << ": " << result.steps
            << " steps, " << result.equal << " of " << result.compared
            << " acknowledged states equal bit for bit";
     if (result.first_difference)
       report << ", first difference at step " << *result.first_difference;
-    if (result.incomplete > 0) {
-      report << ", " << result.incomplete << " updates not whole in the capture";
-    }
+    if (result.incomplete > 0)
+      report << ", the capture lacks " << result.incomplete << " datagrams";
     report << '\n';
-    if (receipt) report << receipt->total();
-    all_equal &= result.equal == result.compared;
+    for (const auto& [session, receipt] : receipts_) {
+      if (session == result.session) report << receipt.total();
+    }
   }
-  log.close();
-  return all_equal;
+
+  void close() { log_.close(); }
+
+ private:
+  TickLog log_;
+  bool with_receipt_;
+  std::deque<std::pair<std::uint64_t, EnergyReceipt>> receipts_;  ///< By session.
+};
+
+void warn_of_other_options(std::uint64_t recorded, std::uint64_t own) {
+  if (recorded == own) return;
+  warn("the session was recorded with other options than these: give the server's with --config");
+}
+
+/// What haptic_server --record has written, with the device as it was.
+std::vector<OfflineResult> replay(Recording& recording, ReplayOptions& options,
+                                  OfflineOutput& output) {
+  PhysicsOptions& physics = options.physics;
+  const RecordedDevice recorded(recording.device());
+  std::unique_ptr<Device> instead;
+  if (options.simulate) instead = physics.device.open(1 / physics.servo.rate);
+  const Device& device = instead ? *instead : static_cast<const Device&>(recorded);
+  suit_to(device, physics);  // As the server did, which said so.
+  const std::uint64_t own = fingerprint(physics, device);
+  std::vector<OfflineResult> results =
+      replay_offline(recording, physics.servo, own, instead.get(),
+                     [&](const TickRecord& record) { output.observe(record); });
+  for (const OfflineResult& result : results) warn_of_other_options(result.fingerprint, own);
+  if (options.session == 0) return results;
+  const auto index = static_cast<std::size_t>(options.session - 1);
+  if (index >= results.size()) throw no_such_session(options, results.size());
+  return {results[index]};
+}
+
+/// What others have captured, with the configured device.
+std::vector<OfflineResult> replay_capture(ReplayOptions& options, OfflineOutput& output) {
+  PhysicsOptions& physics = options.physics;
+  const std::vector<RecordedSession> sessions = chosen_sessions(options);
+  warn(
+      "no server has recorded this, so that only updates come as they came: a fade or a missed "
+      "tick is not played. haptic_server --record keeps all");
+  const std::unique_ptr<Device> device = physics.device.open(1 / physics.servo.rate);
+  if (const auto lowered = suit_to(*device, physics)) warn(*lowered);
+  const std::uint64_t own = fingerprint(physics, *device);
+  std::vector<OfflineResult> results;
+  for (const RecordedSession& session : sessions) {
+    warn_of_other_options(session.welcome.fingerprint, own);
+    results.push_back(replay_offline(session, physics.servo, own, *device,
+                                     [&](const TickRecord& record) { output.observe(record); }));
+  }
+  return results;
+}
+
+/// Whether all came back bit for bit.
+bool run_offline(ReplayOptions& options) {
+  OfflineOutput output(options);
+  std::optional<Recording> recording;
+  if (options.capture != "-") recording = Recording::open(options.capture);
+  const std::vector<OfflineResult> results =
+      recording ? replay(*recording, options, output) : replay_capture(options, output);
+  for (const OfflineResult& result : results) output.report(result);
+  output.close();
+  return std::ranges::all_of(
+      results, [](const OfflineResult& result) { return result.equal == result.compared; });
 }
 
 /// What must make the answers differ, known before the first of them.
@@ -166,8 +229,6 @@ std::string footer() {
       R"(Examples:
   haptic_replay run.pcap --server HOST:47800 --speed 2     into a running server
   haptic_replay run.pcap --offline --config server.toml    on the local model, here
-  haptic_replay run.pcap --offline --config server.toml --device replay --device-option log=t.csv
-                                                           the same, with the device of a tick log
   haptic_replay run.pcap --receipt --config server.toml    what the device gave to the hand and took
 
 Exit codes: 0 played, and the answers are the recorded ones (offline bit for bit, otherwise the
@@ -186,6 +247,8 @@ void add_replay_options(settings::CommandLine& command_line, ReplayOptions& opti
   table.flag("receipt", options.receipt,
              "Offline: write what the device port gave and took between updates to standard "
              "output, CSV, and the total to standard error");
+  table.flag("simulate", options.simulate,
+             "Offline: with the configured device, simulated anew, instead of the recorded one");
   table.text("server", options.server, "HOST:PORT", "Running server");
   table.file("key-file", options.key_file, "The server's key, if it has one");
   table.number("speed", options.speed, {1e-3, 1e3}, "Times the original pace");

@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cstdio>
 #include <string>
+#include <utility>
 
 #include "hlm/protocol/nanoseconds.h"
 #include "hlm/protocol/random_identifier.h"
@@ -23,7 +24,7 @@ constexpr double kRefusalPeriod = 0.1;
 }  // namespace
 
 ServerSession::ServerSession(DatagramLink& link, ServerSessionOptions options) noexcept
-    : link_(link), options_(options) {}
+    : link_(link), options_(options), next_id_(options.first_session_id) {}
 
 ServerSession::Inbox ServerSession::poll(double now) noexcept {
   inbox_ = {};
@@ -241,8 +242,8 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   active_ = true;
   client_ = applicant_;
   link_.keep(client_.peer);
-  const bool given = id_ == 0 && options_.first_session_id != 0;
-  id_ = given ? options_.first_session_id : random_identifier();
+  const std::uint64_t given = std::exchange(next_id_, 0);
+  id_ = given != 0 ? given : random_identifier();
   tool_ = hello_.tool;
   welcome_ = welcome;
   welcome_.nonce = applicant_.nonce;

@@ -15,7 +15,7 @@
 namespace hlm::protocol {
 
 struct ServerSessionOptions {
-  /// Id of the first session, as a replay needs it; 0: drawn at random, as all later ones are.
+  /// Id of the first session, for a replay or a test; 0: drawn at random, as all later ones are.
   std::uint64_t first_session_id = 0;
   /// A client silent for this long, s, loses the session to the next hello. Longer keeps a client
   /// that was restarted waiting; shorter lets another take the session in a pause.
@@ -68,6 +68,9 @@ class ServerSession {
   /// Tells the client that the session ends, if there is one.
   void close(double now, GoodbyeReason reason) noexcept;
 
+  /// The next session gets this id, as a replay needs it.
+  void give_next(std::uint64_t id) noexcept { next_id_ = id; }
+
   bool active() const noexcept { return active_; }
   /// Of the present session; without one, of the latest or, before the first, 0.
   std::uint64_t id() const noexcept { return id_; }
@@ -114,6 +117,7 @@ class ServerSession {
   Hello hello_;
   std::uint64_t sent_outside_ = 0;  ///< Sequence of the latest message outside sessions.
 
+  std::uint64_t next_id_;  ///< Of the next session; 0: to be drawn at random.
   bool active_ = false;
   Applicant client_;  ///< Of the present session or of the latest; so are the following.
   std::uint64_t id_ = 0;

@@ -7,7 +7,6 @@
 #include "hlm/device/drivers/force_dimension_driver.h"
 #include "hlm/device/drivers/haply_driver.h"
 #include "hlm/device/drivers/open_haptics_driver.h"
-#include "hlm/device/drivers/replay_driver.h"
 #include "hlm/device/drivers/simulated_driver.h"
 #include "hlm/settings/nearest.h"
 
@@ -58,7 +57,6 @@ std::vector<std::unique_ptr<DeviceDriver>> all_drivers() {
   drivers.push_back(std::make_unique<OpenHapticsDriver>());
   drivers.push_back(std::make_unique<HaplyDriver>());
   drivers.push_back(std::make_unique<DiyDriver>());
-  drivers.push_back(std::make_unique<ReplayDriver>());
   return drivers;
 }
 
@@ -115,24 +113,18 @@ const DeviceDriver& DeviceChoice::find(const Assignment& name) const {
                    " must be one of " + known + (name.from_file ? "" : ", list"));
 }
 
-bool DeviceChoice::has_workspace(const DeviceDriver& driver) const {
-  return driver.pose_frame() != PoseFrame::kRecorded;
-}
-
 /// Null if that device has no such key.
 const settings::Setting* DeviceChoice::find_key(const DeviceDriver& driver,
                                                 const std::string& key) const {
   const settings::Setting* const own = driver.table().find(key);
-  return own == nullptr && has_workspace(driver) ? workspace_table_.find(key) : own;
+  return own == nullptr ? workspace_table_.find(key) : own;
 }
 
 void DeviceChoice::set_key(const Assignment& assignment) const {
   const settings::Setting* const setting = find_key(*driver_, assignment.key);
   if (setting == nullptr) {
     std::vector<std::string> keys = driver_->table().keys();
-    if (has_workspace(*driver_)) {
-      for (const std::string& key : workspace_table_.keys()) keys.push_back(key);
-    }
+    for (const std::string& key : workspace_table_.keys()) keys.push_back(key);
     const std::string hint = settings::suggestion(assignment.key, keys);
     throw UsageError(assignment.name + ": device " + std::string(driver_->name()) +
                      " has no such key" + (hint.empty() ? "; see --device-help" : hint));
@@ -142,14 +134,11 @@ void DeviceChoice::set_key(const Assignment& assignment) const {
 
 std::string DeviceChoice::to_toml(bool described) const {
   return kDriver + " = \"" + std::string(driver_->name()) + "\"\n" +
-         driver_->table().to_toml(described) +
-         (has_workspace(*driver_) ? workspace_table_.to_toml(described) : "");
+         driver_->table().to_toml(described) + workspace_table_.to_toml(described);
 }
 
 std::optional<std::string> DeviceChoice::find_error() const {
-  if (has_workspace(*driver_)) {
-    if (auto error = server::find_error(workspace_)) return error;
-  }
+  if (auto error = server::find_error(workspace_)) return error;
   return driver_->find_error();
 }
 
@@ -171,15 +160,14 @@ std::optional<std::string> DeviceChoice::information() const {
   if (!helps_) return std::nullopt;
   return "Keys of device " + std::string(driver_->name()) + ", " + std::string(driver_->purpose()) +
          ":\nin a configuration file under [device], or as --device-option KEY=VALUE\n\n" +
-         settings::help_of(driver_->table(), "") +
-         (has_workspace(*driver_) ? settings::help_of(workspace_table_, "") : "");
+         settings::help_of(driver_->table(), "") + settings::help_of(workspace_table_, "");
 }
 
 std::unique_ptr<Device> DeviceChoice::open(double dt) const {
   auto device = driver_->open(dt);
   const int buttons = device->ratings().buttons;
-  if (has_workspace(*driver_)) device = with_hand_observer(std::move(device), observer_, dt);
-  const bool is_asked = workspace_ != Workspace{} && has_workspace(*driver_);
+  device = with_hand_observer(std::move(device), observer_, dt);
+  const bool is_asked = workspace_ != Workspace{};
   if (is_asked && workspace_.clutch > buttons) {
     throw UsageError("clutch " + std::to_string(workspace_.clutch) + " must be one of the " +
                      std::to_string(buttons) + " buttons of " + std::string(device->name()));

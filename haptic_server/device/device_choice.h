@@ -41,7 +41,6 @@ class DeviceChoice final : public settings::Section {
  private:
   const DeviceDriver& find(const settings::Assignment& name) const;
   const settings::Setting* find_key(const DeviceDriver& driver, const std::string& key) const;
-  bool has_workspace(const DeviceDriver& driver) const;
   void set_key(const settings::Assignment& assignment) const;
 
   std::vector<std::unique_ptr<DeviceDriver>> drivers_;

@@ -14,9 +14,8 @@ namespace hlm::server {
 
 /// What the poses of a driver's devices are relative to.
 enum class PoseFrame {
-  kDevice,    ///< The device's own frame, in metres of the handle; align() moves nothing.
-  kWorld,     ///< The world, where align() puts the handle.
-  kRecorded,  ///< The world of a recording: its scales are in it already.
+  kDevice,  ///< The device's own frame, in metres of the handle; align() moves nothing.
+  kWorld,   ///< The world, where align() puts the handle.
 };
 
 /// One kind of device. What its library or service needs is opened by connected() and open(), so a

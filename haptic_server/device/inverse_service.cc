@@ -68,7 +68,8 @@ std::string listed(const std::vector<std::string>& names) {
 std::string chosen(const char* what, const char* key, const std::string& id,
                    const std::vector<std::string>& all) {
   if (id.empty() && all.size() > 1) {
-    give_up("several " + std::string(what) + "s: " + listed(all) + "; choose one with the key " + key);
+    give_up("several " + std::string(what) + "s: " + listed(all) + "; choose one with the key " +
+            key);
   }
   if (id.empty()) return all.empty() ? "" : all.front();
   if (std::find(all.begin(), all.end(), id) != all.end()) return id;
@@ -205,13 +206,13 @@ HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions&
   choice.device = chosen("Inverse3", "id", options.device, ids);
   if (choice.device.empty()) {
     give_up("the Inverse Service at " + options.address +
-         " has no Inverse3: plug it in, and switch it on");
+            " has no Inverse3: plug it in, and switch it on");
   }
   for (const HaplyDevice& device : inventory.devices) {
     if (device.id != choice.device || options.handedness == "any") continue;
     if (device.handedness != options.handedness) {
       give_up("handedness of Inverse3 " + device.id + " is '" + device.handedness + "', must be '" +
-           options.handedness + "' as the key handedness says");
+              options.handedness + "' as the key handedness says");
     }
   }
   if (options.grip == kNoGrip) return choice;

@@ -72,10 +72,6 @@ void examine_steps(DeviceBench& bench, Person& person, const DeviceChoice& choic
 
 std::vector<Examination> check_device(const DeviceChoice& choice, const DeviceCheckOptions& options,
                                       const std::optional<RunningServer>& running) {
-  if (choice.driver().pose_frame() == PoseFrame::kRecorded) {
-    throw settings::UsageError("device " + std::string(choice.driver().name()) +
-                               " is a recording: there is no handle to check");
-  }
   if (running) {
     throw std::runtime_error(
         fmt::format("haptic_server (process {}) runs and has {}: end it first, or name another one "

@@ -48,6 +48,7 @@ Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
 const TickRecord& Servo::tick(const Timing& timing) noexcept {
   const protocol::ServerSession::Inbox inbox = session_.poll(timing.begin);
   record_ = TickRecord{};
+  exchange_ = {};
   advance_session(inbox, timing);
   if (inbox.control != nullptr && machine_.simulates()) apply(*inbox.control);
   if (inbox.update != nullptr && machine_.simulates()) adopt(*inbox.update);
@@ -194,7 +195,8 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
 }
 
 void Servo::simulate() noexcept {
-  const std::optional<DeviceState> device = device_.read();
+  exchange_ = {.read = true, .state = device_.read()};
+  const std::optional<DeviceState>& device = exchange_.state;
   if (!device) return fail(Fault::kDevice);
   if (!is_finite(*device)) return fail(Fault::kNonFinite);
   clutched_ = device->clutched;
@@ -286,7 +288,8 @@ void Servo::render(const DeviceState& device, const ContactWrench& felt) noexcep
     const double given = record_.F_command.dot(device.V_WD);
     if (asked != 0) local_model_->set_rendered(std::clamp(given / asked, 0.0, 1.0));
   }
-  if (!device_.write(record_.F_command)) fail(Fault::kDevice);
+  exchange_.written = device_.write(record_.F_command);
+  if (!exchange_.written) fail(Fault::kDevice);
 }
 
 bool Servo::is_plausible(const DeviceState& device) const noexcept {

@@ -24,6 +24,13 @@
 
 namespace hlm::server {
 
+/// What the device did in a tick: what a replay needs of it.
+struct DeviceExchange {
+  bool read = false;                 ///< It was read: there is a session.
+  std::optional<DeviceState> state;  ///< Empty: it failed.
+  bool written = true;               ///< It took the command.
+};
+
 class Servo {
  public:
   /// `options` must be valid; session and device must outlive the servo. fingerprint:
@@ -36,6 +43,9 @@ class Servo {
 
   /// An operator stops the force: a fault, whatever the state. Between ticks, from their thread.
   void stop() noexcept { fail(Fault::kOperatorStop); }
+
+  /// In the latest tick.
+  const DeviceExchange& exchange() const noexcept { return exchange_; }
 
   /// Zero force, device off, goodbye to the client.
   void shut_down(double now) noexcept;
@@ -85,6 +95,7 @@ class Servo {
   double in_proxy_ = 0;     ///< Of what hand and weight did on the proxy it keeps this, J.
   double supply_ = 0;       ///< What the latest step explains of the port's work, J.
   double brought_ = 0;      ///< By updates into contacts' springs in the session, J.
+  DeviceExchange exchange_;
   TickRecord record_;
 };
 

@@ -4,7 +4,6 @@
 #include <bit>
 #include <memory>
 #include <unordered_map>
-#include <vector>
 
 #include "hlm/protocol/codec.h"
 #include "hlm/protocol/server_session.h"
@@ -21,61 +20,31 @@ bool is_whole(const RecordedUpdate& recorded) {
   return !decode(recorded.parts, update);
 }
 
-/// Delivers a session's datagrams in the step that took them when they were recorded, and keeps the
-/// acknowledgements.
-class ReplayLink final : public protocol::DatagramLink {
+/// Delivers the datagrams of one tick after the other, and keeps the answers.
+class PlayedLink final : public protocol::DatagramLink {
  public:
-  explicit ReplayLink(const RecordedSession& session) : client_(session.client) {
-    // The tick that takes the hello is the session's first step.
-    due_[1] = session.hello_parts;
-    std::unordered_map<std::uint64_t, const RecordedUpdate*> updates;
-    for (const RecordedUpdate& update : session.updates) updates[update.sequence] = &update;
-    std::uint64_t control_in_effect = 0;
-    for (const ProxyState& state : session.acknowledgements) {
-      const auto update = updates.find(state.acknowledged);
-      if (update == updates.end() || !is_whole(*update->second)) {
-        ++incomplete_;
-        continue;
-      }
-      auto& due = due_[state.step];
-      if (state.control != control_in_effect) {
-        const auto control = session.controls.find(state.control);
-        if (control != session.controls.end()) due.push_back(control->second);
-        control_in_effect = state.control;
-      }
-      due.insert(due.end(), update->second->parts.begin(), update->second->parts.end());
-    }
-  }
-
-  /// The datagrams of this step are the next to come.
-  void begin_step(std::uint64_t step) {
-    const auto due = due_.find(step);
-    waiting_ = due == due_.end() ? std::span<const DatagramBytes>() : due->second;
+  void begin_tick(std::span<const Datagram> received) {
+    waiting_ = received;
+    answers_.clear();
   }
 
   bool receive(Datagram& datagram) noexcept override {
     if (waiting_.empty()) return false;
-    datagram.peer = client_;
-    datagram.bytes = waiting_.front();
+    datagram = waiting_.front();
     waiting_ = waiting_.subspan(1);
     return true;
   }
 
   void send(const protocol::Endpoint&, std::span<const std::byte> bytes) noexcept override {
     ProxyState state;
-    if (!decode(bytes, state)) states_.push_back(state);
+    if (!decode(bytes, state)) answers_.push_back(state);
   }
 
-  const std::vector<ProxyState>& states() const { return states_; }
-  /// Acknowledged updates that are not delivered.
-  std::size_t incomplete() const { return incomplete_; }
+  const std::vector<ProxyState>& answers() const { return answers_; }
 
  private:
-  protocol::Endpoint client_;
-  std::unordered_map<std::uint64_t, std::vector<DatagramBytes>> due_;  ///< By step.
-  std::span<const DatagramBytes> waiting_;
-  std::vector<ProxyState> states_;
-  std::size_t incomplete_ = 0;
+  std::span<const Datagram> waiting_;
+  std::vector<ProxyState> answers_;
 };
 
 template <class Vector>
@@ -93,43 +62,150 @@ bool same_bits(const ProxyState& a, const ProxyState& b) {
          same_bits(a.F_command, b.F_command);
 }
 
-/// Both are in the order of the updates that they acknowledge.
-OfflineResult compare(const std::vector<ProxyState>& recorded,
-                      const std::vector<ProxyState>& replayed) {
-  OfflineResult result;
-  result.compared = recorded.size();
-  auto candidate = replayed.begin();
-  for (const ProxyState& state : recorded) {
-    while (candidate != replayed.end() && candidate->acknowledged < state.acknowledged) ++candidate;
-    if (candidate != replayed.end() && same_bits(state, *candidate)) {
+/// A server that is played.
+class Player {
+ public:
+  /// `recorded`: the device, if it is that of the recording.
+  Player(const ServoOptions& options, std::uint64_t fingerprint, Device& device,
+         RecordedDevice* recorded, const ObserveTick& observe)
+      : session_(link_, {}),
+        servo_(std::make_unique<Servo>(options, fingerprint, session_, device)),
+        recorded_(recorded),
+        observe_(observe),
+        rate_(options.rate) {}
+
+  void play(const RecordedTick& tick) {
+    if (tick.granted) {
+      session_.give_next(tick.granted->id);
+      OfflineResult& result = results_.emplace_back();
+      result.session = tick.granted->id;
+      result.fingerprint = tick.granted->welcome.fingerprint;
+    }
+    if (recorded_ != nullptr) recorded_->set(tick.note.device);
+    if (tick.note.stopped) servo_->stop();
+    link_.begin_tick(tick.received);
+    overruns_ += tick.note.missed;
+    const TickRecord& record =
+        servo_->tick({.tick = tick.note.tick,
+                      .scheduled = static_cast<double>(tick.note.tick) / rate_,
+                      .begin = tick.note.begin,
+                      .missed = tick.note.missed,
+                      .overruns = overruns_});
+    observe_(record);
+    if (results_.empty()) return;
+    results_.back().steps = std::max(results_.back().steps, record.step);
+    results_.back().incomplete = tick.note.lost;
+    for (const ProxyState& state : tick.answers) compare(state);
+  }
+
+  std::vector<OfflineResult>& results() { return results_; }
+
+ private:
+  void compare(const ProxyState& recorded) {
+    OfflineResult& result = results_.back();
+    ++result.compared;
+    const bool equal = std::ranges::any_of(
+        link_.answers(), [&](const ProxyState& played) { return same_bits(recorded, played); });
+    if (equal) {
       ++result.equal;
     } else if (!result.first_difference) {
-      result.first_difference = state.step;
+      result.first_difference = recorded.step;
     }
   }
-  return result;
-}
+
+  PlayedLink link_;
+  protocol::ServerSession session_;
+  std::unique_ptr<Servo> servo_;
+  RecordedDevice* recorded_;
+  const ObserveTick& observe_;
+  double rate_;  ///< Hz.
+  std::uint64_t overruns_ = 0;
+  std::vector<OfflineResult> results_;
+};
+
+/// The ticks of a session as the acknowledgements tell them.
+class AcknowledgedTicks {
+ public:
+  AcknowledgedTicks(const RecordedSession& session, double rate) : session_(session), rate_(rate) {
+    std::unordered_map<std::uint64_t, const RecordedUpdate*> updates;
+    for (const RecordedUpdate& update : session.updates) updates[update.sequence] = &update;
+    std::uint64_t control_in_effect = 0;
+    for (const ProxyState& state : session.acknowledgements) {
+      RecordedTick& tick = due_[state.step];
+      tick.answers.push_back(state);
+      const auto update = updates.find(state.acknowledged);
+      if (update == updates.end() || !is_whole(*update->second)) {
+        ++incomplete_;
+        continue;
+      }
+      if (state.control != control_in_effect) {
+        const auto control = session.controls.find(state.control);
+        if (control != session.controls.end()) deliver({control->second}, tick);
+        control_in_effect = state.control;
+      }
+      deliver(update->second->parts, tick);
+    }
+    // The tick that takes the hello is the session's first step.
+    RecordedTick& first = due_[1];
+    std::vector<Datagram> later = std::move(first.received);
+    first.received.clear();
+    deliver(session.hello_parts, first);
+    first.received.insert(first.received.end(), later.begin(), later.end());
+    first.granted = GrantedSession{session.id, session.welcome};
+  }
+
+  RecordedTick take(std::uint64_t step) {
+    RecordedTick tick;
+    if (const auto due = due_.find(step); due != due_.end()) tick = std::move(due->second);
+    tick.session = session_.id;
+    tick.note.tick = step - 1;
+    tick.note.begin = static_cast<double>(step - 1) / rate_;
+    return tick;
+  }
+  std::uint64_t steps() const {
+    return session_.acknowledgements.empty() ? 1 : session_.acknowledgements.back().step;
+  }
+  /// Acknowledged updates that are not delivered.
+  std::uint64_t incomplete() const { return incomplete_; }
+
+ private:
+  void deliver(std::span<const DatagramBytes> parts, RecordedTick& tick) const {
+    for (const DatagramBytes& part : parts) {
+      tick.received.push_back({.peer = session_.client, .bytes = part});
+    }
+  }
+  void deliver(std::initializer_list<DatagramBytes> parts, RecordedTick& tick) const {
+    deliver(std::span(parts.begin(), parts.size()), tick);
+  }
+
+  const RecordedSession& session_;
+  double rate_;                                          ///< Hz.
+  std::unordered_map<std::uint64_t, RecordedTick> due_;  ///< By step.
+  std::uint64_t incomplete_ = 0;
+};
 
 }  // namespace
 
+std::vector<OfflineResult> replay_offline(Recording& recording, const ServoOptions& options,
+                                          std::uint64_t fingerprint, Device* instead,
+                                          const ObserveTick& observe) {
+  RecordedDevice recorded(recording.device());
+  Player player(options, fingerprint, instead != nullptr ? *instead : recorded,
+                instead != nullptr ? nullptr : &recorded, observe);
+  RecordedTick tick;
+  while (recording.next(tick)) player.play(tick);
+  return player.results();
+}
+
 OfflineResult replay_offline(const RecordedSession& session, const ServoOptions& options,
                              std::uint64_t fingerprint, Device& device,
-                             const std::function<void(const TickRecord&)>& observe) {
-  ReplayLink link(session);
-  protocol::ServerSession server(link, {.first_session_id = session.id});
-  const auto servo = std::make_unique<Servo>(options, fingerprint, server, device);
-  const std::uint64_t steps =
-      session.acknowledgements.empty() ? 1 : session.acknowledgements.back().step;
-  Timing timing;
-  for (std::uint64_t step = 1; step <= steps; ++step) {
-    link.begin_step(step);
-    timing.tick = step - 1;
-    timing.scheduled = timing.begin = static_cast<double>(timing.tick) / options.rate;
-    observe(servo->tick(timing));
-  }
-  OfflineResult result = compare(session.acknowledgements, link.states());
-  result.steps = steps;
-  result.incomplete = link.incomplete();
+                             const ObserveTick& observe) {
+  AcknowledgedTicks ticks(session, options.rate);
+  Player player(options, fingerprint, device, nullptr, observe);
+  for (std::uint64_t step = 1; step <= ticks.steps(); ++step) player.play(ticks.take(step));
+  OfflineResult result = player.results().front();
+  result.steps = ticks.steps();
+  result.incomplete = ticks.incomplete();
   return result;
 }
 

@@ -18,13 +18,20 @@ RecordingLink::RecordingLink(DatagramLink& link, Endpoint local,
 
 bool RecordingLink::receive(Datagram& datagram) noexcept {
   if (!link_.receive(datagram)) return false;
-  if (!datagram.dropped) record(datagram.peer, local_, view(datagram.bytes));
+  if (datagram.dropped) return true;
+  record(datagram.peer, local_, view(datagram.bytes));
+  if (received_.size() < received_.capacity()) received_.push_back(datagram.peer.channel);
   return true;
 }
 
 void RecordingLink::send(const Endpoint& to, std::span<const std::byte> bytes) noexcept {
   record(local_, to, bytes);
   link_.send(to, bytes);
+}
+
+void RecordingLink::note(std::span<const std::byte> bytes) noexcept {
+  record(local_, local_, bytes);
+  received_.clear();
 }
 
 void RecordingLink::record(const Endpoint& from, const Endpoint& to,

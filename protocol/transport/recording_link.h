@@ -21,9 +21,11 @@ std::int64_t wall_clock_ns() noexcept;
 /// and sends, as on any link; another may drain the ring at the same time.
 class RecordingLink final : public DatagramLink {
  public:
-  /// Datagrams the ring holds by default, 5 MB: more than a second of the fullest traffic, 64
-  /// contacts at 60 Hz with their acknowledgements. A shorter ring must be drained more often.
-  static constexpr std::size_t kDefaultCapacity = 4096;
+  /// Of received datagrams; more than a server takes in one tick are not listed.
+  using Channels = StaticVector<std::uint32_t, 64>;
+  /// Datagrams the ring holds by default, 20 MB: a quarter of a second of the worst flood that a
+  /// session takes, 64 datagrams a tick. A shorter ring must be drained more often.
+  static constexpr std::size_t kDefaultCapacity = 16384;
 
   /// `local` is this side's endpoint in the capture. `clock` (ns since the epoch, >= 0) is called
   /// in receive() and send(): it must not wait, allocate or throw. `capacity` is in datagrams, > 0.
@@ -35,6 +37,12 @@ class RecordingLink final : public DatagramLink {
   void send(const Endpoint& to, std::span<const std::byte> bytes) noexcept override;
   void keep(const Endpoint& peer) noexcept override { link_.keep(peer); }
   void forget(const Endpoint& peer) noexcept override { link_.forget(peer); }
+
+  /// Records what is no datagram but belongs between those that have passed and those to come: from
+  /// this side to itself, at most kMaxDatagram.
+  void note(std::span<const std::byte> bytes) noexcept;
+  /// Channels of the datagrams received since the latest note, in order.
+  const Channels& received() const noexcept { return received_; }
 
   /// Moves what the ring held at the call to the capture, and flushes that if there was anything.
   /// Returns the number of datagrams. Throws what CaptureWriter::flush throws.
@@ -49,6 +57,7 @@ class RecordingLink final : public DatagramLink {
   Endpoint local_;
   std::function<std::int64_t()> clock_;
   boost::lockfree::spsc_queue<CapturedDatagram> ring_;
+  Channels received_;
   std::atomic<std::uint64_t> lost_{0};
 };
 

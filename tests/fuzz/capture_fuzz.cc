@@ -22,6 +22,15 @@ void replay(const server::RecordedSession& session) {
   ++accepted;
 }
 
+void play(server::Recording& recording) {
+  for (const server::OfflineResult& result :
+       server::replay_offline(recording, {}, 0, nullptr, [](const server::TickRecord& record) {
+         demand(record.F_command.allFinite(), "a command is finite");
+       })) {
+    demand(result.equal <= result.compared, "no more states are equal than there are");
+  }
+}
+
 void read(const std::string& path) {
   try {
     protocol::CaptureReader capture(path);
@@ -29,6 +38,7 @@ void read(const std::string& path) {
       demand(datagram->time_ns >= 0, "stamps are not negative");
       demand(datagram->bytes.size() <= protocol::kMaxDatagram, "datagrams have a largest size");
     }
+    if (auto recording = server::Recording::open(path)) play(*recording);
     for (const server::RecordedSession& session : server::read_sessions(path)) replay(session);
   } catch (const std::runtime_error& error) {
     demand(is_one_line_about(path, error.what()), "an error is one line that names the file");

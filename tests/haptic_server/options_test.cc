@@ -66,16 +66,6 @@ std::string error_of(const std::vector<std::string>& arguments) {
   return parsed.err;
 }
 
-/// The header of a tick log, and one step of a session.
-std::string tick_log() {
-  return "session,step,device_x_m,device_y_m,device_z_m,device_qw,device_qx,device_qy,device_qz,"
-         "device_vx_m_per_s,device_vy_m_per_s,device_vz_m_per_s,device_wx_rad_per_s,"
-         "device_wy_rad_per_s,device_wz_rad_per_s,hand_measured,hand_observed,hand_force_x_N,hand_"
-         "force_y_N,"
-         "hand_force_z_N,hand_torque_x_N_m,hand_torque_y_N_m,hand_torque_z_N_m\n"
-         "1,1,0,0,0,1,0,0,0,0,0,0,0,0,0,1,0,0,0,0,0,0,0\n";
-}
-
 TEST_CASE("An address that cannot be used is named with its option and an example") {
   CHECK_THROWS_WITH(
       resolve_option("--listen", "nowhere"),
@@ -117,7 +107,7 @@ TEST_CASE("A key that the device does not have brings the nearest one, with file
              ContainsSubstring("delay 65 ticks must be 0 to 64 ticks"));
   CHECK_THAT(error_of({"--device", "omega"}),
              ContainsSubstring("--device omega must be one of simulated, forcedimension, "
-                               "openhaptics, haply, haply2diy, replay, list"));
+                               "openhaptics, haply, haply2diy, list"));
   const File other("[device]\ndriver = \"omega\"\n");
   CHECK_THAT(error_of({"--config", other.path()}), ContainsSubstring(":2: driver omega must be"));
 }
@@ -126,11 +116,11 @@ TEST_CASE("A hand belongs to the simulated device alone") {
   const Parsed lost({"--hand", "/nowhere.toml"});
   REQUIRE_FALSE(lost.code);
   CHECK_THROWS_AS(lost.device(), settings::UsageError);
-  CHECK_THAT(error_of({"--device", "replay", "--hand", "/nowhere.toml"}),
-             ContainsSubstring("--hand: device replay has no such key"));
+  CHECK_THAT(error_of({"--device", "haply", "--hand", "/nowhere.toml"}),
+             ContainsSubstring("--hand: device haply has no such key"));
 }
 
-TEST_CASE("Every device has the keys of its workspace, except one that is played back") {
+TEST_CASE("Every device has the keys of its workspace") {
   const File file("[device]\nframe = \"y z x\"\nscale = 2\nown-force-limit = 3\n");
   const Parsed parsed({"--config", file.path()});
   INFO(parsed.err);
@@ -147,27 +137,9 @@ TEST_CASE("Every device has the keys of its workspace, except one that is played
   const Parsed clutched({"--device-option", "clutch=1"});
   CHECK_THROWS_WITH(clutched.device(),
                     "clutch 1 must be one of the 0 buttons of simulated planar device");
-  CHECK_THAT(error_of({"--device", "replay", "--device-option", "frame=y z x"}),
-             ContainsSubstring("frame: device replay has no such key"));
   CHECK_THAT(
       *Parsed({"--device", "openhaptics", "--device-help"}).options.physics.device.information(),
       ContainsSubstring("scheduler-rate Hz") && ContainsSubstring("rotation-scale NUMBER"));
-}
-
-TEST_CASE("The replay device needs its log, and keeps the ratings that the file has") {
-  CHECK_THAT(error_of({"--device", "replay"}), ContainsSubstring("--device-option log=FILE"));
-  const File log(tick_log());
-  const File file("[device]\ndriver = \"simulated\"\nfreedom = \"spatial\"\nmax-force = 7\n");
-  const Parsed parsed(
-      {"--config", file.path(), "--device", "replay", "--device-option", "log=" + log.path()});
-  INFO(parsed.err);
-  REQUIRE_FALSE(parsed.code);
-  CHECK(parsed.device()->ratings().max_force == 7);
-  CHECK(parsed.device()->guided_hand() == nullptr);
-  // A key of neither device is refused all the same.
-  const File wrong("[device]\nfreedon = \"spatial\"\n");
-  CHECK_THAT(error_of({"--config", wrong.path(), "--device", "replay"}),
-             ContainsSubstring("freedon: device replay has no such key"));
 }
 
 TEST_CASE(
@@ -176,11 +148,11 @@ TEST_CASE(
   REQUIRE_FALSE(list.code);
   CHECK_THAT(*list.options.physics.device.information(),
              ContainsSubstring("simulated") && ContainsSubstring("always there") &&
-                 ContainsSubstring("replay") && ContainsSubstring("none connected"));
-  const Parsed help({"--device", "replay", "--device-help"});
+                 ContainsSubstring("haply2diy") && ContainsSubstring("none connected"));
+  const Parsed help({"--device", "haply", "--device-help"});
   REQUIRE_FALSE(help.code);
   CHECK_THAT(*help.options.physics.device.information(),
-             ContainsSubstring("log FILE") && !ContainsSubstring("freedom"));
+             ContainsSubstring("address HOST:PORT") && !ContainsSubstring("freedom"));
   CHECK_THAT(*Parsed({"--device-help"}).options.physics.device.information(),
              ContainsSubstring("mass kg") && ContainsSubstring("0.05 to 1000 kg (default 1)"));
   CHECK_THAT(Parsed({"--help"}).out, !ContainsSubstring("friction-torque"));
@@ -236,20 +208,6 @@ TEST_CASE("The fingerprint changes with whatever moves the proxy otherwise") {
   CHECK(Parsed({"--hand", hand.path()}).fingerprint() ==
         Parsed({"--hand", same.path()}).fingerprint());
   CHECK(Parsed({"--log-level", "off", "--duration", "1"}).fingerprint() == usual);
-}
-
-TEST_CASE("A replay device is made with what the recorded one was, if its ratings are the same") {
-  const File log(tick_log());
-  const Parsed recorded({"--device-option", "friction=0"});
-  const auto replay = [&](const std::string& rating) {
-    return Parsed(
-        {"--device", "replay", "--device-option", "log=" + log.path(), "--device-option", rating});
-  };
-  const Parsed same = replay("max-force=12");
-  CHECK(made_with(recorded.fingerprint(), same.options.physics, *same.device()));
-  const Parsed weaker = replay("max-force=11");
-  CHECK_FALSE(made_with(recorded.fingerprint(), weaker.options.physics, *weaker.device()));
-  CHECK_FALSE(made_with(recorded.fingerprint(), Parsed({}).options.physics, *Parsed({}).device()));
 }
 
 TEST_CASE("A limit above the device's rating is doubtful, and says which is in effect") {

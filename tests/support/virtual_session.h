@@ -9,12 +9,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hlm/device/observed_device.h"
 #include "hlm/device/simulated_device.h"
 #include "hlm/loop/servo.h"
 #include "hlm/protocol/server_session.h"
+#include "hlm/replay/journal.h"
 #include "hlm/transport/recording_link.h"
 #include "hlm/ve/frame.h"
 #include "tests/support/memory_link.h"
@@ -46,6 +48,9 @@ struct VirtualSessionOptions {
   /// after it, s; 0: without waiting.
   double acknowledgement_timeout = 0;
   std::uint64_t seed = 1;
+  /// What stands between the simulated device and the server; empty: nothing.
+  std::function<std::unique_ptr<server::Device>(std::unique_ptr<server::Device>)> wrap_device;
+  bool recorded = false;  ///< Servers note each tick for a replay.
   protocol::TelemetryObserver* telemetry = nullptr;
 };
 
@@ -57,8 +62,9 @@ class VirtualServer {
       : options_(options),
         hand_(hand),
         network_(options.link, seed),
-        link_(network_.server(), MemoryNetwork::kServer,
-              [this] { return static_cast<std::int64_t>(1e9 * network_.time()); }) {
+        link_(
+            network_.server(), MemoryNetwork::kServer,
+            [this] { return static_cast<std::int64_t>(1e9 * network_.time()); }, 4096) {
     start();
   }
 
@@ -69,6 +75,8 @@ class VirtualServer {
     device_ = server::with_hand_observer(
         std::make_unique<server::SimulatedDevice>(options_.device, hand_, dt), options_.observer,
         dt);
+    if (options_.wrap_device) device_ = options_.wrap_device(std::move(device_));
+    if (options_.recorded) server::note_device(link_, *device_);
     session_.emplace(link_, protocol::ServerSessionOptions{.first_session_id = ++starts_});
     servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_);
   }
@@ -81,9 +89,23 @@ class VirtualServer {
     server::Timing timing;
     timing.tick = ticks_++;
     timing.scheduled = timing.begin = now;
+    if (stalls_ > 0) {
+      --stalls_;
+      ++missed_;
+      return nullptr;
+    }
+    timing.missed = std::exchange(missed_, 0);
+    const bool stopped = std::exchange(stopped_, false);
+    if (stopped) servo_->stop();
     last_ = servo_->tick(timing);
+    if (options_.recorded) server::note_tick(link_, timing, stopped, servo_->exchange());
     return &last_;
   }
+
+  /// Misses so many periods.
+  void stall(std::uint64_t periods) { stalls_ += periods; }
+  /// An operator stops the force before the next tick.
+  void stop_force() { stopped_ = true; }
 
   const server::TickRecord& last() const { return last_; }
   server::Servo& servo() { return *servo_; }
@@ -101,6 +123,9 @@ class VirtualServer {
   std::optional<protocol::ServerSession> session_;
   std::unique_ptr<server::Servo> servo_;
   std::uint64_t ticks_ = 0;
+  std::uint64_t stalls_ = 0;
+  std::uint64_t missed_ = 0;
+  bool stopped_ = false;
   server::TickRecord last_;
 };
 
