@@ -220,10 +220,10 @@ class Reader : public CompoundFields<Reader> {
     value = static_cast<std::int64_t>(take<std::uint64_t>());
   }
   void f64(double& value, Sign sign = Sign::kAny) noexcept {
-    check(value = std::bit_cast<double>(take<std::uint64_t>()), sign);
+    check(value = number(std::bit_cast<double>(take<std::uint64_t>())), sign);
   }
   void f64(double& value, Within within) noexcept {
-    check(value = std::bit_cast<double>(take<std::uint64_t>()), within);
+    check(value = number(std::bit_cast<double>(take<std::uint64_t>())), within);
   }
   /// All coordinates of a vector, copied at once: what follows may load several of them together.
   template <class Vector, class Allowed>
@@ -239,10 +239,10 @@ class Reader : public CompoundFields<Reader> {
     }
   }
   void f32(double& value, Sign sign = Sign::kAny) noexcept {
-    check(value = std::bit_cast<float>(take<std::uint32_t>()), sign);
+    check(value = number(std::bit_cast<float>(take<std::uint32_t>())), sign);
   }
   void f32(double& value, Within within) noexcept {
-    check(value = std::bit_cast<float>(take<std::uint32_t>()), within);
+    check(value = number(std::bit_cast<float>(take<std::uint32_t>())), within);
   }
   /// Any value: one that this version does not know is for whoever uses it to skip.
   template <class Enum>
@@ -327,6 +327,8 @@ class Reader : public CompoundFields<Reader> {
     error_ = reason;
     update_error_ = error;
   }
+  /// Zero has no sign: what is allowed from zero on may become a divisor.
+  static double number(double value) noexcept { return value + 0.0; }
   bool check_finite(double value) noexcept {
     if (std::isfinite(value)) return true;
     refuse(DropReason::kNonFinite, UpdateError::kNonFinite);

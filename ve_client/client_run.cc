@@ -97,6 +97,13 @@ std::string names(const std::vector<std::string>& tools) {
 std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::Endpoint& server) {
   if (settings.page.empty()) return nullptr;
   const protocol::Endpoint at = resolved("--page", settings.page, "127.0.0.1:8080");
+  if (!protocol::is_loopback(at) && !settings.insecure) {
+    throw settings::UsageError(
+        "--page " + settings.page +
+        " is not loopback, and the page asks nobody for a key: whoever reaches it "
+        "could move the device. Serve it at 127.0.0.1:8080 and forward that "
+        "port (ssh -L), or, on a closed network, give --insecure");
+  }
   PageServerOptions options;
   const std::string resolved = protocol::to_string(at);
   options.address = resolved.substr(0, resolved.rfind(':'));

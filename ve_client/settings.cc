@@ -118,8 +118,11 @@ class CommandLine {
   void add_page(Table& table) {
     table.group("Live page");
     table.text("page", settings_.page, "ADDRESS:PORT",
-               "Serve the live page there, for example at 127.0.0.1:8080. Other addresses than "
-               "loopback let the network move the device");
+               "Serve the live page there, for example at 127.0.0.1:8080; at other addresses than "
+               "loopback only with --insecure");
+    table.flag("insecure", settings_.insecure,
+               "Serve the page at any address, without a key: whoever reaches it can move the "
+               "device. For closed networks");
     table.text("page-root", settings_.page_root, "FOLDER", "Folder of the page's files");
     table.text(
         "recordings", settings_.recordings, "DIRECTORY",

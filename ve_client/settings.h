@@ -32,6 +32,7 @@ struct Settings {
   double duration = 0;         ///< s; 0: until stopped.
   double connect_timeout = 0;  ///< s; 0: wait for ever.
   std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
+  bool insecure = false;       ///< That may be any address: the page asks nobody for a key.
   std::string page_root;       ///< Folder of its files; empty: where they were built.
   std::string recordings;      ///< Of the server, on this machine; empty: where they usually are.
   NetworkConditions network;

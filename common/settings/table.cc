@@ -38,7 +38,7 @@ std::optional<std::string> read(const std::string& name, const std::string& text
   const auto given = parsed<double>(text);
   if (!given) return must_be(name, text, "a number, " + to_string(range));
   if (auto error = find_error(name, *given, range)) return error;
-  value = *given;
+  value = *given + 0.0;  // Zero has no sign.
   return std::nullopt;
 }
 

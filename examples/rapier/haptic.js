@@ -10,10 +10,10 @@
 //   touch.close();
 //
 // With server: null one is started where none listens; touch.ownServer says so, touch.hold() is its hand. The library is
-// libhaptic.so.1, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+// libhaptic.so.2, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
 import koffi from 'koffi';
 
-const ABI = 1;
+const ABI = 2;
 const MAX_ERROR = 512;
 export const MAX_CONTACTS = 192;
 export const MAX_BODIES = 16;
@@ -51,11 +51,11 @@ koffi.struct('haptic_state', {
 koffi.opaque('haptic_session');
 
 function find() {
-  const name = process.env.HAPTIC_LIBRARY ?? 'libhaptic.so.1';
+  const name = process.env.HAPTIC_LIBRARY ?? 'libhaptic.so.2';
   try {
     return koffi.load(name);
   } catch (error) {
-    throw new Error(`${name}: ${error.message}; HAPTIC_LIBRARY must name libhaptic.so.1 where it is not found`);
+    throw new Error(`${name}: ${error.message}; HAPTIC_LIBRARY must name libhaptic.so.2 where it is not found`);
   }
 }
 

@@ -600,6 +600,12 @@ TEST_CASE("Values out of their range are refused") {
   CHECK(refusal(Control{}, [](Control& c) { c.tuning.stiffness = 0.5; }) == DropReason::kMalformed);
   CHECK(refusal(Control{}, [](Control& c) { c.tuning.restitution = 1.1; }) ==
         DropReason::kMalformed);
+  Control signed_zero;
+  signed_zero.tuned = true;
+  signed_zero.tuning.damping = -0.0;
+  Control received;
+  REQUIRE_FALSE(decode(view(encode(envelope_for<Control>(), signed_zero)), received));
+  CHECK_FALSE(std::signbit(received.tuning.damping));
   CHECK(refusal(Control{}, [](Control& c) { c.X_WTarget.R.w() = 2; }) == DropReason::kMalformed);
   CHECK(refusal(Control{}, [](Control& c) { c.X_WTarget.p.x() = std::nan(""); }) ==
         DropReason::kNonFinite);

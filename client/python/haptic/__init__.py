@@ -30,7 +30,7 @@ from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, NO_LIMIT, Impulse, L
 __all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MOVABLE_BODY", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "sphere"]
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
 JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}

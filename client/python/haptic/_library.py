@@ -7,7 +7,7 @@ import functools
 import os
 import pathlib
 
-ABI = 1
+ABI = 2
 MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_TEXT = 16, 17, 192, 16, 240
 NO_LIMIT = 1e9  # rad or m: a joint's limit that is none
 
@@ -48,9 +48,9 @@ def _candidates(stem: str, variable: str) -> list[str]:
     if named := os.environ.get(variable):
         return [named]
     if stem != "libhaptic" and (named := os.environ.get("HAPTIC_LIBRARY")):
-        return [str(pathlib.Path(named).with_name(f"{stem}.so.1"))]
-    beside = pathlib.Path(__file__).resolve().parent / f"{stem}.so.1"
-    return ([str(beside)] if beside.exists() else []) + [f"{stem}.so.1"]
+        return [str(pathlib.Path(named).with_name(f"{stem}.so.{ABI}"))]
+    beside = pathlib.Path(__file__).resolve().parent / f"{stem}.so.{ABI}"
+    return ([str(beside)] if beside.exists() else []) + [f"{stem}.so.{ABI}"]
 
 
 def _found(stem: str, variable: str) -> tuple[ctypes.CDLL, str]:

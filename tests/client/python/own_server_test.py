@@ -182,7 +182,7 @@ class NotStarted(unittest.TestCase):
 
     def test_where_there_is_no_program_the_places_are_listed(self):
         with tempfile.TemporaryDirectory() as folder:
-            beside = pathlib.Path(folder) / "build/ve_client/libhaptic.so"
+            beside = pathlib.Path(folder) / "build/client/libhaptic.so"
             beside.parent.mkdir(parents=True)
             beside.write_bytes(LIBRARY.read_bytes())
             error = self.says(HAPTIC_LIBRARY=str(beside), PATH=folder)

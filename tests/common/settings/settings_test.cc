@@ -184,6 +184,12 @@ TEST_CASE("A value out of range is named with its option and what is allowed") {
         "mill: --engine-option power 200 W must be 0 to 100 W\n");
 }
 
+TEST_CASE("Zero has no sign: what is divided by it would be infinitely wrong") {
+  Mill mill;
+  REQUIRE_FALSE(mill.parse({"--engine-option", "power=-0.0"}).has_value());
+  CHECK_FALSE(std::signbit(mill.engine.power));
+}
+
 TEST_CASE("An unknown option brings the nearest known one") {
   CHECK(error_of({"--grain-siez", "1"}) ==
         "mill: unknown option --grain-siez; did you mean '--grain-size'?\n");

@@ -1,0 +1,73 @@
+// The C interface is what its number promises: a program that was compiled with HAPTIC_ABI n finds its
+// structures as they were. Who changes one raises the number and writes the new layout here.
+#include <cstddef>
+#include <map>
+#include <sstream>
+#include <string>
+
+#include <haptic.h>
+#include <haptic_proximity.h>
+
+#include "tests/support/catch.h"
+
+namespace {
+
+std::string layout() {
+  std::ostringstream text;
+#define STRUCT(name) text << "\n" #name << ' ' << sizeof(haptic_##name) << ':'
+#define FIELD(name, field) text << ' ' << #field << ' ' << offsetof(haptic_##name, field)
+  STRUCT(link);
+  FIELD(link, parent), FIELD(link, joint), FIELD(link, position), FIELD(link, rotation);
+  FIELD(link, axis), FIELD(link, mass), FIELD(link, centre), FIELD(link, inertia);
+  FIELD(link, lower), FIELD(link, upper);
+  STRUCT(options);
+  FIELD(options, server), FIELD(options, key_file), FIELD(options, links);
+  FIELD(options, link_count), FIELD(options, hand_link), FIELD(options, hand_position);
+  FIELD(options, hand_rotation), FIELD(options, gravity), FIELD(options, length);
+  FIELD(options, q), FIELD(options, rate), FIELD(options, epsilon), FIELD(options, clears_fault);
+  STRUCT(contact);
+  FIELD(contact, identity), FIELD(contact, pair), FIELD(contact, axis), FIELD(contact, a_kind);
+  FIELD(contact, b_kind), FIELD(contact, a_index), FIELD(contact, b_index), FIELD(contact, point);
+  FIELD(contact, normal), FIELD(contact, separation), FIELD(contact, velocity);
+  FIELD(contact, friction), FIELD(contact, load), FIELD(contact, plane);
+  STRUCT(body);
+  FIELD(body, id), FIELD(body, round), FIELD(body, centre), FIELD(body, velocity);
+  FIELD(body, inverse_inertia), FIELD(body, acceleration), FIELD(body, axis);
+  STRUCT(impulse);
+  FIELD(impulse, body), FIELD(impulse, reserved), FIELD(impulse, impulse);
+  STRUCT(state);
+  FIELD(state, connected), FIELD(state, began), FIELD(state, lost), FIELD(state, fresh);
+  FIELD(state, step), FIELD(state, acknowledged), FIELD(state, q_count), FIELD(state, v_count);
+  FIELD(state, q), FIELD(state, v), FIELD(state, contact_wrench), FIELD(state, command);
+  FIELD(state, device_position), FIELD(state, device_rotation), FIELD(state, server);
+  FIELD(state, active), FIELD(state, predicted), FIELD(state, buttons), FIELD(state, gripper);
+  FIELD(state, round_trip), FIELD(state, servo_rate), FIELD(state, message);
+  STRUCT(shape);
+  FIELD(shape, kind), FIELD(shape, side), FIELD(shape, index), FIELD(shape, group);
+  FIELD(shape, mask), FIELD(shape, vertex_count), FIELD(shape, size), FIELD(shape, vertices);
+  STRUCT(pose);
+  FIELD(pose, position), FIELD(pose, rotation);
+#undef STRUCT
+#undef FIELD
+  return text.str();
+}
+
+/// Sizes and offsets in bytes, by HAPTIC_ABI, on a machine of 64 bits.
+const std::map<int, std::string> kLayouts{{2, R"(
+link 208: parent 0 joint 4 position 8 rotation 32 axis 64 mass 88 centre 96 inertia 120 lower 192 upper 200
+options 288: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280
+contact 128: identity 0 pair 8 axis 12 a_kind 14 b_kind 15 a_index 16 b_index 20 point 24 normal 48 separation 72 velocity 80 friction 104 load 112 plane 120
+body 440: id 0 round 4 centre 8 velocity 32 inverse_inertia 80 acceleration 368 axis 416
+impulse 56: body 0 reserved 4 impulse 8
+state 736: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 gripper 472 round_trip 480 servo_rate 488 message 496
+shape 56: kind 0 side 4 index 8 group 12 mask 16 vertex_count 20 size 24 vertices 48
+pose 56: position 0 rotation 24)"}};
+
+TEST_CASE("Structures of the C interface are those of its number, HAPTIC_ABI") {
+  REQUIRE(kLayouts.count(HAPTIC_ABI) == 1);
+  INFO("a changed structure needs another HAPTIC_ABI, and its layout here");
+  CHECK(layout() == kLayouts.at(HAPTIC_ABI));
+  CHECK(haptic_abi() == HAPTIC_ABI);
+}
+
+}  // namespace
