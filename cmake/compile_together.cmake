@@ -1,0 +1,32 @@
+# Six files of a library are compiled as one, which includes them. CMake's own unity builds name them by
+# absolute paths, so that no clone could use what ccache holds of another.
+
+# Except those with compile options of their own, and with the property COMPILED_ALONE.
+function(compile_together target)
+  get_target_property(sources ${target} SOURCES)
+  set(together "")
+  foreach(source IN LISTS sources)
+    get_source_file_property(alone ${source} COMPILED_ALONE)
+    get_source_file_property(options ${source} COMPILE_OPTIONS)
+    if(source MATCHES "\\.cc$" AND NOT alone AND NOT options)
+      list(APPEND together ${source})
+    endif()
+  endforeach()
+
+  list(LENGTH together count)
+  set(first 0)
+  while(first LESS count)
+    list(SUBLIST together ${first} 6 batch)
+    set(merged ${CMAKE_CURRENT_BINARY_DIR}/${target}_${first}.cc)
+    set(text "")
+    foreach(source IN LISTS batch)
+      cmake_path(ABSOLUTE_PATH source NORMALIZE OUTPUT_VARIABLE path)
+      file(RELATIVE_PATH path ${CMAKE_CURRENT_BINARY_DIR} ${path})
+      string(APPEND text "#include \"${path}\"\n")
+    endforeach()
+    file(CONFIGURE OUTPUT ${merged} CONTENT "${text}")
+    set_source_files_properties(${batch} PROPERTIES HEADER_FILE_ONLY ON)
+    target_sources(${target} PRIVATE ${merged})
+    math(EXPR first "${first} + 6")
+  endwhile()
+endfunction()
