@@ -77,9 +77,14 @@ if(HLM_VE_CLIENT)
 endif()
 install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
 
-# bash-completion reads the programs' --help.
+# bash-completion asks the programs for their options.
 foreach(program haptic_doctor haptic_keygen haptic_replay haptic_server ve_client)
-  file(CONFIGURE OUTPUT completions/${program} CONTENT "complete -F _longopt ${program}\n")
+  file(CONFIGURE OUTPUT completions/${program} CONTENT "_${program}() {
+  local options
+  options=\$(${program} --help-all 2>/dev/null || ${program} --help)
+  mapfile -t COMPREPLY < <(compgen -W \"\$(grep -oE -- '--[a-z-]+' <<<\"\$options\" | sort -u)\" -- \"\$2\")
+}
+complete -o default -F _${program} ${program}\n")
   install(FILES ${PROJECT_BINARY_DIR}/completions/${program}
     DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
 endforeach()
@@ -94,7 +99,7 @@ function(manual_page program purpose)
   add_custom_command(OUTPUT ${page}.gz
     COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
     COMMAND ${HELP2MAN} --no-info --locale C.UTF-8 --name ${purpose} --output ${page}
-      $<TARGET_FILE:${program}>
+      --help-option $<IF:$<STREQUAL:${program},haptic_keygen>,--help,--help-all> $<TARGET_FILE:${program}>
     COMMAND gzip -9nf ${page}
     DEPENDS ${program} VERBATIM)
   add_custom_target(${program}_man ALL DEPENDS ${page}.gz)

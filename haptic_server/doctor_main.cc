@@ -248,7 +248,8 @@ int main(int argc, char** argv) {
       {.name = "haptic_doctor",
        .purpose = "Finds out whether machine, network and device can render force, and why none is "
                   "felt.",
-       .footer = server::kFooter});
+       .footer = server::kFooter,
+       .usual = {"server", "key-file", "check", "json", "report", "push", "force-limit"}});
   add_doctor_options(command_line, options);
   return server::run_program(
       "haptic_doctor", command_line, options.physics, argc, argv,

@@ -238,7 +238,8 @@ int main(int argc, char** argv) {
       {.name = "haptic_server",
        .purpose = "Runs the local model of interaction with a haptic device at a fixed rate, on "
                   "contacts that a client sends over UDP.",
-       .footer = server::kFooter});
+       .footer = server::kFooter,
+       .usual = {"listen", "key-file", "stiffness", "force-limit", "record", "log", "realtime"}});
   add_options(command_line, options);
   return server::run_program(
       "haptic_server", command_line, options.physics, argc, argv, [&] { check(options); },

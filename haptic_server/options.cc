@@ -19,11 +19,11 @@ void add_servo_options(Table& table, ServoOptions& o) {
   LocalModelParameters& local = o.local_model;
   table.group("Contacts");
   table.choice("update-rule", local.update_rule, "How contacts carry over an update");
-  table.choice("collision-rule", local.collision_rule, "How simultaneous collisions are resolved");
-  table.choice("contact-step", local.contact_step, "How contact forces are integrated");
-  table.numbers(local, kLocalModelNumbers);
-  table.whole("recovery-steps", local.recovery_steps, kRecoverySteps,
-              "Steps over which rule plane_recovery ramps a contact to its reported place");
+  // What only comparisons change is for experiments to set: the collision rule, the contact step, the
+  // limits that are infinite otherwise.
+  for (const NumberOf<LocalModelParameters>& each : kLocalModelNumbers) {
+    if (std::isfinite(LocalModelParameters{}.*each.number)) table.number(local, each);
+  }
   table.group("Controller");
   table.number("rate", o.rate, kServoRates, "Rate of local model and device control");
   table.choice("controller", o.controller,

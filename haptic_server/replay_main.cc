@@ -270,7 +270,9 @@ int main(int argc, char** argv) {
       {.name = "haptic_replay",
        .purpose = "Plays a recorded stream of contact packets into a running server, or, with "
                   "--offline, on the local model in virtual time.",
-       .footer = server::footer()});
+       .footer = server::footer(),
+       .usual = {"offline", "server", "key-file", "session", "speed", "simulate", "receipt",
+                 "ticks"}});
   server::add_replay_options(command_line, options);
   return server::run_program(
       "haptic_replay", command_line, options.physics, argc, argv,

@@ -88,6 +88,7 @@ class Arguments {
 CommandLine::CommandLine(Program program) : program_(std::move(program)) {
   own_.group("General");
   own_.flag("help", help_, "Print this and end");
+  if (!program_.usual.empty()) own_.flag("help-all", help_all_, "The same, with every option");
   own_.flag("version", version_, "Print the version and end");
   own_.file("config", config_, "Read settings from this file, written as --print-config does");
   own_.flag("print-config", print_config_, "Print all settings as a configuration file and end");
@@ -108,8 +109,9 @@ std::optional<int> CommandLine::parse(int argc, const char* const* argv,
                                       const std::function<void()>& check) {
   try {
     const std::vector<Assignment> arguments = read_arguments(argc, argv);
-    if (help_ || version_) {
-      std::cout << (help_ ? help() : program_.name + " " HLM_VERSION "\n");
+    if (help_ || help_all_ || version_) {
+      const bool all = help_all_ || program_.usual.empty();
+      std::cout << (version_ ? program_.name + " " HLM_VERSION "\n" : help(all));
       return 0;
     }
     std::vector<Assignment> assignments = read_file();
@@ -154,7 +156,7 @@ std::vector<Assignment> CommandLine::read_arguments(int argc, const char* const*
       assignments.push_back({section_->name, found.key, values, prefixed(found.name), false});
     }
   }
-  if (help_ || version_) return {};
+  if (help_ || help_all_ || version_) return {};
   if (!rest.empty()) refuse_arguments(rest);
   if (positional_ && !positional_->optional && positional_->value->empty()) {
     throw UsageError(positional_->name + " is missing: " + positional_->help);
@@ -233,16 +235,26 @@ std::string CommandLine::configuration() const {
   return text;
 }
 
-std::string CommandLine::help() const {
+std::string CommandLine::help(bool all) const {
   std::string text = "Usage: " + program_.name + " [OPTIONS]";
   if (positional_) {
     text += positional_->optional ? " [" + positional_->name + ']' : ' ' + positional_->name;
   }
   text += "\n\n" + wrapped(program_.purpose);
   if (positional_) text += '\n' + help_line(positional_->name, positional_->help);
+  text += help_of(own_, "--");
   std::map<std::string, std::string> additions;
   if (section_) additions[section_->group] = section_help();
-  return text + help_of(own_, "--") + help_of(table_, "--", additions) + '\n' + program_.footer;
+  if (all) {
+    text += help_of(table_, "--", additions);
+  } else {
+    text += "\nUsual options, of " + std::to_string(table_.settings().size()) + ":\n";
+    for (const std::string& key : program_.usual) {
+      if (const Setting* setting = table_.find(key)) text += help_of(*setting, "--");
+    }
+    if (section_) text += section_help();
+  }
+  return text + '\n' + program_.footer;
 }
 
 std::string CommandLine::section_help() const {

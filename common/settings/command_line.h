@@ -1,5 +1,5 @@
 // The one way in which the programs take their settings: from the command line or a configuration
-// file, with --help, --version, --config and --print-config.
+// file, with --help, --help-all, --version, --config and --print-config.
 #pragma once
 
 #include <functional>
@@ -17,6 +17,9 @@ struct Program {
   std::string name;
   std::string purpose;  ///< A sentence.
   std::string footer;   ///< Examples and exit codes, as printed.
+  /// Keys of the settings that most people need, in that order: --help shows these and --help-all
+  /// the others, too. Empty: --help shows all.
+  std::vector<std::string> usual = {};
 };
 
 /// A table of its own in configuration files, whose keys are known only when another of its keys
@@ -69,7 +72,8 @@ class CommandLine {
   std::optional<int> parse(
       int argc, const char* const* argv, const std::function<void()>& check = [] {});
 
-  std::string help() const;
+  /// all: with every setting; otherwise the usual ones.
+  std::string help(bool all) const;
   /// Whether --print-config was given.
   bool prints_configuration() const { return print_config_; }
 
@@ -99,6 +103,7 @@ class CommandLine {
   std::string config_;
   bool print_config_ = false;
   bool help_ = false;
+  bool help_all_ = false;
   bool version_ = false;
   bool ignore_unknown_keys_ = false;
 };

@@ -285,6 +285,12 @@ std::string help_line(const std::string& name, const std::string& description) {
   return head + body.substr(width(head));
 }
 
+std::string help_of(const Setting& setting, const std::string& prefix) {
+  const std::string name = prefix + setting.key;
+  return help_line(setting.count == 0 ? name : name + ' ' + setting.placeholder,
+                   description_of(setting));
+}
+
 std::string help_of(const Table& table, const std::string& prefix,
                     const std::map<std::string, std::string>& additions) {
   std::string text;
@@ -295,9 +301,7 @@ std::string help_of(const Table& table, const std::string& prefix,
       const auto addition = additions.find(group);
       text += '\n' + group + ":\n" + (addition == additions.end() ? "" : addition->second);
     }
-    const std::string name = prefix + setting.key;
-    text += help_line(setting.count == 0 ? name : name + ' ' + setting.placeholder,
-                      description_of(setting));
+    text += help_of(setting, prefix);
   }
   return text;
 }

@@ -126,6 +126,8 @@ std::string wrapped(const std::string& text, std::size_t indent = 0);
 /// One entry of a help text.
 std::string help_line(const std::string& name, const std::string& description);
 
+/// The entry of one setting. prefix: of its name, "--" or "".
+std::string help_of(const Setting& setting, const std::string& prefix);
 /// The entries of a table under their groups' headings. prefix: of each name, "--" or "".
 /// additions: entries that begin the group of that heading.
 std::string help_of(const Table& table, const std::string& prefix,

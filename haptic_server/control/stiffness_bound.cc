@@ -91,7 +91,7 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
   constexpr const char* kOtherwise = "--keep-stiffness leaves it as asked for";
   if (feels_contacts(kind)) {
     return fmt::format(
-        "contacts of {:.5g} N/m together are {}; --max-hand-stiffness {:.5g} N/m is in "
+        "contacts of {:.5g} N/m together are {}; max hand stiffness {:.5g} N/m is in "
         "effect; {}",
         felt.stiffness, cause, contacts.max_hand_stiffness, kOtherwise);
   }

@@ -6,10 +6,10 @@
 namespace hlm::protocol {
 
 std::int64_t wall_clock_ns() noexcept {
-  constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
+  constexpr std::int64_t kSecond = 1'000'000'000;
   timespec now{};
   clock_gettime(CLOCK_REALTIME, &now);
-  return now.tv_sec * kNanosecondsPerSecond + now.tv_nsec;
+  return now.tv_sec * kSecond + now.tv_nsec;
 }
 
 RecordingLink::RecordingLink(DatagramLink& link, Endpoint local,

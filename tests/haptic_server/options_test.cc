@@ -155,7 +155,7 @@ TEST_CASE(
              ContainsSubstring("address HOST:PORT") && !ContainsSubstring("freedom"));
   CHECK_THAT(*Parsed({"--device-help"}).options.physics.device.information(),
              ContainsSubstring("mass kg") && ContainsSubstring("0.05 to 1000 kg (default 1)"));
-  CHECK_THAT(Parsed({"--help"}).out, !ContainsSubstring("friction-torque"));
+  CHECK_THAT(Parsed({"--help-all"}).out, !ContainsSubstring("friction-torque"));
 }
 
 TEST_CASE("The printed configuration gives the same server, bit for bit") {
@@ -193,7 +193,7 @@ TEST_CASE("The fingerprint changes with whatever moves the proxy otherwise") {
                                                       {"--rate", "999"},
                                                       {"--controller", "direct"},
                                                       {"--force-limit", "11"},
-                                                      {"--recovery-steps", "11"},
+                                                      {"--healing-speed", "0"},
                                                       {"--silence-time", "0.26"},
                                                       {"--device-option", "mass=2"},
                                                       {"--device-option", "friction=0"},

@@ -132,11 +132,17 @@ TEST_CASE("What --print-config prints is a configuration file with the same effe
 }
 
 TEST_CASE("Help names the units") {
-  const Parsed help = parse({"--help"});
+  const Parsed help = parse({"--help-all"});
   CHECK(help.arguments.exit_code == 0);
   CHECK_THAT(help.out, ContainsSubstring("--delay s") && ContainsSubstring("0 to 1 s") &&
                            ContainsSubstring("1 to 1000 Hz") && ContainsSubstring("0 to 0.2 m") &&
                            ContainsSubstring("3 the server never"));
+}
+
+TEST_CASE("--help shows what most people need, and says where the rest is") {
+  const Parsed help = parse({"--help"});
+  CHECK_THAT(help.out, ContainsSubstring("--world FILE") && ContainsSubstring("--help-all") &&
+                           !ContainsSubstring("--follow-damping"));
 }
 
 }  // namespace
