@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Draws one picture of a session from the tick log that haptic_server writes."""
 
-import argparse
 import math
 import sys
 
@@ -12,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 
+from arguments import Arguments
 from plot_input import (
     InputError,
     phases_from_hand,
@@ -364,7 +364,7 @@ def draw(log, world, phases):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Arguments(__doc__)
     parser.add_argument("log", help="tick log (CSV) of haptic_server")
     parser.add_argument("picture", help="picture to write (PNG)")
     parser.add_argument("--world", help="SDF file whose bodies are drawn where they begin")

@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Makes one self-contained HTML page of what the experiments have written."""
 
-import argparse
 import base64
 import collections
 import csv
@@ -18,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 
+from arguments import Arguments
 from plot_input import read_starts, read_world
 
 TESTBED = pathlib.Path(__file__).resolve().parent.parent / "worlds/testbed.sdf"
@@ -758,7 +758,7 @@ def page(folder, commit):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Arguments(__doc__)
     parser.add_argument("folder", type=pathlib.Path, help="folder that the experiments wrote to")
     parser.add_argument("--commit", default="unknown", help="of the sources")
     arguments = parser.parse_args()
