@@ -176,8 +176,9 @@ void run_server(ServerOptions& options) {
   const auto servo = std::make_unique<Servo>(
       options.physics.servo, fingerprint(options.physics, *device), session, *device);
 
-  EventLog events;
-  DropLog drops;
+  const auto clock = [&loop] { return loop.elapsed(); };
+  EventLog events(clock);
+  DropLog drops(clock);
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;

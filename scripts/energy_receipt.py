@@ -1,16 +1,15 @@
 #!/usr/bin/env python3
 """Checks a receipt of haptic_replay --receipt against the tick log of the same session.
 
-Usage: energy_receipt.py TICKS.csv RECEIPT.csv [SCALE]
-
 From the commanded wrenches and the poses of the handle in the tick log it adds up what the device port gave and took
-between updates, by itself, and compares. SCALE: that of the device, metres in the world for each metre of the handle,
-1 unless given. Exit status 1 if any line differs by more than 1e-9 J.
+between updates, by itself, and compares. Exit status 1 if any line differs by more than 1e-9 J.
 """
 
 import csv
 import math
 import sys
+
+from arguments import Arguments
 
 TOLERANCE = 1e-9  # J
 
@@ -56,7 +55,7 @@ def receipt_of(ticks, scale):
             continue
         if before is not None and before["session"] == row["session"]:
             if int(row["step"]) != int(before["step"]) + 1:
-                sys.exit(f"the tick log lacks the steps between {before['step']} and {row['step']}")
+                sys.exit(f"energy_receipt.py: the tick log lacks the steps between {before['step']} and {row['step']}")
             passed = work(before, row, scale)
             given += max(passed, 0)
             taken += max(-passed, 0)
@@ -69,20 +68,40 @@ def receipt_of(ticks, scale):
     return lines, total
 
 
-def main():
-    ticks, receipt, *given = sys.argv[1:]
-    scale = float(given[0]) if given else 1.0
-    with open(ticks, encoding="utf-8") as file:
+def compare(ticks, receipt, scale):
+    """(totals of the own receipt, lines of the other one, the largest difference between the two, J)"""
+    with open(ticks, encoding="utf-8", newline="") as file:
         own, total = receipt_of(csv.DictReader(file), scale)
-    with open(receipt, encoding="utf-8") as file:
+    with open(receipt, encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     largest = 0.0
     for row in rows:
         key = row["session"], row["step"]
         if key not in own:
-            sys.exit(f"{ticks} has no update in step {row['step']} of session {row['session']}")
+            sys.exit(f"energy_receipt.py: {ticks} has no update in step {row['step']} of session {row['session']}")
         for mine, column in zip(own[key], ("given_J", "taken_J")):
             largest = max(largest, abs(mine - float(row[column])))
+    return total, rows, largest
+
+
+def main():
+    parser = Arguments(__doc__)
+    parser.add_argument("ticks", metavar="TICKS.csv", help="tick log of haptic_server")
+    parser.add_argument("receipt", metavar="RECEIPT.csv", help="what haptic_replay --receipt wrote")
+    parser.add_argument("scale", metavar="SCALE", type=float, nargs="?", default=1.0,
+                        help="of the device: metres in the world for each metre of the handle; default %(default)s")
+    options = parser.parse_args()
+    if not 0 < options.scale < math.inf:
+        parser.error(f"SCALE '{options.scale}' must be a number above 0")
+    try:
+        total, rows, largest = compare(options.ticks, options.receipt, options.scale)
+    except OSError as error:
+        sys.exit(f"energy_receipt.py: {error.filename}: cannot be read: {error.strerror}")
+    except KeyError as error:
+        sys.exit(f"energy_receipt.py: {options.ticks} and {options.receipt} must be a tick log and a receipt: "
+                 f"column {error} is missing")
+    except (TypeError, ValueError, csv.Error) as error:
+        sys.exit(f"energy_receipt.py: {options.ticks} and {options.receipt} must be a tick log and a receipt: {error}")
     print(f"{len(rows)} updates, given {total[0]:.9g} J, taken {total[1]:.9g} J, largest difference {largest:.2g} J")
     sys.exit(0 if rows and largest <= TOLERANCE else 1)
 

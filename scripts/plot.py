@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Draws one picture of a session from the tick log that haptic_server writes."""
 
-import argparse
 import math
 import sys
 
@@ -10,8 +9,10 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Polygon
 
+from arguments import Arguments
 from plot_input import (
     InputError,
     phases_from_hand,
@@ -45,8 +46,9 @@ MARK = "#e63946"
 SAME_PLACE = 0.012
 # Length of the close-up, s.
 CLOSE_UP = 2.0
-# Forces within this of the session's last one, N, count as constant.
-CONSTANT_FORCE = 0.1
+# A force whose components stay within this for one SLOT, N, is constant there.
+CONSTANT_FORCE = 0.05
+SLOT = 0.1  # s
 # Smallest drift shown, mm: 0 has no place on a logarithmic axis.
 LEAST_DRIFT = 1e-3
 # Smallest ranges shown: less is at rest, or nothing.
@@ -185,8 +187,7 @@ def draw_view(axes, log, world, phases):
     for i, names in marked_ticks(log, phases, (along, across)):
         pose = tool_pose(log, i)
         for shape in world.held if world else []:
-            outline = 1e3 * shape.moved(pose).outline(view)
-            axes.add_patch(Polygon(outline, fill=False, edgecolor="#f4a261", linewidth=1))
+            draw_shape(axes, shape.moved(pose), view, edgecolor="#f4a261")
         x, y = 1e3 * pose[view, 3]
         axes.plot(x, y, "o", color=MARK, markersize=4, zorder=5)
         offset = dict(xytext=(6, 6), textcoords="offset points", zorder=5)
@@ -200,6 +201,8 @@ def draw_view(axes, log, world, phases):
     title = f"Seen from {'above' if planar else 'the side'}. Numbers: where each phase begins"
     if world and world.loose:
         title += "\ndashed: what moves, where it begins"
+    if world and world.left_out:
+        title += "\nnot drawn: " + ", ".join(sorted(set(world.left_out)))
     axes.set_title(title)
 
 
@@ -213,7 +216,7 @@ def draw_bodies(axes, world, view):
         named = set()
         for body in bodies:
             outline = 1e3 * body.shape.outline(view)
-            axes.add_patch(Polygon(outline, **style))
+            draw_shape(axes, body.shape, view, **style)
             if body.name not in named:
                 centre = tuple(np.round((outline.min(axis=0) + outline.max(axis=0)) / 2))
                 names.setdefault(centre, []).append(body.name.replace("_", " "))
@@ -221,6 +224,18 @@ def draw_bodies(axes, world, view):
     for centre, those in names.items():
         style = dict(ha="center", va="center", fontsize=9, color="#555555", clip_on=True)
         axes.text(*centre, "\n".join(those), **style)
+
+
+def draw_shape(axes, shape, view, edgecolor, facecolor="none", linestyle="-"):
+    """Of a mesh its triangles, and the edges at which those that face the viewer end."""
+    if shape.triangles is None:
+        outline = 1e3 * shape.outline(view)
+        axes.add_patch(Polygon(outline, facecolor=facecolor, edgecolor=edgecolor, linestyle=linestyle, linewidth=1))
+        return
+    triangles, edges = (1e3 * part for part in shape.contours(view))
+    if facecolor != "none":
+        axes.add_collection(PolyCollection(triangles, facecolor=facecolor, edgecolor=facecolor, linewidth=0.5, zorder=1))
+    axes.add_collection(LineCollection(edges, colors=edgecolor, linestyle=linestyle, linewidth=0.8, zorder=1))
 
 
 def tool_pose(log, tick):
@@ -248,24 +263,40 @@ def marked_ticks(log, phases, axes):
     return marks
 
 
+def find_close_up(log):
+    """(when a stretch of CLOSE_UP begins; whether the force changes in it): the latest of those in which it changes
+    most of the time, with the force fully on; (None, False) without a session."""
+    time = log["time_s"]
+    on = np.flatnonzero((log["session"] > 0) & (log["server_state"] == "active"))
+    if not len(on):
+        on = np.flatnonzero(log["session"] > 0)
+    if not len(on):
+        return None, False
+    slots = ((time[on] - time[on[0]]) / SLOT).astype(int)
+    starts = np.flatnonzero(np.diff(slots, prepend=-1))
+    forces = np.array([log[f"command_force_{axis}_N"][on] for axis in "xyz"])
+    swing = np.maximum.reduceat(forces, starts, axis=1) - np.minimum.reduceat(forces, starts, axis=1)
+    changing = np.zeros(slots[-1] + 1)
+    changing[slots[starts]] = swing.max(axis=0) > CONSTANT_FORCE
+    width = min(round(CLOSE_UP / SLOT), len(changing))
+    changes = np.convolve(changing, np.ones(width), "valid")
+    chosen = np.flatnonzero(changes == changes.max())[-1]
+    return time[on[0]] + chosen * SLOT, changes[chosen] > 0
+
+
 def draw_close_up(position, force, log):
-    """The end of the last session, without its tail of constant force, along the axis of the
-    largest force there."""
-    session = np.flatnonzero(log["session"] > 0)
-    if not len(session):
+    """A stretch of changing force, along the axis of the largest change there."""
+    begin, changes = find_close_up(log)
+    if begin is None:
         position.axis("off")
         force.axis("off")
         return
-    forces = np.array([log[f"command_force_{axis}_N"][session] for axis in "xyz"])
-    changing = np.linalg.norm(forces - forces[:, -1:], axis=0) > CONSTANT_FORCE
-    last = session[changing][-1] if changing.any() else session[-1]
-    end = log["time_s"][last]
-    shown = (log["session"] > 0) & (abs(log["time_s"] - end + CLOSE_UP / 2) < CLOSE_UP / 2)
+    shown = (log["session"] > 0) & (log["time_s"] >= begin) & (log["time_s"] <= begin + CLOSE_UP)
     part = {name: values[shown] for name, values in log.items()}
     axis = max("xyz", key=lambda a: np.ptp(part[f"command_force_{a}_N"]))
     draw_positions(position, part, axis, least=0)
     draw_force(force, part, axis)
-    position.set_title(f"Close-up: the last {CLOSE_UP:g} s of changing force")
+    position.set_title(f"Close-up: {CLOSE_UP:g} s of " + ("changing force" if changes else "constant force, the last of it"))
     force.set_xlabel("time since the server started, s")
     for axes in (position, force):
         axes.grid(alpha=0.3)
@@ -364,7 +395,7 @@ def draw(log, world, phases):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Arguments(__doc__)
     parser.add_argument("log", help="tick log (CSV) of haptic_server")
     parser.add_argument("picture", help="picture to write (PNG)")
     parser.add_argument("--world", help="SDF file whose bodies are drawn where they begin")

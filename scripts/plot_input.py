@@ -3,6 +3,7 @@
 import csv
 import itertools
 import math
+import pathlib
 import tomllib
 import xml.etree.ElementTree as xml
 from dataclasses import dataclass
@@ -39,21 +40,37 @@ class Phase:
 
 @dataclass
 class Shape:
-    """A body's shape in its owner's frame: what is within `radius` of the hull of `points` (Nx3), m."""
+    """A body's shape in its owner's frame: what is within `radius` of the hull of `points` (Nx3), m; or, if it
+    has `triangles` (Mx3, indices of points), these."""
 
     points: np.ndarray
     radius: float = 0.0
+    triangles: np.ndarray | None = None
 
     def moved(self, pose):
         """In the frame in which the owner has that pose (4x4)."""
-        return Shape(self.points @ pose[:3, :3].T + pose[:3, 3], self.radius)
+        return Shape(self.points @ pose[:3, :3].T + pose[:3, 3], self.radius, self.triangles)
 
     def outline(self, view):
-        """Corners (Nx2, m) of what is seen of it; `view`: the indices of the two axes that are shown."""
+        """Corners (Nx2, m) of the convex outline of what is seen of it; `view`: the indices of the two axes that
+        are shown."""
         seen = self.points[:, view]
         if self.radius > 0:
             seen = np.concatenate([point + self.radius * CIRCLE for point in seen])
         return hull(seen)
+
+    def contours(self, view):
+        """What is seen of the triangles: (corners of each, Mx3x2; the edges at which those that face the viewer
+        end, Nx2x2), m."""
+        corners = self.points[self.triangles][:, :, view]
+        (ax, ay), (bx, by) = ((corners[:, i] - corners[:, 0]).T for i in (1, 2))
+        faces_us = ax * by > bx * ay
+        ends = {}  # of each edge: of how many triangles that face us, and of how many others
+        for triangle, front in zip(self.triangles, faces_us):
+            for a, b in zip(triangle, np.roll(triangle, -1)):
+                ends.setdefault((min(a, b), max(a, b)), [0, 0])[0 if front else 1] += 1
+        edges = [edge for edge, (front, back) in ends.items() if front == 1 or front + back == 1]
+        return corners, self.points[np.array(edges, int).reshape(-1, 2)][:, :, view]
 
 
 @dataclass
@@ -65,7 +82,7 @@ class Body:
 @dataclass
 class World:
     """What does not move, loose bodies and the tool's other links, all where they begin; the link that the
-    hand holds, in the hand's frame; and what the world says of itself."""
+    hand holds, in the hand's frame; what the world says of itself; and what is not drawn of it, in words."""
 
     name: str
     description: str
@@ -74,9 +91,16 @@ class World:
     loose: list
     links: list
     held: list
+    left_out: list
 
 
 CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 32, False)])
+
+
+def sphere_points():
+    """On the unit sphere, the ends of the axes among them."""
+    rings = [(math.sin(a), math.cos(a)) for a in np.linspace(0, math.pi, 17)]
+    return np.array([(*(r * c), z) for r, z in rings for c in CIRCLE])
 
 
 def hull(points):
@@ -173,30 +197,33 @@ def read_world(path):
     try:
         source = read_source(path)
         said = [" ".join(source.findtext("{haptic}" + n, "").split()) for n in ("description", "tool")]
-        world = World(source.get("name"), *said, [], [], [], [])
+        world = World(source.get("name"), *said, [], [], [], [], [])
+        folder = pathlib.Path(path).parent
         for model in source.findall("model"):
             if model.get("name") == world.tool:
-                read_tool(model, world)
+                read_tool(model, world, folder)
                 continue
             fixed = model.findtext("static", "false").strip() in ("true", "1")
-            bodies = [body for link in model.iter("link") for body in link_bodies(model, link)]
+            bodies = [body for link in model.iter("link")
+                      for body in link_bodies(model, link, folder, world.left_out)]
             (world.walls if fixed else world.loose).extend(bodies)
     except (OSError, UnicodeDecodeError, xml.ParseError, AttributeError, ValueError) as error:
         raise InputError(f"{path}: not a world: {error}") from error
     return world
 
 
-def read_tool(model, world):
+def read_tool(model, world, folder):
     hand = model.find("{haptic}hand")
     held = model.find("link").get("name") if hand is None else hand.findtext("link").strip()
     for link in model.iter("link"):
         if link.get("name") != held:
-            world.links += link_bodies(model, link)
+            world.links += link_bodies(model, link, folder, world.left_out)
             continue
         # Without <haptic:hand> it is held at its centre of mass.
         at = read_pose(link.find("inertial"))[:3, 3] if hand is None else None
         in_link = matrix(at, np.eye(3)) if hand is None else read_pose(hand)
-        world.held += [shape.moved(np.linalg.inv(in_link)) for shape in link_shapes(link)]
+        shapes = link_shapes(link, model.get("name"), folder, world.left_out)
+        world.held += [shape.moved(np.linalg.inv(in_link)) for shape in shapes]
 
 
 def read_pose(element):
@@ -210,13 +237,13 @@ def read_pose(element):
     return matrix((x, y, z), about_z @ about_y @ about_x)
 
 
-def link_bodies(model, link):
-    pose = read_pose(model) @ read_pose(link)
-    return [Body(model.get("name"), shape.moved(pose)) for shape in link_shapes(link)]
+def link_bodies(model, link, folder, left_out):
+    pose, name = read_pose(model) @ read_pose(link), model.get("name")
+    return [Body(name, shape.moved(pose)) for shape in link_shapes(link, name, folder, left_out)]
 
 
-def link_shapes(link):
-    """The finite shapes of a link in its frame."""
+def link_shapes(link, name, folder, left_out):
+    """The finite shapes of a link in its frame. What cannot be drawn of the model `name` is added to `left_out`."""
     for collision in link.iter("collision"):
         kind = collision.find("geometry")[0]
         value = lambda name: float(kind.findtext(name))
@@ -230,9 +257,59 @@ def link_shapes(link):
         elif kind.tag == "cylinder":
             ends = value("length") * np.array((-0.5, 0.5))
             shape = Shape(np.array([(*(value("radius") * c), z) for c in CIRCLE for z in ends]))
+        elif kind.tag == "ellipsoid":
+            radii = np.array([float(part) for part in kind.findtext("radii").split()])
+            shape = Shape(radii * sphere_points())
+        elif kind.tag == "mesh":
+            shape = read_mesh(kind, folder)
         else:
+            shape = None
+        if shape is None:
+            if kind.tag != "plane":  # It has no end.
+                left_out.append(f"{name} ({kind.tag})")
             continue
         yield shape.moved(read_pose(collision))
+
+
+def read_mesh(element, folder):
+    """The shape of a <mesh>; None if its file is of a format that is not read here, or it is a part of a file."""
+    path = folder / element.findtext("uri").strip().removeprefix("file://")
+    readers = {".obj": read_obj, ".stl": read_stl}
+    reader = readers.get(path.suffix.lower())
+    if reader is None or element.find("submesh") is not None:
+        return None
+    points, triangles = reader(path)
+    scale = np.array([float(part) for part in element.findtext("scale", "1 1 1").split()])
+    # Triangles meet where their corners are at one place.
+    points, place = np.unique(np.round(points * scale, 9), axis=0, return_inverse=True)
+    return Shape(points, triangles=place.reshape(-1)[triangles])
+
+
+def read_obj(path):
+    """(points, Nx3; triangles, Mx3) of a Wavefront file; faces become fans."""
+    points, triangles = [], []
+    with open(path, encoding="utf-8") as file:
+        for words in map(str.split, file):
+            if words[:1] == ["v"]:
+                points.append([float(word) for word in words[1:4]])
+            elif words[:1] == ["f"]:
+                face = [int(word.split("/")[0]) for word in words[1:]]
+                face = [i - 1 if i > 0 else len(points) + i for i in face]
+                triangles += [(face[0], *pair) for pair in zip(face[1:], face[2:])]
+    return np.array(points), np.array(triangles)
+
+
+def read_stl(path):
+    """The same of an STL file, binary or text."""
+    data = path.read_bytes()
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) == 84 + 50 * count:
+        facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+        points = np.frombuffer(data, facet, count, 84)["corners"].reshape(-1, 3).astype(float)
+    else:
+        lines = map(str.split, data.decode().splitlines())
+        points = np.array([[float(word) for word in words[1:4]] for words in lines if words[:1] == ["vertex"]])
+    return points, np.arange(len(points)).reshape(-1, 3)
 
 
 def touching(log):

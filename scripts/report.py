@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Makes one self-contained HTML page of what the experiments have written."""
 
-import argparse
 import base64
 import collections
 import csv
@@ -18,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 
+from arguments import Arguments
 from plot_input import read_starts, read_world
 
 TESTBED = pathlib.Path(__file__).resolve().parent.parent / "worlds/testbed.sdf"
@@ -189,12 +189,17 @@ def draw_lines(axis, rows, x, y, y_scale=1.0):
 
 def draw_fig06(folder):
     rows = by_method(read_table(folder / "fig06_series.csv"))
+    longest = max(float(points[-1]["time_s"]) for points in rows.values())
     figure, axes = panels(len(rows))
     for axis, (method, points) in zip(axes, rows.items()):
-        axis.plot(column(points, "time_s"), column(points, "x_m", 1e3), **style(method))
+        time, x = column(points, "time_s"), column(points, "x_m", 1e3)
+        axis.plot(time, x, **style(method))
         axis.set_title(f"{method}, 1 kHz")
+        if time[-1] < longest - 0.01:
+            axis.plot(time[-1], x[-1], "x", color="black")
+            axis.annotate("the session ends", (time[-1], x[-1]), xytext=(-6, 4), textcoords="offset points",
+                          ha="right", fontsize=8)
         if method == "IR":
-            axis.set_ylim(-500, 500)
             axis.set_xlim(0, 1)
         label(axis, "time, s", "x, mm")
     return figure
@@ -758,7 +763,7 @@ def page(folder, commit):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Arguments(__doc__)
     parser.add_argument("folder", type=pathlib.Path, help="folder that the experiments wrote to")
     parser.add_argument("--commit", default="unknown", help="of the sources")
     arguments = parser.parse_args()

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <string>
 
-#include <spdlog/spdlog.h>
+#include <spdlog/fmt/fmt.h>
 
 namespace hlm::server {
 
@@ -20,7 +20,7 @@ void DropLog::observe(const TickRecord& record) {
     logged_[i] = record.dropped_for[i];
   }
   if (fresh.empty()) return;
-  spdlog::warn("dropped datagrams: {}", fresh);
+  log_event(now_, record, spdlog::level::warn, "dropped datagrams: " + fresh);
   next_ = record.time + kPeriod;
 }
 

@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 
+#include "hlm/loop/event_time.h"
 #include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
@@ -12,10 +14,12 @@ namespace hlm::server {
 /// the servo thread.
 class DropLog {
  public:
+  explicit DropLog(ServerClock now) : now_(std::move(now)) {}
   /// Every tick, in order.
   void observe(const TickRecord& record);
 
  private:
+  ServerClock now_;
   std::array<std::uint64_t, protocol::kDropReasons> logged_{};
   double next_ = 0;  ///< s.
 };

@@ -1,6 +1,6 @@
 #include "hlm/loop/event_log.h"
 
-#include <spdlog/spdlog.h>
+#include <spdlog/fmt/fmt.h>
 
 namespace hlm::server {
 namespace {
@@ -23,17 +23,22 @@ void EventLog::observe(const TickRecord& record) {
 }
 
 void EventLog::observe_session(const TickRecord& record) const {
-  if (open_ && !record.session_open) spdlog::info("the client said goodbye");
+  if (open_ && !record.session_open) {
+    log_event(now_, record, spdlog::level::info, "the client said goodbye");
+  }
   if (!record.session_open || record.session == session_) return;
-  spdlog::info("session {:016x} begins", record.session);
-  if (record.missing_freedoms != 0) spdlog::warn("{}", describe_mismatch(record.missing_freedoms));
+  log_event(now_, record, spdlog::level::info,
+            fmt::format("session {:016x} begins", record.session));
+  if (record.missing_freedoms != 0) {
+    log_event(now_, record, spdlog::level::warn, describe_mismatch(record.missing_freedoms));
+  }
 }
 
 void EventLog::observe_health(const TickRecord& record) {
   if (record.health == health_ || record.time < next_health_) return;
   const bool good = record.health == DeviceHealth::kGood;
-  spdlog::log(good ? spdlog::level::info : spdlog::level::warn, "the device: {}{}",
-              meaning_of(record.health), because(record));
+  log_event(now_, record, good ? spdlog::level::info : spdlog::level::warn,
+            fmt::format("the device: {}{}", meaning_of(record.health), because(record)));
   health_ = record.health;
   next_health_ = record.time + kHealthPeriod;
 }
@@ -41,23 +46,28 @@ void EventLog::observe_health(const TickRecord& record) {
 void EventLog::observe_state(const TickRecord& record) const {
   switch (record.server) {
     case ServerState::kOff:
-      return spdlog::info("session {:016x} is over", record.session);
+      return log_event(now_, record, spdlog::level::info,
+                       fmt::format("session {:016x} is over", record.session));
     case ServerState::kArming:
       return;
     case ServerState::kRamping:
-      return spdlog::info(state_ == ServerState::kFading ? "the client is back: force rises"
-                                                         : "the first contacts: force rises");
+      return log_event(now_, record, spdlog::level::info,
+                       state_ == ServerState::kFading ? "the client is back: force rises"
+                                                      : "the first contacts: force rises");
     case ServerState::kActive:
-      return spdlog::info("force is on");
+      return log_event(now_, record, spdlog::level::info, "force is on");
     case ServerState::kFading:
       if (record.fade == Fade::kClientLeft) return;
-      return spdlog::warn("force fades to zero: {}; {}", meaning_of(record.fade),
-                          remedy_of(record.fade));
+      return log_event(now_, record, spdlog::level::warn,
+                       fmt::format("force fades to zero: {}; {}", meaning_of(record.fade),
+                                   remedy_of(record.fade)));
     case ServerState::kFault:
-      return spdlog::error(
-          "fault: {}{}; {}. Force is off until a person asks for a new session: restart ve_client, "
-          "or press Reset on its page if that shows this tool",
-          meaning_of(record.fault), because(record), remedy_of(record.fault));
+      return log_event(
+          now_, record, spdlog::level::err,
+          fmt::format(
+              "fault: {}{}; {}. Force is off until a person asks for a new session: restart "
+              "ve_client, or press Reset on its page if that shows this tool",
+              meaning_of(record.fault), because(record), remedy_of(record.fault)));
   }
 }
 

@@ -2,14 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 
+#include "hlm/loop/event_time.h"
 #include "hlm/loop/tick_record.h"
 
 namespace hlm::server {
 
-/// Logs one line for each change. Not for the servo thread.
+/// Logs one line for each change, with the time of its tick. Not for the servo thread.
 class EventLog {
  public:
+  explicit EventLog(ServerClock now) : now_(std::move(now)) {}
   /// Every tick, in order.
   void observe(const TickRecord& record);
 
@@ -22,6 +25,7 @@ class EventLog {
   /// is slow to take the lines would stop the log.
   static constexpr double kHealthPeriod = 1;
 
+  ServerClock now_;
   ServerState state_ = ServerState::kOff;
   DeviceHealth health_ = DeviceHealth::kGood;
   double next_health_ = 0;  ///< When a line on it may come, s.

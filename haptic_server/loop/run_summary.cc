@@ -33,7 +33,7 @@ std::string RunSummary::text(std::uint64_t lost) const {
   const std::uint64_t ticks = lateness_.count();
   if (ticks == 0) return "no tick was recorded\n";
   const double duration = last_.time - first_time_;
-  const double rate = duration > 0 ? static_cast<double>(ticks - 1 + lost) / duration : 0;
+  const double rate = duration > 0 ? static_cast<double>(ticks - 1) / duration : 0;
   return fmt::format(
       "ticks          {} in {:.2f} s, {:.2f} Hz; {} missed, {} not recorded\n"
       "lateness       {}\n"

@@ -15,7 +15,8 @@ class RunSummary {
  public:
   /// Every tick, in order.
   void observe(const TickRecord& record) noexcept;
-  /// Several lines, each with its end. lost: ticks that were not recorded.
+  /// Several lines, each with its end; the rate is that of the ticks observed. lost: ticks that
+  /// were not recorded.
   std::string text(std::uint64_t lost) const;
 
  private:

@@ -1,6 +1,7 @@
 #include "tests/experiments/bench.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <exception>
 #include <mutex>
@@ -68,7 +69,11 @@ std::vector<Job> Bench::jobs(const std::vector<std::string>& names, int count) c
   return jobs;
 }
 
-void Bench::begin(const std::string& experiment) { experiment_ = experiment; }
+void Bench::begin(const std::string& experiment, std::size_t number, std::size_t count) {
+  experiment_ = experiment;
+  place_ = fmt::format("{} of {}", number, count);
+  if (!isatty(STDERR_FILENO)) fmt::print(stderr, "Experiment {}: {}\n", place_, experiment_);
+}
 
 Table& Bench::table(const std::string& name, std::string_view header) {
   return tables_.emplace_back(options_.out / (name + ".csv"), header);
@@ -93,6 +98,7 @@ void Bench::parallel(std::size_t count, const std::function<void(std::size_t)>& 
   std::atomic<std::size_t> done = 0;
   std::mutex mutex;
   std::exception_ptr failure;
+  const auto began = std::chrono::steady_clock::now();
   const auto worker = [&] {
     for (std::size_t i = next++; i < count; i = next++) {
       try {
@@ -103,7 +109,8 @@ void Bench::parallel(std::size_t count, const std::function<void(std::size_t)>& 
         return;
       }
       const std::lock_guard lock(mutex);
-      show_progress(++done, count);
+      const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - began;
+      show_progress(++done, count, passed.count());
     }
   };
   std::vector<std::jthread> threads;
@@ -112,13 +119,17 @@ void Bench::parallel(std::size_t count, const std::function<void(std::size_t)>& 
   if (failure) std::rethrow_exception(failure);
 }
 
-void Bench::show_progress(std::size_t done, std::size_t count) const {
+void Bench::show_progress(std::size_t done, std::size_t count, double passed) const {
   if (!isatty(STDERR_FILENO)) return;
-  constexpr std::size_t kWidth = 40;
-  const std::size_t filled = kWidth * done / count;
-  fmt::print(stderr, "\r{:<14} [{}{}] {}/{} ", experiment_, std::string(filled, '#'),
-             std::string(kWidth - filled, ' '), done, count);
-  if (done == count) fmt::print(stderr, "\r{:80}\r", "");
+  std::string left;
+  if (passed > 3) {  // The first few say little about the rest.
+    const double rest = passed * static_cast<double>(count - done) / static_cast<double>(done);
+    left = rest < 90 ? fmt::format(", about {:.0f} s left", rest)
+                     : fmt::format(", about {:.0f} min left", rest / 60);
+  }
+  fmt::print(stderr, "\r\x1b[KExperiment {}, {}: {} of {} runs done{}", place_, experiment_, done,
+             count, left);
+  if (done == count) fmt::print(stderr, "\r\x1b[K");
   std::fflush(stderr);
 }
 

@@ -90,7 +90,8 @@ class Bench {
   /// Whether no method was left out: claims that compare methods need them all.
   bool complete() const { return options_.methods.empty(); }
 
-  void begin(const std::string& experiment);
+  /// The first one is number 1.
+  void begin(const std::string& experiment, std::size_t number, std::size_t count);
   /// Until close_tables().
   Table& table(const std::string& name, std::string_view header);
   /// All tables are complete.
@@ -111,10 +112,12 @@ class Bench {
 
  private:
   void parallel(std::size_t count, const std::function<void(std::size_t)>& work);
-  void show_progress(std::size_t done, std::size_t count) const;
+  /// On a terminal, one line that is rewritten. passed: since the runs began, s.
+  void show_progress(std::size_t done, std::size_t count, double passed) const;
 
   BenchOptions options_;
   std::string experiment_;
+  std::string place_;  ///< "3 of 19": which experiment it is.
   std::vector<Claim> claims_;
   std::vector<Finding> findings_;
   std::deque<Table> tables_;

@@ -113,9 +113,12 @@ void check_names(const BenchOptions& options) {
 int run_experiments(const BenchOptions& options) {
   check_names(options);
   Bench bench(options);
+  const auto count = std::count_if(std::begin(kExperiments), std::end(kExperiments),
+                                   [&](const Experiment& e) { return wanted(options, e); });
+  std::size_t number = 0;
   for (const Experiment& experiment : kExperiments) {
     if (!wanted(options, experiment)) continue;
-    bench.begin(experiment.name);
+    bench.begin(experiment.name, ++number, static_cast<std::size_t>(count));
     experiment.run(bench);
     bench.close_tables();
   }

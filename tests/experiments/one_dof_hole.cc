@@ -108,9 +108,11 @@ double largest_difference(const Trace& a, const Trace& b) {
   return difference;
 }
 
+/// As long as the session goes on: where a peg is thrown out it ends, and the poses mean nothing.
 void write_series(Table& series, std::string_view label, const Trace& trace) {
   for (const server::TickRecord& tick : trace.ticks) {
-    if (tick.time > 1.5) return;
+    const bool goes_on = renders_force(tick.server) && tick.session == trace.ticks.front().session;
+    if (tick.time > 1.5 || !goes_on) return;
     series.row(label, tick.time, position(tick), tick.F_env[0]);
   }
 }

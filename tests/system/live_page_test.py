@@ -722,6 +722,8 @@ class Linkage(PageTest):
               return [sentence.scrollWidth <= sentence.clientWidth, sentence.scrollHeight <= sentence.clientHeight,
                       bottom <= innerHeight];
             })()"""), [True, True, True])
+        self.assertEqual(self.ask("""[...document.querySelectorAll('#chain li, #chain output')]
+            .filter((part) => part.scrollWidth > part.clientWidth).map((part) => part.textContent)"""), [])
 
     def test_methods_that_do_not_suit_the_tool_cannot_be_chosen(self):
         self.assertEqual(self.ask(

@@ -83,7 +83,7 @@ def in_the_hole(page):
     page.do("haptic.hand.grab()")
     for method in ("lm5", "ir"):
         page.click(f"[data-method={method}]")
-        page.shake(0.015, 6)
+        page.shake(0.015, 6.25)   # Ends where the hand pulls most.
         page.picture(f"hole_{method}")
     page.do("haptic.hand.release()")
 

@@ -72,9 +72,11 @@ TEST_CASE("A tick log, a world and a hand script become a picture") {
   const TemporaryDirectory directory;
   const std::string log = directory.write("ticks.csv", log_text());
   const std::string picture = directory.file("session.png");
-  // Boxes; a tool of several links, a capsule and cylinders.
-  const auto [world, hand] = GENERATE(table<std::string, std::string>(
-      {{"testbed.sdf", "session.toml"}, {"scissors.sdf", "scissors.toml"}}));
+  // Boxes; a tool of several links, a capsule and cylinders; meshes and an ellipsoid.
+  const auto [world, hand] =
+      GENERATE(table<std::string, std::string>({{"testbed.sdf", "session.toml"},
+                                                {"scissors.sdf", "scissors.toml"},
+                                                {"mesh.sdf", "mesh.toml"}}));
   const std::string worlds = HLM_SOURCE_DIR "/worlds/";
   const Outcome outcome = plot(log + " " + picture + " --world " + worlds + world + " --hand " +
                                worlds + "hands/" + hand);

@@ -1,0 +1,103 @@
+"""Each script says how it is used, and refuses an argument that it does not know, in one line and before it sets up or
+builds anything.
+
+Usage: scripts_test.py PROJECT_FOLDER
+"""
+
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(sys.argv[1]).resolve()
+WAIT = 60  # s; a few unless the machine is busy
+# What a script installs or builds with. Here they write down that they were called.
+BUILDERS = ("apt-get", "cmake", "cpack", "ctest", "dpkg-query", "ninja", "node", "npm", "sudo")
+# Arguments that are refused, and what the refusal must name besides the argument that is wrong.
+REFUSED = {
+    ".ci/run": [(["wrong"], "--help")],
+    "scripts/bench-realtime": [(["--wrong"], "--seconds"), (["wrong"], "--seconds")],
+    "scripts/build": [(["wrong"], "release"), (["release", "--wrong"], "target")],
+    "scripts/check": [(["wrong"], "format"), (["format", "wrong"], "threads")],
+    "scripts/compile-times": [(["wrong"], "release"), (["release", "wrong"], "COUNT"), (["--wrong"], "VARIANT")],
+    "scripts/energy_receipt.py": [(["--wrong"], "TICKS.csv"), (["a.csv", "b.csv", "wrong"], "SCALE")],
+    "scripts/fuzz": [(["wrong"], "decoder"), (["all", "wrong"], "SECONDS"), (["all", "1", "wrong"], "TARGET")],
+    "scripts/package": [(["wrong"], "--help")],
+    "scripts/plot.py": [(["--wrong"], "--world"), (["a.csv", "b.png", "wrong"], "picture")],
+    "scripts/report.py": [(["--wrong"], "--commit"), (["out", "wrong"], "folder")],
+    "scripts/reproduce": [(["--wrong"], "--quick"), (["--only", "wrong"], "fig06"), (["--seeds=wrong"], "number"),
+                          (["--only", "fig06", "--method", "lm0", "wrong"], "lm5"), (["--quick", "wrong"], "--only")],
+    "scripts/run": [(["--wrong"], "--scene"), (["--scene", "wrong"], "testbed"), (["--device", "wrong"], "haply")],
+    "scripts/setup": [(["wrong"], "bench"), (["run", "wrong"], "COMMAND")],
+    "scripts/site": [(["wrong"], "--help")],
+    "scripts/soak": [(["wrong"], "MINUTES"), (["1", "wrong"], "SEED"), (["1", "1", "wrong"], "MINUTES")],
+    "scripts/test": [(["--wrong"], "-R"), (["-R", "codec", "wrong"], "--repeat")],
+}
+# Sourced or imported by the others.
+PARTS = {"arguments.py", "plot_input.py", "progress.sh", "stages.sh", "usage.sh"}
+
+wrong = []
+
+
+def run(script, arguments, builders):
+    """(exit status, standard output, standard error); notes a program that installs or builds."""
+    calls = builders / "calls"
+    calls.write_text("")
+    path = f"{builders}:{os.environ['PATH']}"
+    done = subprocess.run([ROOT / script, *arguments], cwd="/", env={**os.environ, "PATH": path}, timeout=WAIT,
+                          capture_output=True, text=True)
+    if calls.read_text():
+        wrong.append(f"{script} {' '.join(arguments)}: called {' '.join(calls.read_text().split())}")
+    return done.returncode, done.stdout, done.stderr
+
+
+def check_help(script, builders):
+    for option in ("--help", "-h"):
+        status, out, err = run(script, [option], builders)
+        if status != 0 or err or "sage:" not in out or pathlib.Path(script).name not in out:
+            wrong.append(f"{script} {option}: status {status}, {out!r}, {err!r}")
+
+
+def check_refusal(script, arguments, allowed, builders):
+    status, out, err = run(script, arguments, builders)
+    named = next(argument for argument in arguments if "wrong" in argument).split("=")[-1]
+    lines = err.splitlines()
+    if status != 2 or out or len(lines) != 1 or named not in err or allowed not in err or \
+            not err.startswith(f"{script}: "):
+        wrong.append(f"{script} {' '.join(arguments)}: status {status}, {out!r}, {err!r}")
+
+
+def check_names():
+    """The script knows the experiments and methods that the program knows."""
+    text = (ROOT / "scripts/reproduce").read_text()
+    for name, file, pattern in (("experiments", "tests/experiments/main.cc", r'^    {"(\w+)", \w+, (?:true|false)},$'),
+                                ("methods", "common/methods.h", r'{\.name = "([\w-]+)",')):
+        listed = re.search(rf'^{name}="([^"]*)"', text, re.M).group(1).replace("\\\n", "").split()
+        there = re.findall(pattern, (ROOT / file).read_text(), re.M)
+        if sorted(listed) != sorted(there):
+            wrong.append(f"scripts/reproduce: {name} are {listed}, {file} has {there}")
+
+
+def main():
+    there = {path.name for path in (ROOT / "scripts").iterdir() if path.is_file() and path.suffix != ".txt"} - PARTS
+    tested = {pathlib.Path(script).name for script in REFUSED if script.startswith("scripts/")}
+    wrong.extend(f"scripts/{name}: has no test here" for name in sorted(there - tested))
+    check_names()
+    with tempfile.TemporaryDirectory() as folder:
+        builders = pathlib.Path(folder)
+        for name in BUILDERS:
+            (builders / name).write_text(f'#!/bin/sh\necho {name} >>"{builders}/calls"\nexit 1\n')
+            (builders / name).chmod(0o755)
+        for script, refused in REFUSED.items():
+            check_help(script, builders)
+            for arguments, allowed in refused:
+                check_refusal(script, arguments, allowed, builders)
+    if wrong:
+        sys.exit("\n".join(wrong))
+    print(f"{len(REFUSED)} scripts say how they are used and refuse what they do not know")
+
+
+if __name__ == "__main__":
+    main()

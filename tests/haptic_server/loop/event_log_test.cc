@@ -1,0 +1,95 @@
+// Does the log say what changed, and when?
+#include "hlm/loop/event_log.h"
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <spdlog/sinks/base_sink.h>
+#include <spdlog/spdlog.h>
+
+#include "hlm/loop/drop_log.h"
+#include "tests/support/catch.h"
+
+namespace hlm::server {
+namespace {
+
+using Catch::Matchers::ContainsSubstring;
+using Catch::Matchers::WithinAbs;
+
+struct LogLine {
+  double age = 0;  ///< When it was written, s.
+  std::string text;
+};
+
+class LogSink : public spdlog::sinks::base_sink<spdlog::details::null_mutex> {
+ public:
+  std::vector<LogLine> lines;
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    const std::chrono::duration<double> age = spdlog::log_clock::now() - message.time;
+    lines.push_back({age.count(), std::string(message.payload.data(), message.payload.size())});
+  }
+  void flush_() override {}
+};
+
+/// Takes what is logged in its life.
+class CapturedLog {
+ public:
+  CapturedLog() : before_(spdlog::default_logger()) {
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", sink_));
+  }
+  ~CapturedLog() { spdlog::set_default_logger(before_); }
+  CapturedLog(const CapturedLog&) = delete;
+  CapturedLog& operator=(const CapturedLog&) = delete;
+
+  const std::vector<LogLine>& lines() const { return sink_->lines; }
+
+ private:
+  std::shared_ptr<spdlog::logger> before_;
+  std::shared_ptr<LogSink> sink_ = std::make_shared<LogSink>();
+};
+
+constexpr double kReadAt = 100;  // s since the server started.
+constexpr double kAgeTolerance =
+    10;  // s: a machine that stands still between the line and its reading.
+
+TEST_CASE("A line has the time of the tick that it tells of, however late it is written") {
+  const CapturedLog log;
+  EventLog events([] { return kReadAt; });
+  TickRecord record;
+  record.session = 7;
+  record.session_open = true;
+  for (const auto& [time, state] : {std::pair{40.0, ServerState::kRamping},
+                                    {60.0, ServerState::kActive},
+                                    {80.0, ServerState::kFault}}) {
+    record.time = time;
+    record.server = state;
+    events.observe(record);
+  }
+  REQUIRE(log.lines().size() == 4);
+  CHECK_THAT(log.lines()[0].text, ContainsSubstring("session 0000000000000007 begins"));
+  CHECK_THAT(log.lines()[1].text, ContainsSubstring("force rises"));
+  CHECK_THAT(log.lines()[2].text, ContainsSubstring("force is on"));
+  CHECK_THAT(log.lines()[3].text, ContainsSubstring("fault: "));
+  CHECK_THAT(log.lines()[1].age, WithinAbs(60, kAgeTolerance));
+  CHECK_THAT(log.lines()[2].age, WithinAbs(40, kAgeTolerance));
+  CHECK_THAT(log.lines()[3].age, WithinAbs(20, kAgeTolerance));
+}
+
+TEST_CASE("Dropped datagrams are told with the time of their tick") {
+  const CapturedLog log;
+  DropLog drops([] { return kReadAt; });
+  TickRecord record;
+  record.time = 50;
+  record.dropped_for[static_cast<std::size_t>(protocol::kFirstSealingReason)] = 3;
+  drops.observe(record);
+  REQUIRE(log.lines().size() == 1);
+  CHECK_THAT(log.lines()[0].text, ContainsSubstring("dropped datagrams: 3 "));
+  CHECK_THAT(log.lines()[0].age, WithinAbs(50, kAgeTolerance));
+}
+
+}  // namespace
+}  // namespace hlm::server
