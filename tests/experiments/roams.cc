@@ -27,7 +27,7 @@ constexpr double kMouth = 0.144;  // y
 constexpr double kFloor = 0.224;  // y
 constexpr double kWall = 0.18;    // Of the room, |x|.
 constexpr double kTop = -0.2;     // Of the room, y.
-constexpr double kHalfLength = 0.04;
+constexpr double kBlockHalfLength = 0.04;
 
 const std::array<Point, 9> kSurface{{{-kWall, kTop},
                                      {kWall, kTop},
@@ -63,14 +63,14 @@ double gap(const Pose& X_WP, double half_width) {
   for (int i = -kPoints; i <= kPoints; ++i) {
     const double share = static_cast<double>(i) / kPoints;
     for (const double side : {-1.0, 1.0}) {
-      look(share * kHalfLength, side * half_width);
-      look(side * kHalfLength, share * half_width);
+      look(share * kBlockHalfLength, side * half_width);
+      look(side * kBlockHalfLength, share * half_width);
     }
   }
   for (const double x : {kLeft, kRight}) {
     const Vector3 edge = X_WP.inverse() * Vector3(x, kMouth, 0);
     const double depth =
-        std::min(kHalfLength - std::abs(edge.x()), half_width - std::abs(edge.y()));
+        std::min(kBlockHalfLength - std::abs(edge.x()), half_width - std::abs(edge.y()));
     if (depth > 0) gap = std::min(gap, -depth);
   }
   return gap;
@@ -170,8 +170,8 @@ struct RoamOutcome {
 };
 
 RoamOutcome roam(const Roam& roam) {
-  constexpr double kNear = 3e-4;  // m
-  constexpr double kRest = 0.5;   // s
+  constexpr double kNear = 3e-4;   // m
+  constexpr double kAtRest = 0.5;  // s
   const Setting& setting = kSettings[roam.setting];
   CornerConditions conditions = setting.conditions;
   conditions.delay = roam.delay;
@@ -180,7 +180,7 @@ RoamOutcome roam(const Roam& roam) {
                         {kStart, Quaternion(Eigen::AngleAxisd(kUpright, Vector3::UnitZ()))});
   const int peg = ve::find_model(world, "peg").first_body;
   world.bodies[static_cast<std::size_t>(peg)].collisions.at(0).shape =
-      ve::Box{{2 * kHalfLength, 2 * roam.half_width, 0.04}};
+      ve::Box{{2 * kBlockHalfLength, 2 * roam.half_width, 0.04}};
   const server::HandScript hand =
       setting.hand == Hand::kLeads ? roaming_hand(roam.seed) : pushing_hand(roam.seed);
 
@@ -203,7 +203,7 @@ RoamOutcome roam(const Roam& roam) {
         }
         before = F;
       });
-  double duration = kRest;
+  double duration = kAtRest;
   for (const auto& segment : hand.segments) duration += segment.duration;
   session.run(duration);
   return outcome;

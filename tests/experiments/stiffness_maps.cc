@@ -11,9 +11,9 @@
 namespace hlm::experiments {
 namespace {
 
-constexpr double kPush = 3;       // N
-constexpr double kDamping = 100;  // N·s/m
-constexpr double kDuration = 3;   // s
+constexpr double kMapPush = 3;       // N
+constexpr double kMapDamping = 100;  // N·s/m
+constexpr double kMapDuration = 3;   // s
 
 /// One condition that is varied, the others as in Conditions.
 struct Axis {
@@ -61,7 +61,7 @@ double colgate(const Trial& trial) {
 }
 
 Trial trial_of(const Bench& bench, const Cell& cell) {
-  Trial trial{hole_task(kPush, 0, kDamping, kDuration), cell.method, {}, bench.seed()};
+  Trial trial{hole_task(kMapPush, 0, kMapDamping, kMapDuration), cell.method, {}, bench.seed()};
   cell.axis->set(trial, cell.value);
   return trial;
 }
