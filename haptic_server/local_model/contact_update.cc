@@ -34,9 +34,9 @@ void defer(LocalContact& contact, double sigma, std::optional<double> s_p, doubl
            const UpdatePolicy& policy) noexcept {
   const double held = std::min(s_p.value_or(0.0), 0.0);
   const bool releases = held < std::min(s_plus, 0.0);
-  const bool recovers = policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0);
-  const bool deforms = policy.rule == UpdateRule::kRetain && s_plus <= 0;
-  if (!recovers && !deforms && !(policy.rule == UpdateRule::kRetain && releases)) return;
+  const bool recovers = policy.traits().ramps_depth && (held < 0 || s_plus < 0);
+  const bool retains = policy.traits().releases_load && (s_plus <= 0 || releases);
+  if (!recovers && !retains) return;
 
   contact.deferred = (releases || recovers ? s_plus : sigma) - held;
   if (recovers) {
@@ -73,7 +73,7 @@ void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalCo
     if (contact.loaded && contact.frame_b == kWorldFrame && existing->frame_b == kWorldFrame) {
       contact.v_WC = existing->v_WC;
     }
-  } else if (policy.rule == UpdateRule::kIntermediateRepresentation && sigma <= 0) {
+  } else if (policy.traits().active_only && sigma <= 0) {
     // Without history a contact that arrives penetrating is no collision: it would be one at every
     // update.
     contact.state = ContactState::kPenetrating;
@@ -92,7 +92,7 @@ void set_support(LocalContact& contact, const Placed& placed, const LocalContact
   if (existing != nullptr) inherit(contact, *existing);
 }
 
-/// Rule `retain`: a contact that carries load but is no longer reported is released, not dropped.
+/// `releases_load`: a contact that carries load but is no longer reported is released, not dropped.
 /// Where its body is no longer in the update its constraint stays in the world. Empty if it carries
 /// none, or if its point's body is gone.
 std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
@@ -140,7 +140,7 @@ double due(const LocalContact& contact, const FramePoses& poses, const UpdatePol
     // Once the contact is open, giving back the rest changes no force.
     return separation(contact, poses) >= 0 ? contact.deferred : given;
   }
-  if (policy.rule != UpdateRule::kRetain) return given;
+  if (!policy.traits().releases_load) return given;
   if (!contact.loaded) return 0;
   const double cost =
       contact.f_W.dot(contact.n_W) * -given + 0.5 * policy.stiffness * given * given;
@@ -225,28 +225,21 @@ void inherit(LocalContact& contact, const LocalContact& known) noexcept {
 
 bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept {
   const double f_n = std::max(contact.f_W.dot(contact.n_W), -policy.stiffness * contact.s);
-  if (policy.rule != UpdateRule::kRetain || contact.s >= 0 || f_n <= 0) return false;
+  if (!policy.traits().releases_load || contact.s >= 0 || f_n <= 0) return false;
   contact.cap = std::min(contact.cap, f_n);
   contact.deferred = 0;
   return true;
 }
 
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept {
-  switch (rule) {
-    case UpdateRule::kRetain:
-    case UpdateRule::kPaper:
-      return std::max(sigma, s_p ? std::min(*s_p, 0.0) : 0.0);
-    case UpdateRule::kIntermediateRepresentation:
-    case UpdateRule::kPlaneRecovery:
-      return sigma;
-  }
-  return sigma;
+  if (!traits(rule).keeps_deformation) return sigma;
+  return std::max(sigma, s_p ? std::min(*s_p, 0.0) : 0.0);
 }
 
 double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
                     ToolContacts& updated) noexcept {
-  const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
+  const bool only_active = policy.traits().active_only;
   PlacedReports reports = sorted_reports(
       reported, frames, [](const ReportedContact& report) noexcept { return is_tool(report.a); });
   updated.acting.clear();
@@ -256,7 +249,7 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   decide_axes(updated.axes);
   LocalContacts orphans;
   const auto orphan = [&](const LocalContact& contact) {
-    if (policy.rule != UpdateRule::kRetain) return;
+    if (!policy.traits().releases_load) return;
     if (const auto left = released(contact, frames, policy)) orphans.push_back(*left);
   };
   double unspent = 0;
@@ -287,7 +280,7 @@ void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
     if (!touches_body(contact)) return false;
     const auto orphan = released(contact, frames, policy);
     if (orphan) contact = *orphan;
-    return !orphan || policy.rule != UpdateRule::kRetain;
+    return !orphan || !policy.traits().releases_load;
   });
 }
 

@@ -32,6 +32,24 @@ TEST_CASE("The intermediate representation takes the reported separation") {
   CHECK(updated_separation(UpdateRule::kIntermediateRepresentation, -0.003, -0.001) == -0.003);
 }
 
+TEST_CASE("A rule that keeps the deformation never raises a force, the others report the depth") {
+  Random random;
+  for (const Word<UpdateRule>& word : kWords<UpdateRule>) {
+    INFO(word.name);
+    for (int i = 0; i < 100; ++i) {
+      const double sigma = random.uniform(-0.01, 0.01);
+      const double s_p = random.uniform(-0.01, 0.01);
+      const double s_plus = updated_separation(word.value, sigma, s_p);
+      if (traits(word.value).keeps_deformation) {
+        CHECK(s_plus >= std::min(s_p, 0.0));
+        CHECK(s_plus >= sigma);
+      } else {
+        CHECK(s_plus == sigma);
+      }
+    }
+  }
+}
+
 constexpr double kReleaseForce = 0.5;  // N a step
 
 UpdatePolicy policy(UpdateRule rule) {
