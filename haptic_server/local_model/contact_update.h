@@ -82,7 +82,7 @@ inline double separation(const LocalContact& contact, const FramePoses& poses) n
   const Placement& X_WA = poses[contact.frame_a];
   const Placement& X_WB = poses[contact.frame_b];
   const Vector3 n_W = normal_W(contact, X_WA, X_WB);
-  return n_W.dot(X_WA * contact.p_A - constraint_point_W(contact, X_WB));
+  return n_W.dot(X_WA * contact.deformation.p_A - constraint_point_W(contact, X_WB));
 }
 
 }  // namespace hlm::server
