@@ -83,6 +83,34 @@ inline constexpr std::array<Word<UpdateRule>, 4> kWords<UpdateRule>{{
      "the depth is kept, then ramped to the reported one"},
 }};
 
+/// What an update rule does, for all who must know.
+struct UpdateRuleTraits {
+  /// Eqs. 4-6: the proxy's deformation goes on, so that no update raises a contact's force. Else
+  /// the separation is the reported one.
+  bool keeps_deformation = true;
+  /// Load that would drop at once is released step by step, also where a contact is no longer
+  /// reported, and deformation heals at the cost of what the contacts have taken.
+  bool releases_load = false;
+  /// A change of depth, up or down, is spread over `recovery_steps` steps.
+  bool ramps_depth = false;
+  /// Contacts that do not touch are left out. The others come penetrating: that is no collision.
+  bool active_only = false;
+};
+
+constexpr UpdateRuleTraits traits(UpdateRule rule) noexcept {
+  switch (rule) {
+    case UpdateRule::kRetain:
+      return {.releases_load = true};
+    case UpdateRule::kPaper:
+      return {};
+    case UpdateRule::kIntermediateRepresentation:
+      return {.keeps_deformation = false, .active_only = true};
+    case UpdateRule::kPlaneRecovery:
+      return {.keeps_deformation = false, .ramps_depth = true};
+  }
+  return {};
+}
+
 /// What stands between device and proxy (docs/method.md 6), and what others do.
 enum class ControllerKind : std::uint8_t {
   kFourChannel = 0,

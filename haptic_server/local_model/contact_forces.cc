@@ -9,12 +9,13 @@ namespace {
 /// What the normal force of the step before, held since, has taken on the way and the spring does
 /// not store, J.
 double taken_since(const LocalContact& contact, const ContactLaw& law) noexcept {
-  const double depth = std::min(contact.s, 0.0);
-  const double depth_before = std::min(contact.s_left, 0.0);
+  const double depth = std::min(contact.now.s, 0.0);
+  const double depth_before = std::min(contact.latest.s_left, 0.0);
   const double stored = law.stiffness * (depth * depth - depth_before * depth_before) / 2;
-  if (!contact.loaded) return -std::max(0.0, stored);  // Nobody paid for the way in before a force.
-  const double f_n = law.rendered * contact.f_W.dot(contact.n_W);
-  return f_n * (contact.s_left - contact.s) - stored;
+  if (!contact.latest.loaded)
+    return -std::max(0.0, stored);  // Nobody paid for the way in before a force.
+  const double f_n = law.rendered * contact.latest.f_W.dot(contact.now.n_W);
+  return f_n * (contact.latest.s_left - contact.now.s) - stored;
 }
 
 }  // namespace
@@ -24,16 +25,17 @@ void evaluate_contacts(LocalContacts& contacts, const FrameMotions& frames) noex
   const FrameTwists twists = frames.twists();
   RelativeTwists relative(twists);
   for (LocalContact& contact : contacts) {
-    const bool was_impending = contact.state == ContactState::kImpending;
+    const bool was_impending = contact.now.state == ContactState::kImpending;
     locate(contact, frames[contact.frame_a].X_W, frames[contact.frame_b].X_W);
-    const Vector3 arm = contact.p_W - frames.reference_W();
-    contact.v_n = contact.n_W.dot(point_velocity(relative.of(contact), arm) - contact.v_WC);
-    if (contact.s > 0) {
-      contact.state = ContactState::kImpending;
-    } else if (contact.v_n > 0) {
-      contact.state = ContactState::kSeparating;
+    const Vector3 arm = contact.now.p_W - frames.reference_W();
+    contact.now.v_n =
+        contact.now.n_W.dot(point_velocity(relative.of(contact), arm) - contact.constraint.v_WC);
+    if (contact.now.s > 0) {
+      contact.now.state = ContactState::kImpending;
+    } else if (contact.now.v_n > 0) {
+      contact.now.state = ContactState::kSeparating;
     } else {
-      contact.state = was_impending ? ContactState::kColliding : ContactState::kPenetrating;
+      contact.now.state = was_impending ? ContactState::kColliding : ContactState::kPenetrating;
     }
   }
 }
@@ -47,29 +49,29 @@ Unknowns apply_contact_forces(const ContactGroup& group, const FrameMotions& fra
   FrameLoads loads(frames);
   for (LocalContact& contact : group.contacts) {
     const bool implicit = law.step == ContactStep::kImplicit;
-    contact.taken = implicit ? 0 : taken_since(contact, law);
-    contact.f_W.setZero();
-    contact.loaded = false;
+    contact.latest.taken = implicit ? 0 : taken_since(contact, law);
+    contact.latest.f_W.setZero();
+    contact.latest.loaded = false;
     if (!takes_part(contact, law)) {
-      contact.z_W.setZero();
-      contact.slipping = false;
+      contact.friction.z_W.setZero();
+      contact.friction.slipping = false;
       continue;
     }
-    const Vector3 arm = contact.p_W - frames.reference_W();
+    const Vector3 arm = contact.now.p_W - frames.reference_W();
     const RelativeVelocity v = relative_velocity(contact, relative.of(contact), arm);
     const ContactForce f = force_at(contact, v, law);
-    contact.slipping = f.slips;
+    contact.friction.slipping = f.slips;
     // Backward Euler of the elasto-plastic anchor: exact in stick, and in slip it follows.
-    contact.z_W =
-        (-law.dt * f.friction + law.damping * contact.z_W) / (law.stiffness * law.dt + law.damping);
-    contact.loaded = f.normal > 0;
+    contact.friction.z_W = (-law.dt * f.friction + law.damping * contact.friction.z_W) /
+                           (law.stiffness * law.dt + law.damping);
+    contact.latest.loaded = f.normal > 0;
     // The damper takes no more than the whole normal force does, under a cap for instance.
     if (implicit) {
-      contact.taken =
+      contact.latest.taken =
           law.dt * std::min(law.damping * v.normal * v.normal, f.normal * std::abs(v.normal));
     }
-    contact.f_W = f.normal * contact.n_W + f.friction;
-    loads.add(contact, arm, contact.f_W);
+    contact.latest.f_W = f.normal * contact.now.n_W + f.friction;
+    loads.add(contact, arm, contact.latest.f_W);
   }
   return loads.generalised();
 }

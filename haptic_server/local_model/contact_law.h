@@ -45,8 +45,8 @@ struct RelativeVelocity {
 /// V: twist of frame a less that of frame b, about O; arm: of the point from O.
 inline RelativeVelocity relative_velocity(const LocalContact& contact, const Twist& V,
                                           const Vector3& arm) noexcept {
-  const Vector3 v = point_velocity(V, arm) - contact.v_WC;
-  return {contact.n_W.dot(v), tangential(v, contact.n_W)};
+  const Vector3 v = point_velocity(V, arm) - contact.constraint.v_WC;
+  return {contact.now.n_W.dot(v), tangential(v, contact.now.n_W)};
 }
 
 /// The twist of frame a less that of frame b; most contacts follow one of the same two frames.
@@ -72,32 +72,33 @@ class RelativeTwists {
 
 /// Whether the contact may bear in this step: it is closed, or closes before the step ends.
 inline bool takes_part(const LocalContact& contact, const ContactLaw& law) noexcept {
-  if (contact.s <= 0) return true;
-  return law.step == ContactStep::kImplicit && contact.s + law.dt * contact.v_n < 0;
+  if (contact.now.s <= 0) return true;
+  return law.step == ContactStep::kImplicit && contact.now.s + law.dt * contact.now.v_n < 0;
 }
 
 /// -k s - b v_n: the normal force before it is clamped, N.
 inline double penalty(const LocalContact& contact, double v_n, const ContactLaw& law) noexcept {
   const double moved = law.step == ContactStep::kImplicit ? law.dt * v_n : 0;
-  return -law.stiffness * (contact.s + moved) - law.damping * v_n;
+  return -law.stiffness * (contact.now.s + moved) - law.damping * v_n;
 }
 
-/// μ_s, μ_k: the materials' own where the environment gives it.
+/// μ_s, μ_k: the materials' own where the environment gives it, else the local model's.
+inline double coefficient(const LocalContact::Friction& friction, const ContactLaw& law,
+                          double otherwise) noexcept {
+  const double own = law.friction_scale * friction.coefficient;
+  return friction.scale * (friction.coefficient >= 0 ? own : otherwise);
+}
 inline double static_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  const double mu =
-      contact.friction >= 0 ? law.friction_scale * contact.friction : law.static_friction;
-  return contact.friction_scale * mu;
+  return coefficient(contact.friction, law, law.static_friction);
 }
 inline double kinetic_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  const double mu =
-      contact.friction >= 0 ? law.friction_scale * contact.friction : law.kinetic_friction;
-  return contact.friction_scale * mu;
+  return coefficient(contact.friction, law, law.kinetic_friction);
 }
 
 /// f*: what the tangential spring and damper ask for, N, on a.
 inline Vector3 elastic_friction(const LocalContact& contact, const Vector3& v_t,
                                 const ContactLaw& law) noexcept {
-  return -law.stiffness * (contact.z_W + law.dt * v_t) - law.damping * v_t;
+  return -law.stiffness * (contact.friction.z_W + law.dt * v_t) - law.damping * v_t;
 }
 
 struct ContactForce {
@@ -109,11 +110,11 @@ struct ContactForce {
 inline ContactForce force_at(const LocalContact& contact, const RelativeVelocity& v,
                              const ContactLaw& law) noexcept {
   ContactForce f;
-  f.normal = std::clamp(penalty(contact, v.normal, law), 0.0, contact.cap);
+  f.normal = std::clamp(penalty(contact, v.normal, law), 0.0, contact.deformation.cap);
   f.friction = elastic_friction(contact, v.tangential, law);
   const double size = f.friction.norm();
   const double mu =
-      contact.slipping ? kinetic_friction(contact, law) : static_friction(contact, law);
+      contact.friction.slipping ? kinetic_friction(contact, law) : static_friction(contact, law);
   f.slips = size > mu * f.normal;
   if (f.slips) f.friction *= kinetic_friction(contact, law) * f.normal / size;
   return f;

@@ -69,12 +69,12 @@ struct Trial {
         PairLoads& pairs) noexcept {
     if (!takes_part(contact, law)) return;
     pair = pair_of(contact, pairs);
-    arm = contact.p_W - frames.reference_W();
-    const bool slips = contact.slipping || static_friction(contact, law) == 0;
+    arm = contact.now.p_W - frames.reference_W();
+    const bool slips = contact.friction.slipping || static_friction(contact, law) == 0;
     mode = slips ? Mode::kSlip : Mode::kStick;
-    if (contact.slipping) {
+    if (contact.friction.slipping) {
       const double mu = std::min(kinetic_friction(contact, law), kMostFollowing);
-      slip = mu * tangential(contact.f_W, contact.n_W).stableNormalized();
+      slip = mu * tangential(contact.latest.f_W, contact.now.n_W).stableNormalized();
     }
   }
 };
@@ -109,13 +109,15 @@ void add_point_impedance(double beta, const Vector3& r, Matrix6& Z) noexcept {
 void add_contact(const LocalContact& contact, const Trial& trial, const ContactLaw& law,
                  PairLoad& load) noexcept {
   const double beta = law.damping + law.stiffness * law.dt;
-  const Vector3& n = contact.n_W;
-  const double f_n =
-      trial.capped ? contact.cap : -law.stiffness * contact.s + beta * n.dot(contact.v_WC);
+  const Vector3& n = contact.now.n_W;
+  const double f_n = trial.capped
+                         ? contact.deformation.cap
+                         : -law.stiffness * contact.now.s + beta * n.dot(contact.constraint.v_WC);
   Vector3 f_0;
   if (trial.mode == Mode::kStick) {
     // Z = β I: the normal and both tangential directions share one impedance.
-    f_0 = f_n * n - law.stiffness * contact.z_W + beta * tangential(contact.v_WC, n);
+    f_0 = f_n * n - law.stiffness * contact.friction.z_W +
+          beta * tangential(contact.constraint.v_WC, n);
     add_point_impedance(beta, trial.arm, load.impedance);
     if (trial.capped) {
       const Vector6 normal = unit_wrench(n, trial.arm);
@@ -131,7 +133,7 @@ void add_contact(const LocalContact& contact, const Trial& trial, const ContactL
           (beta * unit_wrench(direction, trial.arm)) * unit_wrench(n, trial.arm).transpose();
     }
     if (trial.across > 0) {  // The force turns with the velocity.
-      const Vector3 elastic = beta * contact.v_WC - law.stiffness * contact.z_W;
+      const Vector3 elastic = beta * contact.constraint.v_WC - law.stiffness * contact.friction.z_W;
       const Vector3 e = n.cross(trial.slip).normalized();
       const Vector6 row = unit_wrench(e, trial.arm);
       f_0 += trial.across * e.dot(elastic) * e;
@@ -175,8 +177,8 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
             Trial& trial) noexcept {
   const RelativeVelocity v = relative_velocity(contact, V, trial.arm);
   const double wanted = penalty(contact, v.normal, law);
-  const double f_n = std::min(wanted, contact.cap);
-  const bool capped = wanted > contact.cap;
+  const double f_n = std::min(wanted, contact.deformation.cap);
+  const bool capped = wanted > contact.deformation.cap;
   const Vector3 slip_before = trial.slip;
   Mode mode = Mode::kOff;
   trial.slip.setZero();
@@ -185,7 +187,7 @@ bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
     const Vector3 f = elastic_friction(contact, v.tangential, law);
     const double size = f.norm();
     const double mu_k = kinetic_friction(contact, law);
-    const double mu = contact.slipping ? mu_k : static_friction(contact, law);
+    const double mu = contact.friction.slipping ? mu_k : static_friction(contact, law);
     // Friction at its limit that turned the slip round within the step would have stopped it.
     const bool stopped = trial.mode == Mode::kSlip && f.dot(slip_before) < 0;
     const bool slips = mu == 0 || (size > mu * f_n && !stopped);
@@ -251,7 +253,7 @@ class ContactSolver {
         const Vector3& arm = trials_[g][i].arm;
         const RelativeVelocity v = relative_velocity(contact, relative.of(contact), arm);
         const ContactForce f = force_at(contact, v, groups_[g].law);
-        loads.add(contact, arm, f.normal * contact.n_W + f.friction);
+        loads.add(contact, arm, f.normal * contact.now.n_W + f.friction);
       }
     }
     const Unknowns missing =

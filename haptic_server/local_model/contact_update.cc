@@ -16,9 +16,9 @@ bool is_tool(const ContactSide& side) noexcept { return side.kind == SideKind::k
 /// foot of a's true point x_W on the constraint: deforms the proxy.
 void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
                          double sigma, double s_plus) noexcept {
-  contact.p_W = x_W + (s_plus - sigma) * contact.n_W;
-  contact.p_A = X_WA.R.transpose() * (contact.p_W - X_WA.p);
-  contact.s = contact.s_left = s_plus;
+  contact.now.p_W = x_W + (s_plus - sigma) * contact.now.n_W;
+  contact.deformation.p_A = X_WA.R.transpose() * (contact.now.p_W - X_WA.p);
+  contact.now.s = contact.latest.s_left = s_plus;
 }
 
 bool touches_body(const LocalContact& contact) noexcept {
@@ -34,20 +34,21 @@ void defer(LocalContact& contact, double sigma, std::optional<double> s_p, doubl
            const UpdatePolicy& policy) noexcept {
   const double held = std::min(s_p.value_or(0.0), 0.0);
   const bool releases = held < std::min(s_plus, 0.0);
-  const bool recovers = policy.rule == UpdateRule::kPlaneRecovery && (held < 0 || s_plus < 0);
-  const bool deforms = policy.rule == UpdateRule::kRetain && s_plus <= 0;
-  if (!recovers && !deforms && !(policy.rule == UpdateRule::kRetain && releases)) return;
+  const bool recovers = policy.traits().ramps_depth && (held < 0 || s_plus < 0);
+  const bool retains = policy.traits().releases_load && (s_plus <= 0 || releases);
+  if (!recovers && !retains) return;
 
-  contact.deferred = (releases || recovers ? s_plus : sigma) - held;
+  LocalContact::Deformation& deformation = contact.deformation;
+  deformation.deferred = (releases || recovers ? s_plus : sigma) - held;
   if (recovers) {
-    contact.deferred_step = std::abs(contact.deferred) / policy.recovery_steps;
+    deformation.deferred_step = std::abs(deformation.deferred) / policy.recovery_steps;
   } else if (releases && !touches_body(contact)) {
-    contact.deferred_step = policy.release_step();
+    deformation.deferred_step = policy.release_step();
   } else {
-    contact.deferred_step =
-        std::min(policy.release_step(), policy.healing_share * std::abs(contact.deferred));
+    deformation.deferred_step =
+        std::min(policy.release_step(), policy.healing_share * std::abs(deformation.deferred));
     if (!releases || policy.healing_step > 0) {
-      contact.deferred_step = std::min(contact.deferred_step, policy.healing_step);
+      deformation.deferred_step = std::min(deformation.deferred_step, policy.healing_step);
     }
   }
   s_plus = held;
@@ -65,18 +66,19 @@ void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalCo
   describe(contact, placed, frames, age);
   const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
   const double sigma = true_separation(contact, frames.now, x_W);
-  contact.p_W = x_W;
+  contact.now.p_W = x_W;
   deform(contact, frames.now[placed.a], sigma, held(existing, frames, policy), policy);
 
   if (existing != nullptr) {
     inherit(contact, *existing);
-    if (contact.loaded && contact.frame_b == kWorldFrame && existing->frame_b == kWorldFrame) {
-      contact.v_WC = existing->v_WC;
+    if (contact.latest.loaded && contact.frame_b == kWorldFrame &&
+        existing->frame_b == kWorldFrame) {
+      contact.constraint.v_WC = existing->constraint.v_WC;
     }
-  } else if (policy.rule == UpdateRule::kIntermediateRepresentation && sigma <= 0) {
+  } else if (policy.traits().active_only && sigma <= 0) {
     // Without history a contact that arrives penetrating is no collision: it would be one at every
     // update.
-    contact.state = ContactState::kPenetrating;
+    contact.now.state = ContactState::kPenetrating;
   }
 }
 
@@ -92,7 +94,7 @@ void set_support(LocalContact& contact, const Placed& placed, const LocalContact
   if (existing != nullptr) inherit(contact, *existing);
 }
 
-/// Rule `retain`: a contact that carries load but is no longer reported is released, not dropped.
+/// `releases_load`: a contact that carries load but is no longer reported is released, not dropped.
 /// Where its body is no longer in the update its constraint stays in the world. Empty if it carries
 /// none, or if its point's body is gone.
 std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
@@ -100,19 +102,21 @@ std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& f
   locate(contact, frames.before[contact.frame_a], frames.before[contact.frame_b]);
   const auto a = frame_of(contact.a, frames.tool, frames.bodies);
   if (!release(contact, policy) || !a || *a == kWorldFrame) return std::nullopt;
+  LocalContact::Constraint& constraint = contact.constraint;
   contact.frame_a = *a;
   contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
-  if (contact.frame_b == kWorldFrame) contact.plane = PlaneOwner::kB;
+  if (contact.frame_b == kWorldFrame) constraint.plane = PlaneOwner::kB;
   const Placement& X_WA = frames.now[contact.frame_a];
   const Placement& X_WB = frames.now[contact.frame_b];
-  contact.p_A = X_WA.inverse() * contact.p_W;
-  contact.c_B = X_WB.inverse() * contact.c_W;
-  contact.n_P = (contact.plane == PlaneOwner::kA ? X_WA : X_WB).R.transpose() * contact.n_W;
+  contact.deformation.p_A = X_WA.inverse() * contact.now.p_W;
+  constraint.c_B = X_WB.inverse() * contact.now.c_W;
+  constraint.n_P =
+      (constraint.plane == PlaneOwner::kA ? X_WA : X_WB).R.transpose() * contact.now.n_W;
   contact.axis = kOnlyAxis;
   return contact;
 }
 
-double load(const LocalContact& contact) noexcept { return contact.cap; }
+double load(const LocalContact& contact) noexcept { return contact.deformation.cap; }
 
 /// Adds what fits of the released contacts beside all that are reported: the most loaded.
 void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
@@ -129,21 +133,24 @@ void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
 }
 
 void advance_constraint(LocalContact& contact, double dt) noexcept {
-  if (contact.frame_b == kWorldFrame) contact.c_B += contact.v_constr * dt * contact.n_P;
+  LocalContact::Constraint& constraint = contact.constraint;
+  if (contact.frame_b == kWorldFrame) constraint.c_B += constraint.v_constr * dt * constraint.n_P;
 }
 
 /// How much of what was deferred a step gives, m. What adds force is paid for from the tank.
 double due(const LocalContact& contact, const FramePoses& poses, const UpdatePolicy& policy,
            double& tank) noexcept {
-  const double given = std::clamp(contact.deferred, -contact.deferred_step, contact.deferred_step);
+  const LocalContact::Deformation& deformation = contact.deformation;
+  const double given =
+      std::clamp(deformation.deferred, -deformation.deferred_step, deformation.deferred_step);
   if (given > 0) {
     // Once the contact is open, giving back the rest changes no force.
-    return separation(contact, poses) >= 0 ? contact.deferred : given;
+    return separation(contact, poses) >= 0 ? deformation.deferred : given;
   }
-  if (policy.rule != UpdateRule::kRetain) return given;
-  if (!contact.loaded) return 0;
+  if (!policy.traits().releases_load) return given;
+  if (!contact.latest.loaded) return 0;
   const double cost =
-      contact.f_W.dot(contact.n_W) * -given + 0.5 * policy.stiffness * given * given;
+      contact.latest.f_W.dot(contact.now.n_W) * -given + 0.5 * policy.stiffness * given * given;
   if (cost > tank) return 0;
   tank -= cost;
   return given;
@@ -208,45 +215,41 @@ void deform(LocalContact& contact, const Placement& X_WA, double sigma, std::opt
             const UpdatePolicy& policy) noexcept {
   double s_plus = updated_separation(policy.rule, sigma, s_p);
   defer(contact, sigma, s_p, s_plus, policy);
-  place_contact_point(contact, X_WA, contact.p_W, sigma, s_plus);
+  place_contact_point(contact, X_WA, contact.now.p_W, sigma, s_plus);
 }
 
 double held_separation(const LocalContact& known, double s, const UpdatePolicy& policy) noexcept {
-  return known.orphaned() ? std::max(s, -std::max(0.0, known.cap) / policy.stiffness) : s;
+  return known.orphaned() ? std::max(s, -std::max(0.0, known.deformation.cap) / policy.stiffness)
+                          : s;
 }
 
 void inherit(LocalContact& contact, const LocalContact& known) noexcept {
-  contact.z_W = known.z_W - contact.n_W.dot(known.z_W) * contact.n_W;
-  contact.slipping = known.slipping;
-  contact.loaded = known.loaded;
-  contact.state = known.state;
-  contact.f_W = known.f_W;
+  contact.friction.z_W =
+      known.friction.z_W - contact.now.n_W.dot(known.friction.z_W) * contact.now.n_W;
+  contact.friction.slipping = known.friction.slipping;
+  contact.latest.loaded = known.latest.loaded;
+  contact.now.state = known.now.state;
+  contact.latest.f_W = known.latest.f_W;
 }
 
 bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept {
-  const double f_n = std::max(contact.f_W.dot(contact.n_W), -policy.stiffness * contact.s);
-  if (policy.rule != UpdateRule::kRetain || contact.s >= 0 || f_n <= 0) return false;
-  contact.cap = std::min(contact.cap, f_n);
-  contact.deferred = 0;
+  const double f_n =
+      std::max(contact.latest.f_W.dot(contact.now.n_W), -policy.stiffness * contact.now.s);
+  if (!policy.traits().releases_load || contact.now.s >= 0 || f_n <= 0) return false;
+  contact.deformation.cap = std::min(contact.deformation.cap, f_n);
+  contact.deformation.deferred = 0;
   return true;
 }
 
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept {
-  switch (rule) {
-    case UpdateRule::kRetain:
-    case UpdateRule::kPaper:
-      return std::max(sigma, s_p ? std::min(*s_p, 0.0) : 0.0);
-    case UpdateRule::kIntermediateRepresentation:
-    case UpdateRule::kPlaneRecovery:
-      return sigma;
-  }
-  return sigma;
+  if (!traits(rule).keeps_deformation) return sigma;
+  return std::max(sigma, s_p ? std::min(*s_p, 0.0) : 0.0);
 }
 
 double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
                     ToolContacts& updated) noexcept {
-  const bool only_active = policy.rule == UpdateRule::kIntermediateRepresentation;
+  const bool only_active = policy.traits().active_only;
   PlacedReports reports = sorted_reports(
       reported, frames, [](const ReportedContact& report) noexcept { return is_tool(report.a); });
   updated.acting.clear();
@@ -256,7 +259,7 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   decide_axes(updated.axes);
   LocalContacts orphans;
   const auto orphan = [&](const LocalContact& contact) {
-    if (policy.rule != UpdateRule::kRetain) return;
+    if (!policy.traits().releases_load) return;
     if (const auto left = released(contact, frames, policy)) orphans.push_back(*left);
   };
   double unspent = 0;
@@ -271,8 +274,9 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
         if (only_active && placed.report->separation > 0) return;
         LocalContact& contact = add_to(updated.acting);
         set_tool_contact(contact, placed, known, frames, age, policy);
-        if (known == nullptr || !contact.loaded || !touches_body(contact)) return;
-        unspent += contact.f_W.dot(contact.n_W) * (known->deferred - contact.deferred);
+        if (known == nullptr || !contact.latest.loaded || !touches_body(contact)) return;
+        unspent += contact.latest.f_W.dot(contact.now.n_W) *
+                   (known->deformation.deferred - contact.deformation.deferred);
       },
       orphan);
   if (only_active) updated.waiting.clear();
@@ -287,7 +291,7 @@ void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
     if (!touches_body(contact)) return false;
     const auto orphan = released(contact, frames, policy);
     if (orphan) contact = *orphan;
-    return !orphan || policy.rule != UpdateRule::kRetain;
+    return !orphan || !policy.traits().releases_load;
   });
 }
 
@@ -317,26 +321,28 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
   const auto orphans = std::count_if(contacts.begin(), contacts.end(),
                                      [](const auto& contact) { return contact.orphaned(); });
   for (LocalContact& contact : contacts) {
+    LocalContact::Constraint& constraint = contact.constraint;
+    LocalContact::Deformation& deformation = contact.deformation;
     advance_constraint(contact, dt);
-    contact.s_left = contact.s;
+    contact.latest.s_left = contact.now.s;
     if (contact.frame_b == kWorldFrame) {
-      contact.s_left -= contact.v_constr * dt;
-      const Vector3 change = contact.v_reported_W - contact.v_WC;
-      const double size = contact.loaded ? change.norm() : 0;
-      contact.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
+      contact.latest.s_left -= constraint.v_constr * dt;
+      const Vector3 change = constraint.v_reported_W - constraint.v_WC;
+      const double size = contact.latest.loaded ? change.norm() : 0;
+      constraint.v_WC += size > largest_change ? Vector3(largest_change / size * change) : change;
     }
-    if (contact.orphaned()) contact.cap -= policy.release_force / static_cast<double>(orphans);
-    if (contact.deferred == 0) continue;
+    if (contact.orphaned()) deformation.cap -= policy.release_force / static_cast<double>(orphans);
+    if (deformation.deferred == 0) continue;
     const double given = due(contact, poses, policy, tank);
     const Placement& X_WA = poses[contact.frame_a];
     const Vector3 n_W = normal_W(contact, X_WA, poses[contact.frame_b]);
-    contact.p_A += given * (X_WA.R.transpose() * n_W);
-    contact.deferred -= given;
-    contact.s_left += given;
+    deformation.p_A += given * (X_WA.R.transpose() * n_W);
+    deformation.deferred -= given;
+    contact.latest.s_left += given;
   }
   if (orphans == 0) return;
   erase_if(contacts, [&](const LocalContact& contact) {
-    return contact.orphaned() && (contact.cap <= 0 || separation(contact, poses) >= 0);
+    return contact.orphaned() && (contact.deformation.cap <= 0 || separation(contact, poses) >= 0);
   });
 }
 

@@ -17,12 +17,14 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
 /// How adopt_update() changes separations.
 struct UpdatePolicy {
   UpdateRule rule = UpdateRule::kRetain;
-  double release_force = 0.5;  ///< `retain`: largest change of a force in a step, N.
+  double release_force = 0.5;  ///< `releases_load`: largest change of a force in a step, N.
   double stiffness = 4000;     ///< k, N/m, after limiting.
   double damping = 30;         ///< b, N·s/m, likewise.
-  double healing_step = 0;     ///< `retain`: largest change of s in a step that adds force, m,
+  double healing_step = 0;     ///< Of that: largest change of s in a step that adds force, m,
   double healing_share = 0;    ///< and largest share of the deformation at the update.
-  int recovery_steps = 10;     ///< `plane_recovery`: N.
+  int recovery_steps = 10;     ///< `ramps_depth`: N.
+
+  UpdateRuleTraits traits() const noexcept { return hlm::traits(rule); }
 
   /// Largest change of s in a step, m.
   double release_step() const noexcept { return release_force / stiffness; }
@@ -39,7 +41,7 @@ double held_separation(const LocalContact& known, double s, const UpdatePolicy& 
 /// The friction anchor and the history of a known contact go on.
 void inherit(LocalContact& contact, const LocalContact& known) noexcept;
 
-/// Rule `retain`: from now on an evaluated contact that carries load is released, not dropped.
+/// `releases_load`: from now on an evaluated contact that carries load is released, not dropped.
 /// False if it carries none.
 bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept;
 
@@ -80,7 +82,7 @@ inline double separation(const LocalContact& contact, const FramePoses& poses) n
   const Placement& X_WA = poses[contact.frame_a];
   const Placement& X_WB = poses[contact.frame_b];
   const Vector3 n_W = normal_W(contact, X_WA, X_WB);
-  return n_W.dot(X_WA * contact.p_A - constraint_point_W(contact, X_WB));
+  return n_W.dot(X_WA * contact.deformation.p_A - constraint_point_W(contact, X_WB));
 }
 
 }  // namespace hlm::server

@@ -55,8 +55,8 @@ LocalContact JointLimits::contact_at(const Limit& limit, int parent) noexcept {
     contact.b = {SideKind::kToolLink, static_cast<std::uint32_t>(parent)};
     contact.frame_b = frame_of_link(contact.b.index);
   }
-  contact.p_A = limit.p_L;
-  contact.friction = 0;
+  contact.deformation.p_A = limit.p_L;
+  contact.friction.coefficient = 0;
   return contact;
 }
 
@@ -70,8 +70,8 @@ void JointLimits::place(const ToolModel& tool) noexcept {
                           : tool.X_WL(static_cast<int>(contact.b.index)).inverse();
     const double gap = limit.sign * (tool.configuration()[limit.coordinate] - limit.bound);
     const Vector3 n_W = limit.sign * (X_WA.R * limit.along_L);
-    contact.n_P = X_BW.R * n_W;
-    contact.c_B = X_BW * (X_WA * limit.p_L - limit.lever * gap * n_W);
+    contact.constraint.n_P = X_BW.R * n_W;
+    contact.constraint.c_B = X_BW * (X_WA * limit.p_L - limit.lever * gap * n_W);
   }
 }
 

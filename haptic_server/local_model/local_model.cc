@@ -24,21 +24,22 @@ ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) n
   ProxyContactState state = ProxyContactState::kFreeMotion;
   for (const LocalContacts* contacts : sets) {
     for (const LocalContact& contact : *contacts) {
-      if (contact.state == ContactState::kColliding) return ProxyContactState::kColliding;
-      if (contact.state != ContactState::kImpending) state = ProxyContactState::kResting;
+      if (contact.now.state == ContactState::kColliding) return ProxyContactState::kColliding;
+      if (contact.now.state != ContactState::kImpending) state = ProxyContactState::kResting;
     }
   }
   return state;
 }
 
 bool is_closed(const LocalContact& contact) noexcept {
-  return contact.state == ContactState::kColliding || contact.state == ContactState::kPenetrating;
+  return contact.now.state == ContactState::kColliding ||
+         contact.now.state == ContactState::kPenetrating;
 }
 
 /// Jᵀ of a unit impulse along n, over all unknowns.
 Unknowns along_normal(const LocalContact& contact, const FrameMotions& frames) noexcept {
   Vector6 row;
-  row << contact.n_W, (contact.p_W - frames.reference_W()).cross(contact.n_W);
+  row << contact.now.n_W, (contact.now.p_W - frames.reference_W()).cross(contact.now.n_W);
   Unknowns direction = Unknowns::Zero(frames.unknowns());
   const auto add = [&](const FrameMotion& frame, double sign) {
     if (frame.J.cols() == 0) return;
@@ -158,10 +159,10 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   double taken = 0;
   double stored = 0;
   for (const LocalContact& contact : contacts()) {
-    const double depth = std::min(contact.s, 0.0);
-    taken += contact.taken;
+    const double depth = std::min(contact.now.s, 0.0);
+    taken += contact.latest.taken;
     stored += stiffness_scale_ * parameters_.stiffness * depth * depth / 2;
-    if (contact.loaded) add_impulse(contact, dt_ * contact.f_W);
+    if (contact.latest.loaded) add_impulse(contact, dt_ * contact.latest.f_W);
   }
   fill_tank(taken);
   // What the springs hold comes back when they are let go: that much debt is not forgotten.
@@ -186,7 +187,7 @@ void LocalModel::add_impulse(const LocalContact& contact, const Vector3& P_W) no
     if (frame < first) return;
     const LocalBody& body = bodies_[static_cast<std::size_t>(frame - first)];
     Vector6 P;
-    P << impulse, (contact.p_W - body.X_WB.p).cross(impulse);
+    P << impulse, (contact.now.p_W - body.X_WB.p).cross(impulse);
     impulses_.add(body.slot, P);
   };
   add(contact.frame_a, P_W);
@@ -218,9 +219,10 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
     A.col(i) = along_normal(contact, frames);
     A.col(i).head(d) = D.matrixL().solve(A.col(i).head(d));
     const double e = index < felt ? parameters_.restitution : 0;
-    const double v_n = contact.v_n + contact.n_W.dot(contact.v_WC - contact.v_reported_W);
+    const double v_n = contact.now.v_n + contact.now.n_W.dot(contact.constraint.v_WC -
+                                                             contact.constraint.v_reported_W);
     w[i] = (1 + e) * v_n;
-    constraints_move |= !contact.v_reported_W.isZero(0);
+    constraints_move |= !contact.constraint.v_reported_W.isZero(0);
   }
   const ContactNumbers p = collision_impulses(parameters_.collision_rule, A, w,
                                               constraints_move ? kWedgeAngle : kDistinctAngle);
@@ -229,7 +231,7 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
   // Half of p·(v⁻ + v⁺) is what the impulses do to the kinetic energy.
   const ContactNumbers after = A.transpose().lazyProduct(u);
   for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(felt); ++i) {
-    const double v_n = closed[static_cast<std::size_t>(i)]->v_n;
+    const double v_n = closed[static_cast<std::size_t>(i)]->now.v_n;
     fill_tank(std::max(0.0, -p[i] * (v_n + 0.5 * after[i])));
   }
   const GeneralisedForce on_tool = D.matrixL() * GeneralisedForce(u.head(d));
@@ -241,7 +243,7 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
   }
   for (std::size_t i = 0; i < felt; ++i) {
     if (p[static_cast<Eigen::Index>(i)] == 0) continue;
-    add_impulse(*closed[i], p[static_cast<Eigen::Index>(i)] * closed[i]->n_W);
+    add_impulse(*closed[i], p[static_cast<Eigen::Index>(i)] * closed[i]->now.n_W);
   }
   return on_tool;
 }

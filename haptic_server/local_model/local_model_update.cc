@@ -155,7 +155,7 @@ void LocalModel::correct_gradually(LocalBodies& updated, double period) const no
 double LocalModel::damping_on(const LocalBody& body) const noexcept {
   const ContactSide side{SideKind::kMovableBody, body.id};
   const auto loaded = std::count_if(contacts().begin(), contacts().end(), [&](const auto& contact) {
-    return contact.loaded && contact.b == side;
+    return contact.latest.loaded && contact.b == side;
   });
   return static_cast<double>(loaded) * policy().damping;
 }

@@ -12,8 +12,8 @@ void measure(const LocalContacts& contacts, double dt, PairAxes& axes) noexcept 
   for (const LocalContact& contact : contacts) {
     if (contact.axis == kOnlyAxis || contact.orphaned()) continue;
     PairAxis& axis = axes[contact.axis];
-    axis.gap = std::min(axis.gap, contact.s);
-    axis.next = std::min(axis.next, contact.s + dt * contact.v_n);
+    axis.gap = std::min(axis.gap, contact.now.s);
+    axis.next = std::min(axis.next, contact.now.s + dt * contact.now.v_n);
   }
 }
 
@@ -41,14 +41,14 @@ void measure(const ToolContacts& contacts, double dt, PairAxes& axes) noexcept {
 /// its separation, with that change.
 LocalContact at_rest(LocalContact contact, const FrameMotions& frames) noexcept {
   const Matrix3& R_WA = frames[contact.frame_a].X_W.R;
-  contact.p_A += R_WA.transpose() * (contact.deferred * contact.n_W);
-  contact.deferred = 0;
-  contact.v_WC = contact.v_reported_W;
-  contact.state = ContactState::kImpending;
-  contact.z_W.setZero();
-  contact.f_W.setZero();
-  contact.taken = 0;
-  contact.slipping = contact.loaded = false;
+  contact.deformation.p_A += R_WA.transpose() * (contact.deformation.deferred * contact.now.n_W);
+  contact.deformation.deferred = 0;
+  contact.constraint.v_WC = contact.constraint.v_reported_W;
+  contact.now.state = ContactState::kImpending;
+  contact.friction.z_W.setZero();
+  contact.latest.f_W.setZero();
+  contact.latest.taken = 0;
+  contact.friction.slipping = contact.latest.loaded = false;
   return contact;
 }
 
@@ -56,17 +56,17 @@ LocalContact at_rest(LocalContact contact, const FrameMotions& frames) noexcept 
 /// null.
 void start(LocalContact& contact, const LocalContact* known, const FrameMotions& frames,
            const UpdatePolicy& policy) noexcept {
-  const double sigma = contact.s;
+  const double sigma = contact.now.s;
   std::optional<double> s_p;
-  if (known != nullptr) s_p = held_separation(*known, known->s, policy);
+  if (known != nullptr) s_p = held_separation(*known, known->now.s, policy);
   deform(contact, frames[contact.frame_a].X_W, sigma, s_p, policy);
   if (known != nullptr) inherit(contact, *known);
-  if (contact.s > 0) {
-    contact.state = ContactState::kImpending;
-  } else if (contact.v_n > 0) {
-    contact.state = ContactState::kSeparating;
+  if (contact.now.s > 0) {
+    contact.now.state = ContactState::kImpending;
+  } else if (contact.now.v_n > 0) {
+    contact.now.state = ContactState::kSeparating;
   } else if (known == nullptr) {
-    contact.state = ContactState::kColliding;
+    contact.now.state = ContactState::kColliding;
   }
 }
 
@@ -107,10 +107,10 @@ void choose_axes(ToolContacts& contacts, const FrameMotions& frames, const Updat
   for (LocalContact& contact : acting) {
     if (acts(contact)) continue;
     waiting.push_back(at_rest(contact, frames));
-    if (!release(contact, policy)) contact.cap = 0;
+    if (!release(contact, policy)) contact.deformation.cap = 0;
     contact.axis = kOnlyAxis;
   }
-  erase_if(acting, [](const LocalContact& contact) { return contact.cap == 0; });
+  erase_if(acting, [](const LocalContact& contact) { return contact.deformation.cap == 0; });
   for (std::size_t i = 0; i < waited; ++i) {
     LocalContact& contact = waiting[i];
     if (!acts(contact)) continue;

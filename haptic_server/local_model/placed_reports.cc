@@ -95,26 +95,26 @@ void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& f
   contact.b = report.b;
   contact.frame_a = placed.a;
   contact.frame_b = placed.b;
-  contact.friction = report.friction;
+  contact.friction.coefficient = report.friction;
   if (placed.b == kWorldFrame) {
-    contact.v_constr = report.n_W.dot(report.v_WC);
-    contact.v_WC = contact.v_reported_W = report.v_WC;
-    contact.c_B = report.p_WC + contact.v_constr * age * report.n_W;
-    contact.n_P = report.n_W;
+    contact.constraint.v_constr = report.n_W.dot(report.v_WC);
+    contact.constraint.v_WC = contact.constraint.v_reported_W = report.v_WC;
+    contact.constraint.c_B = report.p_WC + contact.constraint.v_constr * age * report.n_W;
+    contact.constraint.n_P = report.n_W;
   } else {
-    contact.plane = report.plane;
+    contact.constraint.plane = report.plane;
     const Placement& X_WP = frames.reported[report.plane == PlaneOwner::kA ? placed.a : placed.b];
-    contact.c_B = frames.reported[placed.b].inverse() * report.p_WC;
-    contact.n_P = X_WP.R.transpose() * report.n_W;
+    contact.constraint.c_B = frames.reported[placed.b].inverse() * report.p_WC;
+    contact.constraint.n_P = X_WP.R.transpose() * report.n_W;
   }
 }
 
 double true_separation(LocalContact& contact, const FramePoses& poses,
                        const Vector3& x_W) noexcept {
   const Placement& X_WB = poses[contact.frame_b];
-  contact.c_W = constraint_point_W(contact, X_WB);
-  contact.n_W = normal_W(contact, poses[contact.frame_a], X_WB);
-  return contact.n_W.dot(x_W - contact.c_W);
+  contact.now.c_W = constraint_point_W(contact, X_WB);
+  contact.now.n_W = normal_W(contact, poses[contact.frame_a], X_WB);
+  return contact.now.n_W.dot(x_W - contact.now.c_W);
 }
 
 }  // namespace hlm::server

@@ -46,7 +46,7 @@ void by_links(const LocalContacts& contacts, Add add) noexcept {
 Matrix3 sum_of_normals(std::span<const LocalContact> contacts) noexcept {
   Matrix3 sum = Matrix3::Zero();
   for (const LocalContact& contact : contacts) {
-    sum.noalias() += contact.n_W * contact.n_W.transpose();
+    sum.noalias() += contact.now.n_W * contact.now.n_W.transpose();
   }
   return sum;
 }
@@ -54,7 +54,7 @@ Matrix6 sum_of_wrenches(std::span<const LocalContact> contacts, const Vector3& O
   Matrix6 sum = Matrix6::Zero();
   for (const LocalContact& contact : contacts) {
     Vector6 w;
-    w << contact.n_W, (contact.p_W - O_W).cross(contact.n_W);
+    w << contact.now.n_W, (contact.now.p_W - O_W).cross(contact.now.n_W);
     sum.noalias() += w * w.transpose();
   }
   return sum;

@@ -89,8 +89,8 @@ void describe(const LocalModel& model, TickRecord& record) noexcept {
   record.stiffness = model.parameters().stiffness;
   double smallest = std::numeric_limits<double>::infinity();
   for (const LocalContact& contact : model.contacts()) {
-    ++(contact.s > 0 ? record.predicted_contacts : record.active_contacts);
-    smallest = std::min(smallest, contact.s);
+    ++(contact.now.s > 0 ? record.predicted_contacts : record.active_contacts);
+    smallest = std::min(smallest, contact.now.s);
   }
   record.smallest_separation = model.contacts().empty() ? 0 : smallest;
 }

@@ -25,13 +25,13 @@ protocol::LocalContactReport report(const LocalContact& contact) noexcept {
   return {.identity = contact.identity,
           .a = contact.a,
           .b = contact.b,
-          .state = contact.state,
-          .retained = contact.deferred > 0 || contact.orphaned(),
-          .c_W = contact.c_W,
-          .n_W = contact.n_W,
-          .p_W = contact.p_W,
-          .s = contact.s,
-          .f_W = contact.f_W};
+          .state = contact.now.state,
+          .retained = contact.deformation.deferred > 0 || contact.orphaned(),
+          .c_W = contact.now.c_W,
+          .n_W = contact.now.n_W,
+          .p_W = contact.now.p_W,
+          .s = contact.now.s,
+          .f_W = contact.latest.f_W};
 }
 
 }  // namespace
@@ -54,7 +54,7 @@ void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model
   state_.contacts.clear();
   const auto add = [&](const LocalContacts& contacts, bool touching) {
     for (const LocalContact& contact : contacts) {
-      if ((contact.s <= 0) != touching) continue;
+      if ((contact.now.s <= 0) != touching) continue;
       if (state_.contacts.size() == state_.contacts.capacity()) return;
       state_.contacts.push_back(report(contact));
     }

@@ -7,10 +7,7 @@ local VERSION = 2
 local MAGIC = "HLMI"
 local LARGEST_DATAGRAM = 1200
 local MOST_PARTS = 64
-local LONGEST_TEXT = 200
-local MOST_COORDINATES, MOST_VELOCITIES = 17, 16
-local HELLO, WELCOME, REJECT, CONTACT_UPDATE, PROXY_STATE, GOODBYE = 1, 2, 3, 4, 5, 6
-local CONTROL, TICKS, LOCAL_STATE, REFUSAL, IMPULSES = 7, 8, 9, 10, 11
+local HELLO, REJECT = 1, 3
 
 local haptic = Proto("hlm", "Haptic local model")
 local malformed = ProtoExpert.new("hlm.malformed", "Not as the protocol demands",
@@ -22,35 +19,34 @@ local unknown_type = ProtoExpert.new("hlm.unknown_type", "A type of message of a
 
 -- Kinds of fields. `make` declares a Wireshark field; `read` gives a value from a TvbRange.
 
-local function make_plain(declare)
-  return function(abbr, label) return declare(abbr, label) end
+local function integer(declare, size, read, display)
+  local function make(abbr, node)
+    return declare(abbr, node.label, display or base.DEC, node.values, nil, node.meaning)
+  end
+  return {size = size, make = make, read = read}
 end
-local function make_code(abbr, label, values)
-  return ProtoField.uint8(abbr, label, base.DEC, values)
+local function described(declare)
+  return function(abbr, node) return declare(abbr, node.label, node.meaning) end
 end
-local function make_hex(abbr, label) return ProtoField.uint64(abbr, label, base.HEX) end
 local function read_unsigned(range) return range:le_uint() end
 local function read_signed(range) return range:le_int() end
+local function read_unsigned64(range) return range:le_uint64() end
+local function read_signed64(range) return range:le_int64() end
 local function read_float(range) return range:le_float() end
+local function read_raw(range) return range:raw() end
 
-local U8 = {size = 1, make = make_plain(ProtoField.uint8), read = read_unsigned}
-local I8 = {size = 1, make = make_plain(ProtoField.int8), read = read_signed}
-local U16 = {size = 2, make = make_plain(ProtoField.uint16), read = read_unsigned}
-local U32 = {size = 4, make = make_plain(ProtoField.uint32), read = read_unsigned}
-local U64 = {size = 8, make = make_plain(ProtoField.uint64),
-             read = function(range) return range:le_uint64() end}
-local I64 = {size = 8, make = make_plain(ProtoField.int64),
-             read = function(range) return range:le_int64() end}
-local HEX32 = {size = 4, make = function(abbr, label) return ProtoField.uint32(abbr, label, base.HEX) end,
-               read = read_unsigned}
-local HEX64 = {size = 8, make = make_hex, read = U64.read}
-local F32 = {size = 4, make = make_plain(ProtoField.float), read = read_float, is_number = true}
-local F64 = {size = 8, make = make_plain(ProtoField.double), read = read_float, is_number = true}
-local CODE = {size = 1, make = make_code, read = read_unsigned}
-local TEXT = {encoding = ENC_UTF_8, make = make_plain(ProtoField.string),
-              read = function(range) return range:raw() end}
-local BYTES = {encoding = ENC_NA, make = make_plain(ProtoField.bytes),
-               read = function(range) return range:raw() end}
+local U8 = integer(ProtoField.uint8, 1, read_unsigned)
+local I8 = integer(ProtoField.int8, 1, read_signed)
+local U16 = integer(ProtoField.uint16, 2, read_unsigned)
+local U32 = integer(ProtoField.uint32, 4, read_unsigned)
+local U64 = integer(ProtoField.uint64, 8, read_unsigned64)
+local I64 = integer(ProtoField.int64, 8, read_signed64)
+local HEX32 = integer(ProtoField.uint32, 4, read_unsigned, base.HEX)
+local HEX64 = integer(ProtoField.uint64, 8, read_unsigned64, base.HEX)
+local F32 = {size = 4, make = described(ProtoField.float), read = read_float, is_number = true}
+local F64 = {size = 8, make = described(ProtoField.double), read = read_float, is_number = true}
+local TEXT = {encoding = ENC_UTF_8, make = described(ProtoField.string), read = read_raw}
+local BYTES = {encoding = ENC_NA, make = described(ProtoField.bytes), read = read_raw}
 
 -- What a receiver demands of a value: `holds` for all that are allowed, `text` of the others. Of a
 -- group `holds` sees the values of its fields by name.
@@ -78,18 +74,26 @@ end
 
 local LENGTH = between(-1e4, 1e4)
 local SPEED = between(-1e3, 1e3)
-local ACCELERATION = between(-1e6, 1e6)
-local MOBILITY = between(-1e12, 1e12)
-local SPAN = between(0, 1e6)
-local IMPULSE = between(-1e6, 1e6)
-local XYZ, WXYZ = {"x", "y", "z"}, {"w", "x", "y", "z"}
 
--- Layouts: lists of fields in the order of their bytes. `count` names an earlier field that says
--- how often this one is repeated; `length` one that says how many bytes it has.
+-- What a number of several components consists of.
+local XYZ = {"x", "y", "z"}
+local POSE = {"p.x", "p.y", "p.z", "R.w", "R.x", "R.y", "R.z"}
+local TWIST = {"linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z"}
+local WRENCH = {"force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z"}
+local INERTIA = {"xx", "yy", "zz", "xy", "xz", "yz"}
+local UNIT = unit_length(XYZ)
+local UNIT_QUATERNION = unit_length({"R.w", "R.x", "R.y", "R.z"})
 
-local function field(kind, name, label, unit, demand)
-  label = unit and (label .. " [" .. unit .. "]") or label
-  return {kind = kind, name = name, label = label, demand = demand}
+-- The upper triangle of a symmetric matrix, row by row.
+local TRIANGLE = {}
+for row = 1, 6 do
+  for column = row, 6 do table.insert(TRIANGLE, row .. column) end
+end
+
+-- A label is the field's name, and its unit behind it in brackets.
+
+local function field(kind, label, meaning, demand)
+  return {kind = kind, name = label:match("^%S+"), label = label, meaning = meaning, demand = demand}
 end
 
 -- A field that older senders of this version do not know.
@@ -98,434 +102,349 @@ local function optional(node)
   return node
 end
 
-local function code(name, label, values)
-  return {kind = CODE, name = name, label = label, values = values}
+local function code(label, meaning, values)
+  local node = field(U8, label, meaning)
+  node.values = values
+  return node
 end
 
-local function flag(name, label)
-  local node = code(name, label, {[0] = "no", "yes"})
+local function flag(label, meaning)
+  local node = code(label, meaning, {[0] = "no", "yes"})
   node.demand = between(0, 1)
   return node
 end
 
-local function coordinates(name, label, unit, demand)
-  local node = field(F64, name, label, unit, demand)
-  node.count = "size_" .. name
+-- `count` names an earlier field that says how often this one is repeated, `length` one that says how
+-- many bytes it has.
+local function coordinates(kind, label, count, meaning, demand)
+  local node = field(kind, label, meaning, demand)
+  node.count = count
   return node
 end
 
--- How many coordinates a configuration or velocity has.
-local function size(name, most)
-  return field(U8, "size_" .. name, "Coordinates of " .. name, nil, between(1, most))
+local function text(label, length, meaning)
+  local node = field(TEXT, label, meaning, type(length) == "string" and PRINTABLE)
+  if type(length) == "string" then node.length = length else node.size = length end
+  return node
 end
 
-local function text_size(name)
-  return field(U8, "size_" .. name, "Bytes of the " .. name, nil, between(0, LONGEST_TEXT))
+local function bytes(name, label, size) return {kind = BYTES, name = name, label = label, size = size} end
+
+local function group(label, meaning, children, demand)
+  return {name = label:match("^%S+"), label = label, meaning = meaning, children = children,
+          demand = demand}
 end
 
-local function text(name, label)
-  return {kind = TEXT, name = name, label = label, length = "size_" .. name, demand = PRINTABLE}
-end
-
-local function group(name, label, children, demand)
-  return {name = name, label = label, children = children, demand = demand}
-end
-
-local function append(list, more)
-  for _, item in ipairs(more) do table.insert(list, item) end
-  return list
-end
-
-local function numbers(name, label, unit, components, demand, kind)
+-- Of a pose `demand` holds for the position. `whole` is demanded of all components together.
+local function numbers(kind, label, components, meaning, demand, whole)
   local children = {}
   for _, component in ipairs(components) do
-    table.insert(children, field(kind or F64, component, component, unit, demand))
+    local holds = demand and not component:find("^R") and demand
+    table.insert(children, field(kind, component, nil, holds))
   end
-  return group(name, label, children)
+  return group(label, meaning, children, whole)
 end
 
-local function vector(name, label, unit, demand, kind)
-  return numbers(name, label, unit, XYZ, demand, kind)
-end
+local function list(name, item, most) return {name = name, item = item, most = most} end
 
-local function normal(name, label)
-  local node = vector(name, label)
-  node.demand = unit_length(XYZ)
-  return node
-end
-
-local function pose(name, label, demand)
-  return group(name, label, {
-    vector("p", "Position", "m", demand),
-    numbers("R", "Rotation, a unit quaternion", nil, WXYZ),
-  })
-end
-
-local function unit_pose(name, label, demand)
-  local node = pose(name, label, demand)
-  node.children[2].demand = unit_length(WXYZ)
-  return node
-end
-
--- A linear and an angular part.
-local function twist(name, label, demand)
-  return group(name, label, {
-    vector("linear", "Linear velocity", "m/s", demand),
-    vector("angular", "Angular velocity", "rad/s", demand),
-  })
-end
-
-local function acceleration(name, label)
-  return group(name, label, {
-    vector("linear", "Linear acceleration", "m/s²", ACCELERATION),
-    vector("angular", "Angular acceleration", "rad/s²", ACCELERATION),
-  })
-end
-
-local function wrench(name, label)
-  return group(name, label, {vector("force", "Force", "N"), vector("torque", "Torque", "N m")})
-end
-
-local function impulse(name, label, allowed)
-  return group(name, label, {vector("linear", "Impulse", "N s", allowed),
-                             vector("angular", "Angular impulse", "N m s", allowed)})
-end
-
--- The upper triangle of a symmetric matrix, row by row.
-local function symmetric(name, label, order, demand)
-  local components = {}
-  for row = 1, order do
-    for column = row, order do table.insert(components, row .. column) end
-  end
-  return numbers(name, label, nil, components, demand)
-end
-
-local SIDES = {[0] = "world", "tool_link", "movable_body"}
-
-local function side_fields()
-  return {
-    code("a.kind", "Side a, which the normal points to", SIDES),
-    code("b.kind", "Side b, which has the point", SIDES),
-    field(U32, "a.index", "Link or body of side a"),
-    field(U32, "b.index", "Link or body of side b"),
-  }
-end
-
-local function tuning_fields(is_checked)
-  local function number(name, label, unit, least, most)
-    return field(F64, name, label, unit, is_checked and between(least, most))
-  end
-  return {
-    code("update_rule", "Update rule",
-         {[0] = "retain", "paper", "intermediate_representation", "plane_recovery"}),
-    code("controller", "Controller",
-         {[0] = "four_channel", "three_channel", "virtual_coupler", "direct", "rotation_coupler",
-          "engine_coupler", "engine_force"}),
-    number("stiffness", "Stiffness of each contact", "N/m", 1, 1e6),
-    number("damping", "Damping of each contact", "N s/m", 0, 1e4),
-    number("friction", "Coefficient of friction", nil, 0, 10),
-    number("restitution", "Coefficient of restitution", nil, 0, 1),
-    number("coupling_stiffness", "Coupling stiffness", "N/m", 0, 1e5),
-    number("coupling_damping", "Coupling damping", "N s/m", 0, 1e3),
-    number("coupling_angular_stiffness", "Coupling stiffness, rotation", "N m/rad", 0, 1e3),
-    number("coupling_angular_damping", "Coupling damping, rotation", "N m s/rad", 0, 10),
-  }
-end
-
--- Items of lists.
-
-local link = group("link", "Link of the tool", {
-  field(I8, "parent", "Parent link, -1 is the world"),
-  code("joint", "Joint", {[0] = "fixed", "revolute", "prismatic", "planar", "free"}),
-  pose("X_PJ", "Joint frame in the parent's link frame"),
-  vector("axis", "Unit axis in the joint frame"),
-  field(F64, "mass", "Mass", "kg"),
-  vector("p_LCom", "Centre of mass in the link frame", "m"),
-  numbers("I_LCom", "Inertia about the centre of mass, link axes", "kg m²",
-          {"xx", "yy", "zz", "xy", "xz", "yz"}),
-  field(F64, "lower", "Least position of the joint", "rad or m"),
-  field(F64, "upper", "Largest position of the joint", "rad or m"),
-})
-
-local ROUNDNESS = {[0] = "none", "axis", "sphere"}
-
-local movable_body = group("movable_body", "Movable body", {
-  field(U32, "id", "The environment's number for it"),
-  vector("p_WCom", "Centre of mass, world", "m", LENGTH),
-  twist("V_W", "Twist of the centre of mass, world", SPEED),
-  acceleration("A_W", "Acceleration by all forces except contacts, world"),
-  symmetric("W", "Inverse inertia, world [1/kg, 1/(kg m²)]", 6, MOBILITY),
-  impulse("P_W", "Total impulse of the tool that this state contains, world", IMPULSE),
-  code("roundness", "What turning leaves its shape as it is", ROUNDNESS),
-  vector("axis_W", "Axis of revolution, world", nil, between(-2, 2), F32),
-})
-
-local PLANE = {[0] = "b", "a"}
-
-local contact = group("contact", "Contact", append(append({
-  field(HEX64, "identity", "Identity"),
-  field(U32, "pair", "Pair of convex pieces"),
-  field(U16, "axis", "Separating axis of the pair"),
-}, side_fields()), {
-  vector("p_WC", "Point on the surface of b, world", "m", LENGTH),
-  normal("n_W", "Unit normal from b to a, world"),
-  field(F64, "separation", "True separation", "m", LENGTH),
-  vector("v_WC", "Velocity of b's point, world", "m/s", SPEED, F32),
-  field(F32, "friction", "Coefficient of friction, negative: the server's", nil,
-        between(-10, 10)),
-  field(F32, "load", "Normal force of a contact without the tool", "N", between(0, 1e6)),
-  code("plane", "Side whose face the plane is", PLANE),
-}))
-
-local function force_limit()
-  return code("limit", "What limits the command", {[0] = "none", "force", "torque", "rate", "fade",
-                                                  "power", "energy"})
-end
-
-local tick = group("tick", "Tick", {
-  vector("F_env", "Contact force on the hand", "N"),
-  vector("F_command", "Force commanded to the device", "N"),
-  vector("F_hand", "Force of the hand as known to the controller", "N"),
-  field(F64, "torque", "Commanded torque", "N m"),
-  field(F64, "smallest_separation", "Smallest separation", "m"),
-  field(F64, "device_proxy", "Distance of device and proxy", "m"),
-  field(F64, "proxy_tool", "Distance of proxy and tool", "m"),
-  field(F64, "lateness", "Lateness", "s"),
-  field(F64, "execution", "Execution time of the step before", "s"),
-  field(F64, "age", "Age of the newest contacts", "s"),
-  field(U16, "active_contacts", "Local contacts with separation <= 0"),
-  field(U16, "predicted_contacts", "Local contacts with separation > 0"),
-  flag("adopted", "An update was taken"),
-  force_limit(),
-})
-
-local local_contact = group("local_contact", "Local contact", append(append({
-  field(HEX64, "identity", "Identity"),
-}, side_fields()), {
-  code("state", "State", {[0] = "impending", "colliding", "penetrating", "separating"}),
-  flag("retained", "Its load is being released"),
-  vector("c_W", "Point of the constraint, world", "m"),
-  normal("n_W", "Unit normal from b to a, world"),
-  vector("p_W", "Local contact point, world", "m"),
-  field(F64, "s", "Separation", "m"),
-  vector("f_W", "Force on a, world", "N"),
-}))
-
-local body_impulse = group("body_impulse", "Impulse on a body", {
-  field(U32, "body", "The environment's number for it"),
-  impulse("P_W", "Impulse since the session began, world"),
-})
-
--- Messages: the block of fixed fields, then the lists.
-
-local function list(name, label, most, item)
-  return {
-    label = label, name = name, most = most, item = item,
-    header = group(name, label, {
-      field(U16, "first", "Index of the first item in this part"),
-      field(U16, "count", "Items in this part"),
-      field(U16, "total", "Items in the message"),
-      field(U16, "item_size", "Size of an item", "bytes"),
-    }),
-  }
-end
-
-local function message(name, label, fields, lists)
-  return {name = name, block = group(name, label, fields), lists = lists or {}}
-end
-
-local messages = {
-  [HELLO] = message("hello", "Hello", {
-    field(HEX64, "nonce", "Nonce of the session asked for"),
-    field(F64, "ve_rate", "Nominal step rate of the virtual environment", "Hz"),
-    field(F64, "epsilon", "Radius of the ε-active tool", "m"),
-    vector("gravity_W", "Acceleration of gravity, world", "m/s²"),
-    field(F64, "length", "Characteristic length of the tool", "m"),
-    pose("X_LH", "Hand frame in the hand link's frame"),
-    field(U8, "hand_link", "Link that the user holds"),
-    size("q", MOST_COORDINATES),
-    coordinates("q", "Initial configuration q", "m, rad"),
-    optional(flag("clears_fault", "A person asks for it: it ends a fault")),
-  }, {list("links", "Links of the tool", 16, link)}),
-
-  [WELCOME] = message("welcome", "Welcome", append(append({
-    field(HEX64, "nonce", "Nonce of the hello that is answered"),
-    field(F64, "servo_rate", "Rate of the local model", "Hz", POSITIVE),
-    field(HEX64, "fingerprint", "Of the server's options"),
-  }, tuning_fields(false)), {
-    field(F64, "silence_time", "Without an update for this long force fades", "s", POSITIVE),
-    field(F64, "fade_time", "How long the fade from full force takes", "s", POSITIVE),
-    field(F64, "least_update_rate", "Below this force comes and goes", "Hz", POSITIVE),
-    group("capabilities", "What the server makes of an update", {
-      flag("movable_bodies", "Movable bodies and their contacts"),
-      flag("axes", "Only one axis of each pair acts"),
-      flag("self_contacts", "Contacts between two links of the tool"),
-    }),
-    group("device", "Haptic device", {
-      field(F64, "max_force", "Rated force, 0 if none", "N", NOT_NEGATIVE),
-      field(F64, "max_torque", "Rated torque, 0 if none", "N m", NOT_NEGATIVE),
-      field(F64, "max_stiffness", "Rated stiffness, 0 if none", "N/m", NOT_NEGATIVE),
-      field(F64, "max_angular_stiffness", "Rated angular stiffness, 0 if none", "N m/rad",
-            NOT_NEGATIVE),
-      field(F64, "scale", "Metres in the world for each metre of the handle", nil, POSITIVE),
-      field(U8, "buttons", "Buttons"),
-      flag("gripper", "It measures a gripper's opening"),
-      flag("renders_torque", "It renders torque"),
-      flag("measures_hand", "The hand's wrench is known"),
-      flag("guidable", "A control can hold its hand"),
-      text_size("name"),
-      text("name", "Name"),
-      optional(field(U8, "freedoms", "Directions in which its handle moves, one bit each")),
-      optional(flag("observes_hand", "It estimates the hand's wrench")),
-    }),
-  })),
-
-  [REJECT] = message("reject", "Reject", {
-    field(HEX64, "nonce", "Nonce of the hello that is answered"),
-    code("reason", "Reason", {"version", "busy", "tool", "fault"}),
-    text_size("text"),
-    field(U16, "version", "Version that the server speaks"),
-    text("text", "Text"),
-  }),
-
-  [CONTACT_UPDATE] = message("contact_update", "Contact update", {
-    field(F64, "ve_time", "Simulated time of the virtual environment", "s"),
-    field(F64, "ve_period", "Length of its latest step", "s", SPAN),
-    field(F64, "compute_time", "From sampling q_VE to sending this", "s", SPAN),
-    field(U64, "echo_step", "Step of the newest proxy state received, 0 if none"),
-    field(F64, "echo_hold", "From the arrival of that proxy state to sending this", "s", SPAN),
-    field(F64, "impulse_step", "Step up to which the bodies' state contains the impulses", "",
-          NOT_NEGATIVE),
-    size("q_VE", MOST_COORDINATES),
-    size("v_VE", MOST_VELOCITIES),
-    coordinates("q_VE", "Tool configuration q_VE of the contacts", "m, rad", LENGTH),
-    coordinates("v_VE", "Its generalised velocity", "m/s, rad/s", SPEED),
-  }, {list("bodies", "Movable bodies", 16, movable_body),
-      list("contacts", "Contacts", 192, contact)}),
-
-  [PROXY_STATE] = message("proxy_state", "Proxy state", {
-    field(U64, "acknowledged", "Sequence of the adopted update"),
-    field(U64, "step", "Step of the local model in this session"),
-    field(F64, "age", "Age attributed to the update's contacts", "s", NOT_NEGATIVE),
-    field(F64, "update_send_time", "Send time of that update, client's clock", "s"),
-    field(F64, "hold", "From the arrival of that update to sending this", "s", NOT_NEGATIVE),
-    code("server", "Server", {[0] = "off", "active", "fading", "fault", "arming",
-                              "ramping"}),
-    code("fault", "Fault", {[0] = "none", "non_finite", "overrun", "device", "implausible",
-                            "operator_stop", "handle_speed", "workspace", "energy"}),
-    code("contact_state", "Proxy", {[0] = "free_motion", "colliding", "resting"}),
-    force_limit(),
-    field(U16, "active_contacts", "Local contacts with separation <= 0"),
-    field(U16, "predicted_contacts", "Local contacts with separation > 0"),
-    field(F64, "smallest_separation", "Smallest separation", "m"),
-    unit_pose("X_WD", "Device handle in the world"),
-    twist("V_WD", "Twist of the device handle, world"),
-    wrench("F_env", "Contact wrench at the hand, world"),
-    wrench("F_command", "Wrench commanded to the device, world"),
-    wrench("F_hand", "Wrench of the hand as known to the controller, world"),
+-- Fields: from protocol/PROTOCOL.md, by tests/protocol/dissector_fields.py --write.
+local TYPES = {"hello", "welcome", "reject", "contact_update", "proxy_state", "goodbye", "control", "ticks", "local_state", "refusal", "impulses"}
+local TABLES = {
+  header = {
+    text("magic", 4, "the bytes HLMI (48 4C 4D 49)"),
+    field(U16, "version", "of the protocol"),
+    code("type", "of the message, section 3", TYPES),
+    field(U8, "flags", "none in this version"),
+    field(HEX64, "session", "id that the server gave in its welcome"),
+    field(U64, "sequence", "number of the message, section 5"),
+    field(I64, "send_time [ns]", "ns, the sender's own steady clock, any origin"),
+    field(U8, "part", "which part this is"),
+    field(U8, "parts", "number of parts of the message"),
+    field(U8, "tool", "index of the tool"),
+    field(U8, "reserved", "none in this version"),
+    field(U16, "length", "bytes of this datagram, header included"),
+    field(U16, "block", "bytes of the fixed fields after the header"),
+  },
+  list = {
+    field(U16, "first", "index in the whole list of this part's first item"),
+    field(U16, "count", "items in this part"),
+    field(U16, "total", "items in all parts"),
+    field(U16, "item_size", "bytes of each item"),
+  },
+  hello = {
+    field(HEX64, "nonce", "drawn for each session asked for, from a source that nobody can guess"),
+    field(F64, "ve_rate [Hz]", "nominal step rate of the VE, Hz"),
+    field(F64, "epsilon [m]", "contacts up to this separation ε are reported, at least, m"),
+    numbers(F64, "gravity [m/s²]", XYZ, "acceleration of gravity, world, m/s²"),
+    field(F64, "tool_length [m]", "characteristic length of the tool, m"),
+    numbers(F64, "X_LH", POSE, "pose of the hand's frame in the hand link's frame"),
+    field(U8, "hand_link", "the link that the user holds"),
+    field(U8, "q_size", "length of q", between(1, 17)),
+    coordinates(F64, "q", "q_size", "initial configuration"),
+    optional(flag("clears_fault", "a person asks for this session, and it ends a fault of the server (section 5)")),
+    list("links", "link", 16),
+  },
+  link = {
+    field(I8, "parent", "index of the parent link"),
+    code("joint", "by code, section 1", {[0] = "fixed", [1] = "revolute", [2] = "prismatic", [3] = "planar", [4] = "free"}),
+    numbers(F64, "X_PJ", POSE, "pose of the joint's frame in the parent's frame"),
+    numbers(F64, "axis", XYZ, "of a revolute or prismatic joint, in J"),
+    field(F64, "mass [kg]", "of the link, kg"),
+    numbers(F64, "com [m]", XYZ, "centre of mass in the link's frame, m"),
+    numbers(F64, "inertia [kg·m²]", INERTIA, "about the centre of mass, link's axes, kg·m²"),
+    field(F64, "lower [rad or m]", "least q of a revolute or prismatic joint, rad or m"),
+    field(F64, "upper", "its largest q"),
+  },
+  welcome = {
+    field(HEX64, "nonce", "of the hello that is answered"),
+    field(F64, "servo_rate [Hz]", "rate of the local model, Hz", POSITIVE),
+    field(HEX64, "fingerprint", "of the server's effective options"),
+    code("update_rule", nil, {[0] = "retain", [1] = "paper", [2] = "intermediate_representation", [3] = "plane_recovery"}),
+    code("controller", nil, {[0] = "four_channel", [1] = "three_channel", [2] = "virtual_coupler", [3] = "direct", [4] = "rotation_coupler", [5] = "engine_coupler", [6] = "engine_force"}),
+    field(F64, "stiffness [N/m]", "of each contact, N/m"),
+    field(F64, "damping [N·s/m]", "of each contact, N·s/m"),
+    field(F64, "friction", "coefficient"),
+    field(F64, "restitution", "coefficient"),
+    field(F64, "coupling_stiffness [N/m]", "between device and proxy, N/m"),
+    field(F64, "coupling_damping [N·s/m]", "N·s/m"),
+    field(F64, "coupling_angular_stiffness [N·m/rad]", "N·m/rad"),
+    field(F64, "coupling_angular_damping [N·m·s/rad]", "N·m·s/rad"),
+    field(F64, "silence_time [s]", "when nothing of the session has come for this long, force fades, s (section 5)", POSITIVE),
+    field(F64, "fade_time [s]", "from full force to none, s", POSITIVE),
+    field(F64, "least_update_rate [Hz]", "below this rate of updates force comes and goes, Hz", POSITIVE),
+    flag("movable_bodies", "the server uses bodies and contacts between them"),
+    flag("axes", "of each pair only one axis acts"),
+    flag("self_contacts", "contacts between two links of the tool act"),
+    field(F64, "max_force [N]", "rating of the device, N", NOT_NEGATIVE),
+    field(F64, "max_torque [N·m]", "N·m", NOT_NEGATIVE),
+    field(F64, "max_stiffness [N/m]", "N/m", NOT_NEGATIVE),
+    field(F64, "max_angular_stiffness [N·m/rad]", "N·m/rad", NOT_NEGATIVE),
+    field(F64, "scale", "metres in the world for each metre of the handle", POSITIVE),
+    field(U8, "buttons", "how many the device has"),
+    flag("gripper", "it measures a gripper's opening"),
+    flag("renders_torque", "it renders torque"),
+    flag("measures_hand", "the hand's wrench is known"),
+    flag("guidable", "a control can hold the hand of the device"),
+    field(U8, "text_size", "bytes of name", between(0, 200)),
+    text("name", "text_size", "of the device, UTF-8"),
+    optional(field(U8, "freedoms", "directions in which the device's handle moves in the world, bit 0 for x, 1 y, 2 z, 3 to 5 rotation about them")),
+    optional(flag("observes_hand", "the hand's wrench is not measured but estimated, from the handle's motion")),
+  },
+  reject = {
+    field(HEX64, "nonce", "of the hello that is answered"),
+    code("reason", nil, {[1] = "version", [2] = "busy", [3] = "tool", [4] = "fault"}),
+    field(U8, "text_size", "bytes of text", between(0, 200)),
+    field(U16, "version_spoken", "version that the server speaks"),
+    text("text", "text_size", "UTF-8, for a person"),
+  },
+  contact_update = {
+    field(F64, "ve_time [s]", "simulated time of the VE, s"),
+    field(F64, "ve_period [s]", "simulated length of the latest step, s", between(0, 1e6)),
+    field(F64, "compute_time [s]", "from sampling q to sending this, client's clock, s", between(0, 1e6)),
+    field(U64, "echo_step", "step of the newest proxy state received in this session"),
+    field(F64, "echo_hold [s]", "from the arrival of that proxy state to sending this, client's clock, s (section 6)", between(0, 1e6)),
+    field(F64, "impulse_step", "step up to which the bodies' state contains the impulses", NOT_NEGATIVE),
+    field(U8, "q_size", "length of q", between(1, 17)),
+    field(U8, "v_size", "length of v", between(1, 16)),
+    coordinates(F64, "q", "q_size", "tool configuration for which the contacts were computed", LENGTH),
+    coordinates(F64, "v", "v_size", "its generalised velocity q̇", SPEED),
+    list("bodies", "body", 16),
+    list("contacts", "contact", 192),
+  },
+  body = {
+    field(U32, "id", "the VE's number for it, the same in every update"),
+    numbers(F64, "p [m]", XYZ, "centre of mass, world, m", LENGTH),
+    numbers(F64, "V", TWIST, "twist", SPEED),
+    numbers(F64, "A [m/s²]", TWIST, "acceleration by all forces except contacts (gravity, motors, springs), m/s², rad/s²", between(-1e6, 1e6)),
+    numbers(F64, "W", TRIANGLE, "inverse inertia that its joints leave it, 1/kg and 1/(kg·m²), rows and columns as in a twist, without negative eigenvalues", between(-1e12, 1e12)),
+    numbers(F64, "P [N·s]", TWIST, "total impulse of the tool that this state contains, of those reported in impulses, N·s, and about the centre of mass N·m·s", between(-1e6, 1e6)),
+    code("round", "what turning leaves its shape as it is, so that its contacts do not go round with it", {[0] = "none", [1] = "axis", [2] = "sphere"}),
+    numbers(F32, "axis", XYZ, "unit axis of that, with round 1", between(-2, 2)),
+  },
+  contact = {
+    field(HEX64, "identity", "the same from update to update while the contact lasts, different for any two contacts of one update"),
+    field(U32, "pair", "which pair of convex pieces it belongs to"),
+    field(U16, "axis", "which separating axis of the pair it lies on"),
+    code("a_kind", "of side a", {[0] = "world", [1] = "tool_link", [2] = "movable_body"}),
+    code("b_kind", "of side b", {[0] = "world", [1] = "tool_link", [2] = "movable_body"}),
+    field(U32, "a", "index of the link, or id of the body"),
+    field(U32, "b", "index of the link, id of the body, or the VE's number for what it is"),
+    numbers(F64, "p [m]", XYZ, "point on the surface of b, world, m", LENGTH),
+    numbers(F64, "n", XYZ, "normal from b to a, world", nil, UNIT),
+    field(F64, "separation [m]", "true separation σ, m", LENGTH),
+    numbers(F32, "v_point [m/s]", XYZ, "velocity of b's point p, world, m/s", SPEED),
+    field(F32, "friction", "coefficient of the two materials", between(-10, 10)),
+    field(F32, "load [N]", "present normal force, N, of a contact without the tool", between(0, 1e6)),
+    code("plane", nil, {[0] = "b", [1] = "a"}),
+  },
+  proxy_state = {
+    field(U64, "acknowledged", "sequence of the update that was taken"),
+    field(U64, "step", "steps of the local model since the session began, this one included"),
+    field(F64, "age [s]", "age that the server attributed to the update's contacts, s", NOT_NEGATIVE),
+    field(F64, "update_send_time", "send_time of that update, client's clock, converted to s"),
+    field(F64, "hold [s]", "from the arrival of the update to sending this, server's clock, s", NOT_NEGATIVE),
+    code("server", nil, {[0] = "off", [1] = "active", [2] = "fading", [3] = "fault", [4] = "arming", [5] = "ramping"}),
+    code("fault", nil, {[0] = "none", [1] = "non_finite", [2] = "overrun", [3] = "device", [4] = "implausible", [5] = "operator_stop", [6] = "handle_speed", [7] = "workspace", [8] = "energy"}),
+    code("contact_state", "of the proxy", {[0] = "free_motion", [1] = "colliding", [2] = "resting"}),
+    code("limit", "what keeps F_command from being the wanted wrench", {[0] = "none", [1] = "force", [2] = "torque", [3] = "rate", [4] = "fade", [5] = "power", [6] = "energy"}),
+    field(U16, "active_contacts", "local contacts with separation ≤ 0"),
+    field(U16, "predicted_contacts", "local contacts with separation > 0"),
+    field(F64, "smallest_separation [m]", "over all local contacts, m"),
+    numbers(F64, "X_WD", POSE, "pose of the device's handle in the world", nil, UNIT_QUATERNION),
+    numbers(F64, "V_WD", TWIST, "twist of the device's handle"),
+    numbers(F64, "F_env", WRENCH, "contact wrench on the hand"),
+    numbers(F64, "F_command", WRENCH, "wrench commanded to the device, after all limits"),
+    numbers(F64, "F_hand", WRENCH, "the hand's wrench, as far as known"),
     flag("hand_measured", "F_hand is known"),
-    field(U32, "buttons", "Buttons that are down, one bit each"),
-    field(F64, "gripper", "Opening of the gripper, 0 closed to 1 open"),
-    field(F64, "scale", "Metres in the world for each metre of the handle", nil, POSITIVE),
-    field(U64, "overruns", "Periods missed since the server started"),
-    field(U64, "updates", "Updates adopted in this session"),
-    field(U64, "dropped", "Datagrams dropped since the server started"),
-    field(U64, "control", "Sequence of the control in effect, 0 if none"),
-    size("q", MOST_COORDINATES),
-    size("v", MOST_VELOCITIES),
-    coordinates("q", "Configuration q of the proxy", "m, rad"),
-    coordinates("v", "Generalised velocity of the proxy", "m/s, rad/s"),
-    optional(code("fade", "Fade", {[0] = "none", "client_silent", "contacts_old",
-                                   "updates_invalid", "client_left"})),
-    optional(field(F64, "given", "Energy given to the hand", "J")),
-    optional(field(F64, "taken", "Energy taken from the hand", "J")),
-    optional(field(F64, "explained", "Of what was given less what was taken: explained", "J")),
-    optional(field(F64, "tank", "Energy that may still be given", "J")),
-    optional(field(F64, "brought", "Energy that updates brought into contacts' springs", "J")),
-    optional(flag("hand_observed", "F_hand is estimated, not measured")),
-    optional(field(F64, "lowered", "Share of the stiffness asked for that is not in effect")),
-  }),
-
-  [GOODBYE] = message("goodbye", "Goodbye", {
-    code("reason", "Reason", {[0] = "finished", "shutdown"}),
-  }),
-
-  [CONTROL] = message("control", "Control", append({
-    flag("telemetry", "Ticks and local states are asked for"),
-    flag("holds", "The hand of a simulated device is held"),
-    unit_pose("X_WTarget", "Where it is held, world", LENGTH),
-    flag("tuned", "The following is in effect"),
-  }, tuning_fields(true))),
-
-  [TICKS] = message("ticks", "Ticks", {
-    field(U64, "first_step", "Step of the first tick", nil, NOT_0),
-  }, {list("ticks", "Ticks", 8, tick)}),
-
-  [LOCAL_STATE] = message("local_state", "Local state", {
-    field(U64, "step", "Step of the local model"),
-  }, {list("contacts", "Local contacts", 64, local_contact)}),
-
-  [REFUSAL] = message("refusal", "Refusal", {
-    field(U64, "refused", "Sequence of the update"),
-    code("error", "Error", {[0] = "none", "layout", "non_finite", "tool", "quaternion", "range",
-                            "normal", "side", "duplicate"}),
-    flag("whole", "The update as a whole was refused"),
-    field(U16, "item", "Index in the list that the error is in"),
-    field(U64, "count", "Updates refused as a whole in this session"),
-  }),
-
-  [IMPULSES] = message("impulses", "Impulses", {
-    field(U64, "step", "Step of the local model that the totals contain"),
-  }, {list("bodies", "Bodies", 16, body_impulse)}),
+    field(U32, "buttons", "those of the device that are down, bit i for button i"),
+    field(F64, "gripper", "opening of its gripper, 0 closed to 1 open"),
+    field(F64, "scale", "metres in the world for each metre of the handle", POSITIVE),
+    field(U64, "overruns", "periods missed since the server started"),
+    field(U64, "updates", "updates taken in this session"),
+    field(U64, "dropped", "datagrams dropped since the server started, all reasons"),
+    field(U64, "control", "sequence of the control in effect"),
+    field(U8, "q_size", "length of q", between(1, 17)),
+    field(U8, "v_size", "length of v", between(1, 16)),
+    coordinates(F64, "q", "q_size", "configuration of the proxy"),
+    coordinates(F64, "v", "v_size", "generalised velocity q̇ of the proxy"),
+    optional(code("fade", "why force fades, or waits at zero", {[0] = "none", [1] = "client_silent", [2] = "contacts_old", [3] = "updates_invalid", [4] = "client_left"})),
+    optional(field(F64, "given [J]", "energy that the device has given to the hand since the session began, J")),
+    optional(field(F64, "taken [J]", "energy that it has taken from the hand, J")),
+    optional(field(F64, "explained [J]", "of given − taken the work of the tool's weight and of moving constraints, J")),
+    optional(field(F64, "tank [J]", "energy that it may still give beyond that, J")),
+    optional(field(F64, "brought [J]", "energy that updates have brought into the contacts' springs, J")),
+    optional(flag("hand_observed", "F_hand is not measured but estimated, from the handle's motion")),
+    optional(field(F64, "lowered", "share, 0 to 1, of the stiffness and damping that the control asks for that is not in effect, because the device is late and does not bear it")),
+  },
+  goodbye = {
+    code("reason", nil, {[0] = "finished", [1] = "shutdown"}),
+  },
+  control = {
+    flag("telemetry", "send ticks and local states"),
+    flag("holds", "the person holds the hand of a simulated device"),
+    numbers(F64, "X_target", POSE, "where it is held", LENGTH, UNIT_QUATERNION),
+    flag("tuned", "the following fields are in effect"),
+    code("update_rule", "as in the welcome", {[0] = "retain", [1] = "paper", [2] = "intermediate_representation", [3] = "plane_recovery"}),
+    code("controller", "as in the welcome", {[0] = "four_channel", [1] = "three_channel", [2] = "virtual_coupler", [3] = "direct", [4] = "rotation_coupler", [5] = "engine_coupler", [6] = "engine_force"}),
+    field(F64, "stiffness [N/m]", "of each contact, N/m", between(1, 1e6)),
+    field(F64, "damping [N·s/m]", "of each contact, N·s/m", between(0, 1e4)),
+    field(F64, "friction", "coefficient, static and kinetic", between(0, 10)),
+    field(F64, "restitution", "coefficient", between(0, 1)),
+    field(F64, "coupling_stiffness [N/m]", "between device and proxy, N/m", between(0, 1e5)),
+    field(F64, "coupling_damping [N·s/m]", "N·s/m", between(0, 1e3)),
+    field(F64, "coupling_angular_stiffness [N·m/rad]", "N·m/rad", between(0, 1e3)),
+    field(F64, "coupling_angular_damping [N·m·s/rad]", "N·m·s/rad", between(0, 10)),
+  },
+  ticks = {
+    field(U64, "first_step", "step of the first item", NOT_0),
+    list("ticks", "tick", 8),
+  },
+  tick = {
+    numbers(F64, "F_env [N]", XYZ, "contact force on the hand, N"),
+    numbers(F64, "F_command [N]", XYZ, "force commanded to the device, after all limits, N"),
+    numbers(F64, "F_hand [N]", XYZ, "the hand's force, as far as known, N"),
+    field(F64, "torque [N·m]", "magnitude of the commanded torque, N·m"),
+    field(F64, "smallest_separation [m]", "over all local contacts, m"),
+    field(F64, "device_proxy [m]", "distance of handle and proxy, m"),
+    field(F64, "proxy_tool [m]", "distance of the proxy and the VE's tool of the latest update, m"),
+    field(F64, "lateness [s]", "of the step's beginning, s"),
+    field(F64, "execution [s]", "time that the step before took, s"),
+    field(F64, "age [s]", "of the newest contacts when they were taken, s"),
+    field(U16, "active_contacts", "local contacts with separation ≤ 0"),
+    field(U16, "predicted_contacts", "local contacts with separation > 0"),
+    flag("adopted", "an update was taken in this step"),
+    code("limit", "what keeps F_command from being the wanted wrench", {[0] = "none", [1] = "force", [2] = "torque", [3] = "rate", [4] = "fade", [5] = "power", [6] = "energy"}),
+  },
+  local_state = {
+    field(U64, "step", "of the local model"),
+    list("contacts", "local_contact", 64),
+  },
+  local_contact = {
+    field(HEX64, "identity", "of the reported contact"),
+    code("a_kind", "as in a contact", {[0] = "world", [1] = "tool_link", [2] = "movable_body"}),
+    code("b_kind", "as in a contact", {[0] = "world", [1] = "tool_link", [2] = "movable_body"}),
+    field(U32, "a", "as in a contact"),
+    field(U32, "b", "as in a contact"),
+    code("state", nil, {[0] = "impending", [1] = "colliding", [2] = "penetrating", [3] = "separating"}),
+    flag("retained", "while its load is being released"),
+    numbers(F64, "c [m]", XYZ, "point of the constraint, world, m"),
+    numbers(F64, "n", XYZ, "normal from b to a, world", nil, UNIT),
+    numbers(F64, "p [m]", XYZ, "the local contact point, world, m"),
+    field(F64, "s [m]", "separation, m"),
+    numbers(F64, "f [N]", XYZ, "force on a, world, N"),
+  },
+  refusal = {
+    field(U64, "refused", "sequence of the update"),
+    code("error", nil, {[0] = "none", [1] = "layout", [2] = "non_finite", [3] = "tool", [4] = "quaternion", [5] = "range", [6] = "normal", [7] = "side", [8] = "duplicate"}),
+    flag("whole", "the update was not used"),
+    field(U16, "item", "index of the first contact (of a body, where only bodies are wrong) with the error"),
+    field(U64, "count", "updates refused as a whole in this session"),
+  },
+  impulses = {
+    field(U64, "step", "of the local model"),
+    list("bodies", "impulse", 16),
+  },
+  impulse = {
+    field(U32, "body", "id of the body"),
+    numbers(F64, "P [N·s]", TWIST, "impulse on it since the session began, N·s, and about its centre of mass N·m·s, world axes"),
+  },
 }
+-- End of fields.
 
-local TYPES = {}
-for number, known in pairs(messages) do TYPES[number] = known.name end
+-- Messages: the block of fixed fields, then the lists, each behind a header of its own.
 
--- These three, the nonce of a hello and the whole of a reject are the same in every version.
-local stable_fields = {
-  {kind = TEXT, name = "magic", label = "Magic", size = #MAGIC},
-  field(U16, "version", "Version"),
-  code("type", "Type", TYPES),
-}
+local function append(to, more)
+  for _, item in ipairs(more) do table.insert(to, item) end
+  return to
+end
+
+-- Each list declares fields of its own.
+local function copies(nodes)
+  local made = {}
+  for i, node in ipairs(nodes) do made[i] = field(node.kind, node.label, node.meaning) end
+  return made
+end
+
+local function message(name)
+  local fields, lists = {}, {}
+  for _, row in ipairs(TABLES[name]) do table.insert(row.item and lists or fields, row) end
+  for _, one in ipairs(lists) do
+    one.header = group(one.name, nil, copies(TABLES.list))
+    one.item = group(one.item, nil, TABLES[one.item])
+  end
+  return {name = name, block = group(name, nil, fields), lists = lists}
+end
+
+local messages = {}
+for number, name in ipairs(TYPES) do messages[number] = message(name) end
+
 local HEADER_SIZE = 40
-local header = group("header", "Header", append(append({}, stable_fields), {
-  field(U8, "flags", "Flags"),
-  field(HEX64, "session", "Session"),
-  field(U64, "sequence", "Sequence"),
-  field(I64, "send_time", "Send time by the sender's clock", "ns"),
-  field(U8, "part", "Part"),
-  field(U8, "parts", "Parts of the message"),
-  field(U8, "tool", "Tool"),
-  field(U8, "reserved", "Reserved"),
-  field(U16, "length", "Length of the datagram", "bytes"),
-  field(U16, "block", "Length of the fixed fields", "bytes"),
-}))
-local other_header = group("other_header", "Header of another version",
-                           append(append({}, stable_fields), {
-  {kind = BYTES, name = "other", label = "Other fields", size = HEADER_SIZE - 7},
+local header = group("header", nil, TABLES.header)
+-- These three, the nonce of a hello and the whole of a reject are the same in every version.
+local stable_fields = {table.unpack(TABLES.header, 1, 3)}
+local other_header = group("other_header", "of another version", append(stable_fields, {
+  bytes("other", "Other fields", HEADER_SIZE - 7),
 }))
 
 -- Sealed datagrams: their packets, by type.
 local SEALING_MAGIC = "HLS"
 local KEY_SIZE, INDEX_SIZE, TAG_SIZE = 32, 4, 16
 
-local function bytes(name, label, size) return {kind = BYTES, name = name, label = label, size = size} end
 local function handshake_message()
   return {bytes("public_key", "Ephemeral public key", KEY_SIZE),
           bytes("payload", "Index of the sender, sealed", INDEX_SIZE + TAG_SIZE)}
 end
-local receiver = function() return field(HEX32, "receiver", "Index of the receiver") end
+local receiver = function() return field(HEX32, "receiver", "index of the receiver") end
 
 local packets = {
   group("initiation", "First message of a handshake", handshake_message()),
   group("response", "Second message of a handshake", append({receiver()}, handshake_message())),
-  group("sealed", "Sealed datagram", {receiver(), field(U64, "counter", "Counter")}),
+  group("sealed", "Sealed datagram", {receiver(), field(U64, "counter")}),
 }
 local SEALED = 3
 local packet_header = group("packet", "Sealing", {
-  {kind = TEXT, name = "magic", label = "Magic", size = #SEALING_MAGIC},
-  code("type", "Type", {"initiation", "response", "sealed"}),
+  text("magic", #SEALING_MAGIC),
+  code("type", "of the packet", {"initiation", "response", "sealed"}),
 })
 local sealed_text = bytes("text", "Text, sealed, and its tag")
 
@@ -533,9 +452,9 @@ local newer_fields = {kind = BYTES, name = "newer_fields", label = "Fields of a 
 local newer_lists = {kind = BYTES, name = "newer_lists", label = "Lists of a newer version"}
 local newer_message = {kind = BYTES, name = "newer_message", label = "Message of a newer version"}
 
--- Wireshark's fields are named hlm.<message>.<field>, those of the header and of list items
--- hlm.<field> and hlm.<item>.<field>; a component adds its own name: hlm.contact.n_W.z. A list's
--- own numbers are hlm.<message>.<list>.total and so on.
+-- Wireshark's fields are named hlm.<table>.<field>, with the names of PROTOCOL.md, those of the header
+-- hlm.<field>; a component adds its own name: hlm.contact.n.z. A list's own numbers are
+-- hlm.<message>.<list>.total and so on.
 
 local declared = {}
 
@@ -543,10 +462,10 @@ local function declare(node, prefix, abbr)
   if node.field then return end
   abbr = abbr or (prefix .. "." .. node.name)
   if node.children then
-    node.field = ProtoField.none(prefix .. "." .. node.name, node.label)
+    node.field = ProtoField.none(prefix .. "." .. node.name, node.label, node.meaning)
     for _, child in ipairs(node.children) do declare(child, abbr) end
   else
-    node.field = node.kind.make(abbr, node.label, node.values)
+    node.field = node.kind.make(abbr, node)
   end
   table.insert(declared, node.field)
 end

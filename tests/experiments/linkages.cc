@@ -194,8 +194,8 @@ void fold(Bench& bench) {
   double deepest = 0;
   for (int i = 0; i < 200; ++i) {
     const Velocity& v = model.velocity();
-    table.row(i * kStep, v[2], v[2] + v[3] + v[4], model.contacts()[0].s);
-    deepest = std::min(deepest, model.contacts()[0].s);
+    table.row(i * kStep, v[2], v[2] + v[3] + v[4], model.contacts()[0].now.s);
+    deepest = std::min(deepest, model.contacts()[0].now.s);
     model.step({});
   }
   const double kick = std::abs(model.velocity()[2] - first_bar);

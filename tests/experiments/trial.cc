@@ -52,13 +52,13 @@ UpdateEffect compare(const LocalContacts& before, const LocalContacts& after,
   for (const server::LocalContact& contact : after) {
     const server::LocalContact* old = find(before, contact.identity);
     const double force = spring_force(contact, poses, stiffness);
-    resultant += force * contact.n_W;
+    resultant += force * contact.now.n_W;
     change(old != nullptr ? spring_force(*old, poses, stiffness) : 0, force);
-    if (old == nullptr) effect.arrived_n_W = contact.n_W;
+    if (old == nullptr) effect.arrived_n_W = contact.now.n_W;
   }
   for (const server::LocalContact& contact : before) {
     const double force = spring_force(contact, poses, stiffness);
-    resultant -= force * contact.n_W;
+    resultant -= force * contact.now.n_W;
     if (find(after, contact.identity) == nullptr) change(force, 0);
   }
   effect.force = resultant.norm();

@@ -50,24 +50,21 @@ void updates(Bench& bench) {
     for (const double jump : e.jump) noticeable += jump > kJustNoticeable;
     table.row(method.label, largest(e.jump), quantile(e.jump, 0.99),
               noticeable / static_cast<double>(e.jump.size()), largest(e.energy));
-    if (method.update_rule == UpdateRule::kIntermediateRepresentation ||
-        method.update_rule == UpdateRule::kPlaneRecovery) {
-      continue;
-    }
-    const bool retains = method.update_rule == UpdateRule::kRetain;
+    const UpdateRuleTraits rule = traits(method.update_rule);
+    if (!rule.keeps_deformation) continue;
     // Retained load is released from the very step of the update on.
     const double bound = server::LocalModelParameters{}.release_step;
     std::string criterion =
         "no update stores energy (> 1e-9 J) or raises a contact's spring force "
         "(> 1e-6 N)";
-    if (retains) criterion += fmt::format(", nor lowers one by more than {} N", bound);
+    if (rule.releases_load) criterion += fmt::format(", nor lowers one by more than {} N", bound);
     bench.claim({.what = fmt::format("Updates, {}", method.label),
                  .paper = "penetration is continuous at updates",
                  .criterion = criterion,
                  .measured = fmt::format("{:.1e} J; rises {:.1e} N, falls {:.3g} N at most",
                                          largest(e.energy), largest(e.rise), largest(e.fall)),
                  .holds = largest(e.energy) <= 1e-9 && largest(e.rise) <= 1e-6 &&
-                          (!retains || largest(e.fall) <= bound + 1e-6)});
+                          (!rule.releases_load || largest(e.fall) <= bound + 1e-6)});
   }
   if (const Effects& e = of["ir"]; !e.jump.empty()) {
     bench.find(fmt::format(

@@ -98,10 +98,10 @@ TEST_CASE("The dissector's names are those of the vocabulary") {
       {"hlm.control.update_rule", names<UpdateRule>()},
       {"hlm.control.controller", names<ControllerKind>()},
       {"hlm.reject.reason", names<RejectReason>()},
-      {"hlm.contact.a.kind", names<SideKind>()},
-      {"hlm.contact.b.kind", names<SideKind>()},
+      {"hlm.contact.a_kind", names<SideKind>()},
+      {"hlm.contact.b_kind", names<SideKind>()},
       {"hlm.contact.plane", names<PlaneOwner>()},
-      {"hlm.movable_body.roundness", names<Roundness>()},
+      {"hlm.body.round", names<Roundness>()},
       {"hlm.proxy_state.server", names<ServerState>()},
       {"hlm.proxy_state.fault", names<Fault>()},
       {"hlm.proxy_state.fade", names<Fade>()},
@@ -109,8 +109,8 @@ TEST_CASE("The dissector's names are those of the vocabulary") {
       {"hlm.proxy_state.limit", names<ForceLimit>()},
       {"hlm.tick.limit", names<ForceLimit>()},
       {"hlm.goodbye.reason", names<GoodbyeReason>()},
-      {"hlm.local_contact.a.kind", names<SideKind>()},
-      {"hlm.local_contact.b.kind", names<SideKind>()},
+      {"hlm.local_contact.a_kind", names<SideKind>()},
+      {"hlm.local_contact.b_kind", names<SideKind>()},
       {"hlm.local_contact.state", names<ContactState>()},
       {"hlm.refusal.error", names<UpdateError>()},
   };
@@ -205,7 +205,7 @@ TEST_CASE("A value without a name is shown as unknown, and not marked") {
   recording.add(welcome);
   const auto packets = test::dissect(path);
   recording.check(packets);
-  CHECK(shown_text(packets.at(0), "hlm.proxy_state.server") == "Server: unknown (9)");
+  CHECK(shown_text(packets.at(0), "hlm.proxy_state.server") == "server: unknown (9)");
   CHECK(test::tshark(path, "-T fields -e _ws.expert.message") == "\n\n\n");
 }
 

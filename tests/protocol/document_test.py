@@ -14,16 +14,17 @@ HEADER = 40
 
 
 def read_tables(document):
-    """{table name: (message type or None, [(offset or None, type, count or None, field)])}"""
+    """{table name: (message type or None, rows of (offset or None, type, count or None, field, meaning, allowed))}"""
     tables = {}
     for section in re.split(r"^### Table: ", document, flags=re.M)[1:]:
         name = section.split("\n", 1)[0].strip()
         section = re.split(r"^##", section, flags=re.M)[0]
         number = re.search(r"^Type (\d+),", section, flags=re.M)
-        rows = re.findall(r"^\| (\d+|—) \| (\w+)(?:\[(\w+)\])? \| (\w+) \|", section, flags=re.M)
+        row = r"^\| (\d+|—) \| (\w+)(?:\[(\w+)\])? \| (\w+) \| (.*?) ?\| (.*) \|$"
+        rows = re.findall(row, section, flags=re.M)
         if not rows:
             sys.exit(f"table {name} has no rows")
-        fields = [(None if o == "—" else int(o), t, c or None, f) for o, t, c, f in rows]
+        fields = [(None if o == "—" else int(o), t, c or None, *rest) for o, t, c, *rest in rows]
         tables[name] = (int(number.group(1)) if number else None, fields)
     return tables
 
@@ -40,7 +41,7 @@ def read_examples(document):
 def encode_fields(tables, fields, values, prefix, data):
     """Appends the fields; returns where the first list begins, None without one."""
     lists = None
-    for offset, kind, count, field in fields:
+    for offset, kind, count, field, *_ in fields:
         if offset is not None and offset != len(data):
             sys.exit(f"field {field} is at {len(data)}, its table says {offset}")
         if kind in tables:
@@ -80,7 +81,7 @@ def encode(tables, message, values):
     lists = encode_fields(tables, tables[message][1], values, "", data)
     if len(data) > MAX_DATAGRAM:
         sys.exit(f"{message} has {len(data)} bytes")
-    offsets = {field: offset for offset, _, _, field in tables["header"][1]}
+    offsets = {field: offset for offset, _, _, field, *_ in tables["header"][1]}
     struct.pack_into("<H", data, offsets["length"], len(data))
     struct.pack_into("<H", data, offsets["block"], (lists or len(data)) - HEADER)
     return bytes(data)

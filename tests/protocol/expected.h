@@ -5,12 +5,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "hlm/protocol/messages.h"
+#include "hlm/protocol/wire.h"
 #include "hlm/sealing/packets.h"
 #include "tests/protocol/tshark.h"
 #include "tests/support/catch.h"
@@ -51,77 +51,89 @@ inline constexpr std::array<Word<protocol::PacketType>, 3> kWords<protocol::Pack
 
 namespace hlm::test {
 
-/// The fields that a datagram must show, in order.
-class Expected {
+/// The fields that a datagram must show, in order. Lists fields as Writer does, so that layout.h
+/// says which a message has.
+class Expected : public protocol::CompoundFields<Expected> {
  public:
-  explicit Expected(std::string prefix) : prefix_(std::move(prefix)) {}
+  /// Of those that follow: the dissector's names begin with it.
+  void begin(std::string prefix) { prefix_ = std::move(prefix); }
 
-  void number(const std::string& name, double value) { add(name, value, kDoubleDigits); }
-  /// Of single precision.
-  void short_number(const std::string& name, double value) { add(name, value, kFloatDigits); }
-  void text(const std::string& name, const std::string& value) {
-    fields_.push_back({prefix_ + name, std::nan(""), 0, ": " + value});
-  }
   template <class Integer>
-  void integer(const std::string& name, Integer value) {
-    text(name, std::to_string(value));
+  void integer(Integer value) {
+    add({.integer = std::to_string(value)});
   }
-  void hexadecimal(const std::string& name, std::uint64_t value) {
-    std::array<char, 19> digits;
-    std::snprintf(digits.data(), digits.size(), "0x%016lx", value);
-    text(name, digits.data());
+  void shown(const std::string& value) { add({.ending = ": " + value}); }
+
+  template <class T>
+  void u8(const T& value) {
+    integer(static_cast<unsigned>(value));
+  }
+  template <class T>
+  void i8(const T& value) {
+    integer(static_cast<int>(value));
+  }
+  void u16(std::uint16_t value) { integer(value); }
+  void u32(std::uint32_t value) { integer(value); }
+  void u64(std::uint64_t value) { integer(value); }
+  template <class... Allowed>
+  void f64(double value, Allowed...) {
+    add({.number = value, .tolerance = kDoubleDigits});
+  }
+  template <class... Allowed>
+  void f32(double value, Allowed...) {
+    add({.number = value, .tolerance = kFloatDigits});
+  }
+  template <class Vector, class Allowed>
+  void f64s(const Vector& values, Allowed) {
+    for (const double value : values) f64(value);
   }
   /// A value that has a name, or is unknown.
   template <class Enum>
-  void code(const std::string& name, Enum value) {
-    text(name, std::string(name_of(value)) + " (" + std::to_string(static_cast<int>(value)) + ")");
+  void enumeration(Enum value) {
+    shown(std::string(name_of(value)) + " (" + std::to_string(static_cast<int>(value)) + ")");
   }
-  void flag(const std::string& name, bool value) { text(name, value ? "yes (1)" : "no (0)"); }
+  void flag(bool value) { shown(value ? "yes (1)" : "no (0)"); }
   template <class Vector>
-  void coordinates(const std::string& name, const Vector& values) {
-    for (const double value : values) number(name, value);
+  void size(const Vector& values) {
+    integer(values.size());
   }
-  void vector(const std::string& name, const Vector3& v) {
-    number(name + ".x", v.x());
-    number(name + ".y", v.y());
-    number(name + ".z", v.z());
+  template <class Text>
+  void text_size(const Text& value) {
+    integer(value.size());
   }
-  void pose(const std::string& name, const Pose& X) {
-    vector(name + ".p", X.p);
-    number(name + ".R.w", X.R.w());
-    number(name + ".R.x", X.R.x());
-    number(name + ".R.y", X.R.y());
-    number(name + ".R.z", X.R.z());
+  template <class Text>
+  void text(const Text& value) {
+    if (!value.empty()) shown(std::string(value.begin(), value.end()));
   }
-  void wrench(const std::string& name, const Wrench& F) {
-    vector(name + ".force", F.head<3>());
-    vector(name + ".torque", F.tail<3>());
+  void appended_flag(bool value) { flag(value); }
+  void appended_f64(double value) { f64(value); }
+  void appended_u8(std::uint8_t value, std::uint8_t) { integer(value); }
+  template <class Enum>
+  void appended_enumeration(Enum value) {
+    enumeration(value);
   }
-  void short_vector(const std::string& name, const Vector3& v) {
-    short_number(name + ".x", v.x());
-    short_number(name + ".y", v.y());
-    short_number(name + ".z", v.z());
-  }
-  /// A vector of a linear and an angular part.
-  void halves(const std::string& name, const Vector6& v) {
-    vector(name + ".linear", v.head<3>());
-    vector(name + ".angular", v.tail<3>());
-  }
-  void append(const Expected& other) {
-    fields_.insert(fields_.end(), other.fields_.begin(), other.fields_.end());
-  }
+  template <class... Ignored>
+  void normalize(const Ignored&...) {}
+  template <class... Ignored>
+  void normalize_if_near(const Ignored&...) {}
+  template <class... Ignored>
+  void mirror(const Ignored&...) {}
+  template <class... Ignored>
+  void require(const Ignored&...) {}
 
   /// Fails unless `shown` are these fields, adjacent, and fill a datagram of `length` bytes.
   void check(const std::vector<ShownField>& shown, std::size_t length) const {
     REQUIRE(shown.size() == fields_.size());
     std::size_t position = kIpAndUdpHeader;
     for (std::size_t i = 0; i < shown.size(); ++i) {
+      const Field& field = fields_[i];
       INFO("field " << i << ": " << shown[i].name << ", " << shown[i].text);
-      CHECK(shown[i].name == fields_[i].name);
-      CHECK(shown[i].text.ends_with(fields_[i].ending));
-      if (!std::isnan(fields_[i].number)) {
-        const double tolerance = std::abs(fields_[i].number) * fields_[i].tolerance;
-        CHECK(std::abs(std::stod(shown[i].value) - fields_[i].number) <= tolerance);
+      CHECK(shown[i].name.starts_with(field.prefix));
+      CHECK(shown[i].text.ends_with(field.ending));
+      if (!field.integer.empty()) CHECK(decimal(shown[i].value) == field.integer);
+      if (!std::isnan(field.number)) {
+        const double tolerance = std::abs(field.number) * field.tolerance;
+        CHECK(std::abs(std::stod(shown[i].value) - field.number) <= tolerance);
       }
       CHECK(shown[i].position == position);
       position += shown[i].size;
@@ -137,13 +149,19 @@ class Expected {
   static constexpr double kFloatDigits = 5e-6;
 
   struct Field {
-    std::string name;
-    double number;       ///< Not a number: only the text is compared.
-    double tolerance;    ///< Of the number, relative.
-    std::string ending;  ///< Of the text, behind the label.
+    std::string integer = {};      ///< In decimal digits. Empty: none.
+    std::string ending = {};       ///< Of the text, behind the label.
+    double number = std::nan("");  ///< Not a number: none.
+    double tolerance = 0;          ///< Of the number, relative.
+    std::string prefix = {};       ///< Of the name.
   };
-  void add(const std::string& name, double number, double tolerance) {
-    fields_.push_back({prefix_ + name, number, tolerance, ""});
+  void add(Field field) {
+    field.prefix = prefix_;
+    fields_.push_back(std::move(field));
+  }
+  /// Some are shown in hexadecimal digits.
+  static std::string decimal(const std::string& shown) {
+    return shown.starts_with("0x") ? std::to_string(std::stoull(shown, nullptr, 16)) : shown;
   }
 
   std::string prefix_;

@@ -79,7 +79,7 @@ class Document:
         message = self.types[data[6]]
         values, offset = {}, 0
         for table in ("header", message):
-            for _, kind, count, name in self.tables[table][1]:
+            for _, kind, count, name, *_ in self.tables[table][1]:
                 if kind in self.tables:
                     break
                 n = 1 if count is None else int(values.get(count, count))

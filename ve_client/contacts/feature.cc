@@ -18,6 +18,7 @@ std::uint64_t hash(std::initializer_list<std::uint64_t> words) noexcept {
   return mixed(value);
 }
 
+/// Each field has bits of its own: 16 of the index, 32 of the shape, then the kind.
 std::uint64_t packed(const Feature& feature) noexcept {
   return std::uint64_t{static_cast<std::uint8_t>(feature.kind)} << 48 |
          std::uint64_t{feature.shape} << 16 | feature.index;
@@ -35,8 +36,7 @@ std::uint64_t number_of(const ContactSide& side, SideKind usual) noexcept {
 
 std::uint64_t identity_of(const ContactKey& key) noexcept {
   return hash({number_of(key.a, SideKind::kToolLink), packed(key.a_feature),
-               number_of(key.b, SideKind::kWorld),
-               std::uint64_t{key.face} << 32 | packed(key.b_feature)});
+               number_of(key.b, SideKind::kWorld), packed(key.b_feature), key.face});
 }
 
 std::uint32_t pair_of(const ContactKey& key) noexcept {

@@ -76,7 +76,7 @@ void SkinContacts::name(const World& world, const VirtualTool& tool,
   for (std::size_t i = 0; i < now.size(); ++i) {
     if (is_new[i]) {
       now[i].name.b_feature = {FeatureKind::kFace, now[i].found.b_feature.shape, 0};
-      now[i].name.face = kTellsApart + ++next_;
+      now[i].name.face = kTellsApart + ++next_ % kBeside;
     }
     contacts[places[i]].key = now[i].name;
   }

@@ -43,7 +43,7 @@ TEST_CASE("At rest four contacts share the push: s = -f/(4k), F_env = -f") {
   for (int i = 0; i < 2000; ++i) felt = model.step(push({0, 0, -8}));
   CHECK(felt.F[2] == Approx(8).epsilon(1e-6));
   for (const LocalContact& contact : model.contacts()) {
-    CHECK(contact.s == Approx(-8.0 / (4 * parameters.stiffness)).epsilon(1e-6));
+    CHECK(contact.now.s == Approx(-8.0 / (4 * parameters.stiffness)).epsilon(1e-6));
   }
 }
 
@@ -52,7 +52,7 @@ TEST_CASE("A contact never pulls") {
   for (int i = 0; i < 500; ++i) model.step(push({0, 0, -20}));
   for (int i = 0; i < 200; ++i) {
     model.step(push({0, 0, 30}));
-    for (const LocalContact& contact : model.contacts()) REQUIRE(contact.f_W.z() >= 0);
+    for (const LocalContact& contact : model.contacts()) REQUIRE(contact.latest.f_W.z() >= 0);
   }
   CHECK(model.proxy().X_WH().p.z() > 0.01);  // m: it left
 }
@@ -122,7 +122,7 @@ TEST_CASE("The friction anchor survives an update of the same contact") {
   for (const LocalContact& contact : model.contacts()) {
     ReportedContact reported;
     reported.identity = contact.identity;
-    const Vector3 x_W = model.proxy().X_WL(0) * contact.p_A;
+    const Vector3 x_W = model.proxy().X_WL(0) * contact.deformation.p_A;
     reported.p_WC = {x_W.x(), x_W.y(), 0};
     reported.separation = x_W.z();
     again.push_back(reported);
@@ -161,7 +161,7 @@ TEST_CASE("A floor that carries the tool takes its weight off the hand") {
   for (int i = 0; i < 2000; ++i) felt = model.step({});
   CHECK(std::abs(felt.F[2]) < 1e-6);  // N
   for (const LocalContact& contact : model.contacts()) {
-    CHECK(contact.f_W.z() == Approx(0.5 * 9.81 / 4).epsilon(1e-6));
+    CHECK(contact.latest.f_W.z() == Approx(0.5 * 9.81 / 4).epsilon(1e-6));
   }
 }
 

@@ -32,6 +32,24 @@ TEST_CASE("The intermediate representation takes the reported separation") {
   CHECK(updated_separation(UpdateRule::kIntermediateRepresentation, -0.003, -0.001) == -0.003);
 }
 
+TEST_CASE("A rule that keeps the deformation never raises a force, the others report the depth") {
+  Random random;
+  for (const Word<UpdateRule>& word : kWords<UpdateRule>) {
+    INFO(word.name);
+    for (int i = 0; i < 100; ++i) {
+      const double sigma = random.uniform(-0.01, 0.01);
+      const double s_p = random.uniform(-0.01, 0.01);
+      const double s_plus = updated_separation(word.value, sigma, s_p);
+      if (traits(word.value).keeps_deformation) {
+        CHECK(s_plus >= std::min(s_p, 0.0));
+        CHECK(s_plus >= sigma);
+      } else {
+        CHECK(s_plus == sigma);
+      }
+    }
+  }
+}
+
 constexpr double kReleaseForce = 0.5;  // N a step
 
 UpdatePolicy policy(UpdateRule rule) {
@@ -93,16 +111,16 @@ TEST_CASE(
   tool.set_configuration(q);
   const FramePoses poses = poses_of(tool, bodies);
   locate(contact, poses[contact.frame_a], poses[contact.frame_b]);
-  CHECK(server::separation(contact, poses) == contact.s);
+  CHECK(server::separation(contact, poses) == contact.now.s);
 
   const Vector3 corner = bodies[0].X_WB.p + bodies[0].X_WB.R * Vector3(0.01, 0, 0.02);
   const Vector3 under = tool.X_WL(0).R * Vector3(0.01, 0, 0.001);  // a's point, in its turned face
   const Quaternion turned = plane == PlaneOwner::kA ? R_WT : bodies[0].X_WB.R;
   const Vector3 n = turned * Vector3::UnitZ();
-  CHECK((contact.n_W - n).norm() < 1e-12);
-  CHECK(contact.s == Approx(n.dot(under - corner)).margin(1e-12));
-  const Vector3 where = plane == PlaneOwner::kA ? Vector3(corner + contact.s * n) : under;
-  CHECK((contact.p_W - where).norm() < 1e-12);
+  CHECK((contact.now.n_W - n).norm() < 1e-12);
+  CHECK(contact.now.s == Approx(n.dot(under - corner)).margin(1e-12));
+  const Vector3 where = plane == PlaneOwner::kA ? Vector3(corner + contact.now.s * n) : under;
+  CHECK((contact.now.p_W - where).norm() < 1e-12);
 }
 
 /// A tool on its way through random contacts that come and go, seen late.
@@ -175,7 +193,7 @@ Change change(const LocalContacts& before, const LocalContacts& after, const Too
     for (const LocalContact& c : contacts) {
       // A contact that is being released bears no more than its cap.
       if (c.identity == body) {
-        return std::max(separation(c, proxy), -std::max(0.0, c.cap) / kStiffness);
+        return std::max(separation(c, proxy), -std::max(0.0, c.deformation.cap) / kStiffness);
       }
     }
     return std::numeric_limits<double>::infinity();
@@ -227,12 +245,12 @@ TEST_CASE("Under rule R no update changes a spring force in either direction") {
 TEST_CASE("Rule R releases retained load by at most 0.5 N a step, then forgets the contact") {
   ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
   LocalContacts contacts(1);
-  contacts[0].p_A = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0
+  contacts[0].deformation.p_A = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0
   contacts = adopted(contacts, {}, proxy, proxy, 0, UpdateRule::kRetain);
   REQUIRE(contacts.size() == 1);
 
   const auto force_of = [&](const LocalContact& contact) {
-    return std::min(contact.cap, spring_force(separation(contact, proxy)));
+    return std::min(contact.deformation.cap, spring_force(separation(contact, proxy)));
   };
   double force = force_of(contacts[0]);
   int steps = 0;
@@ -250,11 +268,11 @@ TEST_CASE("Rule R releases retained load by at most 0.5 N a step, then forgets t
 TEST_CASE("A contact that was being released and is reported again bears no more than before") {
   ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
   LocalContacts contacts(1);
-  contacts[0].p_A = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0: 20 N
+  contacts[0].deformation.p_A = Vector3(0, 0, -0.002);  // 2 mm below the constraint z = 0: 20 N
   contacts = adopted(contacts, {}, proxy, proxy, 0, UpdateRule::kRetain);
   for (int i = 0; i < 30; ++i) advance(contacts, proxy, UpdateRule::kRetain);
   REQUIRE(contacts.size() == 1);
-  REQUIRE(contacts[0].cap == Approx(5));  // N: 0.5 N a step
+  REQUIRE(contacts[0].deformation.cap == Approx(5));  // N: 0.5 N a step
   ReportedContacts again(1);
   again[0].separation = -0.002;
   again[0].p_WC = {0, 0, 0};
@@ -271,7 +289,7 @@ TEST_CASE(
                                                                        {0.0, 0.003}}));  // new
   ToolModel proxy(test::rigid_tool(1, Matrix3::Identity() * 1e-3));
   LocalContacts contacts(depth > 0 ? 1 : 0);
-  if (depth > 0) contacts[0].p_A = Vector3(0, 0, -depth);
+  if (depth > 0) contacts[0].deformation.p_A = Vector3(0, 0, -depth);
   ReportedContacts reported(1);
   reported[0].p_WC = {0, 0, 0};
   reported[0].separation = -reported_depth;
@@ -305,7 +323,7 @@ TEST_CASE("Released contacts leave room for all that are reported") {
   LocalContacts existing(kMaxLocalContacts);
   for (std::uint32_t i = 0; i < existing.size(); ++i) {
     existing[i].identity = i;
-    existing[i].p_A = Vector3(0, 0, -0.001);
+    existing[i].deformation.p_A = Vector3(0, 0, -0.001);
   }
   ReportedContacts reported(kMaxContacts);
   for (std::uint32_t i = 0; i < reported.size(); ++i) reported[i].identity = 1000 + i;

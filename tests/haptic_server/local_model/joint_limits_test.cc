@@ -57,8 +57,8 @@ TEST_CASE("A joint's contacts are as far away as its limits, however far it turn
     limits.place(model);
     const FrameMotions frames(model, nullptr, {}, kStep);
     evaluate_contacts(limits.contacts(), frames);
-    CHECK(limits.contacts()[0].s == Approx(0.2 * (q + 8)));   // m, at the bar's end
-    CHECK(limits.contacts()[1].s == Approx(0.2 * (10 - q)));  // m
+    CHECK(limits.contacts()[0].now.s == Approx(0.2 * (q + 8)));   // m, at the bar's end
+    CHECK(limits.contacts()[1].now.s == Approx(0.2 * (10 - q)));  // m
   }
 }
 
@@ -76,7 +76,7 @@ TEST_CASE("A bar that is pushed against its stop rests there, and the hand feels
   CHECK(model.proxy().configuration()[0] ==
         Approx(side > 0 ? 2 + depth : -0.5 - depth).epsilon(1e-4));
   CHECK(model.state() == ProxyContactState::kResting);
-  CHECK(model.limits()[side > 0 ? 1 : 0].loaded);
+  CHECK(model.limits()[side > 0 ? 1 : 0].latest.loaded);
   // Moments about the hinge.
   const Jacobian J_h = model.proxy().hand_jacobian();
   CHECK((J_h.transpose() * felt.F)[0] == Approx(-side * 2 * 0.2).epsilon(1e-3));  // N·m

@@ -105,7 +105,7 @@ TEST_CASE("A wall that changes its speed changes the damper's force by 0.5 N a s
   for (int i = 0; i < 2000; ++i) before = model.step(push_down(5)).F[2];
   REQUIRE(before == Approx(5).epsilon(1e-3));  // N
   wall.v_WC = {0, 0, GENERATE(0.07, -0.07)};   // m/s: 7 N of the damper
-  wall.separation = model.contacts()[0].s;
+  wall.separation = model.contacts()[0].now.s;
   model.adopt({.contacts = {wall}, .q_VE = model.proxy().configuration()});
   for (int i = 0; i < 100; ++i) {
     const double f = model.step(push_down(5)).F[2];
@@ -329,8 +329,8 @@ TEST_CASE("A push at a corner turns the tool about its contacts as rigid dynamic
   HandInput hand = push_down(4);
   hand.F[4] = 4 * 0.05;  // N·m about y: as if pushed at x = +0.05 m
   for (int i = 0; i < 3000; ++i) model.step(hand);
-  CHECK(model.contacts()[0].f_W.z() == Approx(1).epsilon(1e-5));  // lever arms 0.05 : 0.15
-  CHECK(model.contacts()[1].f_W.z() == Approx(3).epsilon(1e-5));
+  CHECK(model.contacts()[0].latest.f_W.z() == Approx(1).epsilon(1e-5));  // lever arms 0.05 : 0.15
+  CHECK(model.contacts()[1].latest.f_W.z() == Approx(3).epsilon(1e-5));
 }
 
 TEST_CASE("A linkage that folds onto itself: both links feel it, and momentum stays") {
@@ -370,9 +370,9 @@ TEST_CASE("A linkage that folds onto itself: both links feel it, and momentum st
     return Eigen::Vector2d((tool.mass_matrix() * model.velocity()).head<2>());
   };
   const auto gap_speed = [&] {
-    const Vector3 p_W = model.contacts()[0].p_W;
-    return model.contacts()[0].n_W.dot((tool.point_jacobian(2, p_W) - tool.point_jacobian(0, p_W)) *
-                                       model.velocity());
+    const Vector3 p_W = model.contacts()[0].now.p_W;
+    return model.contacts()[0].now.n_W.dot(
+        (tool.point_jacobian(2, p_W) - tool.point_jacobian(0, p_W)) * model.velocity());
   };
   const Eigen::Vector2d before = momentum();
   const double turning = model.velocity()[2];

@@ -444,10 +444,10 @@ TEST_CASE("The bodies of a pushed tower move by the forces of their contacts in 
       for (const LocalContacts* contacts : {&model->contacts(), &model->supports()}) {
         for (const LocalContact& contact : *contacts) {
           if (contact.a.kind == SideKind::kMovableBody) {
-            impulses[contact.a.index] += kStep * contact.f_W;
+            impulses[contact.a.index] += kStep * contact.latest.f_W;
           }
           if (contact.b.kind == SideKind::kMovableBody) {
-            impulses[contact.b.index] -= kStep * contact.f_W;
+            impulses[contact.b.index] -= kStep * contact.latest.f_W;
           }
         }
       }

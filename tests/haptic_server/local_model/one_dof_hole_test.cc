@@ -51,8 +51,8 @@ ReportedContacts walls(double x, const HoleOptions& options) {
 double spring_force(const LocalModel& model) {
   double sum = 0;
   for (const LocalContact& contact : model.contacts()) {
-    sum +=
-        10'000 * std::max(0.0, -separation(contact, poses_of(model.proxy(), {}))) * contact.n_W.x();
+    sum += 10'000 * std::max(0.0, -separation(contact, poses_of(model.proxy(), {}))) *
+           contact.now.n_W.x();
   }
   return sum;
 }

@@ -164,7 +164,7 @@ TEST_CASE("Waiting contacts are told apart from those that act") {
   REQUIRE(model->contacts().size() == 1);
   CHECK(model->contacts()[0].identity == kSide);
   REQUIRE(model->waiting().size() == 1);
-  CHECK(model->waiting()[0].s == Approx(-0.02));  // m
+  CHECK(model->waiting()[0].now.s == Approx(-0.02));  // m
   CHECK(model->state() == ProxyContactState::kFreeMotion);
 }
 

@@ -63,19 +63,20 @@ TEST_CASE("The stiffness at the hand is that of all contacts, on whichever links
     Matrix3 per_k = Matrix3::Zero();  // Of the hand's force, N/m for each N/m.
     for (int i = random.integer(0, 12); i-- > 0;) {
       LocalContact& contact = contacts.emplace_back();
-      contact.n_W = random.direction();
-      contact.p_W = random.vector(0.2);  // m
+      contact.now.n_W = random.direction();
+      contact.now.p_W = random.vector(0.2);  // m
       contact.a.index = static_cast<std::uint32_t>(random.integer(0, tool.links() - 1));
       contact.frame_a = frame_of_link(contact.a.index);
       Velocity along =
-          tool.point_jacobian(static_cast<int>(contact.a.index), contact.p_W).transpose() *
-          contact.n_W;
+          tool.point_jacobian(static_cast<int>(contact.a.index), contact.now.p_W).transpose() *
+          contact.now.n_W;
       if (random.integer(0, 1) == 1) {  // The tool with itself.
         contact.b = {SideKind::kToolLink,
                      static_cast<std::uint32_t>(random.integer(0, tool.links() - 1))};
         contact.frame_b = frame_of_link(contact.b.index);
-        along -= tool.point_jacobian(static_cast<int>(contact.b.index), contact.p_W).transpose() *
-                 contact.n_W;
+        along -=
+            tool.point_jacobian(static_cast<int>(contact.b.index), contact.now.p_W).transpose() *
+            contact.now.n_W;
       }
       const Vector3 f = H.topRows<3>() * along;
       per_k += f * f.transpose();

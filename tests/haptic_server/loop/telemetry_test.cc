@@ -126,7 +126,7 @@ TEST_CASE("Each acknowledgement comes with the contacts: plane, point, separatio
   REQUIRE(state.contacts.size() == 1);
   const protocol::LocalContactReport& contact = state.contacts.front();
   CHECK(contact.n_W == Vector3(-1, 0, 0));
-  CHECK(contact.state == bench.servo->local_model()->contacts()[0].state);
+  CHECK(contact.state == bench.servo->local_model()->contacts()[0].now.state);
   CHECK(contact.state != ContactState::kImpending);
   CHECK(contact.s == Approx(record.smallest_separation).margin(1e-6));     // m
   CHECK(contact.s == Approx(contact.n_W.dot(contact.p_W - contact.c_W)));  // m
