@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """The program of README.md, as it stands there, presses with what the README says.
 
-Usage: readme_test.py HAPTIC_SERVER LIBHAPTIC SOURCE
+Usage: readme_test.py HAPTIC_SERVER LIBHAPTIC SOURCE, with the Python of an environment in .venv that has MuJoCo's binding
 """
 
 import os
@@ -16,16 +16,14 @@ SERVER, LIBRARY, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.
 text = (SOURCE / "README.md").read_text()
 program = re.search(r"^    import time\n(?:    .*\n|\n)+", text, re.M).group(0).replace("\n    ", "\n")[4:]
 claimed = float(re.search(r"It ends at `active: (\S+) N`", text).group(1))
-# The tests' own names of MuJoCo's binding, which Debian does not have.
-begin = "import sys\nfrom mujoco_chosen import mujoco_of\nsys.modules['mujoco'] = mujoco_of('mujoco')\n"
 
 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:  # a port where nobody listens
     probe.bind(("127.0.0.1", 0))
     port = probe.getsockname()[1]
-client = subprocess.Popen([sys.executable, "-c", begin + program], stdout=subprocess.PIPE, text=True, cwd=SOURCE,
+client = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, cwd=SOURCE,
                           env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY), "HAPTIC_SERVER_PROGRAM": str(SERVER),
                                "HAPTIC_SERVER": f"127.0.0.1:{port}",
-                               "PYTHONPATH": f"{SOURCE}/client/python:{SOURCE}/tests/support"})
+                               "PYTHONPATH": f"{SOURCE}/client/python"})
 time.sleep(6)
 client.terminate()
 lines = client.communicate(timeout=10)[0].splitlines()

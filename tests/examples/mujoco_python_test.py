@@ -1,8 +1,7 @@
 #!/usr/bin/python3
-"""haptic.mujoco on MuJoCo's own library: held, pushed and pressed things have their weight, friction and stiffness.
+"""haptic.mujoco on MuJoCo's official binding: held, pushed and pressed things have their weight, friction and stiffness.
 
-Usage: mujoco_python_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER MUJOCO
-MUJOCO: "mujoco", Debian's library, or a package of tests/support/mujoco_npm
+Usage: mujoco_python_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER [TEST …], with the Python of an environment in .venv
 """
 
 import itertools
@@ -11,7 +10,6 @@ import pathlib
 import socket
 import statistics
 import sys
-import tempfile
 import time
 import types
 import unittest
@@ -24,10 +22,9 @@ sys.path[:0] = [str(PACKAGE), str(SUPPORT)]
 import haptic  # noqa: E402
 import haptic.mujoco  # noqa: E402
 import hand_session  # noqa: E402
+import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
-from mujoco_chosen import mujoco_of  # noqa: E402
 
-mujoco = mujoco_of(sys.argv[4])
 VERSION = tuple(map(int, mujoco.mj_versionString().split(".")[:2]))
 RATE = 60  # Hz, of frames; each is eight steps of MuJoCo
 GRAVITY = 9.81  # m/s²
@@ -67,10 +64,7 @@ def play(seconds, scene, hand, measure=lambda data: None, *options, rate=RATE, c
 
 def loaded(scene):
     """Model and data."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder) / "scene.xml"
-        path.write_text(scene)
-        model = mujoco.MjModel.from_xml_path(path)
+    model = mujoco.MjModel.from_xml_string(scene)
     return model, mujoco.MjData(model)
 
 
@@ -468,4 +462,4 @@ class Mistakes(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)

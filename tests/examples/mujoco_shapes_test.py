@@ -1,21 +1,20 @@
 #!/usr/bin/python3
 """haptic.mujoco with contacts="shapes": the same feel at every stiffness and frame rate.
 
-Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER MUJOCO, as mujoco_python_test.py
+Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER [TEST …], as mujoco_python_test.py
 """
 
 import pathlib
 import sys
-import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
 import mujoco_python_test as session  # noqa: E402  (finds the library and the package)
 import haptic.mujoco  # noqa: E402
+import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
 from hand_session import largest_jump, mean, push, reach  # noqa: E402
-from mujoco_python_test import mujoco  # noqa: E402
 
 STIFFNESS = (4e3, 16e3, 50e3)  # N/m
 RATES = (30, 60, 500)  # Hz
@@ -102,14 +101,10 @@ class Geoms(unittest.TestCase):
             <geom type="plane" size="1 1 0.1"/>{world}<body name="tool" pos="0 0 {height}"><freejoint/>
             <inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/><geom {geom}/></body>{last}</worldbody>
             {contact}</mujoco>"""
-        with tempfile.TemporaryDirectory() as folder:
-            path = pathlib.Path(folder) / "scene.xml"
-            path.write_text(text)
-            model = mujoco.MjModel.from_xml_path(path)
-        data = mujoco.MjData(model)
+        model, data = session.loaded(text)
         mujoco.mj_forward(model, data)
         return haptic.mujoco.from_mujoco(model, mujoco.mj_name2id(model, 1, "tool"), mujoco).find(data, epsilon)
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)

@@ -2,29 +2,26 @@
 """examples/mujoco_python as it stands, with a viewer whose mouse is a script: the hand presses the cube on the table, then
 pushes the brick.
 
-Usage: mujoco_viewer_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER MUJOCO EXAMPLE
-MUJOCO: as of mujoco_python_test.py
+Usage: mujoco_viewer_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER EXAMPLE, as mujoco_python_test.py
 """
 
 import contextlib
+import inspect
 import io
 import os
 import pathlib
 import runpy
 import socket
 import sys
-import types
 import unittest
 
 SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
-EXAMPLE = pathlib.Path(sys.argv[5]).resolve()
+EXAMPLE = pathlib.Path(sys.argv[4]).resolve()
 os.environ["HAPTIC_LIBRARY"], os.environ["HAPTIC_SERVER_PROGRAM"] = str(LIBRARY), str(SERVER)
-sys.path[:0] = [str(PACKAGE), str(pathlib.Path(__file__).resolve().parents[1] / "support")]
+sys.path.insert(0, str(PACKAGE))
 
-import haptic  # noqa: E402
-from mujoco_chosen import mujoco_of  # noqa: E402
+import mujoco.viewer  # noqa: E402
 
-mujoco = mujoco_of(sys.argv[4])
 RATE = 60  # Hz
 HAND, CONTACTS = 200, 4 * 4000  # N/m: of the hand, and of the four contacts of a face
 WEIGHT = 0.1 * 9.81  # N, of the tool
@@ -60,9 +57,10 @@ class Example(unittest.TestCase):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             os.environ["HAPTIC_SERVER"] = "127.0.0.1:%d" % probe.getsockname()[1]
-        mujoco.viewer = types.ModuleType("mujoco.viewer")
+        inspect.signature(mujoco.viewer.launch_passive).bind("model", "data")  # TypeError if it is called otherwise.
+        for method in vars(Viewer).keys() - {"frames"}:
+            self.assertTrue(hasattr(mujoco.viewer.Handle, method), method)
         mujoco.viewer.launch_passive = Viewer
-        sys.modules.update({"mujoco": mujoco, "mujoco.viewer": mujoco.viewer})
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
             runpy.run_path(str(EXAMPLE), run_name="__main__")
@@ -76,4 +74,4 @@ class Example(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[6:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
