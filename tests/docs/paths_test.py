@@ -11,7 +11,7 @@ import os
 import re
 import sys
 
-SKIPPED_FOLDERS = {".git", "build", "out", "node_modules", "__pycache__"}
+SKIPPED_FOLDERS = {".git", ".venv", "build", "out", "node_modules", "__pycache__"}
 EXACT = {"CONTRIBUTING.md"}
 QUOTED = re.compile(r"`([^`\n]+)`")
 PATH = re.compile(r"[\w.{},/-]+")
