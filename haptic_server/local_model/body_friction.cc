@@ -53,7 +53,7 @@ void scale_friction(LocalBodies& bodies, const LocalBodies& known, FrameIndex fi
   }
   for (LocalContact& contact : contacts) {
     const auto body = static_cast<std::size_t>(contact.frame_a - first_frame);
-    contact.friction.scale = contact.frame_b == kWorldFrame ? bodies[body].friction_scale : 1;
+    contact.material.scale = contact.frame_b == kWorldFrame ? bodies[body].friction_scale : 1;
   }
 }
 

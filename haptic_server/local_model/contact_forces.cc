@@ -12,8 +12,8 @@ double taken_since(const LocalContact& contact, const ContactLaw& law) noexcept 
   const double depth = std::min(contact.now.s, 0.0);
   const double depth_before = std::min(contact.latest.s_left, 0.0);
   const double stored = law.stiffness * (depth * depth - depth_before * depth_before) / 2;
-  if (!contact.latest.loaded)
-    return -std::max(0.0, stored);  // Nobody paid for the way in before a force.
+  // Nobody paid for the way in before a force.
+  if (!contact.latest.loaded) return -std::max(0.0, stored);
   const double f_n = law.rendered * contact.latest.f_W.dot(contact.now.n_W);
   return f_n * (contact.latest.s_left - contact.now.s) - stored;
 }

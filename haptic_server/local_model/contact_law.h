@@ -83,16 +83,16 @@ inline double penalty(const LocalContact& contact, double v_n, const ContactLaw&
 }
 
 /// μ_s, μ_k: the materials' own where the environment gives it, else the local model's.
-inline double coefficient(const LocalContact::Friction& friction, const ContactLaw& law,
+inline double coefficient(const LocalContact::Material& material, const ContactLaw& law,
                           double otherwise) noexcept {
-  const double own = law.friction_scale * friction.coefficient;
-  return friction.scale * (friction.coefficient >= 0 ? own : otherwise);
+  const double mu = material.friction >= 0 ? law.friction_scale * material.friction : otherwise;
+  return material.scale * mu;
 }
 inline double static_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  return coefficient(contact.friction, law, law.static_friction);
+  return coefficient(contact.material, law, law.static_friction);
 }
 inline double kinetic_friction(const LocalContact& contact, const ContactLaw& law) noexcept {
-  return coefficient(contact.friction, law, law.kinetic_friction);
+  return coefficient(contact.material, law, law.kinetic_friction);
 }
 
 /// f*: what the tangential spring and damper ask for, N, on a.

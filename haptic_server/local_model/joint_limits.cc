@@ -56,7 +56,7 @@ LocalContact JointLimits::contact_at(const Limit& limit, int parent) noexcept {
     contact.frame_b = frame_of_link(contact.b.index);
   }
   contact.deformation.p_A = limit.p_L;
-  contact.friction.coefficient = 0;
+  contact.material.friction = 0;
   return contact;
 }
 

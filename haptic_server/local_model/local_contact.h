@@ -16,6 +16,8 @@ namespace hlm::server {
 /// PairAxis of a contact whose pair has but one.
 inline constexpr std::uint16_t kOnlyAxis = std::numeric_limits<std::uint16_t>::max();
 
+/// The order of the fields counts: with the material behind the evaluation, steps that are repeated
+/// at an update took 13 % longer.
 struct LocalContact {
   std::uint64_t identity = 0;
   std::uint16_t axis = kOnlyAxis;  ///< Index among ToolContacts::axes.
@@ -26,6 +28,13 @@ struct LocalContact {
   /// The frames that the sides move with. A body that the local model does not have is the world's.
   FrameIndex frame_a = kFirstLinkFrame;
   FrameIndex frame_b = kWorldFrame;
+
+  /// Of what the two sides are made.
+  struct Material {
+    double friction = -1;  ///< Coefficient; negative: the local model's own.
+    double scale = 1;      ///< On either (body_friction.h).
+  };
+  Material material;
 
   /// The local constraint: the plane through c with normal n. c is fixed in the frame of b, and n
   /// in that of the side whose face it is. In the world it moves along n at v_constr of its own.
@@ -73,8 +82,6 @@ struct LocalContact {
 
   /// Dry friction.
   struct Friction {
-    double coefficient = -1;        ///< Of the two materials; negative: the local model's own.
-    double scale = 1;               ///< On either (body_friction.h).
     Vector3 z_W = Vector3::Zero();  ///< Elastic deflection of the tangential anchor, world, m.
     bool slipping = false;
   };
@@ -83,9 +90,9 @@ struct LocalContact {
   /// What the latest step made of it.
   struct Outcome {
     Vector3 f_W = Vector3::Zero();  ///< Contact force on a, world, N.
-    bool loaded = false;            ///< Whether the normal force was > 0.
     double s_left = 0;              ///< s where the step, or an update since, left it, m.
     double taken = 0;               ///< Normal energy that went in for good, J.
+    bool loaded = false;            ///< Whether the normal force was > 0.
   };
   Outcome latest;
 };

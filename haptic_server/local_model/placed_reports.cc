@@ -95,7 +95,7 @@ void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& f
   contact.b = report.b;
   contact.frame_a = placed.a;
   contact.frame_b = placed.b;
-  contact.friction.coefficient = report.friction;
+  contact.material.friction = report.friction;
   if (placed.b == kWorldFrame) {
     contact.constraint.v_constr = report.n_W.dot(report.v_WC);
     contact.constraint.v_WC = contact.constraint.v_reported_W = report.v_WC;

@@ -41,8 +41,8 @@ Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
       device_(device),
       controller_(options.controller, options.gains),
       limiter_(options.limits, device.ratings(), dt_),
-      hand_work_(device.ratings(),
-                 ForceBudget::of(options.limits, device.ratings(), dt_).max_energy),
+      energy_(device.ratings(), ForceBudget::of(options.limits, device.ratings(), dt_).max_energy,
+              dt_),
       machine_(dt_) {}
 
 const TickRecord& Servo::tick(const Timing& timing) noexcept {
@@ -111,9 +111,8 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   lowered_ = 0;
   updates_ = 0;
   contained_impulses_ = 0;
-  supply_ = in_proxy_ = brought_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
-  hand_work_.begin();
+  energy_.begin();
   telemetry_.begin();
   session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_));
 }
@@ -187,7 +186,7 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
                        .bodies = moves_bodies ? update.bodies : kNoBodies,
                        .impulse_step = update.impulse_step,
                        .period = update.ve_period});
-  brought_ += std::max(0.0, stored_energy(*local_model_, stiffness) - stored);
+  energy_.adopted(stored, stored_energy(*local_model_, stiffness));
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();
   engine_.update(update.echo_step, {tool.X_WH(), tool.hand_jacobian().lazyProduct(update.v_VE)});
@@ -227,10 +226,10 @@ void Servo::simulate() noexcept {
 bool Servo::observe(const DeviceState& device) noexcept {
   Fault fault = options_.handle.exceeded(X_WStart_, device.X_WD, device.V_WD,
                                          device_.ratings().scale, device_.ratings().rotation_scale);
-  limiter_.observe(device.X_WD, supply_);
+  limiter_.observe(device.X_WD, energy_.supply());
   record_.port = limiter_.ledger();
-  hand_work_.observe(device.X_WD, device.V_WD, record_.port.given - record_.port.taken);
-  record_.brought = brought_;
+  energy_.observe(device.X_WD, device.V_WD, record_.port);
+  record_.brought = energy_.brought();
   if (fault == Fault::kNone && limiter_.overdrawn()) fault = Fault::kEnergy;
   if (fault != Fault::kNone) fail(fault);
   return fault == Fault::kNone;
@@ -242,7 +241,7 @@ ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
     // begin_session() and apply() have made sure of one link.
     const std::optional<ToolAtHand> tool = tool_at_hand(proxy, device.X_WD, device.V_WD);
     const ContactWrench felt = local_model_->follow(tool->q, tool->v);
-    supply_ = limiter_.explained(environment_power(*local_model_));
+    energy_.follow(limiter_.explained(environment_power(*local_model_)));
     return felt;
   }
   return step_proxy(device);
@@ -257,16 +256,9 @@ ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const ContactWrench felt =
       local_model_->step(controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
   const Wrench F_hand = controller_.passes_hand_wrench(device) ? *device.F_hand : Wrench::Zero();
-  const double scale = device_.ratings().scale;
-  double hand = work_at_handle(F_hand, displacement(X_WP, proxy.X_WH()), scale);
-  if (device.hand_observed) hand = hand_work_.credited(hand);
-  const double weight = -proxy.gravity().dot(local_model_->velocity()) * dt_ / scale;
-  const double moved = limiter_.explained(environment_power(*local_model_));
-  const bool twice = controller_.kind() != ControllerKind::kVirtualCoupler;
-  in_proxy_ += hand + weight + (twice ? 2 : 1) * moved;
-  const double kept = std::clamp(in_proxy_, 0.0, kinetic_energy(*local_model_) / scale);
-  supply_ = in_proxy_ - kept;
-  in_proxy_ = kept;
+  energy_.step(*local_model_, X_WP, F_hand, device.hand_observed,
+               limiter_.explained(environment_power(*local_model_)),
+               controller_.kind() != ControllerKind::kVirtualCoupler);
   return felt;
 }
 

@@ -17,7 +17,7 @@
 #include "hlm/loop/telemetry.h"
 #include "hlm/loop/tick_record.h"
 #include "hlm/protocol/server_session.h"
-#include "hlm/safety/hand_work.h"
+#include "hlm/safety/energy_account.h"
 #include "hlm/safety/limiter.h"
 #include "hlm/safety/model_energy.h"
 #include "hlm/safety/state_machine.h"
@@ -77,7 +77,7 @@ class Servo {
   Device& device_;
   Controller controller_;
   Limiter limiter_;
-  HandWork hand_work_;
+  EnergyAccount energy_;
   SafetyStateMachine machine_;
 
   std::optional<LocalModel> local_model_;
@@ -92,9 +92,6 @@ class Servo {
   double lowered_ = 0;      ///< By the control in effect, as in protocol::ProxyState.
   bool clutched_ = false;   ///< Of the device, as read last.
   const char* cause_ = "";  ///< Why the device failed, in a fault of it.
-  double in_proxy_ = 0;     ///< Of what hand and weight did on the proxy it keeps this, J.
-  double supply_ = 0;       ///< What the latest step explains of the port's work, J.
-  double brought_ = 0;      ///< By updates into contacts' springs in the session, J.
   DeviceExchange exchange_;
   TickRecord record_;
 };
