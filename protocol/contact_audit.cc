@@ -21,7 +21,7 @@ constexpr double kJump = 5e-4;
 constexpr double kJumpShare = 0.25;
 /// What is unknown of a body's motion between two updates after a blow, at most, m.
 constexpr double kBlow = 5e-3;
-/// By so much of epsilon, or at most this, m, a contact may be seen late.
+/// How late a contact may be seen: this share of epsilon, or at most this distance, m.
 constexpr double kLate = 1e-3;
 /// A point farther from its link's origin than so many lengths of the tool, and this, m, is of
 /// another unit.
