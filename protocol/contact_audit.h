@@ -25,9 +25,9 @@ struct ContactCounts {
   std::uint64_t reversed = 0;    ///< contacts whose separation said the opposite,
   std::uint64_t jumped = 0;      ///< or changed differently from what the motion says.
   double largest_jump = 0;       ///< m.
-  std::uint64_t vanished = 0;    ///< That were left out while their place was still near.
-  std::uint64_t appeared = 0;    ///< Contacts left out while their place was still near.
-  std::uint64_t late = 0;        ///< Contacts first seen in the update;
+  std::uint64_t vanished = 0;    ///< Contacts left out while their place was still near.
+  std::uint64_t appeared = 0;    ///< Contacts first seen in the update;
+  std::uint64_t late = 0;        ///< those of them that epsilon should have shown before.
   double seen_from = 0;          ///< Largest separation of any contact, m.
 };
 

@@ -34,8 +34,7 @@ inline constexpr double kLargestMobility = 1e12;
 /// Impulse of the tool on a body in a session, N·s and N·m·s.
 inline constexpr double kLargestImpulse = 1e6;
 inline constexpr double kLargestFriction = 10;
-inline constexpr double kLargestUnit =
-    2;  ///< Largest coordinate of a unit vector, before it is made one.
+inline constexpr double kLargestUnit = 2;     ///< Largest unit-vector coordinate before scaling.
 inline constexpr double kLargestForce = 1e6;  ///< N.
 inline constexpr double kLongestSpan = 1e6;   ///< s.
 
