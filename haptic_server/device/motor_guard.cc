@@ -87,7 +87,7 @@ double steady_now() noexcept {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// Of the longest gap: the server finds its own stops first, and says so.
+/// Factor on the longest gap: the server finds its own stops first, and says so.
 constexpr double kPatience = 1.2;
 
 /// The other process: until a byte comes through `alive`, which is an orderly end, or its end.
