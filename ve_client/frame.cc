@@ -181,7 +181,7 @@ void step(VirtualEnvironment& environment, std::span<HapticClient* const> client
   });
 }
 
-/// What a server is told.
+/// What is reported to a server.
 struct Report {
   ReportedContacts contacts;
   MovableBodies bodies;

@@ -8,8 +8,8 @@ namespace hlm::ve {
 
 /// A corner of the overlap of two patches: a point of each, on one line along the normal.
 struct Opposite {
-  Vector3 p_first = Vector3::Zero();   ///< On the first patch, m.
-  Vector3 p_second = Vector3::Zero();  ///< On the second patch, m.
+  Vector3 p_first = Vector3::Zero();   ///< Point on the first patch, m.
+  Vector3 p_second = Vector3::Zero();  ///< Point on the second patch, m.
   Feature first;                       ///< The feature of the first patch that is met there.
   Feature second;                      ///< That of the second.
 };

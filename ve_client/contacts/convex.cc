@@ -24,9 +24,10 @@ constexpr std::uint16_t kRimVertices = 8;
 static_assert(kRimVertices <= kMaxFaceCorners);
 
 /// Features of a cylinder beyond those of its two polygons.
-constexpr std::uint16_t kLineVertices = 2 * kRimVertices;  ///< Of the -z end; the +z end follows.
-constexpr std::uint16_t kLine = 2 * kRimVertices;          ///< Line of contact, as an edge.
-constexpr std::uint16_t kRims = 2 * kRimVertices + 1;      ///< The -z rim; the +z rim follows.
+constexpr std::uint16_t kLineVertices =
+    2 * kRimVertices;                              ///< First one of the -z end; the +z end follows.
+constexpr std::uint16_t kLine = 2 * kRimVertices;  ///< Line of contact, as an edge.
+constexpr std::uint16_t kRims = 2 * kRimVertices + 1;  ///< The -z rim; the +z rim follows.
 
 /// Up to so many vertices all axes of a hull are tried.
 constexpr std::size_t kFewVertices = 6;

@@ -21,7 +21,7 @@ constexpr double kLargest = 1e6;
 
 struct Schema {
   ElementPtr root;
-  std::map<std::string, std::string> types;  ///< Of the values, by path.
+  std::map<std::string, std::string> types;  ///< Types of the values, by path.
 };
 
 ElementPtr make_element(const std::string& name, const std::string& required) {
