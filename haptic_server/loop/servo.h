@@ -70,8 +70,7 @@ class Servo {
   void fail(Fault fault) noexcept;
   void acknowledge(double now) noexcept;
 
-  ServoOptions
-      options_;  ///< Values as started. What a control has changed is in the members below.
+  ServoOptions options_;  ///< Options as started; the members below have what a control changed.
   double dt_;
   std::uint64_t fingerprint_;
   protocol::ServerSession& session_;
