@@ -19,8 +19,8 @@ inline constexpr std::size_t kMaxBodies = 16;
 inline constexpr std::size_t kMaxMovedBodies = 8;
 
 /// Axes of a pair that are less apart than this, rad, are one to its forces, those of the first.
-/// Larger values make forces along a normal that is off by so much, smaller ones split the contacts
-/// of two faces that lie on each other with a tilt.
+/// Larger values make forces along a normal that is off by this much, smaller ones split the
+/// contacts of two faces that lie on each other with a tilt.
 inline constexpr double kOneAxis = 0.1;
 
 /// Largest age of contacts when they come, s: their computation and half a round trip. More renders

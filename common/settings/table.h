@@ -120,7 +120,7 @@ class Table {
 /// What a setting says of itself: "HELP: ALLOWED (default VALUE)".
 std::string description_of(const Setting& setting);
 
-/// The text in lines that fit a terminal, each after so many spaces.
+/// The text in lines that fit a terminal, each after this many spaces.
 std::string wrapped(const std::string& text, std::size_t indent = 0);
 
 /// One entry of a help text.
