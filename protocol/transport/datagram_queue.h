@@ -12,7 +12,7 @@ namespace hlm::protocol {
 /// The datagrams in the order of their times, and of arrival where these are equal.
 class DatagramQueue {
  public:
-  /// Room for so many without allocation.
+  /// Room for this many without allocation.
   void reserve(std::size_t count) { waiting_.reserve(count); }
 
   void hold(double due, const Datagram& datagram) {
