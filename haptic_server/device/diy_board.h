@@ -57,7 +57,7 @@ class DiyBoard final : public DeviceLine {
   bool is_set_up_ = false;
   std::atomic<int> descriptor_ = -1;
   DiyAngleFrame frame_{};        ///< The reply that is coming,
-  std::size_t received_ = 0;     ///< so many bytes of it.
+  std::size_t received_ = 0;     ///< bytes of it so far.
   Matrix2 J_ = Matrix2::Zero();  ///< Jacobian at the latest angles.
   bool is_saturated_ = false;    ///< The latest request was for more than its motors give.
   Vector2 theta_ = Vector2::Zero();

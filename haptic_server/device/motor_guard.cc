@@ -28,7 +28,7 @@ constexpr std::array<int, 7> kFatalSignals{SIGSEGV, SIGBUS,  SIGFPE, SIGILL,
 /// Those meant for the server, which the other process outlives.
 constexpr std::array<int, 7> kSignalsOfServer{SIGHUP,  SIGINT,  SIGQUIT, SIGTERM,
                                               SIGUSR1, SIGUSR2, SIGPIPE};
-/// The server looks for a gap so many times within the longest that is allowed.
+/// The server looks for a gap this many times within the longest that is allowed.
 constexpr double kLooksPerGap = 5;
 
 std::atomic<Device*> guarded = nullptr;

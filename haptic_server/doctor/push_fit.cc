@@ -15,7 +15,7 @@ using Eigen::VectorXd;
 constexpr double kLongestDelay = 0.06;  // s.
 constexpr double kDelayStep = 0.25e-3;  // s.
 constexpr double kLeastWay = 1e-4;      // m.
-/// After its fastest, a handle that is slower by so much counts as at rest.
+/// A handle slower than this share of its fastest, after that, counts as at rest.
 constexpr double kRestShare = 0.1;
 constexpr double kSpeedTime = 0.01;  ///< Time over which speed is found from the way, s.
 

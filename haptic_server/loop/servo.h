@@ -92,7 +92,7 @@ class Servo {
   double lowered_ = 0;      ///< Share lowered by the control in effect, as in protocol::ProxyState.
   bool clutched_ = false;   ///< Whether the device was clutched when last read.
   const char* cause_ = "";  ///< Why the device failed, in a fault of it.
-  double in_proxy_ = 0;     ///< Part of the work of hand and weight on the proxy that it keeps, J.
+  double in_proxy_ = 0;     ///< Work of hand and weight that the proxy keeps, J.
   double supply_ = 0;       ///< What the latest step explains of the port's work, J.
   double brought_ = 0;      ///< Energy brought by updates into contacts' springs in the session, J.
   DeviceExchange exchange_;

@@ -57,7 +57,7 @@ class EnergyTank {
   void rest(double time) noexcept;
 
   const PortLedger& ledger() const noexcept { return ledger_; }
-  /// Largest power that may be given now, W; below 0 so much must be taken.
+  /// Largest power that may be given now, W; below 0: that much must be taken.
   double allowed_power() const noexcept { return ledger_.tank / kDrainTime; }
   /// Whether more than a second tank was given, so that what is commanded does not stop it, or the
   /// ledger is not finite.

@@ -108,7 +108,7 @@ const Wrench& Limiter::limit(const Wrench& F, const Wrench& impulse, const Twist
   const Vector3 most_force = shortened(F.head<3>(), budget_.max_force);
   const Vector3 most_torque = shortened(F.tail<3>(), budget_.max_torque);
   if (most_force != F.head<3>()) limited_by_ = ForceLimit::kForce;
-  // That a device takes no torque is no limit that is met.
+  // A device that takes no torque meets no limit.
   const bool less_torque = budget_.max_torque > 0 && most_torque != F.tail<3>();
   if (less_torque) limited_by_ = ForceLimit::kTorque;
   if (portion_ < 1) limited_by_ = ForceLimit::kFade;
