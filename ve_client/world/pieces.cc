@@ -36,7 +36,7 @@ void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
   }
   const Vector3 away = p_G - nearest;
   const double distance = away.norm();
-  if (distance == 0) return;  // In the middle nothing is nearest.
+  if (distance == 0) return;  // A point in the middle has no outward direction.
   const double radius = round ? convex.margin() : convex.support(away).head<2>().norm();
   use(PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}});
 }

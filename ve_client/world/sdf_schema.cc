@@ -95,7 +95,7 @@ const Schema& schema() {
 
 // Values.
 
-/// Why a text is not so many numbers within ±largest; empty if it is.
+/// Why a text is not this many numbers within ±largest; empty if it is.
 std::string find_number_error(const std::string& text, int count, double largest,
                               const std::string& what = "") {
   std::istringstream words(text);

@@ -11,7 +11,7 @@ namespace {
 constexpr double kNear = 0.7;
 /// Nearest probe before a side, m: far above rounding, far below what can be felt.
 constexpr double kLeastProbe = 5e-6;
-/// A point so far out of a piece is still on its side, m: rounding.
+/// A point this far out of a piece is still on its side, m: rounding.
 constexpr double kOnSide = 1e-9;
 /// Depth to which a tool may be pressed into a wall without losing the floor it stands on, m.
 constexpr double kShallow = 3e-4;

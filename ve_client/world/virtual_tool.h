@@ -97,7 +97,8 @@ class VirtualTool {
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
   /// Upper bound on the speed of a link's points, from the twist of its centre of mass, m/s.
   double point_speed(const Twist& V_WB) const noexcept;
-  /// That of pull() on a link's body at velocity V_WB and with displacement e to its target.
+  /// Acceleration by pull() on a link's body at velocity V_WB and with displacement e to its
+  /// target.
   Vector6 acceleration(int link, const Vector6& e, const Twist& V_WB, double h) const;
   /// How far the points of a link move if it is drawn for dt and nothing stops it, m.
   double free_travel(int link, double dt) const;
