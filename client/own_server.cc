@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kName = "haptic_server";
 constexpr const char* kVariable = "HAPTIC_SERVER_PROGRAM";
-constexpr std::chrono::seconds kPatience{2};  // Patience for its end.
+constexpr std::chrono::seconds kPatience{2};  // Longest wait for its end.
 constexpr std::chrono::milliseconds kLook{2};
 
 /// A UDP port of this machine, until it is closed.
