@@ -146,7 +146,7 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
   return items_of<MovableBodies>(from, count, body_of);
 }
 
-/// Of a session's own server.
+/// A sentence on the end of a session's own server.
 std::string end_of(int status) {
   std::string ended = "the server that this session started has ended";
   if (status != OwnServer::kUnknown) ended += ", with status " + std::to_string(status);
@@ -199,17 +199,17 @@ struct haptic_session {
     if (own && !client->connected() && own->status()) message = end_of(*own->status());
   }
 
-  pid_t process = getpid();  ///< Whose session it is.
+  pid_t process = getpid();  ///< Process of the session.
   HapticClientOptions client_options_;
-  ToolModel tool;                  ///< At the latest sample.
-  protocol::ContactUpdate update;  ///< Of it, to be checked.
+  ToolModel tool;                  ///< Tool at the latest sample.
+  protocol::ContactUpdate update;  ///< Update of the latest sample, to be checked.
   UdpSocket socket;
   std::optional<OwnServer> own;
   std::string started;  ///< What was; empty if nothing was.
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
   IdentityTracker tracker;
-  std::set<std::uint32_t> sent;  ///< Bodies that the server was told of.
+  std::set<std::uint32_t> sent;  ///< Bodies that were reported to the server.
   std::string message;
   std::string error;
 };
@@ -316,7 +316,7 @@ std::size_t haptic_take_impulses(haptic_session* session, double period, haptic_
   std::size_t count = 0;
   if (!(period > 0 && period < 1e6)) return 0;
   for (const protocol::BodyImpulse& due : session->client->take_impulses(period)) {
-    // Whatever a server says, it can push no body that it was not told of.
+    // Whatever a server says, it can push no body that was not reported to it.
     if (!session->sent.contains(due.body)) continue;
     impulses[count] = {.body = due.body, .reserved = 0, .impulse = {}};
     store(due.P_W, impulses[count].impulse);

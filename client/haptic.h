@@ -131,19 +131,19 @@ enum haptic_server {
   HAPTIC_SERVER_RAMPING = 5 /* force rises */
 };
 
-/* The newest news of the server. Booleans are 0 or 1. */
+/* The latest news of the server. Booleans are 0 or 1. */
 typedef struct haptic_state {
   int32_t connected;
   int32_t began;         /* a session began in this poll: the proxy is at options.q */
   int32_t lost;          /* it ended in this poll */
   int32_t fresh;         /* what follows came in this poll */
   uint64_t step;         /* of the server's loop */
-  uint64_t acknowledged; /* the newest update that the server has taken */
+  uint64_t acknowledged; /* the latest update that the server has taken */
   int32_t q_count, v_count;
   double q[HAPTIC_MAX_CONFIGURATION]; /* of the proxy: move the tool there */
   double v[HAPTIC_MAX_DOF];
   double contact_wrench[6]; /* of the contacts on the hand, N and N m */
-  double command[6];        /* what the device was told, after limits */
+  double command[6];        /* what the device was given, after limits */
   double device_position[3];
   double device_rotation[4];
   int32_t server;                /* enum haptic_server */
@@ -180,8 +180,8 @@ HAPTIC_API void haptic_close(haptic_session* session);
 
 /* Once per step, before it. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
-/* For an engine in real time: how many of its steps, of `step` seconds, the frame that begins is
- * due, after haptic_poll(). It makes up for a frame that came late. 0: nothing to take, to sample
+/* How many steps, of `step` seconds, an engine in real time has to take in the frame that begins,
+ * after haptic_poll(). It makes up for a frame that came late. 0: nothing to take, to sample
  * and to send in this one; -1 with haptic_error() if `step` is not > 0. */
 HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
 /* The impulses for a step of `period` seconds that begins. Returns how many, at most

@@ -19,7 +19,7 @@ struct HapticClientOptions {
   Configuration q;          ///< Where the tool is; the proxy of the first session starts there.
   double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
   double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
-  std::uint64_t nonce = 0;  ///< Of the first session; 0: drawn at random, as all later ones are.
+  std::uint64_t nonce = 0;  ///< Nonce of the first session; 0: random, as all later ones are.
   /// A person asks for the first session: if it is had within 2 s it ends a fault of the server.
   bool clears_fault = true;
   protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
@@ -34,10 +34,10 @@ class HapticClient {
   HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options);
 
   /// Takes what arrived, and keeps asking where there is no session. Call once per step, before it.
-  /// Inbox::state is the newest proxy state, null if none came since the last call; draw the tool
+  /// Inbox::state is the latest proxy state, null if none came since the last call; draw the tool
   /// toward its q (and q̇).
   Inbox poll(double now);
-  /// Of an engine in real time: how many steps of `step` seconds the frame that begins is due,
+  /// How many steps of `step` seconds an engine in real time has to take in the frame that begins,
   /// after poll(). It makes up for a frame that came late; it may be none, and then there is
   /// nothing to take, to sample and to send.
   int take_steps(double step) noexcept;
@@ -65,18 +65,18 @@ class HapticClient {
   double round_trip() const noexcept { return session_.round_trip(); }
   /// Simulated time, s: the sum of all periods.
   double ve_time() const noexcept { return update_.ve_time; }
-  /// Of the present session; valid while connected().
+  /// The welcome of the present session; valid while connected().
   const protocol::Welcome& welcome() const noexcept { return session_.welcome(); }
   const protocol::ReceiveStatistics& statistics() const noexcept { return session_.statistics(); }
 
  private:
   protocol::ClientSession session_;
-  protocol::ContactUpdate update_;  ///< Of the latest sample.
+  protocol::ContactUpdate update_;  ///< Update of the latest sample.
   ImpulsePlayout playout_;
   WorldTime world_time_;
   double ve_rate_;             ///< Hz.
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
-  bool stood_still_ = false;   ///< Its world does not make up for the time before this frame.
+  bool stood_still_ = false;   ///< The world does not make up for the time before this frame.
   double sampled_at_ = 0;
 };
 

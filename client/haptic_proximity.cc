@@ -19,7 +19,7 @@ namespace {
 using namespace hlm;
 using namespace hlm::ve;
 
-/// Of the tool; the others are left for the bodies' own.
+/// Most contacts of the tool; the others are left for the bodies' own.
 constexpr std::size_t kMostOfTool = 128;
 
 Shape shape_of(const haptic_shape& from) {
@@ -174,8 +174,8 @@ struct haptic_proximity {
 
   std::vector<Piece> pieces;
   std::set<std::pair<Index, Index>> excluded;
-  std::vector<Pose> poses;                                  ///< Of the pieces, world.
-  std::vector<Eigen::AlignedBox3d> bounds;                  ///< Of the pieces, world.
+  std::vector<Pose> poses;                                  ///< Poses of the pieces, world.
+  std::vector<Eigen::AlignedBox3d> bounds;                  ///< Bounds of the pieces, world.
   std::map<std::pair<Index, Index>, Vector3> sides_before;  ///< Normals, frame of b, a step ago;
   std::map<std::pair<Index, Index>, Vector3> sides;         ///< now. Of the tool with bodies.
   ProximityStatistics statistics;

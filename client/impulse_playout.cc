@@ -5,7 +5,7 @@
 namespace hlm {
 namespace {
 
-/// How far behind the newest report a frame ends, frames. Less runs dry when a datagram is late.
+/// How far behind the latest report a frame ends, frames. Less runs dry when a datagram is late.
 constexpr double kLag = 1;
 /// Farther behind than this, frames, what has gathered is skipped to.
 constexpr double kLargestLag = 4;
@@ -92,7 +92,7 @@ ImpulsePlayout::Totals ImpulsePlayout::totals() const {
   const double part = span > 0 ? std::clamp((step_ - before.step) / span, 0.0, 1.0) : 1;
   Totals totals;
   for (const auto& [body, P_W] : after.totals) {
-    // Of a body's first impulse the report before, which may be long ago, says nothing.
+    // For a body's first impulse, the report before, which may be long ago, says nothing.
     const auto known = before.totals.find(body);
     totals[body] =
         known != before.totals.end() ? Vector6(known->second + part * (P_W - known->second)) : P_W;
@@ -120,7 +120,7 @@ void ImpulsePlayout::advance_to(double step) {
   forget_played();
 }
 
-/// Keeps the newest report that step_ has passed, and those after it.
+/// Keeps the latest report that step_ has passed, and those after it.
 void ImpulsePlayout::forget_played() {
   while (reports_.size() > 1 && reports_[1].step <= step_) reports_.pop_front();
 }

@@ -16,7 +16,7 @@ using DueImpulses = StaticVector<protocol::BodyImpulse, kMaxBodies>;
 /// would come in uneven portions: two in one frame and none in the next, and a body on a table
 /// would hop, as the table stops it and does not pull it back. So they are played out at an even
 /// rate, as much of the server's time in a frame as the frame takes, about a frame behind the
-/// newest.
+/// latest.
 class ImpulsePlayout {
  public:
   /// A session begins, and with it the totals.
@@ -24,13 +24,13 @@ class ImpulsePlayout {
   /// The server is known to have come to this step of its loop.
   void hear(std::uint64_t step);
   void receive(const protocol::Impulses& totals);
-  /// The environment's time stood still from the newest report to the next: what came in between is
+  /// The environment's time stood still from the latest report to the next: what came in between is
   /// left out, as bodies do not get what they had no time for.
   void skip();
   /// Steps of the server that are known and were not taken yet.
   double reported() const;
-  /// A frame of so many steps of the server begins: what is due in it. usual: steps of most frames,
-  /// if this one may be much shorter.
+  /// A frame of this many steps of the server begins: returns its impulses. usual: steps of most
+  /// frames, if this one may be much shorter.
   DueImpulses take(double steps, double usual = 0);
 
   /// Step of the server up to which impulses were taken, as far as they were reported; may lie

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kName = "haptic_server";
 constexpr const char* kVariable = "HAPTIC_SERVER_PROGRAM";
-constexpr std::chrono::seconds kPatience{2};  // For it to end.
+constexpr std::chrono::seconds kPatience{2};  // Longest wait for its end.
 constexpr std::chrono::milliseconds kLook{2};
 
 /// A UDP port of this machine, until it is closed.
@@ -72,13 +72,13 @@ bool is_program(const fs::path& file) {
   return fs::is_regular_file(file, error) && access(file.c_str(), X_OK) == 0;
 }
 
-/// Of a variable that is set to something; otherwise null.
+/// The value of a variable that is set to something; otherwise null.
 const char* variable(const char* name) {
   const char* const value = std::getenv(name);
   return value == nullptr || *value == '\0' ? nullptr : value;
 }
 
-/// bin/ beside the folder of the library or program that this code is in, or one above.
+/// bin/ next to the folder of the library or program that this code is in, or one above.
 std::vector<fs::path> places_beside() {
   Dl_info here{};
   link_map* map = nullptr;
@@ -140,8 +140,8 @@ std::vector<char*> environment() {
   return kept;
 }
 
-/// In a session of its own, so that Ctrl-C is for the program, which may go on; with nothing of the
-/// program's but its standard error.
+/// Starts it in its own session, so that Ctrl-C is for the program, which may go on; it has nothing
+/// of the program's but its standard error.
 pid_t start(std::vector<std::string> arguments) {
   std::vector<char*> words;
   words.reserve(arguments.size() + 1);

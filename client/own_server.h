@@ -17,7 +17,7 @@ std::string usual_server();
 bool may_listen(const protocol::Endpoint& server) noexcept;
 
 struct OwnServerOptions {
-  bool planar = false;  ///< Its device moves in the plane, for a planar tool; otherwise in space.
+  bool planar = false;  ///< The device moves in the plane, for a planar tool; otherwise in space.
   std::string key_file = {};  ///< Shared with the client; empty: none.
 };
 
@@ -27,8 +27,8 @@ struct OwnServerOptions {
 class OwnServer {
  public:
   /// Starts it at a free port of this machine. The program is what HAPTIC_SERVER_PROGRAM names, or
-  /// haptic_server beside this library or in PATH. Throws std::runtime_error that says where it was
-  /// looked for, or why it cannot be started.
+  /// haptic_server next to this library or in PATH. Throws std::runtime_error that says where it
+  /// was looked for, or why it cannot be started.
   explicit OwnServer(const OwnServerOptions& options = {});
   /// Waits up to 2 s until it has let go of the device.
   ~OwnServer();

@@ -12,7 +12,7 @@ constexpr int kSlowFrames = 2;
 /// How long a frame waits for reports, periods, before it takes its usual steps without them. More
 /// would be a silence to the server, less lets bodies fall where a report is late.
 constexpr double kLongestWait = 2;
-/// A step that is due but for so much of it is taken, so that rounding delays none.
+/// A step that lacks only this share of itself is taken, so that rounding delays none.
 constexpr double kRounding = 1e-6;
 constexpr double kMostSteps = 1e6;
 

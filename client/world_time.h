@@ -4,9 +4,9 @@
 namespace hlm {
 
 /// A frame that comes late is made up for as soon as the server has reported what the hand did
-/// meanwhile: a body that it carries must fall for as long as it is borne. Some time is not made up
-/// for: that of a silence in which the server let go of the bodies, and what an engine takes that
-/// is slower than its world, and would only come later still. Nor for more than a silence
+/// meanwhile: a body that it carries must fall for as long as it is carried. Some time is not made
+/// up for: that of a silence in which the server let go of the bodies, and what an engine takes
+/// that is slower than its world, and would only come later still. Nor for more than a silence
 /// altogether: frames in which no steps were asked for are a pause.
 class WorldTime {
  public:
@@ -16,8 +16,8 @@ class WorldTime {
   /// A frame begins at `now`, s. silence_time: of the server, s. False if the world does not make
   /// up for the time since the frame before.
   bool begin_frame(double now, double silence_time) noexcept;
-  /// How many steps of `step` seconds, > 0, are due in it; may be 0. The rest is left for the next
-  /// one. reported: time from what the bodies got of the hand's impulses to the newest report of
+  /// How many steps of `step` seconds, > 0, must be taken in it; may be 0. The rest is left for the
+  /// next. reported: time from what the bodies got of the hand's impulses to the latest report of
   /// them, s.
   int take_steps(double step, double reported) noexcept;
   /// The engine has taken steps of `period` seconds together.

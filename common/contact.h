@@ -19,11 +19,11 @@ inline constexpr std::size_t kMaxBodies = 16;
 inline constexpr std::size_t kMaxMovedBodies = 8;
 
 /// Axes of a pair that are less apart than this, rad, are one to its forces, those of the first.
-/// Larger values make forces along a normal that is off by so much, smaller ones split the contacts
-/// of two faces that lie on each other with a tilt.
+/// Larger values make forces along a normal that is off by this much, smaller ones split the
+/// contacts of two faces that lie on each other with a tilt.
 inline constexpr double kOneAxis = 0.1;
 
-/// So old may contacts be when they come, s: their computation and half a round trip. More renders
+/// Largest age of contacts when they come, s: their computation and half a round trip. More renders
 /// force from a world that has moved on, less shuts out far networks.
 inline constexpr double kOldestContacts = 0.5;
 
@@ -43,12 +43,12 @@ inline constexpr std::array<Word<SideKind>, 3> kWords<SideKind>{{
 /// One of the two sides of a contact.
 struct ContactSide {
   SideKind kind = SideKind::kWorld;
-  std::uint32_t index = 0;  ///< Of the link; of a body, the environment's own number for it.
+  std::uint32_t index = 0;  ///< Index of the link, or the environment's own number for the body.
 
   auto operator<=>(const ContactSide&) const = default;
 };
 
-/// Whose plane a contact is, and turns with.
+/// The side that owns a contact's plane, with which the contact turns.
 enum class PlaneOwner : std::uint8_t {
   kB = 0,
   kA = 1,
@@ -65,12 +65,13 @@ struct ReportedContact {
   /// update. Whoever makes contacts chooses it: feature pairs, or a tracker's own numbers.
   std::uint64_t identity = 0;
   /// The pair of convex pieces that the contact belongs to, and which of the pair's separating axes
-  /// it lies on. Contacts of one axis share the normal. Of the tool's only those of the axis with
-  /// the greatest gap act. One within kOneAxis of a bearing one of lower number does not bear.
+  /// it lies on. Contacts of one axis share the normal. Of the tool's contacts, only those of the
+  /// axis with the largest gap act. One within kOneAxis of a loaded one of lower number carries
+  /// nothing.
   std::uint32_t pair = 0;
   std::uint16_t axis = 0;
   ContactSide a{SideKind::kToolLink,
-                0};  ///< Whom the normal points to: the tool, if it takes part.
+                0};  ///< The side that the normal points to: the tool, if it takes part.
   ContactSide b;
   Vector3 p_WC = Vector3::Zero();  ///< Point on the surface of b (the local constraint), world, m.
   Vector3 n_W = Vector3::UnitZ();  ///< Unit normal from b to a, world.

@@ -1,4 +1,4 @@
-// In which directions a device's handle or a tool's hand moves.
+// The directions in which a device's handle or a tool's hand moves.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,13 @@ namespace hlm {
 /// rotation about them.
 using Freedoms = std::uint8_t;
 inline constexpr Freedoms kAllFreedoms = 0b111111;
-/// In the x-y plane: along x and y, about z.
+/// The freedoms in the x-y plane: along x and y, about z.
 inline constexpr Freedoms kPlanarFreedoms = 0b100011;
 
 /// The directions in which the tool's hand can be moved as the tool stands.
 Freedoms freedoms_of(const ToolModel& tool) noexcept;
 
-/// Of those, the ones in which a device does not move.
+/// The tool's freedoms in which a device does not move.
 inline Freedoms missing_freedoms(const ToolModel& tool, Freedoms device) noexcept {
   return static_cast<Freedoms>(freedoms_of(tool) & ~device);
 }

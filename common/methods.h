@@ -10,8 +10,8 @@
 namespace hlm {
 
 struct Method {
-  std::string_view name;   ///< On the command line and in the page's messages.
-  std::string_view label;  ///< In figures and on buttons.
+  std::string_view name;   ///< Name on the command line and in the page's messages.
+  std::string_view label;  ///< Label in figures and on buttons.
   std::string_view help;   ///< One phrase for a person.
   UpdateRule update_rule = UpdateRule::kRetain;
   ControllerKind controller = ControllerKind::kFourChannel;

@@ -50,7 +50,7 @@ std::optional<Sentence> find_brief_error(std::string_view name, double value,
 /// A number of a structure and what it can be.
 template <class Owner>
 struct NumberOf : Range {
-  const char* name;       ///< As a person says it: "release step".
+  const char* name;       ///< Name as a person says it: "release step".
   double Owner::*number;  ///< Where it is.
   const char* help;       ///< What it is, for a person.
 };

@@ -11,7 +11,7 @@
 
 namespace hlm {
 
-/// At most kCapacity bytes; what exceeds them is cut.
+/// A text of at most kCapacity bytes; what exceeds them is cut.
 class Sentence {
  public:
   /// What a reject holds (protocol::kMaxText).

@@ -48,7 +48,7 @@ struct Link {
   Vector3 p_LCom = Vector3::Zero();      ///< Centre of mass in the link frame, m.
   Matrix3 I_LCom = Matrix3::Identity();  ///< Inertia about the centre of mass, link axes, kg·m².
   double lower = -kNoLimit;              ///< Least q of a revolute or prismatic joint, rad or m.
-  double upper = kNoLimit;               ///< Its largest q, >= lower.
+  double upper = kNoLimit;               ///< Largest q, >= lower.
 };
 
 /// A virtual tool: rigid object or linkage.

@@ -202,7 +202,7 @@ GeneralisedForce ToolModel::bias_force(const Velocity& v) const noexcept {
     const Spatial parent_V = link.parent < 0 ? Spatial{} : V[at(link.parent)];
     const Spatial parent_A = link.parent < 0 ? Spatial{} : A[at(link.parent)];
     Spatial joint;
-    Vector3 translation = Vector3::Zero();  // Of the axes that the joint's rotations turn about.
+    Vector3 translation = Vector3::Zero();  // Velocity of the axes that rotations turn about.
     for (const int end = first + joint_dof(link.joint); first < end; ++first) {
       const Vector3 linear = v[first] * axes_.col(first).head<3>();
       const Vector3 angular = v[first] * axes_.col(first).tail<3>();

@@ -1,4 +1,4 @@
-// The words of the domain: each enumeration beside the one table of its names. Options, tick logs,
+// The words of the domain: each enumeration next to the one table of its names. Options, tick logs,
 // the live page, plots and experiments read these tables; the wire carries the values.
 #pragma once
 
@@ -14,8 +14,8 @@ template <class Enum>
 struct Word {
   Enum value;
   std::string_view name;         ///< What files and options say.
-  std::string_view meaning;      ///< For a person, one clause.
-  std::string_view remedy = {};  ///< Of what went wrong: what a person can do, one clause.
+  std::string_view meaning;      ///< Meaning for a person, one clause.
+  std::string_view remedy = {};  ///< What a person can do if something went wrong, one clause.
 };
 
 /// The table of an enumeration, in the order of its values.

@@ -50,13 +50,13 @@ struct DoctorOptions {
   bool json = false;
   std::string report;    ///< File for all that was found; empty: none.
   std::string key_file;  ///< The server's; empty: none.
-  std::string world_axes = DeviceCheckOptions{}.world_axes;  ///< Of a device that is checked.
-  std::optional<double> push;                                ///< Likewise, N.
+  std::string world_axes = DeviceCheckOptions{}.world_axes;  ///< Axes for the device check.
+  std::optional<double> push;  ///< Force of the checked device's pushes, N.
   MachineOptions machine;
-  PhysicsOptions physics;  ///< Of it the rate and the device.
+  PhysicsOptions physics;  ///< Physics options: only the rate and the device count.
 };
 
-/// In place of a capture: a person's first minutes with a device.
+/// Word in place of a capture: a person's first minutes with a device.
 constexpr const char* kDeviceCheck = "device";
 
 std::vector<Examination> check_device(const DoctorOptions& options) {
@@ -89,7 +89,7 @@ std::vector<Examination> examine_capture(const DoctorOptions& options) {
   return examinations;
 }
 
-/// Of the newest session in what the server records.
+/// The examination of the latest session in what the server records.
 Examination examine_contacts(const std::optional<RunningServer>& running) {
   if (!running || running->capture.empty()) {
     throw settings::UsageError(

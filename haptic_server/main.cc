@@ -59,7 +59,7 @@ void end_with(pid_t parent) {
 
 void configure_logging(const std::string& level) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("haptic_server"));
-  // On a terminal the status line makes way.
+  // The status line on a terminal makes way.
   const std::string clear = isatty(STDERR_FILENO) != 0 ? "\r\x1b[K" : "";
   spdlog::set_pattern(clear + "%H:%M:%S.%e haptic_server %^%l%$: %v");
   spdlog::set_level(spdlog::level::from_str(level == "warn" ? "warning" : level));

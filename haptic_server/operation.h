@@ -12,7 +12,7 @@
 
 namespace hlm::server {
 
-/// From here on SIGUSR1 asks for a recording. Not for the servo thread.
+/// Makes SIGUSR1 ask for a recording from here on. Not for the servo thread.
 class Operation {
  public:
   /// `guard` must outlive this; `listen`: where the server does.

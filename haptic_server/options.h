@@ -27,7 +27,7 @@ struct ServerOptions {
   std::string key_file;                    ///< Empty: datagrams are not sealed.
   bool insecure = false;                   ///< Without a key at any address.
   RealtimeOptions realtime;
-  PeriodicLoopOptions loop;  ///< Its rate is the servo's.
+  PeriodicLoopOptions loop;  ///< Loop options; their rate is the servo's.
   std::string record;        ///< Capture file; empty: none.
   std::string log;           ///< Tick log, CSV; empty: none.
   std::string recordings;    ///< Directory of the flight recorder; empty: the state directory.
@@ -48,7 +48,7 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options);
 void check(const PhysicsOptions& options);
 void check(const ServerOptions& options);
 
-/// Lowers the stiffness that this device does not bear, unless `options` keep it. Returns a
+/// Lowers the stiffness that this device does not support, unless `options` keep it. Returns a
 /// sentence for a person that says so; empty if nothing was lowered.
 std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options);
 

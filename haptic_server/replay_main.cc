@@ -36,7 +36,7 @@ struct ReplayOptions {
   std::string server = "127.0.0.1:47800";
   std::string key_file;  ///< The server's; empty: none.
   double speed = 1;
-  int session = 0;  ///< From 1; 0: all of them.
+  int session = 0;  ///< Number of the session, from 1; 0: all of them.
   bool offline = false;
   bool receipt = false;   ///< Offline too.
   bool simulate = false;  ///< Offline, the configured device instead of the recorded one.
@@ -98,7 +98,7 @@ class OfflineOutput {
  private:
   TickLog log_;
   bool with_receipt_;
-  std::deque<std::pair<std::uint64_t, EnergyReceipt>> receipts_;  ///< By session.
+  std::deque<std::pair<std::uint64_t, EnergyReceipt>> receipts_;  ///< Receipts by session.
 };
 
 void warn_of_other_options(std::uint64_t recorded, std::uint64_t own) {
@@ -114,7 +114,7 @@ std::vector<OfflineResult> replay(Recording& recording, ReplayOptions& options,
   std::unique_ptr<Device> instead;
   if (options.simulate) instead = physics.device.open(1 / physics.servo.rate);
   const Device& device = instead ? *instead : static_cast<const Device&>(recorded);
-  suit_to(device, physics);  // As the server did, which said so.
+  suit_to(device, physics);  // The server did so, and said it.
   const std::uint64_t own = fingerprint(physics, device);
   std::vector<OfflineResult> results =
       replay_offline(recording, physics.servo, own, instead.get(),

@@ -1,5 +1,5 @@
 // Puts the parts of a message together, in whatever order they come: whole or not at all, and only
-// the newest message.
+// the latest message.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace hlm::protocol {
 
-/// For the messages of one sender in one session. Never allocates or throws.
+/// Assembles the messages of one sender in one session. Never allocates or throws.
 class Assembler {
  public:
   /// Why a part is to be dropped, whatever its contents; empty if it is wanted.
@@ -31,9 +31,9 @@ class Assembler {
   /// Forgets everything: the next message may have any sequence.
   void restart(ReceiveStatistics& statistics) noexcept;
 
-  /// Whether a part of the message of this sequence has come, and it is the newest.
+  /// Whether a part of the message of this sequence has come, and it is the latest.
   bool holds(std::uint64_t sequence) const noexcept { return parts_ > 0 && newest_ == sequence; }
-  /// Whether all parts of the newest message have come.
+  /// Whether all parts of the latest message have come.
   bool complete() const noexcept { return parts_ > 0 && arrived_count() == parts_; }
   /// All parts in order, if complete().
   std::span<const DatagramBytes> parts() const noexcept { return {bytes_.data(), parts_}; }
@@ -43,9 +43,9 @@ class Assembler {
   void discard_incomplete(ReceiveStatistics& statistics) noexcept;
 
   std::array<DatagramBytes, kMaxParts> bytes_;
-  std::uint64_t accepted_ = 0;  ///< Sequence of the newest message that was used.
-  std::uint64_t newest_ = 0;    ///< Of the newest message of which a part has come.
-  std::uint64_t refused_ = 0;   ///< Of the latest message that was refused.
+  std::uint64_t accepted_ = 0;  ///< Sequence of the latest message that was used.
+  std::uint64_t newest_ = 0;    ///< Sequence of the latest message of which a part has come.
+  std::uint64_t refused_ = 0;   ///< Sequence of the latest message that was refused.
   std::size_t parts_ = 0;
   std::uint64_t arrived_ = 0;  ///< Bit i: part i has come.
 };

@@ -129,7 +129,7 @@ std::optional<DropReason> ClientSession::take_goodbye(const Header& header) noex
   return std::nullopt;
 }
 
-/// Not by the rule that the newest wins: each tick counts, and telemetry must not make a proxy
+/// The rule that the latest wins is not for ticks: each counts, and telemetry must not make a proxy
 /// state stale.
 std::optional<DropReason> ClientSession::take_ticks(const Header& header) {
   if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;

@@ -16,15 +16,15 @@ namespace hlm::protocol {
 class TelemetryObserver {
  public:
   virtual ~TelemetryObserver() = default;
-  /// In the order of their steps; a gap means that a datagram was lost.
+  /// Takes the ticks in the order of their steps; a gap means that a datagram was lost.
   virtual void observe(const Ticks& ticks) = 0;
   virtual void observe(const LocalState& state) = 0;
 };
 
 struct ClientSessionOptions {
   Endpoint server;
-  /// Its `nonce` is the first; 0: drawn at random, as all later ones are. Its `clears_fault` is set
-  /// here, see below.
+  /// The session's first `nonce` is here; 0: drawn at random, as all later ones. `clears_fault` is
+  /// set by the session, see below.
   Hello hello;
   double hello_period = 0.1;  ///< Between repeated hellos, s.
   /// A server silent for this long, s, although updates were sent, is asked for a new session.
@@ -48,9 +48,9 @@ class ClientSession {
     bool welcomed = false;         ///< A session began in this poll: the proxy starts at hello.q.
     bool lost = false;             ///< The session ended in this poll (goodbye or silence).
     std::optional<Reject> reject;  ///< The server refuses; it is asked again all the same.
-    const ProxyState* state = nullptr;   ///< Newest proxy state, valid until the next poll.
+    const ProxyState* state = nullptr;   ///< Latest proxy state, valid until the next poll.
     std::optional<Refusal> refusal;      ///< Why an update, or a contact of it, was not used.
-    const Impulses* impulses = nullptr;  ///< Newest totals, valid until the next poll.
+    const Impulses* impulses = nullptr;  ///< Latest totals, valid until the next poll.
   };
 
   /// Drains the link, says hello where there is no session. `now`: s, any steady origin.
@@ -58,16 +58,16 @@ class ClientSession {
   /// Sends an update in as many parts as it needs; fills in `echo_step` and `echo_hold`. Returns
   /// its sequence. Without a session nothing is sent and 0 is returned.
   std::uint64_t send(double now, ContactUpdate update);
-  /// From here on, also in later sessions, this is asked for: it is sent before each update until
-  /// the server says that it is in effect.
+  /// Asks for this from here on, also in later sessions: it is sent before each update until the
+  /// server says that it is in effect.
   void set_control(const Control& control);
   /// Ends the session, if there is one. The next poll would ask for another.
   void close(double now);
-  /// From here on, hellos give this configuration as the tool's initial one.
+  /// Hellos from here on give this configuration as the tool's initial one.
   void set_initial_configuration(const Configuration& q) { options_.hello.q = q; }
 
   bool active() const noexcept { return active_; }
-  /// Of the present session, or of the latest.
+  /// The welcome of the present session, or of the latest.
   const Welcome& welcome() const noexcept { return welcome_; }
   /// Latest measured round trip without the server's hold, s; 0 before the first.
   double round_trip() const noexcept { return round_trip_; }
@@ -103,17 +103,17 @@ class ClientSession {
   std::uint64_t id_ = 0;
   Welcome welcome_;
   std::uint64_t sent_ = 0;                  ///< Sequence of the latest message sent.
-  std::uint64_t received_ = 0;              ///< Sequence of the newest message received.
+  std::uint64_t received_ = 0;              ///< Sequence of the latest message received.
   std::optional<double> unanswered_since_;  ///< First update after the server was last heard, s.
-  ProxyState state_;                        ///< Newest of the session.
+  ProxyState state_;                        ///< Latest state of the session.
   double state_received_at_ = 0;            ///< When it arrived, s.
   double round_trip_ = 0;
 
   std::optional<Control> control_;
-  std::uint64_t control_sequence_ = 0;  ///< Of the first message with it in the session; 0: unsent.
+  std::uint64_t control_sequence_ = 0;  ///< Sequence of its first message; 0: unsent.
   std::uint64_t next_step_ = 1;         ///< First step of the ticks that are not stale.
   Assembler local_state_parts_;
-  Impulses impulses_;  ///< Newest of the session.
+  Impulses impulses_;  ///< Latest impulses of the session.
 };
 
 }  // namespace hlm::protocol

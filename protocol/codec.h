@@ -28,7 +28,7 @@ struct Header {
   MessageType type = MessageType::kHello;
   Envelope envelope;
   std::uint8_t part = 0;    ///< Which part of the message this is.
-  std::uint8_t parts = 1;   ///< Of how many.
+  std::uint8_t parts = 1;   ///< Number of parts of the message.
   std::uint16_t block = 0;  ///< Bytes of the fixed fields after the header.
 };
 
@@ -94,7 +94,7 @@ template <class Message>
 struct StablePart {
   std::uint16_t version = 0;
   MessageType type = MessageType::kHello;
-  std::uint64_t nonce = 0;  ///< Of a hello, welcome or reject; otherwise meaningless.
+  std::uint64_t nonce = 0;  ///< Nonce of a hello, welcome or reject; otherwise meaningless.
 };
 /// Empty if the bytes are too few or the magic is wrong.
 std::optional<StablePart> read_stable_part(std::span<const std::byte> bytes) noexcept;

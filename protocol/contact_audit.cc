@@ -21,9 +21,9 @@ constexpr double kJump = 5e-4;
 constexpr double kJumpShare = 0.25;
 /// What is unknown of a body's motion between two updates after a blow, at most, m.
 constexpr double kBlow = 5e-3;
-/// By so much of epsilon, or at most this, m, a contact may be seen late.
+/// How late a contact may be seen: this share of epsilon, or at most this distance, m.
 constexpr double kLate = 1e-3;
-/// A point farther from its link's origin than so many lengths of the tool, and this, m, is of
+/// A point farther from its link's origin than this many lengths of the tool, and this, m, is of
 /// another unit.
 constexpr double kLengths = 20;
 constexpr double kFar = 2;
@@ -35,7 +35,7 @@ bool same_sides(const ReportedContact& a, const ReportedContact& b) {
 }
 
 /// How much farther away a contact may be for a body that changed its velocity between two updates,
-/// at any time, by so much, m.
+/// at any time, by this much, m.
 double blow(double change, double dt) { return std::max(0.0, change * dt); }
 
 }  // namespace

@@ -15,19 +15,19 @@ struct ContactCounts {
   std::uint64_t updates = 0;
   std::uint64_t contacts = 0;
   std::uint64_t predicted = 0;   ///< Not yet touching.
-  std::uint64_t duplicates = 0;  ///< Of an identity that another contact of the update has.
-  std::uint64_t far = 0;         ///< Whose point no tool of this size has.
-  std::uint64_t kept = 0;        ///< That were there in the update before, at about the same place;
-  std::uint64_t renamed = 0;     ///< that were, under another identity.
-  std::uint64_t wandered = 0;    ///< Whose identity was at another place,
+  std::uint64_t duplicates = 0;  ///< Contacts with another contact's identity in the update.
+  std::uint64_t far = 0;         ///< Contacts with a point that no tool of this size has.
+  std::uint64_t kept = 0;        ///< Contacts of the update before, at about the same place;
+  std::uint64_t renamed = 0;     ///< contacts of the update before, under another identity.
+  std::uint64_t wandered = 0;    ///< Identities that were at another place,
   std::uint64_t flipped = 0;     ///< or had a normal of the other direction.
-  std::uint64_t moved = 0;       ///< Of those kept: that came nearer or went by a noticeable way;
-  std::uint64_t reversed = 0;    ///< the separation said the opposite,
-  std::uint64_t jumped = 0;      ///< or changed otherwise than the motion says.
+  std::uint64_t moved = 0;       ///< Kept contacts that came nearer or went by a noticeable way;
+  std::uint64_t reversed = 0;    ///< contacts whose separation said the opposite,
+  std::uint64_t jumped = 0;      ///< or changed differently from what the motion says.
   double largest_jump = 0;       ///< m.
-  std::uint64_t vanished = 0;    ///< That were left out while their place was still near.
-  std::uint64_t appeared = 0;    ///< First seen in the update;
-  std::uint64_t late = 0;        ///< which epsilon should have shown before.
+  std::uint64_t vanished = 0;    ///< Contacts left out while their place was still near.
+  std::uint64_t appeared = 0;    ///< Contacts first seen in the update;
+  std::uint64_t late = 0;        ///< those of them that epsilon should have shown before.
   double seen_from = 0;          ///< Largest separation of any contact, m.
 };
 
@@ -37,7 +37,7 @@ class ContactAudit {
   /// `tool` must be valid; epsilon as the hello has it, m.
   ContactAudit(const ToolDescription& tool, double epsilon) : tool_(tool), epsilon_(epsilon) {}
 
-  /// In the order of their times. After a gap nothing is compared.
+  /// Adds updates in the order of their times. After a gap nothing is compared.
   void add(const ContactUpdate& update);
   const ContactCounts& counts() const noexcept { return counts_; }
 
@@ -45,7 +45,7 @@ class ContactAudit {
   struct Seen {
     ReportedContact contact;
     Vector3 p_A = Vector3::Zero();  ///< The tool's point, link's frame, m.
-    double v_n = 0;                 ///< Of that point against the constraint, m/s.
+    double v_n = 0;                 ///< Velocity of that point against the constraint, m/s.
     bool goes_on = false;           ///< Is in the next update too.
   };
 
@@ -62,7 +62,7 @@ class ContactAudit {
   double epsilon_;
   std::vector<Seen> before_;
   MovableBodies bodies_before_;
-  double time_ = 0;  ///< Of `before_`, s.
+  double time_ = 0;  ///< Time of `before_`, s.
   ContactCounts counts_;
 };
 

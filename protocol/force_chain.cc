@@ -72,7 +72,7 @@ ChainLink device(const ForceFacts& f) {
           "the device is disabled: its own safety, or its enable switch, holds the motors off"};
 }
 
-/// With a force on the hand there is a hand, measured or not.
+/// A force on the hand means that there is a hand, measured or not.
 ChainLink hand(const ForceFacts& f) {
   if (!f.F_hand) return {"hand", "–", {}};
   const bool pulls = f.F_hand->norm() >= kNothing || f.F_env.norm() >= kNothing;
@@ -146,7 +146,7 @@ std::string limit_reason(const ForceFacts& f) {
     case ForceLimit::kEnergy:
       return "the force gave more energy than it may: what pushes the hand is damped";
   }
-  return "the force is limited";  // By what only a newer server knows.
+  return "the force is limited";  // A limit that only a newer server knows.
 }
 
 ChainLink limiter(const ForceFacts& f) {

@@ -42,7 +42,7 @@ inline constexpr MessageType kTypeOf<Impulses> = MessageType::kImpulses;
 namespace hlm::protocol::layout {
 
 inline constexpr std::size_t kHeaderSize = 40;
-/// In front of each list: first, count, total, item_size.
+/// Size of the header of each list: first, count, total, item_size.
 inline constexpr std::size_t kListHeaderSize = 8;
 
 /// Bytes of an item.

@@ -41,7 +41,7 @@ enum class MessageType : std::uint8_t {
 
 /// Client to server: the tool and where it is. Repeated until answered.
 struct Hello {
-  std::uint64_t nonce = 0;  ///< Drawn anew for each session; a repeated hello carries the same.
+  std::uint64_t nonce = 0;  ///< Drawn again for each session; a repeated hello carries the same.
   ToolDescription tool;
   Configuration q;            ///< Initial configuration of the tool; the proxy starts there.
   double ve_rate = 60;        ///< Nominal step rate of the virtual environment, Hz.
@@ -79,10 +79,10 @@ struct DeviceReport {
 
 /// Server to client.
 struct Welcome {
-  std::uint64_t nonce = 0;        ///< Of the hello that is answered.
+  std::uint64_t nonce = 0;        ///< Nonce of the hello that is answered.
   double servo_rate = 1000;       ///< Rate of the local model, Hz.
-  std::uint64_t fingerprint = 0;  ///< Of the server's effective options.
-  Tuning tuning{};                ///< In effect as the session begins.
+  std::uint64_t fingerprint = 0;  ///< Fingerprint of the server's effective options.
+  Tuning tuning{};                ///< Tuning in effect as the session begins.
   double silence_time = 0.25;     ///< Without a word of the client for this long force fades, s.
   double fade_time = 0.02;        ///< How long the fade from full force takes, s.
   double least_update_rate = 4;   ///< Below this force comes and goes, Hz.
@@ -103,13 +103,13 @@ struct Reject {
 struct ContactUpdate {
   double ve_time = 0;           ///< Simulated time of the virtual environment, s.
   double ve_period = 0;         ///< Length of its latest step, s.
-  double compute_time = 0;      ///< From sampling q_VE to sending this, s.
-  std::uint64_t echo_step = 0;  ///< `step` of the newest proxy state received, 0 if none.
-  double echo_hold = 0;         ///< From the arrival of that proxy state to sending this, s.
+  double compute_time = 0;      ///< Time from sampling q_VE to sending this, s.
+  std::uint64_t echo_step = 0;  ///< `step` of the latest proxy state received, 0 if none.
+  double echo_hold = 0;         ///< Time from the arrival of that proxy state to sending this, s.
   /// The bodies' state contains the impulses up to this step; it may lie between two.
   double impulse_step = 0;
   Configuration q_VE;  ///< Tool configuration for which the contacts were computed.
-  Velocity v_VE;       ///< Its generalised velocity.
+  Velocity v_VE;       ///< Generalised velocity of the tool.
   MovableBodies bodies;
   ReportedContacts contacts;
 };
@@ -132,7 +132,7 @@ struct BodyImpulse {
 
 /// Server to client, with an acknowledgement where there are bodies.
 struct Impulses {
-  std::uint64_t step = 0;  ///< Of the local model: the totals contain it.
+  std::uint64_t step = 0;  ///< Step of the local model: the totals contain it.
   StaticVector<BodyImpulse, kMaxBodies> bodies;
 };
 
@@ -142,17 +142,17 @@ struct ProxyState {
   std::uint64_t step = 0;  ///< Steps of the local model since the session began, this one included.
   double age = 0;          ///< Age the server attributed to the update's contacts, s.
   double update_send_time = 0;  ///< Send time of the acknowledged update, client's clock, s.
-  double hold = 0;              ///< From the arrival of that update to sending this, s.
+  double hold = 0;              ///< Time from the arrival of that update to sending this, s.
   ServerState server = ServerState::kOff;
   Fault fault = Fault::kNone;
   ProxyContactState contact_state = ProxyContactState::kFreeMotion;
   std::uint16_t active_contacts = 0;     ///< Local contacts with separation <= 0.
   std::uint16_t predicted_contacts = 0;  ///< Local contacts with separation > 0.
   double smallest_separation = 0;        ///< Over all local contacts, m; +0 if there are none.
-  Configuration q;                       ///< Of the proxy.
-  Velocity v;                            ///< Of the proxy.
+  Configuration q;                       ///< Configuration of the proxy.
+  Velocity v;                            ///< Velocity of the proxy.
   Pose X_WD;                             ///< Device handle in the world.
-  Twist V_WD = Twist::Zero();            ///< Its twist.
+  Twist V_WD = Twist::Zero();            ///< Twist of the device handle.
   Wrench F_env = Wrench::Zero();         ///< Contact wrench at the hand (Eqs. 8, 12), world axes.
   Wrench F_command = Wrench::Zero();     ///< Wrench commanded to the device, after limits.
   Wrench F_hand = Wrench::Zero();        ///< The hand's wrench as known to the controller.
@@ -167,14 +167,14 @@ struct ProxyState {
   double scale = 1;                      ///< Metres in the world for each metre of the handle.
   Fade fade = Fade::kNone;               ///< Why force fades, or waits at zero.
   // What has passed the device port since the session began, J.
-  double given = 0;            ///< To the hand.
-  double taken = 0;            ///< From the hand.
-  double explained = 0;        ///< Of given - taken: weight, and constraints that move.
+  double given = 0;            ///< Energy given to the hand.
+  double taken = 0;            ///< Energy taken from the hand.
+  double explained = 0;        ///< Explained part of given - taken: weight, constraints that move.
   double tank = 0;             ///< What may still be given beyond that.
   double brought = 0;          ///< Energy that updates have brought into contacts' springs.
   bool hand_observed = false;  ///< Whether F_hand is estimated, not measured.
   /// Share, 0 to 1, of the stiffness and damping that the control asks for that is not in effect,
-  /// because the device does not bear it: of the coupling, or of all contacts together where the
+  /// because the device does not support it: of the coupling, or of all contacts together where the
   /// controller does not couple translation.
   double lowered = 0;
 };
@@ -208,12 +208,12 @@ struct TickSignals {
   double device_proxy = 0;         ///< Distance, m.
   double proxy_tool = 0;           ///< Distance, m.
   double lateness = 0;             ///< Wake-up after the scheduled time, s.
-  double execution = 0;            ///< Of the step before, s.
-  double age = 0;                  ///< Of the newest contacts when they were taken, s.
+  double execution = 0;            ///< Execution time of the step before, s.
+  double age = 0;                  ///< Age of the latest contacts when they were taken, s.
   std::uint16_t active_contacts = 0;
   std::uint16_t predicted_contacts = 0;
   bool adopted = false;                  ///< An update was taken in this step.
-  ForceLimit limit = ForceLimit::kNone;  ///< Of the commanded wrench.
+  ForceLimit limit = ForceLimit::kNone;  ///< Limit on the commanded wrench.
 };
 
 inline constexpr std::size_t kTicksPerMessage = 8;
@@ -230,7 +230,7 @@ struct LocalContactReport {
   ContactSide a;
   ContactSide b;
   ContactState state = ContactState::kImpending;
-  bool retained = false;           ///< Its load is being released.
+  bool retained = false;           ///< The contact's load is being released.
   Vector3 c_W = Vector3::Zero();   ///< Point of the constraint, m.
   Vector3 n_W = Vector3::UnitZ();  ///< Unit normal, from b to a.
   Vector3 p_W = Vector3::Zero();   ///< The local contact point, m.

@@ -15,8 +15,8 @@
 namespace hlm::protocol {
 namespace {
 
-/// A sequence farther ahead than this is no client's: at 60 messages a second so many were lost for
-/// 16 s, and the session is long over. Taken, it would make all that follow stale.
+/// A sequence farther ahead than this is no client's: at 60 messages a second this many were lost
+/// for 16 s, and the session is long over. Taken, it would make all that follow stale.
 constexpr std::uint64_t kLargestSequenceGap = 1000;
 /// Between two refusals, s: often enough to be seen, seldom enough not to flood the client.
 constexpr double kRefusalPeriod = 0.1;

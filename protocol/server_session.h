@@ -1,4 +1,4 @@
-// The server's side of the session: who the client is, which datagrams count, the newest update.
+// The server's side of the session: who the client is, which datagrams count, the latest update.
 #pragma once
 
 #include <array>
@@ -36,7 +36,7 @@ class ServerSession {
   /// a hello or a goodbye brings no update: its session is over.
   struct Inbox {
     const Hello* hello = nullptr;  ///< A client asks for a session: answer with accept or reject.
-    const ContactUpdate* update = nullptr;  ///< Newest complete update of the session.
+    const ContactUpdate* update = nullptr;  ///< Latest complete update of the session.
     bool goodbye = false;                   ///< The client ended the session.
     bool heard = false;    ///< Something of the session came: a control, or a part of an update.
     bool refused = false;  ///< An update of the session was refused.
@@ -44,7 +44,7 @@ class ServerSession {
   };
 
   /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, tells a
-  /// client why its update was refused, and keeps the newest complete update. What is refused
+  /// client why its update was refused, and keeps the latest complete update. What is refused
   /// leaves no trace except its count. Turns away by itself: hellos of another version, with an
   /// error (find_error), or for another session while the present one is alive, whoever asks.
   /// `now`: s, any steady origin.
@@ -72,7 +72,7 @@ class ServerSession {
   void give_next(std::uint64_t id) noexcept { next_id_ = id; }
 
   bool active() const noexcept { return active_; }
-  /// Of the present session; without one, of the latest or, before the first, 0.
+  /// Id of the present session; without one, of the latest or, before the first, 0.
   std::uint64_t id() const noexcept { return id_; }
   const ReceiveStatistics& statistics() const noexcept { return statistics_; }
 
@@ -113,34 +113,34 @@ class ServerSession {
   bool answered_ = false;  ///< A hello was answered in this poll; one answer per poll is enough.
 
   Assembler hello_parts_;
-  Applicant applicant_;  ///< Of `hello_parts_` and `hello_`.
+  Applicant applicant_;  ///< Sender of `hello_parts_` and `hello_`.
   Hello hello_;
   std::uint64_t sent_outside_ = 0;  ///< Sequence of the latest message outside sessions.
 
-  std::uint64_t next_id_;  ///< Of the next session; 0: to be drawn at random.
+  std::uint64_t next_id_;  ///< Id of the next session; 0: to be drawn at random.
   bool active_ = false;
-  Applicant client_;  ///< Of the present session or of the latest; so are the following.
+  Applicant client_;  ///< Client of the present session or of the latest; so are the following.
   std::uint64_t id_ = 0;
   ToolDescription tool_;
   Welcome welcome_;
   std::uint64_t sent_ = 0;  ///< Sequence of the latest message sent.
   double last_heard_ = 0;   ///< s.
   Assembler update_parts_;
-  std::array<ContactUpdate, 2> updates_;  ///< The newest, and room to decode the next.
+  std::array<ContactUpdate, 2> updates_;  ///< The latest update, and room to decode the next.
   /// Into that room went a refused part of another message than the one that is put together.
   bool spoiled_ = false;
   std::size_t newest_update_ = 0;
-  Envelope acknowledged_;               ///< Of the newest update; sequence 0 if there is none.
-  double received_at_ = 0;              ///< When it arrived, s.
-  std::uint64_t heard_ = 0;             ///< Largest sequence taken from the client.
-  std::uint64_t refused_ = 0;           ///< Updates refused as a whole.
+  Envelope acknowledged_;      ///< Envelope of the latest update; sequence 0 if there is none.
+  double received_at_ = 0;     ///< When it arrived, s.
+  std::uint64_t heard_ = 0;    ///< Largest sequence taken from the client.
+  std::uint64_t refused_ = 0;  ///< Updates refused as a whole.
   std::optional<double> refusal_sent_;  ///< s.
   Control newest_control_;
   std::uint64_t newest_control_sequence_ = 0;  ///< 0 if there is none.
-  Control control_;                            ///< In effect.
+  Control control_;                            ///< Control in effect.
   std::uint64_t control_sequence_ = 0;         ///< 0 if none is in effect.
 
-  Applicant ended_;                 ///< Of the latest session that ended.
+  Applicant ended_;                 ///< Client of the latest session that ended.
   std::optional<double> ended_at_;  ///< s.
 };
 

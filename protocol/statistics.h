@@ -29,7 +29,7 @@ enum class DropReason : std::uint8_t {
   kHandshakeRate,
 };
 
-/// From here on the reasons are about seals and keys.
+/// First of the reasons that are about seals and keys.
 inline constexpr DropReason kFirstSealingReason = DropReason::kSealed;
 
 }  // namespace hlm::protocol
@@ -83,7 +83,7 @@ struct ReceiveStatistics {
   }
 };
 
-/// For example "3 dropped (2 stale, 1 malformed)", or "0 dropped". `dropped`: counts by DropReason.
+/// A sentence such as "3 dropped (2 stale, 1 malformed)", or "0 dropped". `dropped`: by DropReason.
 std::string describe_drops(const std::array<std::uint64_t, kDropReasons>& dropped);
 
 }  // namespace hlm::protocol

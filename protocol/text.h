@@ -7,8 +7,8 @@
 
 namespace hlm::protocol {
 
-/// As much of the text as a message holds, cut between characters of UTF-8, a space for each
-/// control character.
+/// The part of the text that a message holds, cut between characters of UTF-8, with a space for
+/// each control character.
 Text to_text(std::string_view text) noexcept;
 
 }  // namespace hlm::protocol

@@ -29,12 +29,12 @@ namespace hlm::protocol {
 inline constexpr double kLargestLength = 1e4;
 inline constexpr double kLargestSpeed = 1e3;
 inline constexpr double kLargestAcceleration = 1e6;
-/// Of a body, 1/kg and 1/(kg·m²): a body of a milligram, and what it turns by.
+/// Mobility of a body, 1/kg and 1/(kg·m²): a body of a milligram, and what it turns by.
 inline constexpr double kLargestMobility = 1e12;
-/// Of the tool on a body in a session, N·s and N·m·s.
+/// Impulse of the tool on a body in a session, N·s and N·m·s.
 inline constexpr double kLargestImpulse = 1e6;
 inline constexpr double kLargestFriction = 10;
-inline constexpr double kLargestUnit = 2;  ///< Of a coordinate of a unit vector that is made one.
+inline constexpr double kLargestUnit = 2;     ///< Largest unit-vector coordinate before scaling.
 inline constexpr double kLargestForce = 1e6;  ///< N.
 inline constexpr double kLongestSpan = 1e6;   ///< s.
 

@@ -28,7 +28,7 @@ void try_engine(const Scene& scene, const Settings& settings, Diagnostics& diagn
   }
 }
 
-/// With the second tool that the file names, too, unless the options choose others than the file's.
+/// Loads the second tool that the file names too, unless the options choose others than the file's.
 Scene scene_with_named_tools(const Settings& settings, Diagnostics& diagnostics) {
   std::vector<ToolChoice> tools = choices(settings);
   const std::size_t asked = tools.size();

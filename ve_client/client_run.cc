@@ -55,7 +55,7 @@ std::optional<protocol::noise::Key> read_key(const Settings& settings) {
   }
 }
 
-/// The page's files stand at a fixed place beside the program, built or installed.
+/// The page's files stand at a fixed place next to the program, built or installed.
 std::filesystem::path page_beside_program() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path() / HLM_PAGE;
 }
@@ -88,7 +88,7 @@ std::vector<ToolChoice> placed_as_in_file(const Settings& settings) {
   return tools;
 }
 
-/// For messages: "tool 'peg'", or "tools 'peg', 'tray'".
+/// Tools named for messages: "tool 'peg'", or "tools 'peg', 'tray'".
 std::string names(const std::vector<std::string>& tools) {
   return fmt::format("tool{} '{}'", tools.size() > 1 ? "s" : "", fmt::join(tools, "', '"));
 }

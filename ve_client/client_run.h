@@ -32,7 +32,7 @@ class ClientRun {
   void go(const std::function<bool()>& stop);
 
  private:
-  /// Whose sessions a person asks for, knowing of a fault of their servers.
+  /// The sessions that a person asks for, knowing of a fault of their servers.
   enum class Asked { kNone, kFirst, kAll };
 
   LiveSettings settings_at_start() const;
@@ -54,25 +54,25 @@ class ClientRun {
   HapticClient& first_client() { return sessions_.front().client(); }
 
   const Settings& settings_;
-  Scene scene_;                    ///< As loaded.
-  std::vector<ToolChoice> tools_;  ///< As they begin; the scene knows their names.
+  Scene scene_;                    ///< Scene as loaded.
+  std::vector<ToolChoice> tools_;  ///< Tools as they begin; the scene knows their names.
   std::optional<VirtualEnvironment> environment_;
   std::vector<protocol::Endpoint> servers_;
   std::optional<protocol::noise::Key> key_;
   std::unique_ptr<LivePage> page_;    ///< Null: none.
-  std::vector<SceneSummary> scenes_;  ///< For its menu.
+  std::vector<SceneSummary> scenes_;  ///< Scenes for the page's menu.
   SceneRequest chosen_;               ///< What is loaded for a page.
   std::future<Scene> loading_;        ///< Valid while it is.
   SteadyClock clock_;
   Tuning own_tuning_;  ///< What the first server was started with.
   LiveSettings live_;
-  double spread_;  ///< Of the drawn rates about live_.rate, Hz.
+  double spread_;  ///< Spread of the drawn rates about live_.rate, Hz.
   std::mt19937_64 engine_;
   std::optional<FramePeriods> periods_;
-  double low_ = 0;                    ///< Of periods_, Hz.
+  double low_ = 0;                    ///< Lowest rate of periods_, Hz.
   std::deque<ToolSession> sessions_;  ///< One for each tool; pages show and drive the first.
   bool begun_ = false;                ///< There have been sessions.
-  bool fault_reported_ = false;       ///< Of the present environment.
+  bool fault_reported_ = false;       ///< The present environment's fault was reported.
 };
 
 }  // namespace hlm::ve

@@ -91,7 +91,7 @@ Pushes follow_server(World& world, VirtualTool& tool, HapticClient& client, doub
 /// Within which the tool's contacts are sent, and for how long.
 struct Search {
   double epsilon;   ///< m.
-  double smallest;  ///< That of shapes with one axis, m.
+  double smallest;  ///< Smallest epsilon of shapes with one axis, m.
   double lifetime;  ///< s.
   bool all_axes;
 };
@@ -181,7 +181,7 @@ void step(VirtualEnvironment& environment, std::span<HapticClient* const> client
   });
 }
 
-/// What a server is told.
+/// What is reported to a server.
 struct Report {
   ReportedContacts contacts;
   MovableBodies bodies;

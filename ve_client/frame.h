@@ -61,7 +61,7 @@ struct FrameOptions {
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
   double delay = 0;
-  /// Of each tool: its contacts carry the friction of the materials where the world states it;
+  /// For each tool: its contacts carry the friction of the materials where the world states it;
   /// otherwise its server's own holds everywhere.
   std::array<bool, kMostTools> report_friction{true, true};
   /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all

@@ -21,7 +21,7 @@ void ImpairedLink::pump() {
   protocol::Datagram datagram;
   while (outgoing_.take(now_(), datagram))
     link_.send(datagram.peer, protocol::view(datagram.bytes));
-  // As many as a client takes at a time; a flood waits in the system's buffer.
+  // A pump takes as many as a client at a time; a flood waits in the system's buffer.
   constexpr int kDatagramsPerPump = 256;
   for (int i = 0; i < kDatagramsPerPump && link_.receive(datagram); ++i) hold(incoming_, datagram);
 }

@@ -26,7 +26,7 @@ struct NetworkConditions {
   bool operator==(const NetworkConditions&) const = default;
 };
 
-/// Holds datagrams until pump() finds them due: call that at least once a millisecond. Without
+/// Holds datagrams until pump() finds them ready: call that at least once a millisecond. Without
 /// conditions everything passes at once; telemetry always does, it is there to look on. Not
 /// thread-safe.
 class ImpairedLink final : public protocol::DatagramLink {
@@ -38,7 +38,7 @@ class ImpairedLink final : public protocol::DatagramLink {
   /// Holds for datagrams from now on.
   void set_conditions(const NetworkConditions& conditions) { conditions_ = conditions; }
 
-  /// Sends what is due, and takes what has come.
+  /// Sends what must go out, and takes what has come.
   void pump();
 
   bool receive(protocol::Datagram& datagram) noexcept override;

@@ -37,7 +37,7 @@ void configure_logging(const std::string& level) {
   spdlog::set_level(spdlog::level::from_str(level == "warn" ? "warning" : level));
 }
 
-/// As the help's footer has them, with settings::kUsageError.
+/// Exit codes as the help's footer has them, with settings::kUsageError.
 enum ExitCode { kFinished = 0, kFailed = 1, kServerNeverAnswered = 3 };
 
 int failure(const std::exception& error, int exit_code) {

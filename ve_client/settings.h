@@ -28,13 +28,13 @@ struct Settings {
   FollowOptions follow;
   double rate_low = 60;        ///< Hz. The rate of each frame is drawn between these.
   double rate_high = 60;       ///< Hz.
-  std::uint64_t seed = 1;      ///< Of the drawn rates.
+  std::uint64_t seed = 1;      ///< Seed of the drawn rates.
   double duration = 0;         ///< s; 0: until stopped.
   double connect_timeout = 0;  ///< s; 0: wait for ever.
   std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
   bool insecure = false;       ///< That may be any address: the page asks nobody for a key.
   std::string page_root;       ///< Folder of its files; empty: where they were built.
-  std::string recordings;      ///< Of the server, on this machine; empty: where they usually are.
+  std::string recordings;  ///< Server's recordings on this machine; empty: where they usually are.
   NetworkConditions network;
   std::string log_level = "info";
   bool check = false;  ///< Only say what would be used of the world.

@@ -15,7 +15,7 @@ constexpr double kImpedance = 80;
 /// lets tools that squeeze it sink in before they feel each other.
 constexpr double kPerLoop = 0.3;
 /// The same once they have not pushed the body for a loop: late impulses come sooner, so they have
-/// left it. Slower, and what its server is told falls millimetres behind the body.
+/// left it. Slower, and what its server is given falls millimetres behind the body.
 constexpr double kLeftPerLoop = 1;
 /// Time constants with which that mass comes, and goes when the body is no longer shared, s. It may
 /// lose touch with one of the tools for a moment.

@@ -17,7 +17,7 @@ using Pushes = std::map<int, Wrench>;
 
 /// Each server moves a body by its own tool's impulses at once, and learns of the others' through
 /// the environment, a loop later. So a body that several tools push resists acceleration more for
-/// that time, in the world and in what the servers are told, and the others' wrenches reach a
+/// that time, in the world and in what the servers are given, and the others' wrenches reach a
 /// server smoothly.
 class SharedBodies {
  public:
@@ -25,10 +25,10 @@ class SharedBodies {
   SharedBodies(World& world, std::size_t tools) : world_(world), of_tools_(tools) {}
 
   /// A frame of `period` seconds begins, in which each tool pushes so; `reported`: the bodies of
-  /// which each tool's server was told. round_trip: the longest to a server, s, >= 0.
+  /// reported to each tool's server. round_trip: the longest to a server, s, >= 0.
   void push(std::span<const Pushes> pushes, std::span<const MovableBodies> reported, double period,
             double round_trip);
-  /// Adds what the other tools do to the bodies that a tool's server is told of.
+  /// Adds what the other tools do to the bodies that are reported to a tool's server.
   void add_others(std::size_t tool, MovableBodies& bodies) const;
 
  private:
@@ -37,7 +37,7 @@ class SharedBodies {
     Wrench mean = Wrench::Zero();
     /// Velocity that they gave it in the world, and that its server is yet to learn.
     Twist unreported = Twist::Zero();
-    double away = 0;  ///< Since they pushed last, s.
+    double away = 0;  ///< Time since they pushed last, s.
   };
   using OthersOn = std::map<int, Others>;
 

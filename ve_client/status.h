@@ -58,8 +58,8 @@ class Connection {
   bool tool_may_change_;
   bool ever_connected_ = false;
   std::string rejected_;             ///< Why the server gives no session; empty: it has not said.
-  double next_message_ = kPatience;  ///< Of what is awaited, s since the start.
-  double pause_ = kFirstPause;       ///< From that message to the one after, s.
+  double next_message_ = kPatience;  ///< Time of the next message on the wait, s since the start.
+  double pause_ = kFirstPause;       ///< Time from that message to the one after, s.
 };
 
 /// Warns where the tool moves in directions in which the server's device does not.
@@ -82,16 +82,16 @@ class Status {
   std::string connection(const HapticClient& client) const;
 
   std::string prefix_;
-  Fault fault_ = Fault::kNone;  ///< Of the server, in this session.
+  Fault fault_ = Fault::kNone;  ///< Fault of the server, in this session.
   double last_report_ = 0;
   int frames_ = 0;
   std::size_t found_ = 0;                     ///< Contacts of the tool, of the latest frame.
-  std::size_t active_ = 0;                    ///< Of the latest frame.
-  std::size_t predicted_ = 0;                 ///< Of the latest frame.
-  std::optional<protocol::Refusal> refusal_;  ///< By the server, since the latest report.
+  std::size_t active_ = 0;                    ///< Active contacts of the latest frame.
+  std::size_t predicted_ = 0;                 ///< Predicted contacts of the latest frame.
+  std::optional<protocol::Refusal> refusal_;  ///< Refusal by the server, since the latest report.
   int refused_ = 0;         ///< Proxy states that could not be followed, since the start.
-  int warned_refused_ = 0;  ///< As of the latest report.
-  std::uint64_t warned_failures_ = 0;  ///< Of proximity queries, as of the latest report.
+  int warned_refused_ = 0;  ///< Value of refused_ at the latest report.
+  std::uint64_t warned_failures_ = 0;  ///< Failed proximity queries, as of the latest report.
 };
 
 }  // namespace hlm::ve

@@ -50,8 +50,8 @@ class NearContacts {
     std::erase_if(normals_, [](const auto& pair) { return !pair.second.seen; });
     for (auto& [pair, normal] : normals_) normal.seen = false;
   }
-  /// Of that object with all others, at the present transforms. It is side a; b.index is the
-  /// other's number. Without identities, velocities and loads.
+  /// The contacts of that object with all others, at the present transforms. It is side a; b.index
+  /// is the other's number. Without identities, velocities and loads.
   std::vector<ReportedContact> of(btCollisionObject& object) {
     found_.clear();
     btVector3 low, high, other_low, other_high;
@@ -75,7 +75,7 @@ class NearContacts {
 
   /// The closest points of two parts.
   struct Closest {
-    btVector3 p_B;      ///< On b, world, m.
+    btVector3 p_B;      ///< Point on b, world, m.
     btVector3 n;        ///< Unit, from b to a.
     btScalar distance;  ///< m.
     const Part& a;
@@ -113,21 +113,21 @@ class NearContacts {
     btCollisionObject& b_;
   };
 
-  /// Of a pair.
+  /// The normal of a pair.
   struct Normal {
-    btVector3 n_B;     ///< To a, in b's frame.
-    bool seen = true;  ///< In this frame.
+    btVector3 n_B;     ///< Normal to a, in b's frame.
+    bool seen = true;  ///< The pair was seen in this frame.
   };
 
   /// An axis along which two polyhedra may be apart.
   struct FaceAxis {
-    btVector3 n;   ///< Of the face, world, to a.
+    btVector3 n;   ///< Normal of the face, world, to a.
     btScalar gap;  ///< m.
     bool of_a;     ///< It is a's face.
   };
 
-  /// By so much more, m, the gap along the face of a must be to be preferred to that of b, and the
-  /// gap along Bullet's normal to that along a face. Less makes pairs that lie on each other change
+  /// How much larger, m, the gap along a's face must be to be preferred to that of b's, and the gap
+  /// along Bullet's normal to that along a face. Less makes pairs that lie on each other change
   /// between the two, more takes the contact of an edge for that of a face.
   static constexpr btScalar kClearlyMore = btScalar(1e-5);
 
@@ -200,7 +200,7 @@ class NearContacts {
     return is_new || axis.gap > 0 ? axis : widest(a, X_WA, b, X_WB, &kept);
   }
 
-  /// Of all faces, or of those whose normal is within 45 degrees of `near`.
+  /// The widest of all faces, or of those whose normal is within 45 degrees of `near`.
   static FaceAxis widest(const Polyhedron& a, const btTransform& X_WA, const Polyhedron& b,
                          const btTransform& X_WB, const btVector3* near) {
     FaceAxis best{{0, 0, 0}, -BT_LARGE_FLOAT, false};

@@ -51,7 +51,7 @@ class Polyhedron {
     return n.dot(X_WS * corner) + margin_;
   }
 
-  /// Its corners and their distances from the plane through `p` with normal `n`, all in the world.
+  /// The corners and their distances from the plane through `p` with normal `n`, all in the world.
   FacePoints above(const btVector3& p, const btVector3& n, const btTransform& X_WS) const {
     FacePoints found;
     for (int i = 0; i < hull_.getNumPoints(); ++i) {

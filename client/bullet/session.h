@@ -31,7 +31,7 @@ namespace hlm::bullet {
 struct Options {
   protocol::Endpoint server;
   double period = 1.0 / 60;  ///< About that of the frames, s.
-  double step = 1.0 / 240;   ///< Of Bullet, the last argument of stepSimulation(), s, > 0.
+  double step = 1.0 / 240;   ///< Bullet's step, the last argument of stepSimulation(), s, > 0.
   double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
 };
 
@@ -151,8 +151,8 @@ class Session {
   std::size_t contacts() const { return sent_; }
 
  private:
-  /// Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer
-  /// frames would let them sink in by some millimetres, more would push a body twice.
+  /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
+  /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
 
   static btVector3 bullet_vector(const Vector3& v) {

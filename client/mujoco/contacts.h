@@ -15,7 +15,7 @@
 
 namespace hlm::mujoco {
 
-/// Of an array of MuJoCo's with `columns` numbers in a row.
+/// The vector in a row of one of MuJoCo's arrays with `columns` numbers in a row.
 inline Vector3 row3(const mjtNum* array, int row, int columns = 3) {
   return Eigen::Map<const Vector3>(array + columns * row);
 }
@@ -67,7 +67,7 @@ struct Listing {
   }
 };
 
-/// Of the geoms and pairs of which `takes(body)` holds for a body.
+/// The listings of the geoms and pairs for whose body `takes(body)` holds.
 template <class Takes>
 std::vector<Listing> listings(mjModel& model, Takes takes) {
   std::vector<Listing> found;
@@ -90,7 +90,7 @@ std::vector<Listing> listings(mjModel& model, Takes takes) {
 inline void list_early(mjModel& model, double epsilon) {
   for (Listing& listing : listings(model, [](int) { return true; })) listing.widen(epsilon);
 #if mjVERSION_HEADER >= 300
-  // At a pair of bodies with several geoms it looks only within these, which its compiler found.
+  // For bodies with several geoms it looks only within these margins, which its compiler found.
   for (int geom = 0; geom < model.ngeom; ++geom) {
     mjtNum& margin = model.body_margin[model.geom_bodyid[geom]];
     margin = std::max(margin, model.geom_margin[geom] + model.geom_gap[geom]);

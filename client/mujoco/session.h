@@ -103,7 +103,7 @@ class Session {
   /// for all of the frame's steps. Returns how many steps to take: they bring MuJoCo's time up to
   /// the hand's, so frames may come late. 0 where less than a step has passed.
   int drive() {
-    take_back_pushes();  // Of a frame that was not sent.
+    take_back_pushes();  // Pushes of a frame that was not sent.
     const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
@@ -120,7 +120,7 @@ class Session {
     std::copy_n(v_.data(), 3, data_.qvel + v_at_);
     std::copy_n(w_T.data(), 3, data_.qvel + v_at_ + 3);  // MuJoCo's has the body's axes.
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
-      // Whatever a server says, it can push no body that it was not told of.
+      // Whatever a server says, it can push no body that was not reported to it.
       if (!reported_.contains(due.body)) continue;
       const Push push{static_cast<int>(due.body), due.P_W / frame_};
       applied(push.body) += push.F_W;
@@ -172,8 +172,8 @@ class Session {
   std::size_t contacts() const { return sent_; }
 
  private:
-  /// Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer
-  /// frames would let them sink in by some millimetres, more would push a body twice.
+  /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
+  /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
 
   /// What the tool does to a body in this frame.
@@ -207,7 +207,7 @@ class Session {
   mjModel& model_;
   mjData& data_;
   int tool_;          ///< Body.
-  int q_at_;          ///< Its place in qpos,
+  int q_at_;          ///< Place in qpos,
   int v_at_;          ///< and in qvel.
   double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel virtual_tool_;

@@ -29,7 +29,7 @@ class Section {
   virtual ~Section() = default;
   /// Takes what the file says, then what the command line says. Throws UsageError.
   virtual void set(const std::vector<Assignment>& assignments) = 0;
-  /// As lines of a configuration file.
+  /// The section as lines of a configuration file.
   virtual std::string to_toml(bool described) const = 0;
 };
 
@@ -44,10 +44,10 @@ struct Shorthand {
 /// How a section is called.
 struct NamedSection {
   std::string name;    ///< [name] in files.
-  std::string group;   ///< Of the table, whose help its options begin.
+  std::string group;   ///< Group of the table; the section's options begin its help.
   Section* section;    ///< Must outlive the command line.
   std::string option;  ///< Sets any of its keys as KEY=VALUE, any number of times.
-  std::string help;    ///< Of that option.
+  std::string help;    ///< Help for that option.
   std::vector<Shorthand> shorthands;
 };
 

@@ -21,14 +21,14 @@ std::vector<std::filesystem::path> state_directories();
 std::vector<std::filesystem::path> runtime_directories();
 
 /// Begin and end of a flight recording's file name. Between them is the time, UTC: the last name is
-/// the newest.
+/// the latest.
 inline constexpr const char* kRecordingPrefix = "flight-";
 inline constexpr const char* kRecordingSuffix = ".csv";
 
 /// The flight recordings in a directory, oldest first; none if it cannot be read.
 std::vector<std::filesystem::path> find_recordings(const std::filesystem::path& directory);
 
-/// The newest of several directories.
+/// The latest of several directories.
 std::optional<std::filesystem::path> find_newest_recording(
     const std::vector<std::filesystem::path>& directories);
 

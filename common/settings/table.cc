@@ -42,7 +42,7 @@ std::optional<std::string> read(const std::string& name, const std::string& text
   return std::nullopt;
 }
 
-/// As a TOML text.
+/// The text as a TOML string.
 std::string quoted(const std::string& text) {
   std::string result = "\"";
   for (const char c : text) {
@@ -64,7 +64,7 @@ std::size_t width(const std::string& text) {
       std::ranges::count_if(text, [](char c) { return (c & '\xc0') != '\x80'; }));
 }
 
-/// As a TOML value.
+/// The setting's value as TOML.
 std::string value_text(const Setting& setting) {
   Values values = setting.get();
   if (setting.quoted) std::ranges::transform(values, values.begin(), quoted);

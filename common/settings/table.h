@@ -31,13 +31,13 @@ using Values = std::vector<std::string>;
 
 struct Setting {
   std::string key;          ///< "release-step"; its option is --release-step.
-  std::string group;        ///< Its heading in the help.
+  std::string group;        ///< Heading in the help.
   std::string placeholder;  ///< What stands for its value in the help: "N/m".
   std::string help;         ///< One clause.
   std::string allowed;      ///< "0 to 1 N"; empty where anything is.
   int count = 1;            ///< Values; 0: a flag.
-  bool quoted = false;      ///< Its value is text.
-  bool is_file = false;     ///< Its value names a file that matters by what it says.
+  bool quoted = false;      ///< The value is text.
+  bool is_file = false;     ///< The value names a file whose content matters.
   bool in_files = true;     ///< A key of configuration files too.
   /// Takes values that are called `name` in the error that it returns. They replace earlier ones.
   std::function<std::optional<std::string>(const std::string& name, const Values&)> set;
@@ -100,8 +100,8 @@ class Table {
   const Setting* find(std::string_view key) const;
   std::vector<std::string> keys() const;
 
-  /// As lines of a configuration file, "key = value", each group under a comment; with a comment of
-  /// its own each if `described`. What a number says is read back as the same number.
+  /// The settings as lines of a configuration file, "key = value", each group under a comment; if
+  /// `described`, each with its own comment. A number that is read back is the same number.
   std::string to_toml(bool described) const;
 
  private:
@@ -120,7 +120,7 @@ class Table {
 /// What a setting says of itself: "HELP: ALLOWED (default VALUE)".
 std::string description_of(const Setting& setting);
 
-/// The text in lines that fit a terminal, each after so many spaces.
+/// The text in lines that fit a terminal, each after this many spaces.
 std::string wrapped(const std::string& text, std::size_t indent = 0);
 
 /// One entry of a help text.

@@ -50,8 +50,8 @@ class Controller {
   HandInput to_proxy(const DeviceState& device, const HandMotion& proxy) const noexcept;
 
   /// The wrench u for the device: F_env - K_c e - B_c ė, less the terms that the kind leaves out.
-  /// Whatever the kind, a hand that holds the tool still bears its weight, and bears it once: from
-  /// F_env, or from the proxy that hangs from the coupling.
+  /// Whatever the kind, a hand that holds the tool still carries its weight just once: from F_env,
+  /// or from the proxy that hangs from the coupling.
   Wrench to_device(const DeviceState& device, const HandMotion& proxy,
                    const HandMotion& engine_tool, const ContactWrench& felt) const noexcept;
 

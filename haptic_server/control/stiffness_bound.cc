@@ -8,14 +8,14 @@
 namespace hlm::server {
 namespace {
 
-/// At which vendors rate a stiffness, s.
+/// Period at which vendors rate a stiffness, s.
 constexpr double kRatedPeriod = 1e-3;
 
 /// Share of the damping that lowered stiffness leaves. Less rings for seconds after each blow, more
 /// makes walls softer than need be.
 constexpr double kLeftOver = 0.3;
 
-/// That bear on one side of the tool at once, where no limit says less.
+/// Contacts that press on one side of the tool at once, where no limit says less.
 constexpr double kMostContacts = 64;
 
 bool feels_contacts(ControllerKind kind) noexcept {

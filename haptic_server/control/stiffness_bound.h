@@ -1,4 +1,4 @@
-// What stiffness a device bears that is sampled and late (docs/method.md 15).
+// The stiffness that a sampled and late device supports (docs/method.md 15).
 #pragma once
 
 #include <optional>
@@ -39,8 +39,8 @@ double bearable_share(const DeviceRatings& device, const Impedance& felt, double
 Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
                          const LocalModelParameters& contacts) noexcept;
 
-/// Lowers what the device does not bear with damping left to come to rest: with direct coupling the
-/// stiffness of all contacts together (max_hand_stiffness), else the gains of the coupling. Returns
+/// Lowers what the device does not support with damping left to come to rest: with direct coupling
+/// the stiffness of all contacts together (max_hand_stiffness), else the coupling's gains. Returns
 /// the share that is left, 0 to 1; 1 if nothing was lowered. Bounded in time.
 double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
                        ControllerGains& gains, LocalModelParameters& contacts) noexcept;

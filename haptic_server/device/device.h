@@ -16,9 +16,9 @@ namespace hlm::server {
 /// How a device is that has not failed.
 enum class DeviceHealth {
   kGood,
-  kSaturated,  ///< Its motors give less than was commanded.
+  kSaturated,  ///< The motors give less than was commanded.
   kLate,       ///< Commands reach it too late or too seldom for its own time guard.
-  kForceOff,   ///< Its own safety, or its switch, holds the motors off.
+  kForceOff,   ///< The device's own safety, or its switch, holds the motors off.
 };
 
 }  // namespace hlm::server
@@ -42,11 +42,11 @@ namespace hlm::server {
 struct DeviceRatings {
   double max_force = std::numeric_limits<double>::infinity();   ///< N.
   double max_torque = std::numeric_limits<double>::infinity();  ///< N·m; 0: it takes no torque.
-  double max_force_rate = std::numeric_limits<double>::infinity();         ///< N/s.
-  double max_torque_rate = std::numeric_limits<double>::infinity();        ///< N·m/s.
-  double max_power = std::numeric_limits<double>::infinity();              ///< Of the force, W.
-  double max_turning_power = std::numeric_limits<double>::infinity();      ///< Of the torque, W.
-  double max_stiffness = std::numeric_limits<double>::infinity();          ///< Renderable, N/m.
+  double max_force_rate = std::numeric_limits<double>::infinity();     ///< N/s.
+  double max_torque_rate = std::numeric_limits<double>::infinity();    ///< N·m/s.
+  double max_power = std::numeric_limits<double>::infinity();          ///< Power of the force, W.
+  double max_turning_power = std::numeric_limits<double>::infinity();  ///< Power of the torque, W.
+  double max_stiffness = std::numeric_limits<double>::infinity();      ///< Renderable, N/m.
   double max_angular_stiffness = std::numeric_limits<double>::infinity();  ///< N·m/rad.
   double mass = 0;                   ///< Apparent mass at the handle, kg; 0 if unknown.
   double inertia = 0;                ///< Apparent inertia at the handle, kg·m²; 0 if unknown.
@@ -56,13 +56,13 @@ struct DeviceRatings {
   Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
   double scale = 1;                  ///< Metres in the world for each metre of the handle.
   double rotation_scale = 1;         ///< Radians in the world for each radian of the handle.
-  /// Without a command for so long the device takes its motors off by itself, s.
+  /// Time without a command after which the device takes its motors off by itself, s.
   double time_guard = std::numeric_limits<double>::infinity();
   bool halts = false;  ///< Whether Device::halt() takes its motors off.
   /// How often it exchanges state and command, Hz; infinite: as often as it is asked.
   double exchange_rate = std::numeric_limits<double>::infinity();
-  /// From a command to its effect, and from a pose to its report, in all, s; beside the period in
-  /// which the command is held.
+  /// Delay from a command to its effect, and from a pose to its report, in all, s; added to the
+  /// period in which the command is held.
   double delay = 0;
 
   /// N·m in the world for each N·m at the handle: so work in the world is `scale` times that at the
@@ -72,7 +72,7 @@ struct DeviceRatings {
 
 struct DeviceState {
   Pose X_WD;                   ///< Handle in the world.
-  Twist V_WD = Twist::Zero();  ///< Its twist, world axes.
+  Twist V_WD = Twist::Zero();  ///< Twist of the handle, world axes.
   /// The hand's wrench on the handle, world axes, about the handle's origin; empty where nobody
   /// knows it.
   std::optional<Wrench> F_hand;
@@ -103,7 +103,7 @@ class Device {
  public:
   virtual ~Device() = default;
 
-  /// For a person: "simulated planar device". Valid as long as the device.
+  /// Name for a person: "simulated planar device". Valid as long as the device.
   virtual std::string_view name() const noexcept = 0;
   virtual const DeviceRatings& ratings() const noexcept = 0;
   /// Whether DeviceState::F_hand will be filled.
@@ -113,8 +113,8 @@ class Device {
   /// Finds where the handle is, before the first tick and off the servo thread: may take seconds,
   /// and may move the device. Throws std::runtime_error that says what is wrong.
   virtual void calibrate() {}
-  /// From here on the handle's present pose is reported as X_WH and motions relative to it; a
-  /// simulated device starts its life anew there, at rest.
+  /// Reports the handle's present pose as X_WH from here on, and motions relative to it; a
+  /// simulated device starts its life again there, at rest.
   virtual void align(const Pose& X_WH) noexcept = 0;
   virtual void enable() noexcept = 0;
   /// Motors off. Wrenches are ignored until enable().

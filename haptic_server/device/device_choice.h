@@ -22,7 +22,7 @@ class DeviceChoice final : public settings::Section {
 
   void set(const std::vector<settings::Assignment>& assignments) override;
   std::string to_toml(bool described) const override;
-  /// As the options --device, --hand and --device-option.
+  /// Adds the options --device, --hand and --device-option.
   void add_to(settings::CommandLine& command_line);
 
   const DeviceDriver& driver() const { return *driver_; }

@@ -28,9 +28,9 @@ class DeviceDriver {
   virtual std::string_view name() const = 0;
   /// One clause for a person.
   virtual std::string_view purpose() const = 0;
-  /// Its own keys of the configuration's [device] table; those of a Workspace are there for all.
+  /// The driver's own keys of the configuration's [device] table; those of a Workspace are for all.
   virtual const settings::Table& table() const = 0;
-  /// Of the devices that open() gives.
+  /// Pose frame of the devices that open() gives.
   virtual PoseFrame pose_frame() const { return PoseFrame::kDevice; }
   /// Why the keys cannot be used together; empty if they can.
   virtual std::optional<std::string> find_error() const { return std::nullopt; }

@@ -21,8 +21,8 @@ using std::chrono::steady_clock;
 /// The kit's rate; a board on USB ignores it.
 constexpr speed_t kBaudRate = B57600;
 
-/// For the reply that shows that a board still is as it was set up; less refuses a board on a busy
-/// machine.
+/// Time for the reply that shows that a board still is as it was set up; less refuses a board on a
+/// busy machine.
 constexpr std::chrono::milliseconds kAwake{250};
 
 constexpr int kOpenAs = O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC;

@@ -11,7 +11,7 @@ namespace hlm::server {
 
 struct DiyBoardOptions {
   std::string port{};      ///< "/dev/ttyACM0"; empty: the only one in kSerialPorts.
-  std::uint8_t board = 5;  ///< Its number, in every frame.
+  std::uint8_t board = 5;  ///< Number of the board, in every frame.
   Pantograph pantograph{};
   DiySetup setup{};
   /// Cut-off of the low-pass on the velocity from the encoders' steps, Hz. Less lags, more lets
@@ -53,12 +53,12 @@ class DiyBoard final : public DeviceLine {
   [[noreturn]] void fail(const std::string& what) const;
 
   DiyBoardOptions options_;
-  std::string port_;  ///< As opened first.
+  std::string port_;  ///< Port as opened first.
   bool is_set_up_ = false;
   std::atomic<int> descriptor_ = -1;
   DiyAngleFrame frame_{};        ///< The reply that is coming,
-  std::size_t received_ = 0;     ///< so many bytes of it.
-  Matrix2 J_ = Matrix2::Zero();  ///< At the newest angles.
+  std::size_t received_ = 0;     ///< bytes of it so far.
+  Matrix2 J_ = Matrix2::Zero();  ///< Jacobian at the latest angles.
   bool is_saturated_ = false;    ///< The latest request was for more than its motors give.
   Vector2 theta_ = Vector2::Zero();
   Vector2 rate_ = Vector2::Zero();  ///< Filtered, rad/s.

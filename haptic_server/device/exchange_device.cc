@@ -28,7 +28,7 @@ constexpr std::chrono::milliseconds kLook{1};
 /// person wait who has plugged the device in again.
 constexpr duration<double> kRetry{0.25};
 
-/// A line that works for so long again is back, s. Less reports every try of a broken one.
+/// Time for which a line must work again to be back, s. Less reports every try of a broken one.
 constexpr duration<double> kSteady{0.5};
 
 /// A handle that moves changes its position in every reply. One that claims a speed above this and
@@ -65,7 +65,7 @@ std::thread thread_without_signals(Function function) {
 /// Longest cause that is logged and kept, bytes; what a service says can be long.
 constexpr std::size_t kLongestCause = 200;
 
-/// In one line that is not too long, cut between two characters.
+/// The text in one line that is not too long, cut between two characters.
 std::string shortened(const std::string& text) {
   std::string line = one_line(text);
   if (line.size() <= kLongestCause) return line;
@@ -215,7 +215,7 @@ void ExchangeDevice::fail(const std::string& text) {
     line_->halt();  // It may have another way.
   }
   const std::lock_guard lock(mutex_);
-  // In a session the fault names it.
+  // A fault names it in a session.
   const bool is_news = is_open_ ? cause_.empty() : cause != refusal_;
   if (has_state_ && !in_session && is_news) spdlog::warn("{}: {}", name_, cause);
   if (!is_open_) refusal_ = cause;
@@ -223,7 +223,7 @@ void ExchangeDevice::fail(const std::string& text) {
   changed_.notify_all();
 }
 
-/// Until the next request is due, or a force has to end.
+/// Waits until the next request must go out, or a force has to end.
 void ExchangeDevice::pause() {
   const SteadyTime due = asked_ + period_;
   for (SteadyTime now = steady_clock::now(); now < due && !must_end(); now = steady_clock::now()) {
@@ -294,7 +294,7 @@ void ExchangeDevice::take(const HandleState& state) {
   observe(now);
 }
 
-/// Of the replies in a session, how late they came; said when it is over.
+/// Measures how late the replies in a session came; said when it is over.
 void ExchangeDevice::measure(std::chrono::nanoseconds lateness) {
   if (enabled_) {
     ++replies_;

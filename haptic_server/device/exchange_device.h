@@ -21,8 +21,8 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 
 /// What a reply says of the handle, in the device's own frame.
 struct HandleState {
-  Pose X;                   ///< Of the handle, m.
-  Twist V = Twist::Zero();  ///< Its twist, m/s and rad/s.
+  Pose X;                   ///< Pose of the handle, m.
+  Twist V = Twist::Zero();  ///< Twist of the handle, m/s and rad/s.
   std::uint32_t buttons = 0;
   bool saturated = false;  ///< The latest request was for more than its motors give.
 };
@@ -44,7 +44,7 @@ class DeviceLine {
   virtual void expect_silence() = 0;
   /// The reply to the oldest request that has none; empty if none has come by `deadline`.
   virtual std::optional<HandleState> receive(SteadyTime deadline) = 0;
-  /// As Device::halt().
+  /// Takes the motors off, as Device::halt().
   virtual void halt() noexcept = 0;
   /// What a person should know who uses a line that was opened again; empty if nothing.
   virtual const char* warning_after_reopening() const noexcept { return ""; }
@@ -55,7 +55,7 @@ struct ExchangeOptions {
   /// Oldest state and oldest command that are used, s. Less ends sessions when the machine is busy;
   /// more lets a force outlive what it answers.
   double oldest = 0.015;
-  double first_state = 3;  ///< calibrate() waits so long for it, s.
+  double first_state = 3;  ///< Time that calibrate() waits for it, s.
 };
 
 /// Why they cannot be used together; empty if they can.
@@ -63,8 +63,8 @@ std::optional<std::string> find_error(const ExchangeOptions& options);
 /// Declares what a person may set of them.
 void add_keys(settings::Table& table, ExchangeOptions& options);
 
-/// Exchanges with its line in a thread of its own. The servo thread reads the newest state and
-/// leaves the newest force; it never waits. Safety here:
+/// Exchanges with its line in a thread of its own. The servo thread reads the latest state and
+/// leaves the latest force; it never waits. Safety here:
 /// - a state of motors at their limit is kSaturated;
 /// - a state older than `oldest` is a failure of the device, older than a third of that kLate;
 /// - a force older than `oldest`, as when the servo thread stands still, is sent as zero;
@@ -135,20 +135,20 @@ class ExchangeDevice final : public Device {
   std::atomic<bool> halted_ = false;
   std::atomic<std::uint32_t> failures_ = 0;
   std::atomic<bool> stopping_ = false;
-  std::mutex mutex_;  ///< Of what calibrate() waits for.
+  std::mutex mutex_;  ///< Guards what calibrate() waits for.
   std::condition_variable changed_;
   bool has_state_ = false;
-  std::string cause_;                   ///< Of the latest failure; empty: none since it works.
-  std::atomic<const char*> told_ = "";  ///< Of the latest failure.
+  std::string cause_;  ///< Cause of the latest failure; empty: none since it works.
+  std::atomic<const char*> told_ = "";  ///< Text of the latest failure.
 
-  // Of the servo thread.
-  std::uint32_t failures_seen_ = 0;  ///< At enable().
+  // Used by the servo thread.
+  std::uint32_t failures_seen_ = 0;  ///< Failures at enable().
   const char* cause_now_ = "";
 
-  // Of the exchange's own thread.
-  bool is_open_ = false;             ///< The line.
+  // Used by the exchange's own thread.
+  bool is_open_ = false;             ///< The line is open.
   std::string refusal_;              ///< Why it could not be opened, the last time.
-  Vector3 given_ = Vector3::Zero();  ///< In the latest request on this line.
+  Vector3 given_ = Vector3::Zero();  ///< Force in the latest request on this line.
   /// A force was sent and no request for zero was answered since. Outlives the line.
   bool may_hold_force_ = false;
   int unanswered_ = 0;  ///< Requests.
@@ -157,8 +157,8 @@ class ExchangeDevice final : public Device {
   HandleState latest_;
   SteadyTime moved_{};                   ///< When the state was last another one.
   SteadyTime opened_{};                  ///< When the line was.
-  int replies_ = 0;                      ///< In the present session,
-  std::chrono::nanoseconds lateness_{};  ///< all of theirs,
+  int replies_ = 0;                      ///< Replies in the present session,
+  std::chrono::nanoseconds lateness_{};  ///< lateness of all of them,
   std::chrono::nanoseconds worst_{};     ///< and the largest.
   std::thread thread_;
 };

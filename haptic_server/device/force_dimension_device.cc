@@ -18,7 +18,7 @@ constexpr double kStatusPeriod = 5e-3;
 constexpr double kStatusPatience = 0.05;
 /// A gripper's angle when it is open, rad.
 constexpr double kOpenGripper = 0.5;
-/// Of the mask that the library gives.
+/// Buttons of the mask that the library gives.
 constexpr std::uint8_t kButtons = 16;
 struct Rated {
   std::string_view family;

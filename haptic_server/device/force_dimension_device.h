@@ -19,12 +19,12 @@ namespace hlm::server {
 
 struct ForceDimensionOptions {
   std::string library{};  ///< File of the vendor's library; empty: searched.
-  int number = 0;         ///< Of the device among those connected, if it has no serial number here.
-  int serial = 0;         ///< Its serial number; 0: by `number`.
-  /// Without a wrench for so long the device takes its motors off, s. Less ends sessions when the
-  /// machine is busy; more lets a force outlive a server that was killed.
+  int number = 0;  ///< Number of the device among those connected, if it has no serial number here.
+  int serial = 0;  ///< Serial number of the device; 0: by `number`.
+  /// Time without a wrench after which the device takes its motors off, s. Less ends sessions when
+  /// the machine is busy; more lets a force outlive a server that was killed.
   double watchdog = 0.016;
-  bool gravity_compensation = true;  ///< Whether the device bears its own weight.
+  bool gravity_compensation = true;  ///< Whether the device carries its own weight.
 };
 
 /// A byte of the vendor's 125 µs.
@@ -80,20 +80,20 @@ class ForceDimensionDevice final : public Device {
   double dt_;
   MotionCheck motion_;
   std::string name_;
-  int serial_ = 0;  ///< As the device says; 0: the library does not.
+  int serial_ = 0;  ///< Serial number as the device says; 0: the library does not.
   DeviceRatings ratings_;
   bool has_wrist_ = false;
   bool has_watchdog_ = false;
 
   char id_ = 0;
   bool enabled_ = false;
-  bool failed_ = false;     ///< Since enable().
-  bool saturated_ = false;  ///< In the latest write().
+  bool failed_ = false;     ///< A failure since enable().
+  bool saturated_ = false;  ///< The latest write() was saturated.
   DeviceHealth health_ = DeviceHealth::kGood;
   const char* cause_ = "";
   /// Why the device that was opened last is not used; empty: there is none such.
   std::atomic<const char*> refused_ = "";
-  std::uint64_t ticks_ = 0;  ///< Since enable().
+  std::uint64_t ticks_ = 0;  ///< Ticks since enable().
   std::optional<Reopener> reopener_;
 };
 

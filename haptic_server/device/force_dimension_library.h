@@ -57,7 +57,7 @@ struct ForceDimensionLibrary {
   const char* (*last_error)();
   /// May be null: older libraries have none.
   int (*enable_expert_mode)();
-  /// In units of 125 µs. May be null.
+  /// Sets the watchdog, in units of 125 µs. May be null.
   int (*set_watchdog)(unsigned char time, char id);
 };
 

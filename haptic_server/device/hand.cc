@@ -12,8 +12,8 @@ namespace {
 
 /// Where a minimum-jerk motion from 0 to 1 is at the fraction `time` of its duration.
 struct Progress {
-  double fraction;  ///< In [0, 1].
-  double rate;      ///< Its derivative by `time`.
+  double fraction;  ///< Progress, in [0, 1].
+  double rate;      ///< Derivative of the fraction by `time`.
 };
 
 Progress minimum_jerk(double time) noexcept {

@@ -13,7 +13,7 @@ namespace hlm::server {
 /// is drawn to where the handle is, and F, the wrench that it takes to draw it there, is the
 /// hand's. With a true model F follows the hand as a Butterworth low-pass of third order does,
 /// whatever the motors give. What the model does not know counts as the hand's: dry friction,
-/// weight that the device does not bear, motors that give something else than was commanded.
+/// weight that the device does not carry, motors that give something else than was commanded.
 class HandObserver {
  public:
   /// The estimate is never more than the device's rated force and torque: a loop that stood still
@@ -46,7 +46,7 @@ class HandObserver {
   Pose X_WM_;  ///< The model of the handle.
   Twist V_WM_ = Twist::Zero();
   Wrench F_ = Wrench::Zero();
-  /// Commands under way, as many as the delay has periods, and the one that acts; the newest is at
+  /// Commands under way, as many as the delay has periods, and the one that acts; the latest is at
   /// newest_, the oldest behind it.
   std::vector<Wrench> commands_;
   std::size_t newest_ = 0;

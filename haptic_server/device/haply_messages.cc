@@ -15,7 +15,7 @@ using nlohmann::json;
 constexpr const char* kDevices = "inverse3";
 /// Levels of a message; a state has 5.
 constexpr int kDeepest = 32;
-/// Of an id, bytes: it is in every request and in many messages to people.
+/// Length of an id, bytes: it is in every request and in many messages to people.
 constexpr std::size_t kLongestId = 100;
 constexpr const char* kGripKinds[] = {"wireless_verse_grip", "verse_grip"};
 

@@ -24,7 +24,7 @@ struct HaplyInventory {
   std::vector<HaplyGrip> grips;
 };
 
-/// Of whom replies are read.
+/// The device and grip whose replies are read.
 struct HaplyChoice {
   std::string device;
   std::string grip{};  ///< Empty: none, the handle has no orientation and no buttons.

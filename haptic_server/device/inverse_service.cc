@@ -24,10 +24,10 @@ using asio::ip::tcp;
 using boost::system::error_code;
 using std::chrono::steady_clock;
 
-/// For the connection, its handshake and the inventory, each.
+/// Time for the connection, its handshake and the inventory, each.
 constexpr std::chrono::seconds kOpening{2};
 
-/// For a request to go out: the service's end of the connection is full of those before it.
+/// Time for a request to go out: the service's end of the connection is full of earlier ones.
 constexpr std::chrono::milliseconds kSending{10};
 
 /// Largest message, bytes; a state has under 2 kB for each device.

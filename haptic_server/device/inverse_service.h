@@ -14,8 +14,8 @@ namespace hlm::server {
 /// Which device, and how the service is asked.
 struct InverseServiceOptions {
   std::string address = "localhost:10001";
-  std::string device{};            ///< Its id; empty: the only one.
-  std::string grip{};              ///< Its id; empty: the only one, if there is one; "none".
+  std::string device{};  ///< Id of the device; empty: the only one.
+  std::string grip{};    ///< Id of the grip; empty: the only one, if there is one; "none".
   std::string handedness = "any";  ///< "left" or "right": the device must be that.
   std::string force_field = "vector";
 };
@@ -52,8 +52,8 @@ class InverseService final : public DeviceLine {
   HaplyChoice choice_;
   std::unique_ptr<Connection> connection_;
   std::string no_force_;          ///< A whole WebSocket frame.
-  std::atomic<int> socket_ = -1;  ///< Of the connection, for halt().
-  HandleState latest_;            ///< With the time below, for the angular velocity.
+  std::atomic<int> socket_ = -1;  ///< Socket of the connection, for halt().
+  HandleState latest_;            ///< Latest state, with the time below, for the angular velocity.
   SteadyTime latest_at_{};
 };
 

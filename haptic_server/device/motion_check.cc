@@ -3,7 +3,7 @@
 namespace hlm::server {
 namespace {
 
-/// A matrix of a rotation is one within so much.
+/// A matrix is a rotation's within this tolerance.
 constexpr double kRotationTolerance = 1e-3;
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace hlm::server {
 /// Finds numbers that are none, mirrors, and a pose that does not follow its speed.
 class MotionCheck {
  public:
-  /// A handle that moves this fast, m/s, and has one pose for so long, s, is frozen: the step of an
+  /// A handle that moves this fast, m/s, and has one pose as long, s, is frozen: the step of an
   /// encoder is some 10 µm. Longer lets force outlive the motion that it answers, shorter takes a
   /// slow exchange for a frozen one.
   static constexpr double kStaleSpeed = 5e-3;
@@ -20,7 +20,7 @@ class MotionCheck {
   explicit MotionCheck(double dt) noexcept : dt_(dt) {}
 
   void begin() noexcept { stale_ = 0; }
-  /// What is wrong with the newest pose and twist, in words; null if nothing. R: the rotation as
+  /// What is wrong with the latest pose and twist, in words; null if nothing. R: the rotation as
   /// the device gives it. is_old: whether it says itself that they are not new.
   const char* find_error(const Vector3& p, const Matrix3& R, const Twist& V, bool is_old) noexcept;
 

@@ -28,7 +28,7 @@ constexpr std::array<int, 7> kFatalSignals{SIGSEGV, SIGBUS,  SIGFPE, SIGILL,
 /// Those meant for the server, which the other process outlives.
 constexpr std::array<int, 7> kSignalsOfServer{SIGHUP,  SIGINT,  SIGQUIT, SIGTERM,
                                               SIGUSR1, SIGUSR2, SIGPIPE};
-/// The server looks for a gap so many times within the longest that is allowed.
+/// The server looks for a gap this many times within the longest that is allowed.
 constexpr double kLooksPerGap = 5;
 
 std::atomic<Device*> guarded = nullptr;
@@ -87,7 +87,7 @@ double steady_now() noexcept {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// Of the longest gap: the server finds its own stops first, and says so.
+/// Factor on the longest gap: the server finds its own stops first, and says so.
 constexpr double kPatience = 1.2;
 
 /// The other process: until a byte comes through `alive`, which is an orderly end, or its end.

@@ -1,4 +1,4 @@
-// The newest value that one thread leaves for another.
+// The latest value that one thread leaves for another.
 #pragma once
 
 #include <array>
@@ -13,14 +13,14 @@ namespace hlm::server {
 template <class Value>
 class Newest {
  public:
-  /// From the writing thread.
+  /// Puts a value, from the writing thread.
   void put(const Value& value) noexcept {
     slots_[writing_] = value;
     const std::uint8_t before =
         middle_.exchange(static_cast<std::uint8_t>(writing_ | kFresh), std::memory_order_acq_rel);
     writing_ = before & kSlot;
   }
-  /// From the reading thread: what was put last, Value{} before that. Valid until the next call.
+  /// The value put last, from the reading thread; Value{} before that. Valid until the next call.
   const Value& get() noexcept {
     if ((middle_.load(std::memory_order_relaxed) & kFresh) != 0) {
       reading_ =
@@ -36,8 +36,8 @@ class Newest {
 
   std::array<Value, 3> slots_{};
   std::atomic<std::uint8_t> middle_ = 1;  ///< The slot that nobody uses, and whether it is fresh.
-  std::size_t writing_ = 0;               ///< Of the writing thread.
-  std::size_t reading_ = 2;               ///< Of the reading thread.
+  std::size_t writing_ = 0;               ///< Slot of the writing thread.
+  std::size_t reading_ = 2;               ///< Slot of the reading thread.
 };
 
 }  // namespace hlm::server

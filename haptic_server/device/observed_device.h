@@ -18,7 +18,7 @@ struct ObserverOptions {
   std::optional<double> mass{};     ///< Apparent at the handle, kg.
   std::optional<double> inertia{};  ///< kg·m².
   std::optional<double> damping{};  ///< N·s/m.
-  std::optional<double> delay{};    ///< From a command to its effect in the pose that is read, s.
+  std::optional<double> delay{};    ///< Delay from a command to its effect in the pose read, s.
 
   bool operator==(const ObserverOptions&) const = default;
 };

@@ -14,7 +14,7 @@ constexpr double kMillimetre = 1e-3;          // m.
 constexpr double kNewtonPerMillimetre = 1e3;  // N/m.
 /// A state that is older is late, s: the scheduler's period and what a busy machine adds.
 constexpr double kLate = 4e-3;
-/// calibrate() waits so long for the first state.
+/// Time that calibrate() waits for the first state.
 constexpr std::chrono::seconds kFirstState{3};
 constexpr std::uint8_t kButtons = 4;
 

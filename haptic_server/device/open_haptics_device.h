@@ -21,8 +21,8 @@ namespace hlm::server {
 
 struct OpenHapticsOptions {
   std::string library{};                 ///< File of the vendor's library; empty: searched.
-  std::string unit = "Default PHANToM";  ///< As the vendor's setup calls it.
-  double rate = 1000;                    ///< Of the vendor's scheduler, Hz.
+  std::string unit = "Default PHANToM";  ///< Name in the vendor's setup.
+  double rate = 1000;                    ///< Rate of the vendor's scheduler, Hz.
   /// Oldest state and oldest command that are used, s. Less ends sessions when the machine is busy;
   /// more lets a force outlive what it answers.
   double oldest = 0.015;
@@ -32,7 +32,7 @@ inline constexpr Range kOpenHapticsRates{500, 2000, "Hz"};
 inline constexpr Range kOpenHapticsAges{0.005, 0.1, "s"};
 
 /// The vendor's scheduler exchanges with the device in a thread of its own: it reads a state and
-/// gives the newest command. The servo thread reads the newest state and leaves a command; it calls
+/// gives the latest command. The servo thread reads the latest state and leaves a command; it calls
 /// nothing of the vendor's and never waits. A state or a command that is too old counts as none.
 /// Force only: the torques of a 6-DOF stylus are those of its joints, and stay zero.
 class OpenHapticsDevice final : public Device {
@@ -98,12 +98,12 @@ class OpenHapticsDevice final : public Device {
   std::atomic<bool> enabled_ = false;
   std::atomic<unsigned> error_ = 0;  ///< The library's code of the first failure since enable().
 
-  bool gives_force_ = false;  ///< Of the scheduler's thread: motors are on.
+  bool gives_force_ = false;  ///< The motors are on; used by the scheduler's thread.
 
-  // Of the servo's thread.
+  // Used by the servo thread.
   MotionCheck motion_;
   Clock::time_point enabled_at_{};
-  bool failed_ = false;  ///< Since enable().
+  bool failed_ = false;  ///< A failure since enable().
   const char* cause_ = "";
   std::optional<Reopener> reopener_;
 };

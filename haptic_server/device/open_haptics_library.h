@@ -8,7 +8,7 @@
 namespace hlm::server {
 
 /// Declared from the vendor's documents. Lengths in mm, forces in N, angles in rad. What goes wrong
-/// is told by get_error() alone.
+/// is reported by get_error() alone.
 struct OpenHapticsLibrary {
   /// Opens libHD.so. Throws std::runtime_error.
   explicit OpenHapticsLibrary(const std::string& file);

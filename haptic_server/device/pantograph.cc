@@ -6,7 +6,7 @@
 namespace hlm::server {
 namespace {
 
-/// Of the angle between the forearms: below, forces along the base's normal need large torques
+/// Sine of the angle between the forearms: below, forces along the base's normal need large torques
 /// that the motors do not have.
 constexpr double kLeastSine = 0.05;
 

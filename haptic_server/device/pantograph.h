@@ -13,7 +13,7 @@ using Matrix2 = Eigen::Matrix2d;
 /// Joint 0 is at the origin, joint 1 at (base, 0). From each an upper arm leads to an elbow, and a
 /// forearm from each elbow to the handle, which is on the left of the way from elbow 0 to elbow 1
 /// (Campion, Wang, Hayward, "The Pantograph Mk-II", IROS 2005). Lengths in m, above 0 except base.
-/// With the joints side by side the handle at rest is at positive y.
+/// If the joints are side by side, the handle at rest is at positive y.
 struct Pantograph {
   double base = 0.038;
   double upper_arm = 0.07;

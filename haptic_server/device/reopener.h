@@ -10,7 +10,7 @@
 namespace hlm::server {
 
 /// While the device is there it belongs to the servo thread; from lose() on to this one's thread,
-/// which closes it and tries to open it anew, without force, until that succeeds.
+/// which closes it and tries to open it again, without force, until that succeeds.
 class Reopener {
  public:
   /// reopen: closes what is open, at once, then opens it with its motors off; whether it did.
@@ -23,9 +23,9 @@ class Reopener {
   Reopener(const Reopener&) = delete;
   Reopener& operator=(const Reopener&) = delete;
 
-  /// From the servo thread.
+  /// Whether the device is there, from the servo thread.
   bool is_there() const noexcept { return is_there_.load(std::memory_order_acquire); }
-  /// From the servo thread, which uses the device no more until it is there again. Never waits.
+  /// Called by the servo thread, which uses the device no more until it is back. Never waits.
   void lose() noexcept {
     is_there_.store(false, std::memory_order_release);
     is_there_.notify_one();

@@ -60,7 +60,7 @@ struct SimulatedDeviceOptions {
   double max_angular_stiffness = 10;  ///< N·m/rad.
 
   double position_step = 0;  ///< Encoder step of each coordinate, m; 0: exact.
-  double angle_step = 0;     ///< Of each component of the rotation vector, rad; 0: exact.
+  double angle_step = 0;     ///< Step of each component of the rotation vector, rad; 0: exact.
   /// Cut-off of the first-order low-pass on the velocity from finite differences, Hz. With encoder
   /// steps, infinite means unfiltered differences; without, the exact velocity.
   double velocity_cutoff = std::numeric_limits<double>::infinity();
@@ -136,7 +136,7 @@ class SimulatedDevice final : public Device, private GuidedHand {
   std::string_view name() const noexcept override;
   const DeviceRatings& ratings() const noexcept override { return ratings_; }
   bool measures_hand_wrench() const noexcept override { return options_.measures_hand_wrench; }
-  /// Puts the handle at X_WH, at rest; the hand's script begins anew.
+  /// Puts the handle at X_WH, at rest; the hand's script begins again.
   void align(const Pose& X_WH) noexcept override;
   /// Commands from before are forgotten.
   void enable() noexcept override;
@@ -176,11 +176,11 @@ class SimulatedDevice final : public Device, private GuidedHand {
   DeviceRatings ratings_;
   Hand hand_;
   double dt_;
-  int substeps_;  ///< In a period.
+  int substeps_;  ///< Steps in a period.
   double h_;      ///< Length of one, s.
   Kick linear_;
   Kick angular_;
-  double filter_gain_;  ///< Share of the newest difference in the sensed velocity.
+  double filter_gain_;  ///< Share of the latest difference in the sensed velocity.
 
   std::uint64_t steps_ = 0;  ///< Substeps since align(): the hand's time is steps_ * h_.
   Pose X_WStart_;            ///< Handle at align(): the encoders' zero.
@@ -194,7 +194,7 @@ class SimulatedDevice final : public Device, private GuidedHand {
   Amplifier amplifier_;
   bool enabled_ = false;
   bool saturated_ = false;  ///< The motors gave less than the latest due command.
-  /// Commands under way; the newest is at newest_.
+  /// Commands under way; the latest is at newest_.
   std::array<Wrench, kMaxDelay + 1> commands_;
   std::size_t newest_ = 0;
 };

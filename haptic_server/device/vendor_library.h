@@ -17,9 +17,9 @@ class VendorLibrary {
   VendorLibrary(const std::string& file, const std::vector<std::string>& names,
                 const std::string& source);
 
-  /// As it was asked for.
+  /// The library's name as it was asked for.
   const std::string& name() const noexcept { return name_; }
-  /// Its name, and the file that was found by it, links resolved, which tells its version:
+  /// The library's name, and the file found by it, links resolved, which tells its version:
   /// "libdhd.so (/usr/lib/libdhd.so.3.17.6)".
   std::string description() const;
   /// Sets `function`, whose type must be the symbol's. Throws std::runtime_error naming the library

@@ -26,7 +26,7 @@ std::optional<Vector3> axis(const std::string& word) {
   return (is_negative ? -1 : 1) * Vector3::Unit(letter[0] - 'x');
 }
 
-/// In degrees, as radians.
+/// An angle given in degrees, as radians.
 std::optional<double> angle(const std::string& word) {
   std::istringstream text(word);
   double degrees = 0;

@@ -23,8 +23,8 @@ struct Workspace {
   double scale = 1;           ///< s.
   double rotation_scale = 1;  ///< r.
   int clutch = 0;             ///< Button that frees the handle, from 1; 0: none.
-  double max_force = std::numeric_limits<double>::infinity();   ///< At the handle, N.
-  double max_torque = std::numeric_limits<double>::infinity();  ///< At the handle, N·m.
+  double max_force = std::numeric_limits<double>::infinity();   ///< Most at the handle, N.
+  double max_torque = std::numeric_limits<double>::infinity();  ///< Most at the handle, N·m.
 
   bool operator==(const Workspace&) const = default;
 };

@@ -14,7 +14,7 @@ using protocol::ContactCounts;
 /// Shares of contacts above which something is odd, and above which it is wrong.
 constexpr double kOdd = 0.005;
 constexpr double kWrong = 0.05;
-/// Of contacts that appear: corners of edges do so late with good reason.
+/// Share of the contacts that appear: corners of edges do so late with good reason.
 constexpr double kOddLate = 0.6;
 /// Fewer tell nothing.
 constexpr std::uint64_t kEnough = 20;

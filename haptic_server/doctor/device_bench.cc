@@ -14,12 +14,12 @@ constexpr double kLongestRecord = 20;  // s.
 /// The handle moves: states that are new tell its rate, m/s. A step of a coarse encoder, 0.1 mm, is
 /// then passed in 3 ms.
 constexpr double kMovingSpeed = 0.03;
-/// With motors on and no command a handle that is free stays where it is; but after a push it
+/// A handle with motors on and no command stays where it is if it is free, but after a push it
 /// coasts, m from where the run began.
 constexpr double kFarthestCoast = 0.08;
-/// With motors on nothing moves faster, m/s: neither a hand nor a push gets there.
+/// Nothing moves faster with motors on, m/s: neither a hand nor a push gets there.
 constexpr double kRunawaySpeed = 0.5;
-/// A push ends when ticks were missed for so long, s.
+/// A push ends when ticks were missed for this long, s.
 constexpr double kLongestPause = 0.02;
 
 std::atomic<int> stop_signal = 0;

@@ -82,7 +82,7 @@ class DeviceBench {
 
   const Device& device() const noexcept { return device_; }
   double rate() const noexcept { return rate_; }
-  /// Of the latest run, its first 20 s.
+  /// Samples of the latest run, its first 20 s.
   const std::vector<HandleSample>& samples() const noexcept { return samples_; }
   const HandleSample& latest() const noexcept { return latest_; }
   /// Times between two new states while the handle moved, s, of all runs.
@@ -128,11 +128,11 @@ class DeviceBench {
   HandleSample latest_;
   DeviceState state_;
   std::optional<Pose> X_WStart_;
-  std::optional<Vector3> p_start_;  ///< Of the run's first tick with the motors on, m.
+  std::optional<Vector3> p_start_;  ///< Position at the run's first tick with the motors on, m.
   bool is_free_ = false;            ///< Nobody holds the handle.
   double rests_since_ = 0;          ///< s.
-  double new_since_ = 0;            ///< When the newest state came, s.
-  bool moved_before_ = false;       ///< At that time.
+  double new_since_ = 0;            ///< When the latest state came, s.
+  bool moved_before_ = false;       ///< The handle moved at that time.
   const char* failure_ = nullptr;
   double push_end_ = 0;  ///< When the latest push ended or will end, s.
   std::uint32_t buttons_seen_ = 0;

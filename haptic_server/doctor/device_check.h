@@ -16,7 +16,7 @@ struct DeviceCheckOptions {
   double rate = 1000;                        ///< Hz.
   int priority = 40;                         ///< SCHED_FIFO, where it is granted.
   double max_gap = 0.25;                     ///< Between two ticks, s.
-  std::string world_axes = "right away up";  ///< As Outlook takes them; must be valid.
+  std::string world_axes = "right away up";  ///< Axes as Outlook takes them; must be valid.
   std::optional<double> push{};       ///< Largest force of a push, N; empty: a tenth of the rating.
   double force_limit = kPushes.most;  ///< No push has more, N: the server's own.
 };

@@ -63,7 +63,7 @@ Finding rating(const std::string& name, double max_force) {
           "choose --force-limit by what its motors and the hand endure"};
 }
 
-/// All that is known of it beside its force.
+/// All that is known of it besides its force.
 Finding other_ratings(const DeviceRatings& rated) {
   std::string known;
   std::string unknown;

@@ -8,7 +8,7 @@
 
 namespace hlm::server {
 
-/// In order: the worse the larger.
+/// The verdicts in order: the worse the larger.
 enum class Verdict { kGood, kNote, kWarning, kProblem };
 
 }  // namespace hlm::server

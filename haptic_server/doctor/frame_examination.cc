@@ -13,13 +13,13 @@
 namespace hlm::server {
 namespace {
 
-constexpr double kLeastMove = 0.015;  // m; less is not told from how a hand rests.
+constexpr double kLeastMove = 0.015;  // m; less cannot be told from how a hand rests.
 constexpr double kLargestMove = 0.3;  // m; more is another unit, not 5 cm.
-constexpr int kTries = 3;             // For each direction.
+constexpr int kTries = 3;             // Tries for each direction.
 constexpr double kSameFrame = 25 * std::numbers::pi / 180;  // rad.
 constexpr double kUnsure = 30 * std::numbers::pi / 180;     // rad.
 constexpr Freedoms kAlongAxes = 0b000111;
-/// In the order of Outlook::in_world().
+/// Questions in the order of Outlook::in_world().
 constexpr std::array<const char*, 3> kAsked{"to the right", "away from you", "up"};
 
 int translations(const DeviceRatings& rated) {

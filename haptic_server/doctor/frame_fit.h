@@ -17,18 +17,18 @@ struct ToldMove {
 
 struct FrameFit {
   Matrix3 R_WB;      ///< The rotation that fits best; B: the device's frame.
-  double deviation;  ///< Of the movement that fits worst, rad.
+  double deviation;  ///< Deviation of the movement that fits worst, rad.
 };
 
-/// The fit to two or three movements along different axes; with two, no mirror can be told from a
+/// The fit to two or three movements along different axes; with two, a mirror cannot be told from a
 /// frame that is turned over. Empty if the movements were no three, or two, different ones.
 std::optional<FrameFit> fit_frame(const std::vector<ToldMove>& moves);
 
 /// Whether three movements are those of a mirror.
 bool mirrors(const std::vector<ToldMove>& moves);
 
-/// As the key `frame` takes it: "-y x z" where its axes lie within 25° of the world's, otherwise
-/// roll, pitch and yaw in degrees, rounded to 5.
+/// The frame as the key `frame` takes it: "-y x z" where its axes lie within 25° of the world's, or
+/// else roll, pitch and yaw in degrees, rounded to 5.
 std::string frame_text(const Matrix3& R_WB);
 
 /// Angle of the turn from one frame to another, rad.

@@ -164,7 +164,7 @@ struct LoopTest {
   std::uint64_t missed = 0;
 };
 
-/// On a thread of its own, as the server's.
+/// Tests the loop on a thread of its own, as the server's.
 LoopTest test_loop(const MachineOptions& options) {
   LoopTest result;
   std::thread([&] {

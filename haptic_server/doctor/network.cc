@@ -45,7 +45,7 @@ protocol::Hello hello() {
 struct Measurement {
   bool answered = false;
   std::optional<protocol::Reject> reject;
-  std::optional<double> answer_time;  ///< To the welcome, s.
+  std::optional<double> answer_time;  ///< Time to the welcome, s.
   std::size_t sent = 0;
   std::size_t acknowledged = 0;
   std::uint64_t late = 0;           ///< Datagrams that came after newer ones.
@@ -83,7 +83,7 @@ class Measuring {
     while (session_.active() && steady_seconds() - begin < options_.time) {
       if (steady_seconds() >= due) {
         send();
-        // Not sooner after a stall: of several updates in a tick the newest alone is acknowledged.
+        // Not sooner after a stall: of several updates in a tick the latest alone is acknowledged.
         due = steady_seconds() + 1 / kUpdateRate;
       }
       poll();
@@ -175,7 +175,7 @@ Finding silence(const NetworkOptions& options, const std::optional<RunningServer
             "run haptic_doctor on the server's machine; open UDP port " +
                 std::to_string(options.server.port) + " both ways; give --key-file"};
   }
-  std::this_thread::sleep_for(std::chrono::milliseconds(1500));  // Until its next state.
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));  // Time to the next state.
   const std::optional<RunningServer> after = find_running(options.server);
   if (!after || after->datagrams == before->datagrams) {
     return {Verdict::kProblem, "answer",

@@ -12,7 +12,7 @@
 namespace hlm::server {
 
 struct NetworkOptions {
-  std::string name;  ///< Of the server, for a person.
+  std::string name;  ///< Name of the server, for a person.
   protocol::Endpoint server;
   std::optional<protocol::noise::Key> key;  ///< The server's, if it has one.
   double time = 2;                          ///< How long an idle server is measured, s.

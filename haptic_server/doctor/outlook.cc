@@ -15,7 +15,7 @@ namespace {
 constexpr std::array<std::array<std::string_view, 2>, 3> kWords{
     {{"right", "left"}, {"away", "near"}, {"up", "down"}}};
 
-/// In the person's axes.
+/// The direction that the word names, in the person's axes.
 std::optional<Vector3> direction_of(std::string_view word) {
   for (Eigen::Index i = 0; i < 3; ++i) {
     for (int sign = 0; sign < 2; ++sign) {

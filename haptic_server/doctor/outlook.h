@@ -9,8 +9,8 @@
 
 namespace hlm::server {
 
-/// How the world lies before a person whose right is p_P = (1, 0, 0), away from whom is (0, 1, 0),
-/// and whose up is (0, 0, 1).
+/// How the world lies before a person whose right is p_P = (1, 0, 0), whose forward direction is
+/// (0, 1, 0), and whose up is (0, 0, 1).
 class Outlook {
  public:
   /// Where the world's x, y and z point, as "right away up" or "right up near", in any case.

@@ -1,4 +1,4 @@
-// The person at haptic_doctor: is told what to do, and answers in lines.
+// The person at haptic_doctor, who is asked to do things and answers in lines.
 #pragma once
 
 #include <array>

@@ -16,7 +16,7 @@ constexpr double kShareOfRating = 0.1;
 constexpr double kPushTime = 0.5;   // s, at most.
 constexpr double kQuietTime = 0.3;  // s, without force before the first push.
 constexpr double kPatience = 4;     // s, until the handle rests.
-/// At rest is what is slower, m/s: nobody's handle, and one in a hand, which trembles.
+/// Speed below which a handle is at rest, m/s: nobody's handle, and one in a hand, which trembles.
 constexpr double kRestSpeed = 0.01;
 constexpr double kRestSpeedHeld = 0.05;
 /// A way that is seen, m: of a handle that nobody holds, and of one in a hand, which trembles.
@@ -28,18 +28,18 @@ constexpr double kTimesNoise = 6;
 constexpr double kAlong = 0.7;
 /// A fit that leaves more of the way unexplained says nothing.
 constexpr double kUnexplained = 0.05;
-constexpr double kOtherMass = 0.3;    // Of the rated mass.
+constexpr double kOtherMass = 0.3;    // Share of the rated mass.
 constexpr double kOtherDelay = 2e-3;  // s.
 
 /// What the two pushes along one axis showed.
 struct AxisPushes {
   Vector3 axis = Vector3::Zero();
   Vector3 way = Vector3::Zero();  ///< Half the difference of both, m.
-  std::string answer{};           ///< Of the person.
+  std::string answer{};           ///< Answer of the person.
   std::array<std::vector<HandleSample>, 2> samples{};
 };
 
-/// From before the push to where the handle was farthest.
+/// The way from before the push to where the handle was farthest.
 Vector3 way_of(const std::vector<HandleSample>& samples) {
   Vector3 farthest = Vector3::Zero();
   for (const HandleSample& sample : samples) {
@@ -68,7 +68,7 @@ std::string what_happened(const AxisPushes& pushes, double force, bool seen,
                      outlook.word_of(pushes.way));
 }
 
-/// In a hand the way alone proves no wrong sign: a hand moves by itself.
+/// In a hand, the way alone proves no wrong sign: a hand moves by itself.
 Finding finding_on(const AxisPushes& pushes, double force, double least_way, bool free,
                    const Outlook& outlook) {
   const std::string subject(outlook.word_of(pushes.axis));
@@ -128,7 +128,7 @@ std::string text_of(const Spread& spread, const char* unit, double scale = 1) {
 }
 
 Finding mass_finding(const Spread& mass, const DeviceRatings& rated) {
-  const double known = rated.mass * rated.scale;  // At the handle.
+  const double known = rated.mass * rated.scale;  // Mass at the handle.
   const std::string text = text_of(mass, "kg");
   const std::string advice = fmt::format("--device-option apparent-mass={:.2g}", mass.median);
   if (known == 0) {
@@ -151,7 +151,7 @@ Finding delay_finding(const Spread& delay, const DeviceRatings& rated) {
                       delay.median)};
 }
 
-/// Of a handle that nobody held.
+/// Adds the fits of a handle that nobody held.
 void add_fits(const std::vector<AxisPushes>& all, const DeviceRatings& rated,
               std::vector<Finding>& findings) {
   std::vector<PushFit> fits;

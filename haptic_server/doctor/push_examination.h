@@ -1,4 +1,4 @@
-// Does the device push where it is told to, and how soon? By small pushes that a person allows.
+// Does the device push as commanded, and how soon? By small pushes that a person allows.
 #pragma once
 
 #include <optional>

@@ -15,9 +15,9 @@ using Eigen::VectorXd;
 constexpr double kLongestDelay = 0.06;  // s.
 constexpr double kDelayStep = 0.25e-3;  // s.
 constexpr double kLeastWay = 1e-4;      // m.
-/// After its fastest, a handle that is slower by so much counts as at rest.
+/// A handle slower than this share of its fastest, after that, counts as at rest.
 constexpr double kRestShare = 0.1;
-constexpr double kSpeedTime = 0.01;  ///< Over so long speed is found from the way, s.
+constexpr double kSpeedTime = 0.01;  ///< Time over which speed is found from the way, s.
 
 /// The push along one direction.
 struct Track {
@@ -25,7 +25,7 @@ struct Track {
   VectorXd way;      ///< m, from the mean before the push.
   VectorXd once;     ///< Integral of the way, m·s.
   VectorXd pull;     ///< Second integral of the force, N·s².
-  double begin = 0;  ///< Of the force, s.
+  double begin = 0;  ///< Begin of the force, s.
 };
 
 VectorXd integral(const VectorXd& time, const VectorXd& values) {

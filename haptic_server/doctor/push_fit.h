@@ -12,7 +12,7 @@ struct PushFit {
   double mass = 0;      ///< Apparent, kg.
   double damping = 0;   ///< N·s/m.
   double friction = 0;  ///< Dry, N.
-  double delay = 0;     ///< From a command to its effect in the pose that is read, s.
+  double delay = 0;     ///< Delay from a command to its effect in the pose that is read, s.
   /// What of the way the fit does not explain, rms over the largest way.
   double unexplained = 0;
 };

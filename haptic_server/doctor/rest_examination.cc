@@ -10,20 +10,20 @@ namespace {
 constexpr double kRestTime = 2;  // s.
 /// A mean that moved by more from the first half to the second is no rest, m.
 constexpr double kDrift = 0.5e-3;
-/// With the usual coupling of 1.5 kN/m, 20 µm are 0.03 N, a fine tremble, and 0.2 mm are 0.3 N,
+/// The usual coupling of 1.5 kN/m makes 0.03 N of 20 µm, a fine tremble, and 0.3 N of 0.2 mm,
 /// which a hand feels as a buzz.
 constexpr double kSomeNoise = 20e-6;
 constexpr double kMuchNoise = 0.2e-3;
-/// With the usual damping of 20 N·s/m, 0.01 m/s are 0.2 N.
+/// The usual damping of 20 N·s/m makes 0.2 N of 0.01 m/s.
 constexpr double kMuchSpeedNoise = 0.01;
-/// Below this the stiffness that a device bears falls, Hz; a device with less than the server's own
-/// least rate is not usable.
+/// Below this the stiffness that a device supports falls, Hz; a device with less than the server's
+/// own least rate is not usable.
 constexpr double kLowRate = 500;
 constexpr double kTooLowRate = 100;
 /// A stall as long as this is a fault in a session, s.
 constexpr double kLongestGap = 0.015;
 constexpr std::uint64_t kFewestGaps = 20;
-/// Of all periods.
+/// Share of all periods.
 constexpr double kManyMissed = 0.01;
 
 Vector3 mean_of(const std::vector<HandleSample>& samples, Vector3 HandleSample::*member,

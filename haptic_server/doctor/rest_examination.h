@@ -10,7 +10,7 @@ namespace hlm::server {
 
 /// What a handle at rest shows.
 struct RestFigures {
-  double noise = 0;  ///< Of the position, rms of its distance from the mean, m.
+  double noise = 0;  ///< Noise of the position, rms of its distance from the mean, m.
   std::vector<Finding> findings;
 };
 

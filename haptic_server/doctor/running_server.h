@@ -15,24 +15,24 @@ namespace hlm::server {
 
 struct RunningServer {
   pid_t process = 0;
-  double age = 0;       ///< Of the state file, s. A server that goes on replaces it each second.
-  std::string listen;   ///< ADDRESS:PORT.
+  double age = 0;      ///< Age of the state file, s. A server that goes on replaces it each second.
+  std::string listen;  ///< ADDRESS:PORT.
   std::string capture;  ///< File to which it records all datagrams; empty: none.
   double rate = 0;      ///< Hz.
   bool session = false;
-  double silence = 0;                 ///< Since anything usable came, s.
+  double silence = 0;                 ///< Time since anything usable came, s.
   std::optional<double> update_rate;  ///< Hz.
-  double contact_age = 0;             ///< Of the newest contacts, s.
+  double contact_age = 0;             ///< Age of the latest contacts, s.
   double datagrams = 0;
   std::map<std::string, double> dropped;  ///< Datagrams by reason.
-  double ticks = 0;                       ///< In the second before the file was written.
+  double ticks = 0;                       ///< Ticks in the second before the file was written.
   double missed = 0;                      ///< Periods, then.
   double lateness_p99 = 0;                ///< s, then.
   double lateness_max = 0;                ///< s, then.
   std::string device;
   std::string health;
   double max_force = 0;              ///< N; 0: not rated.
-  bool halts = false;                ///< Its motors can be taken off from outside.
+  bool halts = false;                ///< The motors can be taken off from outside.
   std::optional<double> time_guard;  ///< s.
   double force = 0;                  ///< Commanded, N.
   std::vector<protocol::ChainLink> chain;

@@ -65,7 +65,7 @@ void learn_friction(LocalBody& body, const Pose& X_WB, const Twist& V_W,
   const Matrix6 W = body.B.lazyProduct(body.B.transpose());
   const Vector3 slowing = W.topLeftCorner<3, 3>() * *friction;  // m/s²
   if (slowing.norm() < kLeastSlowing) return;
-  // The correction is due to friction that was scaled by `ahead` since the update before.
+  // The correction stems from friction that was scaled by `ahead` since the update before.
   const double seen =
       slowing.dot(body.correction.head<3>()) / (slowing.squaredNorm() * report.elapsed);
   const double error = (1 - report.ahead) * body.friction_scale - seen;

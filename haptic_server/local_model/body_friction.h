@@ -19,8 +19,8 @@ struct FrictionReport {
   const ReportedContacts& contacts;
   double kinetic_friction;  ///< μ_k of contacts without a coefficient of their own.
   double ahead;             ///< Factor on friction in the steps between updates.
-  double elapsed;           ///< Since the state that the update before was about, s.
-  double late;              ///< By which the state is behind the local model, s.
+  double elapsed;           ///< Time since the state that the update before was about, s.
+  double late;              ///< Time by which the state is behind the local model, s.
 };
 
 /// Revises friction_scale of a body from the correction of its velocity, if all its loaded contacts

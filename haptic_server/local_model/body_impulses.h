@@ -29,13 +29,13 @@ class BodyImpulses {
   struct Total {
     std::uint32_t body = 0;  ///< The environment's number for it.
     Vector6 P_W = Vector6::Zero();
-    std::uint64_t last_step = 0;  ///< In which it changed; 0: never.
+    std::uint64_t last_step = 0;  ///< Step in which it changed last; 0: never.
     Vector6 reported_W = Vector6::Zero();
   };
 
   /// The slot of a body, the same for the whole session. Empty if there is no room for another.
   std::optional<std::size_t> enrol(std::uint32_t body) noexcept;
-  /// In the step that has begun, on one of at most kMaxMovedBodies in a step.
+  /// Adds an impulse in the step that has begun, for at most kMaxMovedBodies bodies in a step.
   void add(std::size_t slot, const Vector6& P_W) noexcept;
   void end_step() noexcept;
 
@@ -54,11 +54,11 @@ class BodyImpulses {
   Vector6 between(std::size_t slot, std::uint64_t from, std::uint64_t to) const noexcept;
   /// First world step from which between() is complete.
   std::uint64_t oldest() const noexcept { return step_ < kHistory ? 0 : step_ - kHistory + 1; }
-  /// Since the session began.
+  /// Total since the session began.
   const Vector6& total(std::size_t slot) const noexcept { return totals_[slot].P_W; }
 
   using Totals = StaticVector<Total, kMaxTouched>;
-  /// By slot.
+  /// The totals by slot.
   const Totals& totals() const noexcept { return totals_; }
 
  private:

@@ -18,7 +18,7 @@ using ImpulseColumns =
 /// One number for each contact.
 using ContactNumbers = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxCollisions, 1>;
 
-/// Sine of the angle at which two contacts are told apart where constraints are at rest: below it
+/// Sine of the angle below which two contacts are one where constraints are at rest: with less
 /// their impulses are the inverse of rounding.
 inline constexpr double kDistinctAngle = 1e-6;
 /// How far, in radians, a contact whose constraint moves must lean from those already resolved to

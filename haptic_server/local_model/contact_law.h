@@ -15,8 +15,8 @@ struct ContactLaw {
   double stiffness = 0;         ///< k, N/m, after limiting.
   double damping = 0;           ///< b, N·s/m.
   double static_friction = 0;   ///< μ_s where a contact has no coefficient of its own.
-  double kinetic_friction = 0;  ///< μ_k, likewise.
-  double friction_scale = 1;    ///< On a contact's own coefficient.
+  double kinetic_friction = 0;  ///< μ_k, in the same case.
+  double friction_scale = 1;    ///< Factor on a contact's own coefficient.
   double dt = 0;                ///< Step, s.
   double rendered = 1;          ///< Explicit step: share of the force before that did its work.
   ContactStep step = ContactStep::kImplicit;
@@ -27,8 +27,8 @@ struct ContactLaw {
 /// their separation is felt.
 inline constexpr double kSupportStiffness = 1e6;
 inline constexpr double kSupportDamping = 1e3;
-/// On the friction of contacts without the tool between updates. With 1, a body that slides in the
-/// environment sticks here now and then: it is lost and hit again.
+/// Factor on the friction of contacts without the tool between updates. With 1, a body that slides
+/// in the environment sticks here now and then: it is lost and hit again.
 inline constexpr double kSupportFriction = 0.9;
 
 inline Vector3 tangential(const Vector3& v, const Vector3& n) noexcept { return v - n.dot(v) * n; }
@@ -70,7 +70,7 @@ class RelativeTwists {
   Twist V_ = Twist::Zero();
 };
 
-/// Whether the contact may bear in this step: it is closed, or closes before the step ends.
+/// Whether the contact may carry in this step: it is closed, or closes before the step ends.
 inline bool takes_part(const LocalContact& contact, const ContactLaw& law) noexcept {
   if (contact.now.s <= 0) return true;
   return law.step == ContactStep::kImplicit && contact.now.s + law.dt * contact.now.v_n < 0;
@@ -128,7 +128,7 @@ class FrameLoads {
 
   /// A force on a, and the opposite on b.
   void add(const LocalContact& contact, const Vector3& arm, const Vector3& f) noexcept {
-    // By halves: a wrench that is put together first waits for its own stores.
+    // The wrenches are added by halves: one that is put together first waits for its own stores.
     const Vector3 moment = arm.cross(f);
     Wrench& on_a = wrenches_[contact.frame_a];
     Wrench& on_b = wrenches_[contact.frame_b];

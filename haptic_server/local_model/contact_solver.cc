@@ -62,9 +62,9 @@ struct Trial {
   Vector3 slip = Vector3::Zero();  ///< In kSlip: friction for each newton of normal force,
   double across = 0;               ///< the part of elastic_friction() across it,
   Vector3 rest = Vector3::Zero();  ///< and friction that does not follow within the round, N.
-  Vector3 arm = Vector3::Zero();   ///< Of the contact point from O, m.
+  Vector3 arm = Vector3::Zero();   ///< Arm of the contact point from O, m.
 
-  /// In the mode of the step before.
+  /// Starts in the mode of the step before.
   Trial(const LocalContact& contact, const ContactLaw& law, const FrameMotions& frames,
         PairLoads& pairs) noexcept {
     if (!takes_part(contact, law)) return;
@@ -172,7 +172,7 @@ void add_pair(const PairLoad& load, const FrameMotions& frames, double dt,
       dt * b.J.transpose().lazyProduct(ZJ_a);
 }
 
-/// Decides a contact's mode anew for the velocity that a round gave. True if it changed.
+/// Decides a contact's mode again for the velocity that a round gave. True if it changed.
 bool revise(const LocalContact& contact, const Twist& V, const ContactLaw& law,
             Trial& trial) noexcept {
   const RelativeVelocity v = relative_velocity(contact, V, trial.arm);

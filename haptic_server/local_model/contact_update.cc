@@ -118,7 +118,7 @@ std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& f
 
 double load(const LocalContact& contact) noexcept { return contact.deformation.cap; }
 
-/// Adds what fits of the released contacts beside all that are reported: the most loaded.
+/// Adds the released contacts that fit besides all that are reported: the most loaded.
 void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
   LocalContacts& contacts = updated.acting;
   const std::size_t room = contacts.capacity() - contacts.size() - updated.waiting.size();

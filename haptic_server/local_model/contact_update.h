@@ -19,8 +19,8 @@ struct UpdatePolicy {
   UpdateRule rule = UpdateRule::kRetain;
   double release_force = 0.5;  ///< `releases_load`: largest change of a force in a step, N.
   double stiffness = 4000;     ///< k, N/m, after limiting.
-  double damping = 30;         ///< b, N·s/m, likewise.
-  double healing_step = 0;     ///< Of that: largest change of s in a step that adds force, m,
+  double damping = 30;         ///< b, N·s/m, after limiting.
+  double healing_step = 0;     ///< Healing: largest change of s in a step that adds force, m,
   double healing_share = 0;    ///< and largest share of the deformation at the update.
   int recovery_steps = 10;     ///< `ramps_depth`: N.
 
@@ -35,7 +35,7 @@ struct UpdatePolicy {
 void deform(LocalContact& contact, const Placement& X_WA, double sigma, std::optional<double> s_p,
             const UpdatePolicy& policy) noexcept;
 
-/// s_p of a known contact with the separation s: one that is released bears no more than its cap.
+/// s_p of a known contact with the separation s: one that is released carries at most its cap.
 double held_separation(const LocalContact& known, double s, const UpdatePolicy& policy) noexcept;
 
 /// The friction anchor and the history of a known contact go on.

@@ -31,14 +31,14 @@ using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxUnknowns, 1>;
 using SystemMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;
 
-/// By frame.
+/// Twists by frame.
 using FrameTwists = StaticVector<Twist, kMaxFrames>;
 
 /// How one frame moves. Twists are those of the frame's point at the common reference point O.
 struct FrameMotion {
   Placement X_W;
-  Twist V = Twist::Zero();       ///< At the start of the step.
-  Twist V_bias = Twist::Zero();  ///< At its end if all unknowns were zero.
+  Twist V = Twist::Zero();       ///< Twist at the start of the step.
+  Twist V_bias = Twist::Zero();  ///< Twist at the end of the step if all unknowns were zero.
   int first = 0;                 ///< First of the unknowns that move the frame.
   Jacobian J;                    ///< 6×n: V at the end of the step = V_bias + J x.
 };

@@ -26,8 +26,8 @@ class JointLimits {
   struct Limit {
     int link = 0;
     int coordinate = 0;
-    double bound = 0;  ///< Of q, rad or m.
-    double sign = 1;   ///< Of q̇ away from the limit.
+    double bound = 0;  ///< Bound of q, rad or m.
+    double sign = 1;   ///< Sign of q̇ away from the limit.
     /// The lever's end, where the contact is, from the link's origin, link frame, m.
     Vector3 p_L = Vector3::Zero();
     /// How the lever's end moves for a growing q, link frame: along a unit vector, by `lever` (m)
@@ -40,7 +40,7 @@ class JointLimits {
   static LocalContact contact_at(const Limit& limit, int parent) noexcept;
 
   StaticVector<Limit, 2 * kMaxLinks> limits_;
-  LocalContacts contacts_;  ///< In the order of limits_.
+  LocalContacts contacts_;  ///< Contacts in the order of limits_.
 };
 
 }  // namespace hlm::server

@@ -18,16 +18,16 @@ inline Twist shifted(const Twist& V, const Vector3& arm) noexcept {
 /// Twists and wrenches about the centre of mass, world axes.
 struct LocalBody {
   LocalBody() = default;
-  /// In the state that was reported.
+  /// A body in the state that was reported.
   explicit LocalBody(const MovableBody& reported) noexcept;
 
   std::uint32_t id = 0;
-  std::size_t slot = 0;  ///< Of its impulses.
+  std::size_t slot = 0;  ///< Slot of the body's impulses.
   /// Origin at the centre of mass; the world's axes in the reported state. It turns as the shape
   /// does: not about the axis of a surface of revolution, and a sphere's never.
   Pose X_WB;
   Roundness roundness = Roundness::kNone;
-  Vector3 axis_B = Vector3::Zero();  ///< Of revolution, unit.
+  Vector3 axis_B = Vector3::Zero();  ///< Axis of revolution, unit.
   Twist V_W = Twist::Zero();
   /// 6×n: W = B Bᵀ, so that an impulse P changes the velocity by B (Bᵀ P): in these coordinates the
   /// body has unit mass, and moves only as its joints allow.

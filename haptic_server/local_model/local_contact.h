@@ -41,7 +41,7 @@ struct LocalContact {
   struct Constraint {
     Vector3 c_B = Vector3::Zero();  ///< m.
     PlaneOwner plane = PlaneOwner::kB;
-    Vector3 n_P = Vector3::UnitZ();  ///< In the frame of `plane`.
+    Vector3 n_P = Vector3::UnitZ();  ///< Normal in the frame of `plane`.
     double v_constr = 0;             ///< Eq. 2: nᵀ v_c of a constraint in the world's frame, m/s.
     /// Velocity of the point of a constraint in the world's frame as damping and friction meet it,
     /// and as last reported, m/s: an update's change enters gradually.
@@ -69,7 +69,7 @@ struct LocalContact {
     return deformation.cap < std::numeric_limits<double>::infinity();
   }
 
-  /// At the latest evaluation, in the world.
+  /// Values at the latest evaluation, in the world.
   struct Evaluation {
     Vector3 p_W = Vector3::Zero();  ///< The local contact point, m.
     Vector3 c_W = Vector3::Zero();  ///< m.
@@ -107,7 +107,7 @@ inline Vector3 constraint_point_W(const LocalContact& contact, const Placement& 
   return contact.frame_b == kWorldFrame ? contact.constraint.c_B : X_WB * contact.constraint.c_B;
 }
 
-/// Evaluates where the contact is and s (Eq. 3), likewise.
+/// Evaluates where the contact is and s (Eq. 3), in the same way.
 inline void locate(LocalContact& contact, const Placement& X_WA, const Placement& X_WB) noexcept {
   LocalContact::Evaluation& now = contact.now;
   now.p_W = X_WA * contact.deformation.p_A;
@@ -138,8 +138,8 @@ using PairAxes = StaticVector<PairAxis, kMaxContacts>;
 /// The contacts of the tool.
 struct ToolContacts {
   LocalContacts acting;   ///< Sorted by identity.
-  LocalContacts waiting;  ///< On axes that do not act: they bear nothing.
-  PairAxes axes;          ///< Of the pairs that have several.
+  LocalContacts waiting;  ///< Contacts on axes that do not act: they carry nothing.
+  PairAxes axes;          ///< Axes of the pairs that have several.
 };
 
 }  // namespace hlm::server

@@ -42,11 +42,11 @@ inline const MovableBodies kNoBodies;
 /// What the environment reports.
 struct ModelUpdate {
   const ReportedContacts& contacts;
-  const Configuration& q_VE;  ///< Of the tool, for which the contacts hold.
-  double age = 0;             ///< Of the contacts with constraints of the world, s.
+  const Configuration& q_VE;  ///< Configuration of the tool for which the contacts hold.
+  double age = 0;             ///< Age of the contacts with constraints of the world, s.
   const MovableBodies& bodies = kNoBodies;
   double impulse_step = 0;  ///< The bodies' state is that of this step, or part of one; 0: unknown.
-  double period = 0;        ///< Of the environment's frames, s.
+  double period = 0;        ///< Period of the environment's frames, s.
 };
 
 class LocalModel {
@@ -128,7 +128,7 @@ class LocalModel {
   ToolModel ve_tool_;
   Velocity v_;
   std::array<ToolContacts, 2> contacts_;   ///< The present ones, and room for the next update.
-  std::array<LocalContacts, 2> supports_;  ///< Likewise.
+  std::array<LocalContacts, 2> supports_;  ///< Supports, in the same two places.
   std::size_t current_ = 0;
   JointLimits limits_;
   LocalBodies bodies_;

@@ -151,7 +151,7 @@ void LocalModel::correct_gradually(LocalBodies& updated, double period) const no
   }
 }
 
-/// Of the tool's loaded contacts with a body, N·s/m.
+/// Damping of the tool's loaded contacts with a body, N·s/m.
 double LocalModel::damping_on(const LocalBody& body) const noexcept {
   const ContactSide side{SideKind::kMovableBody, body.id};
   const auto loaded = std::count_if(contacts().begin(), contacts().end(), [&](const auto& contact) {

@@ -18,7 +18,7 @@ void measure(const LocalContacts& contacts, double dt, PairAxes& axes) noexcept 
 }
 
 /// Whether an axis is to act rather than another one: that it stays open in this step counts most,
-/// then whether it may bear, then its gap.
+/// then whether it may carry load, then its gap.
 bool is_better(const PairAxis& axis, const PairAxis& other, double advantage) noexcept {
   const bool stays_open = axis.next > 0;
   if (stays_open != (other.next > 0)) return stays_open;

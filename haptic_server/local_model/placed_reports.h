@@ -13,11 +13,11 @@ namespace hlm::server {
 /// Where the frames are that an update is about.
 struct UpdateFrames {
   const ToolModel& tool;      ///< Tells which links there are.
-  const LocalBodies& bodies;  ///< Of the update; a body that is not among them is the world's.
-  FramePoses reported;        ///< As the environment had them when it found the contacts.
+  const LocalBodies& bodies;  ///< Bodies of the update; one that is not among them is the world's.
+  FramePoses reported;        ///< Poses as the environment had them when it found the contacts.
   FramePoses before;          ///< Now, with the bodies that the existing contacts refer to.
-  FramePoses now{};           ///< With those of the update.
-  FramePoses moved{};         ///< From where they were reported to now.
+  FramePoses now{};           ///< Poses now, with the bodies of the update.
+  FramePoses moved{};         ///< Change from where they were reported to now.
 
   void set_now(const FramePoses& poses) noexcept;
 };

@@ -12,7 +12,7 @@ struct Drift {
   double angle = 0;     ///< rad.
 };
 
-/// For example "0.250 mm, 2.000 deg".
+/// The drift as text, for example "0.250 mm, 2.000 deg".
 std::string describe(const Drift& drift);
 
 /// The drift of two frames over time.
@@ -23,7 +23,7 @@ struct DriftRecord {
   void observe(const Pose& X_WA, const Pose& X_WB) noexcept;
 };
 
-/// For example "largest 3.000 mm, 2.000 deg; last 0.250 mm, 0.000 deg".
+/// The drifts as text, for example "largest 3.000 mm, 2.000 deg; last 0.250 mm, 0.000 deg".
 std::string describe(const DriftRecord& record);
 
 }  // namespace hlm::server

@@ -22,7 +22,7 @@ constexpr std::uint64_t kNothing = std::numeric_limits<std::uint64_t>::max();
 /// Text is given to the file in pieces of this many ticks.
 constexpr std::uint64_t kPiece = 256;
 
-/// For example flight-20261122T065512.250Z-overrun.csv.
+/// A recording's name, for example flight-20261122T065512.250Z-overrun.csv.
 std::string file_name(const std::string& cause) {
   using namespace std::chrono;
   const auto now = system_clock::now();
@@ -151,7 +151,7 @@ std::error_code FlightRecorder::write_ticks(const Job& job, const std::filesyste
   return file ? std::error_code() : last_error();
 }
 
-/// Names tell the age, unless the clock was set back meanwhile: the newest stays.
+/// Names tell the age, unless the clock was set back meanwhile: the latest stays.
 void FlightRecorder::remove_oldest(const std::filesystem::path& newest) const {
   std::vector<std::filesystem::path> all = settings::find_recordings(options_.directory);
   const std::size_t kept = static_cast<std::size_t>(options_.kept);

@@ -18,9 +18,9 @@
 namespace hlm::server {
 
 struct FlightRecorderOptions {
-  std::filesystem::path directory;  ///< Of the recordings; made where it is missing.
-  int kept = 20;                    ///< Recordings that stay there: the newest, at least 1.
-  double rate = 1000;               ///< Of the ticks, Hz.
+  std::filesystem::path directory;  ///< Directory of the recordings; made where it is missing.
+  int kept = 20;                    ///< Recordings that stay there: the latest, at least 1.
+  double rate = 1000;               ///< Rate of the ticks, Hz.
 };
 
 /// Keeps ticks in a ring that is allocated once. A fault, or request(), has a thread of its own
@@ -77,9 +77,9 @@ class FlightRecorder {
   std::atomic<std::uint64_t> needed_;
   std::uint64_t lost_ = 0;
   std::uint64_t reported_lost_ = 0;
-  Fault fault_ = Fault::kNone;  ///< Of the latest tick.
+  Fault fault_ = Fault::kNone;  ///< Fault of the latest tick.
   std::atomic<bool> requested_ = false;
-  std::string cause_;  ///< Of the recording that is due.
+  std::string cause_;  ///< Cause of the recording that waits to be written.
   double due_ = 0;     ///< When to write it, s; counts while there is a cause.
 
   std::mutex mutex_;

@@ -10,7 +10,7 @@
 namespace hlm::server {
 namespace {
 
-constexpr double kMaxSpinShare = 0.5;            // Of a period.
+constexpr double kMaxSpinShare = 0.5;            // Share of a period.
 constexpr std::int64_t kSecond = 1'000'000'000;  // ns.
 
 std::int64_t steady_now() noexcept {

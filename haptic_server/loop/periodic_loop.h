@@ -40,7 +40,7 @@ struct Timing {
   /// How late the loop woke, s: begin minus the time for which the wake-up was set, which is that
   /// of the first missed period if there are any.
   double lateness = 0;
-  double previous_execution = 0;  ///< Of the tick before, from its beginning to its end, s.
+  double previous_execution = 0;  ///< Time of the tick before, from its beginning to its end, s.
 };
 
 /// An overrun skips whole periods: ticks stay on the grid of the first one and none is made up for.
@@ -49,7 +49,7 @@ class PeriodicLoop {
   /// `options` must be valid.
   explicit PeriodicLoop(const PeriodicLoopOptions& options) noexcept;
 
-  /// Calls tick(timing) once a period until stop(). The first tick is due at once.
+  /// Calls tick(timing) once a period until stop(). The first tick comes at once.
   template <class Tick>
   void run(Tick&& tick) noexcept {
     static_assert(std::is_nothrow_invocable_v<Tick&, const Timing&>);

@@ -56,7 +56,7 @@ void ServiceManager::observe(const TickRecord& record) {
     send((first ? "READY=1\nSTATUS=" : "STATUS=") + std::string(name_of(record.server)) + ": " +
          std::string(meaning_of(record.server)));
   }
-  constexpr double kShare = 0.4;  // Of the watchdog's period: two of the words may be lost.
+  constexpr double kShare = 0.4;  // Share of the watchdog's period: two of the words may be lost.
   if (watchdog_ == 0 || record.time - quieted_at_ < kShare * watchdog_) return;
   quieted_at_ = record.time;
   send("WATCHDOG=1");

@@ -28,7 +28,7 @@ class ServiceManager {
   void send(const std::string& text) const;
 
   int socket_ = -1;           ///< -1: there is no service manager.
-  double watchdog_ = 0;       ///< Its period, s; 0: none.
+  double watchdog_ = 0;       ///< Period of the watchdog, s; 0: none.
   double quieted_at_ = -1e9;  ///< When the watchdog was quieted last, s.
   std::optional<ServerState> shown_;
 };

@@ -212,7 +212,7 @@ void Servo::simulate() noexcept {
   if (device->health != DeviceHealth::kGood) record_.cause = device_.cause();
 
   if (!observe(*device)) return;
-  // Force rises anew when the motors are on again.
+  // Force rises again from zero when the motors are on again.
   if (device->health == DeviceHealth::kForceOff) limiter_.cut();
 
   ++step_;

@@ -44,7 +44,7 @@ class Servo {
   /// An operator stops the force: a fault, whatever the state. Between ticks, from their thread.
   void stop() noexcept { fail(Fault::kOperatorStop); }
 
-  /// In the latest tick.
+  /// The exchange in the latest tick.
   const DeviceExchange& exchange() const noexcept { return exchange_; }
 
   /// Zero force, device off, goodbye to the client.
@@ -70,7 +70,7 @@ class Servo {
   void fail(Fault fault) noexcept;
   void acknowledge(double now) noexcept;
 
-  ServoOptions options_;  ///< As started. What a control has changed is in the members below.
+  ServoOptions options_;  ///< Options as started; the members below have what a control changed.
   double dt_;
   std::uint64_t fingerprint_;
   protocol::ServerSession& session_;
@@ -83,14 +83,14 @@ class Servo {
   std::optional<LocalModel> local_model_;
   EngineView engine_;
   Telemetry telemetry_;
-  double period_ = 0;              ///< Of the client's frames, as its hello says, s.
-  std::uint64_t step_ = 0;         ///< Of the session.
+  double period_ = 0;              ///< Period of the client's frames, as its hello says, s.
+  std::uint64_t step_ = 0;         ///< Steps of the session so far.
   std::uint64_t updates_ = 0;      ///< Adopted in the session.
-  Freedoms missing_freedoms_ = 0;  ///< Of the device, for the session's tool.
-  double contained_impulses_ = 0;  ///< Step of those in the state of the newest update.
-  Pose X_WStart_;           ///< Of the handle, as the session began, or the clutch was let go.
-  double lowered_ = 0;      ///< By the control in effect, as in protocol::ProxyState.
-  bool clutched_ = false;   ///< Of the device, as read last.
+  Freedoms missing_freedoms_ = 0;  ///< Freedoms of the session's tool that the device lacks.
+  double contained_impulses_ = 0;  ///< Step of the impulses in the state of the latest update.
+  Pose X_WStart_;           ///< Pose of the handle, as the session began, or the clutch was let go.
+  double lowered_ = 0;      ///< Share lowered by the control in effect, as in protocol::ProxyState.
+  bool clutched_ = false;   ///< Whether the device was clutched when last read.
   const char* cause_ = "";  ///< Why the device failed, in a fault of it.
   DeviceExchange exchange_;
   TickRecord record_;

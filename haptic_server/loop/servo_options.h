@@ -27,7 +27,7 @@ struct ServoOptions {
   std::optional<double> silence_time;
   /// Longest gap between two ticks before the loop counts as broken, s.
   double max_gap = 0.25;
-  /// Stiffness that the device does not bear stays as it is, and may make it shake.
+  /// Keeps stiffness that the device does not support, which may make it shake.
   bool keep_stiffness = false;
 };
 

@@ -19,7 +19,7 @@ namespace hlm::server {
 struct ServerFacts {
   std::string listen;            ///< ADDRESS:PORT.
   double rate = 1000;            ///< Hz.
-  double least_update_rate = 4;  ///< With fewer updates force comes and goes, Hz.
+  double least_update_rate = 4;  ///< Rate of updates below which force comes and goes, Hz.
   std::string device;
   DeviceRatings ratings;
   std::string capture;  ///< File to which all datagrams are recorded, absolute; empty: none.
@@ -52,8 +52,8 @@ class StateFile {
   double heard_ = 0;              ///< When something usable came last, s.
   std::uint64_t usable_ = 0;      ///< Datagrams received and not dropped.
   std::deque<double> adoptions_;  ///< Times of the updates taken recently, s.
-  double age_ = 0;                ///< Of the newest of them, s.
-  Histogram lateness_;            ///< Since the latest writing.
+  double age_ = 0;                ///< Age of the latest update, s.
+  Histogram lateness_;            ///< Lateness since the latest writing.
   std::uint64_t missed_ = 0;      ///< Periods, until the latest writing.
   double written_ = 0;            ///< s.
 };

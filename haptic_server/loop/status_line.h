@@ -15,10 +15,10 @@ namespace hlm::server {
 /// 0.01 mm". rate: of the ticks since the line before, Hz.
 std::string format_status(const TickRecord& record, double rate);
 
-/// Shows the newest of the ticks that it observes.
+/// Shows the latest of the ticks that it observes.
 class StatusLine {
  public:
-  /// On a terminal one line is overwritten every 0.25 s, elsewhere lines follow each other every
+  /// On a terminal, one line is overwritten every 0.25 s; elsewhere, lines follow each other every
   /// second. `out` must outlive this.
   StatusLine(std::ostream& out, bool terminal) noexcept : out_(out), terminal_(terminal) {}
 
@@ -34,7 +34,7 @@ class StatusLine {
   bool terminal_;
   bool open_ = false;           ///< The terminal's line holds a status.
   std::optional<double> last_;  ///< Time of the tick last shown, s.
-  std::uint64_t ticks_ = 0;     ///< Since then.
+  std::uint64_t ticks_ = 0;     ///< Ticks since then.
 };
 
 }  // namespace hlm::server

@@ -7,7 +7,7 @@
 
 namespace hlm::server {
 
-/// Off until it is asked for, and in each session anew. Nothing allocates, waits or throws.
+/// Off until it is asked for, in each session again. Nothing allocates, waits or throws.
 class Telemetry {
  public:
   /// A session begins; nobody has asked.
@@ -32,7 +32,7 @@ class Telemetry {
 
  private:
   bool on_ = false;
-  double age_ = 0;  ///< Of the newest contacts, s.
+  double age_ = 0;  ///< Age of the latest contacts, s.
   protocol::Ticks batch_;
   protocol::LocalState state_;
 };

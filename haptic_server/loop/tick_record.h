@@ -16,7 +16,7 @@ namespace hlm::server {
 struct TickRecord {
   std::uint64_t session = 0;
   std::uint64_t step = 0;  ///< Steps since the session began; 0 without a session.
-  double time = 0;         ///< Since the server started, s.
+  double time = 0;         ///< Time since the server started, s.
   ServerState server = ServerState::kOff;
   Fault fault = Fault::kNone;
   Fade fade = Fade::kNone;
@@ -30,7 +30,7 @@ struct TickRecord {
   Twist V_WP = Twist::Zero();
   Pose X_WT;                             ///< Hand frame of the VE's tool, from the latest update.
   Wrench F_env = Wrench::Zero();         ///< Contact wrench at the hand, impulses included.
-  Wrench F_command = Wrench::Zero();     ///< To the device, after limits.
+  Wrench F_command = Wrench::Zero();     ///< Wrench to the device, after limits.
   ForceLimit limit = ForceLimit::kNone;  ///< What keeps it from being the wanted wrench.
   PortLedger port;                       ///< Up to this tick's reading of the device.
   double brought = 0;  ///< Energy that updates have brought into contacts' springs so far, J.
@@ -40,22 +40,22 @@ struct TickRecord {
   std::uint64_t adopted = 0;       ///< Sequence of the update adopted in this tick, or 0.
   double age = 0;                  ///< Age attributed to it, s.
   double lateness = 0;             ///< Wake-up after the scheduled time, s.
-  double execution = 0;            ///< From wake-up to the end of the tick, s.
+  double execution = 0;            ///< Time from wake-up to the end of the tick, s.
   std::uint64_t overruns = 0;      ///< Missed periods since the server started.
   std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
-  std::uint64_t dropped = 0;       ///< Of these, dropped.
+  std::uint64_t dropped = 0;       ///< Datagrams dropped of those.
   /// The same by DropReason; like session_open not in the tick log.
   std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
   std::uint32_t buttons = 0;  ///< Bit i: button i of the device is pressed. Not in the tick log.
-  double gripper = 0;         ///< Its opening, 0 closed to 1 open. Not in the tick log.
+  double gripper = 0;         ///< Opening of the gripper, 0 closed to 1 open. Not in the tick log.
   double scale = 1;           ///< Metres in the world per metre of the handle. Not in the tick log.
   DeviceHealth health = DeviceHealth::kGood;  ///< Not in the tick log.
-  const char* cause = "";  ///< Of that health, or of a fault of the device. Not in the tick log.
-  Freedoms missing_freedoms = 0;  ///< In which the tool moves, the device not. Not in the tick log.
-  double stiffness = 0;           ///< Of a contact in effect, N/m. Not in the tick log.
-  double lowered = 0;             ///< As in protocol::ProxyState. Not in the tick log.
-  bool uses_contacts = true;      ///< Of the controller in effect. Not in the tick log.
-  bool session_open = false;      ///< A client holds the session and has not said goodbye.
+  const char* cause = "";  ///< Cause of that health, or of a device fault. Not in the tick log.
+  Freedoms missing_freedoms = 0;  ///< Freedoms of the tool, not the device. Not in the tick log.
+  double stiffness = 0;           ///< Stiffness of a contact in effect, N/m. Not in the tick log.
+  double lowered = 0;         ///< Share lowered, as in protocol::ProxyState. Not in the tick log.
+  bool uses_contacts = true;  ///< The controller in effect uses contacts. Not in the tick log.
+  bool session_open = false;  ///< A client holds the session and has not said goodbye.
 };
 
 }  // namespace hlm::server

@@ -36,7 +36,7 @@ class EnergyReceipt {
   Sums all_;
   Sums since_update_;
   double explained_ = 0;    ///< J, at the latest update.
-  double largest_net_ = 0;  ///< Of given - taken - explained, above its least value before, J.
+  double largest_net_ = 0;  ///< Largest given - taken - explained, above its least value before, J.
   double least_net_ = 0;    ///< J.
   double largest_difference_ = 0;
 };

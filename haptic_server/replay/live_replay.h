@@ -12,7 +12,7 @@ namespace hlm::server {
 
 struct LiveResult {
   std::uint64_t sent = 0;          ///< Updates.
-  std::uint64_t acknowledged = 0;  ///< Of these.
+  std::uint64_t acknowledged = 0;  ///< Updates of these that were acknowledged.
   std::uint64_t incomplete = 0;    ///< Updates that the capture does not hold whole: not sent.
   double round_trip = 0;           ///< Latest, s.
   bool lost = false;           ///< The server ended the session or fell silent; no more was sent.

@@ -180,7 +180,7 @@ class AcknowledgedTicks {
 
   const RecordedSession& session_;
   double rate_;                                          ///< Hz.
-  std::unordered_map<std::uint64_t, RecordedTick> due_;  ///< By step.
+  std::unordered_map<std::uint64_t, RecordedTick> due_;  ///< Ticks by step.
   std::uint64_t incomplete_ = 0;
 };
 

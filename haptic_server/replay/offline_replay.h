@@ -16,10 +16,10 @@ namespace hlm::server {
 
 struct OfflineResult {
   std::uint64_t session = 0;
-  std::uint64_t fingerprint = 0;  ///< Of the recording server's options, as its welcome says.
-  std::uint64_t steps = 0;        ///< Of the session.
+  std::uint64_t fingerprint = 0;  ///< The recording server's options, as its welcome says.
+  std::uint64_t steps = 0;        ///< Steps of the session.
   std::size_t compared = 0;       ///< Acknowledged states.
-  std::size_t equal = 0;          ///< Of these, bit for bit as recorded.
+  std::size_t equal = 0;          ///< States of these that are equal bit for bit, as recorded.
   /// What the recording lacks that was played: updates that are not whole in the capture; datagrams
   /// and notes for which the recorder had no time.
   std::uint64_t incomplete = 0;

@@ -89,10 +89,10 @@ class SessionReader {
     std::uint64_t sequence = 0;
     Parts parts;
   };
-  /// Until the end of the capture, for the parts of an update may pass among those of another.
+  /// A session until the end of the capture, for an update's parts may pass among those of another.
   struct PendingSession {
     RecordedSession session;
-    std::vector<Parts> parts;                 ///< Of each update.
+    std::vector<Parts> parts;                 ///< Parts of each update.
     std::map<std::uint64_t, std::size_t> at;  ///< Index of each update, by sequence.
   };
 
@@ -152,7 +152,7 @@ class SessionReader {
     return at == sessions_.end() ? nullptr : &*at;
   }
 
-  std::map<std::pair<std::uint32_t, std::uint16_t>, PendingHello> hellos_;  ///< By client.
+  std::map<std::pair<std::uint32_t, std::uint16_t>, PendingHello> hellos_;  ///< Hellos by client.
   std::vector<PendingSession> sessions_;
   std::optional<std::uint16_t> other_version_;
   bool has_sealed_ = false;

@@ -14,7 +14,7 @@ namespace hlm::server {
 struct RecordedUpdate {
   std::int64_t time_ns = 0;  ///< When its first part passed, ns since the epoch.
   std::uint64_t sequence = 0;
-  std::vector<protocol::DatagramBytes> parts;  ///< As on the wire, in order; perhaps incomplete.
+  std::vector<protocol::DatagramBytes> parts;  ///< Wire format, in order; perhaps incomplete.
 };
 
 struct RecordedSession {
@@ -22,10 +22,10 @@ struct RecordedSession {
   std::int64_t time_ns = 0;  ///< When it was granted, ns since the epoch.
   protocol::Endpoint client;
   protocol::Hello hello;
-  std::vector<protocol::DatagramBytes> hello_parts;  ///< As on the wire.
+  std::vector<protocol::DatagramBytes> hello_parts;  ///< Parts as on the wire.
   protocol::Welcome welcome;
-  std::vector<RecordedUpdate> updates;  ///< In the order of their first parts.
-  std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< As on the wire, by sequence.
+  std::vector<RecordedUpdate> updates;  ///< Updates in the order of their first parts.
+  std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< In wire format, by sequence.
   std::vector<protocol::ProxyState> acknowledgements;
 };
 

@@ -22,8 +22,8 @@ struct GrantedSession {
 struct RecordedTick {
   TickNote note;
   std::vector<protocol::Datagram> received;
-  std::optional<GrantedSession> granted;      ///< By this tick.
-  std::vector<protocol::ProxyState> answers;  ///< Of session `session`.
+  std::optional<GrantedSession> granted;      ///< Session granted by this tick.
+  std::vector<protocol::ProxyState> answers;  ///< Answers of session `session`.
   std::uint64_t session = 0;
 };
 

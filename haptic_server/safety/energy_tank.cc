@@ -23,7 +23,7 @@ void EnergyTank::observe(const Pose& X_WD, const Wrench& F, const Wrench& weight
 }
 
 void EnergyTank::rest(double time) noexcept {
-  ledger_.tank = std::min(ledger_.tank + time * capacity_ / kRefillTime, capacity_);  // likewise
+  ledger_.tank = std::min(ledger_.tank + time * capacity_ / kRefillTime, capacity_);  // as above
 }
 
 }  // namespace hlm::server

@@ -15,10 +15,10 @@ inline double work_at_handle(const Wrench& F, const Vector6& moves, double scale
 
 /// What has passed the device port since the session began, J at the handle.
 struct PortLedger {
-  double given = 0;  ///< To the hand, over all periods in which it was given any.
-  double taken = 0;  ///< From the hand, likewise.
-  /// Of what was given less what was taken: weight, moving constraints, and in four channels the
-  /// measured work of the hand on the proxy.
+  double given = 0;  ///< Energy to the hand, over all periods in which it was given any.
+  double taken = 0;  ///< Energy from the hand, over all periods in which it was taken.
+  /// Part of given less taken that is explained: weight, moving constraints, and in four channels
+  /// the measured work of the hand on the proxy.
   double explained = 0;
   double tank = 0;  ///< What may still be given beyond that.
 };
@@ -53,11 +53,11 @@ class EnergyTank {
   /// part of F that is the tool's weight, whose work is a potential; supply: what else explains
   /// the work in it, J.
   void observe(const Pose& X_WD, const Wrench& F, const Wrench& weight, double supply) noexcept;
-  /// There was no force for so long, s.
+  /// Says that there was no force for that long, s.
   void rest(double time) noexcept;
 
   const PortLedger& ledger() const noexcept { return ledger_; }
-  /// Largest power that may be given now, W; below 0 so much must be taken.
+  /// Largest power that may be given now, W; below 0: that much must be taken.
   double allowed_power() const noexcept { return ledger_.tank / kDrainTime; }
   /// Whether more than a second tank was given, so that what is commanded does not stop it, or the
   /// ledger is not finite.
@@ -67,7 +67,7 @@ class EnergyTank {
   double capacity_;
   double scale_;
   bool known_ = false;  ///< Whether a handle was seen.
-  Pose X_WD_;           ///< At the beginning of the period.
+  Pose X_WD_;           ///< Pose at the beginning of the period.
   PortLedger ledger_;
 };
 

@@ -13,21 +13,21 @@ namespace hlm::server {
 /// What a device does not rate follows from its force and its torque, so that the defaults limit a
 /// weak one, too.
 struct ForceBudget {
-  /// In so short a time an unrated device takes its whole force, s.
+  /// Time in which an unrated device takes its whole force, s.
   static constexpr double kWholeForceTime = 4e-3;
-  /// At these speeds it gives its whole force and torque, m/s and rad/s.
+  /// Speeds at which it gives its whole force and torque, m/s and rad/s.
   static constexpr double kWholeForceSpeed = 1.25;
   static constexpr double kWholeTorqueRate = 5;
-  /// Over so long a way it gives its whole force beyond what is explained, m.
+  /// Way over which it gives its whole force beyond what is explained, m.
   static constexpr double kWholeForceWay = 0.042;
 
   double max_force = 0;        ///< N.
-  double max_torque = 0;       ///< In the world, N·m.
+  double max_torque = 0;       ///< Torque in the world, N·m.
   double max_force_step = 0;   ///< Change per servo period, N.
   double max_torque_step = 0;  ///< Change per servo period, in the world, N·m.
 
-  double max_power = 0;          ///< Of the force, given to the hand at the handle, W.
-  double max_turning_power = 0;  ///< Of the torque, W.
+  double max_power = 0;          ///< Power of the force, given to the hand at the handle, W.
+  double max_turning_power = 0;  ///< Power of the torque, W.
   double max_energy = 0;         ///< Given beyond what was taken and is explained, J.
 
   /// dt: servo period, s.

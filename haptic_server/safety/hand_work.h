@@ -26,7 +26,7 @@ class HandWork {
   /// A period ends with the handle at X_WD and its twist V_WD; given: the work of all commands on
   /// it since the session began, J at the handle.
   void observe(const Pose& X_WD, const Twist& V_WD, double given) noexcept;
-  /// Of the estimated hand's work on the proxy, J at the handle, what may explain other work.
+  /// Part of the estimated hand's work on the proxy, J at the handle, that may explain other work.
   double credited(double work) noexcept;
 
  private:
@@ -37,9 +37,9 @@ class HandWork {
   double waiting_;  ///< Work of the hand that is not yet credited, J.
 
   bool known_ = false;  ///< Whether a handle was seen.
-  Pose X_WD_;           ///< At the beginning of the period.
-  double kinetic_ = 0;  ///< Likewise, J at the handle.
-  double given_ = 0;    ///< Likewise, J.
+  Pose X_WD_;           ///< Pose at the beginning of the period.
+  double kinetic_ = 0;  ///< Kinetic energy at that time, J at the handle.
+  double given_ = 0;    ///< Energy given until then, J.
 };
 
 }  // namespace hlm::server

@@ -9,7 +9,7 @@
 
 namespace hlm::server {
 
-/// In metres and radians of the handle: those of the world by the device's scales.
+/// Limits in metres and radians of the handle: those of the world by the device's scales.
 struct HandleLimits {
   double max_speed = 5;   ///< m/s. A quick hand reaches 2; less ends its session.
   double max_rate = 100;  ///< rad/s. A wrist reaches 30.

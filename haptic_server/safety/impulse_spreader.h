@@ -15,12 +15,12 @@ class ImpulseSpreader {
   ImpulseSpreader(const ForceBudget& budget, double dt) noexcept;
 
   /// Adds `impulse` (N·s, N·m·s) and returns the wrench that would render what is pending: as much
-  /// as fits beside F, the wrench that is wanted without it, and can still come down in time.
+  /// as fits next to F, the wrench that is wanted without it, and can still come down in time.
   Wrench plan(const Wrench& impulse, const Wrench& F) noexcept;
-  /// In this step so much of it is rendered.
+  /// Says that this much of it is rendered in this step.
   void render(const Wrench& wrench) noexcept;
 
-  /// Of the latest step.
+  /// Wrench of the latest step.
   const Wrench& wrench() const noexcept { return wrench_; }
   /// Momentum still to be rendered, N·s and N·m·s.
   const Wrench& pending() const noexcept { return pending_; }

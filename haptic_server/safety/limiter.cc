@@ -12,7 +12,7 @@ Vector3 shortened(const Vector3& v, double length) noexcept {
   return norm > length ? Vector3(v * (length / norm)) : v;
 }
 
-/// Of a whole, in each step.
+/// The share of a whole that each step takes.
 double step_of(double time, double dt) noexcept { return time > dt ? dt / time : 1; }
 
 /// The portion of a change that a step allows.
@@ -21,7 +21,7 @@ double portion_of(const Vector3& change, double step) noexcept {
   return norm > step ? step / norm : 1;
 }
 
-/// From there to here by that portion.
+/// The value between from and to by that portion.
 template <class Part>
 Vector3 between(const Part& from, const Vector3& to, double portion) noexcept {
   return portion < 1 ? Vector3(from + portion * (to - from)) : to;
@@ -42,7 +42,7 @@ Vector3 power_limited(const Vector3& f, const Vector3& v, double most, double da
   return present <= along ? f : Vector3(f - (present - along) / speed * v);
 }
 
-/// Of a part of F, what is left of it in `rendered`, F shortened.
+/// What is left of `part`, a part of F, in `rendered`, F shortened.
 Vector3 share_of(const Vector3& part, const Vector3& F, const Vector3& rendered) noexcept {
   const double size = F.norm();
   return size > 0 ? Vector3(part * (rendered.norm() / size)) : part;
@@ -108,7 +108,7 @@ const Wrench& Limiter::limit(const Wrench& F, const Wrench& impulse, const Twist
   const Vector3 most_force = shortened(F.head<3>(), budget_.max_force);
   const Vector3 most_torque = shortened(F.tail<3>(), budget_.max_torque);
   if (most_force != F.head<3>()) limited_by_ = ForceLimit::kForce;
-  // That a device takes no torque is no limit that is met.
+  // A device that takes no torque meets no limit.
   const bool less_torque = budget_.max_torque > 0 && most_torque != F.tail<3>();
   if (less_torque) limited_by_ = ForceLimit::kTorque;
   if (portion_ < 1) limited_by_ = ForceLimit::kFade;

@@ -40,7 +40,7 @@ class Limiter {
     return none ? ForceLevel::kNone : ForceLevel::kSome;
   }
 
-  /// The handle is at X_WD now; supply: the work since the latest command that is explained beside
+  /// The handle is at X_WD now; supply: the work since the latest command that is explained besides
   /// that of the weight in it, J. Keeps the ledger of the port.
   void observe(const Pose& X_WD, double supply) noexcept {
     tank_.observe(X_WD, command_, weight_, supply);
@@ -54,7 +54,7 @@ class Limiter {
   /// Whether the device gave more energy than the limits on force could hold back.
   bool overdrawn() const noexcept { return tank_.overdrawn(); }
 
-  /// The wrench to command for the wanted one, and for an impulse (N·s, N·m·s) beside it. The
+  /// The wrench to command for the wanted one, and for an impulse (N·s, N·m·s) with it. The
   /// wanted wrench is limited in magnitude, then scaled by the fade: in this order one far above
   /// the limit fades like any other. The impulse is spread over what is left. With V, the
   /// handle's twist in the world, their sum gives no more power than the budget and the tank have,
@@ -77,9 +77,9 @@ class Limiter {
   double dt_;
   double scale_;         ///< Metres in the world for each metre of the handle.
   double torque_scale_;  ///< N·m in the world for each N·m at the handle.
-  double fade_step_;     ///< Of portion_ per step.
-  double rise_step_;     ///< Likewise.
-  double portion_ = 0;   ///< Of the limited wrench that is rendered, 0 to 1.
+  double fade_step_;     ///< Change of portion_ per step.
+  double rise_step_;     ///< Rise of portion_ per step.
+  double portion_ = 0;   ///< Share of the limited wrench that is rendered, 0 to 1.
   bool wanted_ = false;
   bool met_non_finite_ = false;
   ForceLimit limited_by_ = ForceLimit::kNone;

@@ -14,13 +14,13 @@ struct LimiterOptions {
   /// N/s: the usual device's whole force in 4 ms. Less makes stiff walls soft at the moment of
   /// touch; more lets a jump of the wanted force reach the hand as a blow.
   double max_force_rate = 3000;
-  double max_torque_rate = 150;  ///< N·m/s, likewise.
-  double fade_time = 0.02;       ///< From full force to none, s.
-  double rise_time = 0.1;        ///< From none to full force, s.
+  double max_torque_rate = 150;  ///< Rate of the torque, N·m/s.
+  double fade_time = 0.02;       ///< Time from full force to none, s.
+  double rise_time = 0.1;        ///< Time from none to full force, s.
   /// W given to the hand: the usual device's whole force at 1.25 m/s. Less lets fast platforms and
   /// heavy tools that are lowered feel weak.
   double max_power = 15;
-  double max_turning_power = 3;  ///< W, likewise of the torque: 0.6 N·m at 5 rad/s.
+  double max_turning_power = 3;  ///< Power of the torque, W: 0.6 N·m at 5 rad/s.
   /// J that the device may give beyond what it took and what is explained. Less damps what springs
   /// back where it should not, more lets an unstable contact shake the hand for longer.
   double max_energy = 0.5;

@@ -13,7 +13,7 @@ using enum SafetyEvent;
 
 struct Row {
   ServerState from;
-  ServerState to[7];  ///< By SafetyEvent.
+  ServerState to[7];  ///< Next states by SafetyEvent.
 };
 
 // clang-format off

@@ -23,7 +23,7 @@ enum class SafetyEvent : std::uint8_t {
 /// force is wanted in kRamping and kActive alone.
 class SafetyStateMachine {
  public:
-  /// Without a whole update for so long contacts are too old, s, though parts of updates or
+  /// Time without a whole update after which contacts are too old, s, though parts of updates or
   /// controls show that the client lives. More lets force outlive its contacts, less makes slow
   /// environments flutter.
   static constexpr double kLongestWithoutUpdate = 0.25;
@@ -64,8 +64,8 @@ class SafetyStateMachine {
   ServerState state_ = ServerState::kOff;
   Fault fault_ = Fault::kNone;
   Fade fade_ = Fade::kNone;
-  double silence_ = 0;         ///< Since anything was heard, or the session's begin, s.
-  double without_update_ = 0;  ///< Since the latest whole update, or the session's begin, s.
+  double silence_ = 0;         ///< Time since anything was heard, or the session began, s.
+  double without_update_ = 0;  ///< Time since the latest whole update, or the session's begin, s.
   bool refused_ = false;       ///< An update was refused since the latest whole one.
 };
 

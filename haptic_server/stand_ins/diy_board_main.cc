@@ -167,7 +167,7 @@ class Board {
     if (stand_in_.has(StandInFault::kBroken)) replies_.push_back(replies_.back());
   }
 
-  /// Sends those that are due.
+  /// Sends the replies whose time has come.
   void reply() {
     while (!replies_.empty() && replies_.front() <= Clock::now()) {
       replies_.pop_front();
@@ -198,9 +198,9 @@ class Board {
   server::Pantograph arms_;
   std::optional<server::DiySetup> setup_;
   std::vector<std::uint8_t> frame_;        ///< The beginning of one.
-  std::deque<Clock::time_point> replies_;  ///< When they are due.
-  Vector2 start_ = Vector2::Zero();        ///< Of the handle when it was set up, m.
-  Vector2 theta_ = Vector2::Zero();        ///< As reported last.
+  std::deque<Clock::time_point> replies_;  ///< When the replies must go out.
+  Vector2 start_ = Vector2::Zero();        ///< Start of the handle when it was set up, m.
+  Vector2 theta_ = Vector2::Zero();        ///< Angles as last reported.
 };
 
 }  // namespace

@@ -47,8 +47,8 @@ enum Code : unsigned {
 };
 
 std::unique_ptr<StandIn> device;
-DeviceState state;              ///< In the present frame.
-Wrench force = Wrench::Zero();  ///< Likewise.
+DeviceState state;              ///< State in the present frame.
+Wrench force = Wrench::Zero();  ///< Force in the present frame.
 std::atomic<unsigned> error = kSuccess;
 bool is_open = false;
 bool clamps = false;

@@ -27,11 +27,11 @@ constexpr double kStepTime = 0.25e-3;  // s.
 constexpr auto kWakeUp = 1ms;
 /// A machine that stood still for longer is not made up for.
 constexpr auto kLongestGap = 100ms;
-/// Of kSlow: steps between two states.
+/// Steps between two states of kSlow.
 constexpr std::uint64_t kSlowSteps = 5ms / kStep;
-/// Of kLate: age of a state.
+/// Age of a state of kLate.
 constexpr std::uint64_t kLateSteps = 30ms / kStep;
-/// Of kNoisy: how far a position is off, m.
+/// Offset of a position of kNoisy, m.
 constexpr double kNoise = 0.5e-3;
 
 std::string variable(const char* name) {
@@ -134,7 +134,7 @@ void StandIn::enable() {
   device_.enable();
 }
 
-/// From now on the handle moves.
+/// Lets the handle move from now on.
 void StandIn::begin() {
   if (!has_begun_) device_.align(device_.read()->X_WD);
   has_begun_ = true;

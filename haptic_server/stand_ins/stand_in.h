@@ -93,7 +93,7 @@ class StandIn {
   /// begins with the first time; until then the handle rests.
   void enable();
   void disable();
-  /// Motors off by themselves if no command comes for so long, s; 0: never.
+  /// Takes the motors off by itself if no command comes for that long, s; 0: never.
   void set_watchdog(double time);
 
   bool has(StandInFault fault) const noexcept {
@@ -122,12 +122,12 @@ class StandIn {
   std::string pending_;  ///< The beginning of an order.
   std::atomic<std::uint32_t> faults_ = 0;
 
-  std::mutex mutex_;  ///< Of all below, and of the device.
+  std::mutex mutex_;  ///< Guards all below, and the device.
   Clock::time_point now_ = Clock::now();
   std::array<server::DeviceState, kHistory> history_;
   std::uint64_t steps_ = 0;
   server::DeviceState shown_;  ///< What was seen last.
-  std::minstd_rand noise_;     ///< Of kNoisy.
+  std::minstd_rand noise_;     ///< Noise of kNoisy.
   Wrench command_ = Wrench::Zero();
   Clock::time_point commanded_ = now_;
   Clock::duration watchdog_{0};

@@ -16,7 +16,7 @@ static_assert(kTagSize == crypto_aead_chacha20poly1305_ietf_ABYTES);
 static_assert(kHashSize == crypto_generichash_BYTES_MAX);
 
 constexpr std::string_view kName = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2b";
-constexpr std::size_t kBlockSize = 128;  // Of BLAKE2b, bytes.
+constexpr std::size_t kBlockSize = 128;  // Block size of BLAKE2b, bytes.
 
 using Hash = std::array<std::byte, kHashSize>;
 using SecretHash = Secret<kHashSize>;

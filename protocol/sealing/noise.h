@@ -15,8 +15,8 @@
 
 namespace hlm::protocol::noise {
 
-inline constexpr std::size_t kKeySize = 32;   ///< Of a key, a public key and a secret one, bytes.
-inline constexpr std::size_t kTagSize = 16;   ///< By which a sealed text is longer, bytes.
+inline constexpr std::size_t kKeySize = 32;   ///< Size of a public key and a secret one, bytes.
+inline constexpr std::size_t kTagSize = 16;   ///< Bytes by which a sealed text is longer.
 inline constexpr std::size_t kHashSize = 64;  ///< Bytes.
 /// Noise keeps the largest nonce for itself (5.1): the last with which a text may be sealed.
 inline constexpr std::uint64_t kLastNonce = UINT64_MAX - 1;
@@ -43,7 +43,7 @@ struct KeyPair {
   Key secret_key;
   PublicKey public_key{};
 };
-/// From the system's random source.
+/// A key pair from the system's random source.
 KeyPair random_key_pair() noexcept;
 KeyPair key_pair_of(const Key& secret_key) noexcept;
 
@@ -55,7 +55,7 @@ void seal(const Key& key, std::uint64_t nonce, Bytes text, MutableBytes sealed) 
 [[nodiscard]] bool open(const Key& key, std::uint64_t nonce, Bytes sealed,
                         MutableBytes text) noexcept;
 
-/// Of the two directions.
+/// The keys of the two directions.
 struct TransportKeys {
   Key from_initiator;
   Key from_responder;
@@ -100,7 +100,7 @@ class Handshake {
   std::array<std::byte, kHashSize> hash_{};
   Key key_;
   Key ephemeral_;          ///< The initiator's own, until the second message.
-  PublicKey initiator_{};  ///< Its public key, for the responder.
+  PublicKey initiator_{};  ///< Public key of the initiator, for the responder.
 };
 
 }  // namespace hlm::protocol::noise

@@ -18,7 +18,7 @@ enum class PacketType : std::uint8_t {
   kSealed = 3,      ///< Either way: a datagram of the protocol, sealed.
 };
 
-/// Of the handshake: what both sides must mean.
+/// Prologue of the handshake: what both sides must mean.
 inline constexpr std::string_view kPrologue = "haptic local model, sealing 1";
 
 /// The receiver's number for a channel, drawn at random, never 0.

@@ -11,7 +11,7 @@
 
 namespace hlm::protocol {
 
-/// Its keys go with it. Nothing here waits, allocates or throws.
+/// The channel's keys go with it. Nothing here waits, allocates or throws.
 class SealedChannel {
  public:
   struct Keys {

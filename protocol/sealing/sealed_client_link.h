@@ -21,7 +21,7 @@ class SealedClientLink final : public DatagramLink {
  public:
   /// A first message is repeated after this long, s.
   static constexpr double kRepetitionPeriod = 0.05;
-  /// A server that has not answered for this long although it was spoken to is asked anew, with
+  /// A server that has not answered for this long although it was spoken to is asked again, with
   /// other numbers, s: it may have been restarted.
   static constexpr double kPatience = 0.5;
 

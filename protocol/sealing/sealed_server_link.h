@@ -20,7 +20,7 @@ namespace hlm::protocol {
 /// Opens what comes over `link` and seals what is sent. It gives Datagram::peer a `channel`, which
 /// tells two handshakes from one address apart. There is room for two channels that have proved
 /// that they hold the key, by a datagram that opened, and for one that has not: one of the two is
-/// that of the session (keep), the other is the newest to ask for it.
+/// that of the session (keep), the other is the latest to ask for it.
 class SealedServerLink final : public DatagramLink {
  public:
   /// Handshakes that are answered, a second: each takes some 100 µs of a tick, for its

@@ -14,7 +14,7 @@ namespace hlm::protocol {
 namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
-/// As tcpdump's; a packet is never cut.
+/// Snapshot length as tcpdump's; a packet is never cut.
 constexpr int kSnapshotLength = 262'144;
 
 /// Latest stamp, s since the epoch: in the year 2262, the last of which the nanoseconds are a
@@ -56,7 +56,7 @@ void CaptureWriter::write(std::int64_t time_ns, const Endpoint& from, const Endp
 
   pcap_pkthdr record{};
   record.ts.tv_sec = time_ns / kNanosecondsPerSecond;
-  record.ts.tv_usec = time_ns % kNanosecondsPerSecond;  // In nanoseconds, as the file says.
+  record.ts.tv_usec = time_ns % kNanosecondsPerSecond;  // Nanoseconds, as the file says.
   record.caplen = record.len = static_cast<bpf_u_int32>(packet.size());
   pcap_dump(reinterpret_cast<u_char*>(file_.get()), &record,
             reinterpret_cast<const u_char*>(packet.data()));
@@ -109,7 +109,7 @@ std::optional<CapturedDatagram> CaptureReader::next() {
     return datagram;
   }
   if (status == PCAP_ERROR_BREAK) return {};
-  // Its writer was interrupted: the file ends within a packet.
+  // The writer was interrupted: the file ends within a packet.
   if (std::feof(pcap_file(file_.get())) != 0) {
     ++skipped_;
     return {};

@@ -17,7 +17,7 @@ struct pcap_dumper;
 namespace hlm::protocol {
 
 struct CapturedDatagram {
-  std::int64_t time_ns = 0;  ///< Since the epoch, ns, >= 0.
+  std::int64_t time_ns = 0;  ///< Time since the epoch, ns, >= 0.
   Endpoint from;
   Endpoint to;
   /// UDP payload; empty, as from DatagramLink::receive, if it was longer than kMaxDatagram.

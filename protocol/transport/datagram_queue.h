@@ -1,4 +1,4 @@
-// Datagrams under way: each is due at a time of its own.
+// Datagrams under way: each must come out at its own time.
 #pragma once
 
 #include <algorithm>
@@ -9,10 +9,10 @@
 
 namespace hlm::protocol {
 
-/// In the order of their times, and of arrival where these are equal.
+/// The datagrams in the order of their times, and of arrival where these are equal.
 class DatagramQueue {
  public:
-  /// Room for so many without allocation.
+  /// Room for this many without allocation.
   void reserve(std::size_t count) { waiting_.reserve(count); }
 
   void hold(double due, const Datagram& datagram) {
@@ -22,12 +22,12 @@ class DatagramQueue {
     waiting_.insert(later, Waiting{due, datagram});
   }
 
-  /// Whether one is due at `now` (s, on the clock of the times held).
+  /// Whether one must come out at `now` (s, on the clock of the times held).
   bool has_due(double now) const noexcept {
     return !waiting_.empty() && waiting_.front().due <= now;
   }
 
-  /// The first that is due, into `datagram`; false if there is none.
+  /// Puts the first that must come out into `datagram`; false if there is none.
   bool take(double now, Datagram& datagram) noexcept {
     if (!has_due(now)) return false;
     datagram = waiting_.front().datagram;

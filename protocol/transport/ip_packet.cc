@@ -14,8 +14,8 @@ using Bytes = std::span<const std::byte>;
 
 constexpr std::size_t kIpHeaderSize = 20;
 constexpr std::size_t kUdpHeaderSize = 8;
-constexpr std::size_t kChecksumOffset = 10;     // In the IPv4 header.
-constexpr std::size_t kAddressesOffset = 12;    // In the IPv4 header.
+constexpr std::size_t kChecksumOffset = 10;     // Offset in the IPv4 header.
+constexpr std::size_t kAddressesOffset = 12;    // Offset in the IPv4 header.
 constexpr std::size_t kUdpChecksumOffset = 26;  // Behind an IPv4 header without options.
 constexpr std::uint8_t kVersion4 = 4;
 constexpr std::uint8_t kUdpProtocol = 17;
@@ -109,7 +109,7 @@ bool is_loopback(int link_type) { return link_type == DLT_NULL || link_type == D
 
 std::optional<Bytes> find_behind_ether_type(const FrameLayout& layout, Bytes frame) {
   constexpr std::size_t kVlanTagSize = 4;
-  constexpr std::size_t kInnerTypeOffset = 2;  // In the tag: its own number, then the next type.
+  constexpr std::size_t kInnerTypeOffset = 2;  // Offset in the tag: its number, then the type.
   if (frame.size() < layout.header_size) return {};
   std::uint16_t ether_type = load_u16(frame, layout.protocol_offset);
   Bytes rest = frame.subspan(layout.header_size);
@@ -127,7 +127,7 @@ std::optional<Bytes> find_behind_address_family(Bytes frame) {
   constexpr std::uint32_t kIpv4 = 2;
   if (frame.size() < kHeaderSize) return {};
   const std::uint32_t family = load_u32(frame, 0);
-  // In the byte order of the machine that captured, whichever that was.
+  // The byte order is that of the machine that captured, whichever that was.
   if (family != kIpv4 && boost::endian::endian_reverse(family) != kIpv4) return {};
   return frame.subspan(kHeaderSize);
 }

@@ -36,7 +36,7 @@ void RecordingLink::note(std::span<const std::byte> bytes) noexcept {
 
 void RecordingLink::record(const Endpoint& from, const Endpoint& to,
                            std::span<const std::byte> bytes) noexcept {
-  // From pointers the bytes are copied as a block; from the span's iterators one by one.
+  // Pointers let the bytes be copied as a block; the span's iterators copy them one by one.
   const CapturedDatagram datagram{
       .time_ns = clock_(),
       .from = from,

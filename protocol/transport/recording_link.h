@@ -21,7 +21,7 @@ std::int64_t wall_clock_ns() noexcept;
 /// and sends, as on any link; another may drain the ring at the same time.
 class RecordingLink final : public DatagramLink {
  public:
-  /// Of received datagrams; more than a server takes in one tick are not listed.
+  /// Channels of received datagrams; more than a server takes in one tick are not listed.
   using Channels = StaticVector<std::uint32_t, 64>;
   /// Datagrams the ring holds by default, 20 MB: a quarter of a second of the worst flood that a
   /// session takes, 64 datagrams a tick. A shorter ring must be drained more often.

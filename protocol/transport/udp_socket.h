@@ -43,7 +43,7 @@ bool is_loopback(const Endpoint& endpoint) noexcept;
 /// Whether the endpoint's address is one of this machine.
 bool is_own_address(const Endpoint& endpoint);
 
-/// For example "127.0.0.1:47800".
+/// The endpoint as text, for example "127.0.0.1:47800".
 std::string to_string(const Endpoint& endpoint);
 
 }  // namespace hlm::protocol

@@ -10,9 +10,9 @@ namespace {
 /// identities of faces with a common border would change with rounding.
 constexpr double kOnBorder = 1e-6;
 /// Edges with a smaller sine between them, rad, touch along a line: the ends of 0.1 m then part by
-/// 0.1 mm. Larger values put more of the environment's points beside its edge, by that much.
+/// 0.1 mm. Larger values put more of the environment's points next to its edge, by that much.
 constexpr double kParallelEdges = 1e-3;
-/// The same of edges that are swept by spheres: there a place beside the edge differs little, by
+/// The same for edges that are swept by spheres: a place next to the edge differs little there, by
 /// 0.1 mm at the ends of 0.1 m and 20 mm radius. With less, such a pair rocks on one contact.
 constexpr double kParallelRoundEdges = 25e-3;
 
@@ -124,8 +124,8 @@ void keep_most_spread(Opposites& points) {
 /// An edge with a coordinate along a direction.
 struct Span {
   const Patch& patch;
-  double u_first;  ///< Of the first corner, m; not always the smaller one.
-  double u_last;   ///< Of the last corner, m.
+  double u_first;  ///< Coordinate of the first corner, m; not always the smaller one.
+  double u_last;   ///< Coordinate of the last corner, m.
 
   Span(const Patch& edge, const Vector3& along)
       : patch(edge), u_first(edge.corners[0].p.dot(along)), u_last(edge.corners[1].p.dot(along)) {}

@@ -8,10 +8,10 @@ namespace hlm::ve {
 
 /// A corner of the overlap of two patches: a point of each, on one line along the normal.
 struct Opposite {
-  Vector3 p_first = Vector3::Zero();   ///< On the first patch, m.
-  Vector3 p_second = Vector3::Zero();  ///< On the second patch, m.
+  Vector3 p_first = Vector3::Zero();   ///< Point on the first patch, m.
+  Vector3 p_second = Vector3::Zero();  ///< Point on the second patch, m.
   Feature first;                       ///< The feature of the first patch that is met there.
-  Feature second;                      ///< That of the second.
+  Feature second;                      ///< Feature of the second.
 };
 /// Most corners of an overlap that are given: of two round faces a part spread over them.
 inline constexpr std::size_t kMaxOpposites = 24;

@@ -24,13 +24,13 @@ constexpr std::uint16_t kRimVertices = 8;
 static_assert(kRimVertices <= kMaxFaceCorners);
 
 /// Features of a cylinder beyond those of its two polygons.
-constexpr std::uint16_t kLineVertices = 2 * kRimVertices;  ///< Of the -z end; the +z end follows.
+constexpr std::uint16_t kLineVertices = 2 * kRimVertices;  ///< First at -z; the +z end follows.
 constexpr std::uint16_t kLine = 2 * kRimVertices;          ///< Line of contact, as an edge.
 constexpr std::uint16_t kRims = 2 * kRimVertices + 1;      ///< The -z rim; the +z rim follows.
 
-/// Up to so many vertices all axes of a hull are tried.
+/// All axes of a hull are tried up to this number of vertices.
 constexpr std::size_t kFewVertices = 6;
-/// Hulls with at least so many vertices find their support by climbing from vertex to neighbour,
+/// Hulls with at least this many vertices find their support by climbing from vertex to neighbour,
 /// starting at the farthest of the first kClimbStarts. With fewer, looking at all is faster.
 constexpr std::size_t kClimbFrom = 128;
 constexpr std::size_t kClimbStarts = 16;

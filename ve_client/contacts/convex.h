@@ -28,7 +28,7 @@ struct Patch {
   };
   StaticVector<Corner, kMaxFaceCorners> corners;
   Feature feature;                    ///< The face, edge or vertex itself.
-  Vector3 normal = Vector3::UnitZ();  ///< Of a face: outward, unit, frame of the shape.
+  Vector3 normal = Vector3::UnitZ();  ///< Normal of a face: outward, unit, frame of the shape.
   bool round = false;                 ///< Whether a sphere sweeps it.
 
   bool is_face() const noexcept { return corners.size() != 1 && corners.size() != 2; }
@@ -83,7 +83,7 @@ class Convex {
   /// The face whose normal is nearest `direction` (unit); for a capsule its edge, for a sphere its
   /// vertex, for the lateral surface of a cylinder its line.
   Patch facing(const Vector3& direction) const;
-  /// Of the edges at the support point along `direction` (unit) the one most nearly perpendicular
+  /// The edge at the support point along `direction` (unit) that is most nearly perpendicular
   /// to it; the vertex if there is no edge.
   Patch edge_facing(const Vector3& direction) const;
   /// The smallest feature that contains the point p of the core's surface, to within a micrometre.
@@ -138,10 +138,10 @@ class Convex {
   std::vector<Vector3> vertices_;
   std::vector<Edge> edges_;
   std::vector<Face> faces_;
-  std::vector<Vector3> face_normals_;  ///< As faces_.
+  std::vector<Vector3> face_normals_;  ///< Normals in the order of faces_.
   std::vector<Vector3> edge_directions_;
-  std::vector<std::vector<std::uint16_t>> edges_of_;  ///< As vertices_, if kind_ is kHull.
-  /// Of a hull of kClimbFrom vertices or more: the neighbours of vertex i are those from
+  std::vector<std::vector<std::uint16_t>> edges_of_;  ///< Edges by vertex, if kind_ is kHull.
+  /// In a hull of kClimbFrom vertices or more, the neighbours of vertex i are those from
   /// first_neighbour_[i] to first_neighbour_[i + 1].
   std::vector<std::uint16_t> neighbours_;
   std::vector<std::uint32_t> first_neighbour_;

@@ -27,7 +27,7 @@ struct CorePair {
   Vector3 body_support(const Vector3& direction) const noexcept { return body.support(direction); }
 
   /// Gap between the cores as seen along the unit normal n_B, m, negative if they overlap there.
-  /// For no normal is it larger than the cores' signed distance; for one it is equal to that.
+  /// No normal has one larger than the cores' signed distance; one normal has one equal to that.
   double gap(const Vector3& n_B) const noexcept {
     return n_B.dot(tool_support(-n_B) - body_support(n_B));
   }
@@ -52,7 +52,7 @@ void for_each_edge_axis(const CorePair& pair, const Use& use) {
   }
 }
 
-/// Likewise with these and all unit normals of faces. Among them is every face normal of the
+/// Uses these and all unit normals of faces. Among them is every face normal of the
 /// Minkowski difference of two polytopes that are no hulls, and no gap is larger than the signed
 /// distance; which pairs of edges make a face need not be known.
 template <class Use>

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kMaxPoints = 1024;
 constexpr std::size_t kMaxFaces = 2 * kMaxPoints;
 /// A point this far under the plane of a face, m, counts as above it: faces that it would lie in
-/// are made anew, so that none becomes a sliver along a line. Rounding, many times over.
+/// are made again, so that none becomes a sliver along a line. Rounding, many times over.
 constexpr double kInPlane = 1e-13;
 /// A thinner Minkowski difference, m, is flat.
 constexpr double kFlat = 1e-9;
@@ -27,7 +27,7 @@ using Index = std::uint16_t;
 
 struct Face {
   Vector3 u;      ///< Unit, outward.
-  double offset;  ///< Of its plane along u, m.
+  double offset;  ///< Offset of the face's plane along u, m.
   std::array<Index, 3> corners;
 };
 

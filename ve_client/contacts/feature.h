@@ -30,21 +30,21 @@ struct Feature {
   }
 };
 
-/// Whose flat face a contact lies on, by its features on side a and side b.
+/// The side whose flat face a contact lies on, by its features on side a and side b.
 constexpr PlaneOwner plane_of(const Feature& a, const Feature& b) noexcept {
   return a.kind == FeatureKind::kFace && b.kind != FeatureKind::kFace ? PlaneOwner::kA
                                                                       : PlaneOwner::kB;
 }
 
-/// In ContactKey::face: the tool is over no piece of a surface there, but beside the one of the
+/// In ContactKey::face: the tool is over no piece of a surface there, but next to the one of the
 /// pair. Each such piece has a contact of its own: only its other axes tell whether the tool is
-/// still beside it.
+/// still next to it.
 inline constexpr std::uint32_t kBeside = std::uint32_t{1} << 30;
 
 /// The feature pair of a contact. It is the same from frame to frame, whichever of the two bodies a
 /// collision detector takes as its reference.
 struct ContactKey {
-  /// Whom the normal points to: a link of the tool, or a body by its index in the world.
+  /// The side that the normal points to: a link of the tool, or a body by its index in the world.
   ContactSide a{SideKind::kToolLink, 0};
   Feature a_feature;
   ContactSide b;  ///< A body by its index in the world, or a link of the tool.
@@ -69,18 +69,18 @@ struct FoundContact {
   Vector3 v_WC = Vector3::Zero();  ///< Velocity of b's point, world, m/s.
   double friction = -1;            ///< μ of the two materials; negative: neither says.
   double load = 0;                 ///< Present normal force of a contact without the tool, N.
-  std::uint32_t pair = 0;          ///< Of the two pieces that it was found of (pair_of).
+  std::uint32_t pair = 0;          ///< Pair of the two pieces for which it was found (pair_of).
   std::uint16_t axis = 0;          ///< Which axis of its pair it is on; 0 is the best.
   PlaneOwner plane = PlaneOwner::kB;
 };
 
-/// Whether both are of one pair, or neither is beside its piece: else they are not the same however
+/// Whether both are of one pair, or neither is next to its piece: else they differ however
 /// near they are.
 inline bool may_be_same(const FoundContact& x, const FoundContact& y) noexcept {
   return x.pair == y.pair || ((x.key.face | y.key.face) & kBeside) == 0;
 }
 
-/// As they are reported to the server; at most kMaxContacts.
+/// The contacts as they are reported to the server; at most kMaxContacts.
 ReportedContacts reports_of(std::span<const FoundContact> contacts) noexcept;
 
 }  // namespace hlm::ve

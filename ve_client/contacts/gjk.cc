@@ -72,7 +72,7 @@ bool find_foot(const Simplex& simplex, Part& part) {
 struct Nearest {
   Part part;
   Vector3 v = Vector3::Zero();  ///< That point; the origin itself if the simplex contains it.
-  double square = std::numeric_limits<double>::infinity();  ///< Of its distance, m².
+  double square = std::numeric_limits<double>::infinity();  ///< Square of its distance, m².
 };
 
 /// Whether no point of the simplex is nearer the origin than the plane through the part's nearest
@@ -84,7 +84,7 @@ bool is_nearest_of_all(const Simplex& simplex, unsigned others, const Vector3& v
   return true;
 }
 
-/// Tries the parts of the simplex that contain its newest (last) point, for after a support step
+/// Tries the parts of the simplex that contain its last point, for after a support step
 /// the nearest point lies on one of them: those first that it mostly lies on.
 Nearest nearest_to_origin(const Simplex& simplex) {
   Nearest best;

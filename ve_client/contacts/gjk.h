@@ -25,14 +25,14 @@ struct ClosestPoints {
   double lower = 0;                  ///< Gap along n_B, m.
   double upper = 0;                  ///< Distance of the two points, m; 0 if the cores overlap.
   Vector3 n_B = Vector3::Zero();     ///< Unit, body to tool.
-  Vector3 p_tool = Vector3::Zero();  ///< On the tool's core, in B, m.
-  Vector3 p_body = Vector3::Zero();  ///< On the body's core, in B, m.
+  Vector3 p_tool = Vector3::Zero();  ///< Point on the tool's core, in B, m.
+  Vector3 p_body = Vector3::Zero();  ///< Point on the body's core, in B, m.
 };
 
 /// Gilbert, Johnson and Keerthi's algorithm. `beyond`, m, >= 0: stops early once the cores are
 /// known to be farther apart. Bounded; never allocates. Neither shape may be a half-space.
 ClosestPoints closest_points(const CorePair& pair, double beyond) noexcept;
-/// Likewise, beginning in the direction v, not 0, from the body to the tool.
+/// The same, beginning in the direction v, not 0, from the body to the tool.
 ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noexcept;
 
 /// The nearest points once the tool has been moved along the unit normal n_B until the gap there,

@@ -21,7 +21,7 @@ struct HullFaces {
   std::vector<std::vector<std::uint16_t>> loops;
   /// Outward unit normals, as `loops`.
   std::vector<Vector3> normals;
-  /// Of each vertex, those that share an edge of the hull's triangulation with it.
+  /// The vertices that share an edge of the hull's triangulation with each vertex.
   std::vector<std::vector<std::uint16_t>> neighbours;
 };
 

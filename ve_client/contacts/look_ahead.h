@@ -11,7 +11,7 @@ inline constexpr std::size_t kMostLooks = 6;
 
 /// The shapes after a part of the tool's way.
 struct Look {
-  double share;               ///< Of the way, 0 to 1.
+  double share;               ///< Share of the way, 0 to 1.
   CoreSeparation separation;  ///< There.
 };
 using Looks = StaticVector<Look, kMostLooks + 1>;

@@ -350,7 +350,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   if (!separation) return manifold;
   const double margins = tool.margin() + body.margin();
   Axes kept;
-  Axes bearing;  // Of these.
+  Axes bearing;  // Axes of these that are meant to carry load.
   std::uint16_t count = 0;
   std::size_t room = kMaxAxesPoints;
   const auto add = [&](const Axis& axis, const FeaturePairs& pairs, bool bears = true) {

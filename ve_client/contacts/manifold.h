@@ -14,7 +14,7 @@ namespace hlm::ve {
 struct ManifoldPoint {
   Feature tool_feature;  ///< `shape` is left 0 for the caller.
   Feature body_feature;
-  Vector3 p_WC = Vector3::Zero();  ///< On the environment's surface, world, m.
+  Vector3 p_WC = Vector3::Zero();  ///< Point on the environment's surface, world, m.
   Vector3 n_W = Vector3::UnitZ();  ///< Unit, environment to tool.
   double separation = 0;           ///< True separation σ, m.
   std::uint16_t axis = 0;          ///< Which axis of the pair it is on; 0 is the best.
@@ -46,11 +46,11 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
                        double epsilon, ProximityStatistics& statistics,
                        const std::optional<Vector3>& before_B = {});
 
-/// Likewise on all axes that can become the best while the tool moves by no more than epsilon: two
+/// Contacts on all axes that can become the best while the tool moves by no more than epsilon: two
 /// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is
 /// its gap: so on an axis with none over a face they are the shapes' outermost points, also beyond
-/// the face's border. An axis less than kOneAxis from a former one that is meant to bear is not
-/// meant to: of such only normals of the body's faces are listed, which tell whether the shapes are
+/// the face's border. An axis less than kOneAxis from a former one that is meant to carry is not
+/// meant to: of such, only normals of the body's faces are listed; they tell whether the shapes are
 /// apart as the tool turns.
 ///
 /// The normals of curved shapes, and of the edges of hulls, turn as the tool moves. With

@@ -19,8 +19,8 @@ constexpr double kAdvantage = 1e-9;
 /// Difference, m, between the bounds of the expanding polytope at which curved cores are done: half
 /// of what is believed. Less takes more points.
 constexpr double kCurvedTolerance = kAccuracy / 2;
-/// Where the expanding polytope starts, one attempt each, beside the line between the origins. From
-/// some directions a symmetrical pair yields slivers.
+/// Where the expanding polytope starts, one attempt each, next to the line between the origins.
+/// Some directions make a symmetrical pair yield slivers.
 const std::array<Vector3, 2> kBeside = {Vector3(0.036, 0.048, 0.08), Vector3(0.048, -0.06, 0.064)};
 
 /// Keeps the normal with the largest gap.
@@ -64,8 +64,8 @@ void consider_perpendiculars(const CorePair& pair, BestNormal& best) {
   best.consider(Vector3::UnitZ());
 }
 
-/// From a normal to better ones near it, as far as they get better: between faces and edges of
-/// hulls that are not listed.
+/// Climbs from a normal to better ones near it, as far as they get better: between faces and edges
+/// of hulls that are not listed.
 void consider_climb(const CorePair& pair, const Vector3& before_B, BestNormal& best) {
   constexpr int kSteps = 8;
   best.consider(before_B);

@@ -136,7 +136,7 @@ bool ContactSelection::was_selected(const FoundContact& contact) const {
   return std::ranges::binary_search(selected_, contact, by_key);
 }
 
-/// Its separation, m, for comparing with others.
+/// The contact's separation, m, for comparing with others.
 double ContactSelection::rank(const FoundContact& contact) const {
   return contact.separation - (was_selected(contact) ? kConstancy : 0);
 }

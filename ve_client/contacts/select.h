@@ -24,11 +24,11 @@ class ContactSelection {
   /// the extent of all contacts if that is less, and have normals within 0.1 rad are a cluster: the
   /// one of the smallest separation stands for it. If there are still too many, of each face of the
   /// tool that touches, that is of each normal, the deepest and the outermost ones stay, so that
-  /// the tool can neither sink nor tilt. Of the others the smallest separations stay, and of those
+  /// the tool can neither sink nor tilt. Of the others, the smallest separations stay, and of those
   /// that differ by less than a millimetre the ones that lie farthest apart.
   ///
   /// `planar_normal_W`: unit normal of the plane of motion of a planar tool, none for other tools.
-  /// For such a tool a contact whose normal is that of the plane constrains nothing and is left
+  /// A contact of such a tool whose normal is that of the plane constrains nothing and is left
   /// out, and contacts of one link with one body that are equal except for a shift along the
   /// plane's normal are one constraint: the one with the smallest key stays.
   std::span<const FoundContact> select(std::span<const FoundContact> candidates,

@@ -9,8 +9,8 @@ namespace hlm::ve {
 namespace {
 
 struct Pair {
-  std::vector<FoundContact> best;                               ///< On its best axis.
-  std::vector<FoundContact> others;                             ///< On the other ones.
+  std::vector<FoundContact> best;    ///< Contacts on the pair's best axis.
+  std::vector<FoundContact> others;  ///< Contacts on its other axes.
   double separation = std::numeric_limits<double>::infinity();  ///< m.
 };
 

@@ -11,7 +11,7 @@ CoreSeparation separation_from_half_space(const CorePair& pair) {
   return {height, height, n, {}};
 }
 
-/// Of curved cores a few micrometres apart, where rounding stopped the search early.
+/// The separation of curved cores a few micrometres apart, where rounding stopped the search early.
 CoreSeparation made_exact(const CorePair& pair, const ClosestPoints& nearest) {
   const Vector3 n = closest_points_moved_apart(pair, nearest.n_B, nearest.lower).n_B;
   const double gap = pair.gap(n);

@@ -13,8 +13,8 @@ inline constexpr double kAccuracy = 1e-6;
 
 /// Points of the two cores that realise a separation, p_tool - p_body = gap n_B.
 struct Witness {
-  Vector3 p_tool = Vector3::Zero();  ///< In B, m.
-  Vector3 p_body = Vector3::Zero();  ///< In B, m.
+  Vector3 p_tool = Vector3::Zero();  ///< Point on the tool in B, m.
+  Vector3 p_body = Vector3::Zero();  ///< Point on the body in B, m.
 };
 
 /// Signed distance of the cores along its normal. Invariant: gap == CorePair::gap(n_B), and no

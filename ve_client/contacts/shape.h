@@ -15,7 +15,7 @@ struct Sphere {
 /// Along z of its frame, centred.
 struct Capsule {
   double radius = 0;  ///< m, > 0.
-  double length = 0;  ///< Of the cylindrical part, m, > 0.
+  double length = 0;  ///< Length of the cylindrical part, m, > 0.
 };
 /// Along z of its frame, centred.
 struct Cylinder {

@@ -37,7 +37,7 @@ export function troubleOf(link, frame, now) {
   if (frame.server === 'fault') {
     return { kind: 'fault', text: `Fault ${frame.fault}: ${frame.cause}. ${sentence(frame.remedy)}, then press Reset.` };
   }
-  // In the state arming a client has had no time yet to send anything.
+  // A client in the state arming has had no time yet to send anything.
   if (frame.server === 'fading' || frame.fade === 'contacts_old' || frame.fade === 'updates_invalid') {
     return { kind: 'fading', text: `haptic_server gives no force: ${frame.cause}. ${sentence(frame.remedy)}.` };
   }

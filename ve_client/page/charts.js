@@ -101,7 +101,7 @@ export class Charts {
     if (this.held) this.scrollTo((this.held.next - this.end) / this.held.rate + seconds);
   }
 
-  /** Draws a few of the charts that can be seen and are due; rarer where the page is slow. */
+  /** Draws a few of the charts that can be seen and must be drawn; rarer where the page is slow. */
   redraw(now, fps) {
     if (!this.live || !this.live.received) return;
     const pause = this.held ? Infinity : this.#pauseBetween(fps);
@@ -208,7 +208,7 @@ class Strip {
     return heading;
   }
 
-  /** The values under the pointer, or else the newest shown. */
+  /** The values under the pointer, or else the latest shown. */
   #showValues(now = performance.now()) {
     this.valuesAt = now;
     const { data, cursor } = this.plot;

@@ -57,7 +57,7 @@ export function showLegend(scene, frame) {
   byId('arrow-scale').textContent = `${Number(force.toPrecision(1))} N`;
 }
 
-/** The hand's force beside the middle of the spring; where this page holds nothing, a hint at the handle. */
+/** The hand's force next to the middle of the spring; where this page holds nothing, a hint at the handle. */
 export function showSpring(scene, hand, label, hint) {
   const { frame, live } = scene;
   const another = live && hand.heldByAnother;
@@ -85,7 +85,7 @@ function moveTo(element, scene, point, dx, dy) {
   element.style.transform = `translate(${left}px, ${top}px)`;
 }
 
-/** The newest flight recording of haptic_server, where it can be had from here. */
+/** The latest flight recording of haptic_server, where it can be had from here. */
 export function showRecording(link, name) {
   link.hidden = !name;
   link.title = `The last 10 s of every tick before a fault or SIGUSR1: ${name}`;

@@ -14,7 +14,7 @@ export function fixed(value) {
   return value.toFixed(2).replace('-0.00', '0.00');
 }
 
-/** As a person would type it: three significant digits, nothing superfluous. */
+/** The value as a person would type it: three significant digits, nothing superfluous. */
 export const typed = (value) => String(Number(value.toPrecision(4)));
 
 /** Magnitude of the three components of `vector` that begin at `first`. */

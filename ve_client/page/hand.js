@@ -149,7 +149,7 @@ export class Hand {
 
   #listenToPointer() {
     const { surface } = this;
-    // In the capture phase: what the hand takes must not orbit the camera.
+    // The capture phase is used: what the hand takes must not orbit the camera.
     surface.addEventListener('pointerdown', (event) => this.#pointerDown(event), true);
     surface.addEventListener('pointermove', (event) => this.#pointerMove(event));
     for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) {

@@ -84,7 +84,7 @@ export class Contacts {
   }
 }
 
-/** At each side of a body that the tool presses, the force on the tool and its opposite on the body. */
+/** The force on the tool and its opposite on the body, at each side of a body that the tool presses. */
 export class ForcePairs {
   constructor(size) {
     this.size = size;

@@ -156,7 +156,7 @@ export class Scene {
     return { right, up: right.clone().cross(away), away };
   }
 
-  /** At the handle. */
+  /** Pixels for a metre at the handle. */
   pixelsPerMetre() {
     const at = new THREE.Vector3(...this.frame.device);
     const aside = new THREE.Vector3().setFromMatrixColumn(this.view.camera.matrixWorld, 0);
@@ -172,7 +172,7 @@ export class Scene {
              proxyVisible: Boolean(this.proxies?.some((proxy) => proxy.visible)) };
   }
 
-  /** On a pressed body, the largest, N. */
+  /** The largest force on a pressed body, N. */
   get forceOnBodies() {
     return this.pairs.largest;
   }
@@ -202,7 +202,7 @@ export class Scene {
     return object;
   }
 
-  /** Of very many bodies those near the tool are drawn, and what is infinite; each is made when it first is. */
+  /** Where there are very many bodies, those near the tool and infinite ones are drawn; each is made when it first is. */
   #showNear() {
     this.bodies.forEach((body, i) => {
       const near = this.tools.some((tool) => tool.position.distanceTo(body.position) < this.nearby);

@@ -16,7 +16,7 @@ export class TickStore {
     this.received = 0;
     this.lost = 0;
     this.oldest = 0;      // first step kept
-    this.next = 0;        // step after the newest
+    this.next = 0;        // step after the latest
     this.expecting = false;
     this.session = '';    // name of the present one
     this.begin = 0;       // its step 0

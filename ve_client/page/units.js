@@ -1,6 +1,6 @@
 // Units: what people type and read, and the SI values that are sent.
 
-// By SI unit: what one of each other unit is worth in it.
+// What one of each other unit is worth, by SI unit.
 const WORTH = {
   '': { '': 1, '%': 1e-2 },
   m: { m: 1, cm: 1e-2, mm: 1e-3, 'µm': 1e-6 },
@@ -32,5 +32,5 @@ export function parseQuantity(text, si, shown) {
 
 const worth = (unit, si) => (unit === si ? 1 : WORTH[si]?.[unit] ?? NaN);
 
-/** As units are compared: "N s/m" and "N·s/m" are the same, so are "us" and "µs". */
+/** A unit as units are compared: "N s/m" and "N·s/m" are the same, so are "us" and "µs". */
 const bare = (unit) => unit.replace(/[\s·*]/g, '').replace(/^[uμ](?=[ms])/, 'µ');

@@ -8,7 +8,7 @@ const CLIPPING_SHARE = 0.02; // of the ticks; fewer are a bump
 const FORCE_COLUMNS = ['F_env_x', 'F_env_y', 'F_env_z'];
 const CLIPPING_LIMITS = ['force', 'torque'];
 
-/** {kind, swings, clipped, ticks} of the newest ticks of `store`; `limits`: what the numbers of its
+/** {kind, swings, clipped, ticks} of the latest ticks of `store`; `limits`: what the numbers of its
  *  column `limit` mean. Null without ticks. */
 export function judge(store, limits) {
   const to = store.next;

@@ -1,4 +1,4 @@
-// From where the scene is seen: plan view (orthographic, from above) or 3-D (perspective).
+// Where the scene is seen from: plan view (orthographic, from above) or 3-D (perspective).
 
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
@@ -7,7 +7,7 @@ const MARGIN = 1.06;
 const HALF_FIELD = Math.tan(THREE.MathUtils.degToRad(20));  // of the shorter side, in 3-D
 
 export class View {
-  /** In planar worlds +z points away from the viewer, so that x points right and y down. */
+  /** A planar world's +z points away from the viewer, so that x points right and y down. */
   constructor(element, planar) {
     const above = planar ? -1 : 1;
     this.planar = planar;

@@ -20,7 +20,7 @@ class HostNames {
   bool is_host(std::string_view host) const;
   /// Whether an Origin header is http:// and one of the names.
   bool is_origin(std::string_view origin) const;
-  /// For example "localhost:8080, 127.0.0.1:8080".
+  /// The names as text, for example "localhost:8080, 127.0.0.1:8080".
   std::string list() const;
 
  private:

@@ -27,8 +27,8 @@ constexpr std::string_view kRecordingPath = "/recording";
 /// host with many cookies.
 constexpr std::uint32_t kMaxHeader = 8 * 1024;
 
-/// For a request to come, and for a file to be sent. Less closes idle connections that a browser
-/// would have used again; more lets stalled ones occupy their places for longer.
+/// Time for a request to come, and for a file to be sent. Less closes idle connections that a
+/// browser would have used again; more lets stalled ones occupy their places for longer.
 constexpr std::chrono::seconds kHttpTimeout{30};
 
 /// The page's import map is inline, so scripts need 'unsafe-inline'.

@@ -22,8 +22,8 @@ class LivePage final : public protocol::TelemetryObserver {
 
   std::uint16_t port() const noexcept { return server_.port(); }
 
-  /// Before a frame: grants the requests of pages in the order of arrival, and refuses settings out
-  /// of range with the range. Non-empty if the session has to begin anew, with the world as it was
+  /// Before a frame, grants the requests of pages in the order of arrival, and refuses settings out
+  /// of range with the range. Non-empty if the session has to begin again, with the world as it was
   /// at the start; the settings are then `at_start`, except those changed after the reset.
   /// A hold that its page does not repeat for kLease ends. now: a steady clock, s.
   std::optional<ResetRequest> take_requests(double now, LiveSettings& settings,
@@ -37,7 +37,7 @@ class LivePage final : public protocol::TelemetryObserver {
 
   /// The world as built, for all pages, now and later.
   void show_world(const WorldView& view);
-  /// After a frame. `view.state` may be null: the newest of the session is kept.
+  /// Shows a frame that has ended. `view.state` may be null: the latest of the session is kept.
   void show_frame(FrameView view);
   /// The session is over, or another began. Whoever held the hand has to grab it again.
   void forget_session();
@@ -57,14 +57,14 @@ class LivePage final : public protocol::TelemetryObserver {
 
   PageServer server_;
   std::vector<std::filesystem::path> recordings_;  ///< Where they may be.
-  std::string recording_;                          ///< Name of the newest; empty: none.
-  double looked_at_ = -1e9;                        ///< For recordings, s.
+  std::string recording_;                          ///< Name of the latest; empty: none.
+  double looked_at_ = -1e9;                        ///< Time of the latest look for recordings, s.
   WorldTraits world_;
   std::optional<SceneRequest> chosen_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   double held_at_ = 0;                         ///< When it last repeated the hold, s.
   Pose X_WTarget_;
-  std::optional<protocol::ProxyState> state_;  ///< Newest of the session.
+  std::optional<protocol::ProxyState> state_;  ///< Latest state of the session.
   std::optional<protocol::Reject> rejected_;   ///< The server's latest answer, if it was that.
   std::optional<protocol::LocalState> contacts_;
   TickBatch ticks_;

@@ -13,7 +13,7 @@ struct LiveSettings {
   FrameOptions frame;
   double rate = 60;  ///< Hz.
   NetworkConditions network;
-  Tuning tuning;  ///< Of the server.
+  Tuning tuning;  ///< Tuning of the server.
 };
 
 /// What was changed of one server's own tuning, changed of another's.

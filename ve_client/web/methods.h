@@ -6,7 +6,7 @@
 
 namespace hlm::ve {
 
-/// Whether a tool of so many links can have the controller.
+/// Whether a tool with this many links can have the controller.
 constexpr bool suits(ControllerKind kind, std::size_t links) noexcept {
   return links == 1 || !traits(kind).replaces_proxy;
 }

@@ -29,7 +29,7 @@ constexpr std::size_t kMaxBacklog = 2 * 1024 * 1024;
 /// What a waiting message counts besides its bytes, so that empty ones are bounded too, bytes.
 constexpr std::size_t kMessageOverhead = 64;
 
-/// For either handshake of a WebSocket.
+/// Time for either handshake of a WebSocket.
 constexpr std::chrono::seconds kHandshakeTimeout{10};
 
 /// A page that sends nothing, not even the answer to the ping after half this time, is gone.
@@ -53,8 +53,8 @@ class Page : public std::enable_shared_from_this<Page> {
 
  private:
   enum class State {
-    kHandshake,  ///< From start() until the handshake is sent.
-    kOpen,       ///< In the register; reads, and writes what waits. Ends with any error.
+    kHandshake,  ///< Time from start() until the handshake is sent.
+    kOpen,       ///< Registered; reads, and writes what waits. Ends with any error.
     kGone,       ///< Neither in the hub nor in the register; ends with the pending operations.
   };
 
@@ -63,7 +63,7 @@ class Page : public std::enable_shared_from_this<Page> {
   void on_read(error_code error);
   void write();
   void on_write(error_code error);
-  /// To kGone from any state.
+  /// Goes to kGone from any state.
   void leave();
   /// Leaves, and drops the connection with all that waits in it.
   void abort();

@@ -20,7 +20,7 @@ using HttpRequest = boost::beast::http::request<boost::beast::http::empty_body>;
 
 struct PageMessage {
   std::shared_ptr<const std::string> payload;
-  bool binary = false;  ///< For the pages whose telemetry is on.
+  bool binary = false;  ///< Sent only to the pages whose telemetry is on.
 };
 
 class Page;

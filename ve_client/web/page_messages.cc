@@ -149,8 +149,8 @@ std::string mismatch_of(const ToolModel& tool, const protocol::Welcome* welcome)
   return missing == 0 ? "" : describe_mismatch(missing);
 }
 
-/// What of the settings is in effect: the haptic server lowers a coupling that its device does not
-/// bear.
+/// The settings in effect: the haptic server lowers a coupling that its device does not
+/// support.
 Tuning in_effect(Tuning tuning, const protocol::ProxyState* state) {
   const ControllerTraits controller = traits(tuning.controller);
   const bool lowers_contacts = controller.uses_contacts && !controller.couples_translation;
@@ -195,7 +195,7 @@ json contacts_json(const protocol::LocalState* state) {
   return contacts;
 }
 
-/// Of a fault or a fade: what it is, and what a person can do.
+/// What caused a fault or a fade: what it is, and what a person can do.
 std::string_view cause_of(const protocol::ProxyState& state) {
   if (state.fault != Fault::kNone) return meaning_of(state.fault);
   return state.fade != Fade::kNone ? meaning_of(state.fade) : std::string_view();

@@ -29,14 +29,14 @@ std::string world_message(const WorldView& view);
 struct FrameView {
   const VirtualEnvironment& environment;
   const HapticClient& client;
-  const protocol::ProxyState* state = nullptr;  ///< Newest of the session, null before the first.
-  const protocol::LocalState* contacts = nullptr;  ///< Newest, null without telemetry.
+  const protocol::ProxyState* state = nullptr;     ///< Latest one of the session, null at first.
+  const protocol::LocalState* contacts = nullptr;  ///< Latest contacts, null without telemetry.
   const FrameResult& result;
   const LiveSettings& settings;
   bool held = false;  ///< A page holds the hand.
   /// Why the server gives no session; empty in one, and before it has said.
   std::optional<protocol::Reject> rejected{};
-  std::string recording{};  ///< Name of the newest flight recording; empty: none is known here.
+  std::string recording{};  ///< Name of the latest flight recording; empty: none is known here.
 };
 std::string frame_message(const FrameView& view);
 

@@ -46,7 +46,7 @@ class PageRegister {
 
  private:
   mutable std::mutex mutex_;
-  std::map<std::uint64_t, bool> open_;  ///< By page: whether its telemetry is on.
+  std::map<std::uint64_t, bool> open_;  ///< Pages by number: whether telemetry is on.
   std::vector<PageRequest> requests_;
   std::uint64_t dropped_ = 0;
 };

@@ -24,12 +24,12 @@ struct TelemetryRequest {
   bool on = false;
 };
 struct ResetRequest {
-  std::optional<std::string> start;  ///< Of the tool; none: the same as before.
+  std::optional<std::string> start;  ///< Start of the tool; none: the same as before.
 };
 /// Another world, to be played as when the client starts with it.
 struct SceneRequest {
   std::string name;        ///< One of WorldTraits::scenes.
-  std::uint64_t page = 0;  ///< Whose request it is.
+  std::uint64_t page = 0;  ///< Page that makes the request.
 };
 /// The request cannot be granted: the field at fault, its value and what is allowed.
 struct Refusal {
@@ -43,8 +43,8 @@ using ParsedRequest = std::variant<HandRequest, SettingsRequest, TelemetryReques
 
 /// What decides, of the world that is played, whether a request can be granted.
 struct WorldTraits {
-  std::size_t links = 1;            ///< Of its tool.
-  std::vector<std::string> starts;  ///< Where the tool may begin, beside where the world places it.
+  std::size_t links = 1;            ///< Links of the session's tool.
+  std::vector<std::string> starts;  ///< Starts of the tool besides the world's own place.
   std::vector<std::string> scenes;  ///< Worlds that may be played.
 };
 

@@ -31,7 +31,7 @@ constexpr int kSendBuffer = 256 * 1024;
 /// a further one is closed at once.
 constexpr long kMaxHttpConnections = 64;
 
-/// Until the next try when no connection can be accepted, usually for lack of file descriptors.
+/// Time until the next try when no connection can be accepted, usually for lack of descriptors.
 constexpr std::chrono::milliseconds kAcceptPause{100};
 
 std::string name(const PageServerOptions& options) {

@@ -28,7 +28,7 @@ struct PageServerOptions {
   std::string address = "127.0.0.1";
   std::uint16_t port = 8080;   ///< 0: any free port.
   std::filesystem::path root;  ///< Folder of the files; has an index.html.
-  /// Where flight recordings are looked for; the newest is served at /recording.
+  /// Where flight recordings are looked for; the latest is served at /recording.
   std::vector<std::filesystem::path> recordings = {};
   std::size_t max_pages = 4;  ///< WebSocket pages at once; further ones get status 503.
 };

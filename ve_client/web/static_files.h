@@ -9,7 +9,7 @@ namespace hlm::ve {
 
 struct StaticFile {
   std::filesystem::path path;     ///< Without symbolic links.
-  std::string_view content_type;  ///< With a charset where it is text.
+  std::string_view content_type;  ///< Type with a charset where it is text.
 };
 
 /// The file that the target of an HTTP request (from its slash on, with or without a query) names

@@ -24,7 +24,7 @@ class BroadPhase {
 
   using Meet = std::function<void(const CollisionId& first, const CollisionId& second)>;
 
-  /// From here on a body that is not fixed stands still or moves. Not from within a Meet.
+  /// Says that a body that is not fixed stands still or moves from here on. Not from within a Meet.
   void set_still(int body, bool still);
   /// All pairs of shapes that move.
   void for_moving_pairs(const Meet& meet) const;
@@ -43,9 +43,9 @@ class BroadPhase {
 
   Space moving_;
   Space still_;
-  Geometry query_box_;                            ///< In no space.
+  Geometry query_box_;                            ///< Query geometry, in no space.
   std::vector<CollisionId> ids_;                  ///< Each geometry points to its own.
-  std::vector<std::vector<dGeomID>> geometries_;  ///< Of each body that is not fixed.
+  std::vector<std::vector<dGeomID>> geometries_;  ///< Geometries of each body that is not fixed.
 };
 
 }  // namespace hlm::ve

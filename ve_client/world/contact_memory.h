@@ -17,7 +17,7 @@ class ContactMemory {
   /// What a contact carried in one step of the solver.
   struct Carried {
     double normal = 0;                   ///< N.
-    Vector3 friction = Vector3::Zero();  ///< On key.a, N.
+    Vector3 friction = Vector3::Zero();  ///< Friction on key.a, N.
   };
 
   /// A frame of `substeps` steps of the solver begins: loads are its means. Those between bodies
@@ -29,16 +29,16 @@ class ContactMemory {
   /// The present step is solved.
   void end_step();
 
-  /// In the latest step; zero if the contact was not there.
+  /// What it carried in the latest step; zero if the contact was not there.
   Carried latest(const ContactKey& key) const;
   /// Mean normal force of a contact in the frame, or in the latest one in which it moved, N.
   double load(const ContactKey& key) const;
-  /// Of all contacts of two bodies.
+  /// Load of all contacts of two bodies.
   double load(int body_a, int body_b) const;
 
  private:
   struct Acting {
-    ContactKey key;  ///< As ordered by ordered().
+    ContactKey key;  ///< Key as ordered by ordered().
     bool swapped;
     Vector3 n_W;
     dJointFeedback feedback;
@@ -46,11 +46,11 @@ class ContactMemory {
 
   struct Load {
     double mean = 0;     ///< N.
-    unsigned frame = 0;  ///< Of which it is.
+    unsigned frame = 0;  ///< Frame of the mean.
   };
 
   unsigned frame_ = 0;
-  double share_ = 1;  ///< Of one step in the means.
+  double share_ = 1;  ///< Weight of one step in the means.
   std::deque<Acting> acting_;
   std::map<ContactKey, Carried> latest_;
   std::map<ContactKey, Load> loads_;

@@ -17,8 +17,8 @@ enum class Verdict {
 /// Where something stands in a file.
 struct Place {
   std::string file;
-  int line = 0;         ///< From 1 on; 0: not known.
-  std::string element;  ///< With its ancestors that have names: "model 'a' link 'b'"; may be empty.
+  int line = 0;         ///< Line from 1 on; 0: not known.
+  std::string element;  ///< Element with its named ancestors: "model 'a' link 'b'"; may be empty.
 };
 
 /// "FILE:LINE: ELEMENT", without what is not known.
@@ -44,7 +44,7 @@ class Diagnostics {
   /// One finding for all with the same `what`.
   void ignore(const Place& place, const std::string& what);
 
-  /// In the order in which they were found first.
+  /// The findings in the order in which they were found first.
   const std::vector<Finding>& findings() const { return findings_; }
   int count(Verdict verdict) const;
   bool usable() const { return count(Verdict::kRefused) == 0; }

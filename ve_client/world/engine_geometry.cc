@@ -9,7 +9,7 @@ Eigen::AlignedBox3d bounds_of(const Hull& hull) {
   return box;
 }
 
-/// Of the pose only a plane takes anything.
+/// Creates the geometry; only a plane takes anything from the pose.
 dGeomID create(dSpaceID space, const Shape& shape, const Pose& X_WG) {
   struct Creator {
     dGeomID operator()(const Sphere& s) const { return dCreateSphere(space, s.radius); }

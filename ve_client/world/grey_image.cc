@@ -49,7 +49,7 @@ class PngFile {
     require_side("height", image.height, most_side);
     const bool coloured = (png_get_color_type(png, info) & PNG_COLOR_MASK_COLOR) != 0;
     call([=] {
-      constexpr int kAnyWeight = -1;  // Of the colours: they must be equal.
+      constexpr int kAnyWeight = -1;  // Weights of the colours: they must be equal.
       png_set_expand(png);
       png_set_strip_alpha(png);
       if (coloured) png_set_rgb_to_gray(png, PNG_ERROR_ACTION_NONE, kAnyWeight, kAnyWeight);
@@ -109,7 +109,7 @@ class PngFile {
 
   std::string name_;
   std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
-  std::string error_;  ///< Of libpng.
+  std::string error_;  ///< Error of libpng.
   Handles handles_;
 };
 

@@ -10,7 +10,7 @@ namespace hlm::ve {
 
 /// Adds the limits of a joint that are within epsilon (m, >= 0), as contacts of the joint's child
 /// with its parent: at the child's centre of mass, along its motion. Where that lies on the axis of
-/// a revolute joint, 0.1 m beside it. The parent counts as the world, with index kNoBody if it is
+/// a revolute joint, 0.1 m next to it. The parent counts as the world, with index kNoBody if it is
 /// the world. Without friction; with the joint's load on the stop.
 void find_limits(const World& world, int joint, double epsilon, std::vector<FoundContact>& found);
 

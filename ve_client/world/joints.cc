@@ -109,7 +109,7 @@ double Joints::limit_force(int joint) const {
     dJointGetSliderAxis(handle, axis);
     return std::abs(force.dot(vector(axis)));
   }
-  // Forces of the bearing pass through the anchor.
+  // Forces of the hinge pass through the anchor.
   dVector3 anchor;
   dJointGetHingeAnchor(handle, anchor);
   dJointGetHingeAxis(handle, axis);

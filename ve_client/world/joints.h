@@ -18,12 +18,12 @@ class Joints {
 
   /// Angle or displacement from the initial poses, rad or m; 0 for a fixed or ball joint.
   double position(int joint) const;
-  /// Its rate, rad/s or m/s.
+  /// Rate of the joint, rad/s or m/s.
   double velocity(int joint) const;
   /// What its spring and damping do along its axis: torque or force on the child, N·m or N; the
   /// parent gets the opposite.
   double spring_force(int joint) const;
-  /// What the joint's limit bore along its axis in the latest step of the solver, N·m or N, >= 0.
+  /// Load on the joint's limit along its axis in the latest step of the solver, N·m or N, >= 0.
   double limit_force(int joint) const;
   /// Applies the springs' forces of the present state during the next step of the solver.
   void push_springs();

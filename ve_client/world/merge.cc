@@ -15,7 +15,7 @@ constexpr double kRounding = 1e-9;
 
 bool is_beside(const FoundContact& contact) { return (contact.key.face & kBeside) != 0; }
 
-/// Of contacts on the best axes of their pairs.
+/// Whether contacts on the best axes of their pairs are the same.
 bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces) {
   if (x.key == y.key) return true;
   if (x.key.a != y.key.a || x.key.b.kind != y.key.b.kind) return false;

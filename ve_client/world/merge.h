@@ -8,8 +8,8 @@
 
 namespace hlm::ve {
 
-/// Of contacts that several pairs have with the same feature in the same place, the one of the
-/// smallest separation stays, and one over its piece rather than those beside theirs. First come
+/// Keeps, of the contacts that several pairs have with the same feature in the same place, the one
+/// of the smallest separation, and one over its piece rather than those next to theirs. First come
 /// those on the best axes, then the others, which all stay.
 void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
 

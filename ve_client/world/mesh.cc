@@ -19,7 +19,7 @@
 namespace hlm::ve {
 namespace {
 
-/// So many triangles may meet in a point.
+/// Most triangles that may meet in a point.
 constexpr std::size_t kMostAtPoint = 1000;
 /// Triangles whose height is less, m, have no area.
 constexpr double kThinnest = 1e-9;

@@ -35,7 +35,7 @@ struct MeshSource {
   std::filesystem::path file;
   std::string submesh;     ///< Name of the part to use; empty: all.
   bool center = false;     ///< Whether the part is moved so that its bounding box is centred.
-  Vector3 scale{1, 1, 1};  ///< Of the file's coordinates along x, y, z; not 0.
+  Vector3 scale{1, 1, 1};  ///< Scale of the file's coordinates along x, y, z; not 0.
 };
 
 /// Reads a file of any format that assimp knows. Corners at the same place become one, triangles

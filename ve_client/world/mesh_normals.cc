@@ -9,7 +9,7 @@ namespace {
 
 /// A point this near to an edge or a corner is on it, m: what nearest points are exact to.
 constexpr double kOn = 1e-6;
-/// So far a triangle may rise along a normal, rad: rounding, and corners in single precision.
+/// Angle by which a triangle may rise along a normal, rad: rounding, and single-precision corners.
 constexpr double kRise = 1e-3;
 /// Triangles that rise less over each other, rad, meet without being predicted: 2°.
 constexpr double kBend = 0.035;
@@ -46,7 +46,7 @@ bool is_within(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
     const int b = mesh.triangles[triangle][(i + 1) % 3];
     const Vector3 p_a = mesh.corner(triangle, i);
     if (distance_to_edge(p, p_a, mesh.corner(triangle, (i + 1) % 3)) > kOn) continue;
-    std::vector<int> ends;  // Of the edges from a, once for each of their triangles.
+    std::vector<int> ends;  // Ends of the edges from a, once for each of their triangles.
     for (const std::size_t t : mesh.around[static_cast<std::size_t>(a)]) {
       std::ranges::copy_if(mesh.triangles[t], std::back_inserter(ends),
                            [&](int end) { return end != a; });

@@ -13,7 +13,7 @@ namespace hlm::ve {
 /// empty.
 std::optional<bool> is_normal(const Mesh& mesh, std::size_t triangle, const Vector3& p,
                               const Vector3& n);
-/// Whether q (m) is over a triangle that rises from the plane of this one beside p, a point on its
+/// Whether q (m) is over a triangle that rises from the plane of this one next to p, a point on its
 /// border, and none falls below that plane there: then the plane goes on inside of the mesh.
 bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Vector3& q);
 /// Whether the mesh goes on in the triangle's plane all around p, a point on the triangle, m.

@@ -63,7 +63,7 @@ bool is_convex(const Mesh& mesh) {
 std::vector<Hull> skin_of(const Mesh& mesh) {
   const MeshRays rays(mesh);
   const std::vector<Vector3> normals = point_normals(mesh);
-  std::vector<Vector3> inner;  // As the points.
+  std::vector<Vector3> inner;  // Inner points, in the order of the points.
   for (std::size_t i = 0; i < mesh.points.size(); ++i) {
     inner.push_back(mesh.points[i] - depth(rays, mesh.points[i], -normals[i]) * normals[i]);
   }

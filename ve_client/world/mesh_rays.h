@@ -22,7 +22,7 @@ class MeshRays {
  private:
   struct Node {
     Eigen::AlignedBox3d box;
-    std::size_t first = 0;  ///< Of its triangles in order_.
+    std::size_t first = 0;  ///< First of its triangles in order_.
     std::size_t count = 0;
     std::size_t right = 0;  ///< The left child is the next node; 0: a leaf.
   };

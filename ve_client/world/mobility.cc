@@ -40,7 +40,7 @@ class JointedGroup {
   }
 
  private:
-  static constexpr int kRows = 6;  ///< Of a joint in J: some are zero.
+  static constexpr int kRows = 6;  ///< Rows of a joint in J: some are zero.
   using JointRows = Eigen::Matrix<double, kRows, 6>;
 
   const JointDescription& joint(int index) const {
@@ -91,7 +91,7 @@ class JointedGroup {
   /// child that stands still.
   struct Joined {
     Vector3 axis_W;
-    Vector3 r_child;  ///< From the child's centre of mass to the joint's point, world.
+    Vector3 r_child;  ///< Vector from the child's centre of mass to the joint's point, world.
     Vector3 r_parent;
     Twist V_child = Twist::Zero();
     Twist V_parent = Twist::Zero();

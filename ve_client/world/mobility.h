@@ -18,7 +18,7 @@ struct Mobility {
   Vector6 A_W = Vector6::Zero();
 };
 
-/// Of a body that is not fixed.
+/// The mobility of a body that is not fixed.
 Mobility mobility_of(const World& world, int body);
 
 /// The acceleration along a joint's axis for each unit of force or torque there, 1/kg or

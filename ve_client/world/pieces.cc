@@ -13,7 +13,7 @@ namespace {
 
 /// Faces whose normals differ by less, rad, can go on in each other: 0.1°. Larger flattens meshes.
 constexpr double kSameDirection = 1.7e-3;
-/// So far from a point pieces are looked for, m: where its neighbourhood is probed.
+/// Distance within which pieces are looked for from a point, m: where its neighbourhood is probed.
 constexpr double kNeighbourhood = 2 * (kSeamGap + kSeamStep);
 
 /// Calls `use(side)` for the sides that bound a piece, until it returns false: the planes of
@@ -28,7 +28,7 @@ void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
   const bool round = convex.margin() > 0;
   if (!round && !convex.is_cylinder()) return;
   const Vector3 p_G = piece.X_FG.inverse() * p_F;
-  Vector3 nearest = Vector3::Zero();  // Of the core, or of a cylinder's axis.
+  Vector3 nearest = Vector3::Zero();  // Nearest point of the core, or of a cylinder's axis.
   nearest.z() = p_G.z();
   if (round) {
     const double half = convex.is_point() ? 0 : convex.support(Vector3::UnitZ()).z();
@@ -36,7 +36,7 @@ void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
   }
   const Vector3 away = p_G - nearest;
   const double distance = away.norm();
-  if (distance == 0) return;  // In the middle.
+  if (distance == 0) return;  // A point in the middle has no outward direction.
   const double radius = round ? convex.margin() : convex.support(away).head<2>().norm();
   use(PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}});
 }

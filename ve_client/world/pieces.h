@@ -39,19 +39,19 @@ struct Piece {
   const Convex* convex = nullptr;
   Pose X_FG;
   const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
-  std::size_t triangle = 0;    ///< Of that: which it is behind.
+  std::size_t triangle = 0;    ///< Triangle of that mesh which the piece is behind.
   Eigen::AlignedBox3d bounds_F;
-  std::vector<Plane> planes;      ///< Of the faces of its core, in their order.
-  std::vector<Surface> surfaces;  ///< Of each face; empty if none goes on in another piece's.
-  std::vector<Piece*> adjoining;  ///< By the smallest x of their bounds.
-  double widest = 0;              ///< Of those along x, m.
+  std::vector<Plane> planes;      ///< Planes of the core's faces, in their order.
+  std::vector<Surface> surfaces;  ///< Surfaces by face; empty if none goes on in another's.
+  std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
+  double widest = 0;              ///< Widest of their bounds along x, m.
 };
 
 /// What of a piece's surface is near a point.
 struct PieceSide {
   Vector3 n_F = Vector3::UnitZ();   ///< Outward, unit.
-  double height = 0;                ///< Of the point over it, m.
-  std::optional<std::size_t> face;  ///< Of the core; none: curved.
+  double height = 0;                ///< Height of the point over it, m.
+  std::optional<std::size_t> face;  ///< Face of the core; none: curved.
 };
 inline constexpr std::size_t kMaxSides = 16;
 using PieceSides = StaticVector<PieceSide, kMaxSides>;
@@ -63,7 +63,7 @@ bool contains(const Piece& piece, const Vector3& p_F, double slack);
 /// The sides that are no farther from a point than `reach` on either side, m; the first kMaxSides.
 PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach);
 
-/// Of a whole world.
+/// The pieces of a whole world.
 class Pieces {
  public:
   /// shapes: [body][shape], as the description's collisions; they outlive this.
@@ -89,8 +89,8 @@ class Pieces {
 
   std::vector<Piece> pieces_;
   std::map<std::pair<Piece::Surface, Piece::Surface>, std::uint16_t> borders_;
-  std::vector<std::size_t> first_;  ///< Of each body.
-  std::vector<bool> fixed_;         ///< Of each body.
+  std::vector<std::size_t> first_;  ///< First piece of each body.
+  std::vector<bool> fixed_;         ///< Fixed or not, for each body.
 };
 
 /// The pieces at a point of a piece: that one, and those that adjoin it there. Should more

@@ -12,7 +12,7 @@
 namespace hlm::ve {
 namespace {
 
-/// Overlap at a seam from which on a narrow tool may be past the sides that adjoin, m.
+/// Overlap at an internal edge from which on a narrow tool may be past the adjoining sides, m.
 constexpr double kDeepInSeam = 0.0015;
 /// Less of the thickness of both than one half, at which things are half through each other.
 constexpr double kNotThrough = 0.2;
@@ -108,7 +108,7 @@ void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& co
   contacts = std::move(kept);
 }
 
-/// Of a tool that is beside a triangle of a skin, over one that rises from it: the contact with the
+/// For a tool next to a triangle of a skin, over one that rises from it: the contact with the
 /// triangle's plane, which it will meet next. Else what was found.
 AxesManifold with_plane(const AxesManifold& found, const CollisionDescription& piece,
                         const Convex& tool, const Pose& X_WT, const Convex& convex,
@@ -248,7 +248,7 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
   }
   const CollisionDescription& piece = world_.collision(other);
   if (piece.mesh) before = piece.mesh->area(piece.triangle).normalized();
-  // Of pieces that adjoin, edges are no edges; of a movable body it is not known where it goes.
+  // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
   const bool looks_ahead = of_tool && !has_side && world_.pieces().of(id).adjoining.empty() &&
                            world_.pieces().of(other).adjoining.empty();
   const Vector3 travel_W = looks_ahead

@@ -21,7 +21,7 @@ namespace hlm::ve {
 /// How deep the tool overlaps something.
 struct Overlap {
   double depth = 0;  ///< m.
-  /// By more than a fifth of the thickness of both, or half of the tool's, of any two shapes.
+  /// Overlap of any two shapes by more than a fifth of both thicknesses, or half of the tool's.
   bool is_through = false;
 };
 
@@ -42,7 +42,7 @@ class Proximity {
   /// ahead: the axes are also those that matter while the tool moves as its target did, s.
   std::span<const FoundContact> query(const VirtualTool& tool, double epsilon,
                                       bool all_axes = false, double ahead = 0);
-  /// Likewise those of a body that is not fixed, whose normals point to it, with all bodies that
+  /// The contacts of a body that is not fixed, whose normals point to it, with all bodies that
   /// the engine lets it touch. Valid until the next call.
   std::span<const FoundContact> query(int body, double epsilon);
   /// The contacts for the world's next step, in which no point of the tool moves farther than
@@ -94,8 +94,8 @@ class Proximity {
   double thinnest_ = std::numeric_limits<double>::infinity();
   bool all_axes_ = false;
   double ahead_ = 0;  ///< s.
-  /// Whether a pair overlapped by more than what is pressed in at a seam, and has no contact: a
-  /// narrow tool is deep in two pieces, past the sides on which they adjoin.
+  /// Whether a pair overlapped by more than what is pressed in at an internal edge, and has no
+  /// contact: a narrow tool is deep in two pieces, past the sides on which they adjoin.
   bool lost_ = false;
   std::vector<int> tool_bodies_;
   std::vector<ToolShape> tool_shapes_;
@@ -104,9 +104,9 @@ class Proximity {
   std::vector<FoundContact> contacts_;
   bool shared_ = false;  ///< Whether pieces may have found the same contact.
   std::vector<ToolContact> within_reach_;
-  Sides sides_before_;                       ///< At the query of the tool before.
-  Sides sides_;                              ///< At the present or latest one.
-  std::map<CollisionId, double> thickness_;  ///< Of what was overlapped, m.
+  Sides sides_before_;                       ///< Sides at the query of the tool before.
+  Sides sides_;                              ///< Sides at the present or latest one.
+  std::map<CollisionId, double> thickness_;  ///< Thickness of what was overlapped, m.
   ProximityStatistics statistics_;
 };
 

@@ -9,8 +9,8 @@
 namespace hlm::ve {
 
 /// The file or folder that `uri`, which stands in `file`, names; empty if there is none:
-/// - "model://NAME/…": NAME in a folder of the search path, or beside or above `file`;
-/// - "package://NAME/…": likewise, and in the folders of ROS_PACKAGE_PATH first;
+/// - "model://NAME/…": NAME in a folder of the search path, or next to or above `file`;
+/// - "package://NAME/…": the same, but in the folders of ROS_PACKAGE_PATH first;
 /// - "file://…" or no scheme: an absolute path, or one relative to the folder of `file`, or else in
 ///   a folder of the search path.
 /// The search path: SDF_PATH, GZ_SIM_RESOURCE_PATH, IGN_GAZEBO_RESOURCE_PATH, GAZEBO_MODEL_PATH,

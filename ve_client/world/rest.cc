@@ -8,10 +8,10 @@ namespace {
 /// A body is still while none of its points is faster, m/s. Lower, and bodies that the solver lets
 /// tremble never rest; higher stops what creeps.
 constexpr double kStill = 2e-3;
-/// So long are bodies still before they rest, s. Less lets a body hang at the top of its flight
+/// Time that bodies are still before they rest, s. Less lets a body hang at the top of its flight
 /// against a wall.
 constexpr double kStillTime = 0.5;
-/// And so long at first, for most of what a file places lies still: less takes what begins to slide
+/// The same at first, for most of what a file places lies still: less takes what begins to slide
 /// or tip slowly for still.
 constexpr double kFirstStillTime = 0.1;
 

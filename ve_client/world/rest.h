@@ -19,7 +19,7 @@ class Rest {
   Rest(const WorldDescription& description, const std::vector<bool>& movable);
 
   bool is_awake(int body) const { return state_[at(body)].awake; }
-  /// In the order in which they woke.
+  /// The bodies in the order in which they woke.
   std::span<const int> awake() const noexcept { return awake_; }
   /// A body that rests moves again. Invalidates awake().
   void wake(int body);
@@ -42,8 +42,8 @@ class Rest {
     bool jointed = false;
     double still = 0;       ///< How long it has been, s.
     int island = 0;         ///< A body of the same island, nearer to the one that names it.
-    bool borne = false;     ///< Of an island: whether it touches what is fixed.
-    bool restless = false;  ///< Of an island.
+    bool borne = false;     ///< Whether the island touches what is fixed.
+    bool restless = false;  ///< Whether the island is restless.
   };
   static std::size_t at(int body) { return static_cast<std::size_t>(body); }
   int island_of(int body);

@@ -26,7 +26,7 @@ Vector3 axis_of_revolution(const Shape& shape) {
   return Vector3::Zero();
 }
 
-/// Of one collision about the body's origin, its centre of mass.
+/// The roundness of one collision about the body's origin, its centre of mass.
 BodyRoundness roundness_of(const CollisionDescription& collision) {
   const Vector3& p = collision.X_BG.p;
   if (std::holds_alternative<Sphere>(collision.shape)) {

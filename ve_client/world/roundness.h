@@ -11,8 +11,8 @@ struct BodyRoundness {
   Vector3 axis_B = Vector3::Zero();  ///< Unit, with Roundness::kAxis.
 };
 
-/// Of the body's collisions together. A body whose joints have limits is never round: their
-/// contacts do go round with it.
+/// The roundness of the body's collisions together. A body whose joints have limits is never round:
+/// their contacts do go round with it.
 BodyRoundness roundness_of(const WorldDescription& world, int body);
 
 }  // namespace hlm::ve

@@ -27,7 +27,7 @@ constexpr std::array<ToolWords, kMostTools> kToolWords{
     {{"tool", "--tool", "<haptic:tool>"},
      {"second tool", "--second-tool", "<haptic:second_tool>"}}};
 
-/// Of a file that may be anything.
+/// The description in a file that may be anything.
 std::string description_in(const fs::path& file) {
   tinyxml2::XMLDocument document;
   document.LoadFile(file.c_str());

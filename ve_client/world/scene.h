@@ -1,4 +1,4 @@
-// Which world is played with which tool, and which others stand beside it?
+// Which world is played with which tool, and which others stand next to it?
 #pragma once
 
 #include <filesystem>
@@ -40,9 +40,9 @@ WorldDescription with_starts(const Scene& scene, const std::vector<ToolChoice>& 
 
 /// A world that can be chosen; it may turn out to be broken.
 struct SceneSummary {
-  std::string name;  ///< Of the file, without .sdf.
+  std::string name;  ///< Name of the file, without .sdf.
   std::filesystem::path file;
-  std::string description;  ///< Its <haptic:description>; empty: not given, or not to be read.
+  std::string description;  ///< Text of <haptic:description>; empty: not given, or not to be read.
 };
 
 /// More than these, and the menu of them is no longer one.

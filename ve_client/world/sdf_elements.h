@@ -30,11 +30,11 @@ const ElementRule* find_rule(std::string_view path);
 /// Whether an element is read.
 bool is_used(std::string_view path);
 
-/// For messages: "<name>".
+/// Tag for messages: "<name>".
 std::string tag(std::string_view name);
 
-/// For messages: the elements that have rules beside this one, as "allowed: <a>, <b>", or how that
-/// cannot be said.
+/// Text for messages: the elements that have rules besides this one, as "allowed: <a>, <b>", or how
+/// that cannot be said.
 std::string allowed_beside(std::string_view path);
 
 }  // namespace hlm::ve

@@ -16,11 +16,11 @@ namespace hlm::ve {
 
 /// A file that was read.
 struct SdfFile {
-  std::string name;            ///< For messages.
+  std::string name;            ///< Name for messages.
   std::filesystem::path path;  ///< Empty: it was given as text.
   std::unique_ptr<tinyxml2::XMLDocument> document;
   tinyxml2::XMLElement* root = nullptr;  ///< <sdf> or <robot>.
-  std::string version;                   ///< Of SDFormat, as the parser is to convert it.
+  std::string version;                   ///< SDFormat version, as the parser is to convert it.
   bool urdf = false;
   std::vector<std::filesystem::path> includers;  ///< The files that led here, the first one first.
 };

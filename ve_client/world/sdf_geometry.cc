@@ -28,7 +28,7 @@
 namespace hlm::ve {
 namespace {
 
-/// Of a heightmap: smaller ones leave cells that are no larger than what a contact is exact to.
+/// Sides of a heightmap: smaller ones leave cells no larger than what a contact is exact to.
 constexpr Range kMapSide{1e-3, 1000, "m"};
 constexpr Range kMapHeight{1e-6, 1000, "m"};
 

@@ -1,4 +1,4 @@
-// From SDFormat's geometry and quantities to ours.
+// Conversion of SDFormat's geometry and quantities to ours.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// From SDFormat's joints to ours.
+// Conversion of SDFormat's joints to ours.
 #pragma once
 
 #include <sdf/Joint.hh>

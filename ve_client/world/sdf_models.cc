@@ -17,7 +17,7 @@
 namespace hlm::ve {
 namespace {
 
-/// Of a body that moves. The engine divides by it.
+/// Masses of a body that moves. The engine divides by it.
 constexpr Range kMasses{1e-9, 1e9, "kg"};
 /// Least principal moment of inertia as a portion of the largest: below, the inertia cannot be
 /// inverted reliably.

@@ -1,4 +1,4 @@
-// From SDFormat's models to ours.
+// Conversion of SDFormat's models to ours.
 #pragma once
 
 #include <sdf/Model.hh>

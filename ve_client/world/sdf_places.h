@@ -27,7 +27,7 @@ struct NamedElement {
 
 /// Where the parser found something: what it says as "/sdf/model[@name="a"]/link[@name="b"]/…".
 struct ParserPath {
-  std::string path;                 ///< As path_of().
+  std::string path;                 ///< Path as path_of().
   std::vector<NamedElement> above;  ///< Those with names above the last.
   std::string last;                 ///< Name of the last element.
 };

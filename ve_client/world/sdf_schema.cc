@@ -21,7 +21,7 @@ constexpr double kLargest = 1e6;
 
 struct Schema {
   ElementPtr root;
-  std::map<std::string, std::string> types;  ///< Of the values, by path.
+  std::map<std::string, std::string> types;  ///< Types of the values, by path.
 };
 
 ElementPtr make_element(const std::string& name, const std::string& required) {
@@ -95,7 +95,7 @@ const Schema& schema() {
 
 // Values.
 
-/// Why a text is not so many numbers within ±largest; empty if it is.
+/// Why a text is not this many numbers within ±largest; empty if it is.
 std::string find_number_error(const std::string& text, int count, double largest,
                               const std::string& what = "") {
   std::istringstream words(text);

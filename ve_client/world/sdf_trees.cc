@@ -49,7 +49,7 @@ bool is_relative(const XMLElement& element) {
   return pose != nullptr && !(word(*pose, "relative_to") + word(*pose, "frame")).empty();
 }
 
-/// In a URDF file the parser's lines are those of a translation. Those of the file are found by the
+/// The parser's lines of a URDF file are those of a translation. Those of the file are found by the
 /// names of links and joints.
 int line_in_urdf(const SdfFile& file, const std::string& type, const std::string& name) {
   for (const XMLElement* child = file.root->FirstChildElement(type.c_str()); child != nullptr;

@@ -1,5 +1,5 @@
-// From the XML of a world to libsdformat's elements, as its latest version has them: included files
-// and models within models read one by one, values checked, what is not used reported.
+// Conversion of the XML of a world to libsdformat's elements, as its latest version has them: files
+// included and models within models read one by one, values checked, what is not used reported.
 #pragma once
 
 #include <memory>
@@ -17,8 +17,8 @@ namespace hlm::ve {
 
 class SdfTrees {
  public:
-  /// Of a file with one world or one model. All arguments must outlive this; `messages` are the
-  /// parser's.
+  /// Trees of a file with one world or one model. All arguments must outlive this; `messages` are
+  /// the parser's.
   SdfTrees(SdfFile& file, CapturedMessages& messages, Diagnostics& diagnostics);
 
   /// <sdf> with the <world>, without its models. For a file without a world an empty one.

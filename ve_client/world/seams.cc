@@ -17,19 +17,19 @@ constexpr double kSameNormal = 1e-9;
 constexpr double kIsNormal = 1e-3;
 /// A contact whose normal is within this angle of a face's, rad, is one with that face.
 constexpr double kFaceAngle = 0.1;
-/// By so much less, m, the gap of an axis may be than the best one's, which is no surface's, to
-/// stand in for it: at a seam a tool may be pressed in deeper than it reaches beyond. More would
-/// throw out a tool that is pressed into the walls of a hole.
+/// How much smaller, m, the gap of an axis may be than the best one's, which is no surface's, to
+/// stand in for it: a tool at an internal edge may be pressed in deeper than it reaches beyond.
+/// More would throw out a tool that is pressed into the walls of a hole.
 constexpr double kStandsIn = 1e-3;
-/// So far out of a piece, m, the point of it that is nearest is outermost in that direction.
+/// How far out of a piece, m, its nearest point is outermost in that direction.
 constexpr double kOutwards = 0.01;
 
 /// A contact as one of its pieces sees it, in the frame of that piece's assembly.
 struct Meeting {
   FoundContact contact;
   Vector3 n = Vector3::UnitZ();        ///< Out of the piece, unit.
-  Vector3 at = Vector3::Zero();        ///< Its point on the piece, m.
-  Vector3 opposite = Vector3::Zero();  ///< Its point on the other shape, m.
+  Vector3 at = Vector3::Zero();        ///< Point on the piece, m.
+  Vector3 opposite = Vector3::Zero();  ///< Point on the other shape, m.
   bool moved = false;                  ///< Whether it is not as it was found.
 };
 
@@ -99,7 +99,7 @@ class Resolver {
   const Piece& other_;
   bool own_is_b_;
   Pose X_WF_;
-  Pose X_FO_;  ///< Of the other shape.
+  Pose X_FO_;  ///< Pose of the other shape.
   bool shared_ = false;
   std::vector<Vector3> best_at_;  ///< Where the contacts on the best axis are.
 };
@@ -148,7 +148,7 @@ bool Resolver::is_on_surface(const Vector3& n, const Vector3& p_F) const {
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const Vector3& n = set.front().n;
   if (const auto is = is_on_mesh(set)) return *is;
-  // On another axis than the best the points may be beside the piece, far over it.
+  // The points on another axis than the best may be next to the piece, far over it.
   const Vector3 outwards = set.front().contact.axis > 0 ? Vector3(kOutwards * n) : Vector3::Zero();
   const auto is_on = [&](const Vector3& at) { return is_on_surface(n, at + outwards); };
   Vector3 middle = Vector3::Zero();
@@ -160,7 +160,7 @@ bool Resolver::is_on_surface(std::span<const Meeting> set) const {
 }
 
 /// Gives a contact the normal of the surface, if it is over its point then: no more than a gap
-/// beside it.
+/// next to it.
 bool Resolver::put_on_surface(Meeting& meeting) const {
   const Vector3 n = surface_normal(meeting.n, meeting.at, pieces_at(own_, meeting.at));
   if (n.isZero(0)) return false;
@@ -237,7 +237,7 @@ bool Resolver::put_on_corner(Meeting& meeting) const {
   return false;
 }
 
-/// Likewise for the edge of the other shape that ends over the gap, or crosses it there.
+/// Puts a contact on the edge of the other shape that ends over the gap, or crosses it there.
 bool Resolver::put_on_edge(Meeting& meeting) const {
   const Patch patch = other_.convex->facing(X_FO_.R.conjugate() * -meeting.n);
   for (std::size_t i = 0; i < patch.corners.size() && patch.corners.size() > 1; ++i) {

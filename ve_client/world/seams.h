@@ -10,7 +10,7 @@
 
 namespace hlm::ve {
 
-/// A contact of two shapes: `a` is whom its normal points to. Without velocity, friction and load.
+/// A contact of two shapes: `a` is the side its normal points to. Without velocity, friction, load.
 FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
                            const CollisionId& shape_a, const ContactSide& b,
                            const CollisionId& shape_b);
@@ -21,7 +21,7 @@ struct PairSide {
   Pose X_WG;
 };
 
-/// Of the contacts of one pair, from `first` on, those stay that are on a surface of the pieces
+/// Keeps the contacts of one pair, from `first` on, that are on a surface of the pieces
 /// that are fixed to either shape; where the best axis is no surface's, the next one may take its
 /// place. Their normals are some of that surface, and those of a corner over a surface of several
 /// pieces have the same key on each of them. Returns whether other pairs may have the same

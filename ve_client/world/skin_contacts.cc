@@ -7,11 +7,11 @@
 namespace hlm::ve {
 namespace {
 
-/// So far a contact's point may go on the tool within a frame, m: along an edge, or on a rounded
-/// tool that meets a triangle of another slope. More lets contacts change places.
+/// Distance that a contact's point may go on the tool within a frame, m: along an edge, or on a
+/// rounded tool that meets a triangle of another slope. More lets contacts change places.
 constexpr double kReach = 0.005;
-/// So far its normal may turn, rad: as much as from one triangle of a round mesh to the next but
-/// one. A sharper edge is felt as one.
+/// Angle that its normal may turn, rad: as much as from one triangle of a round mesh to the next
+/// but one. A sharper edge is felt as one.
 constexpr double kCone = 0.5;
 /// Distance that counts as much as a turn of 1 rad, m.
 constexpr double kNormalLength = 0.01;
@@ -35,7 +35,7 @@ bool is_on_skin(const World& world, const FoundContact& contact) {
 void SkinContacts::name(const World& world, const VirtualTool& tool,
                         std::vector<FoundContact>& contacts) {
   std::vector<Known> now;
-  std::vector<std::size_t> places;  // Of `now` among the contacts.
+  std::vector<std::size_t> places;  // Indices of `now` among the contacts.
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     const FoundContact& contact = contacts[i];
     if (!is_on_skin(world, contact)) continue;

@@ -24,13 +24,13 @@ class SkinContacts {
 
  private:
   struct Known {
-    ContactKey found;  ///< As Proximity had it.
+    ContactKey found;  ///< Key as Proximity had it.
     ContactKey name;
-    Vector3 p_L;  ///< Its point on the tool, in its link, m.
+    Vector3 p_L;  ///< Point on the tool, in its link, m.
     Vector3 n_W;
   };
 
-  std::vector<Known> known_;  ///< Of the frame before.
+  std::vector<Known> known_;  ///< Contacts of the frame before.
   std::uint32_t next_ = 0;
 };
 

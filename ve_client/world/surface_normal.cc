@@ -11,9 +11,9 @@ namespace {
 constexpr double kNear = 0.7;
 /// Nearest probe before a side, m: far above rounding, far below what can be felt.
 constexpr double kLeastProbe = 5e-6;
-/// A point so far out of a piece is still on its side, m: rounding.
+/// A point this far out of a piece is still on its side, m: rounding.
 constexpr double kOnSide = 1e-9;
-/// So deep a tool may be pressed into a wall without losing the floor on which the wall stands, m.
+/// Depth to which a tool may be pressed into a wall without losing the floor it stands on, m.
 constexpr double kShallow = 3e-4;
 /// Squared sine between two sides that are parallel: 2°.
 constexpr double kParallel = 1e-3;
@@ -38,8 +38,8 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
   return true;
 }
 
-/// Whether a side goes on open beside a point at which another piece stands on it: out of a side of
-/// that piece which is near. So a floor does at a wall into which the tool is pressed.
+/// Whether a side goes on open next to a point at which another piece stands on it: out of a side
+/// of that piece which is near. So a floor does at a wall into which the tool is pressed.
 bool is_open_beside(const Vector3& p_F, const Vector3& n_F, const Piece& own,
                     const PiecesAtPoint& pieces) {
   return std::ranges::any_of(pieces, [&](const Piece* piece) {

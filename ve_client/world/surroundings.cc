@@ -10,8 +10,8 @@
 namespace hlm::ve {
 namespace {
 
-/// A contact with a smaller separation bears what its pair of bodies bears, m. Resting bodies
-/// overlap by some 0.03 mm; larger lets a raised edge bear, smaller drops contacts of a body that
+/// A contact with a smaller separation carries what its pair of bodies carries, m. Resting bodies
+/// overlap by some 0.03 mm; larger lets a raised edge carry, smaller drops contacts of a body that
 /// trembles.
 constexpr double kTouching = 1e-4;
 /// A body with less mobility than this part of its own is held by its joints.
@@ -110,8 +110,8 @@ void Surroundings::add_contacts_of(int body, double epsilon) {
   }
 }
 
-/// What two bodies bear on each other goes to those of their contacts that touch, each by its own
-/// part of it in the engine.
+/// The force of two bodies on each other goes to those of their contacts that touch, each by its
+/// own part of it in the engine.
 void Surroundings::share_loads() {
   const auto same_pair = [](const FoundContact& a, const FoundContact& b) {
     return a.key.a.index == b.key.a.index && a.key.b.index == b.key.b.index;

@@ -26,7 +26,7 @@ class Surroundings {
   void find(std::span<FoundContact> tool_contacts, double epsilon);
 
   const MovableBodies& bodies() const noexcept { return bodies_; }
-  /// Of the latest find(), sorted by key: at most so many that all contacts fit into an update. If
+  /// Contacts of the latest find(), sorted by key: at most so many that all fit into an update. If
   /// there are more, the loaded and the nearest stay.
   std::span<const FoundContact> contacts() const noexcept { return contacts_; }
   /// Whether the side of a contact is one of the bodies of the latest find().

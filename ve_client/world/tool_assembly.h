@@ -27,7 +27,7 @@ struct ToolAssembly {
   Configuration q;          ///< Initial configuration.
   std::vector<int> bodies;  ///< Body of each link.
   std::vector<Pose> X_LB;   ///< Body frame in each link's frame.
-  /// For a planar root the plane's normal, world; contacts are then those of a planar problem.
+  /// The plane's normal of a planar root, world; contacts are then those of a planar problem.
   std::optional<Vector3> planar_normal_W;
 };
 

@@ -97,22 +97,23 @@ class VirtualTool {
   static std::size_t at(int index) { return static_cast<std::size_t>(index); }
   /// Upper bound on the speed of a link's points, from the twist of its centre of mass, m/s.
   double point_speed(const Twist& V_WB) const noexcept;
-  /// That of pull() on a link's body at velocity V_WB and with displacement e to its target.
+  /// Acceleration by pull() on a link's body at velocity V_WB and with displacement e to its
+  /// target.
   Vector6 acceleration(int link, const Vector6& e, const Twist& V_WB, double h) const;
   /// How far the points of a link move if it is drawn for dt and nothing stops it, m.
   double free_travel(int link, double dt) const;
-  /// Of a body about its centre of mass, world axes, kg·m².
+  /// Inertia of a body about its centre of mass, world axes, kg·m².
   Matrix3 inertia(int body) const;
   void read_joint(int link, int coordinate, int velocity, Configuration& q);
 
   World& world_;
   ToolAssembly assembly_;
   FollowOptions options_;
-  ToolModel model_;  ///< At q_VE.
+  ToolModel model_;  ///< Model at q_VE.
   Velocity v_;
-  ToolModel target_;   ///< At the proxy's configuration.
+  ToolModel target_;   ///< Model at the proxy's configuration.
   Velocity v_target_;  ///< Zero after its step.
-  Velocity v_proxy_;   ///< Of the latest target.
+  Velocity v_proxy_;   ///< Velocity of the latest target.
   double target_speed_ = 0;
 };
 

@@ -73,7 +73,7 @@ void World::require_slow_springs() const {
   for (int i = 0; i < static_cast<int>(description_.joints.size()); ++i) {
     const JointDescription& joint = description_.joints[at(i)];
     if (!joint.sprung()) continue;
-    // Half of what semi-implicit Euler bears alone, so that both together are stable.
+    // Half of what semi-implicit Euler can take alone, so that both together are stable.
     const double mobility = joint_mobility(*this, i);
     const auto require = [&](const char* what, double value, double factor) {
       const double most = 1 / (factor * mobility);

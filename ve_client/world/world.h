@@ -66,12 +66,12 @@ class World {
   Pose X_WG(const CollisionId& id) const { return X_WB(id.body) * collision(id).X_BG; }
 
   // For bodies that are not fixed.
-  /// Of a movable body: wakes all, for any may have rested on it.
+  /// Sets the pose of a movable body: wakes all, for any may have rested on it.
   void set_pose(int body, const Pose& X_WB);
   void set_velocity(int body, const Twist& V_WB);
   /// Applies a wrench about B's origin, world axes, during the next step.
   void add_wrench(int body, const Wrench& F);
-  /// From here on a movable body resists acceleration `factor` (>= 1) times as much as the
+  /// Makes a movable body resist acceleration `factor` (>= 1) times as much as the
   /// description says; its weight stays. A body that resists more is slowed down to the momentum
   /// that it had.
   void set_inertia_factor(int body, double factor);
@@ -80,9 +80,9 @@ class World {
     const auto found = inertia_factors_.find(body);
     return found == inertia_factors_.end() ? 1 : found->second;
   }
-  /// From here on the body moves as set_velocity() says, whatever it meets. Its joints are removed.
+  /// Makes the body move as set_velocity() says, whatever it meets. Its joints are removed.
   void make_kinematic(int body);
-  /// From here on the body neither leaves the plane z = const nor tilts out of it.
+  /// Keeps the body in the plane z = const, and from tilting out of it, from here on.
   void keep_planar(int body);
 
   /// How many steps of the solver a step of dt seconds is: as many as the description's largest
@@ -147,17 +147,17 @@ class World {
   Handle<dxWorld, dWorldDestroy> world_;
   Handle<dxJointGroup, dJointGroupDestroy> contacts_;
   std::vector<dBodyID> bodies_;  ///< Null for fixed bodies.
-  std::vector<double> radii_;    ///< Of spheres about B's origins around all shapes, m.
+  std::vector<double> radii_;    ///< Radii of spheres about B's origins around all shapes, m.
   std::optional<BroadPhase> broad_phase_;
   std::optional<Rest> rest_;
-  std::vector<int> woken_;  ///< By the body whose contacts are being found.
+  std::vector<int> woken_;  ///< Bodies woken by the body whose contacts are being found.
   std::optional<Joints> joints_;
-  std::map<int, Wrench> held_;             ///< On bodies during the next step().
-  std::map<int, double> inertia_factors_;  ///< Of the bodies that have one other than 1.
+  std::map<int, Wrench> held_;             ///< Wrenches on bodies during the next step().
+  std::map<int, double> inertia_factors_;  ///< Factors of the bodies that have one other than 1.
   bool stepping_ = false;
   double substep_ = 0;  ///< Length of the present one, s.
   ContactMemory memory_;
-  std::vector<FoundContact> touching_;  ///< Of the present pair.
+  std::vector<FoundContact> touching_;  ///< Contacts of the present pair.
   ProximityStatistics statistics_;
   unsigned long steps_ = 0;
   std::optional<std::string> fault_;

@@ -65,7 +65,7 @@ bool World::touch(const CollisionId& first, const CollisionId& second) {
 
 void World::collide(CollisionId first, CollisionId second) {
   if (!can_touch(first.body, second.body)) return;
-  // Whom the normal points to can move.
+  // The side that the normal points to can move.
   if (handle(first.body) == nullptr) std::swap(first, second);
   const double friction =
       friction_between(collision(first), collision(second)).value_or(kDefaultFriction);

@@ -29,7 +29,7 @@ struct CollisionDescription {
   Pose X_BG;
   std::optional<double> friction;    ///< μ, >= 0; none: the file does not say.
   std::shared_ptr<const Mesh> mesh;  ///< What the shape is a piece of the skin of; mostly null.
-  std::size_t triangle = 0;          ///< Of the mesh: which the piece is behind.
+  std::size_t triangle = 0;          ///< Triangle of the mesh which the piece is behind.
 };
 
 /// Names one collision shape of a world: by its body and its place in there.
@@ -100,7 +100,7 @@ struct ModelDescription {
   std::optional<std::string> hand_link;
   Pose X_SH;
   std::vector<StartDescription> starts;
-  Place place;  ///< In its file.
+  Place place;  ///< Place in the file.
 };
 
 /// How finely the world is simulated; what is not given the world chooses (World).
@@ -127,7 +127,7 @@ struct WorldDescription {
   std::vector<ModelDescription> models;
 };
 
-/// For messages: its models, or "none".
+/// The models of the world for messages, or "none".
 std::string model_names(const WorldDescription& world);
 
 /// Throws std::runtime_error with one line that lists the models there are if `name` is none.

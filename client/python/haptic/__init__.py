@@ -10,7 +10,7 @@
             touch.send(touch.track(contacts))
 
 SI units, world axes. No call waits for the network; there are no threads. Needs numpy and the
-library libhaptic.so, which is found beside this package, where HAPTIC_LIBRARY names it, or where the
+library libhaptic.so, which is found next to this package, where HAPTIC_LIBRARY names it, or where the
 system keeps its libraries.
 """
 
@@ -199,12 +199,12 @@ class Session:
 
     @property
     def state(self) -> State:
-        """The newest news of the server; its fields are those of haptic_state in haptic.h."""
+        """The latest news of the server; its fields are those of haptic_state in haptic.h."""
         return self._state
 
     @property
     def force(self) -> np.ndarray:
-        """What the device was told after limits: force (N) and torque (N m)."""
+        """What the device was given after limits: force (N) and torque (N m)."""
         return np.array(self._state.command)
 
     @property
@@ -225,7 +225,7 @@ class Session:
         self._library.haptic_release(self._open())
 
     def steps(self, step: float) -> int:
-        """For an engine in real time: how many of its steps, of `step` seconds, are due in the frame that begins. After
+        """How many steps, of `step` seconds, an engine in real time has to take in the frame that begins. After
         poll(), once per frame. It makes up for a frame that came late. With 0 there is nothing to do in this one."""
         count = self._library.haptic_take_steps(self._open(), step)
         if count < 0:

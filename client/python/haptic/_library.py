@@ -71,7 +71,7 @@ def load() -> ctypes.CDLL:
 
 @functools.lru_cache(maxsize=None)
 def load_proximity(shape: type[ctypes.Structure]) -> ctypes.CDLL:
-    """libhaptic_proximity.so, likewise."""
+    """libhaptic_proximity.so, found the same way."""
     load()  # It needs this one.
     library, _ = _found("libhaptic_proximity", "HAPTIC_PROXIMITY_LIBRARY")
     address = ctypes.c_void_p

@@ -9,7 +9,7 @@ import numpy as np
 import haptic
 import haptic.proximity
 
-# Of mjtGeom: kind and sizes of haptic.proximity.
+# For each mjtGeom: kind and sizes of haptic.proximity.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),

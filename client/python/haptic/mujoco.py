@@ -33,7 +33,7 @@ _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
-# Frames in which the tool still bears what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
+# Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
 # some millimetres, more would push it twice.
 _HAND_OVER = 2
 _NO_FORCE = 1e3  # m: a depth that none reaches
@@ -76,9 +76,9 @@ class Session:
         self._begin, self._frame = 0.0, 0.0  # s: of the present frame, MuJoCo's time and the steps' length
         self._period = period
         self._warned = False
-        for inertia in (model.dof_armature, model.dof_M0):  # Of free joints MuJoCo reads the second alone.
+        for inertia in (model.dof_armature, model.dof_M0):  # For free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
-        if hasattr(model, "tree_sleep_policy"):  # Of a tool that sleeps MuJoCo 3 lists no contact with what does not move.
+        if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
             model.tree_sleep_policy[model.body_treeid[self._tool]] = _NEVER_SLEEPS
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
         if contacts not in ("engine", "shapes"):
@@ -172,7 +172,7 @@ class Session:
         self.touch.send(contacts, bodies)
 
     def _warn_of_steps(self, data: Any) -> None:
-        """Once, where MuJoCo's time is not the hand's. It may stand still, and begin anew."""
+        """Once, where MuJoCo's time is not the hand's. It may stand still, and begin again."""
         step = self._model.opt.timestep
         due, taken = round(self._frame / step), round((data.time - self._begin) / step)
         if taken > 0 and taken != due and not self._warned:
