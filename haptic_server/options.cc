@@ -19,8 +19,8 @@ void add_servo_options(Table& table, ServoOptions& o) {
   LocalModelParameters& local = o.local_model;
   table.group("Contacts");
   table.choice("update-rule", local.update_rule, "How contacts carry over an update");
-  // What only comparisons change is for experiments to set: the collision rule, the contact step, the
-  // limits that are infinite otherwise.
+  // What only comparisons change is for experiments to set: the collision rule, the contact step,
+  // the limits that are infinite otherwise.
   for (const NumberOf<LocalModelParameters>& each : kLocalModelNumbers) {
     if (std::isfinite(LocalModelParameters{}.*each.number)) table.number(local, each);
   }

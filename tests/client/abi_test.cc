@@ -1,5 +1,5 @@
-// The C interface is what its number promises: a program that was compiled with HAPTIC_ABI n finds its
-// structures as they were. Who changes one raises the number and writes the new layout here.
+// The C interface is what its number promises: a program that was compiled with HAPTIC_ABI n finds
+// its structures as they were. Who changes one raises the number and writes the new layout here.
 #include <cstddef>
 #include <map>
 #include <sstream>
