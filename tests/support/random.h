@@ -23,14 +23,19 @@ class Random {
   Vector3 vector(double size) {
     return {uniform(-size, size), uniform(-size, size), uniform(-size, size)};
   }
+  // In an order that no compiler chooses: all have the same cases.
   Vector3 direction() {
     std::normal_distribution<double> normal;
-    return Vector3(normal(engine_), normal(engine_), normal(engine_)).normalized();
+    Vector3 n;
+    for (Eigen::Index i : {2, 1, 0}) n[i] = normal(engine_);
+    return n.normalized();
   }
   Quaternion rotation() {
     std::normal_distribution<double> normal;
-    return Quaternion(normal(engine_), normal(engine_), normal(engine_), normal(engine_))
-        .normalized();
+    const double z = normal(engine_);
+    const double y = normal(engine_);
+    const double x = normal(engine_);
+    return Quaternion(normal(engine_), x, y, z).normalized();
   }
   Pose pose(double size) { return {vector(size), rotation()}; }
   std::mt19937_64& engine() { return engine_; }

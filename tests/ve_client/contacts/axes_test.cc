@@ -167,8 +167,8 @@ TEST_CASE("Wherever the tool goes within epsilon no axis tells that hulls are ap
   CHECK(too_deep < 80);  // Axes of edges of hulls are not listed, except the best.
 }
 
-TEST_CASE(
-    "Of round shapes the axes tell along the way that the tool takes whether they are apart") {
+TEST_CASE("Of round shapes the axes tell along the way that the tool takes whether they are apart",
+          "[optimised]") {
   constexpr double kFar = 0.15;  // m, epsilon.
   Random random;
   int passes = 0;
