@@ -211,7 +211,7 @@ Slide slide(const Task& task) {
     felt.highest = std::max(felt.highest, height);
     felt.lean = std::max(felt.lean, degrees_off_z(record.X_WP.R * Vector3::UnitZ()));
     for (const auto& contact : running->servo().local_model()->contacts()) {
-      felt.tilt = std::max(felt.tilt, degrees_off_z(contact.n_W));
+      felt.tilt = std::max(felt.tilt, degrees_off_z(contact.now.n_W));
     }
   });
   running = &session;
