@@ -287,7 +287,8 @@ TEST_CASE("A client's goodbye is no warning") {
   CHECK(run(client(port) + Arguments{"--duration", "1"}).exit_code == 0);
   REQUIRE(haptic_server.wait_for_error("info: the client said goodbye", 10));
   CHECK(haptic_server.wait_for_error("is over", 10));
-  CHECK_THAT(haptic_server.error(), !ContainsSubstring("warning"));
+  const std::string log = haptic_server.error();  // Before it, a busy machine may be warned of.
+  CHECK_THAT(log.substr(log.find("the client said goodbye")), !ContainsSubstring("warning"));
 }
 
 TEST_CASE("Every signal that ends the server says goodbye to the client first") {
