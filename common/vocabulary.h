@@ -251,6 +251,22 @@ inline constexpr std::array<Word<Fault>, 9> kWords<Fault>{{
      "lower stiffness or delay, or raise --energy-budget"},
 }};
 
+/// Whether only a person at the device's machine ends the fault, and no packet: all that concern
+/// whoever holds the handle, and not just the client's numbers.
+constexpr bool ends_at_device(Fault fault) noexcept {
+  return fault != Fault::kNone && fault != Fault::kNonFinite && fault != Fault::kImplausible;
+}
+
+/// What a person does at the device's machine.
+enum class OperatorAct : std::uint8_t { kNone = 0, kStop = 1, kClear = 2 };
+template <>
+inline constexpr std::array<Word<OperatorAct>, 3> kWords<OperatorAct>{{
+    {OperatorAct::kNone, "none", "nothing"},
+    {OperatorAct::kStop, "stop", "stops the force: a fault, whatever the state"},
+    {OperatorAct::kClear, "clear",
+     "lets the fault end, with the next session that a person asks for"},
+}};
+
 /// Why force fades, or waits at zero, in a session that may get it back by itself.
 enum class Fade : std::uint8_t {
   kNone = 0,

@@ -1,4 +1,7 @@
 // haptic_doctor: whether machine, network and device can do it, and why nothing is felt.
+#include <cerrno>
+#include <csignal>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -58,6 +61,30 @@ struct DoctorOptions {
 
 /// Word in place of a capture: a person's first minutes with a device.
 constexpr const char* kDeviceCheck = "device";
+
+/// Word in place of a capture: a person at the device lets its server's fault end.
+constexpr const char* kClear = "clear";
+
+int clear_fault(const DoctorOptions& options) {
+  const auto running = find_running(resolve_option("--server", options.server));
+  if (!running) {
+    throw settings::UsageError("--server " + options.server +
+                               " is no server that runs on this machine: a fault is cleared where "
+                               "the device is");
+  }
+  if (kill(running->process, SIGRTMIN) != 0) {
+    throw std::runtime_error("process " + std::to_string(running->process) + ", the server at " +
+                             running->listen + ", cannot be told: " + std::strerror(errno));
+  }
+  const bool has_fault = running->fault != name_of(Fault::kNone);
+  std::cout << "the server at " << running->listen << ' '
+            << (has_fault ? "had the fault " + running->fault +
+                                ": it ends with the next session "
+                                "that a person asks for"
+                          : std::string("has no fault"))
+            << std::endl;
+  return kOk;
+}
 
 std::vector<Examination> check_device(const DoctorOptions& options) {
   if (options.part != Part::kAll) {
@@ -159,6 +186,7 @@ void configure_logging() {
 
 int run_doctor(const DoctorOptions& options) {
   configure_logging();
+  if (options.subject == kClear) return clear_fault(options);
   if (!options.report.empty()) check_report(options.report);
   const std::vector<Examination> examinations = examine(options);
   std::cout << (options.json ? as_json(examinations) : as_text(examinations)) << std::flush;
@@ -180,6 +208,8 @@ const char* const kFooter =
                                                  small pushes its force; before the first session
   haptic_doctor --check contacts                 whether a client's contacts can be trusted, while
                                                  a session goes on that the server records
+  haptic_doctor clear                            whoever stopped the force, or saw to a fault of the
+                                                 device or the loop, lets it go on
   haptic_doctor run.pcap                         a session recorded with --record
   haptic_doctor run.pcap --check contacts        whether its client's contacts can be trusted
 
@@ -197,7 +227,8 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
       "CAPTURE", options.subject,
       "A recorded session, pcap or pcapng: its chain of force and its contacts are examined; or "
       "the "
-      "word device: the device is checked step by step, with a person at it");
+      "word device: the device is checked step by step, with a person at it; or the word clear: a "
+      "fault of the server on this machine may end");
   settings::Table& table = command_line.table();
   table.group("Doctor");
   table.text("server", options.server, "HOST:PORT", "The server that is meant");

@@ -37,14 +37,26 @@ static_assert(std::atomic<int>::is_always_lock_free);
 void request_stop(int signal) { stop_signal = signal; }
 
 std::atomic<bool> force_stop = false;
+std::atomic<bool> fault_release = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 
-/// SIGUSR2 is the operator's stop: a fault in the next tick.
-void handle_force_stop() {
-  struct sigaction stopping {};
-  stopping.sa_handler = [](int) { force_stop = true; };
-  stopping.sa_flags = SA_RESTART;
-  sigaction(SIGUSR2, &stopping, nullptr);
+/// What a person at this machine does to force, in the next tick: SIGUSR2 stops it, SIGRTMIN lets a
+/// fault end.
+void handle_operator() {
+  struct sigaction action {};
+  action.sa_flags = SA_RESTART;
+  action.sa_handler = [](int) { force_stop = true; };
+  sigaction(SIGUSR2, &action, nullptr);
+  action.sa_handler = [](int) { fault_release = true; };
+  sigaction(SIGRTMIN, &action, nullptr);
+}
+
+/// Since it was last asked. A stop beside a release is a stop.
+OperatorAct take_act() noexcept {
+  const bool stops = force_stop.exchange(false, std::memory_order_relaxed);
+  const bool releases = fault_release.exchange(false, std::memory_order_relaxed);
+  if (stops) return OperatorAct::kStop;
+  return releases ? OperatorAct::kClear : OperatorAct::kNone;
 }
 
 /// SIGTERM comes when the process that started this one ends. Throws UsageError if that is another,
@@ -109,10 +121,10 @@ void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log,
               protocol::RecordingLink* recording, double duration) {
   loop.run([&](const Timing& timing) noexcept {
     guard.beat();
-    const bool stopped = force_stop.exchange(false, std::memory_order_relaxed);
-    if (stopped) servo.stop();
+    const OperatorAct act = take_act();
+    servo.obey(act);
     TickRecord record = servo.tick(timing);
-    if (recording != nullptr) note_tick(*recording, timing, stopped, servo.exchange());
+    if (recording != nullptr) note_tick(*recording, timing, act, servo.exchange());
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
     if (stop_signal != 0 || (duration > 0 && timing.begin >= duration)) loop.stop();
@@ -150,7 +162,7 @@ void run_server(ServerOptions& options) {
   PeriodicLoop loop(loop_options);
   handle_signals(request_stop);
   if (options.parent != 0) end_with(options.parent);
-  handle_force_stop();
+  handle_operator();
   const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
   const protocol::Endpoint address = resolve_option("--listen", options.listen);
   if (!key && !options.insecure) check_is_loopback(options.listen, address);
@@ -221,7 +233,8 @@ const char* const kFooter =
   haptic_server --device list                             what is connected
   haptic_server --print-config > server.toml              a file to change and give with --config
 
-SIGUSR2 stops the force: a fault, until a person asks for a new session.
+SIGUSR2 stops the force: a fault. It ends as those of device, loop and energy do: a person at this
+machine says so, by haptic_doctor clear or SIGRTMIN, and then a person asks for a new session.
 SIGHUP, SIGINT, SIGQUIT and SIGTERM end it: zero force, device off, goodbye to the client.
 SIGUSR1 has the last 10 s of every tick written, see --recordings.
 

@@ -32,6 +32,7 @@ RunningServer parsed(const json& state) {
   server.listen = state.at("listen").get<std::string>();
   server.capture = state.value("capture", "");  // Servers of older versions do not say.
   server.rate = state.at("rate").get<double>();
+  server.fault = state.at("fault").get<std::string>();
   server.session = state.at("session").get<bool>();
   server.silence = state.at("silence").get<double>();
   server.update_rate = number_or_none(state.at("update_rate"));

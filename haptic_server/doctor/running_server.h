@@ -20,6 +20,7 @@ struct RunningServer {
   std::string capture;  ///< File to which it records all datagrams; empty: none.
   double rate = 0;      ///< Hz.
   bool session = false;
+  std::string fault;                  ///< Its name, "none" without one.
   double silence = 0;                 ///< Time since anything usable came, s.
   std::optional<double> update_rate;  ///< Hz.
   double contact_age = 0;             ///< Age of the latest contacts, s.

@@ -41,8 +41,8 @@ Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
       device_(device),
       controller_(options.controller, options.gains),
       limiter_(options.limits, device.ratings(), dt_),
-      energy_(device.ratings(), ForceBudget::of(options.limits, device.ratings(), dt_).max_energy,
-              dt_),
+      energy_(device.ratings(),
+              ForceBudget::of(options.limits, device.ratings(), dt_).energy.capacity, dt_),
       machine_(dt_) {}
 
 const TickRecord& Servo::tick(const Timing& timing) noexcept {
@@ -68,6 +68,13 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   return record_;
 }
 
+void Servo::obey(OperatorAct act) noexcept {
+  if (act == OperatorAct::kStop) fail(Fault::kOperatorStop);
+  if (act != OperatorAct::kClear) return;
+  machine_.release();
+  limiter_.settle();
+}
+
 void Servo::shut_down(double now) noexcept {
   limiter_.cut();
   device_.write(Wrench::Zero());
@@ -85,14 +92,15 @@ void Servo::reject_in_fault(double now) noexcept {
   std::array<char, protocol::kMaxText> text{};
   const std::string_view what = *cause_ != '\0' ? cause_ : meaning_of(machine_.fault());
   const std::string_view remedy = remedy_of(machine_.fault());
-  std::snprintf(text.data(), text.size(), "fault: %.*s; %.*s, then ask for a new session",
+  const bool here = ends_at_device(machine_.fault());
+  std::snprintf(text.data(), text.size(), "fault: %.*s; %.*s, %sask for a new session",
                 static_cast<int>(what.size()), what.data(), static_cast<int>(remedy.size()),
-                remedy.data());
+                remedy.data(), here ? "run haptic_doctor clear at the server, " : "then ");
   session_.reject(now, protocol::RejectReason::kFault, text.data());
 }
 
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
-  if (machine_.state() == ServerState::kFault && !hello.clears_fault) return reject_in_fault(now);
+  if (!machine_.grants_session(hello.clears_fault)) return reject_in_fault(now);
   if (traits(options_.controller).replaces_proxy && hello.tool.links.size() != 1) {
     session_.reject(now, protocol::RejectReason::kTool,
                     "this controller needs a tool of one link; use another one");
@@ -110,6 +118,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   clutched_ = false;
   lowered_ = 0;
   updates_ = 0;
+  shortest_travel_.reset();
   contained_impulses_ = 0;
   controller_ = Controller(options_.controller, options_.gains);
   energy_.begin();
@@ -144,7 +153,7 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   if (inbox.refused) machine_.refuse();
   if (inbox.update != nullptr) {
     machine_.update(silence_time(std::max(period_, inbox.update->ve_period)),
-                    age_of(*inbox.update));
+                    oldest_of(*inbox.update));
   }
   if (inbox.goodbye) machine_.end();
   machine_.tick(limiter_.level(), 1 + timing.missed);
@@ -162,15 +171,27 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   }
 }
 
-/// The age of the contacts is counted in steps, not read from clocks, so that a replay finds the
-/// same: what the environment says it took, and half the round trip of its echo.
+/// The round trip of the update's echo, s; empty if it has none. Counted in steps, not read from
+/// clocks, so that a replay finds the same.
+std::optional<double> Servo::travel_of(const protocol::ContactUpdate& update) const noexcept {
+  if (update.echo_step == 0 || update.echo_step > step_) return std::nullopt;
+  const double round_trip = static_cast<double>(step_ - update.echo_step) * dt_;
+  return std::max(0.0, round_trip - update.echo_hold);
+}
+
+/// The age of the contacts: what the environment says it took, and half the round trip.
 double Servo::age_of(const protocol::ContactUpdate& update) const noexcept {
-  double travel = 0;
-  if (update.echo_step > 0 && update.echo_step <= step_) {
-    const double round_trip = static_cast<double>(step_ - update.echo_step) * dt_;
-    travel = std::max(0.0, round_trip - update.echo_hold) / 2;
-  }
-  return std::min(update.compute_time + travel, kLargestAge);
+  return std::min(update.compute_time + travel_of(update).value_or(0) / 2, kLargestAge);
+}
+
+/// The age that decides whether they give force. Whatever a round trip is longer than the session's
+/// shortest may have been the update's way alone: a network that holds everything and then delivers
+/// it at once is no slower on the way back.
+double Servo::oldest_of(const protocol::ContactUpdate& update) noexcept {
+  const std::optional<double> travel = travel_of(update);
+  if (!travel) return update.compute_time;
+  shortest_travel_ = std::min(shortest_travel_.value_or(*travel), *travel);
+  return update.compute_time + *travel - *shortest_travel_ / 2;
 }
 
 void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
@@ -228,6 +249,8 @@ bool Servo::observe(const DeviceState& device) noexcept {
                                          device_.ratings().scale, device_.ratings().rotation_scale);
   limiter_.observe(device.X_WD, energy_.supply());
   record_.port = limiter_.ledger();
+  record_.port_bound = limiter_.energy_bound();
+  record_.port_power = limiter_.power_bound();
   energy_.observe(device.X_WD, device.V_WD, record_.port);
   record_.brought = energy_.brought();
   if (fault == Fault::kNone && limiter_.overdrawn()) fault = Fault::kEnergy;
@@ -295,8 +318,9 @@ bool Servo::is_plausible(const DeviceState& device) const noexcept {
 }
 
 void Servo::fail(Fault fault) noexcept {
-  if (machine_.fault() == Fault::kNone) cause_ = fault == Fault::kDevice ? device_.cause() : "";
+  const Fault before = machine_.fault();
   machine_.fail(fault);
+  if (machine_.fault() != before) cause_ = fault == Fault::kDevice ? device_.cause() : "";
   limiter_.cut();
   record_.F_command.setZero();
   device_.write(Wrench::Zero());

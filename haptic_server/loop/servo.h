@@ -41,8 +41,8 @@ class Servo {
   /// One tick. Returns its signals except `execution`, which the caller measures.
   const TickRecord& tick(const Timing& timing) noexcept;
 
-  /// An operator stops the force: a fault, whatever the state. Between ticks, from their thread.
-  void stop() noexcept { fail(Fault::kOperatorStop); }
+  /// What a person at the device's machine does; between ticks, from their thread.
+  void obey(OperatorAct act) noexcept;
 
   /// The exchange in the latest tick.
   const DeviceExchange& exchange() const noexcept { return exchange_; }
@@ -57,7 +57,9 @@ class Servo {
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
   void apply(const protocol::Control& control) noexcept;
+  std::optional<double> travel_of(const protocol::ContactUpdate& update) const noexcept;
   double age_of(const protocol::ContactUpdate& update) const noexcept;
+  double oldest_of(const protocol::ContactUpdate& update) noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
   void simulate() noexcept;
   bool observe(const DeviceState& device) noexcept;
@@ -83,9 +85,10 @@ class Servo {
   std::optional<LocalModel> local_model_;
   EngineView engine_;
   Telemetry telemetry_;
-  double period_ = 0;              ///< Period of the client's frames, as its hello says, s.
-  std::uint64_t step_ = 0;         ///< Steps of the session so far.
-  std::uint64_t updates_ = 0;      ///< Adopted in the session.
+  std::optional<double> shortest_travel_;  ///< Round trip of the session, s.
+  double period_ = 0;                      ///< Period of the client's frames, as its hello says, s.
+  std::uint64_t step_ = 0;                 ///< Steps of the session so far.
+  std::uint64_t updates_ = 0;              ///< Adopted in the session.
   Freedoms missing_freedoms_ = 0;  ///< Freedoms of the session's tool that the device lacks.
   double contained_impulses_ = 0;  ///< Step of the impulses in the state of the latest update.
   Pose X_WStart_;           ///< Pose of the handle, as the session began, or the clutch was let go.

@@ -33,7 +33,9 @@ struct TickRecord {
   Wrench F_command = Wrench::Zero();     ///< Wrench to the device, after limits.
   ForceLimit limit = ForceLimit::kNone;  ///< What keeps it from being the wanted wrench.
   PortLedger port;                       ///< Up to this tick's reading of the device.
-  double brought = 0;  ///< Energy that updates have brought into contacts' springs so far, J.
+  double port_bound = 0;  ///< Most that the port gives beyond taken, J. Not in the tick log.
+  double port_power = 0;  ///< And in the long run, W. Not in the tick log.
+  double brought = 0;     ///< Energy that updates have brought into contacts' springs so far, J.
   int active_contacts = 0;
   int predicted_contacts = 0;
   double smallest_separation = 0;  ///< m; 0 without contacts.

@@ -24,6 +24,9 @@ void EnergyReceipt::observe(const TickRecord& record) {
   const double net = all_.given - all_.taken - record.port.explained;
   least_net_ = std::min(least_net_, net);
   largest_net_ = std::max(largest_net_, net - least_net_);
+  if (!begin_) begin_ = record.time;
+  closest_ =
+      std::max(closest_, all_.given - all_.taken - record.port_power * (record.time - *begin_));
   largest_difference_ = std::max({largest_difference_, std::abs(all_.given - record.port.given),
                                   std::abs(all_.taken - record.port.taken)});
   if (record.adopted == 0) return;
@@ -38,9 +41,12 @@ std::string EnergyReceipt::total() const {
   if (!before_) return "the port gave and took nothing: no step was played\n";
   return fmt::format(
       "the port gave {:.6g} J and took {:.6g} J in {} steps; {:.6g} J of the difference is weight "
-      "and moving constraints; beyond that it never gave more than {:.6g} J at a stretch. Not "
-      "covered: motors, amplifiers, and the delay of the device\n",
-      all_.given, all_.taken, before_->step, before_->port.explained, largest_net_);
+      "and moving constraints; beyond that it never gave more than {:.6g} J at a stretch. Given "
+      "less "
+      "taken came to {:.6g} J and {:g} W of the time; the bound is {:.6g} J. Not covered: motors, "
+      "amplifiers, and the delay of the device\n",
+      all_.given, all_.taken, before_->step, before_->port.explained, largest_net_, closest_,
+      before_->port_power, before_->port_bound);
 }
 
 }  // namespace hlm::server

@@ -38,6 +38,8 @@ class EnergyReceipt {
   double explained_ = 0;    ///< J, at the latest update.
   double largest_net_ = 0;  ///< Largest given - taken - explained, above its least value before, J.
   double least_net_ = 0;    ///< J.
+  std::optional<double> begin_;  ///< Time of the first step, s.
+  double closest_ = 0;           ///< Largest given - taken - power · t, J.
   double largest_difference_ = 0;
 };
 

@@ -72,7 +72,7 @@ void fields(Archive& archive, TickNote& note) {
   archive.u64(note.tick);
   number(archive, note.begin);
   archive.u64(note.missed);
-  archive.flag(note.stopped);
+  archive.enumeration(note.act);
   archive.u64(note.lost);
   archive.flag(note.device.read);
   optional(archive, note.device.state, [&](DeviceState& state) { fields(archive, state); });
@@ -124,13 +124,13 @@ void note_device(protocol::RecordingLink& link, const Device& device) noexcept {
                                              .observes_hand = device.observes_hand_wrench()})));
 }
 
-void note_tick(protocol::RecordingLink& link, const Timing& timing, bool stopped,
+void note_tick(protocol::RecordingLink& link, const Timing& timing, OperatorAct act,
                const DeviceExchange& device) noexcept {
-  if (!device.read && !stopped && link.received().empty()) return;
+  if (!device.read && act == OperatorAct::kNone && link.received().empty()) return;
   link.note(protocol::view(encode(TickNote{.tick = timing.tick,
                                            .begin = timing.begin,
                                            .missed = timing.missed,
-                                           .stopped = stopped,
+                                           .act = act,
                                            .lost = link.lost(),
                                            .device = device,
                                            .received = link.received()})));

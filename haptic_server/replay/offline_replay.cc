@@ -82,7 +82,7 @@ class Player {
       result.fingerprint = tick.granted->welcome.fingerprint;
     }
     if (recorded_ != nullptr) recorded_->set(tick.note.device);
-    if (tick.note.stopped) servo_->stop();
+    servo_->obey(tick.note.act);
     link_.begin_tick(tick.received);
     overruns_ += tick.note.missed;
     const TickRecord& record =

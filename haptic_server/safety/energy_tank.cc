@@ -12,18 +12,31 @@ void EnergyTank::observe(const Pose& X_WD, const Wrench& F, const Wrench& weight
     const double given = work_at_handle(F, moves, scale_);
     (given > 0 ? ledger_.given : ledger_.taken) += std::abs(given);
     const double level = ledger_.tank - given;
-    // What went elsewhere than to the hand makes nothing owed.
-    const double explained =
-        std::max(work_at_handle(weight, moves, scale_) + supply, std::min(-level, 0.0));
+    const double explained = explain(level, work_at_handle(weight, moves, scale_), supply);
     ledger_.explained += explained;
-    ledger_.tank = std::min(level + explained, capacity_);  // in this order NaN stays NaN
+    ledger_.tank = std::min(level + explained, limits_.capacity);  // in this order NaN stays NaN
   }
   known_ = true;
   X_WD_ = X_WD;
 }
 
-void EnergyTank::rest(double time) noexcept {
-  ledger_.tank = std::min(ledger_.tank + time * capacity_ / kRefillTime, capacity_);  // as above
+/// The part of a period's explanations that changes a tank of that level, J.
+double EnergyTank::explain(double level, double weight, double supply) noexcept {
+  const double sum = weight + supply;
+  if (!(sum > 0)) {
+    // What went elsewhere than to the hand makes nothing owed.
+    const double kept = std::max(sum, std::min(-level, 0.0));
+    const double lifts = std::clamp(weight, kept, 0.0);
+    lifted_ -= lifts;
+    claim_ = std::min(claim_ - (kept - lifts), limits_.claim);
+    return kept;
+  }
+  const double lacks = std::min(sum, std::max(limits_.capacity - level, 0.0));
+  const double lowers = std::clamp(weight, 0.0, std::min(lacks, lifted_));
+  const double claims = std::min(lacks - lowers, claim_);
+  lifted_ -= lowers;
+  claim_ -= claims;
+  return lowers + claims;
 }
 
 }  // namespace hlm::server

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "hlm/device/device.h"
+#include "hlm/safety/energy_tank.h"
 #include "hlm/safety/limiter_options.h"
 
 namespace hlm::server {
@@ -20,6 +21,9 @@ struct ForceBudget {
   static constexpr double kWholeTorqueRate = 5;
   /// Way over which it gives its whole force beyond what is explained, m.
   static constexpr double kWholeForceWay = 0.042;
+  /// Way and speed of what the client claims, m and m/s.
+  static constexpr double kClaimedWay = 0.17;
+  static constexpr double kClaimedSpeed = 0.085;
 
   double max_force = 0;        ///< N.
   double max_torque = 0;       ///< Torque in the world, N·m.
@@ -28,7 +32,7 @@ struct ForceBudget {
 
   double max_power = 0;          ///< Power of the force, given to the hand at the handle, W.
   double max_turning_power = 0;  ///< Power of the torque, W.
-  double max_energy = 0;         ///< Given beyond what was taken and is explained, J.
+  EnergyLimits energy;           ///< At the handle.
 
   /// dt: servo period, s.
   static ForceBudget of(const LimiterOptions& allowed, const DeviceRatings& device,
@@ -48,7 +52,9 @@ struct ForceBudget {
             least(allowed.max_power, device.max_power, force * kWholeForceSpeed),
             least(allowed.max_turning_power, device.max_turning_power,
                   torque / of_handle * kWholeTorqueRate),
-            std::min(allowed.max_energy, force * kWholeForceWay)};
+            {.capacity = std::min(allowed.max_energy, force * kWholeForceWay),
+             .claim = std::min(allowed.claim_energy, force * kClaimedWay),
+             .claim_power = std::min(allowed.claim_power, force * kClaimedSpeed)}};
   }
 };
 

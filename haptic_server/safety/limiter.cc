@@ -58,7 +58,7 @@ Limiter::Limiter(const LimiterOptions& allowed, const DeviceRatings& device, dou
       fade_step_(step_of(allowed.fade_time, dt)),
       rise_step_(step_of(allowed.rise_time, dt)),
       spreader_(budget_, dt),
-      tank_(budget_.max_energy, device.scale) {}
+      tank_(budget_.energy, device.scale) {}
 
 void Limiter::cut() noexcept {
   wanted_ = false;

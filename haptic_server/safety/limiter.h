@@ -27,13 +27,15 @@ class Limiter {
   /// Where the force is heading: full where it is wanted, fading to none where it is not. Once in
   /// each step, with a session and without.
   void allow(bool wanted) noexcept {
-    if (level() == ForceLevel::kNone) tank_.rest(dt_);  // in the step that has ended
+    tank_.pass(dt_);
     wanted_ = wanted;
   }
   /// No force from this very step on.
   void cut() noexcept;
   /// A session begins: what force is left falls at its rate, and new force rises from none.
   void restart() noexcept;
+  /// A person at the device lets it go on: the energy that it gave too much is forgiven.
+  void settle() noexcept { tank_.settle(); }
   ForceLevel level() const noexcept {
     if (portion_ == 1) return ForceLevel::kFull;
     const bool none = portion_ == 0 && !wanted_ && command_.isZero(0);
@@ -51,6 +53,9 @@ class Limiter {
     return std::clamp(power / scale_, 0.0, budget_.max_power + budget_.max_turning_power) * dt_;
   }
   const PortLedger& ledger() const noexcept { return tank_.ledger(); }
+  /// What the port never exceeds: EnergyTank::bound(), J, and power in the long run, W.
+  double energy_bound() const noexcept { return tank_.bound(); }
+  double power_bound() const noexcept { return budget_.energy.claim_power; }
   /// Whether the device gave more energy than the limits on force could hold back.
   bool overdrawn() const noexcept { return tank_.overdrawn(); }
 

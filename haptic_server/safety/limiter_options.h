@@ -24,9 +24,14 @@ struct LimiterOptions {
   /// J that the device may give beyond what it took and what is explained. Less damps what springs
   /// back where it should not, more lets an unstable contact shake the hand for longer.
   double max_energy = 0.5;
+  /// J and W at the handle for what the client says pushes it: walls, bodies and weight. It is the
+  /// client's word alone. Less makes doors and conveyors weak; more lets a client that lies carry
+  /// the handle away.
+  double claim_energy = 2;
+  double claim_power = 1;
 };
 
-inline constexpr std::array<NumberOf<LimiterOptions>, 9> kLimiterNumbers{{
+inline constexpr std::array<NumberOf<LimiterOptions>, 11> kLimiterNumbers{{
     {{0.01, 1000, "N"},
      "force limit",
      &LimiterOptions::max_force,
@@ -61,6 +66,16 @@ inline constexpr std::array<NumberOf<LimiterOptions>, 9> kLimiterNumbers{{
      &LimiterOptions::max_energy,
      "Energy that the hand may get beyond what is explained, before force is damped; the device's "
      "rated force over 42 mm counts too"},
+    {{0, 1e6, "J"},
+     "claim energy",
+     &LimiterOptions::claim_energy,
+     "Energy that the hand may get at a stretch from walls, bodies and weight, as the client says; "
+     "the device's rated force over 170 mm counts too"},
+    {{0, 1e4, "W"},
+     "claim power",
+     &LimiterOptions::claim_power,
+     "Power that it may get from those in the long run; the device's rated force at 85 mm/s counts "
+     "too"},
 }};
 
 }  // namespace hlm::server

@@ -62,7 +62,8 @@ void SafetyStateMachine::end() noexcept {
 }
 
 void SafetyStateMachine::fail(Fault fault) noexcept {
-  if (state_ == kFault) return;
+  released_ = false;
+  if (state_ == kFault && (ends_at_device(fault_) || !ends_at_device(fault))) return;
   happen(kFailed);
   fault_ = fault;
   fade_ = Fade::kNone;

@@ -10,7 +10,7 @@ namespace hlm::server {
 
 /// What leads from one state to another.
 enum class SafetyEvent : std::uint8_t {
-  kGranted,   ///< A client gets a session; in a fault only because a person asks for it.
+  kGranted,   ///< A client gets a session; in a fault only where grants_session().
   kUpdated,   ///< A whole update came, with contacts that are not too old.
   kRisen,     ///< Force is no longer held back.
   kUnheard,   ///< Nothing of the client for too long, or no such update.
@@ -39,6 +39,13 @@ class SafetyStateMachine {
     return state_ != ServerState::kOff && state_ != ServerState::kFault;
   }
 
+  /// Whether a client may have a session now: in a fault only if a person asks for it there, after
+  /// release() where ends_at_device().
+  bool grants_session(bool person_asks) const noexcept {
+    return state_ != ServerState::kFault || (person_asks && (released_ || !ends_at_device(fault_)));
+  }
+  /// A person at the device's machine lets the present fault end.
+  void release() noexcept { released_ = state_ == ServerState::kFault; }
   /// A session begins, and a fault ends. silence_time: s in which nothing is heard, after which
   /// force fades.
   void begin(double silence_time) noexcept;
@@ -50,7 +57,8 @@ class SafetyStateMachine {
   void update(double silence_time, double age) noexcept;
   /// The client ends the session.
   void end() noexcept;
-  /// The first fault is the one that is kept.
+  /// The first fault is the one that is kept, but for one that ends_at_device() after one that does
+  /// not. Ends what release() allowed.
   void fail(Fault fault) noexcept;
   /// Servo periods go by, more than one where ticks were missed; `level`: of the force.
   void tick(ForceLevel level, std::uint64_t periods = 1) noexcept;
@@ -66,6 +74,7 @@ class SafetyStateMachine {
   Fade fade_ = Fade::kNone;
   double silence_ = 0;         ///< Time since anything was heard, or the session began, s.
   double without_update_ = 0;  ///< Time since the latest whole update, or the session's begin, s.
+  bool released_ = false;      ///< The present fault may end.
   bool refused_ = false;       ///< An update was refused since the latest whole one.
 };
 

@@ -95,17 +95,19 @@ class VirtualServer {
       return nullptr;
     }
     timing.missed = std::exchange(missed_, 0);
-    const bool stopped = std::exchange(stopped_, false);
-    if (stopped) servo_->stop();
+    const OperatorAct act = std::exchange(act_, OperatorAct::kNone);
+    servo_->obey(act);
     last_ = servo_->tick(timing);
-    if (options_.recorded) server::note_tick(link_, timing, stopped, servo_->exchange());
+    if (options_.recorded) server::note_tick(link_, timing, act, servo_->exchange());
     return &last_;
   }
 
   /// Misses so many periods.
   void stall(std::uint64_t periods) { stalls_ += periods; }
   /// An operator stops the force before the next tick.
-  void stop_force() { stopped_ = true; }
+  void stop_force() { act_ = OperatorAct::kStop; }
+  /// A person at the device lets a fault end, before the next tick.
+  void clear_fault() { act_ = OperatorAct::kClear; }
 
   const server::TickRecord& last() const { return last_; }
   server::Servo& servo() { return *servo_; }
@@ -125,7 +127,7 @@ class VirtualServer {
   std::uint64_t ticks_ = 0;
   std::uint64_t stalls_ = 0;
   std::uint64_t missed_ = 0;
-  bool stopped_ = false;
+  OperatorAct act_ = OperatorAct::kNone;
   server::TickRecord last_;
 };
 

@@ -419,7 +419,7 @@ class Attacks(ForceTest):
 
     # Faults.
 
-    def test_a_fault_stays_through_a_short_and_a_long_stop_until_a_person_asks(self):
+    def test_a_fault_stays_through_a_short_and_a_long_stop_until_it_is_cleared_here(self):
         for stop in (0.35, 2):
             with self.subTest(stop=stop), pressing() as (server, client):
                 server.stop_for(stop)
@@ -429,13 +429,18 @@ class Attacks(ForceTest):
                 client.nonce += 1
                 message, answer = client.ask(clears_fault=0)
                 self.assertEqual((message, answer.get("reason")), ("reject", 4))
+                client.nonce += 1
+                self.assertEqual(client.ask(clears_fault=1)[1].get("reason"), 4)
+                os.kill(server.process.pid, signal.SIGRTMIN)
+                time.sleep(0.05)
+                client.nonce += 1
                 self.assertEqual(client.ask(clears_fault=1)[0], "welcome")
                 client.session = client.ask()[1]["session"]
                 client.sequence, client.state = 0, {}
                 client.press(0.5)
                 self.assertEqual((client.state["server"], client.state["fault"]), (1, 0))
 
-    def test_an_operators_stop_cuts_the_force_until_a_person_asks(self):
+    def test_an_operators_stop_cuts_the_force_until_it_is_cleared_here(self):
         with pressing() as (server, client):
             os.kill(server.process.pid, signal.SIGUSR2)
             client.press(0.3)
@@ -444,6 +449,10 @@ class Attacks(ForceTest):
             time.sleep(0.6)
             client.nonce += 1
             self.assertEqual(client.ask(clears_fault=0)[1]["reason"], 4)
+            client.nonce += 1
+            self.assertEqual(client.ask(clears_fault=1)[1]["reason"], 4)  # no packet ends it
+            os.kill(server.process.pid, signal.SIGRTMIN)
+            time.sleep(0.05)
             client.begin()
             client.state = {}
             client.press(0.5)

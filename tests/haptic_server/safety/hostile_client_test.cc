@@ -40,13 +40,14 @@ class HostileSession {
     }
   }
 
-  /// The most that was given beyond what was taken and explained, and what time without force
-  /// fills again, over any stretch of time, J.
+  /// The most that was given beyond what was taken and explained, over any stretch of time, J.
   double most() const { return most_; }
   double given() const { return given_; }  ///< J.
   double taken() const { return taken_; }  ///< J.
   /// Difference of the server's ledger from that of this test, J.
   double ledger_error() const { return ledger_error_; }
+  /// How far given less taken was above what the port never exceeds, J; negative: below it.
+  double bound_error() const { return bound_error_; }
   int faults() const { return faults_; }
 
  private:
@@ -81,6 +82,15 @@ class HostileSession {
                        [&](const ReportedContact& c) { return c.identity == identity; });
   }
 
+  /// As a person at the device would.
+  void clear() {
+    if (!ends_at_device(fault_)) return;
+    servo_->obey(OperatorAct::kClear);
+    const double forgiven = std::max(0.0, -port_.tank);
+    forgiven_ += forgiven;
+    net_ -= forgiven;
+  }
+
   void say_hello() {
     if (session_.active()) {
       link_.deliver(kClient, {.session = session_.id(), .sequence = ++sequence_},
@@ -91,6 +101,7 @@ class HostileSession {
     hello.tool = test::planar_tool();
     hello.q = Vector3(0, 0, 0);
     hello.clears_fault = true;
+    clear();
     sequence_ = 0;
     faulty_ = false;
     link_.deliver(kClient, {.sequence = hellos_}, hello);
@@ -102,12 +113,12 @@ class HostileSession {
     timing_.scheduled = timing_.begin = static_cast<double>(timing_.tick) / options_.rate;
     const TickRecord record = servo_->tick(timing_);
     link_.forget_sent();
+    if (!faulty_) count(record);  // The ticks after it have no ledger.
     if (record.fault != Fault::kNone && !faulty_) ++faults_, faulty_ = true;
-    count(record);
   }
 
   void count(const TickRecord& record) {
-    if (record.step <= 1) {
+    if (record.step <= 1 && record.fault == Fault::kNone) {
       explained_before_ = 0;
       session_given_ = session_taken_ = 0;
     } else {
@@ -120,13 +131,13 @@ class HostileSession {
       ledger_error_ = std::max({ledger_error_, std::abs(session_given_ - record.port.given),
                                 std::abs(session_taken_ - record.port.taken)});
     }
-    if (command_.isZero(0) && !renders_force(server_)) {
-      net_ -= options_.limits.max_energy / EnergyTank::kRefillTime / options_.rate;
-    }
+    bound_error_ = std::max(bound_error_, given_ - taken_ - bound_ - forgiven_ -
+                                              options_.limits.claim_power * record.time);
+    port_ = record.port;
+    fault_ = record.fault;
     least_ = std::min(least_, net_);
     most_ = std::max(most_, net_ - least_);
     command_ = record.F_command;
-    server_ = record.server;
     X_WD_ = record.X_WD;
   }
 
@@ -148,7 +159,6 @@ class HostileSession {
   int faults_ = 0;
 
   Wrench command_ = Wrench::Zero();
-  ServerState server_ = ServerState::kOff;
   Pose X_WD_;
   double explained_before_ = 0;
   double session_given_ = 0;
@@ -159,6 +169,11 @@ class HostileSession {
   double least_ = 0;
   double most_ = 0;
   double ledger_error_ = 0;
+  double bound_ = 2 * options_.limits.max_energy + options_.limits.claim_energy;
+  double bound_error_ = -bound_;
+  double forgiven_ = 0;  ///< Debts of the tank, by whoever cleared faults, J.
+  PortLedger port_;
+  Fault fault_ = Fault::kNone;
 };
 
 /// Of the updates of one rule.
@@ -174,6 +189,7 @@ void check(int updates) {
                      << session.most() << " J at a stretch, " << session.faults() << " faults");
   CHECK(session.given() > 0.1);
   CHECK(session.ledger_error() < 1e-9);  // J
+  CHECK(session.bound_error() < 0);
   // What the rate limit lets through while the force is taken back comes on top.
   CHECK(session.most() <= options.limits.max_energy + 0.05);
 }

@@ -100,10 +100,26 @@ TEST_CASE("Every fault and every fade says what a person can do") {
 TEST_CASE("The first fault is the one that is kept, and a new session forgets it") {
   SafetyStateMachine machine = in(kActive);
   machine.fail(Fault::kNonFinite);
-  machine.fail(Fault::kDevice);
+  machine.fail(Fault::kImplausible);
   CHECK(machine.fault() == Fault::kNonFinite);
   machine.begin(kSilence);
   CHECK(machine.fault() == Fault::kNone);
+}
+
+TEST_CASE(
+    "A fault that ends at the device needs its release, and a client's fault gives way to it") {
+  SafetyStateMachine machine = in(kActive);
+  machine.fail(Fault::kNonFinite);
+  CHECK(machine.grants_session(true));
+  CHECK_FALSE(machine.grants_session(false));
+  machine.fail(Fault::kOperatorStop);
+  CHECK(machine.fault() == Fault::kOperatorStop);
+  CHECK_FALSE(machine.grants_session(true));
+  machine.release();
+  CHECK(machine.grants_session(true));
+  CHECK_FALSE(machine.grants_session(false));
+  machine.fail(Fault::kOperatorStop);
+  CHECK_FALSE(machine.grants_session(true));
 }
 
 TEST_CASE("Silence counts from the latest word: 0.1 s are endured, 0.11 s are silence") {
