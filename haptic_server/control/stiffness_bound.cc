@@ -161,7 +161,7 @@ double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double 
     gains.angular_stiffness *= turning;
     gains.angular_damping *= turning;
   }
-  return std::min(share, turning);
+  return feels_contacts(kind) ? share : std::min(share, turning);
 }
 
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
@@ -170,7 +170,7 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
   const Impedance felt = felt_impedance(kind, gains, contacts);
   const ControllerGains asked = gains;
   const LocalModelParameters before = contacts;
-  if (bound_stiffness(kind, device, period, gains, contacts) == 1) return std::nullopt;
+  bound_stiffness(kind, device, period, gains, contacts);
   std::vector<std::string> lowered;
   if (contacts.max_hand_stiffness < before.max_hand_stiffness) {
     lowered.push_back(fmt::format("contacts of {:.5g} N/m together, {:.5g} N/m are in effect",
@@ -192,6 +192,7 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
         asked.angular_stiffness, asked.angular_damping, gains.angular_stiffness,
         gains.angular_damping));
   }
+  if (lowered.empty()) return std::nullopt;
   const std::string slower = device.velocity_lag > 0 ? fmt::format(", its velocity {:.3g} ms later",
                                                                    1e3 * device.velocity_lag)
                                                      : "";

@@ -49,9 +49,11 @@ Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
 Impedance felt_in_rotation(ControllerKind kind, const ControllerGains& gains,
                            const LocalModelParameters& contacts) noexcept;
 
-/// Lowers what the device does not support with damping left to come to rest: with direct coupling
-/// the stiffness of all contacts together (max_hand_stiffness), else the coupling's gains. Returns
-/// the share that is left, 0 to 1; 1 if nothing was lowered. Bounded in time.
+/// Lowers what the device does not support with room left to come to rest: with direct coupling the
+/// stiffness of all contacts together (max_hand_stiffness, max_hand_angular_stiffness), else the
+/// coupling's gains, in translation and in rotation by shares of their own. Returns the share that
+/// is left, 0 to 1: of all contacts together in translation, else the smaller one of the
+/// coupling's. Bounded in time: 4 to 8 µs.
 double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
                        ControllerGains& gains, LocalModelParameters& contacts) noexcept;
 
