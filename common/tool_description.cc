@@ -67,27 +67,79 @@ std::optional<Sentence> find_joint_error(const Link& link, int index) {
   return find_brief_error("upper limit", link.upper, Range{link.lower, kNoLimit});
 }
 
+/// A rigid body in the axes of a link: the link and what is fixed to it.
+struct Composite {
+  double mass = 0;
+  Vector3 moment = Vector3::Zero();   ///< Mass times centre of mass, from the link's origin, kg·m.
+  Matrix3 inertia = Matrix3::Zero();  ///< About the link's origin, kg·m².
+
+  void add(const Link& link, const Pose& X) {
+    const Vector3 p = X * link.p_LCom;
+    const Matrix3 R = X.R.normalized().toRotationMatrix();
+    mass += link.mass;
+    moment += link.mass * p;
+    inertia += R * link.I_LCom * R.transpose() + link.mass * about(p);
+  }
+  /// The inertia about the centre of mass.
+  Matrix3 central() const {
+    return mass > 0 ? Matrix3(inertia - mass * about(moment / mass)) : inertia;
+  }
+  /// Of 1 kg at p about the origin.
+  static Matrix3 about(const Vector3& p) {
+    return p.squaredNorm() * Matrix3::Identity() - p * p.transpose();
+  }
+};
+
+/// The least inertia that the joint turns with the body: about the axis of a revolute joint; about
+/// the centre of mass where the joint moves that, too.
+double turned_inertia(const Link& link, const Composite& body) {
+  switch (link.joint) {
+    case JointType::kRevolute:
+      return link.axis.dot(body.inertia * link.axis);
+    case JointType::kPlanar:
+      return body.central()(2, 2);
+    case JointType::kFree:
+      return Eigen::SelfAdjointEigenSolver<Matrix3>(body.central(), Eigen::EigenvaluesOnly)
+          .eigenvalues()
+          .minCoeff();
+    case JointType::kFixed:
+    case JointType::kPrismatic:
+      break;
+  }
+  return 0;
+}
+
 /// Whether D(q) can be inverted: every velocity coordinate must move some mass or inertia.
 std::optional<Sentence> find_massless_error(const ToolDescription& tool) {
   const int count = static_cast<int>(tool.links.size());
+  const auto link = [&](int i) -> const Link& { return tool.links[static_cast<std::size_t>(i)]; };
   for (int i = 0; i < count; ++i) {
-    if (tool.links[static_cast<std::size_t>(i)].joint == JointType::kFixed) continue;
+    if (link(i).joint == JointType::kFixed) continue;
+    Composite body;
     double mass = 0;
-    double inertia = 0;
+    double beyond = 0;  // What turns on joints of its own counts in whatever pose, kg·m².
     for (int j = i; j < count; ++j) {
+      Pose X;  // Of link j in link i, as far as joints are fixed.
+      bool fixed = true;
       int ancestor = j;
-      while (ancestor > i) ancestor = tool.links[static_cast<std::size_t>(ancestor)].parent;
+      for (; ancestor > i; ancestor = link(ancestor).parent) {
+        X = link(ancestor).X_PJ * X;
+        fixed = fixed && link(ancestor).joint == JointType::kFixed;
+      }
       if (ancestor != i) continue;
-      const Link& moved = tool.links[static_cast<std::size_t>(j)];
-      mass += moved.mass;
-      inertia += moved.I_LCom.trace() + moved.mass * moved.p_LCom.squaredNorm();
+      mass += link(j).mass;
+      if (fixed) {
+        body.add(link(j), X);
+      } else {
+        beyond += link(j).I_LCom.trace() + link(j).mass * link(j).p_LCom.squaredNorm();
+      }
     }
     if (!(mass >= kSmallestMass)) {
       return Sentence("link ") + i + ": its joint moves too little: mass " + brief_text(mass) +
              " kg must be at least " + brief_text(kSmallestMass) + " kg";
     }
-    if (tool.links[static_cast<std::size_t>(i)].joint != JointType::kPrismatic &&
-        !(inertia >= kSmallestInertia)) {
+    const double inertia = turned_inertia(link(i), body) + beyond;
+    if (link(i).joint != JointType::kPrismatic && !(inertia >= kSmallestInertia)) {
       return Sentence("link ") + i + ": its joint turns too little: inertia " +
              brief_text(inertia) + " kg·m² must be at least " + brief_text(kSmallestInertia) +
              " kg·m²";

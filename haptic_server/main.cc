@@ -141,6 +141,15 @@ void check_is_loopback(const std::string& listen, const protocol::Endpoint& addr
                              "a closed network, --insecure");
 }
 
+/// What --insecure exposes.
+void warn_of_insecurity(const protocol::Endpoint& address) {
+  if (protocol::is_loopback(address)) return;
+  spdlog::warn(
+      "--insecure: no key: whoever reaches {} can start a session, move the device and read "
+      "what is said",
+      protocol::to_string(address));
+}
+
 /// Real-time rights for this thread; what is missing is logged.
 void prepare_thread(const RealtimeOptions& options) {
   const RealtimeGrant grant = enter_realtime(options);
@@ -212,6 +221,7 @@ void run_server(ServerOptions& options) {
     TickLogThread writer(log);
     spdlog::info("listening on {}, {} Hz{}", protocol::to_string(socket.local()), loop_options.rate,
                  key ? ", for clients with the key" : "");
+    if (options.insecure) warn_of_insecurity(socket.local());
     prepare_thread(options.realtime);
     run_loop(loop, *servo, guard, log, recording ? &recording->link() : nullptr, options.duration);
   }

@@ -52,6 +52,7 @@ std::string ratings_text(const Device& device) {
     text += ' ' + shortest_text(rating);
   }
   if (r.delay > 0) text += " late " + shortest_text(r.delay);
+  if (r.velocity_lag > 0) text += " velocity late " + shortest_text(r.velocity_lag);
   if (std::isfinite(r.exchange_rate)) text += " rate " + shortest_text(r.exchange_rate);
   if (r.rotation_scale != 1) text += " turns " + shortest_text(r.rotation_scale);
   return text;

@@ -193,6 +193,7 @@ void fields(Io& io, M& body) requires std::same_as<const M, const MovableBody> {
   io.vector_within(body.V_W, kLargestSpeed);
   io.vector_within(body.A_W, kLargestAcceleration);
   io.symmetric_within(body.W, kLargestMobility);
+  io.mobility(body.W);
   io.vector_within(body.P_W, kLargestImpulse);
   io.enumeration(body.roundness);
   io.short_vector_within(body.axis_W, kLargestUnit);

@@ -46,6 +46,8 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
   Header header;
   if (const auto reason = decode_header(view(datagram_.bytes), header)) {
     if (reason == DropReason::kVersion) answer_other_version(now);
+    const bool spoiled = reason == DropReason::kMalformed || reason == DropReason::kTruncated;
+    if (spoiled && active_ && datagram_.peer == client_.peer) note_refusal(meaning_of(*reason));
     return reason;
   }
   switch (header.type) {
@@ -120,14 +122,17 @@ std::optional<DropReason> ServerSession::assemble_hello(double now, const Header
 
 std::optional<DropReason> ServerSession::take_update(double now, const Header& header) noexcept {
   if (!from_client(header)) return DropReason::kForeignSession;
-  if (!is_plausible(header)) return DropReason::kMalformed;
+  if (!is_plausible(header)) {
+    note_refusal("its sequence is more than 1000 beyond the largest that was taken");
+    return DropReason::kMalformed;
+  }
   if (const auto reason = update_parts_.judge(header)) return reason;
   ContactUpdate& scratch = updates_[1 - newest_update_];
   const bool begins = !update_parts_.holds(header.envelope.sequence);
   if (const auto error = decode_part(view(datagram_.bytes), scratch)) {
     spoiled_ = spoiled_ || begins;
     ++refused_;
-    inbox_.refused = true;
+    note_refusal(meaning_of(error->error));
     update_parts_.refuse(header.envelope.sequence, statistics_);
     report_refusal(now, {.refused = header.envelope.sequence,
                          .error = error->error,
@@ -164,12 +169,13 @@ std::optional<DropReason> ServerSession::complete_update(double now,
   if (reason) ++refused_;
   if (refusal.error != UpdateError::kNone) report_refusal(now, refusal);
   if (reason) {
-    inbox_.refused = true;
+    note_refusal(meaning_of(refusal.error));
     statistics_.drop(*reason, update_parts_.parts().size() - 1);
     update_parts_.refuse(header.envelope.sequence, statistics_);
     return reason;
   }
   update_parts_.accept();
+  refusal_ = {};
   hear(now);
   heard_ = std::max(heard_, header.envelope.sequence);
   newest_update_ = 1 - newest_update_;
@@ -184,6 +190,11 @@ std::optional<DropReason> ServerSession::complete_update(double now,
     inbox_.control = &control_;
   }
   return std::nullopt;
+}
+
+void ServerSession::note_refusal(std::string_view why) noexcept {
+  inbox_.refused = true;
+  refusal_ = why;
 }
 
 void ServerSession::report_refusal(double now, Refusal refusal) noexcept {
@@ -252,6 +263,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   acknowledged_ = {.sequence = 0};
   heard_ = refused_ = 0;
   refusal_sent_.reset();
+  refusal_ = {};
   newest_control_sequence_ = control_sequence_ = 0;
   send_welcome(now);
 }

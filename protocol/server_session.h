@@ -75,6 +75,8 @@ class ServerSession {
   /// Id of the present session; without one, of the latest or, before the first, 0.
   std::uint64_t id() const noexcept { return id_; }
   const ReceiveStatistics& statistics() const noexcept { return statistics_; }
+  /// Why the latest update of the session was refused, in words; empty once one was taken.
+  std::string_view refusal() const noexcept { return refusal_; }
 
  private:
   /// Who asks for a session.
@@ -91,6 +93,7 @@ class ServerSession {
                                            const Applicant& applicant) noexcept;
   std::optional<DropReason> take_update(double now, const Header& header) noexcept;
   std::optional<DropReason> complete_update(double now, const Header& header) noexcept;
+  void note_refusal(std::string_view why) noexcept;
   void report_refusal(double now, Refusal refusal) noexcept;
   std::optional<DropReason> take_control(double now, const Header& header) noexcept;
   std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
@@ -135,6 +138,7 @@ class ServerSession {
   std::uint64_t heard_ = 0;    ///< Largest sequence taken from the client.
   std::uint64_t refused_ = 0;  ///< Updates refused as a whole.
   std::optional<double> refusal_sent_;  ///< s.
+  std::string_view refusal_;            ///< Of words that stand for ever.
   Control newest_control_;
   std::uint64_t newest_control_sequence_ = 0;  ///< 0 if there is none.
   Control control_;                            ///< Control in effect.

@@ -20,6 +20,7 @@
 #include "hlm/common/spatial.h"
 #include "hlm/common/vocabulary.h"
 #include "hlm/protocol/datagram_link.h"
+#include "hlm/protocol/semidefinite.h"
 #include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
@@ -114,6 +115,12 @@ class CompoundFields {
         self().mirror(M, row, column);
       }
     }
+  }
+
+  /// No bytes: the matrix before has no negative eigenvalue.
+  template <class Matrix>
+  void mobility(Matrix& W) noexcept {
+    self().require(is_mobility(W), UpdateError::kRange);
   }
 
  private:

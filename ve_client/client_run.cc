@@ -10,6 +10,7 @@
 #include "hlm/sealing/key_file.h"
 #include "hlm/settings/directories.h"
 #include "hlm/settings/table.h"
+#include "hlm/web/page_token.h"
 
 namespace hlm::ve {
 namespace {
@@ -93,17 +94,33 @@ std::string names(const std::vector<std::string>& tools) {
   return fmt::format("tool{} '{}'", tools.size() > 1 ? "s" : "", fmt::join(tools, "', '"));
 }
 
+/// Says where the page is, and what that exposes.
+void announce(const PageServerOptions& page, std::uint16_t port, bool beyond) {
+  const bool everywhere = page.address == "0.0.0.0";
+  const std::string query = page.token.empty() ? "" : "/?token=" + page.token;
+  const std::string where =
+      fmt::format("http://{}:{}{}{}", everywhere ? "127.0.0.1" : page.address, port, query,
+                  everywhere ? ", and at every other address of this machine" : "");
+  if (!page.token.empty()) {
+    // Also with --quiet: nobody opens the page without it.
+    spdlog::warn(
+        "live page: {}; whoever has this address can move the tool{}", where,
+        beyond ? ", and whoever listens in on the network can have it: nothing is encrypted" : "");
+    return;
+  }
+  spdlog::info("live page: {}", where);
+  if (!beyond) return;
+  spdlog::warn(
+      "--insecure: the live page asks nobody for a token: whoever reaches {} can look on, "
+      "change settings and move the tool",
+      page.address + ':' + std::to_string(port));
+}
+
 /// The page's server, if one is asked for.
 std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::Endpoint& server) {
   if (settings.page.empty()) return nullptr;
   const protocol::Endpoint at = resolved("--page", settings.page, "127.0.0.1:8080");
-  if (!protocol::is_loopback(at) && !settings.insecure) {
-    throw settings::UsageError(
-        "--page " + settings.page +
-        " is not loopback, and the page asks nobody for a key: whoever reaches it "
-        "could move the device. Serve it at 127.0.0.1:8080 and forward that "
-        "port (ssh -L), or, on a closed network, give --insecure");
-  }
+  const bool beyond = !protocol::is_loopback(at);
   PageServerOptions options;
   const std::string resolved = protocol::to_string(at);
   options.address = resolved.substr(0, resolved.rfind(':'));
@@ -111,10 +128,11 @@ std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::En
   options.root = settings.page_root;
   if (options.root.empty()) options.root = page_beside_program();
   options.recordings = recordings_of(server, settings.recordings);
+  if (!settings.insecure && (beyond || !settings.key_file.empty())) {
+    options.token = PageToken::random();
+  }
   auto page = std::make_unique<LivePage>(options);
-  const bool everywhere = options.address == "0.0.0.0";
-  spdlog::info("live page: http://{}:{}{}", everywhere ? "127.0.0.1" : options.address,
-               page->port(), everywhere ? ", and at every other address of this machine" : "");
+  announce(options, page->port(), beyond);
   return page;
 }
 

@@ -118,10 +118,10 @@ class CommandLine {
   void add_page(Table& table) {
     table.group("Live page");
     table.text("page", settings_.page, "ADDRESS:PORT",
-               "Serve the live page there, for example at 127.0.0.1:8080; at other addresses than "
-               "loopback only with --insecure");
+               "Serve the live page there, for example at 127.0.0.1:8080; with --key-file, and at "
+               "other addresses than loopback, only to those who have the token in the log");
     table.flag("insecure", settings_.insecure,
-               "Serve the page at any address, without a key: whoever reaches it can move the "
+               "Serve the page at any address, without a token: whoever reaches it can move the "
                "device. For closed networks");
     table.text("page-root", settings_.page_root, "FOLDER", "Folder of the page's files");
     table.text(

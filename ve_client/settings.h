@@ -32,7 +32,7 @@ struct Settings {
   double duration = 0;         ///< s; 0: until stopped.
   double connect_timeout = 0;  ///< s; 0: wait for ever.
   std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
-  bool insecure = false;       ///< That may be any address: the page asks nobody for a key.
+  bool insecure = false;       ///< The page asks nobody for a token.
   std::string page_root;       ///< Folder of its files; empty: where they were built.
   std::string recordings;  ///< Server's recordings on this machine; empty: where they usually are.
   NetworkConditions network;

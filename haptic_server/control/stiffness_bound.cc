@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <numbers>
+#include <vector>
 
 #include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
 
 namespace hlm::server {
 namespace {
@@ -11,47 +15,107 @@ namespace {
 /// Period at which vendors rate a stiffness, s.
 constexpr double kRatedPeriod = 1e-3;
 
-/// Share of the damping that lowered stiffness leaves. Less rings for seconds after each blow, more
-/// makes walls softer than need be.
-constexpr double kLeftOver = 0.3;
+/// Share that is left of the largest stable spring and damper. More rings for seconds after each
+/// blow, and a handle that a hand presses bounces for ever, because a late wall still pushes when
+/// it was left; less makes walls softer than need be.
+constexpr double kMargin = 0.5;
+/// The same where a proxy's coupling and the contact that balances it are felt: the proxy's blows
+/// come late, too.
+constexpr double kMarginOfChannels = 0.35;
+
+/// Three and four channels.
+bool feeds_back(ControllerKind kind) noexcept {
+  return kind == ControllerKind::kFourChannel || kind == ControllerKind::kThreeChannel;
+}
+
+double margin_of(ControllerKind kind) noexcept {
+  return feeds_back(kind) ? kMarginOfChannels : kMargin;
+}
+
+/// How often the device feels the coupling: again in the contact force that balances it.
+double times_felt(ControllerKind kind) noexcept { return feeds_back(kind) ? 2 : 1; }
 
 /// Contacts that press on one side of the tool at once, where no limit says less.
 constexpr double kMostContacts = 64;
+
+/// Longest lever of a contact about the hand, m: beyond it no stiffness in rotation is expected.
+constexpr double kLongestLever = 0.1;
 
 bool feels_contacts(ControllerKind kind) noexcept {
   return traits(kind).uses_contacts && !traits(kind).couples_translation;
 }
 
+/// Of what exchanges least often, s.
+double exchange_period(const DeviceRatings& device, double period) noexcept {
+  return std::max(period, 1 / device.exchange_rate);
+}
+
+/// What damps where nothing is rated: what the rated stiffness needs at 1 kHz; 0 if none is.
+double damping_of(double rated_stiffness) noexcept {
+  return std::isfinite(rated_stiffness) ? rated_stiffness * kRatedPeriod / 2 : 0;
+}
+
+/// The open loop at one frequency: force that comes back over force, of a handle that nobody holds.
+/// The sampled handle moves as one with 2/Δt sin(ωΔt/2) in the place of ω.
+std::complex<double> open_loop(const Handle& handle, const Impedance& felt, double w) noexcept {
+  const auto late = [w](double lag) { return std::polar(1.0, -w * lag); };
+  const std::complex<double> jw(0, 2 / handle.period * std::sin(w * handle.period / 2));
+  const std::complex<double> spring_and_damper =
+      felt.stiffness + jw * felt.damping * late(handle.velocity_lag);
+  return spring_and_damper * late(handle.lag) / (jw * (jw * handle.mass + handle.damping));
+}
+
+/// The largest share that is stable, by Nyquist's criterion: where the open loop crosses the
+/// negative real axis. It does so between the frequency at which all lags without the damper would
+/// bring it there, and half a wave per lag or half the sampling's frequency.
+double critical_share(const Handle& handle, const Impedance& felt) noexcept {
+  constexpr double kStep = 1.05;  // Between two frequencies: finds the share within 1 %.
+  const double lags = handle.lag + handle.velocity_lag;
+  const double lowest = 0.5 * std::min(std::sqrt(handle.damping / (handle.mass * lags)), 1 / lags);
+  const double highest = std::numbers::pi / std::max(handle.lag, handle.period);
+  double most = 0;  // Where it crosses, to the left of the imaginary axis.
+  std::complex<double> before = open_loop(handle, felt, lowest);
+  for (double w = lowest; w < highest;) {
+    w = std::min(kStep * w, highest);
+    const std::complex<double> now = open_loop(handle, felt, w);
+    if ((before.imag() < 0) != (now.imag() < 0)) {
+      const double part = before.imag() / (before.imag() - now.imag());
+      most = std::max(most, -(before.real() + part * (now.real() - before.real())));
+    }
+    before = now;
+  }
+  most = std::max(most, -before.real());
+  return most > 0 ? 1 / most : Range::kInfinite;
+}
+
 }  // namespace
 
 double lag_of(const DeviceRatings& device, double period) noexcept {
-  return std::max(period, 1 / device.exchange_rate) / 2 + device.delay;
+  return exchange_period(device, period) / 2 + device.delay;
 }
 
-double physical_damping(const DeviceRatings& device) noexcept {
-  if (device.damping > 0) return device.damping;
-  return std::isfinite(device.max_stiffness) ? device.max_stiffness * kRatedPeriod / 2 : 0;
+Handle translation_of(const DeviceRatings& device, double period) noexcept {
+  const double damping = device.damping > 0 ? device.damping : damping_of(device.max_stiffness);
+  return {device.mass, damping, lag_of(device, period), device.velocity_lag,
+          exchange_period(device, period)};
 }
 
-double bearable_share(const DeviceRatings& device, const Impedance& felt, double period,
-                      double rest) noexcept {
-  const double lag = lag_of(device, period);
-  const double own = physical_damping(device);
-  if (own <= 0) return 1;
-  const double late = device.mass > 0 ? felt.damping * lag / (2 * device.mass) : 0;
-  const auto holds = [&](double share) {
-    return share * felt.stiffness * lag <=
-           (1 - rest) * (own + share * felt.damping) * (1 - share * late);
-  };
-  if (holds(1)) return 1;
-  // It holds at 0 and, a parabola, ceases to hold once.
-  double share = 0;
-  double above = 1;
-  for (int i = 0; i < 50; ++i) {
-    const double middle = (share + above) / 2;
-    (holds(middle) ? share : above) = middle;
+Handle rotation_of(const DeviceRatings& device, double period) noexcept {
+  return {device.inertia, damping_of(device.max_angular_stiffness), lag_of(device, period),
+          device.velocity_lag, exchange_period(device, period)};
+}
+
+double bearable_share(const Handle& handle, const Impedance& felt, double margin) noexcept {
+  if (handle.damping <= 0 || felt.stiffness <= 0) return 1;
+  if (handle.mass <= 0) {
+    // The limit of a large mass: no frequency at which the damper alone is too late is known.
+    const double missing = felt.stiffness * handle.lag - felt.damping;
+    return missing <= 0 ? 1 : std::min(1.0, margin * handle.damping / missing);
   }
-  return share;
+  // What was lowered to it before is borne, but for rounding.
+  constexpr double kRounding = 1e-9;
+  const double share = margin * critical_share(handle, felt);
+  return share > 1 - kRounding ? 1 : share;
 }
 
 Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
@@ -61,22 +125,43 @@ Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
     const double k = std::min(summed, contacts.max_hand_stiffness);
     return {k, contacts.damping * k / contacts.stiffness};
   }
-  const bool fed_back = traits(kind).uses_contacts && kind != ControllerKind::kVirtualCoupler;
-  const double times = fed_back ? 2 : 1;
+  const double times = times_felt(kind);
   return {times * gains.stiffness, times * gains.damping};
+}
+
+Impedance felt_in_rotation(ControllerKind kind, const ControllerGains& gains,
+                           const LocalModelParameters& contacts) noexcept {
+  if (kind == ControllerKind::kDirect) {
+    const Impedance felt = felt_impedance(kind, gains, contacts);
+    constexpr double kSquare = kLongestLever * kLongestLever;
+    const double k = std::min(kSquare * felt.stiffness, contacts.max_hand_angular_stiffness);
+    return {k, contacts.damping * k / contacts.stiffness};
+  }
+  const double times = times_felt(kind);
+  return {times * gains.angular_stiffness, times * gains.angular_damping};
 }
 
 double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
                        ControllerGains& gains, LocalModelParameters& contacts) noexcept {
   const Impedance felt = felt_impedance(kind, gains, contacts);
-  const double share = bearable_share(device, felt, period, kLeftOver);
-  if (share == 1) return 1;
+  const Impedance turned = felt_in_rotation(kind, gains, contacts);
+  const double margin = margin_of(kind);
+  const double share = bearable_share(translation_of(device, period), felt, margin);
+  const double turning =
+      device.max_torque > 0 ? bearable_share(rotation_of(device, period), turned, margin) : 1;
   if (feels_contacts(kind)) {
-    contacts.max_hand_stiffness = share * felt.stiffness;
+    if (share < 1) contacts.max_hand_stiffness = share * felt.stiffness;
   } else {
-    for (const NumberOf<ControllerGains>& gain : kGainNumbers) gains.*gain.number *= share;
+    gains.stiffness *= share;
+    gains.damping *= share;
   }
-  return share;
+  if (kind == ControllerKind::kDirect) {
+    if (turning < 1) contacts.max_hand_angular_stiffness = turning * turned.stiffness;
+  } else {
+    gains.angular_stiffness *= turning;
+    gains.angular_damping *= turning;
+  }
+  return feels_contacts(kind) ? share : std::min(share, turning);
 }
 
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
@@ -84,21 +169,37 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
                                            LocalModelParameters& contacts) {
   const Impedance felt = felt_impedance(kind, gains, contacts);
   const ControllerGains asked = gains;
-  if (bound_stiffness(kind, device, period, gains, contacts) == 1) return std::nullopt;
-  const std::string cause = fmt::format(
-      "too stiff for this device, whose force comes {:.3g} ms after its motion: it would shake",
-      1e3 * lag_of(device, period));
-  constexpr const char* kOtherwise = "--keep-stiffness leaves it as asked for";
-  if (feels_contacts(kind)) {
-    return fmt::format(
-        "contacts of {:.5g} N/m together are {}; max hand stiffness {:.5g} N/m is in "
-        "effect; {}",
-        felt.stiffness, cause, contacts.max_hand_stiffness, kOtherwise);
+  const LocalModelParameters before = contacts;
+  bound_stiffness(kind, device, period, gains, contacts);
+  std::vector<std::string> lowered;
+  if (contacts.max_hand_stiffness < before.max_hand_stiffness) {
+    lowered.push_back(fmt::format("contacts of {:.5g} N/m together, {:.5g} N/m are in effect",
+                                  felt.stiffness, contacts.max_hand_stiffness));
   }
+  if (contacts.max_hand_angular_stiffness < before.max_hand_angular_stiffness) {
+    lowered.push_back(fmt::format("contacts on a lever, {:.3g} N·m/rad together are in effect",
+                                  contacts.max_hand_angular_stiffness));
+  }
+  if (gains.stiffness < asked.stiffness) {
+    lowered.push_back(fmt::format(
+        "a coupling of {:.5g} N/m and {:.5g} N·s/m, {:.5g} N/m and {:.5g} N·s/m are in effect",
+        asked.stiffness, asked.damping, gains.stiffness, gains.damping));
+  }
+  if (gains.angular_stiffness < asked.angular_stiffness) {
+    lowered.push_back(fmt::format(
+        "a coupling of {:.3g} N·m/rad and {:.3g} N·m·s/rad, {:.3g} N·m/rad and {:.3g} N·m·s/rad "
+        "are in effect",
+        asked.angular_stiffness, asked.angular_damping, gains.angular_stiffness,
+        gains.angular_damping));
+  }
+  if (lowered.empty()) return std::nullopt;
+  const std::string slower = device.velocity_lag > 0 ? fmt::format(", its velocity {:.3g} ms later",
+                                                                   1e3 * device.velocity_lag)
+                                                     : "";
   return fmt::format(
-      "a coupling of {:.5g} N/m and {:.5g} N·s/m is {}; {:.5g} N/m and {:.5g} N·s/m are in effect; "
-      "{}",
-      asked.stiffness, asked.damping, cause, gains.stiffness, gains.damping, kOtherwise);
+      "too stiff for this device, whose force comes {:.3g} ms after its motion{}, so that it would "
+      "shake: {}; --keep-stiffness leaves it as asked for",
+      1e3 * lag_of(device, period), slower, fmt::join(lowered, "; "));
 }
 
 }  // namespace hlm::server

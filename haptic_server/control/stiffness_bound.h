@@ -18,30 +18,42 @@ struct Impedance {
 /// exchanges least often, the servo (`period`, s) or the device, and the device's delay.
 double lag_of(const DeviceRatings& device, double period) noexcept;
 
-/// The damping that helps, N·s/m: what the device rates, or what its rated stiffness needs at
-/// 1 kHz; 0 if it rates neither.
-double physical_damping(const DeviceRatings& device) noexcept;
+/// The handle in one direction of translation or of rotation, without a hand.
+struct Handle {
+  double mass = 0;          ///< kg or kg·m²; 0 if unknown.
+  double damping = 0;       ///< N·s/m or N·m·s/rad; 0 if unknown.
+  double lag = 0;           ///< As lag_of(), s.
+  double velocity_lag = 0;  ///< How much later the velocity is, s.
+  double period = 1e-3;     ///< Of the exchange, s.
+};
+/// The damping is what the device rates, or what its rated stiffness needs at 1 kHz; in rotation
+/// always that.
+Handle translation_of(const DeviceRatings& device, double period) noexcept;
+Handle rotation_of(const DeviceRatings& device, double period) noexcept;
 
-/// The largest share of a spring and damper, 0 to 1, with which the device is stable without a
-/// hand:
+/// The share of a spring and damper, 0 to 1, that leaves `margin` of the largest with which the
+/// handle is stable by itself:
 ///
-///     k lag < (1 - rest) (b_device + b) (1 - b lag / 2m)
+///     |σ (k + jωb e^{-jω·velocity_lag}) e^{-jω·lag}| < |jω (jωm + b_device)|
 ///
-/// where `rest` is the share of the damping that is left over. Without the last factor that is
-/// Colgate's bound for b = 0, and that of Gil et al. (2009) for a small b; the factor, ours, is
-/// what a damper costs that is itself late, where the device's mass is known. 1 where nobody knows
-/// what the device damps.
-double bearable_share(const DeviceRatings& device, const Impedance& felt, double period,
-                      double rest = 0) noexcept;
+/// where the phase of the left over the right is -π. For b = 0 that is Colgate's bound. 1 where
+/// nobody knows what the device damps. At most some 200 frequencies, bounded in time.
+double bearable_share(const Handle& handle, const Impedance& felt, double margin = 1) noexcept;
 
 /// What the device feels at most as a function of its own motion: with direct coupling all contacts
 /// that add up; else the coupling, twice where the contact force that balances it is fed back, too.
 Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
                          const LocalModelParameters& contacts) noexcept;
+/// The same in rotation, N·m/rad and N·m·s/rad: with direct coupling that of contacts on a lever of
+/// 0.1 m.
+Impedance felt_in_rotation(ControllerKind kind, const ControllerGains& gains,
+                           const LocalModelParameters& contacts) noexcept;
 
-/// Lowers what the device does not support with damping left to come to rest: with direct coupling
-/// the stiffness of all contacts together (max_hand_stiffness), else the coupling's gains. Returns
-/// the share that is left, 0 to 1; 1 if nothing was lowered. Bounded in time.
+/// Lowers what the device does not support with room left to come to rest: with direct coupling the
+/// stiffness of all contacts together (max_hand_stiffness, max_hand_angular_stiffness), else the
+/// coupling's gains, in translation and in rotation by shares of their own. Returns the share that
+/// is left, 0 to 1: of all contacts together in translation, else the smaller one of the
+/// coupling's. Bounded in time: 4 to 8 µs.
 double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
                        ControllerGains& gains, LocalModelParameters& contacts) noexcept;
 

@@ -12,6 +12,7 @@ DeviceRatings with_overrides(DeviceRatings ratings, const ObserverOptions& optio
   ratings.inertia = options.inertia.value_or(ratings.inertia);
   ratings.damping = options.damping.value_or(ratings.damping);
   ratings.delay = options.delay.value_or(ratings.delay);
+  ratings.velocity_lag = options.velocity_lag.value_or(ratings.velocity_lag);
   return ratings;
 }
 
@@ -35,6 +36,10 @@ void add_keys(settings::Table& table, ObserverOptions& options) {
                "Damping at the handle, likewise");
   table.number("apparent-delay", options.delay, {0, 0.1, "s"},
                "From a command to its effect in the pose that is read, likewise");
+  table.number(
+      "apparent-velocity-lag", options.velocity_lag, {0, 0.1, "s"},
+      "How much later the velocity that is read is than the pose, half the window of a mean, "
+      "for the stiffness that the device bears. Unset: as the device rates it");
 }
 
 ObservedDevice::ObservedDevice(std::unique_ptr<Device> raw, const ObserverOptions& options,

@@ -19,6 +19,7 @@ struct ObserverOptions {
   std::optional<double> inertia{};  ///< kg·m².
   std::optional<double> damping{};  ///< N·s/m.
   std::optional<double> delay{};    ///< Delay from a command to its effect in the pose read, s.
+  std::optional<double> velocity_lag{};  ///< Of the twist behind the pose, s.
 
   bool operator==(const ObserverOptions&) const = default;
 };

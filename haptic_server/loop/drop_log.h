@@ -1,4 +1,4 @@
-// Datagrams that were refused because of their seal, for the log.
+// Datagrams that were dropped, for the log.
 #pragma once
 
 #include <array>
@@ -10,8 +10,8 @@
 
 namespace hlm::server {
 
-/// Logs what was refused and why, at most once a second: a flood must not fill the disk. Not for
-/// the servo thread.
+/// Logs how many were dropped for which reason, at most once a second: a flood must not fill the
+/// disk. Not what is stale or incomplete: every network does that. Not for the servo thread.
 class DropLog {
  public:
   explicit DropLog(ServerClock now) : now_(std::move(now)) {}

@@ -10,14 +10,27 @@ std::string because(const TickRecord& record) {
   return *record.cause != '\0' ? std::string(": ") + record.cause : "";
 }
 
+/// Why force fades, and what to do.
+std::string reason_of(const TickRecord& record) {
+  if (record.fade == Fade::kUpdatesInvalid && !record.refusal.empty()) {
+    return fmt::format("every update of the client is refused: {}", record.refusal);
+  }
+  return fmt::format("{}; {}", meaning_of(record.fade), remedy_of(record.fade));
+}
+
 }  // namespace
 
 void EventLog::observe(const TickRecord& record) {
   observe_session(record);
   const bool fails_again = record.server == ServerState::kFault && record.session != session_;
-  if (record.server != state_ || fails_again) observe_state(record);
+  if (record.server != state_ || fails_again) {
+    observe_state(record);
+  } else {
+    observe_refusals(record);
+  }
   if (renders_force(record.server)) observe_health(record);
   state_ = record.server;
+  fade_ = record.fade;
   session_ = record.session;
   open_ = record.session_open;
 }
@@ -43,6 +56,15 @@ void EventLog::observe_health(const TickRecord& record) {
   next_health_ = record.time + kHealthPeriod;
 }
 
+/// Updates that are refused while there is no force change no state.
+void EventLog::observe_refusals(const TickRecord& record) {
+  const bool waits = record.server == ServerState::kArming || record.server == ServerState::kFading;
+  const bool begins = record.fade == Fade::kUpdatesInvalid && fade_ != Fade::kUpdatesInvalid;
+  if (!waits || !begins || record.time < next_refusal_) return;
+  log_event(now_, record, spdlog::level::warn, fmt::format("no force: {}", reason_of(record)));
+  next_refusal_ = record.time + kRefusalPeriod;
+}
+
 void EventLog::observe_state(const TickRecord& record) const {
   switch (record.server) {
     case ServerState::kOff:
@@ -59,8 +81,7 @@ void EventLog::observe_state(const TickRecord& record) const {
     case ServerState::kFading:
       if (record.fade == Fade::kClientLeft) return;
       return log_event(now_, record, spdlog::level::warn,
-                       fmt::format("force fades to zero: {}; {}", meaning_of(record.fade),
-                                   remedy_of(record.fade)));
+                       fmt::format("force fades to zero: {}", reason_of(record)));
     case ServerState::kFault:
       return log_event(
           now_, record, spdlog::level::err,

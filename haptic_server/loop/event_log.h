@@ -20,15 +20,20 @@ class EventLog {
   void observe_session(const TickRecord& record) const;
   void observe_state(const TickRecord& record) const;
   void observe_health(const TickRecord& record);
+  void observe_refusals(const TickRecord& record);
 
   /// Between two lines on the device's health, s: it can change with every tick, and a reader that
   /// is slow to take the lines would stop the log.
   static constexpr double kHealthPeriod = 1;
+  /// The same for lines on refused updates.
+  static constexpr double kRefusalPeriod = 1;
 
   ServerClock now_;
   ServerState state_ = ServerState::kOff;
   DeviceHealth health_ = DeviceHealth::kGood;
-  double next_health_ = 0;  ///< When a line on it may come, s.
+  Fade fade_ = Fade::kNone;
+  double next_refusal_ = 0;  ///< s.
+  double next_health_ = 0;   ///< When a line on it may come, s.
   std::uint64_t session_ = 0;
   bool open_ = false;
 };

@@ -78,6 +78,7 @@ void describe(const Timing& timing, const SafetyStateMachine& machine,
   record.datagrams = session.statistics().datagrams;
   record.dropped = session.statistics().total_dropped();
   record.dropped_for = session.statistics().dropped;
+  record.refusal = session.refusal();
   record.session_open = session.active();
 }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string_view>
 
 #include "hlm/common/spatial.h"
 #include "hlm/common/tool_model.h"
@@ -48,6 +49,8 @@ struct TickRecord {
   std::uint64_t dropped = 0;       ///< Datagrams dropped of those.
   /// The same by DropReason; like session_open not in the tick log.
   std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
+  /// Why the latest update was refused; empty if it was taken. Not in the tick log.
+  std::string_view refusal;
   std::uint32_t buttons = 0;  ///< Bit i: button i of the device is pressed. Not in the tick log.
   double gripper = 0;         ///< Opening of the gripper, 0 closed to 1 open. Not in the tick log.
   double scale = 1;           ///< Metres in the world per metre of the handle. Not in the tick log.

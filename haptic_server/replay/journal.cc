@@ -52,6 +52,7 @@ void fields(Archive& archive, DeviceNote& note) {
   archive.flag(r.halts);
   archive.flag(note.measures_hand);
   archive.flag(note.observes_hand);
+  archive.appended_f64(r.velocity_lag);
 }
 
 template <class Archive>

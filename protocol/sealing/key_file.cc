@@ -49,10 +49,30 @@ class File {
   int number_;
 };
 
+/// Root may give a key to another user's program; nobody else may.
+void check_owner(const std::filesystem::path& path, uid_t owner) {
+  if (owner == geteuid() || owner == 0) return;
+  throw error_of(path, "is owned by user " + std::to_string(owner) +
+                           ", who may change it; it must be owned by root or by the user of this "
+                           "program, " +
+                           std::to_string(geteuid()));
+}
+
+/// What is no random key: zeros of a file that was never written, or a placeholder.
+bool is_one_byte_repeated(const noise::Key& key) {
+  // Of every key the same time, as all that is done with a secret.
+  unsigned differences = 0;
+  for (std::size_t i = 1; i < key.size(); ++i) {
+    differences |= std::to_integer<unsigned>(key.data()[i] ^ key.data()[0]);
+  }
+  return differences == 0;
+}
+
 void check_rights(const std::filesystem::path& path, int number) {
   struct stat status {};
   if (fstat(number, &status) != 0) throw error_of(path, std::strerror(errno));
   if (!S_ISREG(status.st_mode)) throw error_of(path, "is not a regular file");
+  check_owner(path, status.st_uid);
   if ((status.st_mode & (S_IRWXG | S_IRWXO)) == 0) return;
   std::array<char, 8> mode{};
   std::snprintf(mode.data(), mode.size(), "%04o", static_cast<unsigned>(status.st_mode & 07777));
@@ -79,6 +99,11 @@ noise::Key read_key(const std::filesystem::path& path) {
                      text.data() + kFirstLine.size(), kDigits, nullptr, &bytes, nullptr) != 0 ||
       bytes != key.size()) {
     throw no_key(path);
+  }
+  if (is_one_byte_repeated(key)) {
+    throw error_of(path,
+                   "is one byte repeated, which anybody can guess; haptic_keygen FILE makes a "
+                   "random key");
   }
   return key;
 }

@@ -8,7 +8,8 @@
 namespace hlm::protocol {
 
 /// Reads what write_new_key() has written. Throws std::runtime_error with one line that names the
-/// file and what is wrong: it cannot be read, is no key, or others than its owner have rights.
+/// file and what is wrong: it cannot be read, is no key or one byte repeated, others than its owner
+/// have rights, or that owner is neither this process's user nor root.
 noise::Key read_key(const std::filesystem::path& path);
 
 /// Draws a key from the system's random source and writes it to a new file that its owner alone

@@ -154,6 +154,12 @@ Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port) {
     throw std::runtime_error("\"" + host_port + "\" must be HOST:PORT");
   }
   const std::string host = host_port.substr(0, colon);
+  if (host.find(':') != std::string::npos) {
+    throw std::runtime_error(
+        "\"" + host_port +
+        "\" looks like an IPv6 address, and only IPv4 is "
+        "spoken: it must be HOST:PORT, HOST an IPv4 address or a name that has one");
+  }
   const std::uint16_t port = parse_port(host_port, host_port.substr(colon + 1), lowest_port);
   asio::io_context context;
   udp::resolver resolver(context);

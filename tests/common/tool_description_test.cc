@@ -54,6 +54,46 @@ TEST_CASE("A bad tool is refused with the link and what is allowed") {
              ContainsSubstring("moves too little: mass 0 kg"));
 }
 
+/// The message for a tool of one link of 1 kg, 0.1 m from its joint, with these moments of inertia.
+std::string error_of(JointType joint, const Vector3& moments) {
+  ToolDescription tool;
+  Link link;
+  link.joint = joint;
+  link.p_LCom = {0.1, 0, 0};
+  link.I_LCom = moments.asDiagonal();
+  tool.links.push_back(link);
+  return find_error(tool).value_or("valid");
+}
+
+TEST_CASE("A tool must have inertia about each axis about which it turns") {
+  for (const double little : {0.0, 1e-13, -1e-18}) {  // kg·m²
+    CAPTURE(little);
+    CHECK_THAT(error_of(JointType::kPlanar, {1, 1, little}),
+               ContainsSubstring("link 0: its joint turns too little: inertia ") &&
+                   ContainsSubstring("kg·m² must be at least 1e-12 kg·m²"));
+    for (const Vector3& moments : {Vector3(1, 1, little), Vector3(little, 1, 1)}) {
+      CHECK_THAT(error_of(JointType::kFree, moments), ContainsSubstring("turns too little"));
+    }
+  }
+  CHECK(error_of(JointType::kPlanar, {0, 0, 1e-3}) == "valid");
+  CHECK(error_of(JointType::kRevolute, {0, 0, 0}) == "valid");  // 1 kg goes round at 0.1 m
+  CHECK(error_of(JointType::kPrismatic, {0, 0, 0}) == "valid");
+}
+
+TEST_CASE("What is fixed to a link turns with it") {
+  ToolDescription tool;
+  for (const int parent : {-1, 0}) {
+    Link link;
+    link.parent = parent;
+    link.joint = parent < 0 ? JointType::kPlanar : JointType::kFixed;
+    link.I_LCom.setZero();
+    tool.links.push_back(link);
+  }
+  CHECK_THAT(find_error(tool).value_or("valid"), ContainsSubstring("turns too little"));
+  tool.links[1].X_PJ.p = {0.1, 0, 0};
+  CHECK(find_error(tool).value_or("valid") == "valid");
+}
+
 TEST_CASE("Degrees of freedom are limited") {
   test::Random random;
   CHECK(find_error(test::random_tool(random, 11, JointType::kFree)) == std::nullopt);

@@ -7,7 +7,10 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Eigenvalues>
+
 #include "hlm/protocol/layout.h"
+#include "hlm/protocol/semidefinite.h"
 #include "hlm/protocol/tool_fit.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
@@ -686,6 +689,66 @@ TEST_CASE("A reject of another version is understood") {
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
   CHECK(decoded.version == 3);
   CHECK(decoded.nonce == reject.nonce);
+}
+
+TEST_CASE("A body whose inverse inertia has a negative eigenvalue refuses its update") {
+  ContactUpdate update;
+  update.q_VE = Configuration::Zero(3);
+  update.v_VE = Velocity::Zero(3);
+  update.bodies.resize(2);
+  for (MovableBody& body : update.bodies) body.W = Matrix6::Identity();
+  update.bodies[1].id = 1;
+  Matrix6& W = update.bodies[1].W;
+  const auto error = [&] {
+    ContactUpdate decoded;
+    return decode_part(view(encode({.session = 1}, update, 0)), decoded);
+  };
+  W.diagonal() << 1, 1, 1, 1e4, 1e4, 1e4;
+  CHECK_FALSE(error());
+  W.setZero();  // does not move
+  CHECK_FALSE(error());
+  const Vector6 hinge = (Vector6() << 0.3, 0, -0.1, 0, 2, 0).finished();
+  W = hinge * hinge.transpose();
+  W +=
+      1e-7 * W.cwiseAbs().maxCoeff() * Matrix6::Identity().colwise().reverse();  // single precision
+  W = (0.5 * (W + W.transpose())).eval();
+  CHECK_FALSE(error());
+
+  const int wrong = GENERATE(0, 1, 2, 3);
+  CAPTURE(wrong);
+  W.setIdentity();
+  if (wrong == 0) W(4, 4) = -1;
+  if (wrong == 1) W(0, 1) = W(1, 0) = 1.1;
+  if (wrong == 2) W(2, 5) = W(5, 2) = -1.01;
+  if (wrong == 3) W = -1e-3 * hinge * hinge.transpose();
+  REQUIRE(error());
+  CHECK(error()->reason == DropReason::kMalformed);
+  CHECK(error()->error == UpdateError::kRange);
+  CHECK(error()->in_item);
+  CHECK(error()->item == 1);
+}
+
+TEST_CASE("Whether a matrix is an inverse inertia agrees with its eigenvalues") {
+  test::Random random;
+  int refused = 0;
+  constexpr int kTrials = 20000;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    Matrix6 A;
+    for (double& a : A.reshaped()) a = random.uniform(-1, 1);
+    const int rank = static_cast<int>(random.uniform(0, 7));
+    for (int i = rank; i < 6; ++i) A.col(i).setZero();
+    Matrix6 W = A * A.transpose();
+    // The same eigenvalues but one, well on either side of the tolerance.
+    const double shift = random.uniform(-1, 1) < 0 ? -1e-3 : 1e-7;
+    Vector6 n;
+    for (double& a : n) a = random.uniform(-1, 1);
+    W += shift * n * n.transpose();
+    const double least = Eigen::SelfAdjointEigenSolver<Matrix6>(W).eigenvalues().minCoeff();
+    if (least > -1e-7) CHECK(is_mobility(W));
+    if (least < -3e-4) CHECK_FALSE(is_mobility(W));
+    refused += least < -3e-4 ? 1 : 0;
+  }
+  CHECK(refused > kTrials / 20);
 }
 
 }  // namespace

@@ -419,6 +419,37 @@ TEST_CASE("A client learns why its update is refused, and ten times a second at 
   CHECK(refusal.count > 100);
 }
 
+TEST_CASE("The caller learns that updates are refused and why, whatever is wrong with them") {
+  Server server;
+  server.begin();
+  const ContactUpdate good = planar_update(2);
+  const auto deliver = [&](const DatagramBytes& bytes) {
+    server.link.deliver(kClient, bytes);
+    return server.poll(0.1);
+  };
+  std::uint64_t sequence = 0;
+  const auto next = [&] { return Envelope{.session = kFirstId, .sequence = ++sequence}; };
+  DatagramBytes longer = encode(next(), good, 0);
+  longer.push_back(std::byte{0});  // A stray byte at the end.
+  CHECK(deliver(longer).refused);
+  CHECK(server.session.refusal() == meaning_of(DropReason::kMalformed));
+
+  ContactUpdate bad = good;
+  bad.contacts[1].separation = std::nan("");
+  CHECK(deliver(encode(next(), bad, 0)).refused);
+  CHECK(server.session.refusal() == meaning_of(UpdateError::kNonFinite));
+
+  CHECK(deliver(encode({.session = kFirstId, .sequence = 5000}, good, 0)).refused);
+  CHECK_THAT(std::string(server.session.refusal()),
+             Catch::Matchers::ContainsSubstring("1000 beyond"));
+
+  server.link.deliver(kOther, longer);
+  CHECK_FALSE(server.poll(0.1).refused);
+
+  CHECK_FALSE(deliver(encode(next(), good, 0)).refused);
+  CHECK(server.session.refusal().empty());
+}
+
 TEST_CASE("Refused updates keep no session alive") {
   Server server;
   server.begin(0);

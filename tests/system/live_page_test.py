@@ -8,8 +8,10 @@ import contextlib
 import json
 import math
 import pathlib
+import re
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -730,6 +732,29 @@ class Linkage(PageTest):
             "[...document.querySelectorAll('#methods button:disabled')].map((b) => b.dataset.method)"),
             ["ir", "coupler", "engine"])
 
+
+class WithAKey(unittest.TestCase):
+    """Both programs have a key: the page needs the token in its address."""
+
+    def test_the_address_in_the_log_opens_it_and_no_other(self):
+        with contextlib.ExitStack() as stack:
+            folder = pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            key = folder / "haptic.key"
+            subprocess.run([pathlib.Path(SERVER).with_name("haptic_keygen"), key], check=True)
+            log = stack.enter_context(open(folder / "log", "w"))
+            session = stack.enter_context(live_session(
+                SERVER, CLIENT, WORLDS, "--key-file", key, client_options=("--key-file", key),
+                client_log=log))
+            address = re.search(r"http://\S+/\?token=\w+", (folder / "log").read_text())[0]
+            driver = browser()
+            stack.callback(driver.quit)
+            driver.get(session.url)
+            self.assertIn("token", driver.find_element("tag name", "body").text)
+            show(driver, address)
+            driver.delete_all_cookies()   # the page keeps the token for its web socket
+            session.kill_server()
+            session.start_server()
+            begin(driver)
 
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)

@@ -34,14 +34,14 @@ def listens(port):
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def start(command):
-    return subprocess.Popen([str(part) for part in command])
+def start(command, log=None):
+    return subprocess.Popen([str(part) for part in command], stderr=log)
 
 
 class Session:
     """Both programs: ve_client with its page, and haptic_server, which may come and go."""
 
-    def __init__(self, server, client, worlds, server_options, client_options, world):
+    def __init__(self, server, client, worlds, server_options, client_options, world, client_log=None):
         udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
         self.url = f"http://127.0.0.1:{tcp}/"
         self.server = None
@@ -49,7 +49,7 @@ class Session:
                         "--device-option", "friction=0", *server_options]
         self.client = start([client, "--server", f"127.0.0.1:{udp}", "--world",
                              pathlib.Path(worlds) / f"{world}.sdf", "--page", f"127.0.0.1:{tcp}",
-                             "--connect-timeout", "0", "--quiet", *client_options])
+                             "--connect-timeout", "0", "--quiet", *client_options], client_log)
         self._port = tcp
 
     def wait_for_page(self):
@@ -73,9 +73,9 @@ class Session:
 
 @contextlib.contextmanager
 def live_session(server, client, worlds, *server_options, world="testbed", client_options=(),
-                 serving=True):
+                 serving=True, client_log=None):
     """Both programs until the end of the block; without haptic_server at first if not `serving`."""
-    session = Session(server, client, worlds, server_options, client_options, world)
+    session = Session(server, client, worlds, server_options, client_options, world, client_log)
     try:
         if serving:
             session.start_server()

@@ -46,7 +46,13 @@ requestAnimationFrame(drawPicture);
 setInterval(showText, TEXT_MS);
 
 function sessionUrl() {
-  return `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/session`;
+  return `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/session${token()}`;
+}
+
+/** The token with which this page was opened, as a query; without one a cookie may have it. */
+function token() {
+  const value = new URLSearchParams(location.search).get('token');
+  return value ? `?token=${encodeURIComponent(value)}` : '';
 }
 
 function makeScene() {

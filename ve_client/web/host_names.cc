@@ -26,9 +26,10 @@ bool HostNames::is_host(std::string_view host) const {
       names_, [&](const std::string& name) { return equal_but_for_case(name, host); });
 }
 
-bool HostNames::is_origin(std::string_view origin) const {
+bool HostNames::is_origin(std::string_view origin, std::string_view host) const {
   constexpr std::string_view kScheme = "http://";
-  return origin.starts_with(kScheme) && is_host(origin.substr(kScheme.size()));
+  return is_host(host) && origin.starts_with(kScheme) &&
+         equal_but_for_case(origin.substr(kScheme.size()), host);
 }
 
 std::string HostNames::list() const {

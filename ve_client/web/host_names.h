@@ -18,8 +18,8 @@ class HostNames {
 
   /// Whether a Host header is one of the names, in whatever case.
   bool is_host(std::string_view host) const;
-  /// Whether an Origin header is http:// and one of the names.
-  bool is_origin(std::string_view origin) const;
+  /// Whether an Origin header is http:// and the Host header that came with it, one of the names.
+  bool is_origin(std::string_view origin, std::string_view host) const;
   /// The names as text, for example "localhost:8080, 127.0.0.1:8080".
   std::string list() const;
 

@@ -27,9 +27,12 @@ constexpr std::string_view kRecordingPath = "/recording";
 /// host with many cookies.
 constexpr std::uint32_t kMaxHeader = 8 * 1024;
 
-/// Time for a request to come, and for a file to be sent. Less closes idle connections that a
-/// browser would have used again; more lets stalled ones occupy their places for longer.
-constexpr std::chrono::seconds kHttpTimeout{30};
+/// Time for a whole request to come. Less closes idle connections that a browser would have used
+/// again; more lets stalled ones occupy their places for longer.
+constexpr std::chrono::seconds kRequestTimeout{5};
+
+/// Time for a file to be sent. Less refuses the page to slow networks: it is 1 MB in all.
+constexpr std::chrono::seconds kReplyTimeout{30};
 
 /// The page's import map is inline, so scripts need 'unsafe-inline'.
 constexpr const char* kContentSecurityPolicy =
@@ -38,6 +41,8 @@ constexpr const char* kContentSecurityPolicy =
 
 std::string_view to_std(beast::string_view text) { return {text.data(), text.size()}; }
 beast::string_view to_beast(std::string_view text) { return {text.data(), text.size()}; }
+
+std::string_view path_of(std::string_view target) { return target.substr(0, target.find('?')); }
 
 HostNames names_of(const tcp::socket& socket) {
   error_code ignored;
@@ -52,11 +57,9 @@ std::string_view only(const HttpRequest& request, http::field name) {
 
 }  // namespace
 
-HttpConnection::HttpConnection(const ServedFiles& files, PageHub& hub, tcp::socket socket,
-                               std::shared_ptr<const void> place)
+HttpConnection::HttpConnection(const ServedFiles& files, PageHub& hub, tcp::socket socket)
     : files_(files),
       hub_(hub),
-      place_(std::move(place)),
       hosts_(names_of(socket)),
       stream_(std::move(socket)),
       buffer_(2 * kMaxHeader) {}
@@ -64,7 +67,7 @@ HttpConnection::HttpConnection(const ServedFiles& files, PageHub& hub, tcp::sock
 void HttpConnection::read() {
   parser_.emplace();
   parser_->header_limit(kMaxHeader);
-  stream_.expires_after(kHttpTimeout);
+  stream_.expires_after(kRequestTimeout);
   http::async_read_header(
       stream_, buffer_, *parser_,
       [self = shared_from_this()](error_code error, std::size_t) { self->on_read(error); });
@@ -82,23 +85,32 @@ void HttpConnection::respond() {
   if (!hosts_.is_host(only(request(), http::field::host))) {
     return refuse(http::status::forbidden, "the Host header must be one of " + hosts_.list());
   }
+  if (!shows_token()) {
+    return refuse(http::status::forbidden,
+                  "the address must end with ?token= and the token in the log of ve_client");
+  }
   if (websocket::is_upgrade(request())) return become_page();
   const http::verb method = request().method();
   if (method != http::verb::get && method != http::verb::head) {
     return refuse(http::status::method_not_allowed, "only GET and HEAD are allowed");
   }
-  if (to_std(request().target()) == kRecordingPath) return send_recording();
+  if (path_of(to_std(request().target())) == kRecordingPath) return send_recording();
   send_file();
 }
 
+bool HttpConnection::shows_token() const {
+  return files_.token.is_shown(
+      {.target = to_std(request().target()), .cookies = only(request(), http::field::cookie)});
+}
+
 void HttpConnection::become_page() {
-  if (to_std(request().target()) != kSessionPath) {
+  if (path_of(to_std(request().target())) != kSessionPath) {
     return refuse(http::status::not_found,
                   "WebSockets are at " + std::string(kSessionPath) + " only");
   }
-  if (!hosts_.is_origin(only(request(), http::field::origin))) {
+  if (!hosts_.is_origin(only(request(), http::field::origin), only(request(), http::field::host))) {
     return refuse(http::status::forbidden,
-                  "the Origin header must be http:// and one of " + hosts_.list());
+                  "the Origin header must be http:// and the Host header, one of " + hosts_.list());
   }
   if (!parser_->is_done() || buffer_.size() != 0) {
     return refuse(http::status::bad_request, "nothing may follow the request for a WebSocket");
@@ -116,6 +128,9 @@ void HttpConnection::send_file() {
   if (file) response.body().open(file->path.c_str(), beast::file_mode::scan, error);
   if (error) return refuse(http::status::not_found, "there is no such file");
   response.set(http::field::content_type, to_beast(file->content_type));
+  if (const std::string cookie = files_.token.cookie(); !cookie.empty()) {
+    response.set(http::field::set_cookie, cookie);
+  }
   send(std::move(response));
 }
 
@@ -147,6 +162,7 @@ void HttpConnection::send(http::response<Body> response) {
   response.set("X-Content-Type-Options", "nosniff");
   response.set("Content-Security-Policy", kContentSecurityPolicy);
   response.set("Cross-Origin-Resource-Policy", "same-origin");
+  response.set("Referrer-Policy", "no-referrer");  // The address may hold the token.
   // Bodies of requests are not read, so nothing can follow them.
   response.keep_alive(parser_->is_done() && request().keep_alive());
   response.prepare_payload();
@@ -157,7 +173,7 @@ void HttpConnection::send(http::response<Body> response) {
 template <class Body>
 void HttpConnection::write(http::response<Body> response) {
   const auto kept = std::make_shared<http::response<Body>>(std::move(response));
-  stream_.expires_after(kHttpTimeout);
+  stream_.expires_after(kReplyTimeout);
   http::async_write(stream_, *kept,
                     [self = shared_from_this(), kept](error_code error, std::size_t) {
                       if (error || !kept->keep_alive()) return;

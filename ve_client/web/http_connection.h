@@ -15,6 +15,7 @@
 
 #include "hlm/web/host_names.h"
 #include "hlm/web/page_hub.h"
+#include "hlm/web/page_token.h"
 
 namespace hlm::ve {
 
@@ -22,21 +23,23 @@ namespace hlm::ve {
 struct ServedFiles {
   std::filesystem::path root;                     ///< Without symbolic links.
   std::vector<std::filesystem::path> recordings;  ///< Where flight recordings may be.
+  PageToken token;
 };
 
 /// Kept alive by its pending operation alone. Of the server's thread.
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
-  /// `place` is held for the life of the connection.
-  HttpConnection(const ServedFiles& files, PageHub& hub, boost::asio::ip::tcp::socket socket,
-                 std::shared_ptr<const void> place);
+  HttpConnection(const ServedFiles& files, PageHub& hub, boost::asio::ip::tcp::socket socket);
 
   void read();
+  /// Ends it, whatever it does.
+  void close() { stream_.close(); }
 
  private:
   const HttpRequest& request() const { return parser_->get(); }
   void on_read(boost::system::error_code error);
   void respond();
+  bool shows_token() const;
   void become_page();
   void send_file();
   void send_recording();
@@ -48,7 +51,6 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   const ServedFiles& files_;
   PageHub& hub_;
-  std::shared_ptr<const void> place_;
   HostNames hosts_;
   boost::beast::tcp_stream stream_;
   boost::beast::flat_buffer buffer_;

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <deque>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -27,9 +28,9 @@ using boost::system::error_code;
 /// Asked of the system for what is sent to one page, bytes. It comes on top of the backlog.
 constexpr int kSendBuffer = 256 * 1024;
 
-/// Connections that are not yet pages. A browser opens six for one page; when they are all in use
-/// a further one is closed at once.
-constexpr long kMaxHttpConnections = 64;
+/// Connections that are not yet pages. A browser opens six for one page. Beyond it the oldest
+/// makes room: more lets stalled ones occupy more memory, fewer lets a flood interrupt browsers.
+constexpr std::size_t kMaxHttpConnections = 64;
 
 /// Time until the next try when no connection can be accepted, usually for lack of descriptors.
 constexpr std::chrono::milliseconds kAcceptPause{100};
@@ -96,7 +97,7 @@ struct PageServer::Server {
   explicit Server(const PageServerOptions& options)
       : acceptor(listen(context, options)),
         port(acceptor.local_endpoint().port()),
-        files{checked_root(options), options.recordings},
+        files{checked_root(options), options.recordings, {options.token, std::to_string(port)}},
         hub(options.max_pages) {
     accept();
     const SignalsBlocked blocked;
@@ -125,12 +126,20 @@ struct PageServer::Server {
   }
 
   void start(tcp::socket socket) {
-    // One user of the places is the server itself.
-    if (places.use_count() > kMaxHttpConnections) return;
     error_code ignored;
     socket.set_option(tcp::no_delay(true), ignored);
     socket.set_option(tcp::socket::send_buffer_size(kSendBuffer), ignored);
-    std::make_shared<HttpConnection>(files, hub, std::move(socket), places)->read();
+    make_room();
+    const auto connection = std::make_shared<HttpConnection>(files, hub, std::move(socket));
+    connections.push_back(connection);
+    connection->read();
+  }
+
+  void make_room() {
+    std::erase_if(connections, [](const auto& connection) { return connection.expired(); });
+    if (connections.size() < kMaxHttpConnections) return;
+    if (const auto oldest = connections.front().lock()) oldest->close();
+    connections.pop_front();
   }
 
   /// Runs `action` on the server's thread, in the order of calls.
@@ -145,7 +154,7 @@ struct PageServer::Server {
   std::uint16_t port;
   ServedFiles files;
   PageHub hub;
-  std::shared_ptr<const void> places = std::make_shared<char>();
+  std::deque<std::weak_ptr<HttpConnection>> connections;  ///< The oldest first.
   std::thread thread;
 };
 

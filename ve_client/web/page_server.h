@@ -24,12 +24,15 @@ namespace hlm::ve {
 
 struct PageServerOptions {
   /// IPv4 address to listen at. Other than loopback lets the network in: nothing is encrypted, and
-  /// anyone who connects can change settings and hold the hand.
+  /// anyone who connects with the token can change settings and hold the hand.
   std::string address = "127.0.0.1";
   std::uint16_t port = 8080;   ///< 0: any free port.
   std::filesystem::path root;  ///< Folder of the files; has an index.html.
   /// Where flight recordings are looked for; the latest is served at /recording.
   std::vector<std::filesystem::path> recordings = {};
+  /// Every request must show it, as ?token=… or by the cookie that the answer to such a one sets;
+  /// empty: none is needed.
+  std::string token = {};
   std::size_t max_pages = 4;  ///< WebSocket pages at once; further ones get status 503.
 };
 
@@ -38,8 +41,11 @@ struct PageServerOptions {
 ///
 /// Files: GET and HEAD of what find_static_file() allows, and of /recording. WebSocket: at
 /// /session, with a Host header of localhost:PORT, 127.0.0.1:PORT or the address of this machine
-/// that the request came to, with PORT, and an Origin of http:// and one of these. A refusal is a
-/// line of plain text that says why.
+/// that the request came to, with PORT, and an Origin of http:// and that Host. A refusal is a line
+/// of plain text that says why.
+///
+/// A request has 5 s to come. Of more than 64 connections that are no pages the oldest is closed:
+/// what stalls shuts nobody out.
 ///
 /// A page is closed when it sends a message above 4096 bytes or a binary one, when it is silent for
 /// 10 s (a browser answers our pings by itself), and when it reads so slowly that messages of 2 MiB

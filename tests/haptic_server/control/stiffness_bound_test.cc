@@ -2,6 +2,7 @@
 #include "hlm/control/stiffness_bound.h"
 
 #include <cmath>
+#include <numbers>
 
 #include "hlm/device/simulated_device.h"
 #include "tests/support/catch.h"
@@ -55,47 +56,57 @@ DeviceRatings rated(const SimulatedDeviceOptions& options) {
   return SimulatedDevice(options, {}, kPeriod).ratings();
 }
 
-TEST_CASE("Just below the bound the device comes to rest, at twice the bound it shakes") {
-  const int delay = GENERATE(0, 2, 5);
-  const double damping = GENERATE(0.0, 30.0, 60.0);
-  const SimulatedDeviceOptions device = late_by(delay);
-  const double asked = 1e6;  // N/m
-  // The share of a spring alone: its damper stays as it is.
-  DeviceRatings damped = rated(device);
-  const double lag = lag_of(damped, kPeriod);
-  const double bound =
-      (physical_damping(damped) + damping) * (1 - damping * lag / (2 * damped.mass)) / lag;
-  CAPTURE(delay, damping, bound);
-  CHECK(bearable_share(damped, {0.99 * bound, damping}, kPeriod) == 1);
-  CHECK(bearable_share(damped, {asked, damping}, kPeriod) < 1);
-  CHECK(comes_to_rest(device, {0.9 * bound, damping}));
-  CHECK_FALSE(comes_to_rest(device, {2 * bound, damping}));
+TEST_CASE("Just below the bound the device comes to rest, just above it shakes") {
+  const SimulatedDeviceOptions device = late_by(GENERATE(0, 2, 5, 10, 20, 50));
+  const double ratio = GENERATE(0.0, 5e-3, 20e-3);  // s: of damping over stiffness
+  const Impedance asked{1e6, 1e6 * ratio};
+  const double bound = bearable_share(translation_of(rated(device), kPeriod), asked);
+  CAPTURE(device.delay, ratio, bound * asked.stiffness);
+  CHECK(bound < 1);
+  CHECK(comes_to_rest(device, {0.9 * bound * asked.stiffness, 0.9 * bound * asked.damping}));
+  CHECK_FALSE(comes_to_rest(device, {1.2 * bound * asked.stiffness, 1.2 * bound * asked.damping}));
+}
+
+TEST_CASE("Without damping, and with little of it, the bound is that of Colgate and of Gil") {
+  const DeviceRatings late = rated(late_by(20));
+  const double lag = lag_of(late, kPeriod);
+  const Handle handle = translation_of(late, kPeriod);
+  CHECK(1e6 * bearable_share(handle, {1e6, 0}) == Approx(late.damping / lag).epsilon(0.05));
+  const double ratio = 5e-3;  // s
+  CHECK(1e6 * bearable_share(handle, {1e6, 1e6 * ratio}) ==
+        Approx(late.damping / (lag - ratio)).epsilon(0.1));
 }
 
 TEST_CASE("The share that is borne of a coupling makes it rest, on light devices too") {
-  const int delay = GENERATE(0, 2, 5, 10);
-  SimulatedDeviceOptions options = late_by(delay);
+  SimulatedDeviceOptions options = late_by(GENERATE(0, 2, 5, 10));
   options.mass = GENERATE(0.1, 0.3, 1.0);
   const Impedance asked{30'000, 60};  // N/m, N·s/m
-  const double share = bearable_share(rated(options), asked, kPeriod);
-  CAPTURE(delay, options.mass, share);
+  const double share = bearable_share(translation_of(rated(options), kPeriod), asked);
+  CAPTURE(options.delay, options.mass, share);
   CHECK(share > 0.01);
   CHECK(comes_to_rest(options, {0.9 * share * asked.stiffness, 0.9 * share * asked.damping}));
 }
 
-TEST_CASE("What the bound misses: friction stills more, a filter of the velocity less") {
+TEST_CASE("A velocity that comes later than the pose is taken into account where it is told") {
+  SimulatedDeviceOptions filtered = late_by(2);
+  filtered.velocity_cutoff = 30;  // Hz
+  const Impedance asked{20'000, 60};
+  DeviceRatings told = rated(filtered);
+  const auto share = [&] { return 0.8 * bearable_share(translation_of(told, kPeriod), asked); };
+  const auto rests = [&] {
+    return comes_to_rest(filtered, {share() * asked.stiffness, share() * asked.damping});
+  };
+  CHECK_FALSE(rests());
+  told.velocity_lag = 1 / (2 * std::numbers::pi * filtered.velocity_cutoff);
+  CHECK(rests());
+}
+
+TEST_CASE("What the bound misses: friction stills more") {
   SimulatedDeviceOptions sticky = late_by(2);
   const double bound = 5 / 2.5e-3;  // N/m
   CHECK_FALSE(comes_to_rest(sticky, {1.5 * bound, 0}));
   sticky.dry_friction = 0.02;  // N, of the 0.1 N of the nudge
   CHECK(comes_to_rest(sticky, {1.5 * bound, 0}));
-
-  SimulatedDeviceOptions filtered = late_by(2);
-  const double damping = 60;  // N·s/m
-  const double damped = (5 + damping) * (1 - damping * 2.5e-3 / 2) / 2.5e-3;
-  CHECK(comes_to_rest(filtered, {0.9 * damped, damping}));
-  filtered.velocity_cutoff = 30;  // Hz
-  CHECK_FALSE(comes_to_rest(filtered, {0.9 * damped, damping}));
 }
 
 TEST_CASE("A device that exchanges seldom is as late as one that is slower by half its period") {
@@ -108,11 +119,14 @@ TEST_CASE("A device that exchanges seldom is as late as one that is slower by ha
 
 TEST_CASE("A device that rates no damping is taken to bear its rated stiffness at 1 kHz") {
   DeviceRatings device;
-  CHECK(bearable_share(device, {1e9, 0}, kPeriod) == 1);  // nobody knows
+  CHECK(bearable_share(translation_of(device, kPeriod), {1e9, 0}) == 1);  // nobody knows
   device.max_stiffness = 4000;
-  CHECK(physical_damping(device) == 2);  // N·s/m
-  CHECK(bearable_share(device, {3999, 0}, kPeriod) == 1);
-  CHECK(bearable_share(device, {8000, 0}, kPeriod) == Approx(0.5).epsilon(1e-6));
+  const Handle handle = translation_of(device, kPeriod);
+  CHECK(handle.damping == 2);  // N·s/m
+  CHECK(bearable_share(handle, {3999, 0}) == 1);
+  CHECK(bearable_share(handle, {8000, 0}) == Approx(0.5).epsilon(1e-6));
+  device.max_angular_stiffness = 10;
+  CHECK(rotation_of(device, kPeriod).damping == Approx(5e-3));  // N·m·s/rad
 }
 
 TEST_CASE("What a device does not bear is lowered, and said in one sentence") {
@@ -123,20 +137,32 @@ TEST_CASE("What a device does not bear is lowered, and said in one sentence") {
       lower_stiffness(ControllerKind::kFourChannel, late, kPeriod, gains, contacts);
   REQUIRE(coupling);
   CAPTURE(*coupling);
-  CHECK_THAT(*coupling, ContainsSubstring("a coupling of 1500 N/m and 30 N·s/m is too stiff for "
-                                          "this device, whose force comes 20.5 ms after") &&
-                            ContainsSubstring("--keep-stiffness"));
-  CHECK(gains.stiffness < 1500);
-  CHECK(gains.angular_stiffness == Approx(gains.stiffness / 1500));
+  CHECK_THAT(*coupling,
+             ContainsSubstring("too stiff for this device, whose force comes 20.5 ms after") &&
+                 ContainsSubstring("a coupling of 1500 N/m and 30 N·s/m, ") &&
+                 ContainsSubstring("a coupling of 1 N·m/rad and 0.03 N·m·s/rad, ") &&
+                 ContainsSubstring("--keep-stiffness"));
+  CHECK(gains.stiffness < 300);
+  CHECK(gains.damping == Approx(0.02 * gains.stiffness));
+  CHECK(gains.angular_damping == Approx(0.03 * gains.angular_stiffness));
   CHECK(contacts.max_hand_stiffness == Range::kInfinite);
-  CHECK_FALSE(lower_stiffness(ControllerKind::kFourChannel, late, kPeriod, gains, contacts));
 
   contacts.damping = 0;
   const auto walls = lower_stiffness(ControllerKind::kDirect, late, kPeriod, gains, contacts);
   REQUIRE(walls);
   CAPTURE(*walls);
-  CHECK(contacts.max_hand_stiffness == Approx(0.7 * 5 / 0.0205).epsilon(1e-6));  // of b / lag, N/m
-  CHECK_THAT(*walls, ContainsSubstring("contacts of 16000 N/m together"));
+  CHECK(contacts.max_hand_stiffness == Approx(0.5 * 5 / 0.0205).epsilon(0.05));  // of b / lag, N/m
+  // Of the damping that the rated 10 N·m/rad need at 1 kHz.
+  CHECK(contacts.max_hand_angular_stiffness == Approx(0.5 * 5e-3 / 0.0205).epsilon(0.15));
+  CHECK_THAT(*walls, ContainsSubstring("contacts of 16000 N/m together") &&
+                         ContainsSubstring("contacts on a lever"));
+
+  DeviceRatings slow = rated(late_by(0));
+  slow.velocity_lag = 10e-3;
+  gains = {};
+  const auto lag = lower_stiffness(ControllerKind::kFourChannel, slow, kPeriod, gains, contacts);
+  REQUIRE(lag);
+  CHECK_THAT(*lag, ContainsSubstring("0.5 ms after its motion, its velocity 10 ms later"));
 }
 
 TEST_CASE("On a punctual device the usual settings stay as they are") {

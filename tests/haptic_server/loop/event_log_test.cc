@@ -91,5 +91,51 @@ TEST_CASE("Dropped datagrams are told with the time of their tick") {
   CHECK_THAT(log.lines()[0].age, WithinAbs(50, kAgeTolerance));
 }
 
+TEST_CASE("Each reason for a drop is told with its count, at most once a second") {
+  const CapturedLog log;
+  DropLog drops([] { return kReadAt; });
+  TickRecord record;
+  const auto drop = [&](protocol::DropReason reason, std::uint64_t count) {
+    record.dropped_for[static_cast<std::size_t>(reason)] += count;
+  };
+  for (int tick = 0; tick < 2500; ++tick) {
+    record.time = 1e-3 * tick;  // s
+    drop(protocol::DropReason::kMalformed, 1);
+    drop(protocol::DropReason::kNonFinite, 2);
+    drop(protocol::DropReason::kForeignSession, 3);
+    drop(protocol::DropReason::kStale, 1);
+    drops.observe(record);
+  }
+  REQUIRE(log.lines().size() == 3);
+  CHECK_THAT(log.lines()[1].text,
+             ContainsSubstring("1000 malformed (") && ContainsSubstring("2000 non-finite (") &&
+                 ContainsSubstring("3000 foreign session (") && !ContainsSubstring("stale"));
+}
+
+TEST_CASE("Where every update is refused the log says so, with the reason, once a second") {
+  const CapturedLog log;
+  EventLog events([] { return kReadAt; });
+  TickRecord record;
+  record.session = 7;
+  record.session_open = true;
+  record.server = GENERATE(ServerState::kArming, ServerState::kActive);
+  events.observe(record);
+  if (record.server == ServerState::kActive) record.server = ServerState::kFading;
+  record.fade = Fade::kUpdatesInvalid;
+  record.refusal = meaning_of(UpdateError::kNonFinite);
+  for (int tick = 0; tick < 1000; ++tick) {
+    record.time = 1 + 1e-3 * tick;  // s
+    record.fade = tick % 2 == 0 ? Fade::kUpdatesInvalid : Fade::kNone;
+    events.observe(record);
+  }
+  int told = 0;
+  for (const LogLine& line : log.lines()) {
+    CAPTURE(line.text);
+    if (line.text.find("refused: a number is not finite") != std::string::npos) ++told;
+  }
+  CHECK(told >= 1);
+  CHECK(told <= 2);
+}
+
 }  // namespace
 }  // namespace hlm::server

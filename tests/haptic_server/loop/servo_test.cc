@@ -574,7 +574,7 @@ TEST_CASE(
     CHECK(lowered == 0);
   } else {
     CHECK(lowered > 0.95);
-    CHECK(force == Approx(0.7 * 5 / 0.0205 * 1e-3).epsilon(0.1));  // 70 % of b / lag, N/m
+    CHECK(force == Approx(0.5 * 5 / 0.0205 * 1e-3).epsilon(0.1));  // 70 % of b / lag, N/m
   }
 }
 

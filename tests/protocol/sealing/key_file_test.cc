@@ -6,6 +6,8 @@
 #include <iterator>
 #include <string>
 
+#include <unistd.h>
+
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
 
@@ -84,6 +86,41 @@ TEST_CASE("What is no key is refused in one line that names the file and what a 
   }
   CHECK_THAT(error_of(directory / "none"), ContainsSubstring("No such file"));
   CHECK_THAT(error_of("/dev/null"), ContainsSubstring("not a regular file"));
+}
+
+TEST_CASE("A key of one byte repeated is refused: nobody has drawn it") {
+  const test::TemporaryDirectory directory;
+  const fs::path path = directory / "a.key";
+  const std::string byte = GENERATE(as<std::string>(), "00", "ff", "41");
+  std::string digits;
+  for (int i = 0; i < 32; ++i) digits += byte;
+  write(path, "haptic key 1\n" + digits + "\n");
+  CHECK_THAT(error_of(path), ContainsSubstring(path.string()) &&
+                                 ContainsSubstring("one byte repeated") &&
+                                 ContainsSubstring("haptic_keygen"));
+  digits.back() = digits.back() == '0' ? '1' : '0';
+  write(path, "haptic key 1\n" + digits + "\n");
+  CHECK(error_of(path).empty());
+}
+
+TEST_CASE("A key file of another user is refused, root's is not") {
+  if (geteuid() != 0) {
+    WARN("skipped: only root gives files away");
+    return;
+  }
+  const test::TemporaryDirectory directory;
+  const fs::path path = directory / "a.key";
+  write_new_key(path);
+  constexpr uid_t kNobody = 65534;
+  REQUIRE(chown(path.c_str(), kNobody, static_cast<gid_t>(-1)) == 0);
+  CHECK_THAT(error_of(path), ContainsSubstring(path.string()) &&
+                                 ContainsSubstring("owned by user 65534") &&
+                                 ContainsSubstring("user of this program, 0"));
+  REQUIRE(seteuid(kNobody) == 0);
+  const std::string as_its_owner = error_of(path);
+  REQUIRE(seteuid(0) == 0);
+  // The directory may be closed to that user; its own file is not refused for its owner.
+  CHECK_THAT(as_its_owner, !ContainsSubstring("owned by user"));
 }
 
 }  // namespace

@@ -29,12 +29,14 @@ TEST_CASE("The port of HTTP is left out, as browsers do") {
 
 TEST_CASE("A page of this server has an origin of it, over HTTP") {
   const HostNames names("127.0.0.1", 8080);
-  CHECK(names.is_origin("http://localhost:8080"));
+  CHECK(names.is_origin("http://localhost:8080", "LocalHost:8080"));
+  CHECK_FALSE(names.is_origin("http://localhost:8080", "127.0.0.1:8080"));
+  CHECK_FALSE(names.is_origin("http://evil.example:8080", "evil.example:8080"));
   const std::string other =
       GENERATE(as<std::string>(), "", "null", "https://localhost:8080", "http://evil.example",
                "http://localhost:8080.evil.example", "http://localhost:8080/", "localhost:8080");
   INFO(other);
-  CHECK_FALSE(names.is_origin(other));
+  CHECK_FALSE(names.is_origin(other, "localhost:8080"));
 }
 
 }  // namespace

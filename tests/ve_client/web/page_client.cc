@@ -1,5 +1,6 @@
 #include "tests/ve_client/web/page_client.h"
 
+#include <array>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -73,6 +74,18 @@ Reply HttpClient::ask(const std::string& request, bool has_body) {
   std::ostringstream header;
   header << parser.get().base();
   return {parser.get().result_int(), header.str(), parser.get().body()};
+}
+
+void HttpClient::send(const std::string& bytes) {
+  finish(connection_->context, connection_->stream,
+         [&](auto done) { asio::async_write(connection_->stream, asio::buffer(bytes), done); });
+}
+
+bool HttpClient::wait_for_end() {
+  std::array<char, 1> byte{};
+  return finish(connection_->context, connection_->stream,
+                [&](auto done) { connection_->stream.async_read_some(asio::buffer(byte), done); })
+      .failed();
 }
 
 Reply ask(std::uint16_t port, const std::string& request, bool has_body) {

@@ -29,6 +29,10 @@ class HttpClient {
 
   /// `has_body`: false for the reply to HEAD.
   Reply ask(const std::string& request, bool has_body = true);
+  /// Sends something and waits for no reply.
+  void send(const std::string& bytes);
+  /// Whether the server ends the connection without another byte.
+  bool wait_for_end();
 
  private:
   struct Connection;

@@ -3,9 +3,11 @@
 
 #include <chrono>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <thread>
 
+#include "hlm/web/page_token.h"
 #include "tests/support/catch.h"
 #include "tests/ve_client/web/page_client.h"
 #include "tests/ve_client/web/web_root.h"
@@ -208,14 +210,14 @@ TEST_CASE("A header is at most 8 KiB") {
 TEST_CASE("A WebSocket must come from a page of this server") {
   Site site;
   const std::string port = std::string(":") + std::to_string(site.port);
-  for (const std::string& origin : {"http://localhost" + port, "http://127.0.0.1" + port}) {
-    CAPTURE(origin);
-    CHECK(PageClient(site.port, {.origin = origin}).status() == 101);
+  for (const std::string& host : {"localhost" + port, "127.0.0.1" + port}) {
+    CAPTURE(host);
+    CHECK(PageClient(site.port, {.host = host, .origin = "http://" + host}).status() == 101);
   }
   for (const std::string& origin :
        {std::string("none"), std::string("null"), "http://attacker.example" + port,
         "https://localhost" + port, std::string("http://localhost"), "localhost" + port,
-        "http://localhost" + port + "/"}) {
+        "http://localhost" + port + "/", "http://127.0.0.1" + port}) {
     CAPTURE(origin);
     const PageClient page(site.port, {.origin = origin});
     CHECK(page.status() == 403);
@@ -225,13 +227,85 @@ TEST_CASE("A WebSocket must come from a page of this server") {
 
 TEST_CASE("WebSockets are at one path only") {
   Site site;
-  for (const char* path : {"/", "/session/", "/sessions", "/session?x=1", "/index.html"}) {
+  for (const char* path : {"/", "/session/", "/sessions", "/sessions?x=1", "/index.html"}) {
     CAPTURE(path);
     const PageClient page(site.port, {.path = path});
     CHECK(page.status() == 404);
     CHECK_THAT(page.reason(), ContainsSubstring("/session"));
   }
   CHECK(site.server->pages() == 0);
+}
+
+/// A header of an HTTP reply, up to its end or the next semicolon; empty if there is none.
+std::string header_of(const test::Reply& reply, const std::string& name) {
+  const std::size_t at = reply.header.find(name + ": ");
+  if (at == std::string::npos) return "";
+  const std::size_t begin = at + name.size() + 2;
+  return reply.header.substr(begin, reply.header.find_first_of(";\r", begin) - begin);
+}
+
+TEST_CASE("With a token only those who show it get files, recordings and WebSockets") {
+  const std::string token = "0123456789abcdef0123456789abcdef";
+  const test::WebRoot root;
+  root.write("index.html", "<!doctype html>hello");
+  const PageServer server({.port = 0, .root = root.path(), .token = token});
+  const std::string site = "localhost:" + std::to_string(server.port());
+  const auto status = [&](const std::string& target, const std::string& cookie = "") {
+    return test::ask(server.port(), "GET " + target + " HTTP/1.1\r\nHost: " + site +
+                                        (cookie.empty() ? "" : "\r\nCookie: " + cookie) +
+                                        "\r\n\r\n")
+        .status;
+  };
+  const test::Reply page =
+      test::ask(server.port(), test::get_request(server.port(), "/?token=" + token));
+  CHECK(page.status == 200);
+  CHECK_THAT(page.header, ContainsSubstring("HttpOnly; SameSite=Strict"));
+  const std::string cookie = header_of(page, "Set-Cookie");
+  CHECK(cookie == "haptic_page_" + std::to_string(server.port()) + "=" + token);
+  CHECK(status("/index.html", cookie) == 200);
+  CHECK(status("/index.html", "a=b; " + cookie + "; c=d") == 200);
+  CHECK(PageClient(server.port(), {.path = "/session?token=" + token}).status() == 101);
+
+  std::string longer = token + "0";
+  std::string other = token;
+  other.back() = '0';
+  for (const std::string& shown :
+       {std::string(), std::string("0"), other, longer, token.substr(1)}) {
+    CAPTURE(shown);
+    CHECK(status("/?token=" + shown) == 403);
+    CHECK(status("/", "haptic_page_" + std::to_string(server.port()) + "=" + shown) == 403);
+    CHECK(PageClient(server.port(), {.path = "/session?token=" + shown}).status() == 403);
+  }
+  for (const char* target : {"/", "/index.html", "/recording", "/missing.js", "/?t=1"}) {
+    CHECK(status(target) == 403);
+  }
+  CHECK(status("/?token=" + other, cookie) == 403);
+  CHECK(PageClient(server.port()).status() == 403);
+  CHECK(test::ask(server.port(), test::get_request(server.port(), "/")).body ==
+        "the address must end with ?token= and the token in the log of ve_client\n");
+}
+
+TEST_CASE("A token is 128 random bits") {
+  const std::string token = PageToken::random();
+  CHECK(token.size() == 32);
+  CHECK(token.find_first_not_of("0123456789abcdef") == std::string::npos);
+  CHECK(token != PageToken::random());
+}
+
+TEST_CASE("Requests that stall shut nobody out, and end after 5 s") {
+  Site site;
+  std::vector<std::unique_ptr<test::HttpClient>> stalled;
+  for (int i = 0; i < 200; ++i) {
+    stalled.push_back(std::make_unique<test::HttpClient>(site.port));
+    stalled.back()->send("GET / HTTP/1.1\r\nHost: ");
+  }
+  CHECK(test::ask(site.port, test::get_request(site.port, "/")).status == 200);
+  CHECK(PageClient(site.port).status() == 101);
+  const auto begin = std::chrono::steady_clock::now();
+  CHECK(stalled.back()->wait_for_end());
+  const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - begin;
+  CHECK(waited.count() > 2);   // s
+  CHECK(waited.count() < 10);  // s
 }
 
 TEST_CASE("The greeting comes first, and again when it changes") {
