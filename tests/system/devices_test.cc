@@ -197,6 +197,13 @@ TEST_CASE("A list of devices names those that the vendors' libraries find, or wh
   CHECK_THAT(run({HLM_SERVER, "--device", "list"}).output,
              ContainsSubstring("libdhd.so not found") && ContainsSubstring("forcedimension.com") &&
                  ContainsSubstring("libHD.so not found") && ContainsSubstring("3dsystems.com"));
+  const std::string library = "library=" HLM_STAND_INS "/libdhd.so";
+  CHECK_THAT(run({HLM_SERVER, "--device", "list", "--device-option", library}).output,
+             ContainsSubstring("number 0: sigma.7, through " HLM_STAND_INS "/libdhd.so") &&
+                 ContainsSubstring("libdhd.so has no function hdInitDevice"));
+  const Finished unknown = run({HLM_SERVER, "--device", "list", "--device-option", "libary=x"});
+  CHECK(unknown.exit_code == 2);
+  CHECK_THAT(unknown.error, ContainsSubstring("libary: no device has such a key"));
   const Finished missing =
       run({HLM_SERVER, "--device", "openhaptics", "--device-option", "library=/nowhere/libHD.so"});
   CHECK(missing.exit_code == 1);
