@@ -89,17 +89,33 @@ void DeviceChoice::set(const std::vector<Assignment>& assignments) {
   const DeviceDriver* chosen = nullptr;
   for (const Assignment& each : assignments) {
     if (each.key != kDriver) continue;
-    lists_ = !each.from_file && each.values == settings::Values{kList};
-    if (lists_) return;
+    const bool lists = !each.from_file && each.values == settings::Values{kList};
+    lists_ = lists_ || lists;
+    if (lists) continue;
     (each.from_file ? of_file : chosen) = &find(each);
   }
   driver_ = chosen != nullptr ? chosen : of_file;
+  if (lists_) return set_listed(assignments);
   for (const Assignment& each : assignments) {
     if (each.key == kDriver) continue;
     const bool is_of_other = each.from_file && driver_ != of_file &&
                              find_key(*driver_, each.key) == nullptr &&
                              find_key(*of_file, each.key) != nullptr;
-    if (!is_of_other) set_key(each);
+    if (!is_of_other) set_key(*driver_, each);
+  }
+}
+
+/// A key of a list is for each driver that has it.
+void DeviceChoice::set_listed(const std::vector<Assignment>& assignments) const {
+  for (const Assignment& each : assignments) {
+    if (each.key == kDriver) continue;
+    bool is_known = each.from_file || workspace_table_.find(each.key) != nullptr;
+    for (const auto& driver : drivers_) {
+      if (driver->table().find(each.key) == nullptr) continue;
+      if (!each.from_file || driver.get() == driver_) set_key(*driver, each);
+      is_known = true;
+    }
+    if (!is_known) throw UsageError(each.name + ": no device has such a key");
   }
 }
 
@@ -120,13 +136,13 @@ const settings::Setting* DeviceChoice::find_key(const DeviceDriver& driver,
   return own == nullptr ? workspace_table_.find(key) : own;
 }
 
-void DeviceChoice::set_key(const Assignment& assignment) const {
-  const settings::Setting* const setting = find_key(*driver_, assignment.key);
+void DeviceChoice::set_key(const DeviceDriver& driver, const Assignment& assignment) const {
+  const settings::Setting* const setting = find_key(driver, assignment.key);
   if (setting == nullptr) {
-    std::vector<std::string> keys = driver_->table().keys();
+    std::vector<std::string> keys = driver.table().keys();
     for (const std::string& key : workspace_table_.keys()) keys.push_back(key);
     const std::string hint = settings::suggestion(assignment.key, keys);
-    throw UsageError(assignment.name + ": device " + std::string(driver_->name()) +
+    throw UsageError(assignment.name + ": device " + std::string(driver.name()) +
                      " has no such key" + (hint.empty() ? "; see --device-help" : hint));
   }
   settings::set(*setting, assignment);

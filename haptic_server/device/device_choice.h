@@ -41,7 +41,8 @@ class DeviceChoice final : public settings::Section {
  private:
   const DeviceDriver& find(const settings::Assignment& name) const;
   const settings::Setting* find_key(const DeviceDriver& driver, const std::string& key) const;
-  void set_key(const settings::Assignment& assignment) const;
+  void set_key(const DeviceDriver& driver, const settings::Assignment& assignment) const;
+  void set_listed(const std::vector<settings::Assignment>& assignments) const;
 
   std::vector<std::unique_ptr<DeviceDriver>> drivers_;
   const DeviceDriver* driver_;

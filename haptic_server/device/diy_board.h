@@ -17,8 +17,9 @@ struct DiyBoardOptions {
   /// Cut-off of the low-pass on the velocity from the encoders' steps, Hz. Less lags, more lets
   /// steps through: at 1 kHz an unfiltered step of the kit's encoders is 0.1 m/s.
   double velocity_cutoff = 20;
-  /// What each motor can give, N·m: 3 N need 0.22 in the middle of the kit's workspace.
-  double max_torque = 0.23;
+  /// What each motor can give, N·m: the kit's firmware cuts each one off there by itself, which
+  /// would turn the force. 1.6 N need 0.12 in the middle of the kit's workspace.
+  double max_torque = 0.123;
 };
 
 /// Where the system lists serial ports by their devices' names.

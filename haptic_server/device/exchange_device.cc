@@ -158,6 +158,7 @@ std::optional<DeviceState> ExchangeDevice::read() noexcept {
   const bool is_late = kLateShare * age > oldest_;
   cause_now_ = newest.handle.saturated ? kSaturated : "";
   if (is_late) cause_now_ = kLate;
+  if (newest.handle.force_off != nullptr) cause_now_ = newest.handle.force_off;
   if (age > oldest_) return std::nullopt;
   DeviceState state;
   state.X_WD = newest.handle.X;
@@ -165,6 +166,7 @@ std::optional<DeviceState> ExchangeDevice::read() noexcept {
   state.buttons = newest.handle.buttons;
   if (newest.handle.saturated) state.health = DeviceHealth::kSaturated;
   if (is_late) state.health = DeviceHealth::kLate;
+  if (newest.handle.force_off != nullptr) state.health = DeviceHealth::kForceOff;
   return state;
 }
 

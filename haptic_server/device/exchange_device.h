@@ -25,6 +25,8 @@ struct HandleState {
   Twist V = Twist::Zero();  ///< Twist of the handle, m/s and rad/s.
   std::uint32_t buttons = 0;
   bool saturated = false;  ///< The latest request was for more than its motors give.
+  /// Why its motors give nothing, in words of static storage duration; null: they give force.
+  const char* force_off = nullptr;
 };
 
 /// The line to such a device. Used by one thread; what goes wrong is thrown as std::runtime_error
@@ -65,7 +67,7 @@ void add_keys(settings::Table& table, ExchangeOptions& options);
 
 /// Exchanges with its line in a thread of its own. The servo thread reads the latest state and
 /// leaves the latest force; it never waits. Safety here:
-/// - a state of motors at their limit is kSaturated;
+/// - a state of motors at their limit is kSaturated, of motors that are off kForceOff;
 /// - a state older than `oldest` is a failure of the device, older than a third of that kLate;
 /// - a force older than `oldest`, as when the servo thread stands still, is sent as zero;
 /// - a force ends with a request for zero, whatever follows: where no reply to one came, the first

@@ -1,6 +1,7 @@
 #include "hlm/device/force_dimension_device.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -12,6 +13,8 @@ using Library = ForceDimensionLibrary;
 
 /// The unit of the vendor's watchdog, s.
 constexpr double kWatchdogUnit = 125e-6;
+/// A library that cannot be told otherwise takes the mean over that time, s.
+constexpr double kVendorsWindow = 0.02;
 /// Between two looks at the device's status, s. It is not needed for the force.
 constexpr double kStatusPeriod = 5e-3;
 /// After motors were put on, s: their status follows.
@@ -35,6 +38,10 @@ constexpr std::array<Rated, 4> kRated{{
     {"lambda", 5, 0.1, 8000, 0.5},
     {"", 5, 0.1, 2000, 0.5},
 }};
+
+double seconds_now() noexcept {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 }  // namespace
 
@@ -70,7 +77,7 @@ const char* cause_of_force_off(int cause) noexcept {
 
 ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> library,
                                            const ForceDimensionOptions& options, double dt)
-    : library_(std::move(library)), options_(options), dt_(dt), motion_(dt) {
+    : library_(std::move(library)), options_(options), dt_(dt) {
   open();
   const Library& dhd = *library_;
   name_ = "Force Dimension " + model();
@@ -81,9 +88,10 @@ ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> librar
   ratings_.freedoms = has_wrist_ ? kAllFreedoms : Freedoms{0b000111};
   ratings_.buttons = kButtons;
   ratings_.gripper = dhd.has_gripper(id_);
+  is_left_handed_ = dhd.is_left_handed != nullptr && dhd.is_left_handed(id_);
   if (!prepare()) {
     const std::string why = cause_;
-    dhd.close(id_);
+    close();
     throw std::runtime_error(name_ + " cannot be prepared: " + why);
   }
   if (has_watchdog_) ratings_.time_guard = options_.watchdog;
@@ -93,13 +101,19 @@ ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> librar
 ForceDimensionDevice::~ForceDimensionDevice() {
   reopener_.reset();
   library_->stop(id_);
-  library_->close(id_);
+  close();
+}
+
+void ForceDimensionDevice::close() noexcept {
+  (is_robot_ ? library_->robot_close : library_->close)(id_);
 }
 
 void ForceDimensionDevice::open() {
   const Library& dhd = *library_;
+  is_robot_ = options_.auto_init && dhd.robot_open_id != nullptr && dhd.robot_close != nullptr;
+  const auto open_number = is_robot_ ? dhd.robot_open_id : dhd.open_id;
   const int id = options_.serial > 0 ? dhd.open_serial(options_.serial)
-                                     : dhd.open_id(static_cast<char>(options_.number));
+                                     : open_number(static_cast<char>(options_.number));
   if (id < 0) {
     const std::string which = options_.serial > 0
                                   ? "with serial number " + std::to_string(options_.serial)
@@ -109,6 +123,44 @@ void ForceDimensionDevice::open() {
                              "; check its power, its cable, and the right to its USB port");
   }
   id_ = static_cast<char>(id);
+}
+
+void ForceDimensionDevice::calibrate() {
+  if (options_.auto_init) auto_init();
+  if (const char* const why = find_unready()) throw std::runtime_error(name_ + ' ' + why);
+}
+
+void ForceDimensionDevice::auto_init() {
+  const Library& dhd = *library_;
+  const bool can = is_robot_ && dhd.is_initialized != nullptr && dhd.auto_init != nullptr &&
+                   dhd.robot_stop != nullptr;
+  if (!can) {
+    throw std::runtime_error("auto-init true needs libdrd.so: " + dhd.library.name() +
+                             " cannot calibrate a device");
+  }
+  if (dhd.is_initialized(id_)) return;
+  if (dhd.auto_init(id_) < 0 || dhd.robot_stop(true, id_) < 0) {
+    throw std::runtime_error(name_ + " could not be calibrated: " + dhd.last_error());
+  }
+  dhd.enable_force(0, id_);
+}
+
+/// libdrd.so says it; without that the status does.
+bool ForceDimensionDevice::is_reset(const Library::StatusValues& status) const noexcept {
+  const Library& dhd = *library_;
+  return dhd.is_initialized != nullptr ? !dhd.is_initialized(id_) : status[Library::kReset] != 0;
+}
+
+/// What has to be done before its poses and forces are right; null if nothing.
+const char* ForceDimensionDevice::find_unready() noexcept {
+  const Library& dhd = *library_;
+  Library::StatusValues status{};
+  if (dhd.status(status.data(), id_) < 0) return dhd.last_error();
+  if (status[Library::kPower] == 0) return "has no power: switch it on";
+  return !is_reset(status)
+             ? nullptr
+             : "is not calibrated: calibrate it as its manual says, or let the library "
+               "move it, auto-init=true";
 }
 
 std::string ForceDimensionDevice::model() const {
@@ -130,14 +182,26 @@ bool ForceDimensionDevice::prepare() noexcept {
   const double units = std::floor(options_.watchdog / kWatchdogUnit);
   has_watchdog_ =
       dhd.set_watchdog != nullptr && dhd.set_watchdog(static_cast<unsigned char>(units), id_) >= 0;
+  configure_speed();
   return done(dhd.set_max_force(ratings_.max_force, id_)) &&
          (ratings_.max_torque == 0 || done(dhd.set_max_torque(ratings_.max_torque, id_))) &&
          done(dhd.set_gravity_compensation(options_.gravity_compensation ? 1 : 0, id_)) &&
          done(dhd.enable_force(0, id_));
 }
 
+/// A library that will not is taken as it is.
+void ForceDimensionDevice::configure_speed() noexcept {
+  const Library& dhd = *library_;
+  const int window = static_cast<int>(std::lround(1e3 * options_.velocity_window));
+  const auto configured = [&](auto* configure) {
+    return configure != nullptr && configure(window, Library::kMeanOverWindow, id_) >= 0;
+  };
+  window_ = configured(dhd.config_linear_velocity) ? options_.velocity_window : kVendorsWindow;
+  if (has_wrist_) configured(dhd.config_angular_velocity);
+}
+
 bool ForceDimensionDevice::reopen() {
-  library_->close(id_);
+  close();
   try {
     open();
   } catch (const std::runtime_error&) {
@@ -145,7 +209,7 @@ bool ForceDimensionDevice::reopen() {
     return false;
   }
   const char* const why = prepare_again();
-  if (why != nullptr) library_->close(id_);
+  if (why != nullptr) close();
   refused_ = why != nullptr ? why : "";
   return why == nullptr;
 }
@@ -157,7 +221,8 @@ const char* ForceDimensionDevice::prepare_again() {
   }
   if (!prepare()) return "it cannot be prepared again";
   const bool had_watchdog = std::isfinite(ratings_.time_guard);
-  return had_watchdog && !has_watchdog_ ? "its watchdog cannot be set as before" : nullptr;
+  if (had_watchdog && !has_watchdog_) return "its watchdog cannot be set as before";
+  return find_unready();
 }
 
 bool ForceDimensionDevice::done(int result) noexcept {
@@ -178,7 +243,7 @@ void ForceDimensionDevice::enable() noexcept {
   health_ = DeviceHealth::kGood;
   cause_ = "";
   ticks_ = 0;
-  motion_.begin();
+  motion_.begin(window_);
   const Library& dhd = *library_;
   enabled_ =
       done(dhd.set_brakes(0, id_)) && done(dhd.enable_force(1, id_)) && write(Wrench::Zero());
@@ -216,7 +281,8 @@ bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
   Matrix3 R = Matrix3::Identity();
   if (has_wrist_) R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
   state.V_WD << v, w;
-  if (const char* error = motion_.find_error(p, R, state.V_WD, result == Library::kTimeGuard)) {
+  const bool is_old = result == Library::kTimeGuard;
+  if (const char* error = motion_.find_error(seconds_now(), p, R, state.V_WD, is_old)) {
     return fail(error);
   }
   state.X_WD = {p, Quaternion(R).normalized()};
@@ -229,6 +295,7 @@ bool ForceDimensionDevice::read_buttons(DeviceState& state) noexcept {
   double angle = 0;
   if (!done(library_->gripper_angle(&angle, id_))) return false;
   if (!std::isfinite(angle)) return fail("its gripper's angle is not a number");
+  if (is_left_handed_) angle = -angle;
   state.gripper = std::clamp(angle / kOpenGripper, 0.0, 1.0);
   return true;
 }
@@ -244,6 +311,8 @@ bool ForceDimensionDevice::observe_status() noexcept {
   if (enabled_ && status[Library::kForceOn] == 0) {
     health_ = DeviceHealth::kForceOff;
     cause_ = cause_of_force_off(status[Library::kForceOffCause]);
+    if (status[Library::kPower] == 0) cause_ = "its power is off";
+    if (is_reset(status)) cause_ = "it is not calibrated any more: calibrate it";
   } else if (rate > 0 && rate < 0.5 / dt_) {
     health_ = DeviceHealth::kLate;
     cause_ = "its library exchanges with it at less than half the server's rate";

@@ -25,10 +25,18 @@ struct ForceDimensionOptions {
   /// the machine is busy; more lets a force outlive a server that was killed.
   double watchdog = 0.016;
   bool gravity_compensation = true;  ///< Whether the device carries its own weight.
+  /// Whether the library calibrates a device that is not: its motors then move it, with nobody's
+  /// hand on it.
+  bool auto_init = false;
+  /// Time over which the library takes a speed as the mean, s. The vendor's 20 ms lag by 10 ms, in
+  /// which a damping pushes; less lets more of the encoders' steps through.
+  double velocity_window = 0.002;
 };
 
 /// A byte of the vendor's 125 µs.
 inline constexpr Range kForceDimensionWatchdogs{0.001, 0.031875, "s"};
+/// The vendor's unit is 1 ms.
+inline constexpr Range kForceDimensionWindows{0.001, 0.05, "s"};
 inline constexpr Range kForceDimensionNumbers{0, 15};
 inline constexpr Range kForceDimensionSerials{0, 65535};
 
@@ -52,6 +60,9 @@ class ForceDimensionDevice final : public Device {
   std::string_view name() const noexcept override { return name_; }
   const DeviceRatings& ratings() const noexcept override { return ratings_; }
   bool measures_hand_wrench() const noexcept override { return false; }
+  /// Throws std::runtime_error that says what has to be done where the device has no power or is
+  /// not calibrated.
+  void calibrate() override;
   void align(const Pose&) noexcept override {}
   void enable() noexcept override;
   void disable() noexcept override;
@@ -64,9 +75,14 @@ class ForceDimensionDevice final : public Device {
 
  private:
   void open();
+  void close() noexcept;
+  void auto_init();
+  const char* find_unready() noexcept;
+  bool is_reset(const ForceDimensionLibrary::StatusValues& status) const noexcept;
   std::string model() const;
   int serial() const noexcept;
   bool prepare() noexcept;
+  void configure_speed() noexcept;
   bool reopen();
   const char* prepare_again();
   bool done(int result) noexcept;
@@ -83,7 +99,10 @@ class ForceDimensionDevice final : public Device {
   int serial_ = 0;  ///< Serial number as the device says; 0: the library does not.
   DeviceRatings ratings_;
   bool has_wrist_ = false;
+  bool is_left_handed_ = false;
+  bool is_robot_ = false;  ///< Opened by libdrd.so's own call.
   bool has_watchdog_ = false;
+  double window_ = 0;  ///< Window of the library's speed, s.
 
   char id_ = 0;
   bool enabled_ = false;

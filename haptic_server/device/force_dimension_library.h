@@ -17,7 +17,9 @@ struct ForceDimensionLibrary {
   /// What getters and the wrench return that is no error.
   enum Result { kDone = 0, kTimeGuard = 1, kMotorSaturated = 2 };
   /// What dhdGetStatus tells, and how much of it.
-  enum Status { kForceOn = 5, kForceOffCause = 14, kStatusCount = 17 };
+  enum Status { kPower = 0, kReset = 3, kForceOn = 5, kForceOffCause = 14, kStatusCount = 17 };
+  /// How a speed is estimated.
+  enum Estimate { kMeanOverWindow = 0 };
   /// Room for libraries that tell more.
   using StatusValues = std::array<int, 2 * kStatusCount>;
 
@@ -27,6 +29,15 @@ struct ForceDimensionLibrary {
   /// The number of the device to use.
   int (*open_id)(char index);
   int (*open_serial)(int serial);
+  /// Those of libdrd.so; null in libdhd.so. A device that drdAutoInit() moves was opened so.
+  int (*robot_open_id)(char index);
+  int (*robot_close)(char id);
+  /// Whether it is calibrated.
+  bool (*is_initialized)(char id);
+  /// Calibrates it: moves it by its motors, which takes seconds.
+  int (*auto_init)(char id);
+  /// Ends the library's own control of it.
+  int (*robot_stop)(bool keeps_force_on, char id);
   int (*close)(char id);
   /// Motors off, brakes on.
   int (*stop)(char id);
@@ -37,10 +48,15 @@ struct ForceDimensionLibrary {
   /// May be null: then only active wrists are known.
   bool (*has_wrist)(char id);
   bool (*has_active_wrist)(char id);
+  /// May be null.
+  bool (*is_left_handed)(char id);
   bool (*has_gripper)(char id);
   int (*pose)(double* x, double* y, double* z, double rotation[3][3], char id);
   int (*linear_velocity)(double* x, double* y, double* z, char id);
   int (*angular_velocity)(double* x, double* y, double* z, char id);
+  /// Set how the speeds are estimated; window in ms. May be null.
+  int (*config_linear_velocity)(int window, int mode, char id);
+  int (*config_angular_velocity)(int window, int mode, char id);
   int (*gripper_angle)(double* angle, char id);
   unsigned (*button_mask)(char id);
   int (*set_wrench)(double fx, double fy, double fz, double tx, double ty, double tz,

@@ -13,11 +13,12 @@ namespace {
 using nlohmann::json;
 
 constexpr const char* kDevices = "inverse3";
+constexpr const char* kTakenForce = "current_cursor_force";
 /// Levels of a message; a state has 5.
 constexpr int kDeepest = 32;
 /// Length of an id, bytes: it is in every request and in many messages to people.
 constexpr std::size_t kLongestId = 100;
-constexpr const char* kGripKinds[] = {"wireless_verse_grip", "verse_grip"};
+constexpr const char* kGripKinds[] = {"wireless_verse_grip", "verse_grip", "custom_verse_grip"};
 
 [[noreturn]] void fail(const std::string& what) {
   throw std::runtime_error("the Inverse Service's message " + one_line(what));
@@ -78,13 +79,41 @@ std::string id_of(const json& device, const std::string& kind) {
   return text;
 }
 
-const json& state_of(const json& message, const std::string& kind, const std::string& id) {
+const json& device_of(const json& message, const std::string& kind, const std::string& id) {
   for (const json& device : list(message, kind)) {
-    if (id_of(device, kind) == id) return member(device, "state", kind + "[].");
+    if (id_of(device, kind) == id) return device;
   }
   const auto error = message.find("error");
   if (error != message.end()) fail("reports an error: " + error->dump());
   fail("has " + kind + " '" + id + "' no more: it is unplugged or switched off");
+}
+
+const json& state_of(const json& message, const std::string& kind, const std::string& id) {
+  return member(device_of(message, kind, id), "state", kind + "[].");
+}
+
+/// What the service says that keeps a device from giving force; null if nothing.
+const char* find_force_off(const json& device) {
+  struct Need {
+    const char* key;
+    const char* cause;
+  };
+  constexpr Need kNeeds[] = {
+      {"power_supply", "its power supply is off"},
+      {"calibrated", "it is not calibrated: put its cursor where its manual says"},
+      {"ready", "its service says that it is not ready"}};
+  const auto status = device.find("status");
+  if (status == device.end() || !status->is_object()) return nullptr;
+  for (const Need& need : kNeeds) {
+    const auto found = status->find(need.key);
+    if (found != status->end() && found->is_boolean() && !found->get<bool>()) return need.cause;
+  }
+  return nullptr;
+}
+
+std::string text_of(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : "";
 }
 
 Quaternion orientation(const json& state, const std::string& path) {
@@ -100,6 +129,8 @@ Quaternion orientation(const json& state, const std::string& path) {
 /// Those pressed; json keeps members in the order of their names.
 std::uint32_t buttons(const json& state, const std::string& path) {
   const auto found = state.find("buttons");
+  const auto only = state.find("button");
+  if (only != state.end() && only->is_boolean()) return only->get<bool>() ? 1 : 0;
   if (found == state.end()) return 0;
   if (!found->is_object()) fail("has " + path + "buttons that are no object");
   std::uint32_t pressed = 0;
@@ -121,6 +152,7 @@ json commands(const std::string& device, const json& commands) {
 HaplyInventory parse_haply_inventory(std::string_view message) {
   const json parsed = parse(message);
   HaplyInventory inventory;
+  inventory.has_session = parsed.contains("session_id");
   for (const json& device : list(parsed, kDevices)) {
     HaplyDevice& entry = inventory.devices.emplace_back();
     entry.id = id_of(device, kDevices);
@@ -136,19 +168,32 @@ HaplyInventory parse_haply_inventory(std::string_view message) {
   return inventory;
 }
 
-HandleState parse_haply_state(std::string_view message, const HaplyChoice& choice) {
+HaplyState parse_haply_state(std::string_view message, const HaplyChoice& choice) {
   const json parsed = parse(message);
   const json& state = state_of(parsed, kDevices, choice.device);
   const std::string path = std::string(kDevices) + "[].state.";
-  HandleState handle;
+  HaplyState whole;
+  HandleState& handle = whole.handle;
+  handle.force_off = find_force_off(device_of(parsed, kDevices, choice.device));
+  if (state.contains(kTakenForce)) whole.force = vector(state, kTakenForce, path);
   handle.X.p = vector(state, "cursor_position", path);
   handle.V.head<3>() = vector(state, "cursor_velocity", path);
-  if (choice.grip.empty()) return handle;
+  if (choice.grip.empty()) return whole;
   const json& grip = state_of(parsed, choice.grip_kind, choice.grip);
   const std::string grip_path = choice.grip_kind + "[].state.";
   handle.X.R = orientation(grip, grip_path);
   handle.buttons = buttons(grip, grip_path);
-  return handle;
+  return whole;
+}
+
+HaplyEvent parse_haply_event(std::string_view message) {
+  const json parsed = parse(message);
+  const json data = parsed.value("data", json::object());
+  HaplyEvent event{text_of(parsed, "name"), "", "", text_of(parsed, "message")};
+  if (!data.is_object()) return event;
+  event.device = text_of(data, "device_id");
+  event.safety = text_of(data, "safety_type");
+  return event;
 }
 
 std::string haply_force_request(const std::string& device, const std::string& force_field,

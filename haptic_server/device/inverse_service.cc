@@ -12,7 +12,10 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>
+#include <spdlog/spdlog.h>
 #include <sys/socket.h>
+
+#include "hlm/common/one_line.h"
 
 namespace hlm::server {
 namespace {
@@ -37,6 +40,12 @@ constexpr std::size_t kMaxMessage = 256 * 1024;
 constexpr double kCutOff = 30;
 
 constexpr const char* kNoGrip = "none";
+
+/// A service that takes a force says so: for so long it may say none, s and N.
+constexpr std::chrono::milliseconds kUntaken{50};
+constexpr double kFeltForce = 0.1;
+/// Between two looks for events.
+constexpr std::chrono::milliseconds kEventPeriod{5};
 
 constexpr const char* kSource =
     "the Inverse Service comes with the device's software, https://docs.haply.co";
@@ -133,6 +142,13 @@ class InverseService::Connection {
     return message;
   }
 
+  /// A message that has come already.
+  std::optional<std::string> receive_now() {
+    context_.poll();
+    check();
+    return has_message_ ? receive(steady_clock::now()) : std::nullopt;
+  }
+
   void send(const std::string& request) {
     bool sent = false;
     socket_.async_write(asio::buffer(request), [&](error_code error, std::size_t) {
@@ -199,6 +215,12 @@ class InverseService::Connection {
   error_code error_;
 };
 
+std::string host_and_port(const std::string& address) {
+  const std::string scheme = "ws://";
+  const std::size_t begin = address.starts_with(scheme) ? scheme.size() : 0;
+  return address.substr(begin, address.find('/', begin) - begin);
+}
+
 HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions& options) {
   std::vector<std::string> ids;
   for (const HaplyDevice& device : inventory.devices) ids.push_back(device.id);
@@ -231,32 +253,95 @@ InverseServiceOptions choosing(const HaplyChoice& choice, InverseServiceOptions 
   return options;
 }
 
-InverseService::InverseService(InverseServiceOptions options) : options_(std::move(options)) {}
+InverseService::InverseService(InverseServiceOptions options) : options_(std::move(options)) {
+  options_.address = host_and_port(options_.address);
+}
 
 InverseService::~InverseService() = default;
 
 HaplyInventory InverseService::ask_inventory(const std::string& address) {
-  return Connection(address).inventory();
+  return Connection(host_and_port(address)).inventory();
 }
 
 void InverseService::open() {
   connection_ = std::make_unique<Connection>(options_.address);
-  choice_ = choose(connection_->inventory(), options_);
-  no_force_ =
-      text_frame(haply_force_request(choice_.device, options_.force_field, Vector3::Zero()));
-  latest_at_ = {};
+  const HaplyInventory inventory = connection_->inventory();
+  choice_ = choose(inventory, options_);
+  may_switch_ = options_.force_field == "auto";
+  force_field_ = may_switch_ ? (inventory.has_session ? "vector" : "values") : options_.force_field;
+  no_force_.clear();
+  for (const char* field : {"vector", "values"}) {
+    if (!may_switch_ && force_field_ != field) continue;
+    no_force_ += text_frame(haply_force_request(choice_.device, field, Vector3::Zero()));
+  }
+  untaken_since_ = latest_at_ = {};
+  brake_ = nullptr;
+  try {
+    const std::string host = options_.address.substr(0, options_.address.rfind(':'));
+    if (options_.events != 0) {
+      events_ = std::make_unique<Connection>(host + ':' + std::to_string(options_.events));
+    }
+  } catch (const std::runtime_error&) {
+    // Services before 3.5 have none.
+  }
   socket_ = connection_->socket();
 }
 
 void InverseService::close() noexcept {
   socket_ = -1;
   connection_.reset();
+  events_.reset();
 }
 
 void InverseService::send(const std::optional<Vector3>& force) {
   if (!connection_) give_up("there is no connection to the Inverse Service");
-  connection_->send(force ? haply_force_request(choice_.device, options_.force_field, *force)
+  sent_ = force.value_or(Vector3::Zero());
+  connection_->send(force ? haply_force_request(choice_.device, force_field_, *force)
                           : haply_probe_request(choice_));
+}
+
+/// A service that does not know a force's name takes none, and says nothing of it.
+void InverseService::observe_force(const std::optional<Vector3>& taken) {
+  const SteadyTime now = steady_clock::now();
+  if (!taken || !taken->isZero() || sent_.norm() < kFeltForce) {
+    untaken_since_ = now;
+    if (taken && !taken->isZero()) may_switch_ = false;
+    return;
+  }
+  if (untaken_since_ == SteadyTime{}) untaken_since_ = now;
+  if (now - untaken_since_ < kUntaken) return;
+  if (!std::exchange(may_switch_, false)) {
+    give_up("the Inverse Service takes no force: its current_cursor_force stays 0 N where " +
+            std::to_string(sent_.norm()) + " N were asked for as '" + force_field_ +
+            "'; the key force-field may be auto, vector or values");
+  }
+  force_field_ = force_field_ == "vector" ? "values" : "vector";
+  untaken_since_ = now;
+  spdlog::warn("the Inverse Service takes no force as asked: it is now called '{}'", force_field_);
+}
+
+/// Events are a help; without them the session goes on.
+void InverseService::observe_events() noexcept {
+  const SteadyTime now = steady_clock::now();
+  if (!events_ || now - events_at_ < kEventPeriod) return;
+  events_at_ = now;
+  try {
+    while (const auto message = events_->receive_now()) observe(parse_haply_event(*message));
+  } catch (const std::exception& error) {
+    spdlog::warn("no more events of the Inverse Service: {}", error.what());
+    events_.reset();
+  }
+}
+
+void InverseService::observe(const HaplyEvent& event) {
+  if (!event.device.empty() && event.device != choice_.device) return;
+  if (event.safety == "ebrake_triggered") brake_ = "its emergency brake is on";
+  if (event.safety == "ebrake_released") brake_ = nullptr;
+  const bool is_news = event.name == "device-safety-triggered" || event.name == "device-busy" ||
+                       event.name == "device-calibration-failed";
+  if (!is_news) return;
+  spdlog::warn("Inverse3 {}: {}{}{}: {}", choice_.device, event.name,
+               event.safety.empty() ? "" : ", ", event.safety, one_line(event.text));
 }
 
 void InverseService::expect_silence() { connection_->expect_silence(); }
@@ -264,7 +349,11 @@ void InverseService::expect_silence() { connection_->expect_silence(); }
 std::optional<HandleState> InverseService::receive(SteadyTime deadline) {
   const auto message = connection_->receive(deadline);
   if (!message) return std::nullopt;
-  HandleState state = parse_haply_state(*message, choice_);
+  const HaplyState whole = parse_haply_state(*message, choice_);
+  HandleState state = whole.handle;
+  observe_events();
+  if (brake_ != nullptr) state.force_off = brake_;
+  if (state.force_off == nullptr) observe_force(whole.force);
   const SteadyTime now = steady_clock::now();
   if (latest_at_ != SteadyTime{}) {
     const double dt = std::chrono::duration<double>(now - latest_at_).count();

@@ -13,12 +13,18 @@ namespace hlm::server {
 
 /// Which device, and how the service is asked.
 struct InverseServiceOptions {
-  std::string address = "localhost:10001";
+  std::string address = "localhost:10001";  ///< Also as "ws://localhost:10001/".
+  int events = 10020;    ///< Port of the same host where it tells what happens; 0: not asked.
   std::string device{};  ///< Id of the device; empty: the only one.
   std::string grip{};    ///< Id of the grip; empty: the only one, if there is one; "none".
   std::string handedness = "any";  ///< "left" or "right": the device must be that.
-  std::string force_field = "vector";
+  /// What it calls a force: "vector", "values", or "auto": by what it says of itself, and the other
+  /// one if it takes none so.
+  std::string force_field = "auto";
 };
+
+/// HOST:PORT of an address, without "ws://" and what follows.
+std::string host_and_port(const std::string& address);
 
 /// The device and its grip. Throws std::runtime_error that names the one that is not there, and
 /// those that are.
@@ -48,12 +54,23 @@ class InverseService final : public DeviceLine {
  private:
   class Connection;
 
+  void observe_force(const std::optional<Vector3>& taken);
+  void observe_events() noexcept;
+  void observe(const HaplyEvent& event);
+
   InverseServiceOptions options_;
   HaplyChoice choice_;
   std::unique_ptr<Connection> connection_;
-  std::string no_force_;          ///< A whole WebSocket frame.
-  std::atomic<int> socket_ = -1;  ///< Socket of the connection, for halt().
-  HandleState latest_;            ///< Latest state, with the time below, for the angular velocity.
+  std::unique_ptr<Connection> events_;  ///< Null: the service has no such port.
+  std::string force_field_;             ///< As it is called in requests now.
+  bool may_switch_ = false;             ///< The other name was not tried.
+  Vector3 sent_ = Vector3::Zero();      ///< Latest force, N.
+  SteadyTime untaken_since_{};          ///< Since when it says that it takes none.
+  SteadyTime events_at_{};              ///< When it was asked for events.
+  const char* brake_ = nullptr;         ///< Why an event says that motors are off.
+  std::string no_force_;                ///< Whole WebSocket frames.
+  std::atomic<int> socket_ = -1;        ///< Socket of the connection, for halt().
+  HandleState latest_;  ///< Latest state, with the time below, for the angular velocity.
   SteadyTime latest_at_{};
 };
 

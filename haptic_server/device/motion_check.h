@@ -1,33 +1,57 @@
 // Whether what a device says of its handle can be.
 #pragma once
 
-#include <cstdint>
-
 #include "hlm/device/device.h"
 
 namespace hlm::server {
 
-/// Finds numbers that are none, mirrors, and a pose that does not follow its speed.
+/// Finds numbers that are none, mirrors, and a pose and a speed that do not belong together. A
+/// device does not measure its speed but estimates it from its encoders' steps: as the mean over a
+/// window (Force Dimension: 20 ms unless told otherwise) or through a low-pass (OpenHaptics: some
+/// 20 Hz). So for a while after a stop it still reports a speed, and after a start too little.
 class MotionCheck {
  public:
-  /// A handle that moves this fast, m/s, and has one pose as long, s, is frozen: the step of an
-  /// encoder is some 10 µm. Longer lets force outlive the motion that it answers, shorter takes a
-  /// slow exchange for a frozen one.
+  /// A handle that reports more than this, m/s, moves: two steps of a coarse encoder in 20 ms.
   static constexpr double kStaleSpeed = 5e-3;
+  /// One pose and one speed above kStaleSpeed for as long, s, are frozen: an estimate changes.
+  /// Longer lets force outlive the motion that it answers, shorter takes a slow exchange for a
+  /// frozen one.
   static constexpr double kLongestStale = 0.015;
+  /// One pose and any speed above kStaleSpeed for as long, s, are frozen: from 2 m/s an estimate at
+  /// 20 Hz needs 50 ms. Longer sees less, shorter takes a stop for a fault.
+  static constexpr double kLongestStop = 0.1;
+  /// How far an estimate of the speed may lag behind the pose, s: a mean over 20 ms by 10 ms.
+  static constexpr double kLongestLag = 0.02;
+  /// How far a pose may be from where its speed leads, m, besides that lag: a mean over 20 ms does
+  /// not see a handle that buzzes at 50 Hz. More lets a jump through, less makes a buzz a fault.
+  static constexpr double kFarthestJump = 3e-3;
+  /// Memory of that distance, s. More than kLongestLag, so that a wrong speed shows.
+  static constexpr double kMemory = 0.05;
+  /// No hand is faster, m/s.
+  static constexpr double kFastest = 10;
 
-  /// dt: between two calls of find_error(), s.
-  explicit MotionCheck(double dt) noexcept : dt_(dt) {}
-
-  void begin() noexcept { stale_ = 0; }
-  /// What is wrong with the latest pose and twist, in words; null if nothing. R: the rotation as
-  /// the device gives it. is_old: whether it says itself that they are not new.
-  const char* find_error(const Vector3& p, const Matrix3& R, const Twist& V, bool is_old) noexcept;
+  /// window: the device's speed is a mean over that time, s; 0: over none that is known.
+  void begin(double window = 0) noexcept;
+  /// What is wrong with the pose and the twist at `now`, s, in words; null if nothing. now: of any
+  /// clock that does not go back. R: the rotation as the device gives it. is_old: whether it says
+  /// itself that they are not new.
+  const char* find_error(double now, const Vector3& p, const Matrix3& R, const Twist& V,
+                         bool is_old) noexcept;
 
  private:
-  double dt_;
-  std::uint64_t stale_ = 0;  ///< Ticks without a new pose although there should be one.
-  Vector3 p_before_ = Vector3::Zero();
+  const char* find_stale(double now, const Vector3& p, const Vector3& v, bool is_old) noexcept;
+  const char* find_jump(double now, const Vector3& p, const Vector3& v) noexcept;
+
+  double longest_stale_ = kLongestStale;
+  bool has_begun_ = false;
+  double now_ = 0;                         ///< Time of the latest pose, s.
+  double fresh_at_ = 0;                    ///< When values were last new, s.
+  double changed_at_ = 0;                  ///< When pose or speed last changed, or it rested, s.
+  double moved_at_ = 0;                    ///< When the pose last changed, or it rested, s.
+  Vector3 p_ = Vector3::Zero();            ///< Latest pose,
+  Vector3 v_ = Vector3::Zero();            ///< and its speed.
+  Vector3 unexplained_ = Vector3::Zero();  ///< Way that its speed did not lead, m.
+  double speed_ = 0;                       ///< Largest of late, m/s.
 };
 
 }  // namespace hlm::server

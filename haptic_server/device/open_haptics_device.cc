@@ -1,6 +1,8 @@
 #include "hlm/device/open_haptics_device.h"
 
 #include <array>
+#include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -14,6 +16,8 @@ constexpr double kMillimetre = 1e-3;          // m.
 constexpr double kNewtonPerMillimetre = 1e3;  // N/m.
 /// A state that is older is late, s: the scheduler's period and what a busy machine adds.
 constexpr double kLate = 4e-3;
+/// A speed is not that of a longer time, s.
+constexpr double kLongestStep = 0.1;
 /// Time that calibrate() waits for the first state.
 constexpr std::chrono::seconds kFirstState{3};
 constexpr std::uint8_t kButtons = 4;
@@ -32,10 +36,10 @@ double rating(const Library& hd, unsigned parameter, double otherwise) {
 }  // namespace
 
 OpenHapticsDevice::OpenHapticsDevice(std::shared_ptr<const Library> library,
-                                     const OpenHapticsOptions& options, double dt)
-    : OpenHapticsDevice(options, dt, std::move(library)) {
+                                     const OpenHapticsOptions& options)
+    : OpenHapticsDevice(options, std::move(library)) {
   const Library& hd = *library_;
-  throw_if(open());
+  open_first();
   const char* const model = hd.get_string(Library::kModel);
   name_ = std::string("OpenHaptics ") + (model != nullptr ? model : "device");
   ratings_.max_force = rating(hd, Library::kMaxForce, 1);
@@ -55,10 +59,28 @@ OpenHapticsDevice::~OpenHapticsDevice() {
   close();
 }
 
-void OpenHapticsDevice::throw_if(const char* why) const {
-  if (why == nullptr) return;
-  throw std::runtime_error("the device '" + options_.unit + "' cannot be opened through " +
+void OpenHapticsDevice::refuse(const std::string& unit, const std::string& why) const {
+  throw std::runtime_error("the device '" + unit + "' cannot be opened through " +
                            library_->library.name() + ": " + why);
+}
+
+void OpenHapticsDevice::throw_if(const char* why) const {
+  if (why != nullptr) refuse(options_.unit, why);
+}
+
+/// By the name that was given, or by the first one that the library knows, which is kept.
+void OpenHapticsDevice::open_first() {
+  if (!options_.unit.empty()) return throw_if(open());
+  std::string units;
+  std::string causes;
+  for (const char* const unit : kOpenHapticsUnits) {
+    options_.unit = unit;
+    const char* const why = open();
+    if (why == nullptr) return;
+    units += (units.empty() ? "" : "' or '") + std::string(unit);
+    causes += (causes.empty() ? "" : "; ") + std::string(why);
+  }
+  refuse(units, causes + "; the key unit names another one");
 }
 
 const char* OpenHapticsDevice::open() noexcept {
@@ -98,6 +120,29 @@ void OpenHapticsDevice::calibrate() {
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
+  while (calibration_ != Library::kCalibrated && Clock::now() - begin < kFirstState) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  if (calibration_ == Library::kCalibrated) return;
+  throw std::runtime_error(name_ +
+                           " is not calibrated: put its stylus into the inkwell, or use the "
+                           "vendor's setup");
+}
+
+/// A device whose library calibrates it by itself, or in its inkwell, is told to as long as its
+/// motors are off: its pose jumps.
+void OpenHapticsDevice::update_calibration() noexcept {
+  const Library& hd = *library_;
+  if (hd.check_calibration == nullptr || hd.update_calibration == nullptr) return;
+  unsigned calibration = hd.check_calibration();
+  if (calibration == Library::kNeedsUpdate) {
+    int styles = 0;
+    hd.get_integers(Library::kCalibrationStyle, &styles);
+    const int style = (styles & Library::kAuto) != 0 ? Library::kAuto : Library::kInkwell;
+    if ((styles & style) != 0) hd.update_calibration(static_cast<unsigned>(style));
+    calibration = hd.check_calibration();
+  }
+  calibration_ = calibration;
 }
 
 unsigned OpenHapticsDevice::exchange(void* device) noexcept {
@@ -108,7 +153,9 @@ unsigned OpenHapticsDevice::exchange(void* device) noexcept {
 /// One period of the scheduler, in its thread.
 void OpenHapticsDevice::exchange() noexcept {
   const Library& hd = *library_;
+  if (!enabled_) update_calibration();
   hd.begin_frame(handle_);
+  const Clock::time_point began = Clock::now();
   Reading reading;
   int buttons = 0;
   std::array<double, 16> transform{};
@@ -137,7 +184,23 @@ void OpenHapticsDevice::exchange() noexcept {
   unsigned none = 0;
   if (cause_of_error(code) != nullptr) error_.compare_exchange_strong(none, code);
   reading.time = Clock::now();
+  reading.v = reading.V.head<3>();
+  if (options_.velocity_cutoff > 0) {
+    reading.v = speed_.filtered(reading.p, began, options_.velocity_cutoff);
+  }
   readings_.put(reading);
+}
+
+Vector3 OpenHapticsDevice::SpeedFilter::filtered(const Vector3& position, Clock::time_point time,
+                                                 double cutoff) noexcept {
+  const double dt = std::chrono::duration<double>(time - latest).count();
+  const bool is_known = latest != Clock::time_point{} && v.allFinite() && p.allFinite();
+  const bool goes_on = is_known && dt > 0 && dt < kLongestStep;
+  const double gain = -std::expm1(-2 * std::numbers::pi * cutoff * dt);
+  v = goes_on ? Vector3(v + gain * ((position - p) / dt - v)) : Vector3(Vector3::Zero());
+  p = position;
+  latest = time;
+  return v;
 }
 
 void OpenHapticsDevice::enable() noexcept {
@@ -167,12 +230,13 @@ std::optional<DeviceState> OpenHapticsDevice::read() noexcept {
   if (const char* why = cause_of_error(error_)) return fail(why);
   const double old = age(reading.time);
   if (old > options_.oldest) return fail("the vendor's scheduler gives no new state");
-  if (const char* why = motion_.find_error(reading.p, reading.R, reading.V, false)) {
+  const double time = std::chrono::duration<double>(reading.time.time_since_epoch()).count();
+  if (const char* why = motion_.find_error(time, reading.p, reading.R, reading.V, false)) {
     return fail(why);
   }
   DeviceState state;
   state.X_WD = {reading.p, Quaternion(reading.R).normalized()};
-  state.V_WD = reading.V;
+  state.V_WD << reading.v, reading.V.tail<3>();
   state.buttons = reading.buttons;
   if (reading.saturated) {
     state.health = DeviceHealth::kSaturated;

@@ -1,6 +1,7 @@
 // 3D Systems' Touch and Phantom devices, through OpenHaptics.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -20,15 +21,22 @@
 namespace hlm::server {
 
 struct OpenHapticsOptions {
-  std::string library{};                 ///< File of the vendor's library; empty: searched.
-  std::string unit = "Default PHANToM";  ///< Name in the vendor's setup.
-  double rate = 1000;                    ///< Rate of the vendor's scheduler, Hz.
+  std::string library{};  ///< File of the vendor's library; empty: searched.
+  std::string unit{};     ///< Name in the vendor's setup; empty: the first of kOpenHapticsUnits.
+  double rate = 1000;     ///< Rate of the vendor's scheduler, Hz.
+  /// Cut-off of the low-pass on the change of position, Hz, which is the speed that is reported; 0:
+  /// the library's own, which is smoothed by some 20 Hz. Less lags, and a stiff wall shakes; more
+  /// lets the encoders' steps through.
+  double velocity_cutoff = 100;
   /// Oldest state and oldest command that are used, s. Less ends sessions when the machine is busy;
   /// more lets a force outlive what it answers.
   double oldest = 0.015;
 };
 
+/// What the vendor's setup calls a device unless it is told otherwise: current drivers, older ones.
+inline constexpr std::array<const char*, 2> kOpenHapticsUnits{"Default Device", "Default PHANToM"};
 inline constexpr Range kOpenHapticsRates{500, 2000, "Hz"};
+inline constexpr Range kOpenHapticsCutOffs{0, 500, "Hz"};
 inline constexpr Range kOpenHapticsAges{0.005, 0.1, "s"};
 
 /// The vendor's scheduler exchanges with the device in a thread of its own: it reads a state and
@@ -37,15 +45,16 @@ inline constexpr Range kOpenHapticsAges{0.005, 0.1, "s"};
 /// Force only: the torques of a 6-DOF stylus are those of its joints, and stay zero.
 class OpenHapticsDevice final : public Device {
  public:
-  /// dt: servo period, s. Opens the device, motors off. Throws std::runtime_error.
+  /// Opens the device, motors off. Throws std::runtime_error.
   OpenHapticsDevice(std::shared_ptr<const OpenHapticsLibrary> library,
-                    const OpenHapticsOptions& options, double dt);
+                    const OpenHapticsOptions& options);
   ~OpenHapticsDevice() override;
 
   std::string_view name() const noexcept override { return name_; }
   const DeviceRatings& ratings() const noexcept override { return ratings_; }
   bool measures_hand_wrench() const noexcept override { return false; }
-  /// Waits for the first state.
+  /// Waits for the first state and for its calibration. Throws std::runtime_error that says what a
+  /// person has to do.
   void calibrate() override;
   void align(const Pose&) noexcept override {}
   void enable() noexcept override;
@@ -53,15 +62,26 @@ class OpenHapticsDevice final : public Device {
   std::optional<DeviceState> read() noexcept override;
   bool write(const Wrench& F) noexcept override;
   const char* cause() const noexcept override { return cause_; }
+  /// Its name in the vendor's setup.
+  const std::string& unit() const noexcept { return options_.unit; }
 
  private:
   using Clock = std::chrono::steady_clock;
 
+  /// The change of position through a low-pass.
+  struct SpeedFilter {
+    Vector3 filtered(const Vector3& p, Clock::time_point time, double cutoff) noexcept;
+
+    Clock::time_point latest{};
+    Vector3 p = Vector3::Zero();  ///< Latest position, m.
+    Vector3 v = Vector3::Zero();  ///< m/s.
+  };
   struct Reading {
     Clock::time_point time{};
     Vector3 p = Vector3::Zero();  ///< m.
     Matrix3 R = Matrix3::Identity();
-    Twist V = Twist::Zero();
+    Twist V = Twist::Zero();      ///< As the library says, m/s and rad/s.
+    Vector3 v = Vector3::Zero();  ///< Speed that is reported, m/s.
     std::uint32_t buttons = 0;
     bool saturated = false;
   };
@@ -71,16 +91,19 @@ class OpenHapticsDevice final : public Device {
   };
 
   /// Opens nothing. When a constructor that begins with this one throws, the destructor runs.
-  OpenHapticsDevice(const OpenHapticsOptions& options, double dt,
+  OpenHapticsDevice(const OpenHapticsOptions& options,
                     std::shared_ptr<const OpenHapticsLibrary> library)
-      : library_(std::move(library)), options_(options), motion_(dt) {}
+      : library_(std::move(library)), options_(options) {}
 
   /// Null if the device is open, its motors off and its scheduler at rest; otherwise why not.
   const char* open() noexcept;
+  void open_first();
+  void update_calibration() noexcept;
   /// Null if the scheduler runs, otherwise why not.
   const char* start() noexcept;
   void close() noexcept;
   void throw_if(const char* why) const;
+  [[noreturn]] void refuse(const std::string& unit, const std::string& why) const;
   static unsigned exchange(void* device) noexcept;
   void exchange() noexcept;
   std::optional<DeviceState> fail(const char* cause) noexcept;
@@ -96,13 +119,14 @@ class OpenHapticsDevice final : public Device {
   Newest<Reading> readings_;
   Newest<Command> commands_;
   std::atomic<bool> enabled_ = false;
+  std::atomic<unsigned> calibration_ = OpenHapticsLibrary::kCalibrated;
   std::atomic<unsigned> error_ = 0;  ///< The library's code of the first failure since enable().
 
+  SpeedFilter speed_;         ///< Used by the scheduler's thread.
   bool gives_force_ = false;  ///< The motors are on; used by the scheduler's thread.
 
   // Used by the servo thread.
   MotionCheck motion_;
-  Clock::time_point enabled_at_{};
   bool failed_ = false;  ///< A failure since enable().
   const char* cause_ = "";
   std::optional<Reopener> reopener_;

@@ -35,6 +35,8 @@ OpenHapticsLibrary::OpenHapticsLibrary(const std::string& file)
   library.bind(get_integers, "hdGetIntegerv");
   library.bind(set_doubles, "hdSetDoublev");
   library.bind(get_string, "hdGetString");
+  library.bind_if_any(check_calibration, "hdCheckCalibration");
+  library.bind_if_any(update_calibration, "hdUpdateCalibration");
   library.bind(schedule, "hdScheduleAsynchronous");
   library.bind(unschedule, "hdUnschedule");
   library.bind(start_scheduler, "hdStartScheduler");

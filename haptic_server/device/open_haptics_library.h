@@ -31,12 +31,17 @@ struct OpenHapticsLibrary {
     kTransform = 0x2052,  ///< 16 numbers, by columns.
     kAngularVelocity = 0x2053,
     kModel = 0x2501,
-    kMaxStiffness = 0x2602,  ///< N/mm.
+    kCalibrationStyle = 0x2555,  ///< Bits of CalibrationStyle.
+    kMaxStiffness = 0x2602,      ///< N/mm.
     kMaxForce = 0x2603,
     kForce = 0x2700,
     kForceOutput = 0x4000,
     kForceClamping = 0x4001,
   };
+
+  enum Calibration : unsigned { kCalibrated = 0x5000, kNeedsUpdate, kNeedsManualInput };
+  /// How a device is calibrated: held in its reset posture, while it is moved, in its inkwell.
+  enum CalibrationStyle { kEncoderReset = 1, kAuto = 2, kInkwell = 4 };
 
   VendorLibrary library;
 
@@ -52,6 +57,9 @@ struct OpenHapticsLibrary {
   void (*get_integers)(unsigned parameter, int* values);
   void (*set_doubles)(unsigned parameter, const double* values);
   const char* (*get_string)(unsigned parameter);
+  /// May be null, both.
+  unsigned (*check_calibration)();
+  void (*update_calibration)(unsigned style);
   unsigned long (*schedule)(Callback callback, void* data, unsigned short priority);
   void (*unschedule)(unsigned long callback);
   void (*start_scheduler)();

@@ -23,14 +23,16 @@ Finding presence(const DeviceDriver& driver) {
   }
 }
 
-Finding health(const std::string& name) {
+/// cause: why, in the device's own words; empty if it does not say.
+Finding health(const std::string& name, const std::string& cause) {
   const DeviceHealth health = value_of<DeviceHealth>(name).value_or(DeviceHealth::kGood);
   const std::string meaning(meaning_of(health));
   switch (health) {
     case DeviceHealth::kGood:
       return {Verdict::kGood, "state", meaning, ""};
     case DeviceHealth::kForceOff:
-      return {Verdict::kProblem, "state", "it is disabled: " + meaning,
+      return {Verdict::kProblem, "state",
+              "it is disabled: " + meaning + (cause.empty() ? "" : ": " + cause),
               "close its enable switch, or do what its maker says after a safety stop"};
     case DeviceHealth::kSaturated:
     case DeviceHealth::kLate:
@@ -97,7 +99,7 @@ void examine_opened(Device& device, std::vector<Finding>& findings) {
                         "it cannot be read: " + std::string(device.cause()),
                         "check its cable and power, and that nothing else uses it"});
   } else {
-    findings.push_back(health(std::string(name_of(state->health))));
+    findings.push_back(health(std::string(name_of(state->health)), device.cause()));
   }
   findings.push_back(end_of_force(rated.halts, std::isfinite(rated.time_guard)
                                                    ? std::optional(rated.time_guard)
@@ -132,7 +134,7 @@ Examination examine_device(const DeviceChoice& choice, double rate,
     examination.findings = {
         {Verdict::kGood, "opened", running->device + ", by the running haptic_server", ""},
         rating(running->device, running->max_force),
-        health(running->health),
+        health(running->health, ""),
         end_of_force(running->halts, running->time_guard)};
   } else {
     open_examined(choice, rate, examination);

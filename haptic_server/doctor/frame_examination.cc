@@ -1,5 +1,6 @@
 #include "hlm/doctor/frame_examination.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -22,22 +23,42 @@ constexpr Freedoms kAlongAxes = 0b000111;
 /// Questions in the order of Outlook::in_world().
 constexpr std::array<const char*, 3> kAsked{"to the right", "away from you", "up"};
 
+/// A movement that takes back more than this of an earlier one also goes back.
+constexpr double kBack = 0.4;
+
 int translations(const DeviceRatings& rated) {
   return std::popcount(static_cast<unsigned>(rated.freedoms & kAlongAxes));
 }
 
-/// The move in the world, m; empty if the handle does not go there.
-std::optional<Vector3> move_along(DeviceBench& bench, Person& person, std::size_t axis) {
+/// Whether the handle was taken back, as to the middle, before it went where it was to go.
+bool goes_back(const Vector3& move, const std::vector<Vector3>& earlier) {
+  return std::any_of(earlier.begin(), earlier.end(), [&](const Vector3& before) {
+    return move.dot(before) < -kBack * before.squaredNorm();
+  });
+}
+
+/// The move in the world, m; empty if the handle does not go there. earlier: moves before it.
+std::optional<Vector3> move_along(DeviceBench& bench, Person& person, std::size_t axis,
+                                  const std::vector<Vector3>& earlier) {
   const bool may_skip = translations(bench.device().ratings()) < 3;
   const std::string question =
-      fmt::format("Now move the handle about 5 cm {}, hold it there and press Enter{}.",
+      fmt::format("{} move the handle about 5 cm {}, hold it there and press Enter{}.",
+                  earlier.empty() ? "Now" : "From where it is now, not from the middle,",
                   kAsked[axis], may_skip ? ", or type skip if it does not go there" : "");
+  bool went_back = false;
   for (int i = 0; i < kTries; ++i) {
     const Vector3 before = bench.latest().p;
     if (bench.ask(question) == "skip" && may_skip) return std::nullopt;
     const Vector3 move = bench.latest().p - before;
-    if (move.norm() >= kLeastMove) return move;
-    person.say(fmt::format("It moved by {:.1f} mm only. Once more.", 1e3 * move.norm()));
+    went_back = goes_back(move, earlier);
+    if (move.norm() >= kLeastMove && !went_back) return move;
+    person.say(went_back
+                   ? "It also went back from where it was. Leave it there. Once more."
+                   : fmt::format("It moved by {:.1f} mm only. Once more.", 1e3 * move.norm()));
+  }
+  if (went_back) {
+    throw BenchEnded(Verdict::kWarning,
+                     fmt::format("the handle went back each time before it went {}", kAsked[axis]));
   }
   throw BenchEnded(Verdict::kProblem,
                    fmt::format("the handle did not move {}, or its state is frozen", kAsked[axis]));
@@ -97,10 +118,11 @@ bool examine_frame(DeviceBench& bench, Person& person, const Workspace& workspac
   bench.ask("Take the handle to the middle of where it goes, and press Enter.");
   const Matrix3 R_WB = rotation_of(workspace);
   std::vector<ToldMove> moves;
+  std::vector<Vector3> earlier;
   for (std::size_t axis = 0; axis < kAsked.size(); ++axis) {
     const Vector3 told = outlook.in_world(static_cast<Eigen::Index>(axis));
     const std::string word(outlook.word_of(told));
-    const std::optional<Vector3> move = move_along(bench, person, axis);
+    const std::optional<Vector3> move = move_along(bench, person, axis, earlier);
     if (!move) {
       findings.push_back({Verdict::kNote, word, "skipped: the handle does not go there", ""});
       continue;
@@ -110,6 +132,7 @@ bool examine_frame(DeviceBench& bench, Person& person, const Workspace& workspac
                         fmt::format("{:.0f} mm along the device's {}", 1e3 * move->norm(),
                                     device_axis(R_WB, *move)),
                         is_large ? "about 50 mm were asked: is its unit another one?" : ""});
+    earlier.push_back(*move);
     moves.push_back({told, R_WB.transpose() * *move});
   }
   findings.push_back(finding_on(moves, workspace));

@@ -45,6 +45,7 @@ using server::Vector2;
 constexpr auto kLateness = 30ms;
 constexpr auto kLook = 1ms;  ///< Longest between two looks at orders and signals.
 constexpr std::uint8_t kBoard = 5;
+constexpr double kMaxTorque = 0.123;  // N·m.
 constexpr double kDegree = std::numbers::pi / 180;
 
 volatile std::sig_atomic_t stopped = 0;
@@ -156,11 +157,13 @@ class Board {
     return frame;
   }
 
-  void obey(const std::optional<Vector2>& torques) {
-    if (!torques || !setup_) return;
+  /// Each motor is cut off by itself, as the kit's firmware does it.
+  void obey(const std::optional<Vector2>& asked) {
+    if (!asked || !setup_) return;
+    const Vector2 torques = asked->cwiseMax(-kMaxTorque).cwiseMin(kMaxTorque);
     const Matrix2 J = arms_.handle(theta())->J;
     Wrench F = Wrench::Zero();
-    F.head<2>() = J.transpose().inverse() * *torques;
+    F.head<2>() = J.transpose().inverse() * torques;
     stand_in_.command(F);
     const bool is_late = stand_in_.has(StandInFault::kLate);
     replies_.push_back(Clock::now() + (is_late ? Clock::duration(kLateness) : Clock::duration(0)));

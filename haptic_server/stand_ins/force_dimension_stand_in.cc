@@ -1,6 +1,8 @@
 // A libdhd.so without Force Dimension: the vendor's symbols, our simulated device behind them.
 //
-// HAPTIC_STAND_IN_MODEL names the device: "omega.3", "omega.6" and so on; sigma.7 without it.
+// HAPTIC_STAND_IN_MODEL names the device: "omega.3", "omega.7 (left)" and so on; sigma.7 without
+// it. HAPTIC_STAND_IN_STATE has words: reset, it is not calibrated; no_power; own_window, its
+// library does not let the speed's window be set. It has the symbols of libdrd.so that are needed.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +11,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "hlm/device/saturate.h"
 #include "hlm/stand_ins/stand_in.h"
@@ -28,12 +31,15 @@ constexpr char kId = 0;
 constexpr int kSerial = 1451;
 constexpr double kWatchdogUnit = 125e-6;  // s.
 constexpr double kOpenGripper = 0.5;      // rad.
+constexpr double kEncoderStep = 10e-6;    // m.
+constexpr double kVelocityWindow = 0.02;  // s; the vendor's.
 
 std::unique_ptr<StandIn> device;
 bool is_open = false;
 double max_force = std::numeric_limits<double>::infinity();
 double max_torque = std::numeric_limits<double>::infinity();
 bool force_was_off = false;
+bool was_initialized = false;
 const char* last_error = "no error";
 
 std::string model() {
@@ -71,7 +77,8 @@ int open_device() {
                                               .damping = 2,
                                               .dry_friction = 0.02,
                                               .max_force = 20,
-                                              .max_torque = wrist_is_active() ? 0.4 : 1e-4});
+                                              .max_torque = wrist_is_active() ? 0.4 : 1e-4},
+          hlm::stand_in::Encoders{.step = kEncoderStep, .window = kVelocityWindow});
     }
   } catch (const std::runtime_error& error) {
     static std::string why;
@@ -97,6 +104,17 @@ int vector_of(double* x, double* y, double* z, char id, bool turns) {
   return give(v, x, y, z);
 }
 
+/// What HAPTIC_STAND_IN_STATE says of the device.
+bool has_word(std::string_view word) {
+  const char* const words = std::getenv("HAPTIC_STAND_IN_STATE");
+  return words != nullptr && std::string_view(words).find(word) != std::string_view::npos;
+}
+
+bool is_calibrated() { return was_initialized || !has_word("reset"); }
+
+/// Of a speed, ms.
+bool is_window(int ms) { return ms >= 1 && ms <= 50 && !has_word("own_window"); }
+
 }  // namespace
 
 #pragma GCC visibility push(default)
@@ -110,11 +128,26 @@ int dhdOpenSerial(int serial) {
   return serial == kSerial ? open_device() : fail("no device of that serial number");
 }
 
+int drdOpenID(char index) { return dhdOpenID(index); }
+bool drdIsInitialized(char) { return is_calibrated(); }
+
+int drdAutoInit(char id) {
+  if (const int error = check(id)) return error;
+  if (has_word("no_power")) return fail("the device has no power");
+  was_initialized = true;
+  device->enable();
+  return 0;
+}
+
+int drdStop(bool, char id) { return check(id); }
+
 int dhdClose(char) {
   if (is_open) device->disable();
   is_open = false;
   return 0;
 }
+
+int drdClose(char id) { return dhdClose(id); }
 
 int dhdStop(char id) {
   if (const int error = check(id)) return error;
@@ -161,9 +194,24 @@ int dhdGetAngularVelocityRad(double* x, double* y, double* z, char id) {
   return vector_of(x, y, z, id, true);
 }
 
+int dhdConfigLinearVelocity(int ms, int, char id) {
+  if (const int error = check(id)) return error;
+  if (!is_window(ms)) return fail("this window is not possible");
+  device->set_window(1e-3 * ms, true, false);
+  return 0;
+}
+
+int dhdConfigAngularVelocity(int ms, int, char id) {
+  if (const int error = check(id)) return error;
+  if (!is_window(ms)) return fail("this window is not possible");
+  device->set_window(1e-3 * ms, false, true);
+  return 0;
+}
+
 int dhdGetGripperAngleRad(double* angle, char id) {
   if (const int error = check(id)) return error;
   *angle = (device->state().buttons & 1) != 0 ? 0 : kOpenGripper;
+  if (has_model("left")) *angle = -*angle;
   return fresh();
 }
 
@@ -204,10 +252,14 @@ int dhdSetMaxTorque(double most, char id) {
   return check(id);
 }
 
+bool dhdIsLeftHanded(char) { return has_model("left"); }
+
 int dhdGetStatus(int status[17], char id) {
   if (const int error = check(id)) return error;
   std::fill_n(status, 17, 0);
-  status[0] = status[1] = status[2] = status[3] = 1;
+  status[0] = has_word("no_power") ? 0 : 1;
+  status[1] = status[2] = 1;
+  status[3] = is_calibrated() ? 0 : 1;
   status[5] = device->enabled() ? 1 : 0;
   status[8] = dhdHasWrist(id) ? 1 : 0;
   if (device->enabled()) return 0;

@@ -1,9 +1,14 @@
 // A libHD.so without 3D Systems: the vendor's symbols, our simulated device behind them. Its
 // scheduler is a thread, as the vendor's is.
+//
+// HAPTIC_STAND_IN_UNIT is the device's name in the setup, "Default Device" without it.
+// HAPTIC_STAND_IN_STATE has words: needs_update, its calibration has to be updated; inkwell, its
+// stylus has to be put into the inkwell.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <stdexcept>
@@ -30,10 +35,13 @@ struct ErrorInfo {
 
 constexpr Handle kDevice = 0;
 constexpr Handle kNoDevice = 0xFFFFFFFF;
-constexpr std::string_view kName = "Default PHANToM";
-constexpr double kMetre = 1e3;       // mm.
-constexpr double kMaxForce = 3.3;    // N.
-constexpr double kMaxStiffness = 2;  // N/mm.
+constexpr double kMetre = 1e3;          // mm.
+constexpr double kMaxForce = 3.3;       // N.
+constexpr double kMaxStiffness = 2;     // N/mm.
+constexpr double kEncoderStep = 55e-6;  // m, of a Touch.
+constexpr double kVelocityCutOff = 20;  // Hz.
+
+constexpr unsigned kAuto = 2;  // A calibration.
 
 enum Code : unsigned {
   kSuccess = 0,
@@ -56,6 +64,17 @@ bool clamps = false;
 Callback callback = nullptr;
 void* callback_data = nullptr;
 std::atomic<unsigned long> rate = 1000;  ///< Hz.
+
+bool is_updated = false;
+
+std::string_view variable(const char* name, std::string_view otherwise) {
+  const char* const value = std::getenv(name);
+  return value != nullptr ? value : otherwise;
+}
+
+bool has_word(std::string_view word) {
+  return variable("HAPTIC_STAND_IN_STATE", "").find(word) != std::string_view::npos;
+}
 
 void report(Code code) {
   if (error == kSuccess) error = code;
@@ -90,13 +109,16 @@ Handle hdInitDevice(const char* name) {
                                               .damping = 2,
                                               .dry_friction = 0.02,
                                               .max_force = kMaxForce,
-                                              .max_torque = 1e-4});
+                                              .max_torque = 1e-4},
+          hlm::stand_in::Encoders{.step = kEncoderStep, .cutoff = kVelocityCutOff});
     }
   } catch (const std::runtime_error&) {
     report(kDeviceFault);
     return kNoDevice;
   }
-  if (name != nullptr && name != kName) report(kInvalid);
+  if (name != nullptr && name != variable("HAPTIC_STAND_IN_UNIT", "Default Device")) {
+    report(kInvalid);
+  };
   if (device->has(StandInFault::kUnplug)) report(kCommunication);
   if (is_open) report(kAlreadyOpen);
   if (error != kSuccess) return kNoDevice;
@@ -161,7 +183,21 @@ void hdGetDoublev(unsigned parameter, double* values) {
   }
 }
 
+unsigned hdCheckCalibration() {
+  if (has_word("inkwell")) return 0x5002;
+  return has_word("needs_update") && !is_updated ? 0x5001 : 0x5000;
+}
+
+void hdUpdateCalibration(unsigned style) {
+  if (style != kAuto) return report(kInvalidValue);
+  is_updated = true;
+}
+
 void hdGetIntegerv(unsigned parameter, int* values) {
+  if (parameter == 0x2555) {
+    *values = kAuto | 4;
+    return;
+  }
   if (parameter != 0x2000) return report(kInvalid);
   *values = static_cast<int>(state.buttons);
 }

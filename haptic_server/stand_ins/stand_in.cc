@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -31,6 +33,8 @@ constexpr auto kLongestGap = 100ms;
 constexpr std::uint64_t kSlowSteps = 5ms / kStep;
 /// Age of a state of kLate.
 constexpr std::uint64_t kLateSteps = 30ms / kStep;
+/// Offset of a position of kJump, m.
+constexpr double kFarJump = 0.05;
 /// Offset of a position of kNoisy, m.
 constexpr double kNoise = 0.5e-3;
 
@@ -61,6 +65,10 @@ int open_orders() {
                            std::generic_category().message(errno));
 }
 
+std::uint64_t steps_in(double time) {
+  return static_cast<std::uint64_t>(std::lround(time / kStepTime));
+}
+
 constexpr std::uint32_t bit_of(StandInFault fault) noexcept {
   return 1u << static_cast<unsigned>(fault);
 }
@@ -72,9 +80,13 @@ void run_as_hardware() {
   sched_setscheduler(0, SCHED_FIFO, &lowest);
 }
 
-StandIn::StandIn(const server::SimulatedDeviceOptions& options)
+StandIn::StandIn(const server::SimulatedDeviceOptions& options, const Encoders& encoders)
     : device_(with_motors(options), hand_of_environment(), kStepTime),
       orders_(open_orders()),
+      cutoff_(encoders.cutoff),
+      step_(encoders.step),
+      linear_window_(steps_in(encoders.window)),
+      angular_window_(linear_window_),
       thread_([this](const std::stop_token& stop) { run(stop); }) {}
 
 StandIn::~StandIn() {
@@ -109,6 +121,7 @@ DeviceState StandIn::state() {
     std::uniform_real_distribution<double> off(-kNoise, kNoise);
     for (double& x : shown_.X_WD.p) x += off(noise_);
   }
+  if (has(StandInFault::kJump)) shown_.X_WD.p.y() -= kFarJump;
   if (has(StandInFault::kReflect)) {
     shown_.X_WD.p.x() *= -1;
     shown_.V_WD[0] *= -1;
@@ -183,7 +196,47 @@ void StandIn::step() {
   const Wrench F = has(StandInFault::kReverse) ? Wrench(-command_) : command_;
   if (has_begun_ && !device_.write(F)) take_off();
   ++steps_;
-  history_[steps_ % kHistory] = *device_.read();
+  history_[steps_ % kHistory] = encoded(handle());
+}
+
+/// Where a stop holds it, or where its motors and the hand have it.
+DeviceState StandIn::handle() {
+  DeviceState state = *device_.read();
+  if (!has(StandInFault::kStop)) {
+    stopped_.reset();
+    return state;
+  }
+  if (!stopped_) stopped_ = state.X_WD;
+  state.X_WD = *stopped_;
+  state.V_WD.setZero();
+  return state;
+}
+
+DeviceState StandIn::encoded(DeviceState state) const {
+  if (step_ > 0) state.X_WD.p = (step_ * (state.X_WD.p / step_).array().round()).matrix();
+  const auto before = [this](std::uint64_t steps) -> const DeviceState& {
+    return history_[(steps_ - std::min(steps, steps_)) % kHistory];
+  };
+  const auto time = [](std::uint64_t steps) { return static_cast<double>(steps) * kStepTime; };
+  if (cutoff_ > 0) {
+    const double gain = -std::expm1(-2 * std::numbers::pi * cutoff_ * kStepTime);
+    const Vector3 v = (state.X_WD.p - before(1).X_WD.p) / kStepTime;
+    const Vector3 latest = before(1).V_WD.head<3>();
+    state.V_WD.head<3>() = latest + gain * (v - latest);
+  } else if (linear_window_ > 0) {
+    state.V_WD.head<3>() = (state.X_WD.p - before(linear_window_).X_WD.p) / time(linear_window_);
+  }
+  if (angular_window_ > 0) {
+    const Quaternion R = state.X_WD.R * before(angular_window_).X_WD.R.conjugate();
+    state.V_WD.tail<3>() = rotation_vector(R) / time(angular_window_);
+  }
+  return state;
+}
+
+void StandIn::set_window(double window, bool translations, bool rotations) {
+  const std::lock_guard lock(mutex_);
+  if (translations) linear_window_ = steps_in(window);
+  if (rotations) angular_window_ = steps_in(window);
 }
 
 void StandIn::read_orders() {

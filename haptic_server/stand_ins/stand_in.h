@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <string>
 #include <string_view>
@@ -42,6 +43,8 @@ enum class StandInFault {
   kReverse,    ///< Motors push the other way.
   kReflect,    ///< Positions are those of a mirror: x has the other sign.
   kNoisy,      ///< Positions are off by up to 0.5 mm in each direction.
+  kStop,       ///< The handle is held where it is, as by a mechanical stop.
+  kJump,       ///< Positions are off by 50 mm, speeds are not.
 };
 
 }  // namespace hlm::stand_in
@@ -49,7 +52,7 @@ enum class StandInFault {
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<stand_in::StandInFault>, 14> kWords<stand_in::StandInFault>{{
+inline constexpr std::array<Word<stand_in::StandInFault>, 16> kWords<stand_in::StandInFault>{{
     {stand_in::StandInFault::kError, "error", "every call fails"},
     {stand_in::StandInFault::kSaturate, "saturate", "motors give less than is asked for"},
     {stand_in::StandInFault::kTimeGuard, "timeguard", "calls come too often for new values"},
@@ -64,11 +67,20 @@ inline constexpr std::array<Word<stand_in::StandInFault>, 14> kWords<stand_in::S
     {stand_in::StandInFault::kReverse, "reverse", "motors push the other way"},
     {stand_in::StandInFault::kReflect, "reflect", "positions are those of a mirror"},
     {stand_in::StandInFault::kNoisy, "noisy", "positions are off by up to 0.5 mm"},
+    {stand_in::StandInFault::kStop, "stop", "the handle is held where it is"},
+    {stand_in::StandInFault::kJump, "jump", "positions are off by 50 mm, speeds are not"},
 }};
 
 }  // namespace hlm
 
 namespace hlm::stand_in {
+
+/// How the vendor's side finds pose and twist, of which none measures a speed: from encoders.
+struct Encoders {
+  double step = 0;    ///< Positions are whole multiples of it, m; 0: they have none.
+  double window = 0;  ///< Speeds are the mean over that time, s, up to 0.05; 0: over none.
+  double cutoff = 0;  ///< Or they pass a low-pass of that cut-off, Hz; 0: none.
+};
 
 /// Gives this thread, and those that it will start, a rank above all that is not real-time, where
 /// it may: hardware does not wait for other programs.
@@ -80,7 +92,7 @@ class StandIn {
  public:
   /// What the vendor's boundary shows of the handle: poses in the device's own frame, which begins
   /// where the handle is now. Throws std::runtime_error if the environment asks for what cannot be.
-  explicit StandIn(const server::SimulatedDeviceOptions& options);
+  explicit StandIn(const server::SimulatedDeviceOptions& options, const Encoders& encoders = {});
   ~StandIn();
   StandIn(const StandIn&) = delete;
   StandIn& operator=(const StandIn&) = delete;
@@ -95,6 +107,9 @@ class StandIn {
   void disable();
   /// Takes the motors off by itself if no command comes for that long, s; 0: never.
   void set_watchdog(double time);
+
+  /// Speeds of translation, of rotation, or of both, are the mean over `window`, s, from now on.
+  void set_window(double window, bool translations, bool rotations);
 
   bool has(StandInFault fault) const noexcept {
     return (faults_.load(std::memory_order_relaxed) >> static_cast<unsigned>(fault) & 1) != 0;
@@ -115,7 +130,11 @@ class StandIn {
   void hold(std::string_view place);
   void begin();
 
-  static constexpr std::size_t kHistory = 128;  ///< Steps that are remembered.
+  server::DeviceState handle();
+  /// What the vendor's side makes of the handle as it is.
+  server::DeviceState encoded(server::DeviceState state) const;
+
+  static constexpr std::size_t kHistory = 256;  ///< Steps that are remembered.
 
   server::SimulatedDevice device_;
   int orders_ = -1;      ///< Descriptor.
@@ -126,8 +145,13 @@ class StandIn {
   Clock::time_point now_ = Clock::now();
   std::array<server::DeviceState, kHistory> history_;
   std::uint64_t steps_ = 0;
-  server::DeviceState shown_;  ///< What was seen last.
-  std::minstd_rand noise_;     ///< Noise of kNoisy.
+  double cutoff_;                 ///< Hz.
+  double step_;                   ///< m.
+  std::uint64_t linear_window_;   ///< Steps.
+  std::uint64_t angular_window_;  ///< Steps.
+  std::optional<Pose> stopped_;   ///< Where the handle is held.
+  server::DeviceState shown_;     ///< What was seen last.
+  std::minstd_rand noise_;        ///< Noise of kNoisy.
   Wrench command_ = Wrench::Zero();
   Clock::time_point commanded_ = now_;
   Clock::duration watchdog_{0};

@@ -28,9 +28,11 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace hlm;
   const std::string_view message(reinterpret_cast<const char*>(data), size);
   fuzz::parses([&] { server::parse_haply_inventory(message); });
+  fuzz::parses([&] { server::parse_haply_event(message); });
   const bool is_state = fuzz::parses([&] {
-    const server::HandleState state =
+    const server::HaplyState whole =
         server::parse_haply_state(message, {"A", "G", "wireless_verse_grip"});
+    const server::HandleState& state = whole.handle;
     fuzz::demand(state.X.p.allFinite() && state.V.allFinite() && state.X.R.coeffs().allFinite(),
                  "a state is finite");
   });

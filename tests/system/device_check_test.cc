@@ -267,6 +267,27 @@ TEST_CASE(
   CHECK(visit.largest() == 0);
 }
 
+TEST_CASE("A person who goes back to the middle between two movements is asked once more") {
+  Visit visit;
+  visit.begin(kSigma);
+  visit.answer("\n");
+  const auto hold = [&](const std::string& asked, const std::string& place) {
+    visit.expect(asked);
+    visit.order("hold " + place);
+    std::this_thread::sleep_for(600ms);
+    visit.answer("\n");
+  };
+  hold("5 cm to the right", "0.05 0 0");
+  hold("5 cm away", "0 0.05 0");
+  hold("It also went back from where it was", "0 0.1 0");
+  hold("5 cm up", "0 0.1 0.05");
+  visit.expect("The force:");
+  visit.answer("no\n");
+  const json report = visit.finish(kNotAll);
+  INFO(report.dump(1));
+  CHECK_THAT(words_on(report, kFrame, "frame"), ContainsSubstring("good: frame 'x y z' is right"));
+}
+
 TEST_CASE("Positions of a mirror are named, and nothing pushes") {
   Visit visit;
   visit.begin(kSigma);

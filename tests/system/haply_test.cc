@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <cstdlib>
 #include <thread>
 
 #include <unistd.h>
@@ -25,20 +26,21 @@ constexpr double kPush = 1;  // N.
 /// A server on an Inverse Service.
 struct InverseSession : StandInSession {
   explicit InverseSession(const std::string& wrench, const Arguments& options = {})
-      : StandInSession(wrench), port(free_port()) {
+      : StandInSession(wrench), port(free_port()), events(free_port()) {
     start_service();
-    serve(Arguments{"--device", "haply", "--device-option", "address=" + loopback(port),
-                    "--stiffness", "1000"} +
+    serve(Arguments{"--device", "haply", "--device-option", "address=ws://" + loopback(port),
+                    "--device-option", "events=" + std::to_string(events), "--stiffness", "1000"} +
           options);
   }
 
   void start_service() {
     service.reset();
-    service.emplace(Arguments{HLM_INVERSE_SERVICE, std::to_string(port)});
+    service.emplace(Arguments{HLM_INVERSE_SERVICE, std::to_string(port), std::to_string(events)});
     REQUIRE(service->wait_for_error("listening", 5));
   }
 
   int port;
+  int events;
   std::optional<Process> service;
 };
 
@@ -76,6 +78,43 @@ void check_fault(StandInSession& session, const std::string& order, const std::s
   CHECK(named);
   std::this_thread::sleep_for(100ms);
   CHECK(session.motor() == 0);
+}
+
+/// Words on the stand-in's side, for as long as this lives.
+struct StandInState {
+  explicit StandInState(const char* words) { setenv("HAPTIC_STAND_IN_STATE", words, 1); }
+  ~StandInState() { unsetenv("HAPTIC_STAND_IN_STATE"); }
+};
+
+TEST_CASE("An Inverse Service that knows a force as values only gives it, and a wired grip works") {
+  const StandInState state("values wired");
+  // Told the wrong name, it takes none: that is a fault, not a force of 0 N.
+  const std::string field = GENERATE("auto", "vector");
+  InverseSession session(
+      kSteady, {"--device-option", "force-field=" + field, "--device-option", "oldest=0.5"});
+  session.arm();
+  if (field == "auto") return session.press(-kPush);
+  CHECK(session.server().wait_for_error("takes no force", 10));
+  CHECK(session.server().wait_for_error("fault", 5));
+  CHECK(session.motor() == 0);
+}
+
+TEST_CASE("An Inverse3 without power, or with its emergency brake on, gives no force and says so") {
+  {
+    const StandInState state("no_power");
+    InverseSession session(kSteady, {"--device-option", "oldest=0.5"});
+    session.arm();
+    CHECK(session.server().wait_for_error("its power supply is off", 10));
+  }
+  InverseSession session(kSteady, {"--device-option", "oldest=0.5"});
+  session.arm();
+  session.press(-kPush);
+  session.order("force_off");
+  CHECK(session.server().wait_for_error("its emergency brake is on", 5));
+  CHECK(session.motor() == 0);
+  session.order("good");
+  CHECK(session.server().wait_for_error("ebrake_released", 5));
+  session.press(-kPush);
 }
 
 TEST_CASE("A hand that presses a wall through an Inverse3 feels it within 2 %, also at 200 Hz") {

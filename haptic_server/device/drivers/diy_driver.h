@@ -22,7 +22,7 @@ class DiyDriver final : public DeviceDriver {
   DiyBoardOptions board_;
   ExchangeOptions exchange_{.rate = 1000};
   /// What two small motors give anywhere in the middle of the workspace; cautious.
-  DeviceRatings ratings_{.max_force = 3, .max_torque = 0, .max_stiffness = 500};
+  DeviceRatings ratings_{.max_force = 1.6, .max_torque = 0, .max_stiffness = 500};
   settings::Table table_;
 };
 

@@ -13,8 +13,18 @@ ForceDimensionDriver::ForceDimensionDriver() {
                "Which by its serial number; 0 is by 'number'");
   table_.number("watchdog", options_.watchdog, kForceDimensionWatchdogs,
                 "Without a command for so long the device takes its motors off");
+  table_.yes_no("auto-init", options_.auto_init,
+                "Whether libdrd.so calibrates a device that is not: it moves by itself");
+  table_.number("velocity-window", options_.velocity_window, kForceDimensionWindows,
+                "The library takes a speed as the mean over so long");
   table_.yes_no("gravity-compensation", options_.gravity_compensation,
                 "Whether the device bears its own weight");
+}
+
+std::optional<std::string> ForceDimensionDriver::find_error() const {
+  if (!options_.auto_init || options_.serial == 0) return std::nullopt;
+  return "serial " + std::to_string(options_.serial) +
+         " must be 0 with auto-init true: libdrd.so opens devices by their number";
 }
 
 std::vector<std::string> ForceDimensionDriver::connected() const {

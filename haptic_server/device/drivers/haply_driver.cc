@@ -9,15 +9,18 @@ constexpr std::uint8_t kButtonsOfGrip = 4;
 }  // namespace
 
 HaplyDriver::HaplyDriver() {
-  table_.text("address", service_.address, "HOST:PORT", "Where the Inverse Service listens");
+  table_.text("address", service_.address, "HOST:PORT",
+              "Where the Inverse Service listens; also as ws://HOST:PORT");
+  table_.whole("events", service_.events, {0, 65535},
+               "Port where it tells of brakes and stalls, as of 3.5; 0 is not asked");
   table_.text("id", service_.device, "ID", "Which Inverse3; '' is the only one");
   table_.text("grip", service_.grip, "ID",
               "Which grip measures orientation and buttons; '' is the only one, if there "
               "is one, none is none");
   table_.choice("handedness", service_.handedness, {"any", "left", "right"},
                 "What the device must be set up for");
-  table_.choice("force-field", service_.force_field, {"vector", "values"},
-                "What the service calls a force; older ones say values");
+  table_.choice("force-field", service_.force_field, {"auto", "vector", "values"},
+                "What the service calls a force; older ones say values; auto tries both");
   add_keys(table_, exchange_);
   table_.number("rated-force", ratings_.max_force, {0.01, 20, "N"},
                 "What the device can exert: see its data sheet");
@@ -25,9 +28,11 @@ HaplyDriver::HaplyDriver() {
 }
 
 std::optional<std::string> HaplyDriver::find_error() const {
-  const std::size_t colon = service_.address.rfind(':');
-  if (colon == std::string::npos || colon == 0 || colon + 1 == service_.address.size()) {
-    return "address " + service_.address + " must be HOST:PORT, for example localhost:10001";
+  const std::string address = host_and_port(service_.address);
+  const std::size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0 || colon + 1 == address.size()) {
+    return "address " + service_.address +
+           " must be HOST:PORT or ws://HOST:PORT, for example localhost:10001";
   }
   return hlm::server::find_error(exchange_);
 }

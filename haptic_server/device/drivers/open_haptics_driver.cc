@@ -5,9 +5,13 @@ namespace hlm::server {
 OpenHapticsDriver::OpenHapticsDriver() {
   table_.text("library", options_.library, "FILE",
               "The vendor's library; '' is libHD.so, as the dynamic linker finds it");
-  table_.text("unit", options_.unit, "NAME", "Which device, as the vendor's setup calls it");
+  table_.text("unit", options_.unit, "NAME",
+              "Which device, as the vendor's setup calls it; '' is 'Default Device' or 'Default "
+              "PHANToM'");
   table_.number("scheduler-rate", options_.rate, kOpenHapticsRates,
                 "Exchanges of the vendor's scheduler with the device");
+  table_.number("velocity-cutoff", options_.velocity_cutoff, kOpenHapticsCutOffs,
+                "Cut-off of the filter on the change of position; 0 is the library's own speed");
   table_.number("oldest", options_.oldest, kOpenHapticsAges,
                 "Oldest state and oldest command that are used");
 }
@@ -15,15 +19,14 @@ OpenHapticsDriver::OpenHapticsDriver() {
 /// The library does not list devices: only the one of that name can be tried.
 std::vector<std::string> OpenHapticsDriver::connected() const {
   const auto library = std::make_shared<const OpenHapticsLibrary>(options_.library);
-  constexpr double kAnyPeriod = 1e-3;  // s.
-  const OpenHapticsDevice device(library, options_, kAnyPeriod);
-  return {"'" + options_.unit + "': " + std::string(device.name()) + ", through " +
+  const OpenHapticsDevice device(library, options_);
+  return {"'" + device.unit() + "': " + std::string(device.name()) + ", through " +
           library->library.description()};
 }
 
-std::unique_ptr<Device> OpenHapticsDriver::open(double dt) const {
+std::unique_ptr<Device> OpenHapticsDriver::open(double) const {
   return std::make_unique<OpenHapticsDevice>(
-      std::make_shared<const OpenHapticsLibrary>(options_.library), options_, dt);
+      std::make_shared<const OpenHapticsLibrary>(options_.library), options_);
 }
 
 }  // namespace hlm::server

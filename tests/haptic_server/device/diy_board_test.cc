@@ -168,5 +168,34 @@ TEST_CASE("A force beyond the motors' torque keeps its direction, and is reporte
   CHECK_FALSE(bench.exchange(bench.start)->saturated);
 }
 
+/// The kit's firmware cuts each motor off at that by itself, N·m.
+constexpr double kFirmwareTorque = 0.123;
+
+TEST_CASE("By default no motor is asked for more than the firmware gives, so force keeps its way") {
+  test::TemporaryDirectory directory;
+  const Port port(directory.file("port"));
+  DiyBoard board{{.port = directory.file("port")}};
+  board.open();
+  REQUIRE(port.next<DiySetupFrame>());
+  board.send(std::nullopt);
+  port.next_torques();
+  const Vector2 start = kDegree * Vector2(168, 12);
+  port.reply(start);
+  REQUIRE(board.receive(steady_clock::now() + 2s));
+  const Matrix2 J = Pantograph().handle(start)->J;
+  for (const Vector3& force : {Vector3(3, 0, 0), Vector3(0, 9, 0), Vector3(-2, 2, 0)}) {
+    board.send(force);
+    const Vector2 asked = port.next_torques();
+    const Vector2 given = asked.cwiseMax(-kFirmwareTorque).cwiseMin(kFirmwareTorque);
+    const Vector2 felt = J.transpose().inverse() * given;
+    const Vector2 needed = J.transpose() * force.head<2>();
+    INFO(asked.transpose() << " N·m of " << needed.transpose());
+    CHECK((felt.normalized() - force.head<2>().normalized()).norm() < 1e-5);
+    port.reply(start);
+    const bool is_too_much = needed.cwiseAbs().maxCoeff() > kFirmwareTorque;
+    CHECK(board.receive(steady_clock::now() + 2s)->saturated == is_too_much);
+  }
+}
+
 }  // namespace
 }  // namespace hlm::server

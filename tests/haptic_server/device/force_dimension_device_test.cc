@@ -1,8 +1,11 @@
 // Force Dimension's devices, through the stand-in for the vendor's library.
 #include "hlm/device/force_dimension_device.h"
 
+#include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <thread>
 
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
@@ -12,6 +15,7 @@ namespace hlm::server {
 namespace {
 
 using Catch::Matchers::ContainsSubstring;
+using Catch::Matchers::StartsWith;
 
 constexpr double kDt = 1e-3;  // s.
 
@@ -79,6 +83,57 @@ bool works(ForceDimensionDevice& device) {
   return device.read().has_value();
 }
 
+/// A hand draws the handle by 0.1 m, and a stop holds it on its way. Whether the device works for
+/// 0.2 s from there.
+bool endures_stop(ForceDimensionDevice& device) {
+  device.enable();
+  order("hold 0 0 0");
+  if (!test::wait_until(3, [&] {
+        return device.read() && device.write(Wrench::Zero()) &&
+               std::abs(device.read()->X_WD.p.y()) < 1e-3;
+      })) {
+    return false;
+  }
+  order("hold 0 0.1 0");
+  if (!test::wait_until(3, [&] {
+        return device.read() && device.write(Wrench::Zero()) && device.read()->V_WD[1] > 0.05;
+      })) {
+    return false;
+  }
+  order("stop");
+  bool works = true;
+  for (int i = 0; i < 200; ++i) {
+    works = works && device.read() && device.write(Wrench::Zero());
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  order("good\nlet_go");
+  std::this_thread::sleep_for(std::chrono::milliseconds(30));  // Where it went is not known.
+  return works;
+}
+
+TEST_CASE("A handle that a stop holds is no fault, with a mean over 5 ms or the vendor's 20 ms") {
+  const bool keeps_its_own = GENERATE(false, true);
+  INFO("keeps its own window: " << keeps_its_own);
+  if (keeps_its_own) setenv("HAPTIC_STAND_IN_STATE", "own_window", 1);
+  const auto device = opened({.watchdog = 0.03});
+  int endured = 0;
+  for (int i = 0; i < 5; ++i) endured += endures_stop(*device) ? 1 : 0;
+  INFO(device->cause());
+  CHECK(endured == 5);
+  unsetenv("HAPTIC_STAND_IN_STATE");
+}
+
+TEST_CASE("A pose that jumps by 50 mm while its speed is 0 is a fault") {
+  const auto device = opened({.watchdog = 0.03});
+  device->enable();
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  REQUIRE(device->read());
+  order("jump");
+  CHECK(test::wait_until(1, [&] { return !device->read(); }));
+  CHECK_THAT(device->cause(), StartsWith("its pose jumps") || StartsWith("its pose moves"));
+  order("good");
+}
+
 TEST_CASE("A device that was lost is used again only with the watchdog that it had") {
   const auto device = opened();
   order("broken");
@@ -102,6 +157,40 @@ TEST_CASE("Another device in the place of one that was lost is refused: its rati
     return std::string(device->cause()).starts_with("another device is in its place");
   }));
   CHECK_FALSE(works(*device));
+}
+
+TEST_CASE("A device in reset or without power is named, with what to do, before it is used") {
+  const auto device = opened();
+  setenv("HAPTIC_STAND_IN_STATE", "no_power", 1);
+  CHECK_THROWS_WITH(device->calibrate(), ContainsSubstring("has no power: switch it on"));
+  setenv("HAPTIC_STAND_IN_STATE", "reset", 1);
+  CHECK_THROWS_WITH(device->calibrate(),
+                    ContainsSubstring("is not calibrated") && ContainsSubstring("auto-init=true"));
+  unsetenv("HAPTIC_STAND_IN_STATE");
+  CHECK_NOTHROW(device->calibrate());
+}
+
+TEST_CASE("A device in reset is calibrated by the library if that is asked, its motors then off") {
+  setenv("HAPTIC_STAND_IN_STATE", "reset", 1);
+  const auto device = opened({.auto_init = true});
+  CHECK_NOTHROW(device->calibrate());
+  device->enable();
+  CHECK(device->read());
+  unsetenv("HAPTIC_STAND_IN_STATE");
+}
+
+TEST_CASE("A gripper of the left hand has negative angles, and is open where it is open") {
+  const std::string model = GENERATE("sigma.7", "omega.7 (left-hand)");
+  INFO(model);
+  setenv("HAPTIC_STAND_IN_MODEL", model.c_str(), 1);
+  const auto device = opened();
+  device->enable();
+  CHECK(device->read()->gripper == 1);
+  order("press 0");
+  CHECK(test::wait_until(1, [&] { return device->read()->gripper == 0; }));
+  order("release 0");
+  CHECK(test::wait_until(1, [&] { return device->read()->gripper == 1; }));
+  setenv("HAPTIC_STAND_IN_MODEL", "sigma.7", 1);
 }
 
 TEST_CASE("A device that is not there is named, with what to check") {

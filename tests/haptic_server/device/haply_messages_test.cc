@@ -54,15 +54,63 @@ TEST_CASE("The first message names devices, their handedness and grips") {
 }
 
 TEST_CASE("A state has the chosen device's position and velocity and the grip's orientation") {
-  const HandleState state = parse_haply_state(message().dump(), kBoth);
+  const HandleState state = parse_haply_state(message().dump(), kBoth).handle;
   CHECK(state.X.p == Vector3(0.01, -0.02, 0.15));
   CHECK(state.V.head<3>() == Vector3(0.1, 0, -0.3));
   CHECK(state.X.R.coeffs() == Quaternion(0.6, 0, 0.8, 0).coeffs());
   CHECK(state.buttons == 0b101);
-  const HandleState other = parse_haply_state(message().dump(), {"049E"});
+  const HandleState other = parse_haply_state(message().dump(), {"049E"}).handle;
   CHECK(other.X.p == Vector3(1, 2, 3));
   CHECK(other.X.R.coeffs() == Quaternion::Identity().coeffs());
   CHECK(other.buttons == 0);
+}
+
+TEST_CASE("A wired grip has one button, and a custom one is a grip too") {
+  for (const char* kind : {"verse_grip", "custom_verse_grip"}) {
+    INFO(kind);
+    json wired = message();
+    wired[kind] = {
+        {{"device_id", "W"},
+         {"state", {{"orientation", {{"w", 1}, {"x", 0}, {"y", 0}, {"z", 0}}}, {"button", true}}}}};
+    const HaplyInventory inventory = parse_haply_inventory(wired.dump());
+    REQUIRE(inventory.grips.size() == 2);
+    CHECK(inventory.grips[1].kind == kind);
+    CHECK(parse_haply_state(wired.dump(), {"049D", "W", kind}).handle.buttons == 1);
+    wired[kind][0]["state"]["button"] = false;
+    CHECK(parse_haply_state(wired.dump(), {"049D", "W", kind}).handle.buttons == 0);
+  }
+}
+
+TEST_CASE("A device that its service calls without power, not calibrated or not ready is off") {
+  const auto cause_of = [](const json& status) {
+    json said = message();
+    said["inverse3"][0]["status"] = status;
+    const char* const cause = parse_haply_state(said.dump(), kBoth).handle.force_off;
+    return std::string(cause != nullptr ? cause : "");
+  };
+  CHECK(cause_of({{"power_supply", true}, {"calibrated", true}, {"ready", true}}).empty());
+  CHECK(cause_of({{"power_supply", false}}) == "its power supply is off");
+  CHECK_THAT(cause_of({{"calibrated", false}}), ContainsSubstring("not calibrated"));
+  CHECK_THAT(cause_of({{"ready", false}}), ContainsSubstring("not ready"));
+  CHECK(cause_of(json::object()).empty());
+  CHECK(cause_of("fine").empty());
+}
+
+TEST_CASE("An event names itself, its device and what was triggered") {
+  const HaplyEvent event = parse_haply_event(R"({"name": "device-safety-triggered",
+    "category": "device", "level": "error", "message": "Emergency brake engaged",
+    "data": {"device_family": "inverse", "device_id": "049D", "safety_type": "ebrake_triggered"}})");
+  CHECK(event.name == "device-safety-triggered");
+  CHECK(event.device == "049D");
+  CHECK(event.safety == "ebrake_triggered");
+  CHECK(event.text == "Emergency brake engaged");
+  CHECK(parse_haply_event(R"({"name": 1, "data": []})").name.empty());
+}
+
+TEST_CASE("An address is also that of a WebSocket, as the service's documents print it") {
+  CHECK(host_and_port("localhost:10001") == "localhost:10001");
+  CHECK(host_and_port("ws://localhost:10001") == "localhost:10001");
+  CHECK(host_and_port("ws://127.0.0.1:7/") == "127.0.0.1:7");
 }
 
 TEST_CASE("What is wrong in a message is named with its value") {

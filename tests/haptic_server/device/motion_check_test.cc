@@ -1,10 +1,16 @@
 // What a device says of its handle that cannot be.
 #include "hlm/device/motion_check.h"
 
+#include <algorithm>
+#include <cmath>
+#include <functional>
 #include <limits>
+#include <numbers>
 #include <string>
+#include <vector>
 
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 
 namespace hlm::server {
 namespace {
@@ -17,14 +23,14 @@ struct Verdict {
   std::string cause;
 };
 Verdict verdict(double speed, double step, bool is_old = false) {
-  MotionCheck check(kDt);
+  MotionCheck check;
   check.begin();
   Twist V = Twist::Zero();
   V[1] = speed;
   Vector3 p(0.1, 0, 0);
   for (int i = 0; i < 100; ++i) {
     p.y() += step;
-    const char* const error = check.find_error(p, Matrix3::Identity(), V, is_old);
+    const char* const error = check.find_error(i * kDt, p, Matrix3::Identity(), V, is_old);
     if (error != nullptr) return {i, error};
   }
   return {100, ""};
@@ -44,9 +50,105 @@ TEST_CASE("Values that the device itself calls old are a failure after 15 ms") {
   CHECK(old.cause.starts_with("its library holds back new values"));
 }
 
+/// How a vendor's side makes a speed of positions: the mean over `window`, s, or a low-pass of
+/// `cutoff`, Hz; positions are whole multiples of `step`, m.
+struct Estimate {
+  const char* name;
+  double window;
+  double cutoff;
+  double step;
+};
+constexpr Estimate kEstimates[] = {{"Force Dimension, 20 ms", 0.02, 0, 10e-6},
+                                   {"Force Dimension, 5 ms", 0.005, 0, 10e-6},
+                                   {"OpenHaptics, 20 Hz", 0, 20, 55e-6}};
+
+/// What is wrong with a handle at place(t), m, along y; sampled at 1 kHz for 1 s, whose library is
+/// new every `held` ticks.
+std::string cause_of(const Estimate& estimate, const std::function<double(double)>& place,
+                     double begin = 0, int held = 1) {
+  MotionCheck check;
+  check.begin(estimate.window);
+  std::vector<double> y;
+  double v = 0;
+  double shown = 0;
+  Twist V = Twist::Zero();
+  for (int i = 0; i < 1000; ++i) {
+    y.push_back(estimate.step * std::round(place(begin + i * kDt) / estimate.step));
+    const auto back = static_cast<std::size_t>(std::lround(estimate.window / kDt));
+    if (estimate.window > 0) {
+      v = (y.back() - y[y.size() - 1 - std::min(back, y.size() - 1)]) / estimate.window;
+    } else if (i > 0) {
+      const double gain = -std::expm1(-2 * std::numbers::pi * estimate.cutoff * kDt);
+      v += gain * ((y.back() - y[y.size() - 2]) / kDt - v);
+    }
+    if (i % held == 0) V[1] = v;
+    if (i % held == 0) shown = y.back();
+    const char* const error =
+        check.find_error(i * kDt, {0, shown, 0}, Matrix3::Identity(), V, false);
+    if (error != nullptr) return error;
+  }
+  return "";
+}
+
+TEST_CASE("A handle that a stop or friction holds is no fault, however its speed is estimated") {
+  test::Random random;
+  const auto any = [&random] { return random.uniform(0, 1); };
+  for (const Estimate& estimate : kEstimates) {
+    INFO(estimate.name);
+    for (int i = 0; i < 200; ++i) {
+      const double speed = std::pow(10, -2.5 + 2.8 * any());  // 3 mm/s to 2 m/s.
+      const double end = 0.1 + 0.3 * any();                   // s.
+      const int held = 1 + static_cast<int>(5 * any());
+      INFO(speed << " m/s until " << end << " s, new every " << held << " ms");
+      CHECK(cause_of(
+                estimate, [&](double t) { return speed * std::min(t, end); }, 0, held) == "");
+      // It sticks and slips by up to 1 mm, some 20 times a second.
+      const double slip = 1e-3 * any();
+      const double period = 0.02 + 0.06 * any();
+      CHECK(cause_of(
+                estimate, [&](double t) { return slip * std::floor(t / period); }, 0, held) == "");
+    }
+  }
+}
+
+TEST_CASE("A handle that is shaken, or hits a wall and bounces, is no fault") {
+  for (const Estimate& estimate : kEstimates) {
+    INFO(estimate.name);
+    for (const double frequency : {1.0, 3.0, 10.0, 25.0, 50.0, 100.0}) {  // Hz.
+      const double amplitude = std::min(0.1, 0.6 / (2 * std::numbers::pi * frequency));
+      INFO(frequency << " Hz, " << amplitude << " m");
+      CHECK(cause_of(estimate, [&](double t) {
+              return amplitude * std::sin(2 * std::numbers::pi * frequency * t);
+            }) == "");
+    }
+    CHECK(cause_of(estimate, [](double t) { return std::abs(std::fmod(1.5 * t, 0.4) - 0.2); }) ==
+          "");
+  }
+}
+
+TEST_CASE("A pose that jumps by 50 mm in a tick is a fault in that tick, whatever its speed says") {
+  for (const Estimate& estimate : kEstimates) {
+    INFO(estimate.name);
+    CHECK(cause_of(estimate, [](double t) { return t < 0.5 ? 0 : 0.05; }) ==
+          "its pose jumps farther than a hand can move it");
+  }
+  const Verdict silent = verdict(0, 0.008);  // m in each tick
+  CHECK(silent.ticks == 1);
+  CHECK(silent.cause == "its pose moves otherwise than its speed says");
+}
+
+TEST_CASE("A pose that goes on while its speed says something else is a fault within 50 ms") {
+  const Verdict none = verdict(0, 2e-4);  // 0.2 m/s
+  CHECK(none.ticks < 50);
+  CHECK(none.cause == "its pose moves otherwise than its speed says");
+  CHECK(verdict(-0.2, 2e-4).ticks < 50);   // The other way.
+  CHECK(verdict(0.2, 2e-4).ticks == 100);  // It does.
+  CHECK(verdict(200, 2e-4).ticks < 50);    // mm/s
+}
+
 TEST_CASE("What is no number, no rotation or a mirror is named at once") {
   const auto error_of = [](const Vector3& p, const Matrix3& R) {
-    const char* const error = MotionCheck(kDt).find_error(p, R, Twist::Zero(), false);
+    const char* const error = MotionCheck().find_error(0, p, R, Twist::Zero(), false);
     return std::string(error != nullptr ? error : "none");
   };
   const Vector3 origin = Vector3::Zero();

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <thread>
@@ -17,11 +18,9 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 using namespace std::chrono_literals;
 
-constexpr double kDt = 1e-3;  // s.
-
 std::unique_ptr<OpenHapticsDevice> opened(const OpenHapticsOptions& options = {}) {
   auto device = std::make_unique<OpenHapticsDevice>(
-      std::make_shared<const OpenHapticsLibrary>(HLM_STAND_IN), options, kDt);
+      std::make_shared<const OpenHapticsLibrary>(HLM_STAND_IN), options);
   device->calibrate();
   return device;
 }
@@ -93,6 +92,50 @@ TEST_CASE("A device that the vendor's setup does not know is named with its libr
   CHECK_THROWS_WITH(
       opened({.unit = "left"}),
       ContainsSubstring("the device 'left' cannot be opened") && ContainsSubstring(HLM_STAND_IN));
+}
+
+TEST_CASE(
+    "A device has the name of current drivers or of older ones, and none is named with both") {
+  CHECK(opened()->unit() == "Default Device");
+  setenv("HAPTIC_STAND_IN_UNIT", "Default PHANToM", 1);
+  CHECK(opened()->unit() == "Default PHANToM");
+  setenv("HAPTIC_STAND_IN_UNIT", "right", 1);
+  CHECK_THROWS_WITH(opened(), ContainsSubstring("'Default Device' or 'Default PHANToM'") &&
+                                  ContainsSubstring("the key unit"));
+  CHECK(opened({.unit = "right"})->unit() == "right");
+  unsetenv("HAPTIC_STAND_IN_UNIT");
+}
+
+TEST_CASE("A calibration is updated before force, and one that needs a person is named") {
+  setenv("HAPTIC_STAND_IN_STATE", "inkwell", 1);
+  CHECK_THROWS_WITH(opened(),
+                    ContainsSubstring("is not calibrated: put its stylus into the inkwell"));
+  setenv("HAPTIC_STAND_IN_STATE", "needs_update", 1);
+  CHECK_NOTHROW(opened());
+  unsetenv("HAPTIC_STAND_IN_STATE");
+}
+
+TEST_CASE("A handle that a stop holds is no fault, though the library's speed lags by 8 ms") {
+  const auto device = opened({.oldest = 0.1});  // s; the machine may stall.
+  device->enable();
+  const auto works = [&] { return device->read() && device->write(push(0)); };
+  for (int i = 0; i < 5; ++i) {
+    order("hold 0 0 0");
+    REQUIRE(test::wait_until(
+        3, [&] { return works() && std::abs(device->read()->X_WD.p.y()) < 1e-3; }));
+    order("hold 0 0.1 0");
+    REQUIRE(test::wait_until(3, [&] { return works() && device->read()->V_WD[1] > 0.05; }));
+    order("stop");
+    bool all = true;
+    for (int k = 0; k < 200; ++k) {
+      all = all && works();
+      std::this_thread::sleep_for(1ms);
+    }
+    INFO(device->cause());
+    CHECK(all);
+    order("good\nlet_go");
+    std::this_thread::sleep_for(30ms);  // Where it went meanwhile is not known.
+  }
 }
 
 TEST_CASE("A device that cannot be prepared is let go: it can be opened again") {
