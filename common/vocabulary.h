@@ -257,14 +257,22 @@ constexpr bool ends_at_device(Fault fault) noexcept {
   return fault != Fault::kNone && fault != Fault::kNonFinite && fault != Fault::kImplausible;
 }
 
-/// What a person does at the device's machine.
-enum class OperatorAct : std::uint8_t { kNone = 0, kStop = 1, kClear = 2 };
+/// What comes to a tick from the device's machine: from a person there, or from the motors' guard.
+enum class Intervention : std::uint8_t {
+  kNone = 0,
+  kStop = 1,
+  kClear = 2,
+  kHalted = 3,
+  kUnguarded = 4,
+};
 template <>
-inline constexpr std::array<Word<OperatorAct>, 3> kWords<OperatorAct>{{
-    {OperatorAct::kNone, "none", "nothing"},
-    {OperatorAct::kStop, "stop", "stops the force: a fault, whatever the state"},
-    {OperatorAct::kClear, "clear",
+inline constexpr std::array<Word<Intervention>, 5> kWords<Intervention>{{
+    {Intervention::kNone, "none", "nothing"},
+    {Intervention::kStop, "stop", "stops the force: a fault, whatever the state"},
+    {Intervention::kClear, "clear",
      "lets the fault end, with the next session that a person asks for"},
+    {Intervention::kHalted, "halted", "the guard took the motors off while the loop stood still"},
+    {Intervention::kUnguarded, "unguarded", "nothing looks whether the loop goes on: no force"},
 }};
 
 /// Why force fades, or waits at zero, in a session that may get it back by itself.

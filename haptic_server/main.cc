@@ -1,4 +1,5 @@
 // haptic_server: the local model and the device control as a process.
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstring>
@@ -51,12 +52,19 @@ void handle_operator() {
   sigaction(SIGRTMIN, &action, nullptr);
 }
 
+/// Time for which the loop may stand still, s, until the guard takes the motors off: with what it
+/// waits more they are off within 50 ms. They are on again when the loop goes on.
+constexpr double kLongestStall = 0.03;
+
 /// Since it was last asked. A stop beside a release is a stop.
-OperatorAct take_act() noexcept {
+Intervention take_intervention(MotorGuard& guard, double now) noexcept {
   const bool stops = force_stop.exchange(false, std::memory_order_relaxed);
   const bool releases = fault_release.exchange(false, std::memory_order_relaxed);
-  if (stops) return OperatorAct::kStop;
-  return releases ? OperatorAct::kClear : OperatorAct::kNone;
+  if (stops) return Intervention::kStop;
+  if (releases) return Intervention::kClear;
+  const bool watched = guard.is_watching(now);
+  if (guard.has_halted()) return Intervention::kHalted;
+  return watched ? Intervention::kNone : Intervention::kUnguarded;
 }
 
 /// SIGTERM comes when the process that started this one ends. Throws UsageError if that is another,
@@ -121,10 +129,10 @@ void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log,
               protocol::RecordingLink* recording, double duration) {
   loop.run([&](const Timing& timing) noexcept {
     guard.beat();
-    const OperatorAct act = take_act();
-    servo.obey(act);
+    const Intervention intervention = take_intervention(guard, timing.begin);
+    servo.obey(intervention);
     TickRecord record = servo.tick(timing);
-    if (recording != nullptr) note_tick(*recording, timing, act, servo.exchange());
+    if (recording != nullptr) note_tick(*recording, timing, intervention, servo.exchange());
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
     if (stop_signal != 0 || (duration > 0 && timing.begin >= duration)) loop.stop();
@@ -181,7 +189,7 @@ void run_server(ServerOptions& options) {
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);
   }
-  MotorGuard guard(*device, options.physics.servo.max_gap);
+  MotorGuard guard(*device, std::min(kLongestStall, options.physics.servo.max_gap));
   protocol::UdpSocket socket(address);
   protocol::DatagramLink* link = &socket;
   std::optional<protocol::SealedServerLink> sealed;

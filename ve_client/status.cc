@@ -10,8 +10,9 @@ namespace hlm::ve {
 namespace {
 
 constexpr const char* kAfterFault =
-    "a fault keeps its force off until a person asks for a new session: restart ve_client, or "
-    "press Reset on its page if that shows this tool";
+    "a fault keeps its force off until a person asks for a new session: run haptic_doctor clear at "
+    "the server where its log says so, then restart ve_client, or press Reset on its page if that "
+    "shows this tool";
 
 }  // namespace
 

@@ -64,7 +64,8 @@ struct DeviceRatings {
   /// Delay from a command to its effect, and from a pose to its report, in all, s; added to the
   /// period in which the command is held.
   double delay = 0;
-  /// How much later the twist that is read is than the pose, s: half the window of a mean.
+  /// How much later the twist that is read is than the pose, s: half the window of a mean, 1 / (2π
+  /// f) of a filter of first order that cuts off at f.
   double velocity_lag = 0;
 
   /// N·m in the world for each N·m at the handle: so work in the world is `scale` times that at the

@@ -197,6 +197,7 @@ void ForceDimensionDevice::configure_speed() noexcept {
     return configure != nullptr && configure(window, Library::kMeanOverWindow, id_) >= 0;
   };
   window_ = configured(dhd.config_linear_velocity) ? options_.velocity_window : kVendorsWindow;
+  ratings_.velocity_lag = window_ / 2;
   if (has_wrist_) configured(dhd.config_angular_velocity);
 }
 

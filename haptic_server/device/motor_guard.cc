@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -90,8 +91,15 @@ double steady_now() noexcept {
 /// Factor on the longest gap: the server finds its own stops first, and says so.
 constexpr double kPatience = 1.2;
 
+std::runtime_error failure(const char* what) {
+  return std::runtime_error(std::string("nothing can guard the motors: ") + what + ": " +
+                            std::generic_category().message(errno));
+}
+
+}  // namespace
+
 /// The other process: until a byte comes through `alive`, which is an orderly end, or its end.
-void watch(Device& device, const std::atomic<std::uint64_t>& beats, int alive, double longest_gap) {
+void MotorGuard::watch(Device& device, Shared& shared, int alive, double longest_gap) {
   setsid();  // What is typed in the server's terminal is not for this process.
   prctl(PR_SET_NAME, "haptic_guard");
   for (const int signal : kSignalsOfServer) std::signal(signal, SIG_IGN);
@@ -110,35 +118,30 @@ void watch(Device& device, const std::atomic<std::uint64_t>& beats, int alive, d
       return;
     }
     const double now = steady_now();  // First: this process may be kept waiting in between.
-    const std::uint64_t now_seen = beats.load(std::memory_order_relaxed);
+    const std::uint64_t now_seen = shared.beats.load(std::memory_order_relaxed);
+    shared.looks.fetch_add(1, std::memory_order_relaxed);
     if (now_seen != seen) {
       seen = now_seen;
       seen_at = now;
     } else if (seen > 0 && now - seen_at > kPatience * longest_gap) {
       device.halt();
+      shared.halts.fetch_add(1, std::memory_order_release);
     }
   }
 }
 
-std::runtime_error failure(const char* what) {
-  return std::runtime_error(std::string("nothing can guard the motors: ") + what + ": " +
-                            std::generic_category().message(errno));
-}
-
-}  // namespace
-
 MotorGuard::MotorGuard(Device& device, double longest_gap) {
   void* const memory =
-      mmap(nullptr, sizeof *beats_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+      mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw failure("shared memory");
-  beats_ = new (memory) std::atomic<std::uint64_t>(0);
+  shared_ = new (memory) Shared;
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) throw failure("pipe");
   process_ = fork();
   if (process_ < 0) throw failure("fork");
   if (process_ == 0) {
     close(ends[1]);
-    watch(device, *beats_, ends[0], longest_gap);
+    watch(device, *shared_, ends[0], longest_gap);
     _exit(0);
   }
   close(ends[0]);
@@ -155,7 +158,18 @@ MotorGuard::~MotorGuard() {
   [[maybe_unused]] const ssize_t written = process_ > 0 ? write(alive_, &orderly, 1) : 0;
   close(alive_);
   if (process_ > 0) waitpid(process_, nullptr, 0);
-  munmap(beats_, sizeof *beats_);
+  munmap(shared_, sizeof(Shared));
+}
+
+bool MotorGuard::has_halted() noexcept {
+  const std::uint64_t halts = shared_->halts.load(std::memory_order_acquire);
+  return halts != std::exchange(halts_, halts);
+}
+
+bool MotorGuard::is_watching(double now) noexcept {
+  const std::uint64_t looks = shared_->looks.load(std::memory_order_relaxed);
+  if (looks != std::exchange(looks_, looks) || now < looked_at_) looked_at_ = now;
+  return now - looked_at_ <= kLongestBlindness;
 }
 
 bool MotorGuard::lives() noexcept {

@@ -10,7 +10,8 @@
 
 namespace hlm::server {
 
-/// Halts the device in two ways, for as long as this lives:
+/// Halts the device in two ways, for as long as this lives, and tells its own process when it does
+/// not:
 /// - the handler of a signal that ends the program by a fault of its own (SIGSEGV, SIGABRT and the
 ///   like) halts it at once, before a core file is written, which takes time; then the signal has
 ///   its usual effect;
@@ -22,6 +23,10 @@ namespace hlm::server {
 /// process must not share.
 class MotorGuard {
  public:
+  /// Time, s, without a look of the other process, after which force fades: with the fade it is off
+  /// within 50 ms. Less lets force dip on a busy machine.
+  static constexpr double kLongestBlindness = 0.02;
+
   /// longest_gap: between two calls of beat(), s, once the first was made. `device` must outlive
   /// this. Throws std::runtime_error if there can be no such process.
   MotorGuard(Device& device, double longest_gap);
@@ -30,14 +35,31 @@ class MotorGuard {
   MotorGuard& operator=(const MotorGuard&) = delete;
 
   /// The loop goes on. From the servo thread, every tick.
-  void beat() noexcept { beats_->fetch_add(1, std::memory_order_relaxed); }
+  void beat() noexcept { shared_->beats.fetch_add(1, std::memory_order_relaxed); }
+  /// Whether the other process has halted the device since the last call: it is to be enabled
+  /// again. From the servo thread.
+  bool has_halted() noexcept;
+  /// Whether the other process has looked within kLongestBlindness; now: s, any steady origin.
+  /// From the servo thread, every tick.
+  bool is_watching(double now) noexcept;
   /// False, once, when the other process has ended although it should not.
   bool lives() noexcept;
   pid_t process() const noexcept { return process_; }
 
  private:
-  std::atomic<std::uint64_t>* beats_;  ///< Shared with the other process.
-  int alive_ = -1;                     ///< Closed, by whatever end, when this process ends.
+  /// Of both processes.
+  struct Shared {
+    std::atomic<std::uint64_t> beats = 0;
+    std::atomic<std::uint64_t> looks = 0;  ///< Of the other process at the beats.
+    std::atomic<std::uint64_t> halts = 0;  ///< By it.
+  };
+  static void watch(Device& device, Shared& shared, int alive, double longest_gap);
+
+  Shared* shared_;
+  std::uint64_t halts_ = 0;  ///< Seen.
+  std::uint64_t looks_ = 0;  ///< Seen.
+  double looked_at_ = 0;     ///< When they changed, s.
+  int alive_ = -1;           ///< Closed, by whatever end, when this process ends.
   pid_t process_ = -1;
 };
 

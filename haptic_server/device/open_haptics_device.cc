@@ -47,6 +47,9 @@ OpenHapticsDevice::OpenHapticsDevice(std::shared_ptr<const Library> library,
   ratings_.max_torque = 0;
   ratings_.buttons = kButtons;
   ratings_.exchange_rate = options_.rate;
+  if (options_.velocity_cutoff > 0) {
+    ratings_.velocity_lag = 1 / (2 * std::numbers::pi * options_.velocity_cutoff);
+  }
   throw_if(start());
   reopener_.emplace([this] {
     close();

@@ -204,8 +204,9 @@ Finding refusal(const protocol::Reject& reject) {
               "it answers, and has another client: nothing was measured, to leave that one alone",
               "run haptic_doctor on the server's machine, or without that client"};
     case protocol::RejectReason::kFault:
-      return {Verdict::kProblem, "answer", "it answers, and is in a fault: " + text_of(reject),
-              "restart ve_client, or press Reset on its page"};
+      return {
+          Verdict::kProblem, "answer", "it answers, and is in a fault: " + text_of(reject),
+          "haptic_doctor clear on its machine, then restart ve_client, or press Reset on its page"};
     case protocol::RejectReason::kVersion:
     case protocol::RejectReason::kTool:
       break;

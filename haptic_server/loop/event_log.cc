@@ -86,9 +86,11 @@ void EventLog::observe_state(const TickRecord& record) const {
       return log_event(
           now_, record, spdlog::level::err,
           fmt::format(
-              "fault: {}{}; {}. Force is off until a person asks for a new session: restart "
+              "fault: {}{}; {}. Force is off until {}a person asks for a new session: restart "
               "ve_client, or press Reset on its page if that shows this tool",
-              meaning_of(record.fault), because(record), remedy_of(record.fault)));
+              meaning_of(record.fault), because(record), remedy_of(record.fault),
+              ends_at_device(record.fault) ? "haptic_doctor clear is said on this machine, and "
+                                           : ""));
   }
 }
 

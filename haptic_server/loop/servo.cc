@@ -22,6 +22,10 @@ constexpr double kLargestHandSpeed = 20;
 constexpr double kLargestHandRate = 500;
 constexpr double kLargestDistance = 5;
 
+/// Time without a guard that is a fault, s: a guard that is only kept waiting is back before.
+constexpr double kLongestUnguarded = 0.5;
+constexpr const char* kUnguarded = "the process that guards its motors is gone or stopped";
+
 const ReportedContacts kNoContacts;
 
 bool is_finite(const DeviceState& device) noexcept {
@@ -68,11 +72,22 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   return record_;
 }
 
-void Servo::obey(OperatorAct act) noexcept {
-  if (act == OperatorAct::kStop) fail(Fault::kOperatorStop);
-  if (act != OperatorAct::kClear) return;
-  machine_.release();
-  limiter_.settle();
+void Servo::obey(Intervention intervention) noexcept {
+  unguarded_ = intervention == Intervention::kUnguarded;
+  switch (intervention) {
+    case Intervention::kStop:
+      return fail(Fault::kOperatorStop);
+    case Intervention::kClear:
+      machine_.release();
+      return limiter_.settle();
+    case Intervention::kHalted:
+      limiter_.cut();
+      if (machine_.simulates()) device_.enable();
+      return;
+    case Intervention::kNone:
+    case Intervention::kUnguarded:
+      return;
+  }
 }
 
 void Servo::shut_down(double now) noexcept {
@@ -160,7 +175,12 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
     fail(Fault::kOverrun);
   }
-  limiter_.allow(renders_force(machine_.state()) && !clutched_);
+  unguarded_time_ = unguarded_ ? unguarded_time_ + static_cast<double>(1 + timing.missed) * dt_ : 0;
+  if (unguarded_time_ > kLongestUnguarded && machine_.simulates()) {
+    fail(Fault::kDevice);
+    cause_ = kUnguarded;
+  }
+  limiter_.allow(renders_force(machine_.state()) && !clutched_ && !unguarded_);
   // Nobody moves the bodies, and a hand without force holds none.
   if (machine_.state() == ServerState::kFading && before != ServerState::kFading) {
     local_model_->release_bodies();

@@ -41,8 +41,8 @@ class Servo {
   /// One tick. Returns its signals except `execution`, which the caller measures.
   const TickRecord& tick(const Timing& timing) noexcept;
 
-  /// What a person at the device's machine does; between ticks, from their thread.
-  void obey(OperatorAct act) noexcept;
+  /// What comes from the device's machine; before each tick, from their thread.
+  void obey(Intervention act) noexcept;
 
   /// The exchange in the latest tick.
   const DeviceExchange& exchange() const noexcept { return exchange_; }
@@ -93,8 +93,10 @@ class Servo {
   double contained_impulses_ = 0;  ///< Step of the impulses in the state of the latest update.
   Pose X_WStart_;           ///< Pose of the handle, as the session began, or the clutch was let go.
   double lowered_ = 0;      ///< Share lowered by the control in effect, as in protocol::ProxyState.
-  bool clutched_ = false;   ///< Whether the device was clutched when last read.
-  const char* cause_ = "";  ///< Why the device failed, in a fault of it.
+  bool unguarded_ = false;  ///< Nothing looks whether the loop goes on.
+  double unguarded_time_ = 0;  ///< For how long, s.
+  bool clutched_ = false;      ///< Whether the device was clutched when last read.
+  const char* cause_ = "";     ///< Why the device failed, in a fault of it.
   DeviceExchange exchange_;
   TickRecord record_;
 };

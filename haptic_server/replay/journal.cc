@@ -125,9 +125,9 @@ void note_device(protocol::RecordingLink& link, const Device& device) noexcept {
                                              .observes_hand = device.observes_hand_wrench()})));
 }
 
-void note_tick(protocol::RecordingLink& link, const Timing& timing, OperatorAct act,
+void note_tick(protocol::RecordingLink& link, const Timing& timing, Intervention act,
                const DeviceExchange& device) noexcept {
-  if (!device.read && act == OperatorAct::kNone && link.received().empty()) return;
+  if (!device.read && act == Intervention::kNone && link.received().empty()) return;
   link.note(protocol::view(encode(TickNote{.tick = timing.tick,
                                            .begin = timing.begin,
                                            .missed = timing.missed,

@@ -23,11 +23,11 @@ struct DeviceNote {
 
 /// One tick: the datagrams since the note before it are those that it received and sent.
 struct TickNote {
-  std::uint64_t tick = 0;                ///< Periods since the loop began.
-  double begin = 0;                      ///< s since the loop began.
-  std::uint64_t missed = 0;              ///< Periods missed just before this tick.
-  OperatorAct act = OperatorAct::kNone;  ///< What a person at the device did before this tick.
-  std::uint64_t lost = 0;                ///< Datagrams and notes missing in the capture up to here.
+  std::uint64_t tick = 0;                  ///< Periods since the loop began.
+  double begin = 0;                        ///< s since the loop began.
+  std::uint64_t missed = 0;                ///< Periods missed just before this tick.
+  Intervention act = Intervention::kNone;  ///< From the device's machine, before this tick.
+  std::uint64_t lost = 0;  ///< Datagrams and notes missing in the capture up to here.
   DeviceExchange device;
   protocol::RecordingLink::Channels received;  ///< Channels of the received datagrams.
 };
@@ -42,7 +42,7 @@ bool decode(std::span<const std::byte> bytes, TickNote& note) noexcept;
 /// Notes the device in whose sessions what `link` carries is heard.
 void note_device(protocol::RecordingLink& link, const Device& device) noexcept;
 /// Notes a tick that did anything, right after it.
-void note_tick(protocol::RecordingLink& link, const Timing& timing, OperatorAct act,
+void note_tick(protocol::RecordingLink& link, const Timing& timing, Intervention act,
                const DeviceExchange& device) noexcept;
 
 }  // namespace hlm::server

@@ -95,7 +95,7 @@ class VirtualServer {
       return nullptr;
     }
     timing.missed = std::exchange(missed_, 0);
-    const OperatorAct act = std::exchange(act_, OperatorAct::kNone);
+    const Intervention act = std::exchange(act_, Intervention::kNone);
     servo_->obey(act);
     last_ = servo_->tick(timing);
     if (options_.recorded) server::note_tick(link_, timing, act, servo_->exchange());
@@ -105,9 +105,9 @@ class VirtualServer {
   /// Misses so many periods.
   void stall(std::uint64_t periods) { stalls_ += periods; }
   /// An operator stops the force before the next tick.
-  void stop_force() { act_ = OperatorAct::kStop; }
+  void stop_force() { act_ = Intervention::kStop; }
   /// A person at the device lets a fault end, before the next tick.
-  void clear_fault() { act_ = OperatorAct::kClear; }
+  void clear_fault() { act_ = Intervention::kClear; }
 
   const server::TickRecord& last() const { return last_; }
   server::Servo& servo() { return *servo_; }
@@ -127,7 +127,7 @@ class VirtualServer {
   std::uint64_t ticks_ = 0;
   std::uint64_t stalls_ = 0;
   std::uint64_t missed_ = 0;
-  OperatorAct act_ = OperatorAct::kNone;
+  Intervention act_ = Intervention::kNone;
   server::TickRecord last_;
 };
 

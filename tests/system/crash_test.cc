@@ -1,4 +1,5 @@
 // What the motors get when the server dies or stands still while it pushes.
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -8,6 +9,8 @@
 
 #include <fcntl.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "hlm/device/amplifier.h"
@@ -85,26 +88,89 @@ TEST_CASE("However the server dies while it pushes, its motors are off within 0.
   CHECK(next.wait_for_error("listening", 10));
 }
 
-TEST_CASE("A server that is stopped while it pushes has its motors off after its longest gap") {
-  PushingServer pushing;
-  const AmplifierView amplifier(pushing.file);
-  pushing.server.send_signal(SIGSTOP);
-  const double time = seconds_until([&] { return amplifier.force() == 0; });
-  WARN("no force after " << 1e3 * time << " ms");
-  CHECK(time < 1 + 0.4);  // --max-gap, and a fifth of it until the next look; the machine is busy.
-  pushing.server.send_signal(SIGCONT);
-  CHECK(pushing.server.wait_for_error("fault: the loop stood still", 5));
-  usleep(300'000);
-  CHECK(amplifier.force() == 0);
-  CHECK(pushing.server.running());
-}
-
 /// The process that guards the server's motors; 0 if there is none.
 pid_t guard_of(const Process& server) {
   const std::string id = std::to_string(server.id());
   pid_t child = 0;
   std::ifstream("/proc/" + id + "/task/" + id + "/children") >> child;
   return child;
+}
+
+/// Programs that keep every processor busy, as compilers beside the server do.
+class Load {
+ public:
+  explicit Load(int count) {
+    for (int i = 0; i < count; ++i) {
+      const pid_t id = fork();
+      if (id == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        std::atomic<unsigned> counter = 0;
+        while (true) ++counter;
+      }
+      ids_.push_back(id);
+    }
+  }
+  ~Load() {
+    for (const pid_t id : ids_) kill(id, SIGKILL), waitpid(id, nullptr, 0);
+  }
+  Load(const Load&) = delete;
+  Load& operator=(const Load&) = delete;
+
+ private:
+  std::vector<pid_t> ids_;
+};
+
+/// Until force is off after anything that happens to server or guard, s: 0.05 are promised,
+/// measured are 0.036 to 0.047 with real-time rights. A machine of tests may stall itself.
+double due(int load) { return load == 0 ? 0.1 : 0.2; }
+
+TEST_CASE("A server that is stopped while it pushes has its motors off at once, and on again") {
+  const int load = GENERATE(0, 10);
+  PushingServer pushing;
+  const AmplifierView amplifier(pushing.file);
+  const Load busy(load);
+  pushing.server.send_signal(SIGSTOP);
+  const double time = seconds_until([&] { return amplifier.force() == 0; });
+  WARN("load " << load << ": no force after " << 1e3 * time << " ms");
+  CHECK(time < due(load));
+  usleep(200'000);
+  CHECK(amplifier.force() == 0);
+  pushing.server.send_signal(SIGCONT);
+  CHECK(seconds_until([&] { return amplifier.force() > 3; }) < 5);
+}
+
+TEST_CASE("A server that is stopped for longer than its longest gap has a fault") {
+  PushingServer pushing;
+  pushing.server.send_signal(SIGSTOP);
+  usleep(1'200'000);  // --max-gap 1
+  pushing.server.send_signal(SIGCONT);
+  CHECK(pushing.server.wait_for_error("fault: the loop stood still", 5));
+  usleep(300'000);
+  CHECK(AmplifierView(pushing.file).force() == 0);
+  CHECK(pushing.server.running());
+}
+
+TEST_CASE("A guard that is killed or stopped takes the force with it, and brings it back") {
+  const int signal = GENERATE(SIGKILL, SIGSTOP);
+  const int load = GENERATE(0, 10);
+  PushingServer pushing;
+  const AmplifierView amplifier(pushing.file);
+  const pid_t guard = guard_of(pushing.server);
+  REQUIRE(guard > 0);
+  const Load busy(load);
+  kill(guard, signal);
+  const double time = seconds_until([&] { return amplifier.force() == 0; });
+  WARN("signal " << signal << ", load " << load << ": no force after " << 1e3 * time << " ms");
+  CHECK(time < due(load));
+  if (signal == SIGSTOP) {
+    usleep(100'000);
+    kill(guard, SIGCONT);
+    CHECK(seconds_until([&] { return amplifier.force() > 3; }) < 5);
+  } else {
+    CHECK(pushing.server.wait_for_error("guards its motors is gone", 5));
+    CHECK(amplifier.force() == 0);
+    CHECK(pushing.server.running());
+  }
 }
 
 TEST_CASE("A signal that ends the server in order leaves no force and no second process") {

@@ -277,6 +277,7 @@ class LivePage(PageTest):
 
         wait_for(stopped_for_a_while, "the fault")
         self.assertIn("then press Reset", self.ask("haptic.banner()"))
+        self.session.server.send_signal(signal.SIGRTMIN)
         self.driver.find_element("id", "reset").click()
         wait_for(lambda: self.ask("haptic.banner()") == "", "no banner")
 

@@ -271,6 +271,7 @@ class Soak:
                 asked = time.monotonic()
             if state == "fault" and time.monotonic() > asked + PATIENCE:
                 self.counts["faults ended by a person"] += 1
+                self.server.process.send_signal(signal.SIGRTMIN)
                 gone = self.relay.client
                 self.end_client()
             if state != "active" or session != since:

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <thread>
@@ -34,6 +35,7 @@ void StandInSession::serve(const Arguments& options) {
 }
 
 void StandInSession::arm(const Arguments& options) {
+  if (server_) server_->send_signal(SIGRTMIN);  // As the person at the device does after a fault.
   client_.reset();
   client_.emplace(client_command(port_) + Arguments{"--duration", "60", "--quiet"} + options);
 }

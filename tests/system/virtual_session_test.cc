@@ -398,12 +398,12 @@ TEST_CASE(
   heavy.tool.links[0].mass = 1e9;
   tick_with(heavy);
   CHECK(link.last_sent<protocol::Reject>().reason == protocol::RejectReason::kTool);
-  servo->obey(OperatorAct::kStop);
+  servo->obey(Intervention::kStop);
   tick_with(planar_hello());
   CHECK(link.last_sent<protocol::Reject>().reason == protocol::RejectReason::kFault);
   protocol::Hello of_a_person = planar_hello();
   of_a_person.clears_fault = true;
-  servo->obey(OperatorAct::kClear);
+  servo->obey(Intervention::kClear);
   tick_with(of_a_person);
   CHECK(session.active());
   CHECK(allocations == 0);

@@ -1,6 +1,8 @@
 // What is wrong, and what to do about it: one sentence, or none.
 
 const STALE_MS = 2000;
+/** Faults of the client's numbers: all others are released at the device's machine. */
+const CLIENTS_FAULTS = ['non_finite', 'implausible'];
 
 /**
  * `link`: open, frameAt (ms, of the last frame). Returns {kind, text, cut}, or null if all is well;
@@ -19,7 +21,7 @@ export function troubleOf(link, frame, now) {
   if (!frame) return null;
   if (frame.rejected === 'fault') {
     return { kind: 'fault', cut: 'haptic_server waits after a fault',
-             text: 'haptic_server had a fault and keeps the force off until you press Reset. Its log says which.' };
+             text: `haptic_server keeps the force off after a ${frame.rejection}: press Reset.` };
   }
   if (frame.rejected === 'busy') {
     return { kind: 'busy', cut: 'haptic_server is busy',
@@ -35,7 +37,9 @@ export function troubleOf(link, frame, now) {
              text: 'haptic_server does not answer: start it, or check --server.' };
   }
   if (frame.server === 'fault') {
-    return { kind: 'fault', text: `Fault ${frame.fault}: ${frame.cause}. ${sentence(frame.remedy)}, then press Reset.` };
+    return { kind: 'fault',
+             text: `Fault ${frame.fault}: ${frame.cause}. ${sentence(frame.remedy)}, `
+               + (CLIENTS_FAULTS.includes(frame.fault) ? '' : 'run haptic_doctor clear at the server, ') + 'then press Reset.' };
   }
   // A client in the state arming has had no time yet to send anything.
   if (frame.server === 'fading' || frame.fade === 'contacts_old' || frame.fade === 'updates_invalid') {

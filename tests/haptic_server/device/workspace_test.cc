@@ -90,7 +90,7 @@ TEST_CASE("The ledger at the handle is the raw device's own work, whatever frame
   const auto [frame, s, r] = GENERATE(table<std::string, double, double>(
       {{"x y z", 1, 1}, {"-z x -y", 7, 1}, {"10 -40 120", 0.2, 3}, {"y z x", 30, 0.05}}));
   Bench bench({.frame = frame, .scale = s, .rotation_scale = r});
-  EnergyTank tank(1e6, bench.device->ratings().scale);
+  EnergyTank tank({.capacity = 1e6}, bench.device->ratings().scale);
   double given = 0;
   double taken = 0;
   Wrench F = Wrench::Zero();

@@ -333,7 +333,7 @@ TEST_CASE("A fault is no force, device off, in the same tick, until a session th
 
   if (ends_at_device(failure.fault)) {
     CHECK(bench.begin().fault == failure.fault);
-    bench.servo->obey(OperatorAct::kClear);
+    bench.servo->obey(Intervention::kClear);
   }
   CHECK(bench.begin().server == ServerState::kArming);
   CHECK(bench.tick().fault == Fault::kNone);
@@ -357,7 +357,7 @@ TEST_CASE(
   CHECK_FALSE(bench.device.enabled);
   bench.clears_fault = true;
   CHECK(bench.begin().fault == Fault::kOverrun);
-  bench.servo->obey(OperatorAct::kClear);
+  bench.servo->obey(Intervention::kClear);
   CHECK(bench.begin().server == ServerState::kArming);
   CHECK(bench.device.enabled);
 }
@@ -452,7 +452,7 @@ TEST_CASE("An operator's stop is a fault in any state, with a session or without
   for (const bool in_session : {false, true}) {
     ServoBench bench;
     if (in_session) begin_under_load(bench);
-    bench.servo->obey(OperatorAct::kStop);
+    bench.servo->obey(Intervention::kStop);
     CHECK(bench.device.written.norm() == 0);
     CHECK_FALSE(bench.device.enabled);
     CHECK(bench.tick().fault == Fault::kOperatorStop);
@@ -460,7 +460,7 @@ TEST_CASE("An operator's stop is a fault in any state, with a session or without
     CHECK(bench.begin().fault == Fault::kOperatorStop);
     bench.clears_fault = true;
     CHECK(bench.begin().fault == Fault::kOperatorStop);  // No packet ends it.
-    bench.servo->obey(OperatorAct::kClear);
+    bench.servo->obey(Intervention::kClear);
     bench.clears_fault = false;
     CHECK(bench.begin().fault == Fault::kOperatorStop);  // Nor does its client by itself.
     bench.clears_fault = true;
@@ -474,11 +474,11 @@ TEST_CASE("A stop after a fault that a client may end is a stop, and ends an ear
   bench.device.state->F_hand = planar_wrench(0, std::nan(""), 0);
   CHECK(bench.tick().fault == Fault::kNonFinite);
   bench.device.state->F_hand.reset();
-  bench.servo->obey(OperatorAct::kClear);
-  bench.servo->obey(OperatorAct::kStop);
+  bench.servo->obey(Intervention::kClear);
+  bench.servo->obey(Intervention::kStop);
   CHECK(bench.begin().fault == Fault::kOperatorStop);
-  bench.servo->obey(OperatorAct::kClear);
-  bench.servo->obey(OperatorAct::kStop);
+  bench.servo->obey(Intervention::kClear);
+  bench.servo->obey(Intervention::kStop);
   CHECK(bench.begin().fault == Fault::kOperatorStop);
 }
 

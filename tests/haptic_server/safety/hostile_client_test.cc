@@ -85,7 +85,7 @@ class HostileSession {
   /// As a person at the device would.
   void clear() {
     if (!ends_at_device(fault_)) return;
-    servo_->obey(OperatorAct::kClear);
+    servo_->obey(Intervention::kClear);
     const double forgiven = std::max(0.0, -port_.tank);
     forgiven_ += forgiven;
     net_ -= forgiven;
