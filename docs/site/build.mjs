@@ -19,6 +19,7 @@ const MENU = {
   'Connect': [
     ['docs/adapter.md', 'Adapters'],
     ['docs/devices.md', 'Devices'],
+    ['docs/safety.md', 'Safety case'],
     ['docs/worlds.md', 'Worlds'],
   ],
   'Use': [

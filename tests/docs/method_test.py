@@ -1,5 +1,5 @@
 """Checks the method document: docs/method.md lists every section of docs/method/, what the tree cites exists, and so do the
-tests that are named.
+tests that are named there and in docs/safety.md.
 
 Usage: method_test.py PROJECT_FOLDER
 """
@@ -62,7 +62,7 @@ def find_missing_tests(root, document):
         literals = (LITERAL.findall(case) for case in TEST_CASE.findall(read(path)))
         cases.setdefault(os.path.basename(path), set()).update("".join(case) for case in literals)
     named = [(file, " ".join(case.split())) for file, case in NAMED_TEST.findall(document)]
-    wrong = [f"docs/method: no test '{case}' in {file}"
+    wrong = [f"docs/method, docs/safety.md: no test '{case}' in {file}"
              for file, case in named if case not in cases.get(file, ())]
     return wrong, len(named) - len(wrong)
 
@@ -76,7 +76,8 @@ def main():
     wrong = find_wrong_entries(index, parts)
     wrong += [f"docs/method has section {n} twice" for n in sorted(set(headings)) if headings.count(n) > 1]
     wrong_sections, sections = find_missing_sections(root, set(headings))
-    wrong_tests, tests = find_missing_tests(root, "\n".join(parts.values()))
+    safety = read(os.path.join(root, "docs", "safety.md"))
+    wrong_tests, tests = find_missing_tests(root, "\n".join([*parts.values(), safety]))
     if wrong or wrong_sections or wrong_tests:
         sys.exit("\n".join(wrong + wrong_sections + wrong_tests))
     if not sections or not tests:
