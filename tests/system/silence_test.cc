@@ -140,5 +140,31 @@ TEST_CASE("A client falls silent while a body is held: without a jump the force 
   }
 }
 
+TEST_CASE("A client that stalls for up to 0.1 s drops nothing that is carried, nor is it thrown") {
+  const double speed = GENERATE(0.0, 0.05, 0.1);                        // m/s, upwards
+  const double stall = GENERATE(0.03, 0.05, 0.06, 0.065, 0.07, 0.085);  // s beyond the frame's own
+  CAPTURE(speed, stall);
+  VirtualSessionOptions options;
+  options.world = cube_and_tray();
+  options.tool = "tray";
+  options.hand = {{move_up(0, 0.4), move_up(0.1, 1), move_up(0.1, 1.3), move_up(0.1 + speed, 1),
+                   move_up(0.1 + speed, 3)},
+                  server::AfterLastSegment::kHold};
+  options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.rate_low = options.rate_high = 60;
+  std::vector<TickRecord> ticks;
+  VirtualSession session(options, [&](const TickRecord& tick) { ticks.push_back(tick); });
+  session.run(3);
+  session.run_server_alone(stall);
+  ticks.clear();
+  session.run(2.5);
+  double force = 0;  // N
+  for (const TickRecord& tick : ticks) force = std::max(force, tick.F_env.head<3>().norm());
+  CHECK(force < 3 * kWeight);  // At 0.1 m/s the tray goes 8 mm into the cube meanwhile.
+  CHECK(session.last().F_env[2] == Approx(-kWeight).epsilon(0.03));
+  CHECK(session.environment().world.X_WB(kCube).p.z() ==
+        Approx(session.environment().tools.front().tool.q().z() + 0.03).margin(1.5e-3));
+}
+
 }  // namespace
 }  // namespace hlm::test
