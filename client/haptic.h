@@ -75,7 +75,7 @@ typedef struct haptic_options {
   double q[HAPTIC_MAX_CONFIGURATION]; /* where the tool is now */
   double rate;                        /* of the simulator's steps, Hz */
   double epsilon;                     /* contacts are sent up to this separation, m, >= 0 */
-  int32_t clears_fault;               /* 1: a person asks for this session, which ends a fault */
+  int32_t clears_fault;               /* 1: a person asks for this session: ends a released fault */
 } haptic_options;
 
 enum haptic_side { HAPTIC_WORLD = 0, HAPTIC_TOOL_LINK = 1, HAPTIC_MOVABLE_BODY = 2 };

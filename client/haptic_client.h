@@ -20,7 +20,8 @@ struct HapticClientOptions {
   double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
   double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
   std::uint64_t nonce = 0;  ///< Nonce of the first session; 0: random, as all later ones are.
-  /// A person asks for the first session: if it is had within 2 s it ends a fault of the server.
+  /// A person asks for the first session: if it is had within 2 s it ends a fault that was
+  /// released at the device.
   bool clears_fault = true;
   protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
 };

@@ -161,6 +161,7 @@ class WithServer(unittest.TestCase):
             process.send_signal(signal.SIGCONT)
             until(touch, lambda: "fault" in touch.message)
             touch.close()
+            process.send_signal(signal.SIGRTMIN)  # as haptic_doctor clear does at the device's machine
             with haptic.Session(address, box(), rate=RATE) as anew:
                 until(anew, lambda: anew.connected)
 
