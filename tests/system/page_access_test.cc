@@ -71,7 +71,7 @@ TEST_CASE("Beyond loopback, and with a key, the page is for those with the token
   if (beyond) CHECK_THAT(site.client->error(), ContainsSubstring("nothing is encrypted"));
 }
 
-TEST_CASE("--insecure serves the page to everyone, and warns once of what that exposes") {
+TEST_CASE("An insecure page is served to everyone, and one warning says what that exposes") {
   const Site site("0.0.0.0", {"--insecure"});
   CHECK(site.token().empty());
   CHECK(site.get("/") == 200);
