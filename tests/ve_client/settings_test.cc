@@ -139,7 +139,7 @@ TEST_CASE("Help names the units") {
                            ContainsSubstring("3 the server never"));
 }
 
-TEST_CASE("--help shows what most people need, and says where the rest is") {
+TEST_CASE("Help shows what most people need, and says where the rest is") {
   const Parsed help = parse({"--help"});
   CHECK_THAT(help.out, ContainsSubstring("--world FILE") && ContainsSubstring("--help-all") &&
                            !ContainsSubstring("--follow-damping"));
