@@ -30,9 +30,10 @@ RunningServer parsed(const json& state) {
   server.process = state.at("process").get<pid_t>();
   server.age = now() - state.at("written").get<double>();
   server.listen = state.at("listen").get<std::string>();
-  server.capture = state.value("capture", "");  // Servers of older versions do not say.
+  // Servers of older versions do not say these.
+  server.capture = state.value("capture", "");
+  server.fault = state.value("fault", "none");
   server.rate = state.at("rate").get<double>();
-  server.fault = state.at("fault").get<std::string>();
   server.session = state.at("session").get<bool>();
   server.silence = state.at("silence").get<double>();
   server.update_rate = number_or_none(state.at("update_rate"));
