@@ -31,8 +31,6 @@ HapticClient::Inbox HapticClient::poll(double now) {
   if (inbox.welcomed || inbox.lost) playout_.reset();
   if (inbox.state != nullptr) playout_.hear(inbox.state->step);
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
-  since_frame_ = now - frame_at_;
-  frame_at_ = now;
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
   return inbox;
@@ -49,7 +47,8 @@ DueImpulses HapticClient::take_impulses(double period) {
   if (!connected()) return {};
   // A world of fixed frames makes up for no stall: what the hand did meanwhile is no push at once.
   // In longer ones the server itself let go.
-  const bool short_stall = stood_still_ && since_frame_ <= welcome().silence_time + 1 / ve_rate_;
+  const bool short_stall =
+      stood_still_ && world_time_.passed() <= welcome().silence_time + 1 / ve_rate_;
   if (short_stall && !in_real_time_) playout_.skip();
   const double usual = in_real_time_ ? 1 / ve_rate_ : 0;
   return playout_.take(period * welcome().servo_rate, usual * welcome().servo_rate);

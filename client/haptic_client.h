@@ -74,8 +74,6 @@ class HapticClient {
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Update of the latest sample.
   ImpulsePlayout playout_;
-  double frame_at_ = 0;     ///< Begin of the latest frame, s.
-  double since_frame_ = 0;  ///< Time from the frame before to it, s.
   WorldTime world_time_;
   double ve_rate_;             ///< Hz.
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.

@@ -19,11 +19,11 @@ constexpr double kMostSteps = 1e6;
 }  // namespace
 
 bool WorldTime::begin_frame(double now, double silence_time) noexcept {
-  const double passed = begun_ ? now - begun_at_ : period_;
+  passed_ = begun_ ? now - begun_at_ : period_;
   // The server hears of a frame up to a period after it began.
-  const bool can_make_up = passed <= silence_time - period_ && slow_ < kSlowFrames;
-  const bool makes_up = passed <= period_ || can_make_up;
-  owed_ = std::min(owed_ + (makes_up ? passed : std::min(passed, period_)),
+  const bool can_make_up = passed_ <= silence_time - period_ && slow_ < kSlowFrames;
+  const bool makes_up = passed_ <= period_ || can_make_up;
+  owed_ = std::min(owed_ + (makes_up ? passed_ : std::min(passed_, period_)),
                    std::max(silence_time, period_));
   if (!begun_) stepped_at_ = now - period_;
   begun_at_ = now;

@@ -16,6 +16,8 @@ class WorldTime {
   /// A frame begins at `now`, s. silence_time: of the server, s. False if the world does not make
   /// up for the time since the frame before.
   bool begin_frame(double now, double silence_time) noexcept;
+  /// Time from the frame before to the latest, s; a period in the first.
+  double passed() const noexcept { return passed_; }
   /// How many steps of `step` seconds, > 0, must be taken in it; may be 0. The rest is left for the
   /// next. reported: time from what the bodies got of the hand's impulses to the latest report of
   /// them, s.
@@ -25,8 +27,9 @@ class WorldTime {
 
  private:
   double period_;
-  bool begun_ = false;     ///< There was a frame before.
-  double begun_at_ = 0;    ///< s.
+  bool begun_ = false;   ///< There was a frame before.
+  double begun_at_ = 0;  ///< s.
+  double passed_ = 0;
   double stepped_at_ = 0;  ///< Begin of the latest frame with steps, s.
   double owed_ = 0;        ///< s.
   int slow_ = 0;  ///< Frames whose steps took longer than they simulate, one after another.

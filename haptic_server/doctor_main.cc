@@ -1,7 +1,4 @@
 // haptic_doctor: whether machine, network and device can do it, and why nothing is felt.
-#include <cerrno>
-#include <csignal>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -13,6 +10,7 @@
 #include "hlm/doctor/contact_examination.h"
 #include "hlm/doctor/device_check.h"
 #include "hlm/doctor/device_examination.h"
+#include "hlm/doctor/fault_release.h"
 #include "hlm/doctor/force_examination.h"
 #include "hlm/doctor/machine.h"
 #include "hlm/doctor/network.h"
@@ -72,17 +70,7 @@ int clear_fault(const DoctorOptions& options) {
                                " is no server that runs on this machine: a fault is cleared where "
                                "the device is");
   }
-  if (kill(running->process, SIGRTMIN) != 0) {
-    throw std::runtime_error("process " + std::to_string(running->process) + ", the server at " +
-                             running->listen + ", cannot be told: " + std::strerror(errno));
-  }
-  const bool has_fault = running->fault != name_of(Fault::kNone);
-  std::cout << "the server at " << running->listen << ' '
-            << (has_fault ? "had the fault " + running->fault +
-                                ": it ends with the next session "
-                                "that a person asks for"
-                          : std::string("has no fault"))
-            << std::endl;
+  std::cout << release_fault(*running) << std::endl;
   return kOk;
 }
 
@@ -263,6 +251,10 @@ void check_options(const DoctorOptions& options) {
   if (options.subject != kDeviceCheck && (options.push || has_axes)) {
     throw settings::UsageError(std::string(options.push ? "--push" : "--world-axes") +
                                " goes with 'device' only: haptic_doctor device");
+  }
+  const bool writes = options.json || !options.report.empty() || options.part != Part::kAll;
+  if (options.subject == kClear && writes) {
+    throw settings::UsageError("'clear' goes with --server only: it examines nothing");
   }
   if (const auto error = find_error_in_axes(options.world_axes)) {
     throw settings::UsageError("--" + *error);

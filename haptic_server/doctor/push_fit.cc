@@ -14,7 +14,7 @@ using Eigen::VectorXd;
 
 constexpr double kLongestDelay = 0.06;  // s.
 constexpr double kDelayStep = 0.25e-3;  // s.
-constexpr double kLeastWay = 1e-4;      // m.
+constexpr double kLeastFitWay = 1e-4;   // m.
 /// A handle slower than this share of its fastest, after that, counts as at rest.
 constexpr double kRestShare = 0.1;
 constexpr double kSpeedTime = 0.01;  ///< Time over which speed is found from the way, s.
@@ -56,7 +56,7 @@ Index count_until_rest(const VectorXd& time, const VectorXd& way) {
   for (Index k = step; k < way.size(); ++k) {
     const double speed = way[k] - way[k - step];
     fastest = std::max(fastest, speed);
-    const bool has_moved = fastest > kLeastWay / 2;
+    const bool has_moved = fastest > kLeastFitWay / 2;
     if (has_moved && speed < kRestShare * fastest) return k;
   }
   return way.size();
@@ -78,7 +78,7 @@ std::optional<Track> track_of(const std::vector<HandleSample>& samples, const Ve
   }
   way.array() -= way.head(first - samples.begin()).mean();
   const Index count = count_until_rest(time, way);
-  if (way.head(count).maxCoeff() < kLeastWay) return std::nullopt;
+  if (way.head(count).maxCoeff() < kLeastFitWay) return std::nullopt;
   Track track;
   track.time = time.head(count);
   track.way = way.head(count);

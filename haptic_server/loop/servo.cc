@@ -24,7 +24,8 @@ constexpr double kLargestDistance = 5;
 
 /// Time without a guard that is a fault, s: a guard that is only kept waiting is back before.
 constexpr double kLongestUnguarded = 0.5;
-constexpr const char* kUnguarded = "the process that guards its motors is gone or stopped";
+constexpr const char* kUnguarded =
+    "the process that guards its motors is gone or stopped: restart the server";
 
 const ReportedContacts kNoContacts;
 
@@ -175,8 +176,9 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
     fail(Fault::kOverrun);
   }
-  unguarded_time_ = unguarded_ ? unguarded_time_ + static_cast<double>(1 + timing.missed) * dt_ : 0;
-  if (unguarded_time_ > kLongestUnguarded && machine_.simulates()) {
+  const bool counts = unguarded_ && machine_.simulates();
+  unguarded_time_ = counts ? unguarded_time_ + static_cast<double>(1 + timing.missed) * dt_ : 0;
+  if (unguarded_time_ > kLongestUnguarded) {
     fail(Fault::kDevice);
     cause_ = kUnguarded;
   }

@@ -42,7 +42,7 @@ class Servo {
   const TickRecord& tick(const Timing& timing) noexcept;
 
   /// What comes from the device's machine; before each tick, from their thread.
-  void obey(Intervention act) noexcept;
+  void obey(Intervention intervention) noexcept;
 
   /// The exchange in the latest tick.
   const DeviceExchange& exchange() const noexcept { return exchange_; }
@@ -94,7 +94,7 @@ class Servo {
   Pose X_WStart_;           ///< Pose of the handle, as the session began, or the clutch was let go.
   double lowered_ = 0;      ///< Share lowered by the control in effect, as in protocol::ProxyState.
   bool unguarded_ = false;  ///< Nothing looks whether the loop goes on.
-  double unguarded_time_ = 0;  ///< For how long, s.
+  double unguarded_time_ = 0;  ///< For how long in the session, s.
   bool clutched_ = false;      ///< Whether the device was clutched when last read.
   const char* cause_ = "";     ///< Why the device failed, in a fault of it.
   DeviceExchange exchange_;

@@ -127,7 +127,9 @@ void note_device(protocol::RecordingLink& link, const Device& device) noexcept {
 
 void note_tick(protocol::RecordingLink& link, const Timing& timing, Intervention act,
                const DeviceExchange& device) noexcept {
-  if (!device.read && act == Intervention::kNone && link.received().empty()) return;
+  // Without a session a guard that is gone does nothing, and would be noted in every tick.
+  const bool acts = act != Intervention::kNone && act != Intervention::kUnguarded;
+  if (!device.read && !acts && link.received().empty()) return;
   link.note(protocol::view(encode(TickNote{.tick = timing.tick,
                                            .begin = timing.begin,
                                            .missed = timing.missed,

@@ -39,7 +39,9 @@ struct EnergyLimits {
 /// `claim` and gains `claim_power`, and the weight that the hand lifted may come down again
 /// besides. So whatever a client says, and however often it asks for a session, in any time t
 ///
-///     given - taken <= bound() + claim_power · t + the work of lifting before.
+///     given - taken <= bound() + claim_power · t + the work of lifting before
+///
+/// and up to one capacity more for each settle(), which takes a person at the device.
 class EnergyTank {
  public:
   /// The power that may be given is the tank's level over this time, s. Longer softens the return

@@ -95,7 +95,8 @@ class VirtualServer {
       return nullptr;
     }
     timing.missed = std::exchange(missed_, 0);
-    const Intervention act = std::exchange(act_, Intervention::kNone);
+    const Intervention act = act_ticks_ > 0 ? act_ : Intervention::kNone;
+    act_ticks_ = std::max(0, act_ticks_ - 1);
     servo_->obey(act);
     last_ = servo_->tick(timing);
     if (options_.recorded) server::note_tick(link_, timing, act, servo_->exchange());
@@ -104,10 +105,11 @@ class VirtualServer {
 
   /// Misses so many periods.
   void stall(std::uint64_t periods) { stalls_ += periods; }
-  /// An operator stops the force before the next tick.
-  void stop_force() { act_ = Intervention::kStop; }
-  /// A person at the device lets a fault end, before the next tick.
-  void clear_fault() { act_ = Intervention::kClear; }
+  /// What comes from the device's machine before each of the next ticks.
+  void intervene(Intervention act, int ticks = 1) {
+    act_ = act;
+    act_ticks_ = ticks;
+  }
 
   const server::TickRecord& last() const { return last_; }
   server::Servo& servo() { return *servo_; }
@@ -128,6 +130,7 @@ class VirtualServer {
   std::uint64_t stalls_ = 0;
   std::uint64_t missed_ = 0;
   Intervention act_ = Intervention::kNone;
+  int act_ticks_ = 0;
   server::TickRecord last_;
 };
 

@@ -273,6 +273,32 @@ TEST_CASE("The doctor names a fault, and leaves it") {
   CHECK_THAT(force.output, ContainsSubstring("fault overrun"));
 }
 
+TEST_CASE("A fault ends by the doctor's word at the server, and by no client's") {
+  Clinic clinic;
+  clinic.start_session();
+  clinic.server->send_signal(SIGUSR2);
+  clinic.names("session", "fault operator_stop");
+  clinic.client.emplace(client_command(clinic.port));
+  CHECK(clinic.client->wait_for_error("run haptic_doctor clear at the server", 10));
+  const Finished clear = run(clinic.in_directory() +
+                             Arguments{HLM_DOCTOR, "clear", "--server", loopback(clinic.port)});
+  INFO(clear.output << clear.error);
+  CHECK(clear.exit_code == 0);
+  CHECK_THAT(clear.output, ContainsSubstring("has the fault operator_stop: it ends with the next"));
+  clinic.client.emplace(client_command(clinic.port));
+  CHECK(clinic.client->wait_for_error("began", 10));
+}
+
+TEST_CASE(
+    "The doctor clears only where a server runs that can be told, and examines nothing then") {
+  const Finished nowhere = run({HLM_DOCTOR, "clear", "--server", loopback(free_port())});
+  CHECK(nowhere.exit_code == 2);
+  CHECK_THAT(nowhere.error, ContainsSubstring("is no server that runs on this machine"));
+  const Finished both = run({HLM_DOCTOR, "clear", "--json"});
+  CHECK(both.exit_code == 2);
+  CHECK_THAT(both.error, ContainsSubstring("'clear' goes with --server only"));
+}
+
 TEST_CASE("The doctor measures an idle server, and leaves one with a client alone") {
   Clinic clinic;
   clinic.start_server();

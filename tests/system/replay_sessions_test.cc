@@ -115,13 +115,19 @@ class RandomSession {
   }
 
   void happen(VirtualSession& session) {
-    switch (random_.integer(0, 9)) {
+    switch (random_.integer(0, 12)) {
       case 0:  // Each side stalls, some shorter and some longer than it may.
         return session.server(0).stall(static_cast<std::uint64_t>(random_.integer(1, 400)));
       case 1:
         return session.run_server_alone(random_.uniform(0.01, 0.7));
       case 2:
-        return session.server(0).stop_force();
+        return session.server(0).intervene(Intervention::kStop);
+      case 10:
+        return session.server(0).intervene(Intervention::kClear);
+      case 11:
+        return session.server(0).intervene(Intervention::kHalted, random_.integer(1, 3));
+      case 12:
+        return session.server(0).intervene(Intervention::kUnguarded, random_.integer(1, 700));
       case 3:
         return flood(session);
       case 4:

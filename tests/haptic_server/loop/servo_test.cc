@@ -468,6 +468,45 @@ TEST_CASE("An operator's stop is a fault in any state, with a session or without
   }
 }
 
+TEST_CASE("After a halt by the guard the device is on again, and force rises from none") {
+  ServoBench bench;
+  begin_under_load(bench);
+  bench.device.enabled = false;
+  bench.servo->obey(Intervention::kHalted);
+  CHECK(bench.device.enabled);
+  const TickRecord& first = bench.tick_with(bench.update());
+  CHECK(first.F_command.norm() < 0.1);  // N: of 3
+  CHECK(first.fault == Fault::kNone);
+  CHECK(bench.ticks(150).F_command.norm() == Approx(3).epsilon(0.1));
+}
+
+TEST_CASE("Without a guard force fades in 20 ms, comes back with it, and after 0.5 s is a fault") {
+  ServoBench bench;
+  begin_under_load(bench);
+  const auto unguarded = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      bench.servo->obey(Intervention::kUnguarded);
+      i % 100 == 0 ? bench.tick_with(bench.update()) : bench.tick();
+    }
+    return bench.device.written.norm();
+  };
+  CHECK(unguarded(21) == 0);
+  for (int i = 0; i < 2; ++i) {
+    bench.servo->obey(Intervention::kNone);
+    bench.tick_with(bench.update());
+    bench.ticks(120);
+  }
+  CHECK(bench.device.written.norm() == Approx(3).epsilon(0.1));  // N
+  unguarded(495);
+  CHECK(bench.device.enabled);
+  unguarded(10);
+  CHECK_FALSE(bench.device.enabled);
+  CHECK(bench.begin().fault == Fault::kDevice);
+  const auto reject = bench.last_sent<protocol::Reject>();
+  CHECK(std::string(reject.text.begin(), reject.text.end()).find("guards its motors is gone") !=
+        std::string::npos);
+}
+
 TEST_CASE("A stop after a fault that a client may end is a stop, and ends an earlier release") {
   ServoBench bench;
   begin_under_load(bench);
