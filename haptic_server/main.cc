@@ -185,6 +185,7 @@ void run_server(ServerOptions& options) {
   if (!key && !options.insecure) check_is_loopback(options.listen, address);
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);
+  check_time_guard(*device, options);
   if (const auto lowered = suit_to(*device, options.physics)) spdlog::warn("{}", *lowered);
   for (const std::string& doubt : doubts_about(options.physics, *device)) {
     spdlog::warn("{}", doubt);

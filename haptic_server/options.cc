@@ -103,6 +103,12 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
       "Last part of each wait that is spent spinning, at most half a period; costs its share "
       "of one core. Unset: with real-time rights 0.0001, at most 0.4 periods (10 % of a core "
       "at 1 kHz, 40 % from 4 kHz on); without them 0");
+  table.group("Device");
+  table.flag(
+      "without-time-guard", options.without_time_guard,
+      "Use a device that keeps its last force when no commands come: OpenHaptics, Haply. If "
+      "the server and its guard die in the same instant only its enable switch, or its plug, "
+      "ends that force");
   table.group("Recording");
   table.file("record", options.record, "Write all datagrams to this capture file, pcap");
   table.file("log", options.log, "Write every tick's signals to this file, CSV");
@@ -141,6 +147,15 @@ std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options
                          servo.local_model);
 }
 
+void check_time_guard(const Device& device, const ServerOptions& options) {
+  if (std::isfinite(device.ratings().time_guard) || options.without_time_guard) return;
+  throw UsageError(fmt::format(
+      "{} has no time guard: if the server and its guard die in the same instant, its last force "
+      "stays. Take a device that ends its force without commands, or say --without-time-guard and "
+      "keep its enable switch or its plug within reach of whoever holds it",
+      device.name()));
+}
+
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device) {
   const ServoOptions& servo = options.servo;
   const DeviceRatings& rated = device.ratings();
@@ -154,8 +169,8 @@ std::vector<std::string> doubts_about(const PhysicsOptions& options, const Devic
   }
   if (!rated.halts && std::isinf(rated.time_guard)) {
     doubts.emplace_back(
-        "this device has no time guard, and cannot be stopped from outside: if the server is "
-        "killed, its last force stays");
+        "this device cannot be stopped from outside: if the server is killed, its last force stays "
+        "until its enable switch opens");
   }
   if (rated.max_torque == 0) {
     doubts.push_back("this device takes no torque: its handle turns freely");

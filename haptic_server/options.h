@@ -26,6 +26,7 @@ struct ServerOptions {
   std::string listen = "127.0.0.1:47800";  ///< ADDRESS:PORT.
   std::string key_file;                    ///< Empty: datagrams are not sealed.
   bool insecure = false;                   ///< Without a key at any address.
+  bool without_time_guard = false;         ///< With a device that has none.
   RealtimeOptions realtime;
   PeriodicLoopOptions loop;  ///< Loop options; their rate is the servo's.
   std::string record;        ///< Capture file; empty: none.
@@ -51,6 +52,10 @@ void check(const ServerOptions& options);
 /// Lowers the stiffness that this device does not support, unless `options` keep it. Returns a
 /// sentence for a person that says so; empty if nothing was lowered.
 std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options);
+
+/// Throws settings::UsageError if the device keeps its last command for ever when nobody renews it,
+/// unless `options` put up with that.
+void check_time_guard(const Device& device, const ServerOptions& options);
 
 /// What is doubtful about options on this device: sentences for a person.
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device);

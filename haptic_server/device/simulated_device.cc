@@ -2,6 +2,7 @@
 
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -39,6 +40,7 @@ DeviceRatings ratings_of(const SimulatedDeviceOptions& options) noexcept {
           .inertia = options.inertia,
           .damping = options.damping,
           .freedoms = options.freedom == DeviceFreedom::kPlanar ? kPlanarFreedoms : kAllFreedoms,
+          .time_guard = options.amplifier.empty() ? 0 : std::numeric_limits<double>::infinity(),
           .halts = true};
 }
 

@@ -45,7 +45,7 @@ class AmplifierView {
 struct PushingServer {
   PushingServer()
       : server(server_command(port) + pushing_hand(directory, 5) +
-               Arguments{"--device-option", "amplifier=" + file}) {
+               Arguments{"--device-option", "amplifier=" + file, "--without-time-guard"}) {
     REQUIRE(server.wait_for_error("listening", 10));
     client.emplace(client_command(port) + Arguments{"--duration", "60"});
     REQUIRE(wait_until(20, [&] { return AmplifierView(file).force() > 3; }));

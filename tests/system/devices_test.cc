@@ -223,5 +223,29 @@ TEST_CASE("A list of devices names those that the vendors' libraries find, or wh
   CHECK_THAT(missing.error, ContainsSubstring("/nowhere/libHD.so not found"));
 }
 
+TEST_CASE(
+    "A device that keeps its last force without commands is refused, unless that is accepted") {
+  const Arguments touch{HLM_SERVER,
+                        "--device",
+                        "openhaptics",
+                        "--duration",
+                        "0.1",
+                        "--device-option",
+                        "library=" HLM_STAND_INS "/libHD.so"};
+  const Finished refused = run(touch);
+  CHECK(refused.exit_code == 2);
+  CHECK_THAT(refused.error, ContainsSubstring("OpenHaptics Touch has no time guard") &&
+                                ContainsSubstring("--without-time-guard"));
+  CHECK(run(touch + Arguments{"--without-time-guard"}).exit_code == 0);
+  const Arguments sigma{HLM_SERVER,
+                        "--device",
+                        "forcedimension",
+                        "--duration",
+                        "0.1",
+                        "--device-option",
+                        "library=" HLM_STAND_INS "/libdhd.so"};
+  CHECK(run(sigma).exit_code == 0);
+}
+
 }  // namespace
 }  // namespace hlm::test

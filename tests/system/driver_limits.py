@@ -30,12 +30,12 @@ UNSTABLE = 0.01  # J in the window, as in the experiments
 # Force of the hand, N; the server's options; mass (kg) and delay (s) that it is told; the program of the vendor's side.
 DRIVERS = {
     "forcedimension": (3, ["--device", "forcedimension"], (0.3, 0.001), None),
-    "openhaptics": (2, ["--device", "openhaptics"], (0.1, 0.002), None),
-    "haply": (3, ["--device", "haply", "--device-option", "address=127.0.0.1:{port}"], (1, 0.002),
+    "openhaptics": (2, ["--without-time-guard", "--device", "openhaptics"], (0.1, 0.002), None),
+    "haply": (3, ["--without-time-guard", "--device", "haply", "--device-option", "address=127.0.0.1:{port}"], (1, 0.002),
               ["inverse_service", "{port}"]),
-    "haply at 200 Hz": (3, ["--device", "haply", "--device-option", "address=127.0.0.1:{port}"], (1, 0.007),
+    "haply at 200 Hz": (3, ["--without-time-guard", "--device", "haply", "--device-option", "address=127.0.0.1:{port}"], (1, 0.007),
                         ["inverse_service", "{port}"]),
-    "haply2diy": (1, ["--device", "haply2diy", "--device-option", "port={folder}/tty"], (0.2, 0.003),
+    "haply2diy": (1, ["--without-time-guard", "--device", "haply2diy", "--device-option", "port={folder}/tty"], (0.2, 0.003),
                   ["diy_board", "{folder}/tty"]),
 }
 METHODS = {

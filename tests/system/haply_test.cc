@@ -28,8 +28,9 @@ struct InverseSession : StandInSession {
   explicit InverseSession(const std::string& wrench, const Arguments& options = {})
       : StandInSession(wrench), port(free_port()), events(free_port()) {
     start_service();
-    serve(Arguments{"--device", "haply", "--device-option", "address=ws://" + loopback(port),
-                    "--device-option", "events=" + std::to_string(events), "--stiffness", "1000"} +
+    serve(Arguments{"--without-time-guard", "--device", "haply", "--device-option",
+                    "address=ws://" + loopback(port), "--device-option",
+                    "events=" + std::to_string(events), "--stiffness", "1000"} +
           options);
   }
 
@@ -50,9 +51,9 @@ struct DiySession : StandInSession {
     board.emplace(Arguments{HLM_DIY_BOARD, file("port")});
     REQUIRE(wait_until(5, [&] { return access(file("port").c_str(), F_OK) == 0; }));
     // Its bytes pass through a thread of the kernel's, which a busy machine keeps waiting.
-    serve({"--device", "haply2diy", "--device-option", "port=" + file("port"), "--device-option",
-           "oldest=0.5", "--stiffness", "500", "--coupling-stiffness", "200", "--coupling-damping",
-           "5"});
+    serve({"--without-time-guard", "--device", "haply2diy", "--device-option",
+           "port=" + file("port"), "--device-option", "oldest=0.5", "--stiffness", "500",
+           "--coupling-stiffness", "200", "--coupling-damping", "5"});
   }
 
   void press() {

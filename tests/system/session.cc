@@ -11,7 +11,8 @@ Arguments operator+(Arguments a, const Arguments& b) {
 
 Arguments device_of(const std::string& name) {
   const Arguments device{"--device", name};
-  return name == "forcedimension" ? device + Arguments{"--device-option", "watchdog=0.03"} : device;
+  return device + (name == "forcedimension" ? Arguments{"--device-option", "watchdog=0.03"}
+                                            : Arguments{"--without-time-guard"});
 }
 
 std::string loopback(int port) { return "127.0.0.1:" + std::to_string(port); }
