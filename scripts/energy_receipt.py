@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Checks a receipt of haptic_replay --receipt against the tick log of the same session.
+"""Checks a receipt of haptic_replay --receipt against the tick log of the same session, or a tick log against the bound.
 
 From the commanded wrenches and the poses of the handle in the tick log it adds up what the device port gave and took
-between updates, by itself, and compares. Exit status 1 if any line differs by more than 1e-9 J.
+between updates, by itself, and compares. Exit status 1 if any line differs by more than 1e-9 J. With --bound instead of
+a receipt: if over any stretch of time t it gave more than ENERGY + POWER · t beyond what it took. A column `life`
+counts the faults that a person let end, which also forgives the energy that the port owed.
 """
 
 import csv
@@ -84,16 +86,48 @@ def compare(ticks, receipt, scale):
     return total, rows, largest
 
 
+def largest_excess(ticks, scale, power):
+    """(rows, time in s, the most in J that was given beyond what was taken and `power` (W) times time, at a stretch)"""
+    rows, time, most = 0, 0.0, 0.0
+    before, excess, least = None, 0.0, 0.0
+    for row in ticks:
+        rows += 1
+        if before is None or before.get("life") != row.get("life"):
+            excess = least = 0.0
+        else:
+            passed = float(row["time_s"]) - float(before["time_s"])
+            time += passed
+            excess += work(before, row, scale) - power * passed
+            least = min(least, excess)
+            most = max(most, excess - least)
+        before = row
+    return rows, time, most
+
+
+def check_bound(options):
+    energy, power = options.bound
+    with open(options.ticks, encoding="utf-8", newline="") as file:
+        rows, time, most = largest_excess(csv.DictReader(file), options.scale, power)
+    print(f"{rows} ticks, {time:.1f} s: at most {most:.4f} J + {power:g} W · t beyond what was taken; {energy:g} J is due")
+    sys.exit(0 if rows and most <= energy else 1)
+
+
 def main():
     parser = Arguments(__doc__)
     parser.add_argument("ticks", metavar="TICKS.csv", help="tick log of haptic_server")
-    parser.add_argument("receipt", metavar="RECEIPT.csv", help="what haptic_replay --receipt wrote")
-    parser.add_argument("scale", metavar="SCALE", type=float, nargs="?", default=1.0,
+    parser.add_argument("receipt", metavar="RECEIPT.csv", nargs="?", help="what haptic_replay --receipt wrote")
+    parser.add_argument("--scale", metavar="SCALE", type=float, default=1.0,
                         help="of the device: metres in the world for each metre of the handle; default %(default)s")
+    parser.add_argument("--bound", metavar=("ENERGY", "POWER"), type=float, nargs=2,
+                        help="J and W: of the server's defaults 3 and 1")
     options = parser.parse_args()
+    if (options.receipt is None) == (options.bound is None):
+        parser.error(f"{options.ticks} is compared with one of the two: RECEIPT.csv or --bound ENERGY POWER")
     if not 0 < options.scale < math.inf:
-        parser.error(f"SCALE '{options.scale}' must be a number above 0")
+        parser.error(f"--scale '{options.scale}' must be a number above 0")
     try:
+        if options.bound:
+            check_bound(options)
         total, rows, largest = compare(options.ticks, options.receipt, options.scale)
     except OSError as error:
         sys.exit(f"energy_receipt.py: {error.filename}: cannot be read: {error.strerror}")

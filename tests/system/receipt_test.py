@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """The energy receipt of a recorded session: from the capture, from the tick log, and as the server said.
 
-Usage: receipt_test.py HAPTIC_SERVER HAPTIC_REPLAY PROTOCOL.md [unittest arguments]
+Usage: receipt_test.py HAPTIC_SERVER HAPTIC_REPLAY PROTOCOL.md HOSTILE_CLIENT_TEST [unittest arguments]
 """
 
 import csv
+import os
 import pathlib
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import unittest
 import attacks_test
 from attacks_test import Client, Server
 
-REPLAY = None
+REPLAY = HOSTILE = None
 CHECK = pathlib.Path(__file__).parents[2] / "scripts" / "energy_receipt.py"
 TOLERANCE = 1e-9  # J
 
@@ -45,6 +46,19 @@ class Receipt(unittest.TestCase):
             self.assertAlmostEqual(sum(float(row[name + "_J"]) for row in rows), client.state[name], delta=TOLERANCE)
         self.assertGreater(client.state["taken"], 0.1)
 
+    def test_the_port_gives_a_hostile_client_no_more_than_its_bound(self):
+        folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        subprocess.run([HOSTILE, "A hostile client gets*"], env={**os.environ, "HLM_HOSTILE_LOG": f"{folder}/"},
+                       capture_output=True, check=True)
+        logs = sorted(folder.glob("*.csv"))
+        self.assertEqual(len(logs), 4)
+        for log in logs:
+            within = subprocess.run([sys.executable, CHECK, log, "--bound", "3", "1"], capture_output=True, text=True)
+            self.assertEqual(within.returncode, 0, within.stdout + within.stderr)
+        # Walls that are said to move do push.
+        above = subprocess.run([sys.executable, CHECK, log, "--bound", "3", "0"], capture_output=True, text=True)
+        self.assertEqual(above.returncode, 1, above.stdout + above.stderr)
+
     @staticmethod
     def changed(line):
         fields = line.split(",")
@@ -55,4 +69,5 @@ class Receipt(unittest.TestCase):
 if __name__ == "__main__":
     attacks_test.SERVER, REPLAY = sys.argv[1:3]
     attacks_test.DOC = attacks_test.Document(sys.argv[3])
-    unittest.main(argv=[sys.argv[0], *sys.argv[4:]], verbosity=2)
+    HOSTILE = sys.argv[4]
+    unittest.main(argv=[sys.argv[0], *sys.argv[5:]], verbosity=2)

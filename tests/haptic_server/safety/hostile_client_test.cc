@@ -2,7 +2,12 @@
 // simulated device, moved by a hand.
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
 #include <memory>
+#include <string>
+
+#include <spdlog/fmt/ostr.h>
 
 #include "hlm/device/simulated_device.h"
 #include "hlm/loop/servo.h"
@@ -24,6 +29,36 @@ HandScript moving_hand() {
   back.rotation = {0, 0, -0.1};
   return {{{0.3, there}, {0.2, back}}, AfterLastSegment::kRepeat};
 }
+
+/// What scripts/energy_receipt.py --bound reads of the ticks: files PREFIX0.csv, PREFIX1.csv, … for
+/// the environment variable HLM_HOSTILE_LOG, or nothing.
+class PortLog {
+ public:
+  PortLog() {
+    static int files = 0;
+    const char* prefix = std::getenv("HLM_HOSTILE_LOG");
+    if (!prefix) return;
+    file_.open(prefix + std::to_string(files++) + ".csv");
+    file_ << "life,time_s,session,step,device_x_m,device_y_m,device_z_m,device_qw,device_qx,"
+             "device_qy,device_qz,command_force_x_N,command_force_y_N,command_force_z_N,"
+             "command_torque_x_N_m,command_torque_y_N_m,command_torque_z_N_m\n";
+  }
+
+  void write(const TickRecord& tick) {
+    if (!file_.is_open()) return;
+    const Pose& X = tick.X_WD;
+    fmt::print(file_, "{},{},{},{},{},{},{},{},{},{},{}", life_, tick.time, tick.session, tick.step,
+               X.p.x(), X.p.y(), X.p.z(), X.R.w(), X.R.x(), X.R.y(), X.R.z());
+    for (const double number : tick.F_command) fmt::print(file_, ",{}", number);
+    file_ << '\n';
+  }
+  /// A person has let a fault end.
+  void begin_life() { ++life_; }
+
+ private:
+  std::ofstream file_;
+  int life_ = 0;
+};
 
 class HostileSession {
  public:
@@ -85,6 +120,7 @@ class HostileSession {
   /// As a person at the device would.
   void clear() {
     if (!ends_at_device(fault_)) return;
+    log_.begin_life();
     servo_->obey(Intervention::kClear);
     const double forgiven = std::max(0.0, -port_.tank);
     forgiven_ += forgiven;
@@ -113,6 +149,7 @@ class HostileSession {
     timing_.scheduled = timing_.begin = static_cast<double>(timing_.tick) / options_.rate;
     const TickRecord record = servo_->tick(timing_);
     link_.forget_sent();
+    log_.write(record);
     if (!faulty_) count(record);  // The ticks after it have no ledger.
     if (record.fault != Fault::kNone && !faulty_) ++faults_, faulty_ = true;
   }
@@ -158,6 +195,7 @@ class HostileSession {
   bool faulty_ = false;
   int faults_ = 0;
 
+  PortLog log_;
   Wrench command_ = Wrench::Zero();
   Pose X_WD_;
   double explained_before_ = 0;
