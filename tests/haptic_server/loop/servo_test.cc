@@ -473,8 +473,8 @@ TEST_CASE("After a halt by the guard the device is on again, and force rises fro
   begin_under_load(bench);
   bench.device.enabled = false;
   bench.servo->obey(Intervention::kHalted);
-  CHECK(bench.device.enabled);
   const TickRecord& first = bench.tick_with(bench.update());
+  CHECK(bench.device.enabled);
   CHECK(first.F_command.norm() < 0.1);  // N: of 3
   CHECK(first.fault == Fault::kNone);
   CHECK(bench.ticks(150).F_command.norm() == Approx(3).epsilon(0.1));
@@ -551,6 +551,32 @@ TEST_CASE(
   CHECK(held.fade == Fade::kContactsOld);
   CHECK_FALSE(renders_force(held.server));
   CHECK(renders_force(echo(2 * way).server));
+}
+
+TEST_CASE("Updates that answer no state give no force half a second after the session began") {
+  ServoBench bench;
+  bench.begin();
+  CHECK(renders_force(bench.tick_with(bench.update()).server));
+  bench.ticks(600);
+  CHECK_FALSE(renders_force(bench.tick_with(bench.update()).server));
+  protocol::ContactUpdate answer = bench.update();
+  answer.echo_step = bench.tick().step;
+  CHECK(renders_force(bench.tick_with(answer).server));
+}
+
+TEST_CASE("What a stalled server may have given counts, and what it took does not") {
+  const bool gives = GENERATE(true, false);
+  ServoBench bench;
+  begin_under_load(bench);
+  const PortLedger before = bench.tick().port;
+  const Vector3 F = bench.device.written.head<3>();
+  REQUIRE(F.norm() > 1);  // N
+  bench.device.state->X_WD.p += (gives ? 0.01 : -0.01) * F.normalized();
+  bench.servo->obey(Intervention::kHalted);
+  const TickRecord after = bench.tick();
+  CHECK(after.port.given - before.given == Approx(gives ? 0.01 * F.norm() : 0));  // J
+  CHECK(after.port.taken == before.taken);
+  CHECK(after.F_command.isZero(0));
 }
 
 // Controls.
