@@ -9,6 +9,7 @@
 
 #include "hlm/control/stiffness_bound.h"
 #include "hlm/loop/reporting.h"
+#include "hlm/protocol/wire.h"
 
 namespace hlm::server {
 namespace {
@@ -344,7 +345,8 @@ bool Servo::is_plausible(const DeviceState& device) const noexcept {
   const double rotation_scale = std::max(1.0, device_.ratings().rotation_scale);
   const Twist V = local_model_->hand_twist();
   const Vector3 away = local_model_->proxy().X_WH().p - device.X_WD.p;
-  return V.head<3>().norm() <= kLargestHandSpeed * scale &&
+  return local_model_->velocity().cwiseAbs().maxCoeff() <= protocol::kLargestSpeed * scale &&
+         V.head<3>().norm() <= kLargestHandSpeed * scale &&
          V.tail<3>().norm() <= kLargestHandRate * rotation_scale &&
          away.norm() <= kLargestDistance * scale;
 }
@@ -363,7 +365,9 @@ void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   const LocalModel* model = local_model_ ? &*local_model_ : nullptr;
   record_.adopted = session_.acknowledge(now, proxy_state(record_, step_, updates_, model));
-  if (model == nullptr) return;
+  // Contacts and impulses of a model that is nowhere may be no numbers.
+  const bool nowhere = record_.fault == Fault::kNonFinite || record_.fault == Fault::kImplausible;
+  if (model == nullptr || nowhere) return;
   telemetry_.contacts(now, step_, *model, session_);
   const protocol::Impulses impulses = impulses_of(*model, contained_impulses_);
   if (!impulses.bodies.empty()) session_.inform(now, impulses);
