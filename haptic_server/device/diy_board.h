@@ -42,6 +42,10 @@ class DiyBoard final : public DeviceLine {
   void send(const std::optional<Vector3>& force) override;
   void expect_silence() override;
   std::optional<HandleState> receive(SteadyTime deadline) override;
+  /// Its board counts angles and nothing else.
+  MotionCheck::SpeedSource speed_source() const noexcept override {
+    return MotionCheck::SpeedSource::kDriver;
+  }
   /// Writes torques of zero to the port, which a forked process inherits; to the port of the same
   /// name where that one is gone, as after plugging in again.
   void halt() noexcept override;

@@ -155,6 +155,27 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("An Inverse3 whose pose jumps by 50 mm gives no force within 20 ms") {
+  InverseSession session(kSteady);
+  session.arm();
+  session.press(-kPush);
+  check_fault(session, "jump", "its pose jumps farther than a hand can move it");
+}
+
+TEST_CASE("A 2DIY that freezes at over 0.2 m/s is a fault that says so") {
+  DiySession session;
+  session.press();
+  session.order("hold 0 -0.02 0");  // Off the floor, and back.
+  std::this_thread::sleep_for(500ms);
+  session.order("hold 0 0.05 0");
+  std::this_thread::sleep_for(30ms);
+  session.order("freeze");
+  const bool named = session.server().wait_for_error("its state is frozen: its pose stands", 5);
+  INFO(session.server().error());
+  CHECK(named);
+  CHECK(session.motor() == 0);
+}
+
 TEST_CASE("An Inverse3 that freezes while it moves gives no force within 20 ms") {
   InverseSession session("{ force = [0, 2, 0], force_amplitude = [0, 1, 0], frequency = 3 }");
   session.arm();
