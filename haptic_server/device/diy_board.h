@@ -4,6 +4,7 @@
 #include <atomic>
 #include <string>
 
+#include "hlm/device/device_lock.h"
 #include "hlm/device/diy_frames.h"
 #include "hlm/device/exchange_device.h"
 
@@ -31,7 +32,7 @@ std::vector<std::string> serial_ports();
 /// A pantograph in its x-y plane. The first open() sets the board up: its arms must be as the
 /// offsets say. A later one takes the same port, and fails where the board was reset since: its
 /// encoders would count from another posture. Forces that need more than the motors' torque are
-/// given in their direction, as far as it goes.
+/// given in their direction, as far as it goes. No two processes have one port.
 class DiyBoard final : public DeviceLine {
  public:
   explicit DiyBoard(DiyBoardOptions options) : options_(std::move(options)) {}
@@ -59,6 +60,7 @@ class DiyBoard final : public DeviceLine {
 
   DiyBoardOptions options_;
   std::string port_;  ///< Port as opened first.
+  DeviceLock lock_;
   bool is_set_up_ = false;
   std::atomic<int> descriptor_ = -1;
   DiyAngleFrame frame_{};        ///< The reply that is coming,
