@@ -67,6 +67,8 @@ void DiyBoard::fail(const std::string& what) const {
 
 void DiyBoard::open() {
   if (port_.empty()) port_ = options_.port.empty() ? the_only_port() : options_.port;
+  std::error_code none;
+  lock_.take("the board at " + std::filesystem::weakly_canonical(port_, none).string());
   descriptor_ = ::open(port_.c_str(), kOpenAs);
   if (descriptor_ < 0) fail("cannot be opened: " + last_error());
   if (!make_raw(descriptor_)) fail("is no serial port: " + last_error());

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <string>
 
+#include "hlm/device/device_lock.h"
 #include "hlm/device/diy_frames.h"
 #include "hlm/device/exchange_device.h"
 
@@ -31,7 +32,7 @@ std::vector<std::string> serial_ports();
 /// A pantograph in its x-y plane. The first open() sets the board up: its arms must be as the
 /// offsets say. A later one takes the same port, and fails where the board was reset since: its
 /// encoders would count from another posture. Forces that need more than the motors' torque are
-/// given in their direction, as far as it goes.
+/// given in their direction, as far as it goes. No two processes have one port.
 class DiyBoard final : public DeviceLine {
  public:
   explicit DiyBoard(DiyBoardOptions options) : options_(std::move(options)) {}
@@ -42,6 +43,10 @@ class DiyBoard final : public DeviceLine {
   void send(const std::optional<Vector3>& force) override;
   void expect_silence() override;
   std::optional<HandleState> receive(SteadyTime deadline) override;
+  /// Its board counts angles and nothing else.
+  MotionCheck::SpeedSource speed_source() const noexcept override {
+    return MotionCheck::SpeedSource::kDriver;
+  }
   /// Writes torques of zero to the port, which a forked process inherits; to the port of the same
   /// name where that one is gone, as after plugging in again.
   void halt() noexcept override;
@@ -55,6 +60,7 @@ class DiyBoard final : public DeviceLine {
 
   DiyBoardOptions options_;
   std::string port_;  ///< Port as opened first.
+  DeviceLock lock_;
   bool is_set_up_ = false;
   std::atomic<int> descriptor_ = -1;
   DiyAngleFrame frame_{};        ///< The reply that is coming,

@@ -31,11 +31,6 @@ constexpr duration<double> kRetry{0.25};
 /// Time for which a line must work again to be back, s. Less reports every try of a broken one.
 constexpr duration<double> kSteady{0.5};
 
-/// A handle that moves changes its position in every reply. One that claims a speed above this and
-/// stays for longer is frozen, m/s and s. The time spans two states of a device at 200 Hz.
-constexpr double kLeastSpeed = 1e-3;
-constexpr duration<double> kFrozen{0.010};
-
 /// No such handle reaches farther, m: a position beyond it has another unit.
 constexpr double kFarthest = 2;
 
@@ -79,10 +74,6 @@ const char* kept(const std::string& text) {
   static std::set<std::string> texts;
   constexpr std::size_t kMost = 1000;
   return texts.size() < kMost ? texts.insert(text).first->c_str() : "it failed too often";
-}
-
-bool is_finite(const HandleState& state) {
-  return state.X.p.allFinite() && state.X.R.coeffs().allFinite() && state.V.allFinite();
 }
 
 }  // namespace
@@ -184,7 +175,8 @@ void ExchangeDevice::run() {
     try {
       line_->open();
       is_open_ = true;
-      opened_ = moved_ = asked_ = steady_clock::now();
+      opened_ = asked_ = steady_clock::now();
+      motion_.begin(0, line_->speed_source());
       given_.setZero();
       unanswered_ = 0;
       if (may_hold_force_) request_no_force();
@@ -278,19 +270,16 @@ void ExchangeDevice::await_reply() {
 
 void ExchangeDevice::take(const HandleState& state) {
   const SteadyTime now = steady_clock::now();
-  if (!is_finite(state)) throw std::runtime_error("its state is not finite");
   if (state.X.p.norm() > kFarthest) {
     throw std::runtime_error(
         fmt::format("its handle is {:.3g} m away, must be 0 to {} m", state.X.p.norm(), kFarthest));
   }
-  const Vector3 v = state.V.head<3>();
-  if (!(state.X == latest_.X && v == latest_.V.head<3>())) moved_ = now;
-  const double speed = v.norm();
-  if (speed > kLeastSpeed && now - moved_ > kFrozen) {
-    throw std::runtime_error(fmt::format("its state is frozen: {:.3g} m/s at one place for {}",
-                                         speed, milliseconds(now - moved_)));
+  const double time = duration<double>(now.time_since_epoch()).count();
+  const double age = duration<double>(now - asked_).count();
+  const Matrix3 R = state.X.R.toRotationMatrix();
+  if (const char* const why = motion_.find_error(time, state.X.p, R, state.V, false, age)) {
+    throw std::runtime_error(why);
   }
-  latest_ = state;
   state_.put({.handle = state, .asked = asked_});
   measure(now - asked_);
   observe(now);

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "hlm/device/device.h"
+#include "hlm/device/motion_check.h"
 #include "hlm/device/newest.h"
 #include "hlm/settings/table.h"
 
@@ -46,6 +47,10 @@ class DeviceLine {
   virtual void expect_silence() = 0;
   /// The reply to the oldest request that has none; empty if none has come by `deadline`.
   virtual std::optional<HandleState> receive(SteadyTime deadline) = 0;
+  /// Who makes the speed in its states.
+  virtual MotionCheck::SpeedSource speed_source() const noexcept {
+    return MotionCheck::SpeedSource::kDevice;
+  }
   /// Takes the motors off, as Device::halt().
   virtual void halt() noexcept = 0;
   /// What a person should know who uses a line that was opened again; empty if nothing.
@@ -68,6 +73,7 @@ void add_keys(settings::Table& table, ExchangeOptions& options);
 /// Exchanges with its line in a thread of its own. The servo thread reads the latest state and
 /// leaves the latest force; it never waits. Safety here:
 /// - a state of motors at their limit is kSaturated, of motors that are off kForceOff;
+/// - a state that a MotionCheck finds fault with is a failure of the device;
 /// - a state older than `oldest` is a failure of the device, older than a third of that kLate;
 /// - a force older than `oldest`, as when the servo thread stands still, is sent as zero;
 /// - a force ends with a request for zero, whatever follows: where no reply to one came, the first
@@ -153,13 +159,12 @@ class ExchangeDevice final : public Device {
   Vector3 given_ = Vector3::Zero();  ///< Force in the latest request on this line.
   /// A force was sent and no request for zero was answered since. Outlives the line.
   bool may_hold_force_ = false;
-  int unanswered_ = 0;  ///< Requests.
-  SteadyTime asked_{};  ///< When the oldest of these was sent, or the latest of all.
-  SteadyTime ended_{};  ///< When the zero behind it was.
-  HandleState latest_;
-  SteadyTime moved_{};                   ///< When the state was last another one.
-  SteadyTime opened_{};                  ///< When the line was.
-  int replies_ = 0;                      ///< Replies in the present session,
+  int unanswered_ = 0;   ///< Requests.
+  SteadyTime asked_{};   ///< When the oldest of these was sent, or the latest of all.
+  SteadyTime ended_{};   ///< When the zero behind it was.
+  MotionCheck motion_;   ///< Of the states on this line.
+  SteadyTime opened_{};  ///< When the line was opened.
+  int replies_ = 0;      ///< Replies in the present session,
   std::chrono::nanoseconds lateness_{};  ///< lateness of all of them,
   std::chrono::nanoseconds worst_{};     ///< and the largest.
   std::thread thread_;

@@ -122,6 +122,12 @@ class InverseService::Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
+  /// Where the service is, whatever its host is called.
+  std::string place() {
+    const tcp::endpoint place = tcp_stream().socket().remote_endpoint();
+    return place.address().to_string() + ':' + std::to_string(place.port());
+  }
+
   int socket() { return tcp_stream().socket().native_handle(); }
 
   /// The first message.
@@ -267,6 +273,7 @@ void InverseService::open() {
   connection_ = std::make_unique<Connection>(options_.address);
   const HaplyInventory inventory = connection_->inventory();
   choice_ = choose(inventory, options_);
+  lock_.take("Inverse3 " + choice_.device + " at " + connection_->place());
   may_switch_ = options_.force_field == "auto";
   force_field_ = may_switch_ ? (inventory.has_session ? "vector" : "values") : options_.force_field;
   no_force_.clear();

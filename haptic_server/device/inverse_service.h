@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "hlm/device/device_lock.h"
 #include "hlm/device/exchange_device.h"
 #include "hlm/device/haply_messages.h"
 
@@ -32,6 +33,7 @@ HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions&
 /// The options that choose the same again, and nothing else: also no grip, where there was none.
 InverseServiceOptions choosing(const HaplyChoice& choice, InverseServiceOptions options);
 
+/// No two processes have one device of one service.
 class InverseService final : public DeviceLine {
  public:
   explicit InverseService(InverseServiceOptions options);
@@ -60,6 +62,7 @@ class InverseService final : public DeviceLine {
 
   InverseServiceOptions options_;
   HaplyChoice choice_;
+  DeviceLock lock_;
   std::unique_ptr<Connection> connection_;
   std::unique_ptr<Connection> events_;  ///< Null: the service has no such port.
   std::string force_field_;             ///< As it is called in requests now.

@@ -9,8 +9,13 @@ namespace hlm::server {
 /// device does not measure its speed but estimates it from its encoders' steps: as the mean over a
 /// window (Force Dimension: 20 ms unless told otherwise) or through a low-pass (OpenHaptics: some
 /// 20 Hz). So for a while after a stop it still reports a speed, and after a start too little.
+/// A speed that the driver itself makes of the poses tells nothing that they do not: then a pose
+/// that stays is frozen where no hand stops a handle so soon.
 class MotionCheck {
  public:
+  /// Who makes the speed of poses.
+  enum class SpeedSource { kDevice, kDriver };
+
   /// A handle that reports more than this, m/s, moves: two steps of a coarse encoder in 20 ms.
   static constexpr double kStaleSpeed = 5e-3;
   /// One pose and one speed above kStaleSpeed for as long, s, are frozen: an estimate changes.
@@ -29,27 +34,50 @@ class MotionCheck {
   static constexpr double kMemory = 0.05;
   /// No hand is faster, m/s.
   static constexpr double kFastest = 10;
+  /// A handle that is so fast over kBraking, m/s and s, does not stand for kLongestStale right
+  /// after: a hand would brake it with 75 m/s², the 2DIY's motors do with 8 m/s². Less takes a
+  /// hard stop for a fault, more does not see a slow handle freeze.
+  static constexpr double kHardestStop = 0.15;
+  static constexpr double kBraking = 2e-3;
+  /// An orientation that is farther from the one before, rad, jumps, besides what a hand turns in
+  /// that time, rad/s. More lets a jump through, less takes a grip that misses states for one.
+  static constexpr double kFarthestTurn = 0.5;
+  static constexpr double kFastestTurn = 30;
+  /// One orientation and one angular speed above kStaleTurn, rad/s, for as long, s, are frozen: a
+  /// mean over 20 ms is the same for as long after a single step.
+  static constexpr double kStaleTurn = 0.05;
+  static constexpr double kLongestStaleTurn = 0.025;
 
   /// window: the device's speed is a mean over that time, s; 0: over none that is known.
-  void begin(double window = 0) noexcept;
+  void begin(double window = 0, SpeedSource source = SpeedSource::kDevice) noexcept;
   /// What is wrong with the pose and the twist at `now`, s, in words; null if nothing. now: of any
   /// clock that does not go back. R: the rotation as the device gives it. is_old: whether it says
-  /// itself that they are not new.
+  /// itself that they are not new. age: how much older than `now` they may be, s.
   const char* find_error(double now, const Vector3& p, const Matrix3& R, const Twist& V,
-                         bool is_old) noexcept;
+                         bool is_old, double age = 0) noexcept;
 
  private:
-  const char* find_stale(double now, const Vector3& p, const Vector3& v, bool is_old) noexcept;
-  const char* find_jump(double now, const Vector3& p, const Vector3& v) noexcept;
+  const char* find_stale(double seen) const noexcept;
+  void observe_change(double now, const Vector3& p, const Matrix3& R, const Twist& V,
+                      double age) noexcept;
+  void observe_step(double now, const Vector3& way, double age) noexcept;
+  const char* find_jump(double now, const Vector3& p, const Matrix3& R, const Vector3& v,
+                        double age) noexcept;
 
   double longest_stale_ = kLongestStale;
+  SpeedSource source_ = SpeedSource::kDevice;
   bool has_begun_ = false;
-  double now_ = 0;                         ///< Time of the latest pose, s.
+  double now_ = 0;                         ///< Time of the latest pose, s,
+  double age_ = 0;                         ///< and how much older it may be.
   double fresh_at_ = 0;                    ///< When values were last new, s.
   double changed_at_ = 0;                  ///< When pose or speed last changed, or it rested, s.
   double moved_at_ = 0;                    ///< When the pose last changed, or it rested, s.
+  double stepped_at_ = 0;                  ///< When the position last changed, s,
+  Vector3 step_speed_ = Vector3::Zero();   ///< and how fast it was over kBraking then, m/s.
+  double turned_at_ = 0;                   ///< When orientation or its speed last did, s.
   Vector3 p_ = Vector3::Zero();            ///< Latest pose,
-  Vector3 v_ = Vector3::Zero();            ///< and its speed.
+  Matrix3 R_ = Matrix3::Identity();        ///< orientation,
+  Twist V_ = Twist::Zero();                ///< and twist.
   Vector3 unexplained_ = Vector3::Zero();  ///< Way that its speed did not lead, m.
   double speed_ = 0;                       ///< Largest of late, m/s.
 };

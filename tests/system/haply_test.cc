@@ -4,6 +4,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 #include <thread>
 
 #include <unistd.h>
@@ -153,6 +154,62 @@ TEST_CASE(
     session.arm();
     session.press(-kPush);
   }
+}
+
+TEST_CASE("An Inverse3 whose pose jumps by 50 mm gives no force within 20 ms") {
+  InverseSession session(kSteady);
+  session.arm();
+  session.press(-kPush);
+  check_fault(session, "jump", "its pose jumps farther than a hand can move it");
+}
+
+/// A second server on what the first one has, for as long as that lives.
+void check_second_server(StandInSession& session, const Arguments& options,
+                         const std::string& refusal) {
+  const Arguments second =
+      Arguments{HLM_SERVER,          "--listen", loopback(free_port()), "--status", "false",
+                "--keep-recordings", "0",        "--without-time-guard"} +
+      options;
+  const Finished refused = run(second);
+  CHECK(refused.exit_code == 1);
+  CHECK_THAT(refused.error, ContainsSubstring(refusal));
+  CHECK(session.server().running());
+  session.server().send_signal(SIGKILL);  // Its guard outlives it for an instant.
+  Process next(second);
+  const bool listens = next.wait_for_error("listening", 10);
+  INFO(next.error());
+  CHECK(listens);
+}
+
+TEST_CASE("A second server on an Inverse3 is refused by its name, and served when the first ends") {
+  InverseSession session(kSteady);
+  const std::string place = loopback(session.port);
+  check_second_server(
+      session,
+      {"--device", "haply", "--device-option", "address=localhost:" + std::to_string(session.port)},
+      "another haptic_server or haptic_doctor has Inverse3 STANDIN at " + place);
+}
+
+TEST_CASE(
+    "A second server on the port of a 2DIY is refused by its name, whatever link leads there") {
+  DiySession session;
+  const std::string port = std::filesystem::canonical(session.file("port"));
+  check_second_server(session, {"--device", "haply2diy", "--device-option", "port=" + port},
+                      "another haptic_server or haptic_doctor has the board at " + port);
+}
+
+TEST_CASE("A 2DIY that freezes at over 0.2 m/s is a fault that says so") {
+  DiySession session;
+  session.press();
+  session.order("hold 0 -0.02 0");  // Off the floor, and back.
+  std::this_thread::sleep_for(500ms);
+  session.order("hold 0 0.05 0");
+  std::this_thread::sleep_for(30ms);
+  session.order("freeze");
+  const bool named = session.server().wait_for_error("its state is frozen: its pose stands", 5);
+  INFO(session.server().error());
+  CHECK(named);
+  CHECK(session.motor() == 0);
 }
 
 TEST_CASE("An Inverse3 that freezes while it moves gives no force within 20 ms") {

@@ -17,12 +17,15 @@ namespace {
 using Catch::Matchers::ContainsSubstring;
 using std::chrono::steady_clock;
 
-/// A line whose handle goes round, which counts what it is asked.
+/// A line whose handle goes round at 0.5 m/s, which counts what it is asked.
 struct Line {
   std::atomic<bool> is_there = true;
   std::atomic<bool> answers = true;
   std::atomic<bool> freezes = false;
   std::atomic<bool> is_finite = true;
+  std::atomic<double> offset = 0;  ///< Of its position, m, to either side in turn.
+  std::atomic<double> turned = 0;  ///< Its orientation, rad, to either side in turn.
+  MotionCheck::SpeedSource speed_source = MotionCheck::SpeedSource::kDevice;
   std::atomic<double> force = 0;     ///< Of the latest request.
   std::atomic<bool> polled = false;  ///< Whether it asked for the state alone.
   std::atomic<bool> saturates = false;
@@ -60,26 +63,36 @@ class ScriptedLine final : public DeviceLine {
       return std::nullopt;
     }
     --unanswered_;
-    if (!line_.freezes) angle_ += 0.01;
+    const std::chrono::duration<double> time = steady_clock::now() - begin_;
+    if (!line_.freezes) angle_ = 5 * time.count();
     HandleState state;
     state.X.p = 0.1 * Vector3(std::cos(angle_), std::sin(angle_), line_.is_finite ? 0 : NAN);
-    state.V[0] = 0.5;
+    side_ = -side_;
+    state.X.p.y() += side_ * line_.offset;
+    state.X.R = Eigen::AngleAxisd(side_ * line_.turned, Vector3::UnitZ());
+    state.V.head<2>() << -0.5 * std::sin(angle_), 0.5 * std::cos(angle_);
     state.saturated = line_.saturates;
     return state;
   }
+  MotionCheck::SpeedSource speed_source() const noexcept override { return line_.speed_source; }
   void halt() noexcept override { ++line_.halted; }
 
  private:
   Line& line_;
   bool is_first_ = true;
   int unanswered_ = 0;
+  steady_clock::time_point begin_ = steady_clock::now();
   double angle_ = 0;
+  int side_ = 1;
 };
 
 constexpr double kOldest = 0.05;  // s: machines of tests are busy.
 
 struct Bench {
-  Bench() { device.calibrate(); }
+  explicit Bench(MotionCheck::SpeedSource source = MotionCheck::SpeedSource::kDevice) {
+    line.speed_source = source;
+    device.calibrate();
+  }
 
   /// Ticks for `time` s with `force`, N, until a read fails; whether none did.
   bool tick(double time, double force) {
@@ -197,18 +210,27 @@ TEST_CASE("A force that a lost line took ends with the first request once it is 
   CHECK(bench.line.force == 0);
 }
 
-TEST_CASE("A state that moves and stays is frozen, one that is not finite is refused") {
-  Bench bench;
+TEST_CASE("A state that moves and stays, jumps or is not finite is named, and force ends") {
+  using Source = MotionCheck::SpeedSource;
+  Bench bench(GENERATE(Source::kDevice, Source::kDriver));
   bench.device.enable();
   CHECK(bench.tick(0.05, 1));
   std::string cause;
   SECTION("frozen") {
     bench.line.freezes = true;
-    cause = "frozen: 0.5 m/s at one place";
+    cause = "its state is frozen: its pose sta";  // It stays, or stands.
   }
   SECTION("not finite") {
     bench.line.is_finite = false;
-    cause = "not finite";
+    cause = "is not a number";
+  }
+  SECTION("jumps of 0.5 m") {
+    bench.line.offset = 0.25;
+    cause = "its pose ";  // It jumps; where the machine stalled it moves otherwise.
+  }
+  SECTION("turns of 2 rad") {
+    bench.line.turned = 1;
+    cause = "its orientation jumps";
   }
   CHECK_FALSE(bench.tick(1, 1));
   CHECK_THAT(bench.device.cause(), ContainsSubstring(cause));

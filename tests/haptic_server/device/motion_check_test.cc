@@ -39,7 +39,7 @@ Verdict verdict(double speed, double step, bool is_old = false) {
 TEST_CASE("A pose that stays for 15 ms while it reports a speed is frozen, one at rest is not") {
   const Verdict frozen = verdict(0.1, 0);
   CHECK(frozen.ticks == Approx(15).margin(1));
-  CHECK(frozen.cause == "its pose stays the same while it says that it moves");
+  CHECK(frozen.cause == "its state is frozen: its pose stays the same while it says that it moves");
   CHECK(verdict(0.004, 0).ticks == 100);  // m/s: noise of a velocity at rest
   CHECK(verdict(0.1, 1e-4).ticks == 100);
 }
@@ -144,6 +144,113 @@ TEST_CASE("A pose that goes on while its speed says something else is a fault wi
   CHECK(verdict(-0.2, 2e-4).ticks < 50);   // The other way.
   CHECK(verdict(0.2, 2e-4).ticks == 100);  // It does.
   CHECK(verdict(200, 2e-4).ticks < 50);    // mm/s
+}
+
+TEST_CASE("An orientation that jumps by 0.6 rad in a tick is a fault, whatever its speed says") {
+  const auto cause_of_turn = [](double jump, double rate) {
+    MotionCheck check;
+    check.begin();
+    Twist V = Twist::Zero();
+    V[5] = rate;
+    for (int i = 0; i < 100; ++i) {
+      const double angle = rate * i * kDt + (i < 50 ? 0 : jump);
+      const Matrix3 R = Eigen::AngleAxisd(angle, Vector3::UnitZ()).toRotationMatrix();
+      const char* const error = check.find_error(i * kDt, Vector3::Zero(), R, V, false);
+      if (error != nullptr) return std::to_string(i) + ": " + error;
+    }
+    return std::string("none");
+  };
+  const std::string jumps = "50: its orientation jumps farther than a hand can turn it";
+  CHECK(cause_of_turn(0.6, 0) == jumps);
+  CHECK(cause_of_turn(-3, 20) == jumps);
+  CHECK(cause_of_turn(0.4, 0) == "none");  // A grip that missed 20 ms at 20 rad/s.
+  CHECK(cause_of_turn(0, 40) == "none");   // rad/s
+}
+
+TEST_CASE("An orientation that stays for 25 ms while it reports a speed is frozen") {
+  MotionCheck check;
+  check.begin();
+  Twist V = Twist::Zero();
+  V[5] = 1;
+  int ticks = 0;
+  const auto error = [&] {
+    return check.find_error(ticks * kDt, Vector3::Zero(), Matrix3::Identity(), V, false);
+  };
+  while (ticks < 100 && error() == nullptr) ++ticks;
+  CHECK(ticks == 25);
+  CHECK(std::string(error()).starts_with("its state is frozen: its orientation stays the same"));
+}
+
+/// What is wrong with a handle at place(t), m, whose driver makes the speed of its steps of 0.1 mm
+/// itself; asked every `period`, s, for 1 s.
+Verdict verdict_on_steps(const std::function<double(double)>& place, double period) {
+  MotionCheck check;
+  check.begin(0, MotionCheck::SpeedSource::kDriver);
+  double v = 0;
+  double before = place(0);
+  for (int i = 0; i * period < 1; ++i) {
+    const double y = 1e-4 * std::round(place(i * period) / 1e-4);
+    v += -std::expm1(-2 * std::numbers::pi * 20 * period) * ((y - before) / period - v);
+    before = y;
+    Twist V = Twist::Zero();
+    V[1] = v;
+    const char* const error =
+        check.find_error(i * period, {0, y, 0}, Matrix3::Identity(), V, false, period / 2);
+    if (error != nullptr) return {static_cast<int>(std::lround(i * period / kDt)), error};
+  }
+  return {1000, ""};
+}
+
+TEST_CASE(
+    "Steps that end at 0.2 m/s and stay for 15 ms are frozen, those that a hand ends are not") {
+  for (const double period : {0.5e-3, 1e-3, 2e-3}) {  // s.
+    INFO(1e3 * period << " ms");
+    for (const double speed : {0.2, 0.4, 1.0}) {  // m/s, until 0.5 s.
+      INFO(speed << " m/s");
+      const auto freezes = [speed](double t) { return speed * std::min(t, 0.5); };
+      const Verdict frozen = verdict_on_steps(freezes, period);
+      CHECK(frozen.ticks == Approx(516).margin(3));
+      CHECK(frozen.cause.starts_with("its state is frozen: its pose stands right after it moved"));
+      // A hand that brakes it with 30 m/s², and holds it.
+      const auto braked = [speed](double t) {
+        const double brakes = std::clamp(t - 0.5, 0.0, speed / 30);
+        return speed * (std::min(t, 0.5) + brakes) - 15 * brakes * brakes;
+      };
+      CHECK(verdict_on_steps(braked, period).cause == "");
+    }
+    // Friction: it slips by 1 mm within 10 ms, some 20 times a second.
+    CHECK(verdict_on_steps(
+              [](double t) {
+                return 1e-3 * std::floor(t / 0.05) +
+                       1e-3 * std::min(std::fmod(t, 0.05) / 0.01, 1.0);
+              },
+              period)
+              .cause == "");
+    const auto jumps = [](double t) { return t < 0.5 ? 0 : 0.05; };
+    CHECK(verdict_on_steps(jumps, period).cause ==
+          "its pose jumps farther than a hand can move it");
+  }
+}
+
+TEST_CASE(
+    "Times that are not sure by 15 ms make no fault of 1 m/s, and more than 20 ms tell nothing") {
+  test::Random random;
+  for (const double age : {0.015, 0.1}) {  // s.
+    MotionCheck check;
+    check.begin();
+    Twist V = Twist::Zero();
+    V[1] = 1;
+    double asked = 0;
+    for (int i = 0; i < 1000; ++i) {
+      const double doubt = i % 10 == 0 ? age : 0.5e-3;
+      const double seen = asked + random.uniform(0, doubt);
+      asked += doubt;
+      INFO(age << " s, state " << i);
+      const char* const error =
+          check.find_error(asked, {0, seen, 0}, Matrix3::Identity(), V, false, doubt);
+      REQUIRE(std::string(error != nullptr ? error : "") == "");
+    }
+  }
 }
 
 TEST_CASE("What is no number, no rotation or a mirror is named at once") {
