@@ -202,7 +202,8 @@ class Client:
         """One update: a wall ahead of the tool."""
         self.sequence += 1
         q = self.state.get("q", (0, 0, 0))
-        values = dict(session=self.session, sequence=self.sequence, echo_step=0, echo_hold=0, compute_time=0,
+        echo = self.state["step"] if self.state.get("session") == self.session else 0
+        values = dict(session=self.session, sequence=self.sequence, echo_step=echo, echo_hold=0, compute_time=0,
                       impulse_step=0, q=" ".join(map(repr, q)), v="0 0 0", ve_period=1 / RATE,
                       bodies__count=0, bodies__total=0, contacts__0__b_kind=0,
                       contacts__0__p=f"{WALL} 0 0", contacts__0__n="-1 0 0",
