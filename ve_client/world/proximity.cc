@@ -5,9 +5,9 @@
 #include <iterator>
 #include <limits>
 
-#include "hlm/world/index.h"
-#include "hlm/world/merge.h"
-#include "hlm/world/mesh_normals.h"
+#include "hlm/geometry/index.h"
+#include "hlm/geometry/merge.h"
+#include "hlm/geometry/mesh_normals.h"
 
 namespace hlm::ve {
 namespace {
