@@ -22,6 +22,9 @@ constexpr double kLargestMass = 1e3;     ///< kg.
 constexpr double kLargestInertia = 1e6;  ///< kg·m².
 constexpr double kLargestGravity = 100;  ///< m/s²: 9810 are millimetres.
 
+/// m: what is divided by the square of less is no longer finite.
+constexpr double kSmallestToolLength = 1e-6;
+
 // What a joint moves and turns at least: with less, divisions by it are no longer finite.
 constexpr double kSmallestMass = 1e-6;      ///< kg.
 constexpr double kSmallestInertia = 1e-12;  ///< kg·m².
@@ -200,7 +203,8 @@ std::optional<Sentence> find_error(const ToolDescription& tool) {
   if (auto error = find_error("hand frame", tool.X_LH.p, kLargestLength, "m")) return error;
   if (!is_unit(tool.X_LH.R.norm())) return "hand frame's quaternion must have length 1";
   if (auto error = find_error("gravity", tool.gravity_W, kLargestGravity, "m/s²")) return error;
-  if (auto error = find_brief_error("length", tool.length, Range{0, kLargestLength, "m", true})) {
+  if (auto error = find_brief_error("length", tool.length,
+                                    Range{kSmallestToolLength, kLargestLength, "m"})) {
     return error;
   }
   return find_massless_error(tool);

@@ -1,5 +1,9 @@
 #include "hlm/common/tool_model.h"
 
+#include <algorithm>
+
+#include "hlm/common/range.h"
+
 namespace hlm {
 namespace {
 
@@ -233,6 +237,27 @@ GeneralisedForce ToolModel::bias_force(const Velocity& v) const noexcept {
     }
   }
   return c;
+}
+
+std::optional<Sentence> find_singular_error(const ToolModel& tool) noexcept {
+  const MassMatrix D = tool.mass_matrix();
+  MassMatrix rest = D;  // What is left where the coordinates before are free.
+  int k = 0;
+  for (int i = 0; i < tool.links(); ++i) {
+    const int dof = joint_dof(tool.description().links[static_cast<std::size_t>(i)].joint);
+    for (const int end = k + dof; k < end; ++k) {
+      const double share = D(k, k) > 0 ? std::max(0.0, rest(k, k) / D(k, k)) : 0;
+      if (!(share >= kSmallestShare)) {
+        return Sentence("link ") + i + ": the share of its joint's inertia that no joint before " +
+               "moves is " + brief_text(share) + " in the initial configuration and must be " +
+               "at least " + brief_text(kSmallestShare);
+      }
+      const int after = tool.dof() - k - 1;
+      const Velocity column = rest.col(k).tail(after);
+      rest.bottomRightCorner(after, after) -= column * column.transpose() / rest(k, k);
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace hlm

@@ -81,4 +81,12 @@ class ToolModel {
   std::array<std::uint32_t, kMaxLinks> moving_dofs_{};
 };
 
+/// The least share of a coordinate's inertia that is its own, not one that other coordinates move
+/// too: below, rounding of D would be more than 1e-6 of what is left.
+inline constexpr double kSmallestShare = 1e-10;
+
+/// Why D(q) cannot be inverted at the tool's configuration, naming the joint's link; empty if it
+/// can.
+std::optional<Sentence> find_singular_error(const ToolModel& tool) noexcept;
+
 }  // namespace hlm

@@ -56,15 +56,15 @@ void handle_operator() {
 /// waits more they are off within 50 ms. They are on again when the loop goes on.
 constexpr double kLongestStall = 0.03;
 
-/// Since it was last asked. A stop beside a release is a stop.
+/// Since it was last asked. A stop beside a release is a stop; a release waits for a guard.
 Intervention take_intervention(MotorGuard& guard, double now) noexcept {
+  const bool watched = guard.is_watching(now);
   const bool stops = force_stop.exchange(false, std::memory_order_relaxed);
   const bool releases = fault_release.exchange(false, std::memory_order_relaxed);
   if (stops) return Intervention::kStop;
-  if (releases) return Intervention::kClear;
-  const bool watched = guard.is_watching(now);
   if (guard.has_halted()) return Intervention::kHalted;
-  return watched ? Intervention::kNone : Intervention::kUnguarded;
+  if (!watched) return Intervention::kUnguarded;
+  return releases ? Intervention::kClear : Intervention::kNone;
 }
 
 /// SIGTERM comes when the process that started this one ends. Throws UsageError if that is another,

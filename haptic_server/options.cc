@@ -104,11 +104,10 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
       "of one core. Unset: with real-time rights 0.0001, at most 0.4 periods (10 % of a core "
       "at 1 kHz, 40 % from 4 kHz on); without them 0");
   table.group("Device");
-  table.flag(
-      "without-time-guard", options.without_time_guard,
-      "Use a device that keeps its last force when no commands come: OpenHaptics, Haply. If "
-      "the server and its guard die in the same instant only its enable switch, or its plug, "
-      "ends that force");
+  table.flag("without-time-guard", options.without_time_guard,
+             "Use a device that keeps its last force when no commands come: if the server and its "
+             "guard die in the same instant (Haply), or the server alone (OpenHaptics), only its "
+             "enable switch or its plug ends that force");
   table.group("Recording");
   table.file("record", options.record, "Write all datagrams to this capture file, pcap");
   table.file("log", options.log, "Write every tick's signals to this file, CSV");
@@ -149,11 +148,15 @@ std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options
 
 void check_time_guard(const Device& device, const ServerOptions& options) {
   if (std::isfinite(device.ratings().time_guard) || options.without_time_guard) return;
-  throw UsageError(fmt::format(
-      "{} has no time guard: if the server and its guard die in the same instant, its last force "
-      "stays. Take a device that ends its force without commands, or say --without-time-guard and "
-      "keep its enable switch or its plug within reach of whoever holds it",
-      device.name()));
+  const char* who = device.ratings().halts ? "the server and its guard die in the same instant"
+                                           : "the server dies";
+  throw UsageError(
+      fmt::format("{} has no time guard: if {}, its last force stays. Take a device that ends its "
+                  "force without "
+                  "commands, or say --without-time-guard and keep its enable switch or its plug "
+                  "within reach of "
+                  "whoever holds it",
+                  device.name(), who));
 }
 
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device) {

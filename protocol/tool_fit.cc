@@ -17,6 +17,12 @@ bool has_free_root(const ToolDescription& tool) noexcept {
   return !tool.links.empty() && tool.links.front().joint == JointType::kFree;
 }
 
+ToolModel model_at(const ToolDescription& tool, const Configuration& q) noexcept {
+  ToolModel model(tool);
+  model.set_configuration(q);
+  return model;
+}
+
 /// A side on the tool names a link that there is, and of a tool's contact side a is on the tool.
 bool has_known_sides(const ToolDescription& tool, const ReportedContact& contact) noexcept {
   const auto is_link = [&](const ContactSide& side) {
@@ -97,6 +103,7 @@ std::optional<Sentence> find_error(const Hello& hello) {
     return Sentence("initial configuration must be within ±") + brief_text(kLargestLength) +
            " m or rad";
   }
+  if (auto error = find_singular_error(model_at(hello.tool, hello.q))) return error;
   if (auto error = find_brief_error("VE rate", hello.ve_rate, Range{0, 1e5, "Hz", true}))
     return error;
   return find_brief_error("epsilon", hello.epsilon, Range{0, 10, "m"});

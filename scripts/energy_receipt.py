@@ -119,7 +119,7 @@ def main():
     parser.add_argument("--scale", metavar="SCALE", type=float, default=1.0,
                         help="of the device: metres in the world for each metre of the handle; default %(default)s")
     parser.add_argument("--bound", metavar=("ENERGY", "POWER"), type=float, nargs=2,
-                        help="J and W: of the server's defaults 3 and 1")
+                        help="J and W: of the server's defaults 5 and 1")
     options = parser.parse_args()
     if (options.receipt is None) == (options.bound is None):
         parser.error(f"{options.ticks} is compared with one of the two: RECEIPT.csv or --bound ENERGY POWER")

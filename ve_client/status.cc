@@ -22,6 +22,7 @@ void Connection::watch(double now, const HapticClient::Inbox& inbox, bool connec
     spdlog::info("session with {} began", server_);
     ever_connected_ = true;
     rejected_.clear();
+    latest_reject_.reset();
   }
   if (connected) {
     next_message_ = now + kPatience;
@@ -63,18 +64,23 @@ std::string Connection::reasons_for_silence() const {
   return "haptic_server does not run there, the network is in the way, or " + key;
 }
 
-std::string Connection::judge(const protocol::Reject& reject) const {
+std::string Connection::judge(const protocol::Reject& reject) {
   const std::string text(reject.text.begin(), reject.text.end());
+  const bool repeated = std::exchange(latest_reject_, reject.reason) == reject.reason;
+  const auto end_if_repeated = [&](const std::string& why) {
+    if (repeated) throw std::runtime_error(why);
+    return rejected_;
+  };
   switch (reject.reason) {
     case protocol::RejectReason::kVersion:
-      throw std::runtime_error(fmt::format(
+      return end_if_repeated(fmt::format(
           "server {} speaks version {} of the protocol, this client version {}; both must be equal",
           server_, reject.version, protocol::kProtocolVersion));
     case protocol::RejectReason::kTool:
       if (tool_may_change_) {
         return "it cannot use the tool: " + text + "; choose another scene on the page";
       }
-      throw std::runtime_error("server " + server_ + " cannot use the tool: " + text);
+      return end_if_repeated("server " + server_ + " cannot use the tool: " + text);
     case protocol::RejectReason::kBusy:
       return "it is busy with another client";  // It may be free later.
     case protocol::RejectReason::kFault:

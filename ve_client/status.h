@@ -44,8 +44,9 @@ class Connection {
   static constexpr double kFirstPause = 5;     ///< s.
   static constexpr double kLongestPause = 60;  ///< s.
 
-  /// Why there is no session yet, where there may be one later. Throws where there will be none.
-  std::string judge(const protocol::Reject& reject) const;
+  /// Why there is no session yet, where there may be one later. Throws where there will be none: a
+  /// hello that was damaged on its way gets such an answer too, but not twice in a row.
+  std::string judge(const protocol::Reject& reject);
   void say_what_is_awaited(double now);
   [[noreturn]] void give_up(const std::string& when) const;
 
@@ -57,6 +58,7 @@ class Connection {
   double timeout_;
   bool tool_may_change_;
   bool ever_connected_ = false;
+  std::optional<protocol::RejectReason> latest_reject_;  ///< Since the latest session.
   std::string rejected_;             ///< Why the server gives no session; empty: it has not said.
   double next_message_ = kPatience;  ///< Time of the next message on the wait, s since the start.
   double pause_ = kFirstPause;       ///< Time from that message to the one after, s.

@@ -17,6 +17,7 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -96,6 +97,19 @@ std::runtime_error failure(const char* what) {
                             std::generic_category().message(errno));
 }
 
+/// Above whatever else is real-time, in memory, where this process may: it works for some
+/// microseconds at each look.
+void run_before_all() {
+  mlockall(MCL_CURRENT | MCL_FUTURE);
+  rlimit limit{};
+  getrlimit(RLIMIT_RTPRIO, &limit);
+  const auto highest = static_cast<rlim_t>(sched_get_priority_max(SCHED_FIFO));
+  for (const rlim_t priority : {highest, std::min(highest, limit.rlim_cur)}) {
+    const sched_param wanted{.sched_priority = static_cast<int>(priority)};
+    if (sched_setscheduler(0, SCHED_FIFO, &wanted) == 0) return;
+  }
+}
+
 }  // namespace
 
 /// The other process: until a byte comes through `alive`, which is an orderly end, or its end.
@@ -104,8 +118,7 @@ void MotorGuard::watch(Device& device, Shared& shared, int alive, double longest
   prctl(PR_SET_NAME, "haptic_guard");
   for (const int signal : kSignalsOfServer) std::signal(signal, SIG_IGN);
   for (const int signal : kFatalSignals) std::signal(signal, SIG_DFL);
-  const sched_param lowest{.sched_priority = 1};
-  sched_setscheduler(0, SCHED_FIFO, &lowest);  // Where it may: above all that is not real-time.
+  run_before_all();
 
   const int patience = std::max(1, static_cast<int>(1e3 * longest_gap / kLooksPerGap));  // ms.
   std::uint64_t seen = 0;

@@ -1,5 +1,6 @@
 #include "hlm/local_model/local_body.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace hlm::server {
@@ -9,12 +10,20 @@ namespace {
 /// direction that joints have taken. Larger would freeze the heavy directions of a body with a
 /// small inertia.
 constexpr double kJointRounding = 1e-9;
+/// Mobility that is none, 1/kg and 1/(kg·m²): of a body of a thousand million tons. With much less,
+/// such as 1e-310, proxy and body become no numbers.
+constexpr double kLeastMobility = 1e-12;
+
+/// Speeds at which nothing that a hand touches moves, m/s and rad/s: a body beyond them is the
+/// product of numbers without sense.
+constexpr double kLargestBodySpeed = 100;
+constexpr double kLargestBodySpin = 1000;
 
 /// B with W = B Bᵀ, one column for each direction in which the body can move: Cholesky's
 /// factorisation with pivots, which ends at the rank. One that goes on divides rounding by
 /// rounding.
 Jacobian square_root(Matrix6 W) noexcept {
-  const double smallest = kJointRounding * W.diagonal().maxCoeff();
+  const double smallest = std::max(kLeastMobility, kJointRounding * W.diagonal().maxCoeff());
   Jacobian B(6, 6);
   Eigen::Index columns = 0;
   for (Eigen::Index pivot = 0; columns < 6; ++columns) {
@@ -54,14 +63,29 @@ Vector3 LocalBody::turning_W() const noexcept {
   return omega_W - axis_W.dot(omega_W) * axis_W;
 }
 
+bool LocalBody::is_plausible() const noexcept {
+  return X_WB.p.allFinite() && X_WB.R.coeffs().allFinite() &&
+         V_W.head<3>().norm() <= kLargestBodySpeed && V_W.tail<3>().norm() <= kLargestBodySpin;
+}
+
+void LocalBody::hold(const Pose& X_WHeld) noexcept {
+  X_WB = X_WHeld;
+  V_W.setZero();
+  A_W.setZero();
+  correction.setZero();
+  B.resize(6, 0);
+}
+
 void LocalBody::advance(const Twist& V, double dt) noexcept {
   if (correction_steps > 0) {
     correction -= correction / correction_steps;
     --correction_steps;
   }
+  const Pose X_WBefore = X_WB;
   V_W = V;
   X_WB.p += dt * V_W.head<3>();
   X_WB.R = (rotation_from_vector(dt * turning_W()) * X_WB.R).normalized();
+  if (!is_plausible()) hold(X_WBefore);
 }
 
 }  // namespace hlm::server

@@ -49,8 +49,12 @@ struct LocalBody {
   Twist free_twist(double dt) const noexcept;
   /// The part of its angular velocity that turns its shape, rad/s.
   Vector3 turning_W() const noexcept;
-  /// Goes on for dt with V at the end of the step.
+  /// Goes on for dt with V at the end of the step; held where it is if it is not plausible then.
   void advance(const Twist& V, double dt) noexcept;
+  /// Whether it is somewhere, and no faster than anything that a hand touches.
+  bool is_plausible() const noexcept;
+  /// Makes it a body at X_WHeld that nothing moves, until the next update.
+  void hold(const Pose& X_WHeld) noexcept;
 };
 
 using LocalBodies = StaticVector<LocalBody, kMaxMovedBodies>;

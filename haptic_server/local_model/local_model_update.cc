@@ -11,30 +11,12 @@ namespace {
 
 /// Longest time in which a correction of a body's velocity enters, s: a slow environment's frame.
 constexpr double kLongestCorrection = 0.1;
-/// Speeds at which nothing that a hand touches moves, m/s and rad/s: a body beyond them is the
-/// product of numbers without sense.
-constexpr double kLargestBodySpeed = 100;
-constexpr double kLargestBodySpin = 1000;
 /// Most steps in which an update with one body is brought to the present; longer loops take longer
 /// steps, and so do more bodies: the time of a tick bounds both.
 constexpr std::uint64_t kReplaySteps = 40;
 
 std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));
-}
-
-bool is_plausible(const LocalBody& body) noexcept {
-  return body.X_WB.p.allFinite() && body.X_WB.R.coeffs().allFinite() &&
-         body.V_W.head<3>().norm() <= kLargestBodySpeed &&
-         body.V_W.tail<3>().norm() <= kLargestBodySpin;
-}
-
-/// Makes a body one that nothing moves.
-void hold(LocalBody& body, const Pose& X_WB) noexcept {
-  body.X_WB = X_WB;
-  body.V_W.setZero();
-  body.A_W.setZero();
-  body.B.resize(6, 0);
 }
 
 }  // namespace
@@ -70,7 +52,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   const LocalBodies reported = bodies;
   replay(bodies, present_supports(), state_step);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    if (!is_plausible(bodies[i])) hold(bodies[i], reported[i].X_WB);
+    if (!bodies[i].is_plausible()) bodies[i].hold(reported[i].X_WB);
   }
   frames.set_now(poses_of(proxy_, bodies));
   fill_tank(
@@ -139,7 +121,7 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
 void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
   for (LocalBody& body : updated) {
     for (const LocalBody& known : bodies_) {
-      if (known.id != body.id || !is_plausible(known)) continue;
+      if (known.id != body.id || !known.is_plausible()) continue;
       body.correction = body.V_W - known.V_W;
       const double frame = std::clamp(period, dt_, kLongestCorrection) / dt_;
       const double gentle =

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <cstdio>
 #include <string_view>
+#include <utility>
 
 #include "hlm/control/stiffness_bound.h"
 #include "hlm/loop/reporting.h"
+#include "hlm/protocol/wire.h"
 
 namespace hlm::server {
 namespace {
@@ -26,6 +28,8 @@ constexpr double kLargestDistance = 5;
 constexpr double kLongestUnguarded = 0.5;
 constexpr const char* kUnguarded =
     "the process that guards its motors is gone or stopped: restart the server";
+
+constexpr const char* kNotFinite = "a number of its state is not finite";
 
 const ReportedContacts kNoContacts;
 
@@ -82,8 +86,7 @@ void Servo::obey(Intervention intervention) noexcept {
       machine_.release();
       return limiter_.settle();
     case Intervention::kHalted:
-      limiter_.cut();
-      if (machine_.simulates()) device_.enable();
+      halted_ = true;
       return;
     case Intervention::kNone:
     case Intervention::kUnguarded:
@@ -208,10 +211,10 @@ double Servo::age_of(const protocol::ContactUpdate& update) const noexcept {
 
 /// The age that decides whether they give force. Whatever a round trip is longer than the session's
 /// shortest may have been the update's way alone: a network that holds everything and then delivers
-/// it at once is no slower on the way back.
+/// it at once is no slower on the way back. One without an echo may be as old as the session.
 double Servo::oldest_of(const protocol::ContactUpdate& update) noexcept {
   const std::optional<double> travel = travel_of(update);
-  if (!travel) return update.compute_time;
+  if (!travel) return update.compute_time + static_cast<double>(step_) * dt_;
   shortest_travel_ = std::min(shortest_travel_.value_or(*travel), *travel);
   return update.compute_time + *travel - *shortest_travel_ / 2;
 }
@@ -240,7 +243,11 @@ void Servo::simulate() noexcept {
   exchange_ = {.read = true, .state = device_.read()};
   const std::optional<DeviceState>& device = exchange_.state;
   if (!device) return fail(Fault::kDevice);
-  if (!is_finite(*device)) return fail(Fault::kNonFinite);
+  if (!is_finite(*device)) {
+    fail(Fault::kDevice);
+    cause_ = kNotFinite;
+    return;
+  }
   clutched_ = device->clutched;
   if (step_ == 0 || clutched_) X_WStart_ = device->X_WD;
   record_.X_WD = device->X_WD;
@@ -256,7 +263,9 @@ void Servo::simulate() noexcept {
 
   if (!observe(*device)) return;
   // Force rises again from zero when the motors are on again.
-  if (device->health == DeviceHealth::kForceOff) limiter_.cut();
+  const bool halted = std::exchange(halted_, false);
+  if (halted) device_.enable();
+  if (halted || device->health == DeviceHealth::kForceOff) limiter_.cut();
 
   ++step_;
   const ContactWrench felt = move_proxy(*device);
@@ -269,6 +278,8 @@ void Servo::simulate() noexcept {
 bool Servo::observe(const DeviceState& device) noexcept {
   Fault fault = options_.handle.exceeded(X_WStart_, device.X_WD, device.V_WD,
                                          device_.ratings().scale, device_.ratings().rotation_scale);
+  // For how long of a stall the motors were on is not known: only what they may have given counts.
+  if (halted_ && limiter_.work_until(device.X_WD) < 0) limiter_.cut();
   limiter_.observe(device.X_WD, energy_.supply());
   record_.port = limiter_.ledger();
   record_.port_bound = limiter_.energy_bound();
@@ -334,7 +345,8 @@ bool Servo::is_plausible(const DeviceState& device) const noexcept {
   const double rotation_scale = std::max(1.0, device_.ratings().rotation_scale);
   const Twist V = local_model_->hand_twist();
   const Vector3 away = local_model_->proxy().X_WH().p - device.X_WD.p;
-  return V.head<3>().norm() <= kLargestHandSpeed * scale &&
+  return local_model_->velocity().cwiseAbs().maxCoeff() <= protocol::kLargestSpeed * scale &&
+         V.head<3>().norm() <= kLargestHandSpeed * scale &&
          V.tail<3>().norm() <= kLargestHandRate * rotation_scale &&
          away.norm() <= kLargestDistance * scale;
 }
@@ -353,7 +365,9 @@ void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   const LocalModel* model = local_model_ ? &*local_model_ : nullptr;
   record_.adopted = session_.acknowledge(now, proxy_state(record_, step_, updates_, model));
-  if (model == nullptr) return;
+  // Contacts and impulses of a model that is nowhere may be no numbers.
+  const bool nowhere = record_.fault == Fault::kNonFinite || record_.fault == Fault::kImplausible;
+  if (model == nullptr || nowhere) return;
   telemetry_.contacts(now, step_, *model, session_);
   const protocol::Impulses impulses = impulses_of(*model, contained_impulses_);
   if (!impulses.bodies.empty()) session_.inform(now, impulses);

@@ -93,6 +93,7 @@ class Servo {
   double contained_impulses_ = 0;  ///< Step of the impulses in the state of the latest update.
   Pose X_WStart_;           ///< Pose of the handle, as the session began, or the clutch was let go.
   double lowered_ = 0;      ///< Share lowered by the control in effect, as in protocol::ProxyState.
+  bool halted_ = false;     ///< The guard has taken the motors off since the tick before.
   bool unguarded_ = false;  ///< Nothing looks whether the loop goes on.
   double unguarded_time_ = 0;  ///< For how long in the session, s.
   bool clutched_ = false;      ///< Whether the device was clutched when last read.

@@ -1,5 +1,7 @@
 #include "hlm/loop/telemetry.h"
 
+#include <cmath>
+
 namespace hlm::server {
 namespace {
 
@@ -55,6 +57,8 @@ void Telemetry::contacts(double now, std::uint64_t step, const LocalModel& model
   const auto add = [&](const LocalContacts& contacts, bool touching) {
     for (const LocalContact& contact : contacts) {
       if ((contact.now.s <= 0) != touching) continue;
+      // One between bodies that are held since their step led nowhere.
+      if (!std::isfinite(contact.now.s) || !contact.latest.f_W.allFinite()) continue;
       if (state_.contacts.size() == state_.contacts.capacity()) return;
       state_.contacts.push_back(report(contact));
     }

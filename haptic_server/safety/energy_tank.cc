@@ -27,7 +27,7 @@ double EnergyTank::explain(double level, double weight, double supply) noexcept 
     // What went elsewhere than to the hand makes nothing owed.
     const double kept = std::max(sum, std::min(-level, 0.0));
     const double lifts = std::clamp(weight, kept, 0.0);
-    lifted_ -= lifts;
+    lifted_ = std::min(lifted_ - lifts, limits_.claim);
     claim_ = std::min(claim_ - (kept - lifts), limits_.claim);
     return kept;
   }

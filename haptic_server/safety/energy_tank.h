@@ -36,10 +36,11 @@ struct EnergyLimits {
 /// moves from one sample to the next; a turn counts as one about a fixed axis. What is given and
 /// not explained comes out of a tank, what is taken goes into it up to its capacity. What is
 /// explained refills it, out of an allowance, for explanations are what the client claims: it holds
-/// `claim` and gains `claim_power`, and the weight that the hand lifted may come down again
-/// besides. So whatever a client says, and however often it asks for a session, in any time t
+/// `claim` and gains `claim_power`, and weight that the hand lifted may come down again besides, by
+/// `claim` at a stretch. So whatever a client says, and however often it asks for a session, in any
+/// time t
 ///
-///     given - taken <= bound() + claim_power · t + the work of lifting before
+///     given - taken <= bound() + claim_power · t
 ///
 /// and up to one capacity more for each settle(), which takes a person at the device.
 class EnergyTank {
@@ -69,6 +70,10 @@ class EnergyTank {
   /// part of F that is the tool's weight, whose work is a potential; supply: what else explains
   /// the work in it, J.
   void observe(const Pose& X_WD, const Wrench& F, const Wrench& weight, double supply) noexcept;
+  /// The work of a wrench on the handle's way to X_WD from where it was observed, J.
+  double work_until(const Pose& X_WD, const Wrench& F) const noexcept {
+    return known_ ? work_at_handle(F, displacement(X_WD_, X_WD), scale_) : 0;
+  }
   /// Time goes by, s: once in every period, with a session and without.
   void pass(double time) noexcept {
     claim_ = std::min(claim_ + time * limits_.claim_power, limits_.claim);
@@ -78,7 +83,7 @@ class EnergyTank {
   /// Largest power that may be given now, W; below 0: that much must be taken.
   double allowed_power() const noexcept { return ledger_.tank / kDrainTime; }
   /// Most that is given beyond what is taken and claim_power · t until overdrawn(), J.
-  double bound() const noexcept { return 2 * limits_.capacity + limits_.claim; }
+  double bound() const noexcept { return 2 * (limits_.capacity + limits_.claim); }
   /// Whether more than a second tank was given, so that what is commanded does not stop it, or the
   /// ledger is not finite.
   bool overdrawn() const noexcept { return !(ledger_.tank >= -limits_.capacity); }
@@ -89,7 +94,7 @@ class EnergyTank {
   EnergyLimits limits_;
   double scale_;
   double claim_;        ///< What is left of the allowance, J.
-  double lifted_ = 0;   ///< What the hand did to lift the weight, above its lowest, J.
+  double lifted_ = 0;   ///< What the hand did to lift the weight, at most `claim`, J.
   bool known_ = false;  ///< Whether a handle was seen.
   Pose X_WD_;           ///< Pose at the beginning of the period.
   PortLedger ledger_;

@@ -47,6 +47,8 @@ class Limiter {
   void observe(const Pose& X_WD, double supply) noexcept {
     tank_.observe(X_WD, command_, weight_, supply);
   }
+  /// The work of the latest command on the handle's way to X_WD, J.
+  double work_until(const Pose& X_WD) const noexcept { return tank_.work_until(X_WD, command_); }
   /// The work of a step that moving constraints explain, J, of the power with which they push in
   /// the world, W.
   double explained(double power) const noexcept {

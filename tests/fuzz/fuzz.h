@@ -22,11 +22,17 @@ namespace hlm::fuzz {
 /// Inputs that were good enough to be used, not only refused. A corpus without any shows nothing.
 inline std::uint64_t accepted = 0;
 
-/// Ends the program unless the claim holds.
-inline void demand(bool holds, const char* claim) {
-  if (holds) return;
+/// Ends the program: a claim does not hold.
+[[noreturn]] inline void end_at(const char* claim) {
   std::fprintf(stderr, "broken promise: %s\n", claim);
   std::abort();
+}
+/// What a broken promise does; a test that is not a fuzz target may throw instead.
+inline void (*on_broken_promise)(const char* claim) = end_at;
+
+/// Whatever a broken promise does, unless the claim holds.
+inline void demand(bool holds, const char* claim) {
+  if (!holds) on_broken_promise(claim);
 }
 
 /// Whether an error is what a person gets to read: one line, which names the file.

@@ -585,7 +585,7 @@ const BadHello kBadHellos[] = {
      [](Hello& h) { h.tool.links[0].X_PJ.R.w() = 2; }},
     {"hand link 7 must be 0 to 0", [](Hello& h) { h.tool.hand_link = 7; }},
     {"gravity must be finite and within ±100 m/s²", [](Hello& h) { h.tool.gravity_W.x() = 1e6; }},
-    {"length -0.12345678901234568 m must be above 0 to 10000 m",
+    {"length -0.12345678901234568 m must be 1e-06 to 10000 m",
      [](Hello& h) { h.tool.length = -0.12345678901234568; }},
     {"initial configuration has 2 coordinates; the tool has 3",
      [](Hello& h) { h.q = Eigen::Vector2d(0, 0); }},

@@ -53,10 +53,10 @@ class Receipt(unittest.TestCase):
         logs = sorted(folder.glob("*.csv"))
         self.assertEqual(len(logs), 4)
         for log in logs:
-            within = subprocess.run([sys.executable, CHECK, log, "--bound", "3", "1"], capture_output=True, text=True)
+            within = subprocess.run([sys.executable, CHECK, log, "--bound", "5", "1"], capture_output=True, text=True)
             self.assertEqual(within.returncode, 0, within.stdout + within.stderr)
         # Walls that are said to move do push.
-        above = subprocess.run([sys.executable, CHECK, log, "--bound", "3", "0"], capture_output=True, text=True)
+        above = subprocess.run([sys.executable, CHECK, log, "--bound", "5", "0"], capture_output=True, text=True)
         self.assertEqual(above.returncode, 1, above.stdout + above.stderr)
 
     @staticmethod

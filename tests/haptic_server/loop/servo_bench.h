@@ -169,7 +169,9 @@ class ServoBench {
     timing.tick += 1 + missed;
     timing.overruns += missed;
     timing.scheduled = timing.begin = static_cast<double>(timing.tick) / options.rate;
-    return servo->tick(timing);
+    const server::TickRecord& record = servo->tick(timing);
+    step = record.step;
+    return record;
   }
   const server::TickRecord& ticks(int count) {
     for (int i = 1; i < count; ++i) tick();
@@ -188,7 +190,7 @@ class ServoBench {
     hello.ve_rate = ve_rate;
     hello.clears_fault = clears_fault;
     // For a session begun anew everything counts from 1 again.
-    sequence = 0;
+    sequence = step = 0;
     link.queue.deliver(kClient, {.sequence = hellos}, hello);
     q_VE = q;
     dof = ToolModel(tool).dof();
@@ -199,12 +201,13 @@ class ServoBench {
     return tick();
   }
 
-  /// An update for the tool at its initial configuration, at rest.
+  /// An update for the tool at its initial configuration, at rest, that answers the latest step.
   protocol::ContactUpdate update(const ReportedContacts& contacts = {}) const {
     protocol::ContactUpdate update;
     update.q_VE = q_VE;
     update.v_VE = Velocity::Zero(dof);
     update.contacts = contacts;
+    update.echo_step = step;
     return update;
   }
   template <class Message>
@@ -231,6 +234,7 @@ class ServoBench {
   bool clears_fault = true;  ///< Likewise.
   std::uint64_t hellos = 0;
   std::uint64_t sequence = 0;  ///< Of the client's latest message in the session.
+  std::uint64_t step = 0;      ///< The latest.
   Configuration q_VE;
   int dof = 0;
 };

@@ -292,13 +292,13 @@ const Failure kFailures[] = {
     {"the device cannot be read", Fault::kDevice, [](ServoBench& b) { b.device.state.reset(); }},
     {"the device takes no wrench", Fault::kDevice,
      [](ServoBench& b) { b.device.takes_wrenches = false; }},
-    {"a position is not finite", Fault::kNonFinite,
+    {"a position is not finite", Fault::kDevice,
      [](ServoBench& b) { b.device.state->X_WD.p.y() = kNaN; }},
-    {"an orientation is not finite", Fault::kNonFinite,
+    {"an orientation is not finite", Fault::kDevice,
      [](ServoBench& b) { b.device.state->X_WD.R.w() = kNaN; }},
-    {"a velocity is not finite", Fault::kNonFinite,
+    {"a velocity is not finite", Fault::kDevice,
      [](ServoBench& b) { b.device.state->V_WD[5] = kNaN; }},
-    {"the hand's wrench is not finite", Fault::kNonFinite,
+    {"the hand's wrench is not finite", Fault::kDevice,
      [](ServoBench& b) { b.device.state->F_hand = planar_wrench(0, kNaN, 0); }},
     {"the handle is too fast", Fault::kHandleSpeed,
      [](ServoBench& b) { b.device.state->V_WD[0] = 5.1; }},
@@ -386,9 +386,9 @@ TEST_CASE("The silence that is endured follows the client's rate, within bounds,
 TEST_CASE("Frames that are longer than the hello said are endured as long as they say") {
   ServoBench bench{ServoOptions{}};
   bench.begin();
-  protocol::ContactUpdate slow = bench.update();
-  slow.ve_period = 0.05;
   for (int i = 0; i < 20; ++i) {
+    protocol::ContactUpdate slow = bench.update();
+    slow.ve_period = 0.05;
     bench.tick_with(slow);
     CHECK(bench.ticks(190).server == ServerState::kActive);
   }
@@ -473,8 +473,8 @@ TEST_CASE("After a halt by the guard the device is on again, and force rises fro
   begin_under_load(bench);
   bench.device.enabled = false;
   bench.servo->obey(Intervention::kHalted);
-  CHECK(bench.device.enabled);
   const TickRecord& first = bench.tick_with(bench.update());
+  CHECK(bench.device.enabled);
   CHECK(first.F_command.norm() < 0.1);  // N: of 3
   CHECK(first.fault == Fault::kNone);
   CHECK(bench.ticks(150).F_command.norm() == Approx(3).epsilon(0.1));
@@ -509,10 +509,10 @@ TEST_CASE("Without a guard force fades in 20 ms, comes back with it, and after 0
 
 TEST_CASE("A stop after a fault that a client may end is a stop, and ends an earlier release") {
   ServoBench bench;
-  begin_under_load(bench);
-  bench.device.state->F_hand = planar_wrench(0, std::nan(""), 0);
-  CHECK(bench.tick().fault == Fault::kNonFinite);
-  bench.device.state->F_hand.reset();
+  bench.begin();
+  bench.ticks(150);
+  bench.tick_with(bench.update({wall_ahead(0.001, 0, 900)}));
+  CHECK(bench.ticks(10).fault == Fault::kImplausible);
   bench.servo->obey(Intervention::kClear);
   bench.servo->obey(Intervention::kStop);
   CHECK(bench.begin().fault == Fault::kOperatorStop);
@@ -551,6 +551,34 @@ TEST_CASE(
   CHECK(held.fade == Fade::kContactsOld);
   CHECK_FALSE(renders_force(held.server));
   CHECK(renders_force(echo(2 * way).server));
+}
+
+TEST_CASE("Updates that answer no state give no force half a second after the session began") {
+  ServoBench bench;
+  bench.begin();
+  protocol::ContactUpdate first = bench.update();
+  first.echo_step = 0;
+  CHECK(renders_force(bench.tick_with(first).server));
+  bench.ticks(600);
+  CHECK_FALSE(renders_force(bench.tick_with(first).server));
+  protocol::ContactUpdate answer = bench.update();
+  answer.echo_step = bench.tick().step;
+  CHECK(renders_force(bench.tick_with(answer).server));
+}
+
+TEST_CASE("What a stalled server may have given counts, and what it took does not") {
+  const bool gives = GENERATE(true, false);
+  ServoBench bench;
+  begin_under_load(bench);
+  const PortLedger before = bench.tick().port;
+  const Vector3 F = bench.device.written.head<3>();
+  REQUIRE(F.norm() > 1);  // N
+  bench.device.state->X_WD.p += (gives ? 0.01 : -0.01) * F.normalized();
+  bench.servo->obey(Intervention::kHalted);
+  const TickRecord after = bench.tick();
+  CHECK(after.port.given - before.given == Approx(gives ? 0.01 * F.norm() : 0));  // J
+  CHECK(after.port.taken == before.taken);
+  CHECK(after.F_command.isZero(0));
 }
 
 // Controls.

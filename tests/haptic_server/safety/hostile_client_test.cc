@@ -96,6 +96,7 @@ class HostileSession {
                           random_.uniform(-0.2, 0.2));
     update.v_VE = Velocity::Zero(3);
     update.ve_period = 1.0 / 60;
+    update.echo_step = step_;
     const int count = random_.integer(0, 6);
     for (int i = 0; i < count; ++i) {
       ReportedContact contact;
@@ -150,6 +151,7 @@ class HostileSession {
     const TickRecord record = servo_->tick(timing_);
     link_.forget_sent();
     log_.write(record);
+    step_ = record.step;
     if (!faulty_) count(record);  // The ticks after it have no ledger.
     if (record.fault != Fault::kNone && !faulty_) ++faults_, faulty_ = true;
   }
@@ -190,6 +192,7 @@ class HostileSession {
   Timing timing_;
   std::uint64_t hellos_ = 0;
   std::uint64_t sequence_ = 0;
+  std::uint64_t step_ = 0;  ///< Of the latest tick.
   int updates_ = 0;
   int quiet_ = 0;  ///< Ticks left of a stall.
   bool faulty_ = false;
@@ -207,7 +210,7 @@ class HostileSession {
   double least_ = 0;
   double most_ = 0;
   double ledger_error_ = 0;
-  double bound_ = 2 * options_.limits.max_energy + options_.limits.claim_energy;
+  double bound_ = 2 * (options_.limits.max_energy + options_.limits.claim_energy);
   double bound_error_ = -bound_;
   double forgiven_ = 0;  ///< Debts of the tank, by whoever cleared faults, J.
   PortLedger port_;
