@@ -1,8 +1,6 @@
 #include "hlm/geometry/mesh_normals.h"
 
 #include <algorithm>
-#include <iterator>
-#include <vector>
 
 namespace hlm::geometry {
 namespace {
@@ -13,9 +11,6 @@ constexpr double kOn = 1e-6;
 constexpr double kRise = 1e-3;
 /// Triangles that rise less over each other, rad, meet without being predicted: 2°.
 constexpr double kBend = 0.035;
-/// Triangles are in one plane if their normals differ by less, rad: 0.1°, as faces of pieces.
-constexpr double kOnePlane = 1.7e-3;
-
 double distance_to_edge(const Vector3& p, const Vector3& a, const Vector3& b) {
   const double share = std::clamp((p - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
   return (p - a - share * (b - a)).norm();
@@ -34,30 +29,6 @@ bool all_triangles_at(const Mesh& mesh, std::size_t triangle, const Vector3& p,
     for (const std::size_t t : mesh.around[static_cast<std::size_t>(mesh.triangles[triangle][i])]) {
       const bool meets = corner || std::ranges::count(mesh.triangles[t], b) > 0;
       if (meets && !holds(t)) return false;
-    }
-  }
-  return true;
-}
-
-/// Whether triangles meet at all edges that p is on, and at all that end in a corner if p is there.
-bool is_within(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
-  for (std::size_t i = 0; i < 3; ++i) {
-    const int a = mesh.triangles[triangle][i];
-    const int b = mesh.triangles[triangle][(i + 1) % 3];
-    const Vector3 p_a = mesh.corner(triangle, i);
-    if (distance_to_edge(p, p_a, mesh.corner(triangle, (i + 1) % 3)) > kOn) continue;
-    std::vector<int> ends;  // Ends of the edges from a, once for each of their triangles.
-    for (const std::size_t t : mesh.around[static_cast<std::size_t>(a)]) {
-      std::ranges::copy_if(mesh.triangles[t], std::back_inserter(ends),
-                           [&](int end) { return end != a; });
-    }
-    if (std::ranges::count(ends, b) < 2) return false;
-    if ((p_a - p).norm() > kOn) continue;
-    std::ranges::sort(ends);
-    for (auto first = ends.begin(); first != ends.end();) {
-      const auto last = std::find_if(first, ends.end(), [&](int end) { return end != *first; });
-      if (last - first < 2) return false;
-      first = last;
     }
   }
   return true;
@@ -104,14 +75,6 @@ bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const 
     return !falls(t);
   });
   return none_falls && over;
-}
-
-bool is_flat(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
-  const Vector3 n = mesh.area(triangle).normalized();
-  const auto in_plane = [&](std::size_t t) {
-    return (mesh.area(t).normalized() - n).norm() < kOnePlane;
-  };
-  return all_triangles_at(mesh, triangle, p, in_plane) && is_within(mesh, triangle, p);
 }
 
 }  // namespace hlm::geometry

@@ -1,4 +1,4 @@
-// What is a mesh like at a point: is a direction a normal there, and is it flat?
+// What is a mesh like at a point: is a direction a normal there, and does it rise?
 #pragma once
 
 #include <optional>
@@ -16,7 +16,5 @@ std::optional<bool> is_normal(const Mesh& mesh, std::size_t triangle, const Vect
 /// Whether q (m) is over a triangle that rises from the plane of this one next to p, a point on its
 /// border, and none falls below that plane there: then the plane goes on inside of the mesh.
 bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Vector3& q);
-/// Whether the mesh goes on in the triangle's plane all around p, a point on the triangle, m.
-bool is_flat(const Mesh& mesh, std::size_t triangle, const Vector3& p);
 
 }  // namespace hlm::geometry

@@ -14,7 +14,7 @@ namespace {
 /// Faces whose normals differ by less, rad, can go on in each other: 0.1°. Larger flattens meshes.
 constexpr double kSameDirection = 1.7e-3;
 /// Distance within which pieces are looked for from a point, m: where its neighbourhood is probed.
-constexpr double kNeighbourhood = 2 * (kSeamGap + kSeamStep);
+constexpr double kNeighbourhood = 6e-4;
 
 Eigen::AlignedBox3d grown(Eigen::AlignedBox3d box, double by) {
   box.min().array() -= by;
@@ -34,6 +34,26 @@ bool adjoin(const Piece& a, const Piece& b) {
     return pair.tool_support(-n).z() - margins <= kSeamGap;
   }
   return closest_points(pair, kSeamGap + margins).relation != ClosestPoints::Relation::kBeyond;
+}
+
+/// The point of a triangle that is nearest to p.
+Vector3 nearest_in_triangle(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
+  const Vector3 n = mesh.area(triangle).normalized();
+  const Vector3 over = p - n.dot(p - mesh.corner(triangle, 0)) * n;
+  Vector3 nearest = over;
+  double least = std::numeric_limits<double>::infinity();  // Distance of the border, m.
+  bool inside = true;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vector3& from = mesh.corner(triangle, i);
+    const Vector3 along = mesh.corner(triangle, (i + 1) % 3) - from;
+    inside = inside && n.dot(along.cross(over - from)) >= 0;
+    const double share = std::clamp(along.dot(over - from) / along.squaredNorm(), 0.0, 1.0);
+    const Vector3 on_border = from + share * along;
+    const double distance = (over - on_border).norm();
+    if (distance < least) nearest = on_border;
+    least = std::min(least, distance);
+  }
+  return inside ? over : nearest;
 }
 
 }  // namespace
@@ -56,7 +76,15 @@ std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F) {
   return PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}};
 }
 
+bool is_surface(const Piece& piece, const PieceSide& side) {
+  return piece.mesh == nullptr || side.face == piece.front;
+}
+
 Vector3 within(const Piece& piece, const Vector3& p_F) {
+  if (piece.mesh != nullptr) {
+    return piece.X_FG *
+           nearest_in_triangle(*piece.mesh, piece.triangle, piece.X_FG.inverse() * p_F);
+  }
   constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
   Vector3 nearest = p_F;
   for (int i = 0; i < kRounds; ++i) {
@@ -104,6 +132,12 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
           piece.convex->is_half_space() ? Vector3(Vector3::Zero()) : piece.convex->support(n_G);
       const Vector3 n_F = piece.X_FG.R * n_G;
       piece.planes.push_back({n_F, n_F.dot(piece.X_FG * on_face)});
+    }
+    if (piece.mesh != nullptr) {
+      const Vector3 out_F = piece.X_FG.R * piece.mesh->area(piece.triangle);
+      const auto along = [&](const Piece::Plane& plane) { return out_F.dot(plane.n_F); };
+      const auto front = std::ranges::max_element(piece.planes, {}, along);
+      piece.front = static_cast<std::size_t>(front - piece.planes.begin());
     }
   }
   constexpr int kFixed = -1;

@@ -42,12 +42,17 @@ struct Piece {
   Pose X_FG;
   const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
   std::size_t triangle = 0;    ///< Triangle of that mesh which the piece is behind.
+  std::size_t front = 0;       ///< The face of a piece of a skin that is the triangle.
   Eigen::AlignedBox3d bounds_F;
   std::vector<Plane> planes;      ///< Planes of the core's faces, in their order.
   std::vector<Surface> surfaces;  ///< Surfaces by face; empty if none goes on in another's.
   std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
   double widest = 0;              ///< Widest of their bounds along x, m.
 };
+
+/// Whether a side of a piece can be felt: of a piece of a skin only the triangle.
+struct PieceSide;
+bool is_surface(const Piece& piece, const PieceSide& side);
 
 /// What of a piece's surface is near a point.
 struct PieceSide {

@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 
-#include "hlm/geometry/mesh_normals.h"
 #include "hlm/geometry/surface_normal.h"
 
 namespace hlm::geometry {
@@ -78,7 +77,6 @@ class Resolver {
   Meeting seen(const FoundContact& contact) const;
   FoundContact reported(Meeting meeting) const;
 
-  std::optional<bool> is_on_mesh(std::span<const Meeting> set) const;
   bool is_on_surface(const Vector3& n, const Vector3& p_F) const;
   bool is_on_surface(std::span<const Meeting> set) const;
   bool put_on_surface(Meeting& meeting) const;
@@ -122,20 +120,6 @@ FoundContact Resolver::reported(Meeting meeting) const {
   return contact;
 }
 
-/// Whether a set of contacts is on the mesh whose skin the piece is of; empty if it is of none, or
-/// if the mesh does not tell.
-std::optional<bool> Resolver::is_on_mesh(std::span<const Meeting> set) const {
-  if (own_.mesh == nullptr) return {};
-  const Pose X_GF = own_.X_FG.inverse();
-  bool tells = true;
-  for (const Meeting& meeting : set) {
-    const auto is = is_normal(*own_.mesh, own_.triangle, X_GF * meeting.at, X_GF.R * meeting.n);
-    if (is.value_or(false)) return true;
-    tells = tells && is;
-  }
-  return tells ? std::optional(false) : std::nullopt;
-}
-
 /// Whether n is a normal of the surface where the piece is nearest to a point.
 bool Resolver::is_on_surface(const Vector3& n, const Vector3& p_F) const {
   const Vector3 nearest = within(own_, p_F);
@@ -147,7 +131,6 @@ bool Resolver::is_on_surface(const Vector3& n, const Vector3& p_F) const {
 /// One such place is enough: a floor goes on under the walls that stand on its border.
 bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const Vector3& n = set.front().n;
-  if (const auto is = is_on_mesh(set)) return *is;
   // The points on another axis than the best may be next to the piece, far over it.
   const Vector3 outwards = set.front().contact.axis > 0 ? Vector3(kOutwards * n) : Vector3::Zero();
   const auto is_on = [&](const Vector3& at) { return is_on_surface(n, at + outwards); };
@@ -177,6 +160,7 @@ bool Resolver::put_on_surface(Meeting& meeting) const {
 std::optional<std::size_t> Resolver::face_at(const Meeting& meeting) const {
   static const double cosine = std::cos(kOfFace);
   for (std::size_t i = 0; i < own_.planes.size(); ++i) {
+    if (!is_surface(own_, {.face = i})) continue;
     const auto& [n, offset] = own_.planes[i];
     if (n.dot(meeting.n) < cosine) continue;
     if (std::abs(n.dot(meeting.at) - offset) <= kSeamStep) return i;
@@ -299,14 +283,14 @@ bool Resolver::settle(Meeting& meeting) {
     }
     return true;
   }
-  if (own_.mesh != nullptr) {
-    const bool at_corner = other_feature(meeting.contact).kind == FeatureKind::kVertex;
-    return at_corner || !is_flat(*own_.mesh, own_.triangle, own_.X_FG.inverse() * meeting.at);
-  }
   const auto face = face_at(meeting);
   if (!face) return true;
   const PiecesAtPoint pieces = pieces_at(own_, meeting.at);
   const Border border = border_at(meeting, own_.planes[*face].n_F, pieces);
+  if (border.goes_on && own_.mesh != nullptr &&
+      !is_flat(own_.planes[*face].n_F, meeting.at, pieces)) {
+    return true;
+  }
   if (border.goes_on) {
     shared_ = true;
     if (put_on_corner(meeting)) {
@@ -328,7 +312,7 @@ Vector3 Resolver::keep_best(std::span<Meeting> set, bool real,
                             std::vector<FoundContact>& contacts) {
   Vector3 n = Vector3::Zero();
   for (Meeting& meeting : set) {
-    if (!real && (own_.mesh != nullptr || !put_on_surface(meeting))) continue;
+    if (!real && !put_on_surface(meeting)) continue;
     // Outermost points tell of a gap, not of where the tool stands.
     if (meeting.contact.axis > 0 && !contains(own_, meeting.at, kSeamGap)) continue;
     n = meeting.n;
