@@ -11,13 +11,13 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/contacts/convex.h"
-#include "hlm/contacts/manifold.h"
+#include "hlm/geometry/convex.h"
+#include "hlm/geometry/manifold.h"
 
 namespace {
 
 using namespace hlm;
-using namespace hlm::ve;
+using namespace hlm::geometry;
 
 /// Most contacts of the tool; the others are left for the bodies' own.
 constexpr std::size_t kMostOfTool = 128;

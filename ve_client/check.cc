@@ -5,8 +5,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
-#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 namespace {

@@ -10,12 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "hlm/scene/scene.h"
 #include "hlm/ve/clock.h"
 #include "hlm/ve/frame.h"
 #include "hlm/ve/settings.h"
 #include "hlm/ve/tool_session.h"
 #include "hlm/web/live_page.h"
-#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 

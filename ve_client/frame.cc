@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "hlm/common/uniform.h"
-#include "hlm/contacts/select_pairs.h"
+#include "hlm/geometry/select_pairs.h"
 #include "hlm/world/catch_up.h"
 
 namespace hlm::ve {

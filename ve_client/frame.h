@@ -11,7 +11,7 @@
 
 #include "hlm/client/haptic_client.h"
 #include "hlm/common/range.h"
-#include "hlm/contacts/select.h"
+#include "hlm/geometry/select.h"
 #include "hlm/ve/clock.h"
 #include "hlm/ve/shared_bodies.h"
 #include "hlm/world/proximity.h"

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
 #include "hlm/ve/impaired_link.h"
-#include "hlm/world/scene.h"
 #include "hlm/world/virtual_tool.h"
 
 namespace hlm::ve {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "hlm/client/haptic_client.h"
-#include "hlm/contacts/manifold.h"
+#include "hlm/geometry/manifold.h"
 #include "hlm/ve/frame.h"
 
 namespace hlm::ve {

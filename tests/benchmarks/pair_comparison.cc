@@ -26,8 +26,8 @@
 #include <fcl/geometry/shape/sphere.h>
 #include <fcl/narrowphase/distance.h>
 
-#include "hlm/contacts/hull.h"
-#include "hlm/contacts/manifold.h"
+#include "hlm/geometry/hull.h"
+#include "hlm/geometry/manifold.h"
 
 namespace hlm::ve {
 namespace {

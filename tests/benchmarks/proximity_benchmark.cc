@@ -3,7 +3,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/contacts/manifold.h"
+#include "hlm/geometry/manifold.h"
 
 namespace hlm::ve {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/contacts/select_pairs.h"
+#include "hlm/geometry/select_pairs.h"
+#include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
-#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 namespace {

@@ -7,7 +7,7 @@
 #include "hlm/device/observed_device.h"
 #include "hlm/device/simulated_device.h"
 #include "hlm/loop/tick_record.h"
-#include "hlm/world/world_description.h"
+#include "hlm/scene/world_description.h"
 #include "tests/experiments/method.h"
 #include "tests/support/memory_link.h"
 

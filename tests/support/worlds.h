@@ -6,7 +6,7 @@
 #include <mutex>
 #include <string>
 
-#include "hlm/world/sdf_loader.h"
+#include "hlm/scene/sdf_loader.h"
 
 namespace hlm::test {
 

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "hlm/world/scene.h"
+#include "hlm/scene/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

@@ -1,16 +1,22 @@
 // Worlds of several pieces whose surfaces go on in each other, felt by the hand: server and client
 // together, in virtual time.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
+#include <memory>
 #include <numbers>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include <spdlog/fmt/fmt.h>
 #include <unistd.h>
 
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::test {
@@ -24,7 +30,7 @@ const std::string kFrictionless =
 
 std::string numbers(std::initializer_list<double> values) {
   std::string text;
-  for (const double value : values) text += std::to_string(value) + ' ';
+  for (const double value : values) text += fmt::format("{} ", value);
   return text;
 }
 
@@ -105,20 +111,21 @@ std::string fan_of_triangles(int count) {
 class MeshFloor {
  public:
   explicit MeshFloor(const std::string& obj)
-      : file_(std::filesystem::temp_directory_path() /
-              ("haptic_floor_" + std::to_string(getpid()) + ".obj")) {
+      : file_(std::filesystem::temp_directory_path() / ("haptic_floor_" + std::to_string(getpid()) +
+                                                        '_' + std::to_string(count_++) + ".obj")) {
     std::ofstream(file_) << obj;
   }
   ~MeshFloor() { std::filesystem::remove(file_); }
   MeshFloor(const MeshFloor&) = delete;
   MeshFloor& operator=(const MeshFloor&) = delete;
 
-  std::string model() const {
+  std::string model(const std::string& name = "floor") const {
     const std::string mesh = "<mesh><uri>" + file_.string() + "</uri></mesh>";
-    return fixed_model("floor", "0 0 0 0 0 0", collision("mesh", "0 0 0 0 0 0", mesh));
+    return fixed_model(name, "0 0 0 0 0 0", collision("mesh", "0 0 0 0 0 0", mesh));
   }
 
  private:
+  inline static int count_ = 0;
   std::filesystem::path file_;
 };
 
@@ -336,6 +343,186 @@ TEST_CASE("A plate lies flat on any number of feet, and sinks as far on 4 contac
 TEST_CASE("A plate lies flat on 8 x 8 tiles without gaps too") {
   check_smooth(slide({kPlate, tiled_square(0, 0), {0.12, 0.12, 0}, {0.02, 0.01, 0}}));
 }
+
+TEST_CASE("A bar that reaches over the edges of a concave mesh rests on it") {
+  // A step of 0.1 m: its lower part is 0.1 m wide, the bar 0.104 m.
+  const MeshFloor block(
+      "v -0.1 -0.05 -0.05\nv 0.14 -0.05 -0.05\nv 0.14 -0.05 0.05\nv 0.1 -0.05 0.05\nv 0.1 -0.05 0\n"
+      "v -0.1 -0.05 0\nv -0.1 0.05 -0.05\nv 0.14 0.05 -0.05\nv 0.14 0.05 0.05\nv 0.1 0.05 0.05\n"
+      "v 0.1 0.05 0\nv -0.1 0.05 0\nf 1 2 5\nf 7 11 8\nf 2 3 5\nf 8 11 9\nf 3 4 5\nf 9 11 10\n"
+      "f 1 5 6\nf 7 12 11\nf 1 7 8\nf 1 8 2\nf 2 8 9\nf 2 9 3\nf 3 9 10\nf 3 10 4\nf 4 10 11\n"
+      "f 4 11 5\nf 5 11 12\nf 5 12 6\nf 6 12 7\nf 6 7 1\n");
+  const Tool bar = tool_of("bar", "<box><size>0.02 0.104 0.01</size></box>", 0.005);
+  check_smooth(slide({bar, block.model(), {-0.05, 0, 0}, {0.1, 0, 0}}));
+}
+
+// Floors as people make them, drawn at random.
+
+/// Rectangles of triangles at about z = 0, each with corners of its own: OBJ text.
+class Sheet {
+ public:
+  Sheet(Random& random, double noise) : random_(random), noise_(noise) {}
+
+  /// A rectangle in x from a to b and y from c to d, in two triangles.
+  void add(double a, double b, double c, double d) {
+    const int first = corners_ + 1;
+    for (const auto& [x, y] : {std::pair{a, c}, {b, c}, {b, d}, {a, d}}) {
+      obj_ += "v " + numbers({x, y, random_.uniform(-noise_, noise_)}) + '\n';
+    }
+    corners_ += 4;
+    const auto face = [&](int i, int j, int k) {
+      triangles_ += "f " + std::to_string(first + i) + ' ' + std::to_string(first + j) + ' ' +
+                    std::to_string(first + k) + '\n';
+    };
+    if (random_.integer(0, 1) == 0) {
+      face(0, 1, 2), face(0, 2, 3);
+    } else {
+      face(0, 1, 3), face(1, 2, 3);
+    }
+  }
+  std::string text() const { return obj_ + triangles_; }
+
+ private:
+  Random& random_;
+  double noise_;  ///< m
+  int corners_ = 0;
+  std::string obj_, triangles_;
+};
+
+constexpr double kFloor = 0.24;  // m, its side.
+
+/// Rows of tiles with widths of their own that start anywhere: use(x, x end, y, y end).
+template <class Use>
+void for_each_tile(Random& random, bool bonded, Use use) {
+  for (double y = 0; y < kFloor - 0.001;) {
+    const double depth = bonded ? random.uniform(0.015, 0.04) : kTile;
+    double x = bonded ? -random.uniform(0, 0.02) : 0;
+    while (x < kFloor - 0.001) {
+      const double width = bonded ? random.uniform(0.015, 0.04) : kTile;
+      use(x, x + width, y, y + depth);
+      x += width;
+    }
+    y += depth;
+  }
+}
+
+std::string random_tiles(Random& random, bool bonded, double noise, double step) {
+  std::string collisions;
+  int count = 0;
+  for_each_tile(random, bonded, [&](double a, double b, double c, double d) {
+    const double top = random.uniform(-step, 0);
+    const Vector3 size(b - a + random.uniform(-noise, 0), d - c + random.uniform(-noise, 0), 0.02);
+    collisions +=
+        box_at("tile" + std::to_string(count++), {(a + b) / 2, (c + d) / 2, top - 0.01}, size);
+  });
+  return fixed_model("floor", "0 0 0 0 0 0", collisions);
+}
+
+struct RandomFloor {
+  std::string name;
+  std::string models;
+  std::vector<std::unique_ptr<MeshFloor>> meshes;
+
+  void add(const Sheet& sheet, const std::string& model) {
+    meshes.push_back(std::make_unique<MeshFloor>(sheet.text()));
+    models += meshes.back()->model(model);
+  }
+};
+
+RandomFloor random_floor(Random& random, int kind) {
+  RandomFloor floor;
+  const double noise = random.uniform(0, 5e-6);  // m
+  switch (kind) {
+    case 0:
+      floor.name = "tiles with gaps and steps";
+      floor.models = random_tiles(random, false, 1e-4, 1e-5);
+      break;
+    case 1:
+      floor.name = "bonded tiles";
+      floor.models =
+          random_tiles(random, true, random.integer(0, 1) * 1e-4, random.integer(0, 1) * 1e-5);
+      break;
+    case 2: {
+      floor.name = "one sheet with T-junctions";
+      Sheet sheet(random, noise);
+      for_each_tile(random, true, [&](auto... sides) { sheet.add(sides...); });
+      floor.add(sheet, "sheet");
+      break;
+    }
+    case 3: {
+      floor.name = "two sheets that adjoin";
+      const double seam = random.uniform(0.08, 0.16);
+      Sheet left(random, noise), right(random, noise);
+      for_each_tile(random, true, [&](double a, double b, double c, double d) {
+        if (a < seam) left.add(a, std::min(b, seam), c, d);
+        if (b > seam) right.add(std::max(a, seam), b, c, d);
+      });
+      floor.add(left, "left");
+      floor.add(right, "right");
+      break;
+    }
+    case 4: {
+      floor.name = "two sheets that overlap";
+      Sheet one(random, noise), other(random, noise);
+      one.add(0, random.uniform(0.14, 0.2), 0, kFloor);
+      other.add(random.uniform(0.04, 0.1), kFloor, 0, kFloor);
+      floor.add(one, "one");
+      floor.add(other, "other");
+      break;
+    }
+    case 5: {
+      floor.name = "a sheet with slivers";
+      Sheet sheet(random, noise);
+      double x = 0;
+      while (x < kFloor) {
+        const double width = random.integer(0, 1) == 0 ? 1e-4 : random.uniform(0.01, 0.04);
+        sheet.add(x, x + width, 0, kFloor);
+        x += width;
+      }
+      floor.add(sheet, "sheet");
+      break;
+    }
+    default: {
+      floor.name = "tiles beside a sheet";
+      Sheet sheet(random, noise);
+      sheet.add(0.1, kFloor, 0, kFloor);
+      floor.add(sheet, "sheet");
+      floor.models += fixed_model("slab", "0 0 0 0 0 0",
+                                  box_at("slab", {0.05, kFloor / 2, -0.01}, {0.1, kFloor, 0.02}));
+    }
+  }
+  return floor;
+}
+
+void check_random_floors(int count) {
+  Random random;
+  int pushed = 0;  // Floors that push sideways by more than 0.05 N.
+  int uneven = 0;  // Floors on which the depth changes by more than 0.05 mm.
+  for (int i = 0; i < count; ++i) {
+    const RandomFloor floor = random_floor(random, i % 7);
+    const std::array tools{kBox, kSphere, kPeg, kCapsule};
+    const Tool& tool = tools[static_cast<std::size_t>(random.integer(0, 3))];
+    const Vector3 start(random.uniform(0.04, 0.08), random.uniform(0.04, 0.08), 0);
+    const Vector3 path(random.uniform(0.08, 0.12), random.uniform(-0.01, 0.12), 0);
+    const Slide felt = slide({tool, floor.models, start, path, random.integer(0, 1) * 0.5});
+    const double depth = felt.highest - felt.lowest;
+    pushed += felt.sideways > 0.05;
+    uneven += depth > 5e-5;
+    if (felt.sideways > 0.05 || depth > 5e-5) {
+      std::cout << fmt::format("floor {}, {}, {}: {:.3f} N, {:.3f} mm\n", i, floor.name, tool.name,
+                               felt.sideways, 1e3 * depth);
+    }
+  }
+  CHECK(pushed <= count / 50);
+  CHECK(uneven <= count / 10);
+}
+
+TEST_CASE("Floors drawn at random, of tiles and sheets, are felt as one slab") {
+  check_random_floors(35);
+}
+
+// test_seams "[.floors]"
+TEST_CASE("The same of a thousand floors", "[.floors]") { check_random_floors(1000); }
 
 }  // namespace
 }  // namespace hlm::test

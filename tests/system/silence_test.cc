@@ -9,7 +9,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "hlm/device/hand_script.h"
-#include "hlm/world/scene.h"
+#include "hlm/scene/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/virtual_session.h"
 

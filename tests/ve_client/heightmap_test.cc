@@ -1,5 +1,5 @@
 // Heightmaps: where their heights are, what is felt of them, and which cannot be used.
-#include "hlm/world/heightmap.h"
+#include "hlm/scene/heightmap.h"
 
 #include <filesystem>
 #include <fstream>
@@ -8,8 +8,8 @@
 
 #include <unistd.h>
 
+#include "hlm/scene/sdf_loader.h"
 #include "hlm/world/proximity.h"
-#include "hlm/world/sdf_loader.h"
 #include "tests/support/catch.h"
 #include "tests/support/png.h"
 #include "tests/support/random.h"

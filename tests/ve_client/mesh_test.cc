@@ -1,17 +1,17 @@
 // Meshes as collision shapes: what is read, repaired and refused; the pieces that stand for them.
-#include "hlm/world/mesh.h"
-
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <numbers>
 
-#include "hlm/contacts/hull.h"
-#include "hlm/contacts/manifold.h"
-#include "hlm/world/mesh_pieces.h"
-#include "hlm/world/mesh_rays.h"
-#include "hlm/world/sdf_loader.h"
-#include "hlm/world/tool_assembly.h"
+#include "hlm/geometry/hull.h"
+#include "hlm/geometry/manifold.h"
+#include "hlm/geometry/mesh_pieces.h"
+#include "hlm/geometry/mesh_rays.h"
+#include "hlm/scene/convex_decomposition.h"
+#include "hlm/scene/mesh_file.h"
+#include "hlm/scene/sdf_loader.h"
+#include "hlm/scene/tool_assembly.h"
 #include "hlm/world/world.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <set>
 
-#include "hlm/contacts/select.h"
+#include "hlm/geometry/select.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

@@ -11,8 +11,8 @@
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
-#include "hlm/world/resources.h"
-#include "hlm/world/sdf_elements.h"
+#include "hlm/scene/resources.h"
+#include "hlm/scene/sdf_elements.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <set>
 
-#include "hlm/contacts/select.h"
+#include "hlm/geometry/select.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

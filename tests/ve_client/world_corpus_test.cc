@@ -4,8 +4,8 @@
 #include <map>
 #include <set>
 
-#include "hlm/world/scene.h"
-#include "hlm/world/sdf_loader.h"
+#include "hlm/scene/scene.h"
+#include "hlm/scene/sdf_loader.h"
 #include "hlm/world/world.h"
 #include "tests/support/catch.h"
 

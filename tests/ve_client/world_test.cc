@@ -5,7 +5,7 @@
 #include <cmath>
 #include <thread>
 
-#include "hlm/world/tool_assembly.h"
+#include "hlm/scene/tool_assembly.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "hlm/common/freedoms.h"
-#include "hlm/contacts/hull.h"
+#include "hlm/geometry/hull.h"
 #include "hlm/protocol/force_chain.h"
 #include "hlm/protocol/tick_columns.h"
 #include "hlm/web/methods.h"

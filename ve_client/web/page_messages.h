@@ -8,9 +8,9 @@
 
 #include "hlm/client/haptic_client.h"
 #include "hlm/protocol/messages.h"
+#include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
 #include "hlm/web/live_settings.h"
-#include "hlm/world/scene.h"
 
 namespace hlm::ve {
 

@@ -8,8 +8,8 @@
 
 #include <ode/ode.h>
 
-#include "hlm/contacts/convex.h"
-#include "hlm/world/world_description.h"
+#include "hlm/geometry/convex.h"
+#include "hlm/scene/world_description.h"
 
 namespace hlm::ve {
 

@@ -8,7 +8,8 @@
 
 #include <ode/ode.h>
 
-#include "hlm/contacts/feature.h"
+#include "hlm/geometry/feature.h"
+#include "hlm/scene/geometry.h"
 
 namespace hlm::ve {
 

@@ -4,8 +4,8 @@
 #include <ode/ode.h>
 
 #include "hlm/common/spatial.h"
-#include "hlm/contacts/shape.h"
-#include "hlm/world/world_description.h"
+#include "hlm/geometry/shape.h"
+#include "hlm/scene/world_description.h"
 
 namespace hlm::ve {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "hlm/contacts/feature.h"
+#include "hlm/geometry/feature.h"
 #include "hlm/world/world.h"
 
 namespace hlm::ve {

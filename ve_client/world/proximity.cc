@@ -5,9 +5,9 @@
 #include <iterator>
 #include <limits>
 
-#include "hlm/world/index.h"
-#include "hlm/world/merge.h"
-#include "hlm/world/mesh_normals.h"
+#include "hlm/geometry/index.h"
+#include "hlm/geometry/merge.h"
+#include "hlm/geometry/mesh_normals.h"
 
 namespace hlm::ve {
 namespace {
@@ -246,37 +246,44 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  const CollisionDescription& piece = world_.collision(other);
-  if (piece.mesh) before = piece.mesh->area(piece.triangle).normalized();
   // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
   const bool looks_ahead = of_tool && !has_side && world_.pieces().of(id).adjoining.empty() &&
                            world_.pieces().of(other).adjoining.empty();
   const Vector3 travel_W = looks_ahead
                                ? Vector3(possible_travel(v_W.norm(), ahead_) * v_W.normalized())
                                : Vector3::Zero();
-  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, before, travel_W);
-  if (piece.mesh) {
-    manifold =
-        with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
-  }
-  const bool in_plane = of_tool && side.index == 0 && planar_normal_W_ &&
-                        world_.description().bodies[at(other.body)].fixed;
-  if (in_plane && passes_beside(manifold, *planar_normal_W_)) return;
-  if (has_side && !manifold.empty()) {
-    sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
-  }
+  const CollisionDescription& piece = world_.collision(other);
   const std::size_t first = contacts_.size();
-  for (const ManifoldPoint& point : manifold) {
-    FoundContact& contact =
-        contacts_.emplace_back(found_contact(point, side, id, other_side, other));
-    contact.v_WC = world_.velocity_at(other.body, point.p_WC);
-    contact.friction = friction.value_or(contact.friction);
+  bool overlaps = false;
+  const auto look = [&](const std::optional<Vector3>& near_O) {
+    AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, near_O, travel_W);
+    if (piece.mesh) {
+      manifold =
+          with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
+    }
+    const bool in_plane = of_tool && side.index == 0 && planar_normal_W_ &&
+                          world_.description().bodies[at(other.body)].fixed;
+    if (in_plane && passes_beside(manifold, *planar_normal_W_)) return;
+    if (has_side && !manifold.empty()) {
+      sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
+    }
+    for (const ManifoldPoint& point : manifold) {
+      FoundContact& contact =
+          contacts_.emplace_back(found_contact(point, side, id, other_side, other));
+      contact.v_WC = world_.velocity_at(other.body, point.p_WC);
+      contact.friction = friction.value_or(contact.friction);
+    }
+    const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
+    overlaps = deepest != manifold.end() && deepest->separation < 0;
+    if (!piece.mesh && overlaps) overlaps = deepest->separation < -kDeepInSeam;
+    resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
+  };
+  look(before);
+  // Deep in a skin the nearest way out of a piece may lead through the mesh.
+  if (piece.mesh && overlaps && contacts_.size() == first) {
+    look(piece.mesh->area(piece.triangle).normalized());
   }
-  const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
-  const bool overlaps =
-      !piece.mesh && deepest != manifold.end() && deepest->separation < -kDeepInSeam;
-  resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
-  lost_ = lost_ || (overlaps && contacts_.size() == first);
+  lost_ = lost_ || (!piece.mesh && overlaps && contacts_.size() == first);
 }
 
 double Proximity::thickness_of(const CollisionId& id) {

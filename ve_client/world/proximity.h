@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "hlm/contacts/convex.h"
-#include "hlm/contacts/feature.h"
-#include "hlm/contacts/manifold.h"
-#include "hlm/world/seams.h"
+#include "hlm/geometry/convex.h"
+#include "hlm/geometry/feature.h"
+#include "hlm/geometry/manifold.h"
+#include "hlm/geometry/seams.h"
 #include "hlm/world/virtual_tool.h"
 #include "hlm/world/world.h"
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "hlm/contacts/feature.h"
+#include "hlm/geometry/feature.h"
 #include "hlm/world/virtual_tool.h"
 #include "hlm/world/world.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hlm/world/index.h"
+#include "hlm/geometry/index.h"
 #include "hlm/world/joint_limits.h"
 #include "hlm/world/mobility.h"
 

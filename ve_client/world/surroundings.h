@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "hlm/common/contact.h"
-#include "hlm/contacts/feature.h"
+#include "hlm/geometry/feature.h"
 #include "hlm/world/proximity.h"
 #include "hlm/world/roundness.h"
 #include "hlm/world/world.h"

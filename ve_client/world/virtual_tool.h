@@ -3,7 +3,7 @@
 
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/world/tool_assembly.h"
+#include "hlm/scene/tool_assembly.h"
 #include "hlm/world/world.h"
 
 namespace hlm::ve {

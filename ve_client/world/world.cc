@@ -40,6 +40,25 @@ void initialise_engine() {
 
 Vector3 to_vector(const dReal* v) { return {v[0], v[1], v[2]}; }
 
+/// What the pieces of a world are made of.
+std::vector<PieceSource> sources_of(const WorldDescription& description,
+                                    const std::vector<std::vector<Convex>>& shapes) {
+  std::vector<PieceSource> sources;
+  for (std::size_t b = 0; b < shapes.size(); ++b) {
+    const BodyDescription& body = description.bodies[b];
+    for (std::size_t s = 0; s < shapes[b].size(); ++s) {
+      const CollisionDescription& collision = body.collisions[s];
+      sources.push_back({.id = {static_cast<int>(b), static_cast<int>(s)},
+                         .convex = &shapes[b][s],
+                         .X_FG = body.fixed ? body.X_WB * collision.X_BG : collision.X_BG,
+                         .fixed = body.fixed,
+                         .mesh = collision.mesh.get(),
+                         .triangle = collision.triangle});
+    }
+  }
+  return sources;
+}
+
 }  // namespace
 
 World::World(const WorldDescription& description, std::span<const int> tool_bodies)
@@ -60,7 +79,7 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   for (const int body : tool_bodies_) is_tool_[at(body)] = true;
   add_bodies();
   broad_phase_.emplace(description_, bodies_, shapes_, is_tool_);
-  pieces_.emplace(description_, shapes_);
+  pieces_.emplace(sources_of(description_, shapes_));
   dWorldSetQuickStepNumIterations(
       world_.get(), description_.solver.sweeps.value_or(has_movable_ ? kSweeps : kSweepsOfTool));
   joints_.emplace(world_.get(), description_, bodies_);

@@ -12,16 +12,16 @@
 #include <ode/ode.h>
 
 #include "hlm/common/spatial.h"
-#include "hlm/contacts/convex.h"
-#include "hlm/contacts/manifold.h"
+#include "hlm/geometry/convex.h"
+#include "hlm/geometry/manifold.h"
+#include "hlm/geometry/pieces.h"
+#include "hlm/geometry/seams.h"
+#include "hlm/scene/world_description.h"
 #include "hlm/world/broad_phase.h"
 #include "hlm/world/carried_contact.h"
 #include "hlm/world/contact_memory.h"
 #include "hlm/world/joints.h"
-#include "hlm/world/pieces.h"
 #include "hlm/world/rest.h"
-#include "hlm/world/seams.h"
-#include "hlm/world/world_description.h"
 
 namespace hlm::ve {
 

@@ -1,0 +1,64 @@
+// All basic contacts of one pair of convex shapes within ε (docs/method.md 8.3), on the best of its
+// separating axes or on all near ones (2.8).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "hlm/geometry/convex.h"
+#include "hlm/geometry/feature.h"
+
+namespace hlm::geometry {
+
+/// One basic contact (vertex-face, face-vertex or edge-edge).
+struct ManifoldPoint {
+  Feature tool_feature;  ///< `shape` is left 0 for the caller.
+  Feature body_feature;
+  Vector3 p_WC = Vector3::Zero();  ///< Point on the environment's surface, world, m.
+  Vector3 n_W = Vector3::UnitZ();  ///< Unit, environment to tool.
+  double separation = 0;           ///< True separation σ, m.
+  std::uint16_t axis = 0;          ///< Which axis of the pair it is on; 0 is the best.
+  /// What tells apart contacts of find_axes() between the same two features: of two edges that
+  /// cross over a face, which face; kTellsApart and more on other axes. Otherwise 0.
+  std::uint32_t face = 0;
+};
+inline constexpr std::uint32_t kTellsApart = std::uint32_t{1} << 31;
+inline constexpr std::size_t kMaxManifoldPoints = 32;
+using Manifold = StaticVector<ManifoldPoint, kMaxManifoldPoints>;
+/// Most contacts on all near axes, and on those ahead, which are the last.
+inline constexpr std::size_t kMaxAxesPoints = 4 * kMaxManifoldPoints;
+inline constexpr std::size_t kMaxPointsAhead = 12;
+using AxesManifold = StaticVector<ManifoldPoint, kMaxAxesPoints + kMaxPointsAhead>;
+
+/// Counts of answers that were refused, over the life of the caller's program.
+struct ProximityStatistics {
+  std::uint64_t queries = 0;
+  std::uint64_t failures =
+      0;  ///< Support check along the normal failed: no contact was made of it.
+};
+
+/// Contacts of `tool` at X_WT against `body` at X_WB with separation <= epsilon (m, >= 0); empty if
+/// the shapes are farther apart. Separations are exact to 1e-6 m from -20 mm to epsilon.
+/// `before_B`: the normal (body's frame) that the pair had a little earlier, if one shall be kept
+/// to where they overlap (find_penetration_near); then the normal is near it, and separations are
+/// along it.
+Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
+                       double epsilon, ProximityStatistics& statistics,
+                       const std::optional<Vector3>& before_B = {});
+
+/// Contacts on all axes that can become the best while the tool moves by no more than epsilon: two
+/// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is
+/// its gap: so on an axis with none over a face they are the shapes' outermost points, also beyond
+/// the face's border. An axis less than kOneAxis from a former one that is meant to carry is not
+/// meant to: of such, only normals of the body's faces are listed; they tell whether the shapes are
+/// apart as the tool turns.
+///
+/// The normals of curved shapes, and of the edges of hulls, turn as the tool moves. With
+/// `travel_W`, how far it is about to move relative to the body (m), they are also those that
+/// become the best along that way.
+AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
+                       double epsilon, ProximityStatistics& statistics,
+                       const std::optional<Vector3>& before_B = {},
+                       const Vector3& travel_W = Vector3::Zero());
+
+}  // namespace hlm::geometry

@@ -1,0 +1,87 @@
+#include "hlm/geometry/merge.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "hlm/geometry/manifold.h"
+
+namespace hlm::geometry {
+namespace {
+
+/// Two contacts with normals within this angle, rad, in one place are the same.
+constexpr double kSamePlane = 0.02;
+/// Separations that differ by less, m, are equal: the first pair keeps the contact.
+constexpr double kRounding = 1e-9;
+
+bool is_beside(const FoundContact& contact) { return (contact.key.face & kBeside) != 0; }
+
+/// Whether contacts on the best axes of their pairs are the same.
+bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces) {
+  if (x.key == y.key) return true;
+  if (x.key.a != y.key.a || x.key.b.kind != y.key.b.kind) return false;
+  if (x.key.b != y.key.b &&
+      (x.key.b.kind == SideKind::kToolLink || !pieces.is_fixed(static_cast<int>(x.key.b.index)) ||
+       !pieces.is_fixed(static_cast<int>(y.key.b.index)))) {
+    return false;
+  }
+  const bool one_feature = x.key.a_feature == y.key.a_feature ||
+                           (x.key.b == y.key.b && x.key.b_feature == y.key.b_feature);
+  return one_feature && (x.p_WC - y.p_WC).norm() <= kSeamGap &&
+         (x.n_W - y.n_W).norm() <= kSamePlane;
+}
+
+}  // namespace
+
+void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
+  std::vector<FoundContact> best;
+  std::vector<FoundContact> others;
+  const auto add = [&](const FoundContact& contact) {
+    const auto known = std::ranges::find_if(
+        best, [&](const FoundContact& other) { return are_same(other, contact, pieces); });
+    if (known == best.end()) {
+      best.push_back(contact);
+    } else if (contact.separation < known->separation - kRounding) {
+      *known = contact;
+    }
+  };
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0) {
+      others.push_back(contact);
+    } else if (!is_beside(contact)) {
+      add(contact);
+    }
+  }
+  const std::size_t over = best.size();
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0 || !is_beside(contact)) continue;
+    const auto end = best.begin() + static_cast<std::ptrdiff_t>(over);
+    if (std::none_of(best.begin(), end,
+                     [&](const FoundContact& other) { return are_same(other, contact, pieces); })) {
+      best.push_back(contact);
+    }
+  }
+  contacts = std::move(best);
+  contacts.insert(contacts.end(), others.begin(), others.end());
+}
+
+void keep_whole_pairs(std::vector<FoundContact>& contacts) {
+  std::vector<std::uint32_t> pairs;
+  std::vector<ContactKey> keys;
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0) continue;
+    pairs.push_back(contact.pair);
+    keys.push_back(contact.key);
+  }
+  std::ranges::sort(pairs);
+  std::ranges::sort(keys);
+  std::erase_if(contacts, [&](const FoundContact& contact) {
+    return contact.axis > 0 && !std::ranges::binary_search(pairs, contact.pair);
+  });
+  for (FoundContact& contact : contacts) {
+    if (contact.axis > 0 && std::ranges::binary_search(keys, contact.key)) {
+      contact.key.face = kTellsApart + contact.axis;
+    }
+  }
+}
+
+}  // namespace hlm::geometry

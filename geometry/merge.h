@@ -1,0 +1,21 @@
+// Which contacts do several pairs of pieces have in common (docs/method.md 8.5)?
+#pragma once
+
+#include <vector>
+
+#include "hlm/geometry/feature.h"
+#include "hlm/geometry/pieces.h"
+
+namespace hlm::geometry {
+
+/// Keeps, of the contacts that several pairs have with the same feature in the same place, the one
+/// of the smallest separation, and one over its piece rather than those next to theirs. First come
+/// those on the best axes, then the others, which all stay.
+void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces);
+
+/// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. One
+/// with the key of a contact on a best axis, which has it from a surface of several pieces, gets
+/// another.
+void keep_whole_pairs(std::vector<FoundContact>& contacts);
+
+}  // namespace hlm::geometry

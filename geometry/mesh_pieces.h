@@ -1,0 +1,19 @@
+// Convex pieces that stand for a mesh.
+#pragma once
+
+#include <vector>
+
+#include "hlm/geometry/mesh.h"
+#include "hlm/geometry/shape.h"
+
+namespace hlm::geometry {
+
+/// Whether the mesh is closed and encloses its convex hull's volume to a part in ten thousand.
+bool is_convex(const Mesh& mesh);
+
+/// One piece for each triangle, in their order: the triangle and a smaller one behind it, at most
+/// 10 mm deep and inside of what the mesh encloses. Neighbours adjoin without a gap. For meshes
+/// that do not move.
+std::vector<Hull> skin_of(const Mesh& mesh);
+
+}  // namespace hlm::geometry

@@ -1,0 +1,152 @@
+#include "hlm/geometry/penetration.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "hlm/geometry/ccd_penetration.h"
+#include "hlm/geometry/expanding_polytope.h"
+
+namespace hlm::geometry {
+namespace {
+
+/// A later candidate replaces an earlier one if its gap is larger by more than this, m. It keeps
+/// the face normal when cross products of nearly parallel edges tie with it.
+constexpr double kAdvantage = 1e-9;
+
+/// Difference, m, between the bounds of the expanding polytope at which curved cores are done: half
+/// of what is believed. Less takes more points.
+constexpr double kCurvedTolerance = kAccuracy / 2;
+/// Where the expanding polytope starts, one attempt each, next to the line between the origins.
+/// Some directions make a symmetrical pair yield slivers.
+const std::array<Vector3, 2> kAskew = {Vector3(0.036, 0.048, 0.08), Vector3(0.048, -0.06, 0.064)};
+
+/// Keeps the normal with the largest gap.
+class BestNormal {
+ public:
+  explicit BestNormal(const CorePair& pair) : pair_(pair) {
+    best_.gap = -std::numeric_limits<double>::infinity();
+  }
+  /// Only of normals within 30° of `near_B`, a unit vector.
+  BestNormal(const CorePair& pair, const Vector3& near_B) : BestNormal(pair) { near_B_ = near_B; }
+
+  void consider(const Vector3& n_B) {
+    if (near_B_ && n_B.dot(*near_B_) < kNear) return;
+    const double gap = pair_.gap(n_B);
+    if (gap > best_.gap + kAdvantage) {
+      best_.gap = gap;
+      best_.n_B = n_B;
+    }
+  }
+  void consider_both(const Vector3& direction) {
+    consider(direction);
+    consider(-direction);
+  }
+  const CoreSeparation& best() const { return best_; }
+
+ private:
+  static constexpr double kNear = 0.866;  // Cosine.
+
+  const CorePair& pair_;
+  std::optional<Vector3> near_B_;
+  CoreSeparation best_;
+};
+
+/// Cores without faces can have a Minkowski difference without volume; then any normal of it will
+/// do.
+void consider_perpendiculars(const CorePair& pair, BestNormal& best) {
+  for (const Vector3& e_T : pair.tool.edge_directions()) {
+    best.consider_both(pair.R_BT * e_T.unitOrthogonal());
+  }
+  for (const Vector3& f : pair.body.edge_directions()) best.consider_both(f.unitOrthogonal());
+  best.consider(Vector3::UnitZ());
+}
+
+/// Climbs from a normal to better ones near it, as far as they get better: between faces and edges
+/// of hulls that are not listed.
+void consider_climb(const CorePair& pair, const Vector3& before_B, BestNormal& best) {
+  constexpr int kSteps = 8;
+  best.consider(before_B);
+  for (int i = 0; i < kSteps && !best.best().n_B.isZero(0); ++i) {
+    const double gap = best.best().gap;
+    best.consider(closest_points_moved_apart(pair, best.best().n_B, gap).n_B);
+    if (best.best().gap - gap < kAdvantage) return;
+  }
+}
+
+/// True if one core is a point and the other a cylinder's.
+bool is_point_in_cylinder(const CorePair& pair) {
+  return (pair.tool.is_point() && pair.body.is_cylinder()) ||
+         (pair.tool.is_cylinder() && pair.body.is_point());
+}
+
+/// The normal of the lateral surface of the cylinder at the point; those of the caps are axes.
+void consider_radial(const CorePair& pair, BestNormal& best) {
+  const Vector3 axis = pair.tool.is_cylinder() ? Vector3(pair.R_BT.col(2)) : Vector3::UnitZ();
+  const Vector3 radial = pair.p_BT - axis * axis.dot(pair.p_BT);
+  best.consider_both(radial.norm() > 0 ? radial.normalized() : axis.unitOrthogonal());
+}
+
+/// Gap of cores that have too many axes to try. The normal of curved ones is made more exact by
+/// nearest points. Where rounding stops the polytope, libccd has the last word.
+CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
+                                 bool curved) {
+  double upper = touching_upper;
+  const auto is_done_with = [&](const std::optional<CoreSeparation>& found) {
+    if (!found) return false;
+    best.consider(found->n_B);
+    upper = std::min(upper, found->upper);
+    if (curved) {
+      best.consider(closest_points_moved_apart(pair, best.best().n_B, best.best().gap).n_B);
+    }
+    return upper - best.best().gap <= kAccuracy;
+  };
+  const Vector3 between = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT.normalized();
+  const double tolerance = curved ? kCurvedTolerance : 0;
+  const bool done = std::any_of(kAskew.begin(), kAskew.end(), [&](const Vector3& beside) {
+    return is_done_with(
+        expanding_polytope(pair, (between + beside).normalized(), tolerance, touching_upper));
+  });
+  if (!done) is_done_with(ccd_penetration(pair));
+  CoreSeparation result = best.best();
+  result.upper = upper;
+  return result;
+}
+
+}  // namespace
+
+CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& nearest) {
+  BestNormal best(pair);
+  const bool has_hull = pair.tool.is_hull() || pair.body.is_hull();
+  if (!has_hull) for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
+  if (pair.tool.face_normals().empty() && pair.body.face_normals().empty()) {
+    consider_perpendiculars(pair, best);
+  }
+  if (!nearest.n_B.isZero()) best.consider(nearest.n_B);
+  const bool point_in_cylinder = is_point_in_cylinder(pair);
+  if (point_in_cylinder) consider_radial(pair, best);
+
+  const bool polytopes = pair.tool.is_polytope() && pair.body.is_polytope();
+  const bool few_axes = (polytopes && !has_hull) || point_in_cylinder;
+  if (!few_axes) return grown_penetration(pair, best, nearest.upper, !polytopes);
+  CoreSeparation exact = best.best();
+  // If no axis separates the cores, they overlap by the best one. Otherwise they are apart by less
+  // than kTouchingDistance, perhaps along another normal.
+  exact.upper = exact.gap <= 0 ? exact.gap : nearest.upper;
+  return exact;
+}
+
+CoreSeparation find_penetration_near(const CorePair& pair, const Vector3& before_B) {
+  BestNormal best(pair, before_B);
+  for_each_axis(pair, [&](const Vector3& n) { best.consider(n); });
+  if (pair.tool.is_hull() || pair.body.is_hull()) consider_climb(pair, before_B, best);
+  if (is_point_in_cylinder(pair)) consider_radial(pair, best);
+  if (best.best().n_B.isZero(0)) best.consider(before_B);
+  CoreSeparation result = best.best();
+  result.upper = result.gap;
+  return result;
+}
+
+}  // namespace hlm::geometry

@@ -1,0 +1,263 @@
+#include "hlm/geometry/pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+
+#include "hlm/geometry/gjk.h"
+
+namespace hlm::geometry {
+namespace {
+
+/// Faces whose normals differ by less, rad, can go on in each other: 0.1°. Larger flattens meshes.
+constexpr double kSameDirection = 1.7e-3;
+/// Distance within which pieces are looked for from a point, m: where its neighbourhood is probed.
+constexpr double kNeighbourhood = 6e-4;
+
+Eigen::AlignedBox3d grown(Eigen::AlignedBox3d box, double by) {
+  box.min().array() -= by;
+  box.max().array() += by;
+  return box;
+}
+
+bool adjoin(const Piece& a, const Piece& b) {
+  const Piece& tool = a.convex->is_half_space() ? b : a;
+  const Piece& body = a.convex->is_half_space() ? a : b;
+  if (tool.convex->is_half_space()) return false;
+  if (a.convex->is_ellipsoid() || b.convex->is_ellipsoid()) return false;  // They have no sides.
+  const CorePair pair(*tool.convex, tool.X_FG, *body.convex, body.X_FG);
+  const double margins = tool.convex->margin() + body.convex->margin();
+  if (body.convex->is_half_space()) {
+    const Vector3 n = Vector3::UnitZ();
+    return pair.tool_support(-n).z() - margins <= kSeamGap;
+  }
+  return closest_points(pair, kSeamGap + margins).relation != ClosestPoints::Relation::kBeyond;
+}
+
+/// The point of a triangle that is nearest to p.
+Vector3 nearest_in_triangle(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
+  const Vector3 n = mesh.area(triangle).normalized();
+  const Vector3 over = p - n.dot(p - mesh.corner(triangle, 0)) * n;
+  Vector3 nearest = over;
+  double least = std::numeric_limits<double>::infinity();  // Distance of the border, m.
+  bool inside = true;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vector3& from = mesh.corner(triangle, i);
+    const Vector3 along = mesh.corner(triangle, (i + 1) % 3) - from;
+    inside = inside && n.dot(along.cross(over - from)) >= 0;
+    const double share = std::clamp(along.dot(over - from) / along.squaredNorm(), 0.0, 1.0);
+    const Vector3 on_border = from + share * along;
+    const double distance = (over - on_border).norm();
+    if (distance < least) nearest = on_border;
+    least = std::min(least, distance);
+  }
+  return inside ? over : nearest;
+}
+
+}  // namespace
+
+std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F) {
+  const Convex& convex = *piece.convex;
+  const bool round = convex.margin() > 0;
+  if (!round && !convex.is_cylinder()) return {};
+  const Vector3 p_G = piece.X_FG.inverse() * p_F;
+  Vector3 nearest = Vector3::Zero();  // Nearest point of the core, or of a cylinder's axis.
+  nearest.z() = p_G.z();
+  if (round) {
+    const double half = convex.is_point() ? 0 : convex.support(Vector3::UnitZ()).z();
+    nearest.z() = std::clamp(p_G.z(), -half, half);
+  }
+  const Vector3 away = p_G - nearest;
+  const double distance = away.norm();
+  if (distance == 0) return {};  // A point in the middle has no outward direction.
+  const double radius = round ? convex.margin() : convex.support(away).head<2>().norm();
+  return PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}};
+}
+
+bool is_surface(const Piece& piece, const PieceSide& side) {
+  return piece.mesh == nullptr || side.face == piece.front;
+}
+
+Vector3 within(const Piece& piece, const Vector3& p_F) {
+  if (piece.mesh != nullptr) {
+    return piece.X_FG *
+           nearest_in_triangle(*piece.mesh, piece.triangle, piece.X_FG.inverse() * p_F);
+  }
+  constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
+  Vector3 nearest = p_F;
+  for (int i = 0; i < kRounds; ++i) {
+    const Vector3 from = nearest;
+    for_each_side(piece, from, [&](const PieceSide& side) {
+      nearest -= std::max(0.0, side.height + side.n_F.dot(nearest - from)) * side.n_F;
+      return true;
+    });
+  }
+  return nearest;
+}
+
+bool contains(const Piece& piece, const Vector3& p_F, double slack) {
+  const Vector3 beyond = (p_F - p_F.cwiseMax(piece.bounds_F.min()).cwiseMin(piece.bounds_F.max()));
+  if (beyond.cwiseAbs().maxCoeff() > slack) return false;
+  bool inside = false;
+  for_each_side(piece, p_F, [&](const PieceSide& side) { return inside = side.height <= slack; });
+  return inside;
+}
+
+PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach) {
+  PieceSides sides;
+  for_each_side(piece, p_F, [&](const PieceSide& side) {
+    if (std::abs(side.height) <= reach) sides.push_back(side);
+    return sides.size() < kMaxSides;
+  });
+  return sides;
+}
+
+Pieces::Pieces(std::span<const PieceSource> sources) {
+  for (const PieceSource& source : sources) {
+    if (source.id.shape == 0) {
+      first_.push_back(pieces_.size());
+      fixed_.push_back(source.fixed);
+    }
+    Piece& piece = pieces_.emplace_back();
+    piece.id = source.id;
+    piece.convex = source.convex;
+    piece.mesh = source.mesh;
+    piece.triangle = source.triangle;
+    piece.X_FG = source.X_FG;
+    piece.bounds_F = piece.convex->bounds(piece.X_FG);
+    for (const Vector3& n_G : piece.convex->face_normals()) {
+      const Vector3 on_face =
+          piece.convex->is_half_space() ? Vector3(Vector3::Zero()) : piece.convex->support(n_G);
+      const Vector3 n_F = piece.X_FG.R * n_G;
+      piece.planes.push_back({n_F, n_F.dot(piece.X_FG * on_face)});
+    }
+    if (piece.mesh != nullptr) {
+      const Vector3 out_F = piece.X_FG.R * piece.mesh->area(piece.triangle);
+      const auto along = [&](const Piece::Plane& plane) { return out_F.dot(plane.n_F); };
+      const auto front = std::ranges::max_element(piece.planes, {}, along);
+      piece.front = static_cast<std::size_t>(front - piece.planes.begin());
+    }
+  }
+  constexpr int kFixed = -1;
+  std::map<int, Assembly> assemblies;
+  for (Piece& piece : pieces_) {
+    assemblies[is_fixed(piece.id.body) ? kFixed : piece.id.body].push_back(&piece);
+  }
+  for (auto& [body, assembly] : assemblies) {
+    if (assembly.size() < 2) continue;
+    find_adjoining(assembly);
+    join_faces(assembly);
+    number_borders(assembly);
+  }
+}
+
+void Pieces::find_adjoining(Assembly& assembly) {
+  const auto from = [](const Piece* piece) { return piece->bounds_F.min().x(); };
+  std::ranges::stable_sort(assembly, {}, from);
+  for (auto a = assembly.begin(); a != assembly.end(); ++a) {
+    const Eigen::AlignedBox3d reach = grown((*a)->bounds_F, kSeamGap);
+    for (auto b = a + 1; b != assembly.end() && from(*b) <= reach.max().x(); ++b) {
+      if (!reach.intersects((*b)->bounds_F) || !adjoin(**a, **b)) continue;
+      // A plane has no sides: where another piece covers it, that piece is in the way.
+      if (!(*a)->convex->is_half_space()) (*a)->adjoining.push_back(*b);
+      if (!(*b)->convex->is_half_space()) (*b)->adjoining.push_back(*a);
+    }
+  }
+  for (Piece* piece : assembly) {
+    std::ranges::stable_sort(piece->adjoining, {}, from);
+    for (const Piece* other : piece->adjoining) {
+      piece->widest = std::max(piece->widest, other->bounds_F.sizes().x());
+    }
+  }
+}
+
+/// Coplanar faces of pieces that adjoin go on in each other, and so do those of a chain of such
+/// pieces.
+void Pieces::join_faces(Assembly& assembly) {
+  struct Face {
+    Piece* piece;
+    std::size_t face;
+    auto operator<=>(const Face&) const = default;
+  };
+  std::map<Face, Face> leads_to;  // Towards the face of the smallest piece, which has no entry.
+  const auto root = [&](Face face) {
+    for (auto next = leads_to.find(face); next != leads_to.end(); next = leads_to.find(face)) {
+      face = next->second;
+    }
+    return face;
+  };
+  const auto join = [&](Face a, Face b) {
+    a = root(a);
+    b = root(b);
+    if (a == b) return;
+    const bool b_stands = std::pair(b.piece->id, b.face) < std::pair(a.piece->id, a.face);
+    leads_to.emplace(b_stands ? a : b, b_stands ? b : a);
+  };
+  for (Piece* a : assembly) {
+    for (Piece* b : a->adjoining) {
+      const Vector3 there = a->bounds_F.intersection(b->bounds_F).center();  // Also of a gap.
+      for (std::size_t i = 0; i < a->planes.size(); ++i) {
+        for (std::size_t j = 0; j < b->planes.size(); ++j) {
+          const auto& [n, offset] = a->planes[i];
+          if ((n - b->planes[j].n_F).norm() > kSameDirection) continue;
+          const double step = (n - b->planes[j].n_F).dot(there) - offset + b->planes[j].offset;
+          if (std::abs(step) <= kSeamStep) join({a, i}, {b, j});
+        }
+      }
+    }
+  }
+  std::map<Face, bool> joined;
+  for (const auto& [face, next] : leads_to) joined[face] = joined[root(face)] = true;
+  for (const auto& [face, is_joined] : joined) {
+    const Face stands = root(face);
+    Piece* const piece = face.piece;
+    if (piece->surfaces.empty()) {
+      for (std::size_t i = 0; i < piece->planes.size(); ++i) {
+        piece->surfaces.push_back({piece->id, static_cast<std::uint16_t>(i)});
+      }
+    }
+    piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face), true};
+  }
+}
+
+void Pieces::number_borders(const Assembly& assembly) {
+  constexpr std::uint16_t kFirst = 1 << 15;
+  std::uint16_t next = kFirst;
+  for (const Piece* piece : assembly) {
+    for (const Piece::Surface& a : piece->surfaces) {
+      for (const Piece::Surface& b : piece->surfaces) {
+        if (next >= kFirst && a < b && borders_.try_emplace({a, b}, next).second) ++next;
+      }
+    }
+  }
+}
+
+std::optional<std::uint16_t> Pieces::border_of(const Piece& piece, std::size_t face_a,
+                                               std::size_t face_b) const {
+  if (piece.surfaces.empty()) return {};
+  const auto found = borders_.find(std::minmax(piece.surfaces[face_a], piece.surfaces[face_b]));
+  if (found == borders_.end()) return {};
+  return found->second;
+}
+
+PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F) {
+  PiecesAtPoint found{&piece};
+  const auto from = [](const Piece* other) { return other->bounds_F.min().x(); };
+  const double first = p_F.x() - kNeighbourhood - piece.widest;
+  for (auto other = std::ranges::lower_bound(piece.adjoining, first, {}, from);
+       other != piece.adjoining.end() && from(*other) <= p_F.x() + kNeighbourhood; ++other) {
+    if (found.size() < found.capacity() && contains(**other, p_F, kNeighbourhood)) {
+      found.push_back(*other);
+    }
+  }
+  return found;
+}
+
+bool is_covered(const Vector3& p_F, const Piece& own, const PiecesAtPoint& pieces) {
+  return std::ranges::any_of(
+      pieces, [&](const Piece* piece) { return piece != &own && contains(*piece, p_F, 0); });
+}
+
+}  // namespace hlm::geometry

@@ -1,0 +1,135 @@
+// The convex pieces that a rigid assembly is made of: which of them adjoin, and whose faces go on
+// in each other?
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "hlm/common/static_vector.h"
+#include "hlm/geometry/convex.h"
+#include "hlm/geometry/feature.h"
+#include "hlm/geometry/mesh.h"
+
+namespace hlm::geometry {
+
+/// Pieces that are no farther apart than this leave no gap between them, m. A gap that a tool could
+/// feel is wider; files that give places to a tenth of a millimetre make such.
+inline constexpr double kSeamGap = 1.5e-4;
+/// Faces whose heights differ by less make no step, m. More hides steps that can be felt.
+inline constexpr double kSeamStep = 3e-5;
+
+/// One convex piece, in the frame F of its assembly: the world for fixed bodies, else its body's.
+struct Piece {
+  struct Plane {
+    Vector3 n_F;
+    double offset = 0;  ///< n_Fᵀ x of its points, m.
+  };
+  /// The face of a piece, which stands for all coplanar faces that go on in each other.
+  struct Surface {
+    CollisionId id;
+    std::uint16_t face = 0;
+    bool shared = false;  ///< Whether it is of several pieces.
+    auto operator<=>(const Surface&) const = default;
+  };
+
+  CollisionId id;
+  const Convex* convex = nullptr;
+  Pose X_FG;
+  const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
+  std::size_t triangle = 0;    ///< Triangle of that mesh which the piece is behind.
+  std::size_t front = 0;       ///< The face of a piece of a skin that is the triangle.
+  Eigen::AlignedBox3d bounds_F;
+  std::vector<Plane> planes;      ///< Planes of the core's faces, in their order.
+  std::vector<Surface> surfaces;  ///< Surfaces by face; empty if none goes on in another's.
+  std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
+  double widest = 0;              ///< Widest of their bounds along x, m.
+};
+
+/// Whether a side of a piece can be felt: of a piece of a skin only the triangle.
+struct PieceSide;
+bool is_surface(const Piece& piece, const PieceSide& side);
+
+/// What of a piece's surface is near a point.
+struct PieceSide {
+  Vector3 n_F = Vector3::UnitZ();   ///< Outward, unit.
+  double height = 0;                ///< Height of the point over it, m.
+  std::optional<std::size_t> face;  ///< Face of the core; none: curved.
+};
+inline constexpr std::size_t kMaxSides = 16;
+using PieceSides = StaticVector<PieceSide, kMaxSides>;
+
+/// Of a curved surface the part that looks to the point.
+std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F);
+
+/// Calls `use(side)` for the sides that bound a piece, until it returns false: the planes of
+/// its faces, then its curved_side().
+template <class Use>
+void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
+  for (std::size_t i = 0; i < piece.planes.size(); ++i) {
+    const auto& [n_F, offset] = piece.planes[i];
+    if (!use(PieceSide{n_F, n_F.dot(p_F) - offset, i})) return;
+  }
+  if (const auto side = curved_side(piece, p_F)) use(*side);
+}
+
+/// A point, or about the nearest to it in a piece.
+Vector3 within(const Piece& piece, const Vector3& p_F);
+/// Whether a point is in a piece or no farther outside of each of its sides than `slack`, m.
+bool contains(const Piece& piece, const Vector3& p_F, double slack);
+/// The sides that are no farther from a point than `reach` on either side, m; the first kMaxSides.
+PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach);
+
+/// What a piece is made of.
+struct PieceSource {
+  CollisionId id;
+  const Convex* convex = nullptr;
+  Pose X_FG;
+  bool fixed = false;          ///< Of the assembly of all fixed bodies, whose frame is the world.
+  const Mesh* mesh = nullptr;  ///< Piece::mesh.
+  std::size_t triangle = 0;
+};
+
+/// The pieces of a whole world.
+class Pieces {
+ public:
+  /// By body, then by shape, from 0 on, without a gap. Shapes and meshes outlive this.
+  explicit Pieces(std::span<const PieceSource> sources);
+  Pieces(const Pieces&) = delete;
+  Pieces& operator=(const Pieces&) = delete;
+
+  const Piece& of(const CollisionId& id) const {
+    return pieces_[first_[static_cast<std::size_t>(id.body)] + static_cast<std::size_t>(id.shape)];
+  }
+  /// Number of the edge in which two surfaces meet, among all such edges of their assembly: from
+  /// 2^15 on, after all edges of a piece. None if either face of the piece is its alone.
+  std::optional<std::uint16_t> border_of(const Piece& piece, std::size_t face_a,
+                                         std::size_t face_b) const;
+  bool is_fixed(int body) const { return fixed_[static_cast<std::size_t>(body)]; }
+
+ private:
+  using Assembly = std::vector<Piece*>;
+
+  static void find_adjoining(Assembly& assembly);
+  static void join_faces(Assembly& assembly);
+  void number_borders(const Assembly& assembly);
+
+  std::vector<Piece> pieces_;
+  std::map<std::pair<Piece::Surface, Piece::Surface>, std::uint16_t> borders_;
+  std::vector<std::size_t> first_;  ///< First piece of each body.
+  std::vector<bool> fixed_;         ///< Fixed or not, for each body.
+};
+
+/// The pieces at a point of a piece: that one, and those that adjoin it there. Should more
+/// triangles of a mesh meet in a point, those left out look open.
+inline constexpr std::size_t kMaxPiecesAtPoint = 64;
+using PiecesAtPoint = StaticVector<const Piece*, kMaxPiecesAtPoint>;
+PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F);
+/// Whether a point is in one of these pieces other than its own.
+bool is_covered(const Vector3& p_F, const Piece& own, const PiecesAtPoint& pieces);
+
+}  // namespace hlm::geometry

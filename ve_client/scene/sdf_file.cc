@@ -1,0 +1,285 @@
+#include "hlm/scene/sdf_file.h"
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <sstream>
+
+#include "hlm/scene/resources.h"
+#include "hlm/scene/sdf_elements.h"
+
+namespace hlm::ve {
+namespace {
+
+namespace fs = std::filesystem;
+using tinyxml2::XMLElement;
+
+/// What libsdformat converts to. Later versions are read as this one.
+constexpr const char* kLatestVersion = "1.9";
+
+/// Prints elements on the lines on which they stood.
+class PrinterOnLines : public tinyxml2::XMLPrinter {
+ public:
+  PrinterOnLines() : XMLPrinter(nullptr, true) {}
+
+  bool VisitEnter(const XMLElement& element, const tinyxml2::XMLAttribute* attributes) override {
+    for (; line_ < element.GetLineNum(); ++line_) PushText("\n");
+    return XMLPrinter::VisitEnter(element, attributes);
+  }
+  bool Visit(const tinyxml2::XMLText& text) override {
+    const std::string_view value = text.Value();
+    line_ += static_cast<int>(std::ranges::count(value, '\n'));
+    return XMLPrinter::Visit(text);
+  }
+  bool Visit(const tinyxml2::XMLComment&) override { return true; }
+
+ private:
+  int line_ = 1;
+};
+
+/// Major and minor number of a version, for comparison; zeros if it is none.
+std::pair<int, int> numbers_of(const std::string& version) {
+  std::istringstream text(version);
+  std::pair<int, int> numbers;
+  char dot = 0;
+  text >> numbers.first >> dot >> numbers.second;
+  return numbers;
+}
+
+/// What libsdformat converts, and what can be read nearly as well.
+bool is_known(const std::string& version) {
+  const auto [major, minor] = numbers_of(version);
+  return major == 1 && minor >= 2;
+}
+
+bool read_version(SdfFile& file, Diagnostics& diagnostics) {
+  const char* version = file.root->Attribute("version");
+  if (version == nullptr || !is_known(version)) {
+    diagnostics.refuse(place_of(*file.root, file),
+                       std::string("<sdf> version '") + (version == nullptr ? "" : version) +
+                           "' must be 1.2 to " + kLatestVersion + ", or a later 1");
+    return false;
+  }
+  file.version = version;
+  if (numbers_of(version) > numbers_of(kLatestVersion)) {
+    diagnostics.approximate(place_of(*file.root, file), "SDFormat " + file.version +
+                                                            " is read as " + kLatestVersion +
+                                                            ", the latest that is known");
+    file.version = kLatestVersion;
+    file.root->SetAttribute("version", kLatestVersion);
+  }
+  return true;
+}
+
+bool is_massless(const XMLElement& urdf_link) {
+  const XMLElement* inertial = urdf_link.FirstChildElement("inertial");
+  const XMLElement* mass = inertial != nullptr ? inertial->FirstChildElement("mass") : nullptr;
+  return mass == nullptr || mass->DoubleAttribute("value") == 0;
+}
+
+void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics& diagnostics) {
+  const char* type = joint.Attribute("type");
+  if (type == nullptr) return;
+  if (std::string_view(type) != "floating" && std::string_view(type) != "planar") return;
+  diagnostics.refuse(place_of(joint, file),
+                     std::string("type '") + type +
+                         "' must be fixed, revolute, continuous or prismatic; put what moves "
+                         "freely into a file of its own");
+}
+
+/// Says what the translation of URDF to SDF loses without a word. Whether it can begin.
+bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
+  for (const XMLElement* child = file.root->FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    const std::string_view name = child->Name();
+    if (name.starts_with("xacro:")) {
+      diagnostics.refuse(place_of(*child, file), tag(name) + " must be expanded: run xacro first");
+      return false;
+    }
+    if (name == "joint") check_urdf_joint(*child, file, diagnostics);
+    if (name == "link" && child->FirstChildElement("collision") != nullptr && is_massless(*child)) {
+      diagnostics.approximate(place_of(*child, file),
+                              "a link without mass is left out, as in Gazebo, unless a fixed joint "
+                              "joins it to one that has mass");
+    }
+  }
+  return true;
+}
+
+/// "XML_ERROR_MISMATCHED_ELEMENT" as a person says it.
+std::string reason_of(const tinyxml2::XMLDocument& document) {
+  std::string reason = document.ErrorName();
+  constexpr std::string_view kPrefix = "XML_ERROR_";
+  if (reason.starts_with(kPrefix)) reason.erase(0, kPrefix.size());
+  for (char& c : reason) c = c == '_' ? ' ' : static_cast<char>(std::tolower(c));
+  return reason;
+}
+
+bool read_root(SdfFile& file, Diagnostics& diagnostics) {
+  const Place whole{file.name, 0, ""};
+  if (file.document->Error()) {
+    diagnostics.refuse({file.name, file.document->ErrorLineNum(), ""},
+                       "is not XML: " + reason_of(*file.document));
+    return false;
+  }
+  file.root = file.document->RootElement();
+  if (file.root == nullptr) {
+    diagnostics.refuse(whole, "is empty; it must hold <sdf> or <robot>");
+    return false;
+  }
+  const std::string name = file.root->Name();
+  file.urdf = name == "robot";
+  if (file.urdf) return check_urdf(file, diagnostics);
+  if (name == "sdf") return read_version(file, diagnostics);
+  diagnostics.refuse(place_of(*file.root, file),
+                     tag(name) + " must be <sdf>, or <robot> of a URDF file");
+  return false;
+}
+
+std::shared_ptr<SdfFile> make_file(const std::string& name) {
+  auto file = std::make_shared<SdfFile>();
+  file->name = name;
+  file->document = std::make_unique<tinyxml2::XMLDocument>(true, tinyxml2::COLLAPSE_WHITESPACE);
+  return file;
+}
+
+std::string text_in(const XMLElement& parent, const char* child) {
+  const XMLElement* element = parent.FirstChildElement(child);
+  return element != nullptr && element->GetText() != nullptr ? element->GetText() : "";
+}
+
+/// What a model.config names: the file of the latest version that is known. Empty if it names none.
+std::string named_in(const fs::path& config) {
+  tinyxml2::XMLDocument document;
+  document.LoadFile(config.c_str());
+  const XMLElement* root = document.RootElement();
+  const XMLElement* best = nullptr;
+  const auto rank = [](const XMLElement& element) {
+    const char* version = element.Attribute("version");
+    const auto numbers = numbers_of(version != nullptr ? version : "");
+    return numbers <= numbers_of(kLatestVersion) ? numbers : std::pair(-1, 0);
+  };
+  for (const XMLElement* each = root != nullptr ? root->FirstChildElement("sdf") : nullptr;
+       each != nullptr; each = each->NextSiblingElement("sdf")) {
+    if (best == nullptr || rank(*each) > rank(*best)) best = each;
+  }
+  return best != nullptr && best->GetText() != nullptr ? best->GetText() : "";
+}
+
+/// The SDF or URDF file that a file or a model's folder stands for; empty if it holds none.
+fs::path model_file(const fs::path& found) {
+  std::error_code error;
+  if (!fs::is_directory(found, error)) return found;
+  const std::string named = named_in(found / "model.config");
+  const fs::path file = found / (named.empty() ? "model.sdf" : named);
+  return fs::is_regular_file(file, error) ? file : fs::path();
+}
+
+std::string chain_of(const SdfFile& file, const fs::path& last) {
+  const auto shown = [](const fs::path& path) {
+    return (path.parent_path().filename() / path.filename()).string();
+  };
+  std::string chain;
+  for (const fs::path& path : file.includers) chain += shown(path) + ", ";
+  return chain + shown(file.path) + ", " + shown(last);
+}
+
+}  // namespace
+
+Place place_of(const XMLElement& element, const SdfFile& file) {
+  Place place{file.name, element.GetLineNum(), ""};
+  for (const tinyxml2::XMLNode* at = &element; at != nullptr; at = at->Parent()) {
+    const XMLElement* named = at->ToElement();
+    const char* name = named != nullptr ? named->Attribute("name") : nullptr;
+    if (name == nullptr || std::string_view(named->Name()) == "world") continue;
+    const std::string own = std::string(named->Name()) + " '" + name + "'";
+    place.element = place.element.empty() ? own : own + " " + place.element;
+  }
+  return place;
+}
+
+std::shared_ptr<SdfFile> read_file(const fs::path& path, Diagnostics& diagnostics) {
+  const std::shared_ptr<SdfFile> file = make_file(path.string());
+  file->path = path;
+  std::error_code error;
+  if (!fs::is_regular_file(path, error)) {
+    diagnostics.refuse({file->name, 0, ""}, "does not exist or is no file");
+    return nullptr;
+  }
+  file->document->LoadFile(path.c_str());
+  return read_root(*file, diagnostics) ? file : nullptr;
+}
+
+std::shared_ptr<SdfFile> parse_file(const std::string& text, const std::string& name,
+                                    Diagnostics& diagnostics) {
+  const std::shared_ptr<SdfFile> file = make_file(name);
+  file->document->Parse(text.c_str(), text.size());
+  return read_root(*file, diagnostics) ? file : nullptr;
+}
+
+XMLElement* find_root_model(const SdfFile& file, Diagnostics& diagnostics) {
+  if (file.urdf) return file.root;
+  XMLElement* model = file.root->FirstChildElement("model");
+  if (model == nullptr) {
+    diagnostics.refuse(place_of(*file.root, file), "<sdf> holds no <world> and no <model>");
+  } else if (const XMLElement* second = model->NextSiblingElement("model")) {
+    diagnostics.refuse(place_of(*second, file), "a second <model>; without <world> there is one");
+    return nullptr;
+  }
+  return model;
+}
+
+std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile& file,
+                                       Diagnostics& diagnostics) {
+  const Place place = place_of(include, file);
+  const std::string uri = text_in(include, "uri");
+  if (include.BoolAttribute("merge")) {
+    diagnostics.refuse(place, "<include> of '" + uri +
+                                  "' has merge='true', which is not supported; include it as a "
+                                  "model of its own, and name its links MODEL::LINK");
+    return nullptr;
+  }
+  const auto found = find_resource(uri, file.path);
+  const fs::path path = found ? model_file(*found) : fs::path();
+  if (path.empty()) {
+    const std::string why = found ? "holds no model.config and no model.sdf" : "is not found";
+    diagnostics.refuse(place, "<include> of '" + uri + "' " + why + "; " + resource_remedy(uri));
+    return nullptr;
+  }
+  std::error_code error;
+  const auto is_same = [&](const fs::path& other) { return fs::equivalent(path, other, error); };
+  if (std::ranges::any_of(file.includers, is_same) || (!file.path.empty() && is_same(file.path))) {
+    diagnostics.refuse(place,
+                       "<include> of '" + uri +
+                           "' leads back to a file that it is part of: " + chain_of(file, path));
+    return nullptr;
+  }
+  const fs::path shown = file.path.is_absolute() ? path : fs::proximate(path, error);
+  const std::shared_ptr<SdfFile> included = read_file(shown, diagnostics);
+  if (!included) return nullptr;
+  included->includers = file.includers;
+  if (!file.path.empty()) included->includers.push_back(file.path);
+  XMLElement* model = find_root_model(*included, diagnostics);
+  if (model == nullptr) return nullptr;
+  const std::string name = text_in(include, "name");
+  if (!name.empty()) model->SetAttribute("name", name.c_str());
+  return included;
+}
+
+std::string text_of(const XMLElement& element, const SdfFile& file) {
+  PrinterOnLines printer;
+  if (file.urdf) {
+    element.Accept(&printer);
+    return printer.CStr();
+  }
+  printer.OpenElement("sdf", true);
+  printer.PushAttribute("version", file.version.c_str());
+  const bool is_world = std::string_view(element.Name()) == "world";
+  if (!is_world) printer.OpenElement("world", true);
+  element.Accept(&printer);
+  if (!is_world) printer.CloseElement(true);
+  printer.CloseElement(true);
+  return printer.CStr();
+}
+
+}  // namespace hlm::ve

@@ -1,0 +1,232 @@
+#include "hlm/scene/sdf_models.h"
+
+#include <algorithm>
+
+#include <Eigen/Eigenvalues>
+#include <sdf/Collision.hh>
+#include <sdf/Geometry.hh>
+#include <sdf/Joint.hh>
+#include <sdf/Link.hh>
+
+#include "hlm/common/range.h"
+#include "hlm/scene/sdf_geometry.h"
+#include "hlm/scene/sdf_joints.h"
+#include "hlm/scene/sdf_messages.h"
+#include "hlm/scene/sdf_places.h"
+
+namespace hlm::ve {
+namespace {
+
+/// Masses of a body that moves. The engine divides by it.
+constexpr Range kMasses{1e-9, 1e9, "kg"};
+/// Least principal moment of inertia as a portion of the largest: below, the inertia cannot be
+/// inverted reliably.
+constexpr double kLeastMoment = 1e-9;
+/// How far, as a portion of the largest, the largest moment may exceed the sum of the others:
+/// files round to two or three digits.
+constexpr double kMomentTolerance = 0.01;
+
+/// Why no rigid body has this inertia; empty if one may.
+std::optional<std::string> find_inertia_error(const Matrix3& I_B) {
+  const Eigen::SelfAdjointEigenSolver<Matrix3> solver(I_B, Eigen::EigenvaluesOnly);
+  const Vector3 moments = solver.eigenvalues();  // The largest is the last.
+  const std::string text = "principal moments of inertia " + shortest_text(moments[0]) + ", " +
+                           shortest_text(moments[1]) + ", " + shortest_text(moments[2]) + " kg·m²";
+  const Range largest{1e-15, 1e12};
+  if (!largest.contains(moments[2]) || !(moments[0] >= kLeastMoment * moments[2])) {
+    return text + " must be above 0";
+  }
+  if (moments[2] - moments[0] - moments[1] > kMomentTolerance * moments[2]) {
+    return text + ": the largest must not exceed the sum of the others";
+  }
+  return std::nullopt;
+}
+
+std::string text_of(const sdf::ElementPtr& parent, const std::string& child) {
+  return parent->HasElement(child) ? parent->Get<std::string>(child) : "";
+}
+
+Pose pose_of(const sdf::ElementPtr& element) {
+  return to_pose(element->GetElement("pose")->Get<ignition::math::Pose3d>());
+}
+
+class ModelReader {
+ public:
+  ModelReader(WorldDescription& world, Diagnostics& diagnostics)
+      : world_(world), diagnostics_(diagnostics) {}
+
+  void read(const sdf::Model& model) {
+    ModelDescription description;
+    description.name = model.Name();
+    description.place = place_of(model.Element());
+    description.fixed = model.Static();
+    description.first_body = static_cast<int>(world_.bodies.size());
+    read_tool_elements(model.Element(), description);
+    description.X_WM = resolve_pose(model);
+    read_contents(model, description.X_WM, model.Name(), model.Static());
+    description.body_count = static_cast<int>(world_.bodies.size()) - description.first_body;
+    world_.models.push_back(description);
+  }
+
+ private:
+  template <class Named>
+  Pose resolve_pose(const Named& named, const std::string& frame = "") {
+    try {
+      ignition::math::Pose3d pose;
+      require_none(named.SemanticPose().Resolve(pose, frame));
+      return to_pose(pose);
+    } catch (const std::runtime_error& error) {
+      // Why, is mostly said already.
+      if (diagnostics_.usable()) diagnostics_.refuse(place_of(named.Element()), error.what());
+      return {};
+    }
+  }
+
+  void read_tool_elements(const sdf::ElementPtr& model, ModelDescription& description) {
+    if (model->HasElement("haptic:tool_joint")) {
+      const std::string type = text_of(model, "haptic:tool_joint");
+      if (type != "free" && type != "planar") {
+        diagnostics_.refuse(place_of(model->GetElement("haptic:tool_joint")),
+                            "<haptic:tool_joint> '" + type + "' must be free or planar");
+      }
+      description.tool_joint = type == "planar" ? JointType::kPlanar : JointType::kFree;
+    }
+    if (model->HasElement("haptic:hand")) read_hand(model->GetElement("haptic:hand"), description);
+    if (!model->HasElement("haptic:start")) return;
+    for (sdf::ElementPtr start = model->GetElement("haptic:start"); start;
+         start = start->GetNextElement("haptic:start")) {
+      read_start(start, description.starts);
+    }
+  }
+
+  void read_hand(const sdf::ElementPtr& hand, ModelDescription& description) {
+    if (!hand->HasElement("link")) {
+      return diagnostics_.refuse(place_of(hand), "<haptic:hand> must name the held <link>");
+    }
+    description.hand_link = text_of(hand, "link");
+    if (hand->HasElement("pose")) description.X_SH = pose_of(hand);
+  }
+
+  void read_start(const sdf::ElementPtr& start, std::vector<StartDescription>& starts) {
+    if (!start->HasElement("name") || !start->HasElement("pose")) {
+      return diagnostics_.refuse(place_of(start), "<haptic:start> must have a <name> and a <pose>");
+    }
+    const std::string name = text_of(start, "name");
+    const bool is_taken = std::ranges::find(starts, name, &StartDescription::name) != starts.end();
+    if (name.empty() || is_taken) {
+      diagnostics_.refuse(place_of(start), "<haptic:start> '" + name +
+                                               "' must have a name of its own, and not an empty "
+                                               "one");
+    }
+    starts.push_back({name, pose_of(start)});
+  }
+
+  void read_contents(const sdf::Model& model, const Pose& X_WM, const std::string& scope,
+                     bool fixed) {
+    for (std::uint64_t i = 0; i < model.LinkCount(); ++i) {
+      read_link(*model.LinkByIndex(i), X_WM, scope, fixed);
+    }
+    for (std::uint64_t i = 0; i < model.ModelCount(); ++i) {
+      const sdf::Model& nested = *model.ModelByIndex(i);
+      const std::string name = scope + "::" + nested.Name();
+      read_contents(nested, X_WM * resolve_pose(nested), name, fixed || nested.Static());
+    }
+    for (std::uint64_t i = 0; i < model.JointCount(); ++i) {
+      read_joint(*model.JointByIndex(i), X_WM, scope);
+    }
+  }
+
+  void read_link(const sdf::Link& link, const Pose& X_WM, const std::string& scope, bool fixed) {
+    const sdf::ElementPtr element = link.Element();
+    const Pose X_WS = X_WM * resolve_pose(link);
+    const Vector3 p_SB = to_vector(link.Inertial().Pose().Pos());
+
+    BodyDescription body;
+    body.name = scope + "::" + link.Name();
+    body.fixed = fixed;
+    body.weightless = !element->Get<bool>("gravity", true).first;
+    body.X_WB = {X_WS * p_SB, X_WS.R};
+    body.p_BS = -p_SB;
+    if (!fixed) read_inertia(link, body);
+    if (element->Get<bool>("kinematic", false).first) {
+      diagnostics_.refuse(place_of(element),
+                          "<kinematic> true is not supported; make the model <static>, or let the "
+                          "link move freely");
+    }
+    read_collisions(link, body);
+    world_.bodies.push_back(std::move(body));
+  }
+
+  /// Those of static models have none.
+  void read_inertia(const sdf::Link& link, BodyDescription& body) {
+    const sdf::ElementPtr element = link.Element();
+    if (!element->HasElement("inertial")) {
+      diagnostics_.approximate(place_of(element),
+                               "a link without <inertial> has 1 kg and 1 kg·m² about each axis, "
+                               "as in SDFormat");
+    }
+    const double mass = link.Inertial().MassMatrix().Mass();
+    const Matrix3 I_B = to_matrix(link.Inertial().Moi());
+    auto error = find_error("mass", mass, kMasses);
+    if (error) error->append("; or make the model <static>");
+    if (!error) error = find_inertia_error(I_B);
+    if (error) {
+      const sdf::ElementPtr inertial = element->FindElement("inertial");
+      Place place = place_of(inertial ? inertial : element);
+      return diagnostics_.refuse(place, *error);
+    }
+    body.mass = mass;
+    body.I_B = I_B;
+  }
+
+  void read_collisions(const sdf::Link& link, BodyDescription& body) {
+    for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
+      const sdf::Collision& source = *link.CollisionByIndex(i);
+      if (source.Geom()->Type() == sdf::GeometryType::EMPTY) {
+        diagnostics_.approximate(place_of(source.Element()),
+                                 "a collision without a shape that can be used is left out");
+        continue;
+      }
+      for (auto& piece : to_collisions(source, body.p_BS, body.fixed, diagnostics_)) {
+        if (!body.fixed && std::holds_alternative<HalfSpace>(piece.shape)) {
+          diagnostics_.refuse(place_of(source.Element()),
+                              "a plane is allowed in static models only");
+        }
+        body.collisions.push_back(std::move(piece));
+      }
+    }
+  }
+
+  void read_joint(const sdf::Joint& joint, const Pose& X_WM, const std::string& scope) {
+    std::string parent;
+    std::string child;
+    // Where there is no such link, the parser has said so.
+    if (!joint.ResolveParentLink(parent).empty() || !joint.ResolveChildLink(child).empty()) return;
+    JointDescription description = to_joint(joint, diagnostics_);
+    description.name = scope + "::" + joint.Name();
+    description.parent = parent == "world" ? -1 : find_body(scope + "::" + parent);
+    description.child = find_body(scope + "::" + child);
+    if (description.child < 0) {
+      return diagnostics_.refuse(place_of(joint.Element()), "no link '" + child + "'");
+    }
+    description.X_WJ = X_WM * resolve_pose(joint, "__model__");
+    world_.joints.push_back(description);
+  }
+
+  /// -1 if there is none of that name.
+  int find_body(const std::string& scoped_name) const {
+    const auto body = std::ranges::find(world_.bodies, scoped_name, &BodyDescription::name);
+    return body == world_.bodies.end() ? -1 : static_cast<int>(body - world_.bodies.begin());
+  }
+
+  WorldDescription& world_;
+  Diagnostics& diagnostics_;
+};
+
+}  // namespace
+
+void add_model(const sdf::Model& model, WorldDescription& world, Diagnostics& diagnostics) {
+  ModelReader(world, diagnostics).read(model);
+}
+
+}  // namespace hlm::ve

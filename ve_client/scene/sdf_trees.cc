@@ -1,0 +1,253 @@
+#include "hlm/scene/sdf_trees.h"
+
+#include <algorithm>
+
+#include <sdf/SDFImpl.hh>
+#include <sdf/parser.hh>
+
+#include "hlm/scene/sdf_elements.h"
+#include "hlm/scene/sdf_places.h"
+#include "hlm/scene/sdf_schema.h"
+
+namespace hlm::ve {
+namespace {
+
+using sdf::ElementPtr;
+using tinyxml2::XMLElement;
+
+/// Files that include others several times, level by level, could go on for ever.
+constexpr int kMostModels = 20000;
+
+std::string word(const XMLElement& element, const char* attribute) {
+  const char* value = element.Attribute(attribute);
+  return value != nullptr ? value : "";
+}
+
+bool is_model(const XMLElement& element) {
+  const std::string_view name = element.Name();
+  return name == "model" || name == "include";
+}
+
+/// Takes the models out of an element, in their order.
+std::vector<XMLElement*> cut_models(XMLElement& parent, tinyxml2::XMLDocument& document) {
+  std::vector<XMLElement*> models;
+  for (XMLElement* child = parent.FirstChildElement(); child != nullptr;) {
+    XMLElement* next = child->NextSiblingElement();
+    if (is_model(*child)) {
+      // Only an insertion takes an element from its place without destroying it.
+      document.InsertEndChild(child);
+      models.push_back(child);
+    }
+    child = next;
+  }
+  return models;
+}
+
+/// Whether the pose of a model or <include> is given in another frame than its parent's.
+bool is_relative(const XMLElement& element) {
+  const XMLElement* pose = element.FirstChildElement("pose");
+  return pose != nullptr && !(word(*pose, "relative_to") + word(*pose, "frame")).empty();
+}
+
+/// The parser's lines of a URDF file are those of a translation. Those of the file are found by the
+/// names of links and joints.
+int line_in_urdf(const SdfFile& file, const std::string& type, const std::string& name) {
+  for (const XMLElement* child = file.root->FirstChildElement(type.c_str()); child != nullptr;
+       child = child->NextSiblingElement(type.c_str())) {
+    if (word(*child, "name") == name) return child->GetLineNum();
+  }
+  return 0;
+}
+
+int line_in_urdf(const SdfFile& file, const std::vector<NamedElement>& above) {
+  int line = 0;
+  for (const auto& [type, name] : above) line = std::max(line, line_in_urdf(file, type, name));
+  return line > 0 ? line : file.root->GetLineNum();
+}
+
+void set_urdf_lines(const ElementPtr& element, int line, const SdfFile& file) {
+  const std::string& type = element->GetName();
+  if (type == "link" || type == "joint") {
+    const int own = line_in_urdf(file, type, element->Get<std::string>("name"));
+    if (own > 0) line = own;
+  }
+  element->SetLineNumber(line);
+  element->SetFilePath(file.name);
+  for (ElementPtr child = element->GetFirstElement(); child; child = child->GetNextElement()) {
+    set_urdf_lines(child, line, file);
+  }
+}
+
+std::string text_in(const XMLElement* element) {
+  return element != nullptr && element->GetText() != nullptr ? element->GetText() : "";
+}
+
+/// Sets a child of an included model to what the <include> says of it.
+void carry_over(const XMLElement& given, const SdfFile& file, const ElementPtr& model,
+                Diagnostics& diagnostics) {
+  const ElementPtr own = model->GetElement(given.Name());
+  own->SetLineNumber(given.GetLineNum());
+  own->SetFilePath(file.name);
+  for (const sdf::ParamPtr& attribute : own->GetAttributes()) {
+    attribute->Reset();
+    const std::string value = word(given, attribute->GetKey().c_str());
+    if (!value.empty()) attribute->SetFromString(value);
+  }
+  const std::string frame = word(given, "frame");  // Before SDFormat 1.7.
+  const sdf::ParamPtr relative_to = own->GetAttribute("relative_to");
+  if (relative_to && !frame.empty()) relative_to->SetFromString(frame);
+  own->GetValue()->SetFromString(text_in(&given));
+  check_values(own, diagnostics);
+}
+
+/// The parser keeps what it does not know, and libsdformat would look at it. Elements with a colon
+/// it keeps without a word: ours must be known.
+void drop_unused(const ElementPtr& element, Diagnostics& diagnostics) {
+  for (ElementPtr child = element->GetFirstElement(); child;) {
+    const ElementPtr next = child->GetNextElement();
+    if (element->HasElementDescription(child->GetName())) {
+      drop_unused(child, diagnostics);
+      child = next;
+      continue;
+    }
+    const std::string name = child->GetName();
+    if (name.starts_with("haptic:")) {
+      diagnostics.refuse(place_of(child),
+                         tag(name) + " is not known here; " + allowed_beside(path_of(child)));
+    }
+    element->RemoveChild(child);
+    child = next;
+  }
+}
+
+}  // namespace
+
+sdf::ParserConfig parser_config() {
+  sdf::ParserConfig config;
+  config.SetUnrecognizedElementsPolicy(sdf::EnforcementPolicy::ERR);
+  return config;
+}
+
+SdfTrees::SdfTrees(SdfFile& file, CapturedMessages& messages, Diagnostics& diagnostics)
+    : file_(file), messages_(messages), diagnostics_(diagnostics) {
+  if (!file.urdf) world_ = file.root->FirstChildElement("world");
+  if (world_ == nullptr) {
+    if (XMLElement* model = find_root_model(file, diagnostics)) models_.push_back(model);
+    return;
+  }
+  if (const XMLElement* second = world_->NextSiblingElement("world")) {
+    diagnostics.refuse(place_of(*second, file), "a second <world>; exactly one is allowed");
+  }
+  models_ = cut_models(*world_, *file.document);
+  connected_ = world_->FirstChildElement("frame") != nullptr;
+  for (const XMLElement* model : models_) connected_ = connected_ || is_relative(*model);
+}
+
+ElementPtr SdfTrees::world() {
+  if (world_ != nullptr) return parse(*world_, file_, "");
+  tinyxml2::XMLDocument document;
+  document.Parse("<world name='model'/>");
+  SdfFile empty;
+  empty.name = file_.name;
+  empty.version = SDF_PROTOCOL_VERSION;
+  return parse(*document.RootElement(), empty, "");
+}
+
+ElementPtr SdfTrees::model(int index) {
+  return read_either(*models_[static_cast<std::size_t>(index)], file_, "");
+}
+
+ElementPtr SdfTrees::read_either(XMLElement& element, SdfFile& file, const std::string& scope) {
+  if (++read_ > kMostModels) {
+    if (read_ == kMostModels + 1) {
+      diagnostics_.refuse(
+          place_of(element, file),
+          "too many models; at most " + std::to_string(kMostModels) + " are allowed");
+    }
+    return nullptr;
+  }
+  const bool included = std::string_view(element.Name()) == "include";
+  return included ? read_include(element, file, scope) : read_model(element, file, scope);
+}
+
+ElementPtr SdfTrees::read_include(const XMLElement& include, const SdfFile& file,
+                                  const std::string& scope) {
+  const std::shared_ptr<SdfFile> included = read_included(include, file, diagnostics_);
+  if (!included) return nullptr;
+  XMLElement& model = *find_root_model(*included, diagnostics_);
+  ElementPtr element = read_model(model, *included, scope);
+  if (!element) return nullptr;
+  for (const char* name : {"pose", "static"}) {
+    const XMLElement* given = include.FirstChildElement(name);
+    if (given != nullptr) carry_over(*given, file, element, diagnostics_);
+  }
+  const std::string frame = text_in(include.FirstChildElement("placement_frame"));
+  if (!frame.empty()) element->GetAttribute("placement_frame")->SetFromString(frame);
+  return element;
+}
+
+ElementPtr SdfTrees::read_model(XMLElement& model, SdfFile& file, const std::string& scope) {
+  const std::vector<XMLElement*> inner =
+      file.urdf ? std::vector<XMLElement*>{} : cut_models(model, *file.document);
+  ElementPtr element = parse(model, file, scope);
+  if (element && !file.urdf) element = element->FindElement("world");
+  if (element) element = element->FindElement("model");
+  if (!element) return nullptr;
+  element->SetFilePath(file.name);
+  const std::string own = "model '" + word(model, "name") + "'";
+  for (XMLElement* each : inner) {
+    const ElementPtr nested = read_either(*each, file, scope.empty() ? own : scope + " " + own);
+    if (!nested) continue;
+    nested->SetParent(element);
+    element->InsertElement(nested);
+  }
+  return element;
+}
+
+ElementPtr SdfTrees::parse(const XMLElement& element, const SdfFile& file,
+                           const std::string& scope) {
+  auto sdf = std::make_shared<sdf::SDF>();
+  sdf->Root(make_schema());
+  messages_.clear();
+  sdf::Errors errors;
+  const bool done = sdf::readString(text_of(element, file), parser_config(), sdf, errors);
+  const int refused = diagnostics_.count(Verdict::kRefused);
+  report(errors, file, scope);
+  if (!done && diagnostics_.count(Verdict::kRefused) == refused) {
+    diagnostics_.refuse(place_of(element, file), messages_.first_error());
+  }
+  if (!done) return nullptr;
+  const ElementPtr root = sdf->Root();
+  root->SetFilePath(file.name);
+  if (file.urdf) set_urdf_lines(root, file.root->GetLineNum(), file);
+  drop_unused(root, diagnostics_);
+  check_values(root, diagnostics_);
+  return root;
+}
+
+void SdfTrees::report(const sdf::Errors& errors, const SdfFile& file, const std::string& scope) {
+  for (const sdf::Error& error : errors) {
+    const ParserPath at = parse_parser_path(error.XmlPath().value_or(""));
+    Place place{file.name, error.LineNumber().value_or(0), scope};
+    if (!scope.empty() && !at.above.empty()) place.element += " ";
+    place.element += describe(at.above);
+    if (file.urdf) place.line = line_in_urdf(file, at.above);
+    if (error.Code() != sdf::ErrorCode::ELEMENT_INCORRECT_TYPE || at.path.empty()) {
+      if (error.LineNumber()) diagnostics_.refuse(place, error.Message());
+      continue;
+    }
+    const std::string name = tag(at.last);
+    const ElementRule* rule = find_rule(at.path);
+    if (rule == nullptr || !rule->verdict) {
+      diagnostics_.refuse(place, name + " is not known here; " + allowed_beside(at.path));
+    } else if (*rule->verdict == Verdict::kRefused) {
+      diagnostics_.refuse(place, name + " is not supported; " + std::string(rule->note));
+    } else if (*rule->verdict == Verdict::kApproximated) {
+      diagnostics_.approximate(place, name + ": " + std::string(rule->note));
+    } else {
+      diagnostics_.ignore(place, name + ": " + std::string(rule->note));
+    }
+  }
+}
+
+}  // namespace hlm::ve
