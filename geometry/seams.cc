@@ -83,6 +83,7 @@ class Resolver {
   Vector3 keep_best(std::span<Meeting> set, bool real, std::vector<FoundContact>& contacts);
   bool goes_on_along(std::span<const Meeting> axis) const;
   bool is_beside(const Meeting& meeting) const;
+  bool is_behind_skin(const Meeting& meeting) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
   Border border_at(const Meeting& meeting, const Vector3& n, const PiecesAtPoint& pieces) const;
@@ -124,7 +125,9 @@ FoundContact Resolver::reported(Meeting meeting) const {
 bool Resolver::is_on_surface(const Vector3& n, const Vector3& p_F) const {
   const Vector3 nearest = within(own_, p_F);
   const PiecesAtPoint pieces = pieces_at(own_, nearest);
-  return pieces.size() == 1 || (surface_normal(n, nearest, pieces) - n).norm() < kIsNormal;
+  const bool alone =
+      pieces.size() == 1 && own_.mesh == nullptr;  // Of a skin, one side is no surface.
+  return alone || (surface_normal(n, nearest, pieces) - n).norm() < kIsNormal;
 }
 
 /// Whether the normal of a set of contacts is one of the surface at any of them or in their middle.
@@ -269,6 +272,13 @@ bool Resolver::is_beside(const Meeting& meeting) const {
          });
 }
 
+/// Whether a point is on a side of a piece of a skin that is inside of the mesh.
+bool Resolver::is_behind_skin(const Meeting& meeting) const {
+  if (own_.mesh == nullptr) return false;
+  const Piece::Plane& front = own_.planes[own_.front];
+  return front.n_F.dot(meeting.at) - front.offset < -kSeamGap;
+}
+
 /// Gives a contact its place on a surface of several pieces. False if it has none: it is at a
 /// border inside of that.
 bool Resolver::settle(Meeting& meeting) {
@@ -313,6 +323,7 @@ Vector3 Resolver::keep_best(std::span<Meeting> set, bool real,
   Vector3 n = Vector3::Zero();
   for (Meeting& meeting : set) {
     if (!real && !put_on_surface(meeting)) continue;
+    if (is_behind_skin(meeting)) continue;
     // Outermost points tell of a gap, not of where the tool stands.
     if (meeting.contact.axis > 0 && !contains(own_, meeting.at, kSeamGap)) continue;
     n = meeting.n;

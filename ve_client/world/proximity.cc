@@ -58,6 +58,14 @@ bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W)
   return std::ranges::any_of(gaps, [](const auto& gap) { return gap.second > 0; });
 }
 
+/// Whether a shape overlaps a piece of a skin along its triangle's normal by more than the skin is
+/// deep: it is on another side of the mesh.
+bool is_past_skin(const AxesManifold& manifold) {
+  constexpr double kSkin = 0.01;  // m
+  return std::ranges::any_of(manifold,
+                             [](const ManifoldPoint& point) { return point.separation < -kSkin; });
+}
+
 /// The least extent of a shape, along its own axes and the normals of its faces, m; 0 of what has
 /// no other side.
 double thickness(const Convex& shape) {
@@ -261,6 +269,7 @@ void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const
       manifold =
           with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
     }
+    if (piece.mesh && near_O && is_past_skin(manifold)) return;
     const bool in_plane = of_tool && side.index == 0 && planar_normal_W_ &&
                           world_.description().bodies[at(other.body)].fixed;
     if (in_plane && passes_beside(manifold, *planar_normal_W_)) return;
