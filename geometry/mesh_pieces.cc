@@ -10,8 +10,6 @@
 namespace hlm::geometry {
 namespace {
 
-/// Depth of the skin, m. A tool deeper than half of it in a piece may leave on the wrong side.
-constexpr double kSkin = 0.01;
 /// Share of the way to the opposite side, where that is nearer: each side's skin ends before the
 /// middle.
 constexpr double kShare = 0.45;
@@ -40,7 +38,7 @@ std::vector<Vector3> point_normals(const Mesh& mesh) {
 double depth(const MeshRays& rays, const Vector3& p, const Vector3& u) {
   constexpr double kBesideOrigin = 1e-9;
   const double opposite = rays.distance(p, u, kBesideOrigin);
-  return std::max(kThinnest, std::min(kSkin, kShare * opposite));
+  return std::max(kThinnest, std::min(kSkinDepth, kShare * opposite));
 }
 
 }  // namespace

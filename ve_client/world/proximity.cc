@@ -8,6 +8,7 @@
 #include "hlm/geometry/index.h"
 #include "hlm/geometry/merge.h"
 #include "hlm/geometry/mesh_normals.h"
+#include "hlm/geometry/mesh_pieces.h"
 
 namespace hlm::ve {
 namespace {
@@ -56,14 +57,6 @@ bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W)
     gap->second = std::min(gap->second, point.separation);
   }
   return std::ranges::any_of(gaps, [](const auto& gap) { return gap.second > 0; });
-}
-
-/// Whether a shape overlaps a piece of a skin along its triangle's normal by more than the skin is
-/// deep: it is on another side of the mesh.
-bool is_past_skin(const AxesManifold& manifold) {
-  constexpr double kSkin = 0.01;  // m
-  return std::ranges::any_of(manifold,
-                             [](const ManifoldPoint& point) { return point.separation < -kSkin; });
 }
 
 /// The least extent of a shape, along its own axes and the normals of its faces, m; 0 of what has
@@ -244,55 +237,63 @@ void Proximity::query_shape(const ContactSide& side, const CollisionId& id, cons
 
 void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                            const Vector3& v_W, const CollisionId& other, double epsilon) {
-  const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
-  const auto friction = friction_between(world_.collision(id), world_.collision(other));
-  const Pose X_WO = world_.X_WG(other);
   const bool of_tool = side.kind == SideKind::kToolLink;
-  const bool has_side = of_tool && world_.is_movable(other.body);
+  Pair pair{.side = side, .id = id, .other = other, .X_WG = X_WG, .X_WO = world_.X_WG(other)};
+  pair.keeps_side = of_tool && world_.is_movable(other.body);
+  pair.passes_beside = of_tool && side.index == 0 && planar_normal_W_ &&
+                       world_.description().bodies[at(other.body)].fixed;
+  // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
+  const bool looks_ahead = of_tool && !pair.keeps_side &&
+                           world_.pieces().of(id).adjoining.empty() &&
+                           world_.pieces().of(other).adjoining.empty();
+  if (looks_ahead) pair.travel_W = possible_travel(v_W.norm(), ahead_) * v_W.normalized();
   std::optional<Vector3> before;
-  if (has_side) {
+  if (pair.keeps_side) {
     const auto known = sides_before_.find({id, other});
     if (known != sides_before_.end()) before = known->second;
   }
-  // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
-  const bool looks_ahead = of_tool && !has_side && world_.pieces().of(id).adjoining.empty() &&
-                           world_.pieces().of(other).adjoining.empty();
-  const Vector3 travel_W = looks_ahead
-                               ? Vector3(possible_travel(v_W.norm(), ahead_) * v_W.normalized())
-                               : Vector3::Zero();
-  const CollisionDescription& piece = world_.collision(other);
   const std::size_t first = contacts_.size();
-  bool overlaps = false;
-  const auto look = [&](const std::optional<Vector3>& near_O) {
-    AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, near_O, travel_W);
-    if (piece.mesh) {
-      manifold =
-          with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
-    }
-    if (piece.mesh && near_O && is_past_skin(manifold)) return;
-    const bool in_plane = of_tool && side.index == 0 && planar_normal_W_ &&
-                          world_.description().bodies[at(other.body)].fixed;
-    if (in_plane && passes_beside(manifold, *planar_normal_W_)) return;
-    if (has_side && !manifold.empty()) {
-      sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
-    }
-    for (const ManifoldPoint& point : manifold) {
-      FoundContact& contact =
-          contacts_.emplace_back(found_contact(point, side, id, other_side, other));
-      contact.v_WC = world_.velocity_at(other.body, point.p_WC);
-      contact.friction = friction.value_or(contact.friction);
-    }
-    const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
-    overlaps = deepest != manifold.end() && deepest->separation < 0;
-    if (!piece.mesh && overlaps) overlaps = deepest->separation < -kDeepInSeam;
-    resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
-  };
-  look(before);
+  const double overlap = add_contacts(pair, epsilon, before);
+  if (contacts_.size() > first) return;
   // Deep in a skin the nearest way out of a piece may lead through the mesh.
-  if (piece.mesh && overlaps && contacts_.size() == first) {
-    look(piece.mesh->area(piece.triangle).normalized());
+  const CollisionDescription& piece = world_.collision(other);
+  if (piece.mesh && overlap > 0) {
+    add_contacts(pair, epsilon, piece.mesh->area(piece.triangle).normalized());
+  } else {
+    lost_ = lost_ || overlap > kDeepInSeam;
   }
-  lost_ = lost_ || (!piece.mesh && overlaps && contacts_.size() == first);
+}
+
+/// Adds the contacts of a pair on its surfaces; with near_O near this normal (frame of the other
+/// shape). Returns how deep the two convex shapes overlap, m.
+double Proximity::add_contacts(const Pair& pair, double epsilon,
+                               const std::optional<Vector3>& near_O) {
+  const auto& [side, id, other, X_WG, X_WO, travel_W, keeps_side, beside] = pair;
+  const CollisionDescription& piece = world_.collision(other);
+  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, near_O, travel_W);
+  if (piece.mesh) {
+    manifold =
+        with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
+  }
+  const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
+  const double overlap = deepest == manifold.end() ? 0 : std::max(0.0, -deepest->separation);
+  // Along its triangle's normal it is on another side of the mesh.
+  if (piece.mesh && near_O && overlap > kSkinDepth) return overlap;
+  if (beside && passes_beside(manifold, *planar_normal_W_)) return 0;
+  if (keeps_side && !manifold.empty()) {
+    sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
+  }
+  const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
+  const auto friction = friction_between(world_.collision(id), world_.collision(other));
+  const std::size_t first = contacts_.size();
+  for (const ManifoldPoint& point : manifold) {
+    FoundContact& contact =
+        contacts_.emplace_back(found_contact(point, side, id, other_side, other));
+    contact.v_WC = world_.velocity_at(other.body, point.p_WC);
+    contact.friction = friction.value_or(contact.friction);
+  }
+  resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
+  return overlap;
 }
 
 double Proximity::thickness_of(const CollisionId& id) {

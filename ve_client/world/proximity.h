@@ -72,6 +72,18 @@ class Proximity {
     ToolShape b;
   };
 
+  /// A shape of the tool or of a body, and one that it is near.
+  struct Pair {
+    ContactSide side;  ///< Whose `id` is.
+    CollisionId id;
+    CollisionId other;
+    Pose X_WG;
+    Pose X_WO;
+    Vector3 travel_W = Vector3::Zero();  ///< How far it is about to move, m; 0: not asked.
+    bool keeps_side = false;             ///< The tool stays on its side of a movable body.
+    bool passes_beside = false;          ///< A planar tool may be beside it for good.
+  };
+
   void query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon);
   void query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                    const Vector3& v_W, double epsilon);
@@ -80,6 +92,7 @@ class Proximity {
   void merge();
   void query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
                   const Vector3& v_W, const CollisionId& other, double epsilon);
+  double add_contacts(const Pair& pair, double epsilon, const std::optional<Vector3>& near_O);
 
   /// Normals between shapes of the tool and of movable bodies, in the frame of the body's shape.
   using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
