@@ -106,6 +106,45 @@ bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
   return true;
 }
 
+/// Elements whose names others refer to.
+bool is_referred_to(std::string_view type) {
+  constexpr std::string_view kTypes[] = {"robot", "model", "link", "joint", "frame", "collision"};
+  return std::ranges::find(kTypes, type) != std::end(kTypes);
+}
+
+/// Refuses the names that libsdformat takes for paths: it makes models of them, or ends the
+/// program. Those of what is not read, as lights and sensors, lose their colons.
+void check_names(XMLElement& element, bool read, const SdfFile& file, Diagnostics& diagnostics) {
+  const std::string_view type = element.Name();
+  // What is in a plugin or belongs to another program is not looked at.
+  if (type == "plugin" || type.find(':') != type.npos) return;
+  read = read && type != "state";
+  for (XMLElement* child = element.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    check_names(*child, read, file, diagnostics);
+  }
+  const char* given = element.Attribute("name");
+  if (given == nullptr) return;
+  std::string name = given;
+  const bool in_path = name.find("::") != name.npos;
+  if (!read || !is_referred_to(type)) {
+    std::ranges::replace(name, ':', '_');
+    if (in_path) element.SetAttribute("name", name.c_str());
+  } else if (in_path || name.empty()) {
+    diagnostics.refuse(place_of(element, file),
+                       tag(type) + " name '" + name +
+                           (in_path ? "' must not have '::' in it, which leads into a model within "
+                                      "a model; write that as <model> within <model>"
+                                    : "' must not be empty"));
+  }
+}
+
+bool have_names(SdfFile& file, Diagnostics& diagnostics) {
+  const int refused = diagnostics.count(Verdict::kRefused);
+  check_names(*file.root, true, file, diagnostics);
+  return diagnostics.count(Verdict::kRefused) == refused;
+}
+
 /// "XML_ERROR_MISMATCHED_ELEMENT" as a person says it.
 std::string reason_of(const tinyxml2::XMLDocument& document) {
   std::string reason = document.ErrorName();
@@ -129,8 +168,8 @@ bool read_root(SdfFile& file, Diagnostics& diagnostics) {
   }
   const std::string name = file.root->Name();
   file.urdf = name == "robot";
-  if (file.urdf) return check_urdf(file, diagnostics);
-  if (name == "sdf") return read_version(file, diagnostics);
+  if (file.urdf) return check_urdf(file, diagnostics) && have_names(file, diagnostics);
+  if (name == "sdf") return read_version(file, diagnostics) && have_names(file, diagnostics);
   diagnostics.refuse(place_of(*file.root, file),
                      tag(name) + " must be <sdf>, or <robot> of a URDF file");
   return false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include <sdf/Exception.hh>
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
@@ -210,7 +211,13 @@ ElementPtr SdfTrees::parse(const XMLElement& element, const SdfFile& file,
   sdf->Root(make_schema());
   messages_.clear();
   sdf::Errors errors;
-  const bool done = sdf::readString(text_of(element, file), parser_config(), sdf, errors);
+  bool done = false;
+  try {
+    done = sdf::readString(text_of(element, file), parser_config(), sdf, errors);
+  } catch (const sdf::Exception& error) {  // An assertion of its own; it is no std::exception.
+    diagnostics_.refuse(place_of(element, file),
+                        "libsdformat cannot read it: " + error.GetErrorStr());
+  }
   const int refused = diagnostics_.count(Verdict::kRefused);
   report(errors, file, scope);
   if (!done && diagnostics_.count(Verdict::kRefused) == refused) {
