@@ -214,6 +214,19 @@ fs::path model_file(const fs::path& found) {
   return fs::is_regular_file(file, error) ? file : fs::path();
 }
 
+/// What a file may hold instead of a model, as Gazebo's sun does. Whether there is any.
+bool ignore_lights(const SdfFile& file, Diagnostics& diagnostics) {
+  const XMLElement* light = file.root->FirstChildElement("light");
+  if (light != nullptr) diagnostics.ignore(place_of(*light, file), "<light>: no part in contact");
+  return light != nullptr;
+}
+
+/// Nearly every world of Gazebo includes its sun, which comes with Gazebo.
+bool is_sun(const std::string& uri) {
+  const std::string name = uri.substr(uri.rfind('/') + 1);
+  return name == "sun" || name == "Sun";
+}
+
 std::string chain_of(const SdfFile& file, const fs::path& last) {
   const auto shown = [](const fs::path& path) {
     return (path.parent_path().filename() / path.filename()).string();
@@ -260,7 +273,9 @@ XMLElement* find_root_model(const SdfFile& file, Diagnostics& diagnostics) {
   if (file.urdf) return file.root;
   XMLElement* model = file.root->FirstChildElement("model");
   if (model == nullptr) {
-    diagnostics.refuse(place_of(*file.root, file), "<sdf> holds no <world> and no <model>");
+    if (!ignore_lights(file, diagnostics)) {
+      diagnostics.refuse(place_of(*file.root, file), "<sdf> holds no <world> and no <model>");
+    }
   } else if (const XMLElement* second = model->NextSiblingElement("model")) {
     diagnostics.refuse(place_of(*second, file), "a second <model>; without <world> there is one");
     return nullptr;
@@ -280,6 +295,12 @@ std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile&
   }
   const auto found = find_resource(uri, file.path);
   const fs::path path = found ? model_file(*found) : fs::path();
+  if (!found && is_sun(uri)) {
+    diagnostics.ignore(place, "<include> of '" + uri +
+                                  "' is not found; Gazebo's sun is a light, with no part in "
+                                  "contact");
+    return nullptr;
+  }
   if (path.empty()) {
     const std::string why = found ? "holds no model.config and no model.sdf" : "is not found";
     diagnostics.refuse(place, "<include> of '" + uri + "' " + why + "; " + resource_remedy(uri));
