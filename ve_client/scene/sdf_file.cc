@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <fstream>
 #include <sstream>
 
+#include "hlm/common/range.h"
 #include "hlm/scene/resources.h"
 #include "hlm/scene/sdf_elements.h"
 
@@ -71,6 +73,42 @@ bool read_version(SdfFile& file, Diagnostics& diagnostics) {
   return true;
 }
 
+/// libsdformat takes URDF masses up to 1e-6 kg for none, and leaves the link out with all that
+/// hangs on it.
+constexpr double kLeastUrdfMass = 1.1e-6;
+
+/// Makes of a URDF link's <inertial> what the translation to SDF bears. Whether it can.
+bool mend_inertial(XMLElement& link, const SdfFile& file, Diagnostics& diagnostics) {
+  XMLElement* inertial = link.FirstChildElement("inertial");
+  XMLElement* mass = inertial != nullptr ? inertial->FirstChildElement("mass") : nullptr;
+  double value = 0;
+  if (mass == nullptr || mass->QueryDoubleAttribute("value", &value) != tinyxml2::XML_SUCCESS) {
+    return true;
+  }
+  const auto what = [&] { return "<mass> " + shortest_text(value) + " kg "; };
+  if (value == 0) {
+    const XMLElement* inertia = inertial->FirstChildElement("inertia");
+    const bool turns = inertia != nullptr && (inertia->DoubleAttribute("ixx") != 0 ||
+                                              inertia->DoubleAttribute("iyy") != 0 ||
+                                              inertia->DoubleAttribute("izz") != 0);
+    if (turns) {
+      diagnostics.approximate(place_of(*inertia, file),
+                              "<inertia> without mass is not read; give the link a <mass>");
+    }
+    // Two of these in one would have their centre of mass at 0/0.
+    link.DeleteChild(inertial);
+  } else if (!std::isfinite(value) || (value < 0 && value > -kLeastUrdfMass)) {
+    diagnostics.refuse(place_of(*mass, file), what() + "must be above 0 and finite");
+    return false;
+  } else if (value > 0 && value < kLeastUrdfMass) {
+    diagnostics.approximate(
+        place_of(*mass, file),
+        what() + "counts as " + shortest_text(kLeastUrdfMass) + " kg, the least of a URDF link");
+    mass->SetAttribute("value", kLeastUrdfMass);
+  }
+  return true;
+}
+
 bool is_massless(const XMLElement& urdf_link) {
   const XMLElement* inertial = urdf_link.FirstChildElement("inertial");
   const XMLElement* mass = inertial != nullptr ? inertial->FirstChildElement("mass") : nullptr;
@@ -87,9 +125,11 @@ void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics&
                          "freely into a file of its own");
 }
 
-/// Says what the translation of URDF to SDF loses without a word. Whether it can begin.
+/// Says what the translation of URDF to SDF loses without a word, and mends what it does not bear.
+/// Whether it can begin.
 bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
-  for (const XMLElement* child = file.root->FirstChildElement(); child != nullptr;
+  bool possible = true;
+  for (XMLElement* child = file.root->FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
     const std::string_view name = child->Name();
     if (name.starts_with("xacro:")) {
@@ -97,13 +137,14 @@ bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
       return false;
     }
     if (name == "joint") check_urdf_joint(*child, file, diagnostics);
+    if (name == "link") possible = mend_inertial(*child, file, diagnostics) && possible;
     if (name == "link" && child->FirstChildElement("collision") != nullptr && is_massless(*child)) {
       diagnostics.approximate(place_of(*child, file),
                               "a link without mass is left out, as in Gazebo, unless a fixed joint "
                               "joins it to one that has mass");
     }
   }
-  return true;
+  return possible;
 }
 
 /// Elements whose names others refer to.
