@@ -115,6 +115,54 @@ bool is_massless(const XMLElement& urdf_link) {
   return mass == nullptr || mass->DoubleAttribute("value") == 0;
 }
 
+/// What the translation of URDF drops in silence, and what is said of it.
+struct UrdfRule {
+  std::string_view parent;
+  std::string_view name;
+  Verdict verdict = Verdict::kIgnored;
+  std::string_view note;
+};
+constexpr UrdfRule kUrdfRules[] = {
+    {"robot", "transmission", Verdict::kIgnored, "joints have no motors"},
+    {"robot", "ros2_control", Verdict::kIgnored, "joints have no motors"},
+    {"robot", "sensor", Verdict::kIgnored, "no part in contact"},
+    {"joint", "calibration", Verdict::kIgnored, "joints have no motors"},
+    {"joint", "safety_controller", Verdict::kApproximated, "only <limit> limits a joint"},
+    {"joint", "mimic", Verdict::kApproximated, "the joint moves by itself"},
+};
+
+bool is_translated(std::string_view parent, std::string_view name) {
+  constexpr std::string_view kRobot[] = {"link", "joint", "material", "gazebo"};
+  constexpr std::string_view kLink[] = {"inertial", "visual", "collision"};
+  constexpr std::string_view kJoint[] = {"origin", "parent", "child", "axis", "limit", "dynamics"};
+  const auto has = [&](const auto& names) {
+    return std::ranges::find(names, name) != std::end(names);
+  };
+  if (parent == "robot") return has(kRobot);
+  return parent == "link" ? has(kLink) : has(kJoint);
+}
+
+/// Says which children of a <robot>, <link> or <joint> are dropped.
+void check_urdf_children(const XMLElement& parent, const SdfFile& file, Diagnostics& diagnostics) {
+  for (const XMLElement* child = parent.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    const std::string_view name = child->Name();
+    if (is_translated(parent.Name(), name) || name.find(':') != name.npos) continue;
+    const auto rule = std::ranges::find_if(kUrdfRules, [&](const UrdfRule& each) {
+      return each.parent == parent.Name() && each.name == name;
+    });
+    if (rule == std::end(kUrdfRules)) {
+      diagnostics.approximate(
+          place_of(*child, file),
+          tag(name) + " is not known in " + tag(parent.Name()) + " of a URDF file, and not read");
+    } else if (rule->verdict == Verdict::kIgnored) {
+      diagnostics.ignore(place_of(*child, file), tag(name) + ": " + std::string(rule->note));
+    } else {
+      diagnostics.approximate(place_of(*child, file), tag(name) + ": " + std::string(rule->note));
+    }
+  }
+}
+
 void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics& diagnostics) {
   const char* type = joint.Attribute("type");
   if (type == nullptr) return;
@@ -129,6 +177,7 @@ void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics&
 /// Whether it can begin.
 bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
   bool possible = true;
+  check_urdf_children(*file.root, file, diagnostics);
   for (XMLElement* child = file.root->FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
     const std::string_view name = child->Name();
@@ -136,6 +185,7 @@ bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
       diagnostics.refuse(place_of(*child, file), tag(name) + " must be expanded: run xacro first");
       return false;
     }
+    if (name == "link" || name == "joint") check_urdf_children(*child, file, diagnostics);
     if (name == "joint") check_urdf_joint(*child, file, diagnostics);
     if (name == "link") possible = mend_inertial(*child, file, diagnostics) && possible;
     if (name == "link" && child->FirstChildElement("collision") != nullptr && is_massless(*child)) {
