@@ -288,7 +288,8 @@ void SdfTrees::report(const sdf::Errors& errors, const SdfFile& file, const std:
     const std::string name = tag(at.last);
     const ElementRule* rule = find_rule(at.path);
     if (rule == nullptr || !rule->verdict) {
-      diagnostics_.refuse(place, name + " is not known here; " + allowed_beside(at.path));
+      diagnostics_.approximate(
+          place, name + " is not known here, and not read; " + allowed_beside(at.path));
     } else if (*rule->verdict == Verdict::kRefused) {
       diagnostics_.refuse(place, name + " is not supported; " + std::string(rule->note));
     } else if (*rule->verdict == Verdict::kApproximated) {
