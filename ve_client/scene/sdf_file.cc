@@ -173,6 +173,31 @@ void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics&
                          "freely into a file of its own");
 }
 
+/// The link that a joint of a URDF file names as its "parent" or "child".
+std::string_view end_of(const XMLElement& joint, const char* end) {
+  const XMLElement* element = joint.FirstChildElement(end);
+  const char* link = element != nullptr ? element->Attribute("link") : nullptr;
+  return link != nullptr ? link : "";
+}
+
+/// Whether a link is left out for want of mass, and others with it: no fixed joint makes it part of
+/// another, and a joint hangs something on it.
+bool drops_others(const XMLElement& link, const SdfFile& file) {
+  const char* given = link.Attribute("name");
+  const std::string_view name = given != nullptr ? given : "";
+  if (!is_massless(link) || name == "world") return false;
+  bool carries = false;
+  for (const XMLElement* joint = file.root->FirstChildElement("joint"); joint != nullptr;
+       joint = joint->NextSiblingElement("joint")) {
+    const bool is_parent = end_of(*joint, "parent") == name;
+    if (!is_parent && end_of(*joint, "child") != name) continue;
+    const char* type = joint->Attribute("type");
+    if (type != nullptr && std::string_view(type) == "fixed") return false;
+    carries = carries || is_parent;
+  }
+  return carries;
+}
+
 /// Says what the translation of URDF to SDF loses without a word, and mends what it does not bear.
 /// Whether it can begin.
 bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
@@ -188,6 +213,11 @@ bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
     if (name == "link" || name == "joint") check_urdf_children(*child, file, diagnostics);
     if (name == "joint") check_urdf_joint(*child, file, diagnostics);
     if (name == "link") possible = mend_inertial(*child, file, diagnostics) && possible;
+    if (name == "link" && drops_others(*child, file)) {
+      diagnostics.approximate(place_of(*child, file),
+                              "a link without mass is left out, with all links that hang on it, as "
+                              "in Gazebo; give it a <mass>");
+    }
     if (name == "link" && child->FirstChildElement("collision") != nullptr && is_massless(*child)) {
       diagnostics.approximate(place_of(*child, file),
                               "a link without mass is left out, as in Gazebo, unless a fixed joint "
