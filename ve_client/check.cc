@@ -38,7 +38,7 @@ Scene scene_with_named_tools(const Settings& settings, Diagnostics& diagnostics)
   return scene;
 }
 
-void write(const Scene& scene, std::ostream& out) {
+void write(const Scene& scene, bool usable, std::ostream& out) {
   const WorldDescription& world = scene.world;
   std::size_t collisions = 0;
   for (const BodyDescription& body : world.bodies) collisions += body.collisions.size();
@@ -46,6 +46,7 @@ void write(const Scene& scene, std::ostream& out) {
   out << fmt::format("{}: models: {}, bodies: {} ({} fixed), collisions: {}, joints: {}\n",
                      scene.file.string(), world.models.size(), world.bodies.size(), fixed,
                      collisions, world.joints.size());
+  if (usable && collisions == 0) out << "nothing in it can be touched: it has no <collision>\n";
   if (!has_tools(scene)) {
     out << "no tool: name one with --tool or <haptic:tool>; the models are " << model_names(world)
         << "\n";
@@ -75,7 +76,7 @@ bool check_scene(const Settings& settings, std::ostream& out) {
   Diagnostics diagnostics;
   const Scene scene = scene_with_named_tools(settings, diagnostics);
   if (diagnostics.usable()) try_engine(scene, settings, diagnostics);
-  write(scene, out);
+  write(scene, diagnostics.usable(), out);
   if (diagnostics.usable()) write_tools(scene, out);
   write(diagnostics, Verdict::kRefused, "refused", out);
   write(diagnostics, Verdict::kApproximated, "approximated", out);

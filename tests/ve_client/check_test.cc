@@ -40,6 +40,17 @@ TEST_CASE("A world that can be used is counted, with what is approximated and ig
                        ContainsSubstring("\nignored:\n") && ContainsSubstring("\ncan be used\n"));
 }
 
+TEST_CASE("A file of lights or cameras alone can be used, and nothing in it can be touched") {
+  for (const char* name : {"light_alone.sdf", "lights_and_camera.sdf"}) {
+    CAPTURE(name);
+    const auto [usable, text] = check(HLM_TEST_WORLDS "/" + std::string(name));
+    CHECK(usable);
+    CHECK_THAT(text, ContainsSubstring("\nnothing in it can be touched: it has no <collision>\n"));
+    CHECK_FALSE(check(HLM_TEST_WORLDS "/" + std::string(name), "lamp").usable);
+  }
+  CHECK_THAT(check(HLM_TEST_WORLDS "/shapes.sdf").text, !ContainsSubstring("can be touched"));
+}
+
 TEST_CASE("All that is wrong with a world is said at once") {
   const auto [usable, text] = check(HLM_TEST_WORLDS "/bad_values.sdf");
   CHECK_FALSE(usable);

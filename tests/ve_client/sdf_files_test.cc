@@ -94,6 +94,17 @@ TEST_CASE("A URDF file makes a world with that robot: links, limits, friction, w
   CHECK(arm.collisions[0].friction == 0.4);
 }
 
+TEST_CASE("Links of a URDF file without mass leave no trace, and small masses leave their links") {
+  const WorldDescription world = load("urdf_small_masses.urdf");
+  REQUIRE(world.bodies.size() == 2);
+  const BodyDescription& base = body(world, "robot::base");
+  CHECK(base.mass == 2);
+  CHECK(base.X_WB.p.isApprox(Vector3(0, 0, 0.5), 1e-12));
+  CHECK(base.I_B.isApprox(0.01 * Matrix3::Identity(), 1e-12));
+  CHECK(body(world, "robot::needle").mass == 1.1e-6);
+  CHECK(world.joints.size() == 1);
+}
+
 TEST_CASE("Older versions mean what they meant: an axis in the model's frame") {
   const WorldDescription world = load("version_1_5_frames.sdf");
   const JointDescription& slide = world.joints.at(0);

@@ -144,6 +144,42 @@ TEST_CASE("A joint has its frame, axis and limits") {
   CHECK(joint.damping == 0.1);
 }
 
+TEST_CASE("A joint whose limits do not include 0 starts at the nearest, with all that it carries") {
+  const auto chain = [](const std::string& limits, const std::string& more = "") {
+    const std::string axis = "<axis><xyz>0 0 1</xyz>";
+    return "<model name='m'><link name='a'>" + kInertial +
+           "</link><link name='b'><pose>1 0 0 0 0 0</pose>" + kInertial +
+           "</link><link name='c'><pose>2 0 0 0 0 0</pose>" + kInertial +
+           "</link><joint name='j' type='revolute'><pose>-1 0 0 0 0 0</pose><parent>a</parent>"
+           "<child>b</child>" +
+           axis + limits +
+           "<dynamics><spring_stiffness>1</spring_stiffness>"
+           "<spring_reference>-1</spring_reference></dynamics></axis></joint>"
+           "<joint name='k' type='prismatic'><parent>b</parent><child>c</child>" +
+           axis + "<limit><lower>0.25</lower><upper>1</upper></limit></axis></joint>" + more +
+           "</model>";
+  };
+  const std::string limits = "<limit><lower>-3</lower><upper>-1.5707963267948966</upper></limit>";
+  const WorldDescription world = world_of(chain(limits));
+  CHECK(world.bodies.at(0).X_WB.p.isZero(0));
+  CHECK(world.bodies.at(1).X_WB.p.isApprox(Vector3(0, -1, 0), 1e-12));
+  CHECK(world.bodies.at(2).X_WB.p.isApprox(Vector3(0, -2, 0.25), 1e-12));
+  const JointDescription& turning = world.joints.at(0);
+  CHECK(turning.X_WJ.p.isZero(1e-12));
+  CHECK(turning.lower == Approx(std::numbers::pi / 2 - 3));
+  CHECK(turning.upper == 0);
+  CHECK(turning.rest == Approx(std::numbers::pi / 2 - 1));
+  CHECK(world.joints.at(1).X_WJ.p.isApprox(Vector3(0, -2, 0.25), 1e-12));
+  CHECK(world.joints[1].lower == 0);
+  CHECK(world.joints[1].upper == 0.75);
+  CHECK_THAT(error_of(chain(limits,
+                            "<joint name='l' type='fixed'><parent>world</parent><child>c</child>"
+                            "</joint>")),
+             ContainsSubstring("joint 'j'") && ContainsSubstring("include 0"));
+  CHECK_THAT(error_of(chain("<limit><lower>1e9</lower><upper>2e9</upper></limit>")),
+             ContainsSubstring("limits 1e+09 to 2e+09 must include a position within"));
+}
+
 TEST_CASE("Of <physics> the step and the iterations count, where they are given") {
   const WorldDescription plain = world_of("");
   CHECK_FALSE(plain.solver.largest_step);
@@ -194,11 +230,12 @@ TEST_CASE("A value out of range is an error that names it and what is allowed") 
   CHECK_THAT(error_of("<model name='m'><link name='a'><inertial><mass>-1</mass></inertial></link>"
                       "</model>"),
              ContainsSubstring("link"));
-  CHECK_THAT(error_of("<model name='m'><link name='a'/><link name='b'/>"
-                      "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
-                      "<axis><xyz>0 0 1</xyz><limit><lower>0.5</lower><upper>1</upper></limit>"
-                      "</axis></joint></model>"),
-             ContainsSubstring("model 'm' joint 'j'") && ContainsSubstring("include 0"));
+  CHECK_THAT(
+      error_of("<model name='m'><link name='a'/><link name='b'/>"
+               "<joint name='j' type='revolute'><parent>a</parent><child>b</child>"
+               "<axis><xyz>0 0 1</xyz><limit><lower>0.5</lower><upper>0.4</upper></limit>"
+               "</axis></joint></model>"),
+      ContainsSubstring("model 'm' joint 'j'") && ContainsSubstring("limits 0.5 to 0.4 must not"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "", "<haptic:tool_joint>ball</haptic:tool_joint>")),
              ContainsSubstring("model 'm'") && ContainsSubstring("'ball' must be free or planar"));
   CHECK_THAT(error_of(model("m", "0 0 0 0 0 0", "",

@@ -19,7 +19,8 @@ struct ElementRule {
   std::string_view note;           ///< What is done instead, or how to do without it.
 };
 
-/// All rules. Elements without one are refused: they are not part of SDFormat, or misspelt.
+/// All rules. Elements without one are named and not read, as in Gazebo: they are not part of
+/// SDFormat, or misspelt. Those of our own are refused.
 std::span<const ElementRule> element_rules();
 
 /// The rule of an element, its own or the nearest above it; null if there is none. Where the

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <fstream>
 #include <sstream>
 
+#include "hlm/common/range.h"
 #include "hlm/scene/resources.h"
 #include "hlm/scene/sdf_elements.h"
 
@@ -71,10 +73,94 @@ bool read_version(SdfFile& file, Diagnostics& diagnostics) {
   return true;
 }
 
+/// libsdformat takes URDF masses up to 1e-6 kg for none, and leaves the link out with all that
+/// hangs on it.
+constexpr double kLeastUrdfMass = 1.1e-6;
+
+/// Makes of a URDF link's <inertial> what the translation to SDF bears. Whether it can.
+bool mend_inertial(XMLElement& link, const SdfFile& file, Diagnostics& diagnostics) {
+  XMLElement* inertial = link.FirstChildElement("inertial");
+  XMLElement* mass = inertial != nullptr ? inertial->FirstChildElement("mass") : nullptr;
+  double value = 0;
+  if (mass == nullptr || mass->QueryDoubleAttribute("value", &value) != tinyxml2::XML_SUCCESS) {
+    return true;
+  }
+  const auto what = [&] { return "<mass> " + shortest_text(value) + " kg "; };
+  if (value == 0) {
+    const XMLElement* inertia = inertial->FirstChildElement("inertia");
+    const bool turns = inertia != nullptr && (inertia->DoubleAttribute("ixx") != 0 ||
+                                              inertia->DoubleAttribute("iyy") != 0 ||
+                                              inertia->DoubleAttribute("izz") != 0);
+    if (turns) {
+      diagnostics.approximate(place_of(*inertia, file),
+                              "<inertia> without mass is not read; give the link a <mass>");
+    }
+    // Two of these in one would have their centre of mass at 0/0.
+    link.DeleteChild(inertial);
+  } else if (!std::isfinite(value) || (value < 0 && value > -kLeastUrdfMass)) {
+    diagnostics.refuse(place_of(*mass, file), what() + "must be above 0 and finite");
+    return false;
+  } else if (value > 0 && value < kLeastUrdfMass) {
+    diagnostics.approximate(
+        place_of(*mass, file),
+        what() + "counts as " + shortest_text(kLeastUrdfMass) + " kg, the least of a URDF link");
+    mass->SetAttribute("value", kLeastUrdfMass);
+  }
+  return true;
+}
+
 bool is_massless(const XMLElement& urdf_link) {
   const XMLElement* inertial = urdf_link.FirstChildElement("inertial");
   const XMLElement* mass = inertial != nullptr ? inertial->FirstChildElement("mass") : nullptr;
   return mass == nullptr || mass->DoubleAttribute("value") == 0;
+}
+
+/// What the translation of URDF drops in silence, and what is said of it.
+struct UrdfRule {
+  std::string_view parent;
+  std::string_view name;
+  Verdict verdict = Verdict::kIgnored;
+  std::string_view note;
+};
+constexpr UrdfRule kUrdfRules[] = {
+    {"robot", "transmission", Verdict::kIgnored, "joints have no motors"},
+    {"robot", "ros2_control", Verdict::kIgnored, "joints have no motors"},
+    {"robot", "sensor", Verdict::kIgnored, "no part in contact"},
+    {"joint", "calibration", Verdict::kIgnored, "joints have no motors"},
+    {"joint", "safety_controller", Verdict::kApproximated, "only <limit> limits a joint"},
+    {"joint", "mimic", Verdict::kApproximated, "the joint moves by itself"},
+};
+
+bool is_translated(std::string_view parent, std::string_view name) {
+  constexpr std::string_view kRobot[] = {"link", "joint", "material", "gazebo"};
+  constexpr std::string_view kLink[] = {"inertial", "visual", "collision"};
+  constexpr std::string_view kJoint[] = {"origin", "parent", "child", "axis", "limit", "dynamics"};
+  const auto has = [&](const auto& names) {
+    return std::ranges::find(names, name) != std::end(names);
+  };
+  if (parent == "robot") return has(kRobot);
+  return parent == "link" ? has(kLink) : has(kJoint);
+}
+
+/// Says which children of a <robot>, <link> or <joint> are dropped.
+void check_urdf_children(const XMLElement& parent, const SdfFile& file, Diagnostics& diagnostics) {
+  for (const XMLElement* child = parent.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    const std::string_view name = child->Name();
+    if (is_translated(parent.Name(), name) || name.find(':') != name.npos) continue;
+    const auto rule = std::ranges::find_if(kUrdfRules, [&](const UrdfRule& each) {
+      return each.parent == parent.Name() && each.name == name;
+    });
+    if (rule == std::end(kUrdfRules)) {
+      diagnostics.approximate(
+          place_of(*child, file),
+          tag(name) + " is not known in " + tag(parent.Name()) + " of a URDF file, and not read");
+    } else if (rule->verdict == Verdict::kIgnored) {
+      diagnostics.ignore(place_of(*child, file), tag(name) + ": " + std::string(rule->note));
+    } else {
+      diagnostics.approximate(place_of(*child, file), tag(name) + ": " + std::string(rule->note));
+    }
+  }
 }
 
 void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics& diagnostics) {
@@ -87,23 +173,97 @@ void check_urdf_joint(const XMLElement& joint, const SdfFile& file, Diagnostics&
                          "freely into a file of its own");
 }
 
-/// Says what the translation of URDF to SDF loses without a word. Whether it can begin.
+/// The link that a joint of a URDF file names as its "parent" or "child".
+std::string_view end_of(const XMLElement& joint, const char* end) {
+  const XMLElement* element = joint.FirstChildElement(end);
+  const char* link = element != nullptr ? element->Attribute("link") : nullptr;
+  return link != nullptr ? link : "";
+}
+
+/// Whether a link is left out for want of mass, and others with it: no fixed joint makes it part of
+/// another, and a joint hangs something on it.
+bool drops_others(const XMLElement& link, const SdfFile& file) {
+  const char* given = link.Attribute("name");
+  const std::string_view name = given != nullptr ? given : "";
+  if (!is_massless(link) || name == "world") return false;
+  bool carries = false;
+  for (const XMLElement* joint = file.root->FirstChildElement("joint"); joint != nullptr;
+       joint = joint->NextSiblingElement("joint")) {
+    const bool is_parent = end_of(*joint, "parent") == name;
+    if (!is_parent && end_of(*joint, "child") != name) continue;
+    const char* type = joint->Attribute("type");
+    if (type != nullptr && std::string_view(type) == "fixed") return false;
+    carries = carries || is_parent;
+  }
+  return carries;
+}
+
+/// Says what the translation of URDF to SDF loses without a word, and mends what it does not bear.
+/// Whether it can begin.
 bool check_urdf(const SdfFile& file, Diagnostics& diagnostics) {
-  for (const XMLElement* child = file.root->FirstChildElement(); child != nullptr;
+  bool possible = true;
+  check_urdf_children(*file.root, file, diagnostics);
+  for (XMLElement* child = file.root->FirstChildElement(); child != nullptr;
        child = child->NextSiblingElement()) {
     const std::string_view name = child->Name();
     if (name.starts_with("xacro:")) {
       diagnostics.refuse(place_of(*child, file), tag(name) + " must be expanded: run xacro first");
       return false;
     }
+    if (name == "link" || name == "joint") check_urdf_children(*child, file, diagnostics);
     if (name == "joint") check_urdf_joint(*child, file, diagnostics);
+    if (name == "link") possible = mend_inertial(*child, file, diagnostics) && possible;
+    if (name == "link" && drops_others(*child, file)) {
+      diagnostics.approximate(place_of(*child, file),
+                              "a link without mass is left out, with all links that hang on it, as "
+                              "in Gazebo; give it a <mass>");
+    }
     if (name == "link" && child->FirstChildElement("collision") != nullptr && is_massless(*child)) {
       diagnostics.approximate(place_of(*child, file),
                               "a link without mass is left out, as in Gazebo, unless a fixed joint "
                               "joins it to one that has mass");
     }
   }
-  return true;
+  return possible;
+}
+
+/// Elements whose names others refer to.
+bool is_referred_to(std::string_view type) {
+  constexpr std::string_view kTypes[] = {"robot", "model", "link", "joint", "frame", "collision"};
+  return std::ranges::find(kTypes, type) != std::end(kTypes);
+}
+
+/// Refuses the names that libsdformat takes for paths: it makes models of them, or ends the
+/// program. Those of what is not read, as lights and sensors, lose their colons.
+void check_names(XMLElement& element, bool read, const SdfFile& file, Diagnostics& diagnostics) {
+  const std::string_view type = element.Name();
+  // What is in a plugin or belongs to another program is not looked at.
+  if (type == "plugin" || type.find(':') != type.npos) return;
+  read = read && type != "state";
+  for (XMLElement* child = element.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    check_names(*child, read, file, diagnostics);
+  }
+  const char* given = element.Attribute("name");
+  if (given == nullptr) return;
+  std::string name = given;
+  const bool in_path = name.find("::") != name.npos;
+  if (!read || !is_referred_to(type)) {
+    std::ranges::replace(name, ':', '_');
+    if (in_path) element.SetAttribute("name", name.c_str());
+  } else if (in_path || name.empty()) {
+    diagnostics.refuse(place_of(element, file),
+                       tag(type) + " name '" + name +
+                           (in_path ? "' must not have '::' in it, which leads into a model within "
+                                      "a model; write that as <model> within <model>"
+                                    : "' must not be empty"));
+  }
+}
+
+bool have_names(SdfFile& file, Diagnostics& diagnostics) {
+  const int refused = diagnostics.count(Verdict::kRefused);
+  check_names(*file.root, true, file, diagnostics);
+  return diagnostics.count(Verdict::kRefused) == refused;
 }
 
 /// "XML_ERROR_MISMATCHED_ELEMENT" as a person says it.
@@ -129,8 +289,8 @@ bool read_root(SdfFile& file, Diagnostics& diagnostics) {
   }
   const std::string name = file.root->Name();
   file.urdf = name == "robot";
-  if (file.urdf) return check_urdf(file, diagnostics);
-  if (name == "sdf") return read_version(file, diagnostics);
+  if (file.urdf) return check_urdf(file, diagnostics) && have_names(file, diagnostics);
+  if (name == "sdf") return read_version(file, diagnostics) && have_names(file, diagnostics);
   diagnostics.refuse(place_of(*file.root, file),
                      tag(name) + " must be <sdf>, or <robot> of a URDF file");
   return false;
@@ -173,6 +333,19 @@ fs::path model_file(const fs::path& found) {
   const std::string named = named_in(found / "model.config");
   const fs::path file = found / (named.empty() ? "model.sdf" : named);
   return fs::is_regular_file(file, error) ? file : fs::path();
+}
+
+/// What a file may hold instead of a model, as Gazebo's sun does. Whether there is any.
+bool ignore_lights(const SdfFile& file, Diagnostics& diagnostics) {
+  const XMLElement* light = file.root->FirstChildElement("light");
+  if (light != nullptr) diagnostics.ignore(place_of(*light, file), "<light>: no part in contact");
+  return light != nullptr;
+}
+
+/// Nearly every world of Gazebo includes its sun, which comes with Gazebo.
+bool is_sun(const std::string& uri) {
+  const std::string name = uri.substr(uri.rfind('/') + 1);
+  return name == "sun" || name == "Sun";
 }
 
 std::string chain_of(const SdfFile& file, const fs::path& last) {
@@ -221,7 +394,9 @@ XMLElement* find_root_model(const SdfFile& file, Diagnostics& diagnostics) {
   if (file.urdf) return file.root;
   XMLElement* model = file.root->FirstChildElement("model");
   if (model == nullptr) {
-    diagnostics.refuse(place_of(*file.root, file), "<sdf> holds no <world> and no <model>");
+    if (!ignore_lights(file, diagnostics)) {
+      diagnostics.refuse(place_of(*file.root, file), "<sdf> holds no <world> and no <model>");
+    }
   } else if (const XMLElement* second = model->NextSiblingElement("model")) {
     diagnostics.refuse(place_of(*second, file), "a second <model>; without <world> there is one");
     return nullptr;
@@ -241,6 +416,12 @@ std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile&
   }
   const auto found = find_resource(uri, file.path);
   const fs::path path = found ? model_file(*found) : fs::path();
+  if (!found && is_sun(uri)) {
+    diagnostics.ignore(place, "<include> of '" + uri +
+                                  "' is not found; Gazebo's sun is a light, with no part in "
+                                  "contact");
+    return nullptr;
+  }
   if (path.empty()) {
     const std::string why = found ? "holds no model.config and no model.sdf" : "is not found";
     diagnostics.refuse(place, "<include> of '" + uri + "' " + why + "; " + resource_remedy(uri));

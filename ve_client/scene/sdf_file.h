@@ -32,12 +32,13 @@ std::shared_ptr<SdfFile> parse_file(const std::string& text, const std::string& 
                                     Diagnostics& diagnostics);
 
 /// The file that an <include> of `file` names, its model renamed as that says. Null, with the
-/// reason refused, if there is no such file, it holds no model, or it includes itself.
+/// reason refused, if there is no such file, it holds no model, or it includes itself. Null without
+/// a refusal for a light, which has no part in contact.
 std::shared_ptr<SdfFile> read_included(const tinyxml2::XMLElement& include, const SdfFile& file,
                                        Diagnostics& diagnostics);
 
 /// The only model of a file whose root holds no world: <model>, or the root of a URDF file. Null,
-/// with the reason refused, if there is none or several.
+/// with the reason refused, if there is none or several; a file with a light alone is no error.
 tinyxml2::XMLElement* find_root_model(const SdfFile& file, Diagnostics& diagnostics);
 
 /// The text of one <world> or <model> as a file of its own, a model in a world: poses may be

@@ -156,6 +156,11 @@ std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDe
   try {
     const Pieces pieces = pieces_of(source, *mesh, fixed);
     if (pieces == Pieces::kTriangles) common.mesh = mesh;
+    if (pieces == Pieces::kTriangles && !mesh->closed) {
+      diagnostics.approximate(place, name +
+                                         ": an open sheet, without an inside: it is felt from the "
+                                         "side from which its corners run counter-clockwise");
+    }
     return with_shapes(std::move(common), to_hulls(*mesh, pieces), name, place, diagnostics);
   } catch (const std::exception& error) {
     throw std::runtime_error(name + ": " + error.what());

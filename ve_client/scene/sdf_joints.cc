@@ -1,7 +1,11 @@
 #include "hlm/scene/sdf_joints.h"
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
+#include <set>
 #include <stdexcept>
+#include <vector>
 
 #include <sdf/JointAxis.hh>
 
@@ -12,6 +16,9 @@
 
 namespace hlm::ve {
 namespace {
+
+/// Positions beyond this, m or rad, are mistakes.
+constexpr double kFarthest = 1e6;
 
 BodyJoint type_of(const sdf::Joint& joint, Diagnostics& diagnostics) {
   switch (joint.Type()) {
@@ -43,8 +50,12 @@ BodyJoint type_of(const sdf::Joint& joint, Diagnostics& diagnostics) {
 /// Reads the axis of one joint.
 class AxisReader {
  public:
-  AxisReader(const sdf::JointAxis& axis, Diagnostics& diagnostics, JointDescription& joint)
-      : axis_(axis), place_(place_of(axis.Element())), diagnostics_(diagnostics), joint_(joint) {}
+  AxisReader(const sdf::JointAxis& axis, Diagnostics& diagnostics, FileJoint& result)
+      : axis_(axis),
+        place_(place_of(axis.Element())),
+        diagnostics_(diagnostics),
+        result_(result),
+        joint_(result.joint) {}
 
   void read(bool continuous) {
     read_direction();
@@ -78,12 +89,20 @@ class AxisReader {
   void read_limits() {
     const double lower = axis_.Lower();
     const double upper = axis_.Upper();
-    if (!(lower <= 0 && upper >= 0)) {
-      diagnostics_.refuse(place_, "limits " + shortest_text(lower) + " to " + shortest_text(upper) +
-                                      " must include 0, the initial position; place the child "
-                                      "within them and count from there");
-      return;
+    const std::string text = "limits " + shortest_text(lower) + " to " + shortest_text(upper) + " ";
+    const double start = lower > 0 ? lower : std::min(upper, 0.0);
+    if (!(lower <= upper))
+      return diagnostics_.refuse(place_, text + "must not be the wrong way round");
+    if (!(std::abs(start) <= kFarthest)) {
+      return diagnostics_.refuse(place_, text + "must include a position within ±1e6");
     }
+    set_limits(lower - start, upper - start);
+    result_.start = start;
+    result_.limits = place_;
+    joint_.rest -= start;
+  }
+
+  void set_limits(double lower, double upper) {
     // Files write "no limit" as a very large number. The engine knows angles up to half a turn.
     constexpr double kUnlimited = 1e15;
     const bool turns = joint_.type == BodyJoint::kRevolute;
@@ -99,17 +118,41 @@ class AxisReader {
   const sdf::JointAxis& axis_;
   Place place_;
   Diagnostics& diagnostics_;
+  FileJoint& result_;
   JointDescription& joint_;
 };
 
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+/// Bodies that are joined to `body` without that joint, itself too. Empty if there is a fixed one,
+/// the world, or the joint's parent among them.
+std::set<int> joined_beyond(const WorldDescription& world, std::size_t joint, int body) {
+  std::set<int> found;
+  std::vector<int> next{body};
+  while (!next.empty()) {
+    const int one = next.back();
+    next.pop_back();
+    const bool held = one == world.joints[joint].parent || one < 0 || world.bodies[at(one)].fixed;
+    if (held) return {};
+    if (!found.insert(one).second) continue;
+    for (std::size_t i = 0; i < world.joints.size(); ++i) {
+      const JointDescription& other = world.joints[i];
+      if (i == joint) continue;
+      if (other.child == one) next.push_back(other.parent);
+      if (other.parent == one) next.push_back(other.child);
+    }
+  }
+  return found;
+}
+
 }  // namespace
 
-JointDescription to_joint(const sdf::Joint& joint, Diagnostics& diagnostics) {
-  JointDescription result;
-  result.type = type_of(joint, diagnostics);
-  if (result.type == BodyJoint::kFixed) return result;
+FileJoint to_joint(const sdf::Joint& joint, Diagnostics& diagnostics) {
+  FileJoint result;
+  result.joint.type = type_of(joint, diagnostics);
+  if (result.joint.type == BodyJoint::kFixed) return result;
   const sdf::JointAxis* axis = joint.Axis(0);
-  if (result.type == BodyJoint::kBall) {
+  if (result.joint.type == BodyJoint::kBall) {
     if (axis == nullptr) return result;
     diagnostics.approximate(
         place_of(axis->Element()),
@@ -120,6 +163,24 @@ JointDescription to_joint(const sdf::Joint& joint, Diagnostics& diagnostics) {
     AxisReader(*axis, diagnostics, result).read(joint.Type() == sdf::JointType::CONTINUOUS);
   }
   return result;
+}
+
+bool move_child(WorldDescription& world, std::size_t joint, double position) {
+  const JointDescription& moved = world.joints[joint];
+  const std::set<int> bodies = joined_beyond(world, joint, moved.child);
+  const Vector3 axis_W = moved.X_WJ.R * moved.axis_J;
+  Pose X;
+  if (moved.type == BodyJoint::kRevolute) {
+    X.R = Quaternion(Eigen::AngleAxisd(position, axis_W));
+    X.p = moved.X_WJ.p - X.R * moved.X_WJ.p;
+  } else {
+    X.p = position * axis_W;
+  }
+  for (const int body : bodies) world.bodies[at(body)].X_WB = X * world.bodies[at(body)].X_WB;
+  for (JointDescription& other : world.joints) {
+    if (bodies.contains(other.child)) other.X_WJ = X * other.X_WJ;
+  }
+  return !bodies.empty();
 }
 
 }  // namespace hlm::ve

@@ -64,6 +64,7 @@ class ModelReader {
     read_tool_elements(model.Element(), description);
     description.X_WM = resolve_pose(model);
     read_contents(model, description.X_WM, model.Name(), model.Static());
+    start_within_limits();
     description.body_count = static_cast<int>(world_.bodies.size()) - description.first_body;
     world_.models.push_back(description);
   }
@@ -202,7 +203,8 @@ class ModelReader {
     std::string child;
     // Where there is no such link, the parser has said so.
     if (!joint.ResolveParentLink(parent).empty() || !joint.ResolveChildLink(child).empty()) return;
-    JointDescription description = to_joint(joint, diagnostics_);
+    const FileJoint read = to_joint(joint, diagnostics_);
+    JointDescription description = read.joint;
     description.name = scope + "::" + joint.Name();
     description.parent = parent == "world" ? -1 : find_body(scope + "::" + parent);
     description.child = find_body(scope + "::" + child);
@@ -210,7 +212,26 @@ class ModelReader {
       return diagnostics_.refuse(place_of(joint.Element()), "no link '" + child + "'");
     }
     description.X_WJ = X_WM * resolve_pose(joint, "__model__");
+    if (read.start != 0) starts_.push_back({world_.joints.size(), read.start, read.limits});
     world_.joints.push_back(description);
+  }
+
+  /// Joints whose limits do not include 0 start at the one nearest to it.
+  void start_within_limits() {
+    for (const auto& [joint, position, place] : starts_) {
+      const JointDescription& moved = world_.joints[joint];
+      if (world_.bodies[static_cast<std::size_t>(moved.child)].fixed) continue;
+      const std::string text =
+          "limit " + shortest_text(position) + (moved.type == BodyJoint::kRevolute ? " rad" : " m");
+      if (move_child(world_, joint, position)) {
+        diagnostics_.approximate(
+            place, text + ": the joint starts there, as its limits do not include 0, its position");
+      } else {
+        diagnostics_.refuse(place, text +
+                                       " must include 0, the initial position: the child is joined "
+                                       "to its parent or to something fixed in other ways, too");
+      }
+    }
   }
 
   /// -1 if there is none of that name.
@@ -219,8 +240,16 @@ class ModelReader {
     return body == world_.bodies.end() ? -1 : static_cast<int>(body - world_.bodies.begin());
   }
 
+  /// A joint that does not start at 0.
+  struct Start {
+    std::size_t joint = 0;
+    double position = 0;
+    Place place;
+  };
+
   WorldDescription& world_;
   Diagnostics& diagnostics_;
+  std::vector<Start> starts_;
 };
 
 }  // namespace

@@ -158,6 +158,8 @@ std::string find_value_error(sdf::Element& element, const std::string& path,
 
 ElementPtr make_schema() { return schema().root->Clone(); }
 
+bool has_value(const std::string& path) { return schema().types.contains(path); }
+
 void check_values(const ElementPtr& element, Diagnostics& diagnostics) {
   const std::string path = path_of(element);
   const auto type = schema().types.find(path);

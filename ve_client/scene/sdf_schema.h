@@ -17,6 +17,9 @@ namespace hlm::ve {
 /// not part of it.
 sdf::ElementPtr make_schema();
 
+/// Whether the element of that path, as in element_rules(), has a value.
+bool has_value(const std::string& path);
+
 /// Refuses each value below `element` that is not what the format says: numbers that are not
 /// finite, too few of them, words where there must be numbers. Sets it to its default, so that what
 /// is left can be examined.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include <sdf/Exception.hh>
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
 
@@ -122,6 +123,18 @@ void drop_unused(const ElementPtr& element, Diagnostics& diagnostics) {
 
 }  // namespace
 
+namespace {
+
+/// The same, and attributes that are not in the schema are errors too.
+sdf::ParserConfig attribute_config() {
+  sdf::ParserConfig config = parser_config();
+  config.SetWarningsPolicy(sdf::EnforcementPolicy::ERR);
+  config.SetDeprecatedElementsPolicy(sdf::EnforcementPolicy::LOG);
+  return config;
+}
+
+}  // namespace
+
 sdf::ParserConfig parser_config() {
   sdf::ParserConfig config;
   config.SetUnrecognizedElementsPolicy(sdf::EnforcementPolicy::ERR);
@@ -210,7 +223,13 @@ ElementPtr SdfTrees::parse(const XMLElement& element, const SdfFile& file,
   sdf->Root(make_schema());
   messages_.clear();
   sdf::Errors errors;
-  const bool done = sdf::readString(text_of(element, file), parser_config(), sdf, errors);
+  bool done = false;
+  try {
+    done = sdf::readString(text_of(element, file), attribute_config(), sdf, errors);
+  } catch (const sdf::Exception& error) {  // An assertion of its own; it is no std::exception.
+    diagnostics_.refuse(place_of(element, file),
+                        "libsdformat cannot read it: " + error.GetErrorStr());
+  }
   const int refused = diagnostics_.count(Verdict::kRefused);
   report(errors, file, scope);
   if (!done && diagnostics_.count(Verdict::kRefused) == refused) {
@@ -225,8 +244,38 @@ ElementPtr SdfTrees::parse(const XMLElement& element, const SdfFile& file,
   return root;
 }
 
+void SdfTrees::report_attribute(const sdf::Error& error, const SdfFile& file,
+                                const std::string& scope) {
+  // The path ends with it: "…/box[@size="1 1 1"]".
+  const std::string path = error.XmlPath().value_or("");
+  const std::size_t begin = path.rfind("[@");
+  const std::size_t equals = path.find("=\"", begin);
+  if (begin == path.npos || equals == path.npos) return;
+  const std::string name = path.substr(begin + 2, equals - begin - 2);
+  const std::string value = path.substr(equals + 2, path.size() - equals - 4);
+  const ParserPath at = parse_parser_path(path.substr(0, begin) + "/" + name);
+  const std::string owner_path = at.path.substr(0, at.path.rfind('/'));
+  const std::string owner = owner_path.substr(owner_path.rfind('/') + 1);
+  Place place{file.name, error.LineNumber().value_or(0), scope};
+  if (!scope.empty() && !at.above.empty()) place.element += " ";
+  place.element += describe(at.above);
+  if (file.urdf) place.line = line_in_urdf(file, at.above);
+  std::string remedy = tag(owner) + " has no such attribute";
+  if (has_value(at.path)) {
+    remedy = "write " + tag(name) + value + tag("/" + name) + " in " + tag(owner);
+  } else if (name == "value" && has_value(owner_path)) {
+    remedy = "write " + tag(owner) + value + tag("/" + owner);
+  }
+  diagnostics_.approximate(
+      place, tag(owner) + " attribute " + name + " '" + value + "' is not read; " + remedy);
+}
+
 void SdfTrees::report(const sdf::Errors& errors, const SdfFile& file, const std::string& scope) {
   for (const sdf::Error& error : errors) {
+    if (error.Code() == sdf::ErrorCode::ATTRIBUTE_INCORRECT_TYPE) {
+      report_attribute(error, file, scope);
+      continue;
+    }
     const ParserPath at = parse_parser_path(error.XmlPath().value_or(""));
     Place place{file.name, error.LineNumber().value_or(0), scope};
     if (!scope.empty() && !at.above.empty()) place.element += " ";
@@ -239,7 +288,8 @@ void SdfTrees::report(const sdf::Errors& errors, const SdfFile& file, const std:
     const std::string name = tag(at.last);
     const ElementRule* rule = find_rule(at.path);
     if (rule == nullptr || !rule->verdict) {
-      diagnostics_.refuse(place, name + " is not known here; " + allowed_beside(at.path));
+      diagnostics_.approximate(
+          place, name + " is not known here, and not read; " + allowed_beside(at.path));
     } else if (*rule->verdict == Verdict::kRefused) {
       diagnostics_.refuse(place, name + " is not supported; " + std::string(rule->note));
     } else if (*rule->verdict == Verdict::kApproximated) {

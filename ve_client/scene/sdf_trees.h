@@ -42,6 +42,8 @@ class SdfTrees {
   sdf::ElementPtr parse(const tinyxml2::XMLElement& element, const SdfFile& file,
                         const std::string& scope);
   void report(const sdf::Errors& errors, const SdfFile& file, const std::string& scope);
+  /// An attribute that is not read, which may hold a value that belongs into an element.
+  void report_attribute(const sdf::Error& error, const SdfFile& file, const std::string& scope);
 
   SdfFile& file_;
   CapturedMessages& messages_;
