@@ -13,13 +13,13 @@ constexpr double kNear = 0.7;
 /// Overlap of the ball that feels sides, m: what makes a step of kSeamStep none.
 constexpr double kBallOverlap = kSeamStep;
 /// Its radius, m: with that overlap it fits into gaps wider than kSeamGap.
-constexpr double kBall = kSeamGap / 2 + kBallOverlap;
+constexpr double kBallRadius = kSeamGap / 2 + kBallOverlap;
 /// How far its foot may be beyond the border of its side, m: then it rests on neighbours that are
 /// a step lower.
-constexpr double kBeyondBorder = kBall - kBallOverlap - kSeamStep;
+constexpr double kBeyondBorder = kBallRadius - kBallOverlap - kSeamStep;
 /// How far from a point its foot may be, m: a tool may be pressed into a wall by some of it without
 /// losing the floor it stands on.
-constexpr double kFarthest = 3e-4 + kBall;
+constexpr double kFarthest = 3e-4 + kBallRadius;
 /// Distance from a point at which a side is looked for, m: far above steps, far below what is felt.
 constexpr double kHollow = 2e-4;
 /// Squared sine between two sides that are parallel: 2°.
@@ -60,16 +60,18 @@ double depth_in(const Piece& piece, const Vector3& p_F, double radius) {
 
 /// Moves the foot of a ball along a side with normal n the shortest way out of a piece.
 void push_out(const Piece& piece, const Vector3& n, Vector3& foot) {
-  const Vector3 center = foot + kBall * n;
-  Vector3 shortest = Vector3::Constant(kFarthest);
+  const Vector3 center = foot + kBallRadius * n;
+  Vector3 shortest = Vector3::Zero();
+  double least = kFarthest * kFarthest;
   for_each_side(piece, center, [&](const PieceSide& side) {
     const Vector3 out = across(side.n_F, n);
     if (out.squaredNorm() < kParallel) return true;
-    const Vector3 way = (kBall - side.height) / out.squaredNorm() * out;
-    if (way.squaredNorm() < shortest.squaredNorm()) shortest = way;
+    const Vector3 way = (kBallRadius - side.height) / out.squaredNorm() * out;
+    if (way.squaredNorm() < least) shortest = way;
+    least = std::min(least, way.squaredNorm());
     return true;
   });
-  if (shortest.squaredNorm() < kFarthest * kFarthest) foot += shortest;
+  foot += shortest;
 }
 
 /// Whether a side of a piece is felt at or near a point of it: a small ball can touch it there and
@@ -84,7 +86,7 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
     double depth = kBallOverlap;
     for (const Piece* piece : pieces) {
       if (piece == &own) continue;
-      const double in = depth_in(*piece, foot + kBall * n_F, kBall);
+      const double in = depth_in(*piece, foot + kBallRadius * n_F, kBallRadius);
       if (in > depth) {
         deepest = piece;
         depth = in;

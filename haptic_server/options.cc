@@ -148,15 +148,12 @@ std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options
 
 void check_time_guard(const Device& device, const ServerOptions& options) {
   if (std::isfinite(device.ratings().time_guard) || options.without_time_guard) return;
-  const char* who = device.ratings().halts ? "the server and its guard die in the same instant"
-                                           : "the server dies";
-  throw UsageError(
-      fmt::format("{} has no time guard: if {}, its last force stays. Take a device that ends its "
-                  "force without "
-                  "commands, or say --without-time-guard and keep its enable switch or its plug "
-                  "within reach of "
-                  "whoever holds it",
-                  device.name(), who));
+  const char* failure = device.ratings().halts ? "the server and its guard die in the same instant"
+                                               : "the server dies";
+  throw UsageError(fmt::format(
+      "{} has no time guard: if {}, its last force stays. Take a device that ends its force by "
+      "itself, or say --without-time-guard and keep its enable switch or its plug within reach",
+      device.name(), failure));
 }
 
 std::vector<std::string> doubts_about(const PhysicsOptions& options, const Device& device) {

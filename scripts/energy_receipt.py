@@ -92,12 +92,14 @@ def largest_excess(ticks, scale, power):
     before, excess, least = None, 0.0, 0.0
     for row in ticks:
         rows += 1
+        passed = float(row["time_s"]) - float((before or row)["time_s"])
+        given = work(before or row, row, scale)
         if before is None or before.get("life") != row.get("life"):
             excess = least = 0.0
         else:
-            passed = float(row["time_s"]) - float(before["time_s"])
             time += passed
-            excess += work(before, row, scale) - power * passed
+            # As a session begins the handle's place in the world is chosen anew.
+            excess += (given if int(row["step"]) > 1 else 0) - power * passed
             least = min(least, excess)
             most = max(most, excess - least)
         before = row
@@ -123,6 +125,8 @@ def main():
     options = parser.parse_args()
     if (options.receipt is None) == (options.bound is None):
         parser.error(f"{options.ticks} is compared with one of the two: RECEIPT.csv or --bound ENERGY POWER")
+    if options.bound and not all(0 <= limit < math.inf for limit in options.bound):
+        parser.error(f"--bound {options.bound[0]:g} {options.bound[1]:g}: both must be finite and not negative")
     if not 0 < options.scale < math.inf:
         parser.error(f"--scale '{options.scale}' must be a number above 0")
     try:
@@ -131,11 +135,10 @@ def main():
         total, rows, largest = compare(options.ticks, options.receipt, options.scale)
     except OSError as error:
         sys.exit(f"energy_receipt.py: {error.filename}: cannot be read: {error.strerror}")
-    except KeyError as error:
-        sys.exit(f"energy_receipt.py: {options.ticks} and {options.receipt} must be a tick log and a receipt: "
-                 f"column {error} is missing")
-    except (TypeError, ValueError, csv.Error) as error:
-        sys.exit(f"energy_receipt.py: {options.ticks} and {options.receipt} must be a tick log and a receipt: {error}")
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
+        what = f"{options.ticks} must be a tick log" if options.bound else \
+            f"{options.ticks} and {options.receipt} must be a tick log and a receipt"
+        sys.exit(f"energy_receipt.py: {what}: {'no column ' if isinstance(error, KeyError) else ''}{error}")
     print(f"{len(rows)} updates, given {total[0]:.9g} J, taken {total[1]:.9g} J, largest difference {largest:.2g} J")
     sys.exit(0 if rows and largest <= TOLERANCE else 1)
 

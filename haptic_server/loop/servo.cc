@@ -131,6 +131,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   engine_.begin(local_model_->proxy().X_WH());
   device_.enable();
   limiter_.restart();
+  halted_ = false;
   period_ = 1 / hello.ve_rate;
   machine_.begin(silence_time(period_));
   step_ = 0;
