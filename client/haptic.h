@@ -30,7 +30,7 @@ extern "C" {
 #endif
 
 /* Rises whenever a struct or function below changes. haptic_abi() is that of the library. */
-#define HAPTIC_ABI 2
+#define HAPTIC_ABI 3
 
 #define HAPTIC_MAX_DOF 16
 #define HAPTIC_MAX_CONFIGURATION 17

@@ -3,7 +3,7 @@
  *   haptic_proximity* near = haptic_proximity_open(shapes, count, NULL, 0, error, sizeof error);
  *   while (running) {
  *     ...  // haptic_poll(), your engine, haptic_sample()
- *     size_t found = haptic_proximity_find(near, poses, epsilon, contacts);
+ *     size_t found = haptic_proximity_find(near, poses, epsilon, contacts, NULL);
  *     haptic_send(touch, contacts, found, NULL, 0);  // identities are lasting ones
  *   }
  *
@@ -20,13 +20,15 @@ extern "C" {
 
 /* Each is centred in its own frame. */
 enum haptic_shape_kind {
-  HAPTIC_SPHERE = 0,    /* size[0]: radius, m */
-  HAPTIC_CAPSULE = 1,   /* along z: radius, length of the cylindrical part */
-  HAPTIC_CYLINDER = 2,  /* along z: radius, length */
-  HAPTIC_BOX = 3,       /* edge lengths */
-  HAPTIC_ELLIPSOID = 4, /* semi-axes */
-  HAPTIC_HULL = 5,      /* the convex hull of `vertices` */
-  HAPTIC_HALF_SPACE = 6 /* z <= 0; of the world only */
+  HAPTIC_SPHERE = 0,     /* size[0]: radius, m */
+  HAPTIC_CAPSULE = 1,    /* along z: radius, length of the cylindrical part */
+  HAPTIC_CYLINDER = 2,   /* along z: radius, length */
+  HAPTIC_BOX = 3,        /* edge lengths */
+  HAPTIC_ELLIPSOID = 4,  /* semi-axes */
+  HAPTIC_HULL = 5,       /* the convex hull of `vertices` */
+  HAPTIC_HALF_SPACE = 6, /* z <= 0; of the world only */
+  HAPTIC_MESH = 7        /* `triangles` of `vertices`, counter-clockwise seen from outside; of the
+                            tool only if it is convex */
 };
 
 typedef struct haptic_shape {
@@ -35,8 +37,10 @@ typedef struct haptic_shape {
   uint32_t index;       /* of the link, or your own number for the body */
   uint32_t group, mask; /* two shapes may touch if a bit of one's group is in the other's mask */
   uint32_t vertex_count;
-  double size[3];         /* m, > 0 */
-  const double* vertices; /* of HULL: x, y, z each, m; read while opening only */
+  double size[3];            /* m, > 0 */
+  const double* vertices;    /* of HULL and MESH: x, y, z each, m; read while opening only */
+  const uint32_t* triangles; /* of MESH: three vertices each; read while opening only */
+  size_t triangle_count;
 } haptic_shape;
 
 typedef struct haptic_pose {
@@ -56,13 +60,18 @@ HAPTIC_API void haptic_proximity_close(haptic_proximity* proximity);
 
 /* Contacts within epsilon (m, >= 0) at these poses, one for each shape, in the order of the shapes:
  * of the tool with all others, on all axes of each pair; then of the bodies that it has contacts
- * with, and of those that these have contacts with. Nearest pairs first, whole pairs only.
- * Separations are exact to 1e-6 m. `pair` is count times the index of a's shape plus that of b's.
+ * with, and of those that these have contacts with. Of more than there is room for, those that tell
+ * most of where the tool can go. Separations are exact to 1e-6 m.
+ *
+ * What is fixed to each other is one surface, whose inner edges are not felt: the shapes of one
+ * link or body, and those of the world that have not moved since the first call.
+ *
  * Velocities and loads are 0, friction is the server's. Returns how many, at most
- * HAPTIC_MAX_CONTACTS, which `contacts` must hold. Shapes whose pose is not finite, or whose
- * rotation is of length 0, have no contacts. */
+ * HAPTIC_MAX_CONTACTS, which `contacts` must hold; `shapes`, if not NULL, gets the places of both
+ * shapes of each, twice as many. Shapes whose pose is not finite, or whose rotation is of length 0,
+ * have no contacts. */
 HAPTIC_API size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses,
-                                        double epsilon, haptic_contact* contacts);
+                                        double epsilon, haptic_contact* contacts, uint32_t* shapes);
 
 #ifdef __cplusplus
 }

@@ -77,7 +77,9 @@ struct FoundContact {
   Vector3 v_WC = Vector3::Zero();  ///< Velocity of b's point, world, m/s.
   double friction = -1;            ///< μ of the two materials; negative: neither says.
   double load = 0;                 ///< Present normal force of a contact without the tool, N.
-  std::uint32_t pair = 0;          ///< Pair of the two pieces for which it was found (pair_of).
+  std::uint32_t pair = 0;          ///< Pair of the two pieces for which it was found (pair_of);
+  CollisionId own;                 ///< that of side a,
+  CollisionId other;               ///< that of side b.
   std::uint16_t axis = 0;          ///< Which axis of its pair it is on; 0 is the best.
   PlaneOwner plane = PlaneOwner::kB;
 };

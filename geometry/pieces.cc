@@ -76,6 +76,11 @@ std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F) {
   return PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}};
 }
 
+double friction_between(const Piece& a, const Piece& b) {
+  if (a.friction < 0) return b.friction;
+  return b.friction < 0 ? a.friction : std::min(a.friction, b.friction);
+}
+
 bool is_surface(const Piece& piece, const PieceSide& side) {
   return piece.mesh == nullptr || side.face == piece.front;
 }
@@ -116,13 +121,14 @@ PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach) {
 
 Pieces::Pieces(std::span<const PieceSource> sources) {
   for (const PieceSource& source : sources) {
-    if (source.id.shape == 0) {
+    while (first_.size() <= static_cast<std::size_t>(source.id.body)) {
       first_.push_back(pieces_.size());
       fixed_.push_back(source.fixed);
     }
     Piece& piece = pieces_.emplace_back();
     piece.id = source.id;
     piece.convex = source.convex;
+    piece.friction = source.friction;
     piece.mesh = source.mesh;
     piece.triangle = source.triangle;
     piece.X_FG = source.X_FG;
@@ -140,33 +146,40 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
       piece.front = static_cast<std::size_t>(front - piece.planes.begin());
     }
   }
-  constexpr int kFixed = -1;
-  std::map<int, Assembly> assemblies;
+  first_.push_back(pieces_.size());
+  std::map<int, std::vector<Piece*>> together;
   for (Piece& piece : pieces_) {
-    assemblies[is_fixed(piece.id.body) ? kFixed : piece.id.body].push_back(&piece);
+    together[is_fixed(piece.id.body) ? Assembly::kFixed : piece.id.body].push_back(&piece);
   }
-  for (auto& [body, assembly] : assemblies) {
-    if (assembly.size() < 2) continue;
+  for (auto& [body, pieces] : together) {
+    std::vector<BoxTree::Box> boxes;
+    for (const Piece* piece : pieces) boxes.push_back(piece->bounds_F);
+    assemblies_.push_back({body, std::move(pieces), BoxTree(boxes)});
+    const Assembly& assembly = assemblies_.back();
+    if (assembly.pieces.size() < 2) continue;
     find_adjoining(assembly);
     join_faces(assembly);
     number_borders(assembly);
   }
 }
 
-void Pieces::find_adjoining(Assembly& assembly) {
-  const auto from = [](const Piece* piece) { return piece->bounds_F.min().x(); };
-  std::ranges::stable_sort(assembly, {}, from);
-  for (auto a = assembly.begin(); a != assembly.end(); ++a) {
-    const Eigen::AlignedBox3d reach = grown((*a)->bounds_F, kSeamGap);
-    for (auto b = a + 1; b != assembly.end() && from(*b) <= reach.max().x(); ++b) {
-      if (!reach.intersects((*b)->bounds_F) || !adjoin(**a, **b)) continue;
+void Pieces::find_adjoining(const Assembly& assembly) {
+  for (std::size_t i = 0; i < assembly.pieces.size(); ++i) {
+    Piece& a = *assembly.pieces[i];
+    const Eigen::AlignedBox3d reach = grown(a.bounds_F, kSeamGap);
+    const auto meets = [&](const BoxTree::Box& box) { return reach.intersects(box); };
+    assembly.tree.visit(meets, [&](std::size_t j) {
+      Piece& b = *assembly.pieces[j];
+      if (j <= i || !reach.intersects(b.bounds_F) || !adjoin(a, b)) return;
       // A plane has no sides: where another piece covers it, that piece is in the way.
-      if (!(*a)->convex->is_half_space()) (*a)->adjoining.push_back(*b);
-      if (!(*b)->convex->is_half_space()) (*b)->adjoining.push_back(*a);
-    }
+      if (!a.convex->is_half_space()) a.adjoining.push_back(&b);
+      if (!b.convex->is_half_space()) b.adjoining.push_back(&a);
+    });
   }
-  for (Piece* piece : assembly) {
-    std::ranges::stable_sort(piece->adjoining, {}, from);
+  for (Piece* piece : assembly.pieces) {
+    std::ranges::stable_sort(piece->adjoining, {}, [](const Piece* other) {
+      return std::pair(other->bounds_F.min().x(), other->id);
+    });
     for (const Piece* other : piece->adjoining) {
       piece->widest = std::max(piece->widest, other->bounds_F.sizes().x());
     }
@@ -175,7 +188,7 @@ void Pieces::find_adjoining(Assembly& assembly) {
 
 /// Coplanar faces of pieces that adjoin go on in each other, and so do those of a chain of such
 /// pieces.
-void Pieces::join_faces(Assembly& assembly) {
+void Pieces::join_faces(const Assembly& assembly) {
   struct Face {
     Piece* piece;
     std::size_t face;
@@ -195,7 +208,7 @@ void Pieces::join_faces(Assembly& assembly) {
     const bool b_stands = std::pair(b.piece->id, b.face) < std::pair(a.piece->id, a.face);
     leads_to.emplace(b_stands ? a : b, b_stands ? b : a);
   };
-  for (Piece* a : assembly) {
+  for (Piece* a : assembly.pieces) {
     for (Piece* b : a->adjoining) {
       const Vector3 there = a->bounds_F.intersection(b->bounds_F).center();  // Also of a gap.
       for (std::size_t i = 0; i < a->planes.size(); ++i) {
@@ -225,7 +238,7 @@ void Pieces::join_faces(Assembly& assembly) {
 void Pieces::number_borders(const Assembly& assembly) {
   constexpr std::uint16_t kFirst = 1 << 15;
   std::uint16_t next = kFirst;
-  for (const Piece* piece : assembly) {
+  for (const Piece* piece : assembly.pieces) {
     for (const Piece::Surface& a : piece->surfaces) {
       for (const Piece::Surface& b : piece->surfaces) {
         if (next >= kFirst && a < b && borders_.try_emplace({a, b}, next).second) ++next;

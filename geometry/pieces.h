@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "hlm/common/static_vector.h"
+#include "hlm/geometry/box_tree.h"
 #include "hlm/geometry/convex.h"
 #include "hlm/geometry/feature.h"
 #include "hlm/geometry/mesh.h"
@@ -40,6 +41,7 @@ struct Piece {
   CollisionId id;
   const Convex* convex = nullptr;
   Pose X_FG;
+  double friction = -1;        ///< μ of its material; negative: it does not say.
   const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
   std::size_t triangle = 0;    ///< Triangle of that mesh which the piece is behind.
   std::size_t front = 0;       ///< The face of a piece of a skin that is the triangle.
@@ -49,6 +51,9 @@ struct Piece {
   std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
   double widest = 0;              ///< Widest of their bounds along x, m.
 };
+
+/// The smaller coefficient of friction of two; negative if neither says.
+double friction_between(const Piece& a, const Piece& b);
 
 /// Whether a side of a piece can be felt: of a piece of a skin only the triangle.
 struct PieceSide;
@@ -90,14 +95,24 @@ struct PieceSource {
   const Convex* convex = nullptr;
   Pose X_FG;
   bool fixed = false;          ///< Of the assembly of all fixed bodies, whose frame is the world.
+  double friction = -1;        ///< Piece::friction.
   const Mesh* mesh = nullptr;  ///< Piece::mesh.
   std::size_t triangle = 0;
+};
+
+/// Pieces that are fixed to each other.
+struct Assembly {
+  static constexpr int kFixed = -1;
+  int body = kFixed;           ///< Whose frame F is; kFixed: the world's, of all fixed bodies.
+  std::vector<Piece*> pieces;  ///< By body, then by shape.
+  BoxTree tree;                ///< Over their bounds in F.
 };
 
 /// The pieces of a whole world.
 class Pieces {
  public:
-  /// By body, then by shape, from 0 on, without a gap. Shapes and meshes outlive this.
+  /// By body, then by shape, from 0 on, without a gap; a body may have none. Shapes and meshes
+  /// outlive this.
   explicit Pieces(std::span<const PieceSource> sources);
   Pieces(const Pieces&) = delete;
   Pieces& operator=(const Pieces&) = delete;
@@ -110,17 +125,24 @@ class Pieces {
   std::optional<std::uint16_t> border_of(const Piece& piece, std::size_t face_a,
                                          std::size_t face_b) const;
   bool is_fixed(int body) const { return fixed_[static_cast<std::size_t>(body)]; }
+  /// That of the fixed bodies first, if there are any.
+  std::span<const Assembly> assemblies() const { return assemblies_; }
+  /// The pieces of a body.
+  std::span<const Piece> of(int body) const {
+    const auto index = static_cast<std::size_t>(body);
+    if (index + 1 >= first_.size()) return {};
+    return {pieces_.data() + first_[index], first_[index + 1] - first_[index]};
+  }
 
  private:
-  using Assembly = std::vector<Piece*>;
-
-  static void find_adjoining(Assembly& assembly);
-  static void join_faces(Assembly& assembly);
+  static void find_adjoining(const Assembly& assembly);
+  static void join_faces(const Assembly& assembly);
   void number_borders(const Assembly& assembly);
 
   std::vector<Piece> pieces_;
+  std::vector<Assembly> assemblies_;
   std::map<std::pair<Piece::Surface, Piece::Surface>, std::uint16_t> borders_;
-  std::vector<std::size_t> first_;  ///< First piece of each body.
+  std::vector<std::size_t> first_;  ///< First piece of each body, and how many there are.
   std::vector<bool> fixed_;         ///< Fixed or not, for each body.
 };
 

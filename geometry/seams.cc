@@ -124,10 +124,7 @@ FoundContact Resolver::reported(Meeting meeting) const {
 /// Whether n is a normal of the surface where the piece is nearest to a point.
 bool Resolver::is_on_surface(const Vector3& n, const Vector3& p_F) const {
   const Vector3 nearest = within(own_, p_F);
-  const PiecesAtPoint pieces = pieces_at(own_, nearest);
-  const bool alone =
-      pieces.size() == 1 && own_.mesh == nullptr;  // Of a skin, one side is no surface.
-  return alone || (surface_normal(n, nearest, pieces) - n).norm() < kIsNormal;
+  return (surface_normal(n, nearest, pieces_at(own_, nearest)) - n).norm() < kIsNormal;
 }
 
 /// Whether the normal of a set of contacts is one of the surface at any of them or in their middle.
@@ -384,6 +381,8 @@ FoundContact found_contact(const ManifoldPoint& point, const ContactSide& a,
   contact.key.a_feature.shape = static_cast<std::uint32_t>(shape_a.shape);
   contact.key.b_feature.shape = static_cast<std::uint32_t>(shape_b.shape);
   contact.pair = pair_of(contact.key);
+  contact.own = shape_a;
+  contact.other = shape_b;
   contact.axis = point.axis;
   contact.plane = plane_of(point.tool_feature, point.body_feature);
   contact.p_WC = point.p_WC;

@@ -82,6 +82,13 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
   constexpr int kRounds = 4;
   Vector3 foot = p_F;
   for (int round = 0;; ++round) {
+    for_each_side(own, foot, [&](const PieceSide& border) {
+      const Vector3 out = across(border.n_F, n_F);
+      const double beyond = border.height - kBeyondBorder;
+      if (out.squaredNorm() > kParallel && beyond > 0) foot -= beyond / out.squaredNorm() * out;
+      return true;
+    });
+    if ((foot - p_F).squaredNorm() > kFarthest * kFarthest) return false;
     const Piece* deepest = nullptr;
     double depth = kBallOverlap;
     for (const Piece* piece : pieces) {
@@ -95,13 +102,6 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
     if (deepest == nullptr) return true;
     if (round == kRounds) return false;
     push_out(*deepest, n_F, foot);
-    for_each_side(own, foot, [&](const PieceSide& border) {
-      const Vector3 out = across(border.n_F, n_F);
-      const double beyond = border.height - kBeyondBorder;
-      if (out.squaredNorm() > kParallel && beyond > 0) foot -= beyond / out.squaredNorm() * out;
-      return true;
-    });
-    if ((foot - p_F).squaredNorm() > kFarthest * kFarthest) return false;
   }
 }
 

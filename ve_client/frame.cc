@@ -123,10 +123,11 @@ std::vector<FoundContact> tool_contacts(const World& world, HeldTool& held, cons
   std::erase_if(contacts, [&](const FoundContact& contact) {
     const double travel = search.lifetime * (tool.target_speed() + contact.v_WC.norm());
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
-    const bool one_axis = is_on_skin(world, contact);
+    const bool one_axis = is_on_skin(world.pieces(), contact);
     return contact.separation > (one_axis ? search.smallest : search.epsilon) + hold;
   });
-  held.skin_contacts.name(world, tool, contacts);
+  held.skin_contacts.name(
+      world.pieces(), [&](int link) { return tool.X_WB(link); }, contacts);
   return contacts;
 }
 

@@ -77,8 +77,8 @@ inline std::vector<std::uint32_t> bodies_of(const std::vector<ReportedContact>& 
   return numbers;
 }
 
-/// Normal forces of the latest step: each goes to the contact of the same two objects that is
-/// nearest to where Bullet had it.
+/// Normal forces of the latest step: each goes to the contact, without the tool, of the same two
+/// objects that is nearest to where Bullet had it.
 inline void set_loads(btDynamicsWorld& world, std::vector<ReportedContact>& contacts) {
   const double rate = 1 / double{world.getSolverInfo().m_timeStep};
   btDispatcher& dispatcher = *world.getDispatcher();
@@ -92,6 +92,7 @@ inline void set_loads(btDynamicsWorld& world, std::vector<ReportedContact>& cont
       ReportedContact* nearest = nullptr;
       for (ReportedContact& contact : contacts) {
         const bool same =
+            contact.a.kind != SideKind::kToolLink &&
             std::minmax(contact.a.index, contact.b.index) == std::minmax(number0, number1);
         const bool nearer =
             nearest == nullptr || (contact.p_WC - p_W).norm() < (nearest->p_WC - p_W).norm();
@@ -100,32 +101,6 @@ inline void set_loads(btDynamicsWorld& world, std::vector<ReportedContact>& cont
       if (nearest != nullptr) nearest->load += std::max(0.0, rate * point.m_appliedImpulse);
     }
   }
-}
-
-/// Contacts that bodies have with the world and with each other: of the bodies that the tool has
-/// contacts with, `of_tool`, and of those that these have contacts with.
-inline std::vector<ReportedContact> contacts_of_bodies(btDynamicsWorld& world, NearContacts& near,
-                                                       const std::vector<ReportedContact>& of_tool,
-                                                       const btCollisionObject& tool) {
-  std::vector<std::uint32_t> bodies = bodies_of(of_tool);
-  const std::size_t at_tool = bodies.size();
-  std::vector<ReportedContact> found;
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    for (const ReportedContact& contact : near.of(*find(world, bodies[i]))) {
-      if (contact.b.index == number_of(tool)) continue;
-      found.push_back(contact);
-      const bool is_new = std::ranges::find(bodies, contact.b.index) == bodies.end();
-      if (i < at_tool && is_new && contact.b.kind == SideKind::kMovableBody) {
-        bodies.push_back(contact.b.index);
-      }
-    }
-  }
-  std::erase_if(found, [&](const ReportedContact& contact) {  // Found from both sides.
-    return contact.b.kind == SideKind::kMovableBody && contact.b.index < contact.a.index &&
-           std::ranges::find(bodies, contact.b.index) != bodies.end();
-  });
-  set_loads(world, found);
-  return found;
 }
 
 }  // namespace hlm::bullet

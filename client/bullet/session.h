@@ -7,7 +7,8 @@
 //     touch.send();                                            // contacts within epsilon
 //   }
 //
-// Header only, over hlm::client and the user's Bullet; examples/bullet is a whole program.
+// Header only, over hlm::client, hlm::proximity and the user's Bullet; examples/bullet is a whole
+// program.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +23,6 @@
 #include "hlm/client/bullet/near_contacts.h"
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
-#include "hlm/client/identity_tracker.h"
 #include "hlm/common/steady_seconds.h"
 #include "hlm/protocol/codec.h"
 
@@ -68,7 +68,7 @@ class Session {
         tool_(tool),
         step_(options.step),
         model_(tool_of(tool)),
-        near_(world, options.epsilon),
+        near_(world, tool, options.epsilon),
         q_(configuration(tool.getWorldTransform())),
         client_(link, client_options(options)) {
     tool.setMassProps(0, {0, 0, 0});  // Bullet's solver would move a kinematic body that has mass.
@@ -104,19 +104,15 @@ class Session {
     return steps;
   }
 
-  /// After a frame: what is near the tool. Throws std::invalid_argument if Bullet's state is not
-  /// finite, or something in it is out of a server's range.
+  /// After a frame: what is near the tool. Throws std::invalid_argument if a shape cannot be used
+  /// (haptic_proximity.h), Bullet's state is not finite, or something in it is out of a server's
+  /// range.
   void send() {
     if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     model_.set_configuration(q_);
-    near_.begin_frame();
-    std::vector<ReportedContact> found = near_.of(tool_);
-    for (ReportedContact& contact : found) contact.a = {SideKind::kToolLink, 0};
-    std::ranges::sort(found, {}, &ReportedContact::separation);
-    const std::vector<ReportedContact> of_bodies = contacts_of_bodies(world_, near_, found, tool_);
-    found.insert(found.end(), of_bodies.begin(), of_bodies.end());
-    found.resize(std::min(found.size(), kMaxContacts));
+    std::vector<ReportedContact> found = near_.find();
+    set_loads(world_, found);
     protocol::ContactUpdate update;
     update.q_VE = q_;
     update.v_VE = v_;
@@ -135,7 +131,6 @@ class Session {
       }
       update.contacts.push_back(contact);
     }
-    tracker_.assign(model_, update.bodies, update.contacts);
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, q_, v_, frame_);
     client_.send(steady_seconds(), update.contacts, update.bodies);
@@ -195,7 +190,6 @@ class Session {
   double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel model_;
   NearContacts near_;
-  IdentityTracker tracker_;
   Configuration q_;
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;

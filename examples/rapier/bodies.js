@@ -47,23 +47,3 @@ export function bodiesOf(contacts) {
   return [...new Map(contacts.filter(({ b_kind }) => b_kind === Side.MOVABLE_BODY)
     .map(({ other }) => [other.parent().handle, other.parent()])).values()];
 }
-
-/** Contacts that bodies have with the world and with each other: of those that the tool has contacts with, and of those
- * that these have contacts with. `body` is side a. */
-export function contactsOfBodies(near, ofTool, tool) {
-  const bodies = bodiesOf(ofTool);
-  const listed = new Set(bodies.map(({ handle }) => handle));
-  const atTool = bodies.length;
-  const found = [];
-  for (let i = 0; i < bodies.length; ++i) {
-    const own = near.of(bodies[i]).filter(({ other }) => other.parent()?.handle !== tool.handle);
-    found.push(...own.map((contact) => ({ ...contact, body: bodies[i] })));
-    for (const body of i < atTool ? bodiesOf(own) : []) {
-      if (!listed.has(body.handle)) bodies.push(body);
-      listed.add(body.handle);
-    }
-  }
-  const twice = ({ body, other, b_kind }) => b_kind === Side.MOVABLE_BODY && listed.has(other.parent().handle) &&
-    other.parent().handle < body.handle;
-  return found.filter((contact) => !twice(contact));
-}

@@ -10,15 +10,19 @@
 //   touch.close();
 //
 // With server: null one is started where none listens; touch.ownServer says so, touch.hold() is its hand. The library is
-// libhaptic.so.2, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+// libhaptic.so.3, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+import path from 'node:path';
 import koffi from 'koffi';
 
-const ABI = 2;
+const ABI = 3;
 const MAX_ERROR = 512;
 export const MAX_CONTACTS = 192;
 export const MAX_BODIES = 16;
 export const Side = { WORLD: 0, TOOL_LINK: 1, MOVABLE_BODY: 2 };
 export const Roundness = { NONE: 0, AXIS: 1, SPHERE: 2 };
+export const ShapeKind = {
+  SPHERE: 0, CAPSULE: 1, CYLINDER: 2, BOX: 3, ELLIPSOID: 4, HULL: 5, HALF_SPACE: 6, MESH: 7,
+};
 
 const doubles = (count) => koffi.array('double', count);
 
@@ -48,19 +52,28 @@ koffi.struct('haptic_state', {
   predicted: 'int32_t', buttons: 'uint32_t', gripper: 'double', round_trip: 'double', servo_rate: 'double',
   message: koffi.array('char', 240, 'String'),
 });
+koffi.struct('haptic_shape', {
+  kind: 'int32_t', side: 'int32_t', index: 'uint32_t', group: 'uint32_t', mask: 'uint32_t', vertex_count: 'uint32_t',
+  size: doubles(3), vertices: 'double*', triangles: 'uint32_t*', triangle_count: 'size_t',
+});
+koffi.struct('haptic_pose', { position: doubles(3), rotation: doubles(4) });
 koffi.opaque('haptic_session');
+koffi.opaque('haptic_proximity');
 
-function find() {
-  const name = process.env.HAPTIC_LIBRARY ?? 'libhaptic.so.2';
+/** libhaptic.so.3 or libhaptic_proximity.so.3, which is looked for beside the other. */
+function find(stem) {
+  const file = `${stem}.so.${ABI}`;
+  const named = process.env.HAPTIC_LIBRARY;
+  const name = !named || stem === 'libhaptic' ? named ?? file : path.join(path.dirname(named), file);
   try {
     return koffi.load(name);
   } catch (error) {
-    throw new Error(`${name}: ${error.message}; HAPTIC_LIBRARY must name libhaptic.so.2 where it is not found`);
+    throw new Error(`${name}: ${error.message}; HAPTIC_LIBRARY must name libhaptic.so.${ABI} where it is not found`);
   }
 }
 
 function load() {
-  const library = find();
+  const library = find('libhaptic');
   const abi = library.func('int haptic_abi()')();
   if (abi !== ABI) throw new Error(`libhaptic.so has the interface ${abi}, this file is for ${ABI}`);
   return {
@@ -84,6 +97,20 @@ function load() {
     error: library.func('const char* haptic_error(const haptic_session* session)'),
   };
 }
+
+function loadProximity() {
+  const library = find('libhaptic_proximity');
+  return {
+    open: library.func('haptic_proximity* haptic_proximity_open(const haptic_shape* shapes, size_t count, ' +
+      'const uint32_t* excluded, size_t excluded_count, _Out_ char* error, size_t size)'),
+    close: library.func('void haptic_proximity_close(haptic_proximity* proximity)'),
+    find: library.func('size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses, ' +
+      'double epsilon, _Out_ haptic_contact* contacts, _Out_ uint32_t* shapes)'),
+  };
+}
+
+let loadedProximity;
+const proximityLibrary = () => (loadedProximity ??= loadProximity());
 
 let loaded;
 const library = () => (loaded ??= load());
@@ -175,5 +202,40 @@ export class Session {
 
   #fail() {
     throw new Error(library().error(this.#session));
+  }
+}
+
+/** Contacts from shapes and poses (haptic_proximity.h). */
+export class Proximity {
+  #handle;
+  #contacts = Array.from({ length: MAX_CONTACTS }, () => ({}));
+  #shapes = new Uint32Array(2 * MAX_CONTACTS);
+
+  /** `shapes`: fields of haptic_shape, with `vertices` and `triangles` as flat lists. `excluded`: pairs of their places
+   * that never touch. Throws where a shape cannot be used. */
+  constructor(shapes, excluded = []) {
+    const all = shapes.map(({ vertices = [], triangles = [], ...shape }) => ({
+      index: 0, group: 1, mask: 1, size: [0, 0, 0], ...shape, vertices: Float64Array.from(vertices),
+      vertex_count: vertices.length / 3, triangles: Uint32Array.from(triangles), triangle_count: triangles.length / 3,
+    }));
+    const error = ['\0'.repeat(MAX_ERROR)];
+    const pairs = Uint32Array.from(excluded.flat());
+    this.#handle = proximityLibrary().open(all, all.length, pairs, excluded.length, error, MAX_ERROR);
+    if (!this.#handle) throw new Error(error[0]);
+  }
+
+  /** With the shapes at these poses, { position, rotation } each: a list of { contact, shapes }, where `shapes` are the
+   * places of both. */
+  find(poses, epsilon) {
+    const count = Number(proximityLibrary().find(this.#handle, poses, epsilon, this.#contacts, this.#shapes));
+    return this.#contacts.slice(0, count).map((contact, i) => ({
+      contact: { ...contact, point: [...contact.point], normal: [...contact.normal] },
+      shapes: [this.#shapes[2 * i], this.#shapes[2 * i + 1]],
+    }));
+  }
+
+  close() {
+    proximityLibrary().close(this.#handle);
+    this.#handle = null;
   }
 }

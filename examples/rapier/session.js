@@ -8,8 +8,8 @@
 //   }
 //   touch.close();
 import RAPIER from '@dimforge/rapier3d-compat';
-import { bodiesOf, contactsOfBodies, describe } from './bodies.js';
-import { MAX_BODIES, MAX_CONTACTS, Side, Session as Client, box } from './haptic.js';
+import { bodiesOf, describe } from './bodies.js';
+import { MAX_BODIES, Session as Client, box } from './haptic.js';
 import { NearContacts } from './near_contacts.js';
 import { list, object, rotate, scale } from './vectors.js';
 
@@ -56,7 +56,7 @@ export class Session {
   #state = null;
   #answered = 0; // Frames since the first proxy state of the session, up to HAND_OVER + 1.
   #groups = new Map(); // Solver groups of the tool's colliders where it makes force, by handle.
-  #numbers = new Map(); // By handles of bodies.
+  #numbers = new Map(); // { number, body } by handles of bodies.
   #nextNumber = 1; // The server may know of the bodies before.
   #reported = new Map(); // Bodies by number. The server can push no others, whatever it says.
   #pushes = [];
@@ -73,11 +73,9 @@ export class Session {
       links: [link], length: sizeOf(link), gravity: scale(tool.gravityScale(), list(world.gravity)), q: this.#q,
       rate: 1 / period, epsilon, ...options,
     });
-    this.#near = new NearContacts(world, epsilon);
+    this.#near = new NearContacts(world, tool, epsilon, (body) => this.#numberOf(body));
     tool.setBodyType(RAPIER.RigidBodyType.KinematicPositionBased, true);
     for (const collider of this.#colliders()) {
-      // Rapier finds no contacts of kinematic bodies with fixed ones unless told to.
-      collider.setActiveCollisionTypes(RAPIER.ActiveCollisionTypes.ALL);
       this.#groups.set(collider.handle, collider.solverGroups());
     }
   }
@@ -114,15 +112,15 @@ export class Session {
     if (this.#frame === 0) return;
     this.#forgetRemoved();
     this.#client.sample(this.#q, this.#v, this.#frame);
-    const contacts = this.#contacts();
+    const contacts = this.#near.find().map((contact) => this.#withVelocity(contact));
     const bodies = this.#bodies(contacts);
-    this.#client.track(contacts.filter(({ identity }) => identity === 0n), bodies);
     this.#client.send(contacts, bodies);
     this.#sent = contacts.length;
   }
 
   /** Ends the session. */
   close() {
+    this.#near.close();
     this.#client.close();
   }
 
@@ -169,40 +167,31 @@ export class Session {
   }
 
   #numberOf(body) {
-    if (!this.#numbers.has(body.handle)) this.#numbers.set(body.handle, this.#nextNumber++);
-    const number = this.#numbers.get(body.handle);
-    this.#reported.set(number, body);
-    return number;
+    if (!this.#numbers.has(body.handle)) this.#numbers.set(body.handle, { number: this.#nextNumber++, body });
+    return this.#numbers.get(body.handle).number;
   }
 
   #forgetRemoved() {
-    for (const [number, body] of this.#reported) {
+    for (const [handle, { number, body }] of this.#numbers) {
       if (body.isValid()) continue;
       this.#reported.delete(number);
-      this.#numbers.delete(body.handle);
+      this.#numbers.delete(handle);
     }
-  }
-
-  /** Those of the tool first, the nearest before the others. */
-  #contacts() {
-    const ofTool = this.#near.of(this.#tool).map((contact) =>
-      ({ ...contact, a_kind: Side.TOOL_LINK, a_index: 0, load: 0 }));
-    ofTool.sort((first, second) => first.separation - second.separation);
-    const ofBodies = contactsOfBodies(this.#near, ofTool, this.#tool).map((contact) =>
-      ({ ...contact, a_kind: Side.MOVABLE_BODY, a_index: this.#numberOf(contact.body) }));
-    return [...ofTool, ...ofBodies].slice(0, MAX_CONTACTS).map((contact) => this.#withSideB(contact));
   }
 
   /** Those that the tool touches first. All are kept awake, as many as can be are sent. */
   #bodies(contacts) {
-    const near = [...new Set([...bodiesOf(contacts), ...contacts.flatMap(({ body }) => body ?? [])])];
+    const near = bodiesOf(contacts);
     near.forEach((body) => body.wakeUp());
-    return near.slice(0, MAX_BODIES).map((body) => describe(body, this.#numberOf(body), this.#world.gravity));
+    return near.slice(0, MAX_BODIES).map((body) => {
+      const number = this.#numberOf(body);
+      this.#reported.set(number, body);
+      return describe(body, number, this.#world.gravity);
+    });
   }
 
-  #withSideB(contact) {
+  #withVelocity(contact) {
     const parent = contact.other.parent();
-    const velocity = parent ? list(parent.velocityAtPoint(object(contact.point))) : [0, 0, 0];
-    return { ...contact, b_index: contact.b_kind === Side.MOVABLE_BODY ? this.#numberOf(parent) : 0, velocity };
+    return { ...contact, velocity: parent ? list(parent.velocityAtPoint(object(contact.point))) : [0, 0, 0] };
   }
 }

@@ -122,9 +122,8 @@ class BulletFloor final : public Floor {
   }
   ReportedContacts near(const Vector3& p_W) override {
     place(p_W);
-    near_.begin_frame();
     ReportedContacts found;
-    for (const ReportedContact& one : near_.of(ball_)) {
+    for (const ReportedContact& one : near_.find()) {
       found.push_back(contact(one.p_WC, one.n_W, one.separation));
     }
     return found;
@@ -144,7 +143,7 @@ class BulletFloor final : public Floor {
   btSphereShape sphere_{btScalar(kBallRadius)};
   btCollisionObject floor_;
   btCollisionObject ball_;
-  bullet::NearContacts near_{world_, kEpsilon};
+  bullet::NearContacts near_{world_, ball_, kEpsilon};
 };
 
 /// ODE reports nothing before it touches: its adapter takes the poses.
@@ -183,7 +182,7 @@ class OdeFloor final : public Floor {
     for (haptic_pose& pose : poses) pose.rotation[0] = 1;
     std::array<haptic_contact, HAPTIC_MAX_CONTACTS> listed;
     const std::size_t count =
-        haptic_proximity_find(proximity_.get(), poses.data(), kEpsilon, listed.data());
+        haptic_proximity_find(proximity_.get(), poses.data(), kEpsilon, listed.data(), nullptr);
     ReportedContacts found;
     for (std::size_t i = 0; i < count; ++i) {
       found.push_back(contact(Eigen::Map<const Vector3>(listed[i].point),

@@ -23,7 +23,7 @@ def run(*command, stall=0):
 
 
 class Contacts(unittest.TestCase):
-    def test_what_rapier_lists_is_exact_and_keeps_its_names(self):
+    def test_contacts_of_rapier_s_shapes_are_exact_keep_their_names_and_know_no_seams(self):
         print(run(pathlib.Path(__file__).with_name("rapier_contacts.mjs")))
 
 

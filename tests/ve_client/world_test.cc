@@ -176,24 +176,6 @@ TEST_CASE("The velocity of a body's point includes its rotation") {
   CHECK(world.velocity_at(0, {1.5, 0, 0}).isApprox(Vector3(0.1, 1.2, 0.3), 1e-12));
 }
 
-TEST_CASE("Shapes near a box are found in order, the tool's own are not") {
-  World world(world_of(model("tool", "0 0 0 0 0 0", shape_collision("box")) +
-                       fixed_model("floor", "0 0 -1 0 0 0", shape_collision("plane")) +
-                       model("far", "5 0 0 0 0 0", shape_collision("sphere")) +
-                       model("close", "0.2 0 0 0 0 0", shape_collision("sphere")) +
-                       fixed_model("beside", "0 0.2 0 0 0 0", shape_collision("box"))),
-              std::vector<int>{0});
-  std::vector<CollisionId> found;
-  world.find_near({Vector3(-0.16, -0.16, -0.16), Vector3(0.16, 0.16, 0.16)}, found);
-  CHECK(found == std::vector<CollisionId>{{3, 0}, {4, 0}});
-  world.find_near({Vector3(-0.14, -0.14, -1.1), Vector3(0.14, 0.14, 0.14)}, found);
-  CHECK(found == std::vector<CollisionId>{{1, 0}});
-  // A body is found where it has moved to.
-  world.set_pose(2, {Vector3(0, 0, 0), Quaternion::Identity()});
-  world.find_near({Vector3(-0.1, -0.1, -0.1), Vector3(0.1, 0.1, 0.1)}, found);
-  CHECK(found == std::vector<CollisionId>{{2, 0}});
-}
-
 TEST_CASE("Two equal worlds stay equal bit for bit, whatever is stepped between them") {
   const WorldDescription description = test::repository_world("playground.sdf");
   World first(description, std::vector<int>{1});

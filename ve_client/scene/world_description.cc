@@ -31,12 +31,6 @@ const Named& find(const std::vector<Named>& all, const std::string& name, const 
 
 }  // namespace
 
-std::optional<double> friction_between(const CollisionDescription& a,
-                                       const CollisionDescription& b) {
-  if (!a.friction) return b.friction;
-  return std::min(*a.friction, b.friction.value_or(*a.friction));
-}
-
 std::string model_names(const WorldDescription& world) { return names_of(world.models); }
 
 const ModelDescription& find_model(const WorldDescription& world, const std::string& name) {

@@ -102,10 +102,6 @@ struct SolverDescription {
   std::optional<int> sweeps;           ///< Over all constraints in each step, > 0.
 };
 
-/// The friction of two shapes in contact: the smaller μ; none if neither says.
-std::optional<double> friction_between(const CollisionDescription& a,
-                                       const CollisionDescription& b);
-
 /// That can be held in one world.
 inline constexpr std::size_t kMostTools = 2;
 

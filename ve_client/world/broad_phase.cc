@@ -47,7 +47,6 @@ BroadPhase::BroadPhase(const WorldDescription& description, std::span<const dBod
                        const std::vector<bool>& is_tool)
     : moving_(dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)),
       still_(create_still_space(description, shapes)),
-      query_box_(dCreateBox(nullptr, 1, 1, 1)),
       geometries_(bodies.size()) {
   std::size_t count = 0;
   for (const BodyDescription& body : description.bodies) count += body.collisions.size();
@@ -89,22 +88,6 @@ void BroadPhase::for_still_near(int body, const Meet& meet) const {
         };
     dSpaceCollide2(geometry, as_geometry(still_.get()), const_cast<Meet*>(&ordered), call);
   }
-}
-
-void BroadPhase::find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found) const {
-  found.clear();
-  const Vector3 center = box.center();
-  const Vector3 size = box.sizes();
-  dGeomBoxSetLengths(query_box_.get(), size.x(), size.y(), size.z());
-  dGeomSetPosition(query_box_.get(), center.x(), center.y(), center.z());
-  dNearCallback* const add = [](void* result, dGeomID first, dGeomID second) {
-    const CollisionId* other = id_of(first) != nullptr ? id_of(first) : id_of(second);
-    static_cast<std::vector<CollisionId>*>(result)->push_back(*other);
-  };
-  for (const Space* space : {&moving_, &still_}) {
-    dSpaceCollide2(query_box_.get(), as_geometry(space->get()), &found, add);
-  }
-  std::ranges::sort(found);
 }
 
 }  // namespace hlm::ve

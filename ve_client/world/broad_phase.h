@@ -30,8 +30,6 @@ class BroadPhase {
   void for_moving_pairs(const Meet& meet) const;
   /// All pairs of a shape of the body, which moves, and one that stands still.
   void for_still_near(int body, const Meet& meet) const;
-  /// Shapes whose bounding boxes meet `box` (world, m), in order.
-  void find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found) const;
 
  private:
   template <class T, void (*destroy)(T*)>
@@ -43,7 +41,6 @@ class BroadPhase {
 
   Space moving_;
   Space still_;
-  Geometry query_box_;                            ///< Query geometry, in no space.
   std::vector<CollisionId> ids_;                  ///< Each geometry points to its own.
   std::vector<std::vector<dGeomID>> geometries_;  ///< Geometries of each body that is not fixed.
 };

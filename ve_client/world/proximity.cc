@@ -6,21 +6,12 @@
 #include <limits>
 
 #include "hlm/geometry/index.h"
-#include "hlm/geometry/merge.h"
-#include "hlm/geometry/mesh_normals.h"
-#include "hlm/geometry/mesh_pieces.h"
 
 namespace hlm::ve {
 namespace {
 
-/// Overlap at an internal edge from which on a narrow tool may be past the adjoining sides, m.
-constexpr double kDeepInSeam = 0.0015;
 /// Less of the thickness of both than one half, at which things are half through each other.
 constexpr double kNotThrough = 0.2;
-
-ContactSide side_of_link(int link) {
-  return {SideKind::kToolLink, static_cast<std::uint32_t>(link)};
-}
 
 /// The link nearest to the root that moves with this one.
 int rigid_root(const ToolDescription& tool, int link) {
@@ -39,24 +30,6 @@ bool are_joined(const ToolDescription& tool, int first, int second) {
     return parent >= 0 && rigid_root(tool, parent) == carrier;
   };
   return a == b || carries(a, b) || carries(b, a);
-}
-
-Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double epsilon) {
-  box.min().array() -= epsilon;
-  box.max().array() += epsilon;
-  return box;
-}
-
-/// Whether a planar tool stays apart from a shape, however it moves.
-bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W) {
-  constexpr double kAlong = 1e-6;  // Sine: rounding.
-  std::map<int, double> gaps;
-  for (const ManifoldPoint& point : manifold) {
-    if (point.n_W.cross(planar_normal_W).norm() > kAlong) continue;
-    const auto gap = gaps.try_emplace(point.axis, point.separation).first;
-    gap->second = std::min(gap->second, point.separation);
-  }
-  return std::ranges::any_of(gaps, [](const auto& gap) { return gap.second > 0; });
 }
 
 /// The least extent of a shape, along its own axes and the normals of its faces, m; 0 of what has
@@ -109,191 +82,91 @@ void keep_axes_in_the_way(const VirtualTool& tool, std::vector<FoundContact>& co
   contacts = std::move(kept);
 }
 
-/// For a tool next to a triangle of a skin, over one that rises from it: the contact with the
-/// triangle's plane, which it will meet next. Else what was found.
-AxesManifold with_plane(const AxesManifold& found, const CollisionDescription& piece,
-                        const Convex& tool, const Pose& X_WT, const Convex& convex,
-                        const Pose& X_WG, double epsilon) {
-  if (found.empty()) return found;
-  const Pose X_GW = X_WG.inverse();
-  const ManifoldPoint& nearest = *std::ranges::min_element(found, {}, &ManifoldPoint::separation);
-  const Vector3 p_G = X_GW * nearest.p_WC;
-  if (is_normal(*piece.mesh, piece.triangle, p_G, X_GW.R * nearest.n_W).value_or(true)) {
-    return found;
+/// The bodies as the finder knows them: those of this tool are its links.
+std::vector<ContactFinder::Body> finder_bodies(const World& world, std::span<const int> links) {
+  std::vector<ContactFinder::Body> bodies(world.description().bodies.size());
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    bodies[i].movable = world.is_movable(static_cast<int>(i));
   }
-  const Vector3 n_G = piece.mesh->area(piece.triangle).normalized();
-  const Vector3 n_W = X_WG.R * n_G;
-  const Vector3 n_T = X_WT.R.conjugate() * n_W;
-  const Vector3 p_T = tool.support(-n_T);
-  const Vector3 p_W = X_WT * Vector3(p_T - tool.margin() * n_T);
-  if (!is_concave(*piece.mesh, piece.triangle, p_G, X_GW * p_W)) return found;
-  const double height = n_W.dot(p_W - X_WG * piece.mesh->corner(piece.triangle, 0));
-  if (height > epsilon) return {};
-  return {{.tool_feature = tool.feature_at(p_T),
-           .body_feature = convex.facing(n_G).feature,
-           .p_WC = p_W - height * n_W,
-           .n_W = n_W,
-           .separation = height}};
+  for (std::size_t link = 0; link < links.size(); ++link) {
+    bodies[at(links[link])].link = static_cast<int>(link);
+  }
+  return bodies;
+}
+
+/// The tool touches all bodies but those of other tools, and its own links those nearer to the root
+/// that no joint connects with them.
+ContactFinder::MayTouch touching(const World& world, const ToolAssembly& assembly,
+                                 const std::vector<ContactFinder::Body>& bodies) {
+  return [&world, bodies, tool = assembly.description](const CollisionId& a, const CollisionId& b) {
+    const int link_a = bodies[at(a.body)].link;
+    const int link_b = bodies[at(b.body)].link;
+    if (link_b >= 0) return link_b < link_a && !are_joined(tool, link_a, link_b);
+    if (world.is_tool(b.body)) return false;
+    return link_a >= 0 || world.can_touch(a.body, b.body);
+  };
 }
 
 }  // namespace
 
 Proximity::Proximity(World& world, const ToolAssembly& assembly)
-    : world_(world), planar_normal_W_(assembly.planar_normal_W), tool_bodies_(assembly.bodies) {
-  for (int link = 0; link < static_cast<int>(tool_bodies_.size()); ++link) {
-    const int body = tool_bodies_[at(link)];
-    const auto count = world_.description().bodies[at(body)].collisions.size();
-    for (int shape = 0; shape < static_cast<int>(count); ++shape) {
-      tool_shapes_.push_back({link, {body, shape}});
-    }
-  }
-  for (const ToolShape& a : tool_shapes_) {
-    thinnest_ = std::min(thinnest_, thickness(world.convex(a.id)));
-    for (const ToolShape& b : tool_shapes_) {
-      if (b.link >= a.link) break;
-      if (!are_joined(assembly.description, a.link, b.link)) tool_pairs_.push_back({a, b});
+    : world_(world),
+      tool_bodies_(assembly.bodies),
+      finder_(world.pieces(), finder_bodies(world, assembly.bodies),
+              touching(world, assembly, finder_bodies(world, assembly.bodies)),
+              assembly.planar_normal_W) {
+  for (const int body : tool_bodies_) {
+    for (const Piece& piece : world.pieces().of(body)) {
+      thinnest_ = std::min(thinnest_, thickness(*piece.convex));
     }
   }
 }
 
-AxesManifold Proximity::find(const CollisionId& id_a, const Pose& X_WA, const CollisionId& id_b,
-                             const Pose& X_WB, double epsilon,
-                             const std::optional<Vector3>& before_B, const Vector3& travel_W) {
-  const Convex& a = world_.convex(id_a);
-  const Convex& b = world_.convex(id_b);
-  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
-  const bool skin = world_.collision(id_b).mesh != nullptr;
-  if (all_axes_ && !skin) {
-    return find_axes(a, X_WA, b, X_WB, epsilon, statistics_, before_B, travel_W);
+/// The world's bodies where they are now.
+void Proximity::place_world() {
+  if (placed_at_ == world_.changes()) return;
+  placed_at_ = world_.changes();
+  for (int body = 0; body < static_cast<int>(world_.description().bodies.size()); ++body) {
+    const bool stands = world_.description().bodies[at(body)].fixed;
+    if (!stands && !world_.is_tool(body)) finder_.place(body, world_.X_WB(body));
   }
-  const Manifold best = find_contacts(a, X_WA, b, X_WB, epsilon, statistics_, before_B);
-  return {best.begin(), best.end()};
+}
+
+std::span<const FoundContact> Proximity::find(const VirtualTool& tool,
+                                              const ContactFinder::Search& search) {
+  place_world();
+  for (std::size_t link = 0; link < tool_bodies_.size(); ++link) {
+    finder_.place(tool_bodies_[link], tool.X_WB(static_cast<int>(link)));
+  }
+  const auto found = finder_.find(tool_bodies_, search);
+  contacts_.assign(found.begin(), found.end());
+  for (FoundContact& contact : contacts_) {
+    if (contact.key.b.kind == SideKind::kToolLink) continue;
+    contact.v_WC = world_.velocity_at(static_cast<int>(contact.key.b.index), contact.p_WC);
+  }
+  return contacts_;
 }
 
 std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon,
                                                bool all_axes, double ahead) {
-  all_axes_ = all_axes;
-  ahead_ = ahead;
-  contacts_.clear();
-  sides_before_ = std::exchange(sides_, {});
-  for (const auto& [link, id] : tool_shapes_) {
-    const Pose X_WG = tool.X_WB(link) * world_.collision(id).X_BG;
-    query_shape(side_of_link(link), id, X_WG, tool.target_velocity_at(link, X_WG.p), epsilon);
+  ContactFinder::Search search{.epsilon = epsilon, .all_axes = all_axes, .of_tool = true};
+  if (ahead > 0) {
+    search.travel_W = [&tool, ahead](int link, const Vector3& p_W) -> Vector3 {
+      const Vector3 v_W = tool.target_velocity_at(link, p_W);
+      return possible_travel(v_W.norm(), ahead) * v_W.normalized();
+    };
   }
-  for (const ToolPair& pair : tool_pairs_) query_tool_pair(tool, pair, epsilon);
-  merge();
-  return contacts_;
-}
-
-void Proximity::query_tool_pair(const VirtualTool& tool, const ToolPair& pair, double epsilon) {
-  const auto& [a, b] = pair;
-  const Pose X_WA = tool.X_WB(a.link) * world_.collision(a.id).X_BG;
-  const Pose X_WB = tool.X_WB(b.link) * world_.collision(b.id).X_BG;
-  const Convex& shape_a = world_.convex(a.id);
-  const Convex& shape_b = world_.convex(b.id);
-  if (!inflated(shape_a.bounds(X_WA), epsilon).intersects(shape_b.bounds(X_WB))) return;
-  const auto friction = friction_between(world_.collision(a.id), world_.collision(b.id));
-  const std::size_t first = contacts_.size();
-  for (const ManifoldPoint& point : find(a.id, X_WA, b.id, X_WB, epsilon)) {
-    FoundContact& contact = contacts_.emplace_back(
-        found_contact(point, side_of_link(a.link), a.id, side_of_link(b.link), b.id));
-    contact.friction = friction.value_or(contact.friction);
-  }
-  resolve({world_.pieces().of(a.id), X_WA}, {world_.pieces().of(b.id), X_WB}, first);
-}
-
-void Proximity::resolve(const PairSide& a, const PairSide& b, std::size_t first) {
-  shared_ |= resolve_seams(world_.pieces(), a, b, contacts_, first);
-}
-
-void Proximity::merge() {
-  if (std::exchange(shared_, false)) merge_same(contacts_, world_.pieces());
-  if (all_axes_) keep_whole_pairs(contacts_);
+  return find(tool, search);
 }
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
-  all_axes_ = false;
-  ahead_ = 0;
-  contacts_.clear();
-  const auto count = world_.description().bodies[at(body)].collisions.size();
-  for (int shape = 0; shape < static_cast<int>(count); ++shape) {
-    const CollisionId id{body, shape};
-    query_shape({SideKind::kMovableBody, static_cast<std::uint32_t>(body)}, id, world_.X_WG(id),
-                Vector3::Zero(), epsilon);
+  place_world();
+  const auto found = finder_.find({&body, 1}, {.epsilon = epsilon});
+  contacts_.assign(found.begin(), found.end());
+  for (FoundContact& contact : contacts_) {
+    contact.v_WC = world_.velocity_at(static_cast<int>(contact.key.b.index), contact.p_WC);
   }
-  merge();
   return contacts_;
-}
-
-void Proximity::query_shape(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
-                            const Vector3& v_W, double epsilon) {
-  world_.find_near(inflated(world_.convex(id).bounds(X_WG), epsilon), near_);
-  for (const CollisionId& other : near_) {
-    // The tool's own shapes are never found; it touches all others.
-    const bool touches = side.kind == SideKind::kToolLink || world_.can_touch(id.body, other.body);
-    if (touches) query_pair(side, id, X_WG, v_W, other, epsilon);
-  }
-}
-
-void Proximity::query_pair(const ContactSide& side, const CollisionId& id, const Pose& X_WG,
-                           const Vector3& v_W, const CollisionId& other, double epsilon) {
-  const bool of_tool = side.kind == SideKind::kToolLink;
-  Pair pair{.side = side, .id = id, .other = other, .X_WG = X_WG, .X_WO = world_.X_WG(other)};
-  pair.keeps_side = of_tool && world_.is_movable(other.body);
-  pair.passes_beside = of_tool && side.index == 0 && planar_normal_W_ &&
-                       world_.description().bodies[at(other.body)].fixed;
-  // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
-  const bool looks_ahead = of_tool && !pair.keeps_side &&
-                           world_.pieces().of(id).adjoining.empty() &&
-                           world_.pieces().of(other).adjoining.empty();
-  if (looks_ahead) pair.travel_W = possible_travel(v_W.norm(), ahead_) * v_W.normalized();
-  std::optional<Vector3> before;
-  if (pair.keeps_side) {
-    const auto known = sides_before_.find({id, other});
-    if (known != sides_before_.end()) before = known->second;
-  }
-  const std::size_t first = contacts_.size();
-  const double overlap = add_contacts(pair, epsilon, before);
-  if (contacts_.size() > first) return;
-  // Deep in a skin the nearest way out of a piece may lead through the mesh.
-  const CollisionDescription& piece = world_.collision(other);
-  if (piece.mesh && overlap > 0) {
-    add_contacts(pair, epsilon, piece.mesh->area(piece.triangle).normalized());
-  } else {
-    lost_ = lost_ || overlap > kDeepInSeam;
-  }
-}
-
-/// Adds the contacts of a pair on its surfaces; with near_O near this normal (frame of the other
-/// shape). Returns how deep the two convex shapes overlap, m.
-double Proximity::add_contacts(const Pair& pair, double epsilon,
-                               const std::optional<Vector3>& near_O) {
-  const auto& [side, id, other, X_WG, X_WO, travel_W, keeps_side, beside] = pair;
-  const CollisionDescription& piece = world_.collision(other);
-  AxesManifold manifold = find(id, X_WG, other, X_WO, epsilon, near_O, travel_W);
-  if (piece.mesh) {
-    manifold =
-        with_plane(manifold, piece, world_.convex(id), X_WG, world_.convex(other), X_WO, epsilon);
-  }
-  const auto deepest = std::ranges::min_element(manifold, {}, &ManifoldPoint::separation);
-  const double overlap = deepest == manifold.end() ? 0 : std::max(0.0, -deepest->separation);
-  // Along its triangle's normal it is on another side of the mesh.
-  if (piece.mesh && near_O && overlap > kSkinDepth) return overlap;
-  if (beside && passes_beside(manifold, *planar_normal_W_)) return 0;
-  if (keeps_side && !manifold.empty()) {
-    sides_[{id, other}] = X_WO.R.conjugate() * manifold.front().n_W;
-  }
-  const ContactSide other_side{SideKind::kWorld, static_cast<std::uint32_t>(other.body)};
-  const auto friction = friction_between(world_.collision(id), world_.collision(other));
-  const std::size_t first = contacts_.size();
-  for (const ManifoldPoint& point : manifold) {
-    FoundContact& contact =
-        contacts_.emplace_back(found_contact(point, side, id, other_side, other));
-    contact.v_WC = world_.velocity_at(other.body, point.p_WC);
-    contact.friction = friction.value_or(contact.friction);
-  }
-  resolve({world_.pieces().of(id), X_WG}, {world_.pieces().of(other), X_WO}, first);
-  return overlap;
 }
 
 double Proximity::thickness_of(const CollisionId& id) {
@@ -305,10 +178,8 @@ double Proximity::thickness_of(const CollisionId& id) {
 
 Overlap Proximity::overlap(const VirtualTool& tool,
                            const std::function<bool(int body)>& stops_tool) {
-  const auto sides = sides_;
   Overlap overlap;
-  lost_ = false;
-  for (const FoundContact& contact : query(tool, 0, false)) {
+  for (const FoundContact& contact : find(tool, {.of_tool = true, .remembers = false})) {
     const int body = static_cast<int>(contact.key.b.index);
     if (contact.key.b.kind == SideKind::kToolLink || !stops_tool(body)) continue;
     const CollisionId a{tool_bodies_[contact.key.a.index],
@@ -318,8 +189,7 @@ Overlap Proximity::overlap(const VirtualTool& tool,
     overlap.depth = std::max(overlap.depth, -contact.separation);
     overlap.is_through |= -contact.separation > std::min(kNotThrough * both, thickness_of(a) / 2);
   }
-  sides_ = sides;
-  overlap.is_through |= lost_;
+  overlap.is_through |= finder_.lost();
   return overlap;
 }
 

@@ -52,6 +52,7 @@ std::vector<PieceSource> sources_of(const WorldDescription& description,
                          .convex = &shapes[b][s],
                          .X_FG = body.fixed ? body.X_WB * collision.X_BG : collision.X_BG,
                          .fixed = body.fixed,
+                         .friction = collision.friction.value_or(-1),
                          .mesh = collision.mesh.get(),
                          .triangle = collision.triangle});
     }
@@ -157,6 +158,7 @@ void World::set_pose(int body, const Pose& X_WB) {
 }
 
 void World::place(int body, const Pose& X_WB) {
+  ++changes_;
   dBodySetPosition(handle(body), X_WB.p.x(), X_WB.p.y(), X_WB.p.z());
   const Quaternion& R = X_WB.R;
   const dQuaternion q = {R.w(), R.x(), R.y(), R.z()};
@@ -307,6 +309,7 @@ void World::solve(double h) {
   static std::mutex engine;
   const std::lock_guard lock(engine);
   dRandSetSeed(steps_++);
+  ++changes_;
   dWorldQuickStep(world_.get(), h);
 }
 

@@ -50,6 +50,8 @@ class World {
   /// it is pushed, sent or placed from outside.
   bool rests(int body) const { return is_movable(body) && !rest_->is_awake(body); }
 
+  /// A number that changes whenever a pose of a body that is not a tool's may have.
+  unsigned long changes() const noexcept { return changes_; }
   /// Pose of a body's frame B (at its centre of mass).
   Pose X_WB(int body) const;
   /// Velocity of B's origin and angular velocity, world axes.
@@ -100,10 +102,6 @@ class World {
   const ContactMemory& loads() const noexcept { return memory_; }
   /// Whether the engine lets two bodies touch: not those that a joint connects.
   bool can_touch(int first, int second) const;
-  /// Shapes of other bodies than the tools' whose bounding boxes meet `box` (world, m), in order.
-  void find_near(const Eigen::AlignedBox3d& box, std::vector<CollisionId>& found) const {
-    broad_phase_->find_near(box, found);
-  }
 
  private:
   template <class T, void (*destroy)(T*)>
@@ -160,6 +158,7 @@ class World {
   std::vector<FoundContact> touching_;  ///< Contacts of the present pair.
   ProximityStatistics statistics_;
   unsigned long steps_ = 0;
+  unsigned long changes_ = 0;
   std::optional<std::string> fault_;
 };
 

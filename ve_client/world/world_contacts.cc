@@ -67,10 +67,10 @@ void World::collide(CollisionId first, CollisionId second) {
   if (!can_touch(first.body, second.body)) return;
   // The side that the normal points to can move.
   if (handle(first.body) == nullptr) std::swap(first, second);
-  const double friction =
-      friction_between(collision(first), collision(second)).value_or(kDefaultFriction);
   const PairSide a{pieces_->of(first), X_WG(first)};
   const PairSide b{pieces_->of(second), X_WG(second)};
+  const double both = friction_between(a.piece, b.piece);
+  const double friction = both < 0 ? kDefaultFriction : both;
   const auto side = [](const CollisionId& id) {
     return ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(id.body)};
   };

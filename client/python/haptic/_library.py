@@ -7,7 +7,7 @@ import functools
 import os
 import pathlib
 
-ABI = 2
+ABI = 3
 MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_TEXT = 16, 17, 192, 16, 240
 NO_LIMIT = 1e9  # rad or m: a joint's limit that is none
 
@@ -79,7 +79,7 @@ def load_proximity(shape: type[ctypes.Structure]) -> ctypes.CDLL:
     library.haptic_proximity_open.argtypes = (ctypes.POINTER(shape), _size, address, _size, ctypes.c_char_p, _size)
     library.haptic_proximity_close.restype, library.haptic_proximity_close.argtypes = None, (address,)
     library.haptic_proximity_find.restype = _size
-    library.haptic_proximity_find.argtypes = (address, address, _double, address)
+    library.haptic_proximity_find.argtypes = (address, address, _double, address, address)
     return library
 
 

@@ -41,14 +41,15 @@ class Shapes:
         rotations = _quaternions(np.asarray(data.geom_xmat)[self._geoms].reshape(-1, 3, 3))
         found = self._proximity.find(np.asarray(data.geom_xpos)[self._geoms], rotations, epsilon)
         friction, priority = np.asarray(self._model.geom_friction)[:, 0], np.asarray(self._model.geom_priority)
-        a, b = self.geoms_of(found).T
+        a, b = self.geoms_of_contacts.T
         found["friction"] = np.where(priority[a] == priority[b], np.maximum(friction[a], friction[b]),
                                      np.where(priority[a] > priority[b], friction[a], friction[b]))
         return found
 
-    def geoms_of(self, contacts: np.ndarray) -> np.ndarray:
-        """Geoms of side a and b of each contact."""
-        return self._geoms[np.column_stack(np.divmod(contacts["pair"], len(self._geoms)))]
+    @property
+    def geoms_of_contacts(self) -> np.ndarray:
+        """Geoms of side a and b of each contact of the latest find()."""
+        return self._geoms[self._proximity.shapes]
 
     def _shape(self, geom: int, owner: int, tool: int) -> haptic.proximity.Shape:
         model = self._model

@@ -267,7 +267,7 @@ class Session:
     def _set_loads(self, data: Any, contacts: np.ndarray) -> None:
         """MuJoCo's normal forces, each on the nearest contact of the same two geoms without the tool."""
         listed, n = data.contact, data.ncon
-        geoms = np.sort(self._shapes.geoms_of(contacts), axis=1)
+        geoms = np.sort(self._shapes.geoms_of_contacts, axis=1)
         pairs = np.sort(np.column_stack([listed.geom1, listed.geom2])[:n], axis=1)
         points, loads = np.asarray(listed.pos)[:n], self._loads(data)
         others = contacts["a_kind"] != haptic.TOOL_LINK

@@ -18,7 +18,8 @@ import numpy as np
 import haptic
 from haptic._library import load_proximity
 
-_KINDS = {"sphere": 0, "capsule": 1, "cylinder": 2, "box": 3, "ellipsoid": 4, "hull": 5, "half_space": 6}
+_KINDS = {"sphere": 0, "capsule": 1, "cylinder": 2, "box": 3, "ellipsoid": 4, "hull": 5, "half_space": 6,
+          "mesh": 7}
 _POSE = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)])
 
 
@@ -26,12 +27,15 @@ class Shape(ctypes.Structure):
     """As haptic_shape in haptic_proximity.h."""
     _fields_ = [("kind", ctypes.c_int32), ("side", ctypes.c_int32), ("index", ctypes.c_uint32),
                 ("group", ctypes.c_uint32), ("mask", ctypes.c_uint32), ("vertex_count", ctypes.c_uint32),
-                ("size", ctypes.c_double * 3), ("vertices", ctypes.c_void_p)]
+                ("size", ctypes.c_double * 3), ("vertices", ctypes.c_void_p), ("triangles", ctypes.c_void_p),
+                ("triangle_count", ctypes.c_size_t)]
 
 
 def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index: int = 0, group: int = 1,
-          mask: int = 1, vertices: Optional[np.ndarray] = None) -> Shape:
-    """kind: sphere, capsule, cylinder, box, ellipsoid, hull or half_space; size as haptic_proximity.h says."""
+          mask: int = 1, vertices: Optional[np.ndarray] = None, triangles: Optional[np.ndarray] = None) -> Shape:
+    """kind: sphere, capsule, cylinder, box, ellipsoid, hull, half_space or mesh; size as haptic_proximity.h says.
+
+    vertices: (n, 3), m, of a hull or mesh; triangles: (m, 3), vertices of a mesh, counter-clockwise seen from outside."""
     if kind not in _KINDS:
         raise haptic.HapticError(f"kind {kind!r} must be one of {', '.join(_KINDS)}")
     made = Shape(kind=_KINDS[kind], side=side, index=index, group=group, mask=mask)
@@ -39,6 +43,9 @@ def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index
     if vertices is not None:
         made.kept = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
         made.vertices, made.vertex_count = made.kept.ctypes.data, len(made.kept)
+    if triangles is not None:
+        made.corners = np.ascontiguousarray(triangles, dtype=np.uint32).reshape(-1, 3)
+        made.triangles, made.triangle_count = made.corners.ctypes.data, len(made.corners)
     return made
 
 
@@ -72,6 +79,9 @@ class Proximity:
             raise haptic.HapticError(error.value.decode())
         self._poses = np.zeros(len(shapes), _POSE)
         self._contacts = haptic.contacts(haptic.MAX_CONTACTS)
+        self._shapes = np.zeros((haptic.MAX_CONTACTS, 2), np.uint32)
+        self.shapes = self._shapes[:0]
+        """Places of both shapes of each contact of the latest find(): a, b."""
 
     def __del__(self) -> None:
         if self._proximity:
@@ -91,5 +101,6 @@ class Proximity:
         if zero.size:
             raise haptic.HapticError(f"the rotation of shape {zero[0]} must not be zero")
         count = self._library.haptic_proximity_find(self._proximity, self._poses.ctypes.data, epsilon,
-                                                    self._contacts.ctypes.data)
+                                                    self._contacts.ctypes.data, self._shapes.ctypes.data)
+        self.shapes = self._shapes[:count].copy()
         return self._contacts[:count].copy()

@@ -2,25 +2,25 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
-#include "hlm/geometry/feature.h"
-#include "hlm/world/virtual_tool.h"
-#include "hlm/world/world.h"
+#include "hlm/geometry/pieces.h"
 
-namespace hlm::ve {
+namespace hlm::geometry {
 
-/// Whether a contact that Proximity found is with a mesh that is a skin of triangles.
-bool is_on_skin(const World& world, const FoundContact& contact);
+/// Whether a contact is with a mesh that is a skin of triangles.
+bool is_on_skin(const Pieces& pieces, const FoundContact& contact);
 
 /// Gives contacts with meshes that are skins of triangles names of their own, which go on where a
 /// contact leaves one triangle for the next. By feature pairs it would be another one there, and
 /// the proxy's deformation would be lost at each edge.
 class SkinContacts {
  public:
-  /// Renames those of a frame's contacts that are with a skin. `tool`: in the pose in which they
-  /// were found. Call once a frame.
-  void name(const World& world, const VirtualTool& tool, std::vector<FoundContact>& contacts);
+  /// Renames those of a frame's contacts that are with a skin. `X_WL`: the poses of the tool's
+  /// links in which they were found. Call once a frame.
+  void name(const Pieces& pieces, const std::function<Pose(int link)>& X_WL,
+            std::vector<FoundContact>& contacts);
 
  private:
   struct Known {
@@ -34,4 +34,4 @@ class SkinContacts {
   std::uint32_t next_ = 0;
 };
 
-}  // namespace hlm::ve
+}  // namespace hlm::geometry

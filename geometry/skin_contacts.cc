@@ -1,10 +1,10 @@
-#include "hlm/world/skin_contacts.h"
+#include "hlm/geometry/skin_contacts.h"
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-namespace hlm::ve {
+namespace hlm::geometry {
 namespace {
 
 /// Distance that a contact's point may go on the tool within a frame, m: along an edge, or on a
@@ -14,7 +14,7 @@ constexpr double kReach = 0.005;
 /// but one. A sharper edge is felt as one.
 constexpr double kCone = 0.5;
 /// Distance that counts as much as a turn of 1 rad, m.
-constexpr double kNormalLength = 0.01;
+constexpr double kTurnLength = 0.01;
 
 /// A contact of the frame before that may go on in one of this frame.
 struct Candidate {
@@ -25,23 +25,20 @@ struct Candidate {
 
 }  // namespace
 
-bool is_on_skin(const World& world, const FoundContact& contact) {
-  const ContactSide& b = contact.key.b;
-  if (b.kind == SideKind::kToolLink) return false;
-  const CollisionId id{static_cast<int>(b.index), static_cast<int>(contact.key.b_feature.shape)};
-  return world.collision(id).mesh != nullptr;
+bool is_on_skin(const Pieces& pieces, const FoundContact& contact) {
+  return contact.key.b.kind != SideKind::kToolLink && pieces.of(contact.other).mesh != nullptr;
 }
 
-void SkinContacts::name(const World& world, const VirtualTool& tool,
+void SkinContacts::name(const Pieces& pieces, const std::function<Pose(int link)>& X_WL,
                         std::vector<FoundContact>& contacts) {
   std::vector<Known> now;
   std::vector<std::size_t> places;  // Indices of `now` among the contacts.
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     const FoundContact& contact = contacts[i];
-    if (!is_on_skin(world, contact)) continue;
+    if (!is_on_skin(pieces, contact)) continue;
     const Vector3 p_W = contact.p_WC + contact.separation * contact.n_W;
-    const Pose& X_WL = tool.X_WB(static_cast<int>(contact.key.a.index));
-    now.push_back({contact.key, contact.key, X_WL.inverse() * p_W, contact.n_W});
+    const Pose X_LW = X_WL(static_cast<int>(contact.key.a.index)).inverse();
+    now.push_back({contact.key, contact.key, X_LW * p_W, contact.n_W});
     places.push_back(i);
   }
 
@@ -64,7 +61,7 @@ void SkinContacts::name(const World& world, const VirtualTool& tool,
       const double distance = (known_[k].p_L - now[i].p_L).norm();
       const double turn = (known_[k].n_W - now[i].n_W).norm();
       if (distance > kReach || turn > kCone) continue;
-      candidates.push_back({distance + kNormalLength * turn, k, i});
+      candidates.push_back({distance + kTurnLength * turn, k, i});
     }
   }
   std::ranges::stable_sort(candidates, {}, &Candidate::difference);
@@ -83,4 +80,4 @@ void SkinContacts::name(const World& world, const VirtualTool& tool,
   known_ = std::move(now);
 }
 
-}  // namespace hlm::ve
+}  // namespace hlm::geometry

@@ -1,0 +1,224 @@
+#include "hlm/client/shape_contacts.h"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "hlm/geometry/mesh_pieces.h"
+#include "hlm/geometry/select_pairs.h"
+
+namespace hlm {
+namespace {
+
+using namespace geometry;
+
+/// A pose that is off by no more, m per m from the origin and rad, is the same: single precision.
+constexpr double kSamePlace = 1e-5;
+constexpr double kSamePlaceFar = 1e-6;
+constexpr double kSameTurn = 1e-5;
+
+bool is_usable(const Pose& X) {
+  return X.p.allFinite() && X.R.coeffs().allFinite() && X.R.squaredNorm() > 0;
+}
+
+Pose normalised(const Pose& X) { return {X.p, X.R.normalized()}; }
+
+bool are_same(const Pose& a, const Pose& b) {
+  return (a.p - b.p).norm() <= kSamePlace + kSamePlaceFar * a.p.norm() &&
+         a.R.angularDistance(b.R) <= kSameTurn;
+}
+
+}  // namespace
+
+ShapeContacts::ShapeContacts(std::vector<BodyShape> shapes, MayTouch may_touch)
+    : may_touch_(std::move(may_touch)) {
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    try {
+      add(i, std::move(shapes[i]));
+    } catch (const std::exception& error) {
+      throw std::invalid_argument("shape " + std::to_string(i) + ": " + error.what());
+    }
+  }
+}
+
+void ShapeContacts::add(std::size_t place, BodyShape given) {
+  Entry& entry = shapes_.emplace_back();
+  entry.side = given.side;
+  if (auto* shape = std::get_if<Shape>(&given.shape)) {
+    if (std::holds_alternative<HalfSpace>(*shape) && given.side.kind != SideKind::kWorld) {
+      throw std::invalid_argument("a half-space must be the world's");
+    }
+    entry.pieces.emplace_back(*shape);
+    return;
+  }
+  const Mesh mesh =
+      repaired(std::get<Mesh>(std::move(given.shape)), std::to_string(place), repairs_);
+  if (is_convex(mesh)) {
+    entry.pieces.emplace_back(Hull{mesh.points});
+    return;
+  }
+  if (given.side.kind == SideKind::kToolLink) {
+    throw std::invalid_argument("a mesh of the tool must be convex: divide it into hulls");
+  }
+  entry.mesh = std::make_unique<Mesh>(mesh);
+  for (const Hull& hull : skin_of(mesh)) entry.pieces.emplace_back(hull);
+}
+
+/// Finds which shapes move as one, by their sides and by where they are.
+void ShapeContacts::arrange(std::span<const Pose> X_WS) {
+  bodies_.clear();
+  shape_of_.clear();
+  std::map<ContactSide, int> known;
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    Entry& entry = shapes_[i];
+    entry.is_loose = entry.is_loose || !is_usable(X_WS[i]);
+    entry.body = static_cast<int>(bodies_.size());
+    if (!entry.is_loose) entry.body = known.try_emplace(entry.side, entry.body).first->second;
+    const auto body = static_cast<std::size_t>(entry.body);
+    if (body == bodies_.size()) {
+      const bool is_fixed =
+          !entry.is_loose && entry.side.kind == SideKind::kWorld && !moved_.contains(entry.side);
+      bodies_.push_back({.side = entry.side, .shape = i, .is_fixed = is_fixed});
+      shape_of_.emplace_back();
+    }
+    const Pose X_WF = bodies_[body].is_fixed ? Pose{} : normalised(X_WS[bodies_[body].shape]);
+    entry.X_FS = entry.is_loose ? Pose{} : X_WF.inverse() * normalised(X_WS[i]);
+    entry.first_piece = static_cast<int>(shape_of_[body].size());
+    shape_of_[body].insert(shape_of_[body].end(), entry.pieces.size(), i);
+  }
+  std::vector<PieceSource> sources;
+  for (const Entry& entry : shapes_) {
+    for (std::size_t i = 0; i < entry.pieces.size(); ++i) {
+      sources.push_back({.id = {entry.body, entry.first_piece + static_cast<int>(i)},
+                         .convex = &entry.pieces[i],
+                         .X_FG = entry.X_FS,
+                         .fixed = bodies_[static_cast<std::size_t>(entry.body)].is_fixed,
+                         .mesh = entry.mesh.get(),
+                         .triangle = i});
+    }
+  }
+  std::ranges::sort(sources, {}, &PieceSource::id);
+  pieces_ = std::make_unique<Pieces>(sources);
+  std::vector<ContactFinder::Body> of_finder;
+  for (const Body& body : bodies_) {
+    const bool of_tool = body.side.kind == SideKind::kToolLink;
+    of_finder.push_back({.link = of_tool ? static_cast<int>(body.side.index) : -1,
+                         .movable = body.side.kind == SideKind::kMovableBody});
+  }
+  finder_ = std::make_unique<ContactFinder>(
+      *pieces_, std::move(of_finder),
+      [this](const CollisionId& a, const CollisionId& b) { return may_touch(a, b); });
+}
+
+/// Moves the bodies. False if a shape has moved against its body, which is arranged anew then.
+bool ShapeContacts::place(std::span<const Pose> X_WS) {
+  bool fits = true;
+  X_WB_.assign(bodies_.size(), Pose{});
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    Body& body = bodies_[i];
+    body.is_placed = body.is_fixed || is_usable(X_WS[body.shape]);
+    if (body.is_fixed || !body.is_placed) continue;
+    X_WB_[i] = normalised(X_WS[body.shape]);
+    finder_->place(static_cast<int>(i), X_WB_[i]);
+  }
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    Entry& entry = shapes_[i];
+    const auto body = static_cast<std::size_t>(entry.body);
+    if (entry.is_loose) continue;
+    const bool stays =
+        is_usable(X_WS[i]) && are_same(X_WB_[body] * entry.X_FS, normalised(X_WS[i]));
+    if (stays) continue;
+    fits = false;
+    if (bodies_[body].is_fixed && is_usable(X_WS[i])) {
+      moved_.insert(entry.side);
+    } else {
+      entry.is_loose = true;
+    }
+  }
+  return fits;
+}
+
+std::size_t ShapeContacts::shape_of(const CollisionId& piece) const {
+  return shape_of_[static_cast<std::size_t>(piece.body)][static_cast<std::size_t>(piece.shape)];
+}
+
+bool ShapeContacts::may_touch(const CollisionId& a, const CollisionId& b) const {
+  const Body& body_a = bodies_[static_cast<std::size_t>(a.body)];
+  const Body& body_b = bodies_[static_cast<std::size_t>(b.body)];
+  if (!body_a.is_placed || !body_b.is_placed) return false;
+  if (body_b.side.kind == SideKind::kToolLink || body_a.side == body_b.side) return false;
+  return !may_touch_ || may_touch_(shape_of(a), shape_of(b));
+}
+
+std::span<const ShapeContacts::Found> ShapeContacts::find(std::span<const Pose> X_WS,
+                                                          double epsilon) {
+  if (!finder_) arrange(X_WS);
+  while (!place(X_WS)) arrange(X_WS);  // Each time more shapes are on their own.
+  found_.clear();
+  find_of_tool(epsilon);
+  find_of_bodies(epsilon);
+  return found_;
+}
+
+void ShapeContacts::find_of_tool(double epsilon) {
+  std::vector<int> links;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const bool of_tool = bodies_[i].side.kind == SideKind::kToolLink && bodies_[i].is_placed;
+    if (of_tool) links.push_back(static_cast<int>(i));
+  }
+  const auto found = finder_->find(links, {.epsilon = epsilon, .all_axes = true, .of_tool = true});
+  std::vector<FoundContact> contacts(found.begin(), found.end());
+  const auto X_WL = [&](int link) {
+    const auto of_link = std::ranges::find_if(links, [&](int body) {
+      return static_cast<int>(bodies_[static_cast<std::size_t>(body)].side.index) == link;
+    });
+    return X_WB_[static_cast<std::size_t>(*of_link)];
+  };
+  skin_contacts_.name(*pieces_, X_WL, contacts);
+  const auto all = [](const ContactSide&) { return true; };
+  for (const FoundContact& contact :
+       select_pairs(selection_, std::move(contacts), epsilon, {}, all)) {
+    report(contact);
+  }
+}
+
+void ShapeContacts::find_of_bodies(double epsilon) {
+  std::vector<int> near;  // In the order in which they were met.
+  const auto meet = [&](const CollisionId& other) {
+    const bool movable =
+        bodies_[static_cast<std::size_t>(other.body)].side.kind == SideKind::kMovableBody;
+    if (movable && std::ranges::find(near, other.body) == near.end()) near.push_back(other.body);
+  };
+  for (const Found& found : found_) meet({shapes_[found.shape_b].body, 0});
+  std::vector<FoundContact> contacts;
+  std::size_t done = 0;
+  for (int hop = 0; hop < 2; ++hop) {
+    for (const std::size_t end = near.size(); done < end; ++done) {
+      for (const FoundContact& contact : finder_->find({&near[done], 1}, {.epsilon = epsilon})) {
+        const auto known = near.begin() + static_cast<std::ptrdiff_t>(done);
+        if (std::find(near.begin(), known, contact.other.body) != known) continue;
+        contacts.push_back(contact);
+      }
+      for (const FoundContact& contact : contacts) meet(contact.other);
+    }
+  }
+  const std::size_t room = kMaxContacts - found_.size();
+  if (contacts.size() > room) {
+    const auto selected = ContactSelection().select(contacts, {});
+    contacts.assign(selected.begin(), selected.end());
+  }
+  for (const FoundContact& contact : contacts) report(contact);
+}
+
+void ShapeContacts::report(const FoundContact& contact) {
+  Found& found = found_.emplace_back();
+  found.contact = reports_of({&contact, 1})[0];
+  found.shape_a = shape_of(contact.own);
+  found.shape_b = shape_of(contact.other);
+  found.contact.a = shapes_[found.shape_a].side;
+  found.contact.b = shapes_[found.shape_b].side;
+}
+
+}  // namespace hlm

@@ -1,0 +1,98 @@
+// Contacts for engines whose own are late, few or nameless: shapes once, their poses in each step.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <set>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "hlm/common/contact.h"
+#include "hlm/geometry/contact_finder.h"
+#include "hlm/geometry/mesh.h"
+#include "hlm/geometry/select.h"
+#include "hlm/geometry/shape.h"
+#include "hlm/geometry/skin_contacts.h"
+
+namespace hlm {
+
+/// A shape of the world, of a link of the tool or of a movable body. A mesh is the world's or a
+/// body's.
+struct BodyShape {
+  std::variant<geometry::Shape, geometry::Mesh> shape;
+  ContactSide side;
+};
+
+/// What is fixed to each other is one surface: the shapes of one link or body, and all shapes of
+/// the world that have not moved since the first call.
+class ShapeContacts {
+ public:
+  /// Whether two shapes may touch, by their places in the list. Those of one side never do, nor do
+  /// links of the tool.
+  using MayTouch = std::function<bool(std::size_t a, std::size_t b)>;
+
+  struct Found {
+    ReportedContact contact;  ///< Velocity and load are 0, friction is the server's.
+    std::size_t shape_a = 0;  ///< Places in the list.
+    std::size_t shape_b = 0;
+  };
+
+  /// Throws std::invalid_argument, which names the shape by its place, if one cannot be used.
+  explicit ShapeContacts(std::vector<BodyShape> shapes, MayTouch may_touch = {});
+
+  /// Contacts within epsilon (m, >= 0) with the shapes' frames at these poses: of the tool with all
+  /// others, on all axes of each pair; then of the bodies that it has contacts with, and of those
+  /// that these have contacts with. Of more than there is room for, those that tell most of where
+  /// the tool or body can go. At most kMaxContacts. A shape whose pose is not finite, or whose
+  /// rotation is of length 0, has none. Valid until the next call.
+  std::span<const Found> find(std::span<const Pose> X_WS, double epsilon);
+
+  /// What was repaired in meshes, one line each.
+  std::span<const std::string> repairs() const { return repairs_; }
+
+ private:
+  /// A shape, and where it is fixed.
+  struct Entry {
+    ContactSide side;
+    std::vector<geometry::Convex> pieces;
+    std::unique_ptr<geometry::Mesh> mesh;  ///< What the pieces are the skin of, or null.
+    int body = 0;
+    int first_piece = 0;    ///< Of the body's.
+    Pose X_FS;              ///< In the body, or in the world if that is fixed.
+    bool is_loose = false;  ///< It has moved against its body: it is one of its own.
+  };
+
+  /// Shapes that move as one.
+  struct Body {
+    ContactSide side;
+    std::size_t shape = 0;  ///< That whose frame is the body's.
+    bool is_fixed = false;
+    bool is_placed = false;  ///< Its pose is finite.
+  };
+
+  void add(std::size_t place, BodyShape shape);
+  void arrange(std::span<const Pose> X_WS);
+  bool place(std::span<const Pose> X_WS);
+  bool may_touch(const geometry::CollisionId& a, const geometry::CollisionId& b) const;
+  std::size_t shape_of(const geometry::CollisionId& piece) const;
+  void find_of_tool(double epsilon);
+  void find_of_bodies(double epsilon);
+  void report(const geometry::FoundContact& contact);
+
+  std::vector<Entry> shapes_;
+  MayTouch may_touch_;
+  std::vector<std::string> repairs_;
+  std::set<ContactSide> moved_;  ///< Sides of the world that have moved.
+  std::vector<Body> bodies_;
+  std::vector<std::vector<std::size_t>> shape_of_;  ///< [body][piece].
+  std::unique_ptr<geometry::Pieces> pieces_;
+  std::unique_ptr<geometry::ContactFinder> finder_;
+  geometry::ContactSelection selection_;
+  geometry::SkinContacts skin_contacts_;
+  std::vector<Pose> X_WB_;
+  std::vector<Found> found_;
+};
+
+}  // namespace hlm

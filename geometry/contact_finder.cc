@@ -1,0 +1,208 @@
+#include "hlm/geometry/contact_finder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "hlm/geometry/merge.h"
+#include "hlm/geometry/mesh_normals.h"
+#include "hlm/geometry/mesh_pieces.h"
+
+namespace hlm::geometry {
+namespace {
+
+/// Overlap at an internal edge from which on a narrow tool may be past the adjoining sides, m.
+constexpr double kDeepInSeam = 0.0015;
+
+Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double by) {
+  box.min().array() -= by;
+  box.max().array() += by;
+  return box;
+}
+
+/// Whether a planar tool stays apart from a shape, however it moves.
+bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W) {
+  constexpr double kAlong = 1e-6;  // Sine: rounding.
+  for (std::size_t i = 0; i < manifold.size();) {
+    const ManifoldPoint& first = manifold[i];
+    double gap = std::numeric_limits<double>::infinity();
+    for (; i < manifold.size() && manifold[i].axis == first.axis; ++i) {
+      gap = std::min(gap, manifold[i].separation);
+    }
+    if (gap > 0 && first.n_W.cross(planar_normal_W).norm() <= kAlong) return true;
+  }
+  return false;
+}
+
+/// For a tool next to a triangle of a skin, over one that rises from it: the contact with the
+/// triangle's plane, which it will meet next. Else what was found.
+AxesManifold with_plane(const AxesManifold& found, const Piece& piece, const Convex& tool,
+                        const Pose& X_WT, const Pose& X_WG, double epsilon) {
+  if (found.empty()) return found;
+  const Pose X_GW = X_WG.inverse();
+  const ManifoldPoint& nearest = *std::ranges::min_element(found, {}, &ManifoldPoint::separation);
+  const Vector3 p_G = X_GW * nearest.p_WC;
+  if (is_normal(*piece.mesh, piece.triangle, p_G, X_GW.R * nearest.n_W).value_or(true)) {
+    return found;
+  }
+  const Vector3 n_G = piece.mesh->area(piece.triangle).normalized();
+  const Vector3 n_W = X_WG.R * n_G;
+  const Vector3 n_T = X_WT.R.conjugate() * n_W;
+  const Vector3 p_T = tool.support(-n_T);
+  const Vector3 p_W = X_WT * Vector3(p_T - tool.margin() * n_T);
+  if (!is_concave(*piece.mesh, piece.triangle, p_G, X_GW * p_W)) return found;
+  const double height = n_W.dot(p_W - X_WG * piece.mesh->corner(piece.triangle, 0));
+  if (height > epsilon) return {};
+  return {{.tool_feature = tool.feature_at(p_T),
+           .body_feature = piece.convex->facing(n_G).feature,
+           .p_WC = p_W - height * n_W,
+           .n_W = n_W,
+           .separation = height}};
+}
+
+}  // namespace
+
+ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, MayTouch may_touch,
+                             const std::optional<Vector3>& planar_normal_W)
+    : pieces_(pieces),
+      bodies_(std::move(bodies)),
+      may_touch_(std::move(may_touch)),
+      planar_normal_W_(planar_normal_W),
+      X_WB_(bodies_.size()) {
+  for (const Assembly& assembly : pieces.assemblies()) {
+    const Eigen::AlignedBox3d box = assembly.tree.bounds();
+    reach_.push_back(box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).norm());
+  }
+}
+
+Pose ContactFinder::X_WG(const Piece& piece) const {
+  if (pieces_.is_fixed(piece.id.body)) return piece.X_FG;
+  return X_WB_[static_cast<std::size_t>(piece.id.body)] * piece.X_FG;
+}
+
+/// Finds the pieces of other bodies whose bounds are within ε of a piece's.
+void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon) {
+  near_.clear();
+  const Eigen::AlignedBox3d box_W = inflated(own.convex->bounds(X_WG), epsilon);
+  const double radius = box_W.diagonal().norm() / 2;
+  const auto assemblies = pieces_.assemblies();
+  for (std::size_t i = 0; i < assemblies.size(); ++i) {
+    const Assembly& assembly = assemblies[i];
+    if (assembly.body == own.id.body) continue;
+    Eigen::AlignedBox3d box_F = box_W;
+    if (assembly.body != Assembly::kFixed) {
+      const Pose& X_WF = X_WB_[static_cast<std::size_t>(assembly.body)];
+      // Not `>`: what is unbounded or not finite goes on to the exact test.
+      if ((X_WF.p - box_W.center()).norm() > reach_[i] + radius) continue;
+      box_F = inflated(own.convex->bounds(X_WF.inverse() * X_WG), epsilon);
+    }
+    const auto meets = [&](const BoxTree::Box& box) { return box_F.intersects(box); };
+    assembly.tree.visit(meets, [&](std::size_t place) {
+      const Piece& other = *assembly.pieces[place];
+      const bool is_near = other.id.body != own.id.body && meets(other.bounds_F);
+      if (is_near && may_touch_(own.id, other.id)) near_.push_back(&other);
+    });
+  }
+  std::ranges::sort(near_, {}, &Piece::id);
+}
+
+std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
+                                                  const Search& search) {
+  contacts_.clear();
+  lost_ = false;
+  if (search.of_tool) {
+    if (search.remembers) {
+      sides_before_.swap(sides_);
+      sides_.clear();
+    } else {
+      sides_before_ = sides_;
+    }
+  }
+  for (const int body : bodies) {
+    for (const Piece& own : pieces_.of(body)) {
+      const Pose X_WG = this->X_WG(own);
+      find_near(own, X_WG, search.epsilon);
+      for (const Piece* other : near_) add_pair(own, X_WG, *other, search);
+    }
+  }
+  if (std::exchange(shared_, false)) merge_same(contacts_, pieces_);
+  if (search.all_axes) keep_whole_pairs(contacts_);
+  return contacts_;
+}
+
+void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& other,
+                             const Search& search) {
+  Pair pair{.own = own, .other = other, .X_WG = X_WG, .X_WO = this->X_WG(other)};
+  const Body& body = body_of(own);
+  const bool of_tool = search.of_tool && body_of(other).link < 0;
+  pair.keeps_side = of_tool && body_of(other).movable;
+  pair.passes_beside =
+      of_tool && body.link == 0 && planar_normal_W_ && pieces_.is_fixed(other.id.body);
+  // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
+  const bool looks_ahead =
+      of_tool && !pair.keeps_side && own.adjoining.empty() && other.adjoining.empty();
+  if (looks_ahead && search.travel_W) pair.travel_W = search.travel_W(body.link, X_WG.p);
+  std::optional<Vector3> before;
+  if (pair.keeps_side) {
+    const auto known = sides_before_.find({own.id, other.id});
+    if (known != sides_before_.end()) before = known->second;
+  }
+  const std::size_t first = contacts_.size();
+  const double overlap = add_contacts(pair, search, before);
+  if (contacts_.size() > first) return;
+  // Deep in a skin the nearest way out of a piece may lead through the mesh.
+  if (other.mesh && overlap > 0) {
+    add_contacts(pair, search, other.mesh->area(other.triangle).normalized());
+  } else {
+    lost_ = lost_ || overlap > kDeepInSeam;
+  }
+}
+
+AxesManifold ContactFinder::manifold_of(const Pair& pair, const Search& search,
+                                        const std::optional<Vector3>& near_O) {
+  const Convex& own = *pair.own.convex;
+  const Convex& other = *pair.other.convex;
+  // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
+  if (search.all_axes && !pair.other.mesh) {
+    return find_axes(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_, near_O,
+                     pair.travel_W);
+  }
+  const Manifold best =
+      find_contacts(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_, near_O);
+  const AxesManifold manifold(best.begin(), best.end());
+  if (!pair.other.mesh) return manifold;
+  return with_plane(manifold, pair.other, own, pair.X_WG, pair.X_WO, search.epsilon);
+}
+
+/// Adds the contacts of a pair on its surfaces; with near_O near this normal (frame of the other
+/// shape). Returns how deep the two convex shapes overlap, m.
+double ContactFinder::add_contacts(const Pair& pair, const Search& search,
+                                   const std::optional<Vector3>& near_O) {
+  const auto& [own, other, X_WG, X_WO, travel_W, keeps_side, beside] = pair;
+  const AxesManifold manifold = manifold_of(pair, search, near_O);
+  if (manifold.empty()) return 0;
+  const double overlap =
+      std::max(0.0, -std::ranges::min(manifold, {}, &ManifoldPoint::separation).separation);
+  // Along its triangle's normal it is on another side of the mesh.
+  if (other.mesh && near_O && overlap > kSkinDepth) return overlap;
+  if (beside && passes_beside(manifold, *planar_normal_W_)) return 0;
+  if (keeps_side && search.remembers) {
+    sides_[{own.id, other.id}] = X_WO.R.conjugate() * manifold.front().n_W;
+  }
+  const auto side_of = [&](const Piece& piece, SideKind kind) {
+    const int link = body_of(piece).link;
+    return link >= 0 ? ContactSide{SideKind::kToolLink, static_cast<std::uint32_t>(link)}
+                     : ContactSide{kind, static_cast<std::uint32_t>(piece.id.body)};
+  };
+  const ContactSide a = side_of(own, SideKind::kMovableBody);
+  const ContactSide b = side_of(other, SideKind::kWorld);
+  const std::size_t first = contacts_.size();
+  for (const ManifoldPoint& point : manifold) {
+    contacts_.push_back(found_contact(point, a, own.id, b, other.id));
+    contacts_.back().friction = friction_between(own, other);
+  }
+  shared_ |= resolve_seams(pieces_, {own, X_WG}, {other, X_WO}, contacts_, first);
+  return overlap;
+}
+
+}  // namespace hlm::geometry

@@ -1,0 +1,97 @@
+// Which contacts are there within ε, of the tool or of a body, with all others?
+#pragma once
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "hlm/geometry/manifold.h"
+#include "hlm/geometry/pieces.h"
+#include "hlm/geometry/seams.h"
+
+namespace hlm::geometry {
+
+/// Shapes once, poses whenever they change. A body is a link of a tool or one of the world's.
+class ContactFinder {
+ public:
+  struct Body {
+    int link = -1;         ///< Of the tool; -1: none.
+    bool movable = false;  ///< Where the tool overlaps it, it stays on the side on which it was.
+  };
+  /// Whether two pieces may touch, of different bodies.
+  using MayTouch = std::function<bool(const CollisionId& a, const CollisionId& b)>;
+
+  struct Search {
+    double epsilon = 0;     ///< ε, m, >= 0.
+    bool all_axes = false;  ///< On all near axes of each pair (find_axes()), not the best alone.
+    /// Of the tool: sides are kept, and known from the search before.
+    bool of_tool = false;
+    /// Whether the sides are kept for the next search.
+    bool remembers = true;
+    /// How far a point of a link, now at p_W, is about to move, m; empty: not at all.
+    std::function<Vector3(int link, const Vector3& p_W)> travel_W = {};
+  };
+
+  /// `bodies`: by their numbers in `pieces`, which outlives this. All are at the world's origin.
+  /// `planar_normal_W`: of the plane in which a planar tool's first link moves.
+  ContactFinder(const Pieces& pieces, std::vector<Body> bodies, MayTouch may_touch,
+                const std::optional<Vector3>& planar_normal_W = {});
+
+  /// Sets the pose of a body that is not fixed.
+  void place(int body, const Pose& X_WB) { X_WB_[static_cast<std::size_t>(body)] = X_WB; }
+  Pose X_WG(const Piece& piece) const;
+
+  /// All contacts of some bodies with σ <= ε, in an order that depends on the input alone, without
+  /// velocities and loads. `a` is the side of these bodies, to which normals point; `b` is a link,
+  /// or counts as the world. Valid until the next call.
+  std::span<const FoundContact> find(std::span<const int> bodies, const Search& search);
+  /// Whether a pair overlapped at the latest search by more than what is pressed in at an internal
+  /// edge, and has no contact: a narrow tool is deep in two pieces, past the sides on which they
+  /// adjoin.
+  bool lost() const noexcept { return lost_; }
+
+  const ProximityStatistics& statistics() const noexcept { return statistics_; }
+
+ private:
+  /// A piece of the tool or of a body, and one that it is near.
+  struct Pair {
+    const Piece& own;
+    const Piece& other;
+    Pose X_WG;
+    Pose X_WO;
+    Vector3 travel_W = Vector3::Zero();  ///< How far it is about to move, m; 0: not asked.
+    bool keeps_side = false;             ///< The tool stays on its side of a movable body.
+    bool passes_beside = false;          ///< A planar tool may be beside it for good.
+  };
+
+  const Body& body_of(const Piece& piece) const {
+    return bodies_[static_cast<std::size_t>(piece.id.body)];
+  }
+  void find_near(const Piece& own, const Pose& X_WG, double epsilon);
+  void add_pair(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
+  double add_contacts(const Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
+  AxesManifold manifold_of(const Pair& pair, const Search& search,
+                           const std::optional<Vector3>& near_O);
+
+  /// Normals between pieces of the tool and of movable bodies, in the frame of the latter.
+  using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
+
+  const Pieces& pieces_;
+  std::vector<Body> bodies_;
+  MayTouch may_touch_;
+  std::optional<Vector3> planar_normal_W_;
+  std::vector<Pose> X_WB_;
+  std::vector<double> reach_;  ///< Radius of the ball about an assembly's origin that holds it, m.
+  std::vector<const Piece*> near_;
+  std::vector<FoundContact> contacts_;
+  bool shared_ = false;  ///< Whether pieces may have found the same contact.
+  bool lost_ = false;
+  Sides sides_before_;  ///< Sides at the search of the tool before.
+  Sides sides_;         ///< Sides at the present or latest one.
+  ProximityStatistics statistics_;
+};
+
+}  // namespace hlm::geometry

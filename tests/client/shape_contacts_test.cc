@@ -1,0 +1,186 @@
+// Contacts from shapes and poses alone, as the C interface, Python, MuJoCo and Bullet have them.
+#include "hlm/client/shape_contacts.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "tests/support/catch.h"
+
+namespace hlm {
+namespace {
+
+using geometry::Box;
+using geometry::HalfSpace;
+using geometry::Mesh;
+using geometry::Sphere;
+
+constexpr double kEpsilon = 0.005;  // m
+constexpr ContactSide kTool{SideKind::kToolLink, 0};
+constexpr ContactSide kWorld{SideKind::kWorld, 0};
+
+BodyShape box(const Vector3& size, const ContactSide& side) { return {Box{size}, side}; }
+Pose at(double x, double y, double z) { return {Vector3(x, y, z), Quaternion::Identity()}; }
+
+/// A closed box of triangles, centred.
+Mesh box_mesh(const Vector3& size) {
+  Mesh mesh;
+  for (int i = 0; i < 8; ++i) {
+    mesh.points.push_back(
+        Vector3(i & 1 ? 0.5 : -0.5, i & 2 ? 0.5 : -0.5, i & 4 ? 0.5 : -0.5).cwiseProduct(size));
+  }
+  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  return mesh;
+}
+
+/// The largest sideways part of a normal.
+double sideways(std::span<const ShapeContacts::Found> found) {
+  double most = 0;
+  for (const auto& one : found) most = std::max(most, one.contact.n_W.head<2>().norm());
+  return most;
+}
+
+/// The largest sideways part of a normal while a cube that is pressed in by 1 mm slides over a
+/// floor of slabs, each of which is 80 mm long and has its top at z = 0.
+double sideways_on_slabs(const std::function<ContactSide(std::uint32_t)>& side) {
+  std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kTool)};
+  std::vector<Pose> X_WS{at(-0.1, 0, 0.019)};
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    shapes.push_back(box({0.08, 0.3, 0.05}, side(i)));
+    X_WS.push_back(at(-0.16 + 0.08 * i, 0, -0.025));
+  }
+  ShapeContacts contacts(shapes);
+  double most = 0;
+  for (; X_WS[0].p.x() < 0.1; X_WS[0].p.x() += 0.0007) {
+    const auto found = contacts.find(X_WS, kEpsilon);
+    const bool bears = std::ranges::count_if(found, [](const auto& one) {
+                         return std::abs(one.contact.separation + 0.001) < 1e-6;
+                       }) >= 4;
+    CHECK(bears);
+    most = std::max(most, sideways(found));
+  }
+  return most;
+}
+
+TEST_CASE("Slabs that stand still or are fixed to each other are one floor, whosever they are") {
+  CHECK(sideways_on_slabs([](std::uint32_t) { return kWorld; }) < 1e-9);
+  CHECK(sideways_on_slabs([](std::uint32_t i) { return ContactSide{SideKind::kWorld, i}; }) < 1e-9);
+  const ContactSide body{SideKind::kMovableBody, 3};
+  CHECK(sideways_on_slabs([&](std::uint32_t) { return body; }) < 1e-9);
+}
+
+TEST_CASE("A slab of the world that moves is no longer part of the floor") {
+  std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kTool),
+                                box({0.2, 0.2, 0.1}, {SideKind::kWorld, 1}),
+                                box({0.2, 0.2, 0.1}, {SideKind::kWorld, 2})};
+  std::vector<Pose> X_WS{at(0, 0, 0.019), at(-0.1, 0, -0.05), at(0.1, 0, -0.05)};
+  ShapeContacts contacts(shapes);
+  CHECK(sideways(contacts.find(X_WS, kEpsilon)) < 1e-9);
+  X_WS[2].p.z() += 0.03;  // A step, which the tool meets from the side.
+  X_WS[0].p.x() = -0.0195;
+  CHECK(sideways(contacts.find(X_WS, kEpsilon)) > 0.99);
+  X_WS[2].p.z() -= 0.03;  // It came back, but may go again.
+  X_WS[0].p.x() = -0.05;
+  CHECK(sideways(contacts.find(X_WS, kEpsilon)) < 1e-9);
+}
+
+TEST_CASE("Shapes of one body that move against each other are found where they are") {
+  const ContactSide body{SideKind::kMovableBody, 1};
+  ShapeContacts contacts(
+      std::vector<BodyShape>{{Sphere{0.02}, kTool}, {Sphere{0.02}, body}, {Sphere{0.02}, body}});
+  std::vector<Pose> X_WS{at(0, 0, 0), at(0.042, 0, 0), at(0.5, 0, 0)};
+  CHECK(contacts.find(X_WS, kEpsilon).size() == 1);
+  X_WS[2] = at(0, 0.043, 0);
+  const auto found = contacts.find(X_WS, kEpsilon);
+  REQUIRE(found.size() == 2);
+  const double both = found[0].contact.separation + found[1].contact.separation;
+  CHECK(std::abs(both - 0.005) < 1e-6);
+  CHECK(found[0].shape_b != found[1].shape_b);
+}
+
+TEST_CASE("Of 8 x 8 feet under a plate the outermost stay, and all corners of the plate") {
+  std::vector<BodyShape> shapes{box({0.4, 0.4, 0.02}, kTool)};
+  std::vector<Pose> X_WS{at(0, 0, 0.009)};
+  for (int i = 0; i < 64; ++i) {
+    shapes.push_back(box({0.01, 0.01, 0.05}, kWorld));
+    X_WS.push_back(at((i % 8 - 3.5) * 0.39 / 7, (i / 8 - 3.5) * 0.39 / 7, -0.025));
+  }
+  ShapeContacts contacts(shapes);
+  const auto found = contacts.find(X_WS, kEpsilon);
+  CHECK(found.size() <= kMaxContacts);
+  Eigen::AlignedBox3d loaded;
+  for (const auto& one : found) {
+    if (one.contact.separation < 0) loaded.extend(one.contact.p_WC);
+  }
+  CHECK(loaded.sizes().head<2>().minCoeff() > 0.399);
+}
+
+TEST_CASE("A mesh is a solid: a bar that reaches over its edge lies on it") {
+  Mesh step = box_mesh({0.1, 0.1, 0.05});  // Not convex: with a dent in its lower side.
+  step.points.emplace_back(0, 0, 0);
+  step.triangles.erase(step.triangles.begin(), step.triangles.begin() + 2);
+  for (const auto& [a, b] : {std::pair(0, 2), {2, 3}, {3, 1}, {1, 0}}) {
+    step.triangles.push_back({a, b, 8});
+  }
+  for (const ContactSide& side : {kWorld, ContactSide{SideKind::kMovableBody, 1}}) {
+    ShapeContacts contacts({box({0.3, 0.02, 0.02}, kTool), {step, side}});
+    for (double x = -0.12; x < 0.12; x += 0.001) {
+      const std::vector<Pose> X_WS{at(x, 0.003, 0.034), at(0, 0, 0)};
+      const auto found = contacts.find(X_WS, kEpsilon);
+      CHECK(sideways(found) < 1e-9);
+      const auto deepest =
+          std::ranges::min(found, {}, [](const auto& one) { return one.contact.separation; });
+      CHECK(std::abs(deepest.contact.separation + 0.001) < 1e-6);
+      CHECK(deepest.contact.n_W.z() > 0.999);
+    }
+  }
+}
+
+TEST_CASE("Bodies near the tool come with their own contacts, those on them too, but no farther") {
+  const auto body = [](std::uint32_t i) { return ContactSide{SideKind::kMovableBody, i}; };
+  std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kTool)};
+  std::vector<Pose> X_WS{at(0, 0, 0)};
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    shapes.push_back(box(Vector3::Constant(0.04), body(i)));
+    X_WS.push_back(at(0, 0, -0.04 * (i + 1)));
+  }
+  ShapeContacts contacts(shapes);
+  std::vector<std::pair<ContactSide, ContactSide>> pairs;
+  for (const auto& one : contacts.find(X_WS, kEpsilon)) {
+    if (one.contact.axis == 0) pairs.emplace_back(one.contact.a, one.contact.b);
+  }
+  std::ranges::sort(pairs);
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  CHECK(pairs == std::vector<std::pair<ContactSide, ContactSide>>{
+                     {kTool, body(0)}, {body(0), body(1)}, {body(1), body(2)}});
+}
+
+TEST_CASE("A shape without a pose has no contacts until it has one") {
+  ShapeContacts contacts(
+      std::vector<BodyShape>{{Sphere{0.02}, kTool}, {HalfSpace{}, kWorld}, {Sphere{0.02}, kWorld}});
+  std::vector<Pose> X_WS{at(0, 0, 0.02), at(0, 0, 0),
+                         at(std::numeric_limits<double>::quiet_NaN(), 0, 0)};
+  CHECK(contacts.find(X_WS, kEpsilon).size() == 1);
+  X_WS[2] = at(0.04, 0, 0.02);
+  CHECK(contacts.find(X_WS, kEpsilon).size() == 2);
+  X_WS[0].R.coeffs().setZero();
+  CHECK(contacts.find(X_WS, kEpsilon).empty());
+}
+
+TEST_CASE("Shapes that cannot be used are named") {
+  using Catch::Matchers::ContainsSubstring;
+  const auto refuses = [](BodyShape shape, const char* what) {
+    CHECK_THROWS_WITH(
+        ShapeContacts(std::vector<BodyShape>{{Sphere{0.02}, kTool}, std::move(shape)}),
+        ContainsSubstring("shape 1") && ContainsSubstring(what));
+  };
+  refuses({Sphere{-1}, kWorld}, "radius");
+  refuses({HalfSpace{}, {SideKind::kMovableBody, 0}}, "half-space must be the world's");
+  refuses({Mesh{}, kWorld}, "triangles");
+  Mesh broken = box_mesh({1, 1, 1});
+  broken.points[3].x() = std::numeric_limits<double>::infinity();
+  refuses({broken, kWorld}, "coordinate inf m");
+}
+
+}  // namespace
+}  // namespace hlm
