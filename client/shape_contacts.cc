@@ -64,6 +64,8 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
   }
   entry.mesh = std::make_unique<Mesh>(mesh);
   for (const Hull& hull : skin_of(mesh)) entry.pieces.emplace_back(hull);
+  if (!mesh.back) return;
+  for (const Hull& hull : skin_of(*mesh.back)) entry.pieces.emplace_back(hull);
 }
 
 /// Finds which shapes move as one, by their sides and by where they are.
@@ -90,13 +92,15 @@ void ShapeContacts::arrange(std::span<const Pose> X_WS) {
   }
   std::vector<PieceSource> sources;
   for (const Entry& entry : shapes_) {
+    const std::size_t triangles = entry.mesh ? entry.mesh->triangles.size() : 1;
     for (std::size_t i = 0; i < entry.pieces.size(); ++i) {
+      const Mesh* front = entry.mesh.get();
       sources.push_back({.id = {entry.body, entry.first_piece + static_cast<int>(i)},
                          .convex = &entry.pieces[i],
                          .X_FG = entry.X_FS,
                          .fixed = bodies_[static_cast<std::size_t>(entry.body)].is_fixed,
-                         .mesh = entry.mesh.get(),
-                         .triangle = i});
+                         .mesh = i < triangles ? front : front->back.get(),
+                         .triangle = i % triangles});
     }
   }
   std::ranges::sort(sources, {}, &PieceSource::id);

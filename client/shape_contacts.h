@@ -57,7 +57,8 @@ class ShapeContacts {
   struct Entry {
     ContactSide side;
     std::vector<geometry::Convex> pieces;
-    std::unique_ptr<geometry::Mesh> mesh;  ///< What the pieces are the skin of, or null.
+    std::unique_ptr<geometry::Mesh>
+        mesh;  ///< What the pieces are the skin of, and then of its back.
     int body = 0;
     int first_piece = 0;    ///< Of the body's.
     Pose X_FS;              ///< In the body, or in the world if that is fixed.

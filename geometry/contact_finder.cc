@@ -14,10 +14,22 @@ namespace {
 /// Overlap at an internal edge from which on a narrow tool may be past the adjoining sides, m.
 constexpr double kDeepInSeam = 0.0015;
 
+/// Cosine to a triangle's normal from which on a tool is pressed onto it and not onto a rim.
+constexpr double kOnFace = 0.7;
+
 Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double by) {
   box.min().array() -= by;
   box.max().array() += by;
   return box;
+}
+
+/// Whether a shape, at X_FG, is farther than `epsilon` before the triangle of a piece of a skin.
+bool is_far_before(const Piece& piece, const Convex& shape, const Pose& X_FG, double epsilon) {
+  if (piece.mesh == nullptr || shape.is_half_space()) return false;
+  const auto& [n_F, offset] = piece.planes[piece.front];
+  const Vector3 n_G = X_FG.R.conjugate() * n_F;
+  const double lowest = n_G.dot(shape.support(-n_G)) - shape.margin();
+  return lowest + n_F.dot(X_FG.p) - offset > epsilon;
 }
 
 /// Whether a planar tool stays apart from a shape, however it moves.
@@ -90,16 +102,18 @@ void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon
     const Assembly& assembly = assemblies[i];
     if (assembly.body == own.id.body) continue;
     Eigen::AlignedBox3d box_F = box_W;
+    Pose X_FG = X_WG;
     if (assembly.body != Assembly::kFixed) {
       const Pose& X_WF = X_WB_[static_cast<std::size_t>(assembly.body)];
-      // Not `>`: what is unbounded or not finite goes on to the exact test.
       if ((X_WF.p - box_W.center()).norm() > reach_[i] + radius) continue;
-      box_F = inflated(own.convex->bounds(X_WF.inverse() * X_WG), epsilon);
+      X_FG = X_WF.inverse() * X_WG;
+      box_F = inflated(own.convex->bounds(X_FG), epsilon);
     }
     const auto meets = [&](const BoxTree::Box& box) { return box_F.intersects(box); };
     assembly.tree.visit(meets, [&](std::size_t place) {
       const Piece& other = *assembly.pieces[place];
-      const bool is_near = other.id.body != own.id.body && meets(other.bounds_F);
+      const bool is_near = other.id.body != own.id.body && meets(other.bounds_F) &&
+                           !is_far_before(other, *own.convex, X_FG, epsilon);
       if (is_near && may_touch_(own.id, other.id)) near_.push_back(&other);
     });
   }
@@ -114,8 +128,11 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
     if (search.remembers) {
       sides_before_.swap(sides_);
       sides_.clear();
+      pressed_before_.swap(pressed_);
+      pressed_.clear();
     } else {
       sides_before_ = sides_;
+      pressed_before_ = pressed_;
     }
   }
   for (const int body : bodies) {
@@ -135,7 +152,9 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   Pair pair{.own = own, .other = other, .X_WG = X_WG, .X_WO = this->X_WG(other)};
   const Body& body = body_of(own);
   const bool of_tool = search.of_tool && body_of(other).link < 0;
-  pair.keeps_side = of_tool && body_of(other).movable;
+  const bool of_sheet = other.mesh != nullptr && other.mesh->is_sheet();
+  if (of_sheet && !is_before_sheet(pair, search)) return;
+  pair.keeps_side = of_tool && body_of(other).movable && !of_sheet;
   pair.passes_beside =
       of_tool && body.link == 0 && planar_normal_W_ && pieces_.is_fixed(other.id.body);
   // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
@@ -156,6 +175,18 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   } else {
     lost_ = lost_ || overlap > kDeepInSeam;
   }
+}
+
+/// Whether the tool or a body is before a piece of a sheet; a tool that is pressed onto it, where
+/// it was at the search before.
+bool ContactFinder::is_before_sheet(const Pair& pair, const Search& search) const {
+  const Piece& piece = pair.other;
+  std::optional<bool> was;
+  if (search.of_tool) {
+    const auto known = pressed_before_.find({pair.own.id, piece.mesh->sheet, piece.triangle});
+    if (known != pressed_before_.end()) was = known->second == piece.mesh;
+  }
+  return is_before(piece, *pair.own.convex, piece.X_FG * (pair.X_WO.inverse() * pair.X_WG), was);
 }
 
 AxesManifold ContactFinder::manifold_of(const Pair& pair, const Search& search,
@@ -194,6 +225,11 @@ double ContactFinder::add_contacts(const Pair& pair, const Search& search,
     return link >= 0 ? ContactSide{SideKind::kToolLink, static_cast<std::uint32_t>(link)}
                      : ContactSide{kind, static_cast<std::uint32_t>(piece.id.body)};
   };
+  if (other.mesh && other.mesh->is_sheet() && overlap > 0 && search.of_tool && search.remembers) {
+    const Vector3 n_O = X_WO.R.conjugate() * manifold.front().n_W;
+    const bool on_face = n_O.dot(other.mesh->area(other.triangle).normalized()) > kOnFace;
+    if (on_face) pressed_[{own.id, other.mesh->sheet, other.triangle}] = other.mesh;
+  }
   const ContactSide a = side_of(own, SideKind::kMovableBody);
   const ContactSide b = side_of(other, SideKind::kWorld);
   const std::size_t first = contacts_.size();

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -72,12 +73,15 @@ class ContactFinder {
   }
   void find_near(const Piece& own, const Pose& X_WG, double epsilon);
   void add_pair(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
+  bool is_before_sheet(const Pair& pair, const Search& search) const;
   double add_contacts(const Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
   AxesManifold manifold_of(const Pair& pair, const Search& search,
                            const std::optional<Vector3>& near_O);
 
   /// Normals between pieces of the tool and of movable bodies, in the frame of the latter.
   using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
+  /// Front or back of the sheets onto which the tool is pressed, by its piece, sheet and triangle.
+  using Pressed = std::map<std::tuple<CollisionId, const Mesh*, std::size_t>, const Mesh*>;
 
   const Pieces& pieces_;
   std::vector<Body> bodies_;
@@ -91,6 +95,8 @@ class ContactFinder {
   bool lost_ = false;
   Sides sides_before_;  ///< Sides at the search of the tool before.
   Sides sides_;         ///< Sides at the present or latest one.
+  Pressed pressed_before_;
+  Pressed pressed_;
   ProximityStatistics statistics_;
 };
 

@@ -161,6 +161,11 @@ class Edges {
   std::map<std::pair<int, int>, std::vector<std::size_t>> triangles_;
 };
 
+/// Turns all triangles.
+void turn(Mesh& mesh) {
+  for (Corners& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+}
+
 }  // namespace
 
 Vector3 Mesh::area(std::size_t triangle) const {
@@ -201,11 +206,17 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
   if (edges.crowded() > 0) say(counted(edges.crowded(), "edge") + " with more than two triangles");
   mesh.closed = edges.open() == 0 && edges.crowded() == 0;
   if (mesh.closed && mesh.volume() < 0) {
-    for (Corners& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+    turn(mesh);
     say("turned, as it was inside out");
   }
   mesh.find_around();
   require_no_fan(mesh, name);
+  if (edges.open() > 0) {
+    const auto back = std::make_shared<Mesh>(mesh);
+    turn(*back);
+    back->sheet = mesh.sheet = back.get();
+    mesh.back = back;
+  }
   return mesh;
 }
 

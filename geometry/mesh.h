@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,11 @@ struct Mesh {
   std::vector<std::array<int, 3>> triangles;
   std::vector<std::vector<std::size_t>> around;  ///< The triangles at each point.
   bool closed = false;  ///< Every edge joins two triangles: the mesh has an inside.
+  /// A mesh with a border is the front of a thin sheet; its back has the same triangles, turned.
+  std::shared_ptr<const Mesh> back;
+  const Mesh* sheet = nullptr;  ///< Of front and back the back.
 
+  bool is_sheet() const { return sheet != nullptr; }
   Vector3 corner(std::size_t triangle, std::size_t i) const {
     return points[static_cast<std::size_t>(triangles[triangle][i])];
   }

@@ -37,7 +37,7 @@ std::vector<Vector3> point_normals(const Mesh& mesh) {
 /// How far the skin may reach from p along the unit vector u, m.
 double depth(const MeshRays& rays, const Vector3& p, const Vector3& u) {
   constexpr double kBesideOrigin = 1e-9;
-  const double opposite = rays.distance(p, u, kBesideOrigin);
+  const double opposite = rays.to_exit(p, u, kBesideOrigin);
   return std::max(kThinnest, std::min(kSkinDepth, kShare * opposite));
 }
 

@@ -35,12 +35,22 @@ std::vector<BoxTree::Box> boxes_of(const Mesh& mesh) {
 MeshRays::MeshRays(const Mesh& mesh) : mesh_(mesh), tree_(boxes_of(mesh)) {}
 
 double MeshRays::distance(const Vector3& p, const Vector3& u, double least) const {
+  return first(p, u, least, [](std::size_t) { return true; });
+}
+
+double MeshRays::to_exit(const Vector3& p, const Vector3& u, double least) const {
+  return first(p, u, least, [&](std::size_t triangle) { return mesh_.area(triangle).dot(u) > 0; });
+}
+
+template <class Counts>
+double MeshRays::first(const Vector3& p, const Vector3& u, double least,
+                       const Counts& counts) const {
   const Vector3 inverse = u.unaryExpr([](double c) { return 1 / (c != 0 ? c : 1e-300); });
   double nearest = kNever;
   tree_.visit([&](const BoxTree::Box& box) { return entry(box, p, inverse) < nearest; },
               [&](std::size_t triangle) {
                 const double hit = to_triangle(p, u, triangle);
-                if (hit > least && hit < nearest) nearest = hit;
+                if (hit > least && hit < nearest && counts(triangle)) nearest = hit;
               });
   return nearest;
 }

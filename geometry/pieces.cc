@@ -22,11 +22,33 @@ Eigen::AlignedBox3d grown(Eigen::AlignedBox3d box, double by) {
   return box;
 }
 
+bool is_of_sheet(const Piece& piece) { return piece.mesh != nullptr && piece.mesh->is_sheet(); }
+
+/// Whether a sheet's triangle is in the plane of a face of a piece, and looks as that does.
+bool is_level_with(const Piece& sheet, const Piece& piece) {
+  const Piece::Plane& front = sheet.planes[sheet.front];
+  return std::ranges::any_of(piece.planes, [&](const Piece::Plane& face) {
+    return (face.n_F - front.n_F).norm() <= kSameDirection &&
+           std::abs(face.offset - front.offset) <= kSeamStep;
+  });
+}
+
+/// Whether what is behind a piece of a sheet counts for another piece, and the other way round: the
+/// front and the back of sheets are apart, and a solid goes on in one where they are level.
+bool may_adjoin(const Piece& a, const Piece& b) {
+  if (!is_of_sheet(a) && !is_of_sheet(b)) return true;
+  if (!is_of_sheet(a)) return is_level_with(b, a);
+  if (!is_of_sheet(b)) return is_level_with(a, b);
+  if (a.mesh == b.mesh) return true;
+  return a.mesh->sheet != b.mesh->sheet && a.planes[a.front].n_F.dot(b.planes[b.front].n_F) > 0;
+}
+
 bool adjoin(const Piece& a, const Piece& b) {
   const Piece& tool = a.convex->is_half_space() ? b : a;
   const Piece& body = a.convex->is_half_space() ? a : b;
   if (tool.convex->is_half_space()) return false;
   if (a.convex->is_ellipsoid() || b.convex->is_ellipsoid()) return false;  // They have no sides.
+  if (!may_adjoin(a, b)) return false;
   const CorePair pair(*tool.convex, tool.X_FG, *body.convex, body.X_FG);
   const double margins = tool.convex->margin() + body.convex->margin();
   if (body.convex->is_half_space()) {
@@ -56,7 +78,44 @@ Vector3 nearest_in_triangle(const Mesh& mesh, std::size_t triangle, const Vector
   return inside ? over : nearest;
 }
 
+/// The faces of a piece at its triangle's edges that no other triangle has, a bit each.
+std::uint32_t rims_of(const Piece& piece) {
+  constexpr double kOnPlane = 1e-7;  // m: rounding.
+  const Mesh& mesh = *piece.mesh;
+  const auto& corners = mesh.triangles[piece.triangle];
+  std::uint32_t rims = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const int from = corners[i];
+    const int to = corners[(i + 1) % 3];
+    const auto& around = mesh.around[static_cast<std::size_t>(from)];
+    const auto has_both = [&](std::size_t t) {
+      return std::ranges::count(mesh.triangles[t], to) > 0;
+    };
+    if (std::ranges::count_if(around, has_both) > 1) continue;
+    for (std::size_t face = 0; face < piece.planes.size() && face < 32; ++face) {
+      const auto& [n_F, offset] = piece.planes[face];
+      const auto is_on = [&](int corner) {
+        const Vector3 p_F = piece.X_FG * mesh.points[static_cast<std::size_t>(corner)];
+        return std::abs(n_F.dot(p_F) - offset) < kOnPlane;
+      };
+      if (face != piece.front && is_on(from) && is_on(to)) rims |= std::uint32_t{1} << face;
+    }
+  }
+  return rims;
+}
+
 }  // namespace
+
+bool is_before(const Piece& piece, const Convex& shape, const Pose& X_FS, std::optional<bool> was) {
+  const auto& [n_F, offset] = piece.planes[piece.front];
+  const Vector3 n_S = X_FS.R.conjugate() * n_F;
+  const double origin = n_F.dot(X_FS.p) - offset;
+  const double highest = n_S.dot(shape.support(n_S)) + shape.margin() + origin;
+  const double lowest = n_S.dot(shape.support(-n_S)) - shape.margin() + origin;
+  if (lowest > 0 || highest < 0) return lowest > 0;
+  const bool is_front = piece.mesh->back != nullptr;
+  return was.value_or(lowest + highest > 0 || (lowest + highest == 0 && is_front));
+}
 
 std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F) {
   const Convex& convex = *piece.convex;
@@ -82,7 +141,8 @@ double friction_between(const Piece& a, const Piece& b) {
 }
 
 bool is_surface(const Piece& piece, const PieceSide& side) {
-  return piece.mesh == nullptr || side.face == piece.front;
+  if (piece.mesh == nullptr || side.face == piece.front) return true;
+  return side.face && (piece.rims >> *side.face & 1) != 0;
 }
 
 Vector3 within(const Piece& piece, const Vector3& p_F) {
@@ -144,6 +204,7 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
       const auto along = [&](const Piece::Plane& plane) { return out_F.dot(plane.n_F); };
       const auto front = std::ranges::max_element(piece.planes, {}, along);
       piece.front = static_cast<std::size_t>(front - piece.planes.begin());
+      if (is_of_sheet(piece)) piece.rims = rims_of(piece);
     }
   }
   first_.push_back(pieces_.size());

@@ -44,7 +44,8 @@ struct Piece {
   double friction = -1;        ///< μ of its material; negative: it does not say.
   const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
   std::size_t triangle = 0;    ///< Triangle of that mesh which the piece is behind.
-  std::size_t front = 0;       ///< The face of a piece of a skin that is the triangle.
+  std::size_t front = 0;       ///< The face of a piece of a skin that is the triangle,
+  std::uint32_t rims = 0;      ///< and those at a sheet's border, a bit each.
   Eigen::AlignedBox3d bounds_F;
   std::vector<Plane> planes;      ///< Planes of the core's faces, in their order.
   std::vector<Surface> surfaces;  ///< Surfaces by face; empty if none goes on in another's.
@@ -55,9 +56,15 @@ struct Piece {
 /// The smaller coefficient of friction of two; negative if neither says.
 double friction_between(const Piece& a, const Piece& b);
 
-/// Whether a side of a piece can be felt: of a piece of a skin only the triangle.
+/// Whether a side of a piece can be felt: of a piece of a skin only the triangle, and a sheet's
+/// rim.
 struct PieceSide;
 bool is_surface(const Piece& piece, const PieceSide& side);
+
+/// Whether a shape with these bounds in F is before the triangle of a piece of a skin. `was`:
+/// whether it was a little earlier, which goes on while it crosses the triangle's plane.
+bool is_before(const Piece& piece, const Convex& shape, const Pose& X_FS,
+               std::optional<bool> was = {});
 
 /// What of a piece's surface is near a point.
 struct PieceSide {

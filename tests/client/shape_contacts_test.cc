@@ -136,6 +136,69 @@ TEST_CASE("A mesh is a solid: a bar that reaches over its edge lies on it") {
   }
 }
 
+/// Two triangles in the plane z = 0, which look down.
+Mesh sheet(double size) {
+  Mesh mesh;
+  for (int i = 0; i < 4; ++i) {
+    mesh.points.emplace_back(i & 1 ? size / 2 : -size / 2, i & 2 ? size / 2 : -size / 2, 0);
+  }
+  mesh.triangles = {{0, 2, 1}, {1, 2, 3}};
+  return mesh;
+}
+
+TEST_CASE("An open sheet is thin and felt from both sides, whichever way its triangles look") {
+  constexpr double kRadius = 0.01;  // m
+  ShapeContacts contacts({{Sphere{kRadius}, kTool}, {sheet(0.2), kWorld}});
+  for (const double side : {1.0, -1.0}) {
+    for (double height = 0.014; height > 0.006; height -= 0.0005) {  // m, of the centre.
+      const std::vector<Pose> X_WS{at(0.013, -0.03, side * height), at(0, 0, 0)};
+      const auto found = contacts.find(X_WS, kEpsilon);
+      REQUIRE(found.size() == 1);
+      CHECK(std::abs(found[0].contact.separation - (height - kRadius)) < 1e-6);
+      CHECK(found[0].contact.n_W.z() == side);
+    }
+    const std::vector<Pose> deep{at(0.013, -0.03, -side * 0.001), at(0, 0, 0)};
+    const auto pressed = contacts.find(deep, kEpsilon);  // By more than half of the ball.
+    REQUIRE(pressed.size() == 1);
+    CHECK(pressed[0].contact.n_W.z() == side);
+    contacts.find({{at(0, 0, 1), at(0, 0, 0)}}, kEpsilon);  // It went away.
+  }
+}
+
+TEST_CASE("The rim of a sheet is felt from beside it") {
+  constexpr double kRadius = 0.01;  // m
+  ShapeContacts contacts({{Sphere{kRadius}, kTool}, {sheet(0.2), kWorld}});
+  for (const double height : {0.0, 0.002, -0.002, 0.005, -0.005}) {
+    for (double apart = 0.0045; apart > -0.001; apart -= 0.0005) {  // m
+      const double x = 0.1 + std::sqrt(std::pow(kRadius + apart, 2) - height * height);
+      const std::vector<Pose> X_WS{at(x, 0.01, height), at(0, 0, 0)};
+      const auto found = contacts.find(X_WS, kEpsilon);
+      INFO(x << " m, " << height << " m");
+      REQUIRE(found.size() == 1);
+      const double distance = std::hypot(x - 0.1, height);
+      CHECK(std::abs(found[0].contact.separation - (distance - kRadius)) < 2e-5);
+      CHECK(std::abs(found[0].contact.n_W.x() - (x - 0.1) / distance) < 0.01);
+    }
+  }
+}
+
+TEST_CASE("A box without a lid is hollow") {
+  Mesh box = box_mesh({0.1, 0.1, 0.1});
+  box.triangles.erase(box.triangles.begin() + 2, box.triangles.begin() + 4);
+  ShapeContacts contacts({{Sphere{0.01}, kTool}, {box, kWorld}});
+  const auto normal_at = [&](const Vector3& p) -> Vector3 {
+    const auto found = contacts.find({{at(p.x(), p.y(), p.z()), at(0, 0, 0)}}, kEpsilon);
+    REQUIRE(found.size() == 1);
+    CHECK(std::abs(found[0].contact.separation - 0.002) < 1e-6);
+    return found[0].contact.n_W;
+  };
+  CHECK(normal_at({0, 0, -0.038}) == Vector3::UnitZ());   // The floor from inside,
+  CHECK(normal_at({0, 0, -0.062}) == -Vector3::UnitZ());  // from outside,
+  CHECK(normal_at({0.038, 0, 0}) == -Vector3::UnitX());   // and a wall.
+  CHECK(normal_at({0.062, 0, 0}) == Vector3::UnitX());
+  CHECK(contacts.find({{at(0, 0, 0.05), at(0, 0, 0)}}, kEpsilon).empty());
+}
+
 TEST_CASE("Bodies near the tool come with their own contacts, those on them too, but no farther") {
   const auto body = [](std::uint32_t i) { return ContactSide{SideKind::kMovableBody, i}; };
   std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kTool)};

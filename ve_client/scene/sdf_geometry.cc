@@ -156,12 +156,17 @@ std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDe
   try {
     const Pieces pieces = pieces_of(source, *mesh, fixed);
     if (pieces == Pieces::kTriangles) common.mesh = mesh;
-    if (pieces == Pieces::kTriangles && !mesh->closed) {
-      diagnostics.approximate(place, name +
-                                         ": an open sheet, without an inside: it is felt from the "
-                                         "side from which its corners run counter-clockwise");
+    if (pieces == Pieces::kTriangles && mesh->is_sheet()) {
+      diagnostics.approximate(
+          place, name + ": an open sheet, without an inside: it is thin, and felt from both sides");
     }
-    return with_shapes(std::move(common), to_hulls(*mesh, pieces), name, place, diagnostics);
+    auto collisions = with_shapes(common, to_hulls(*mesh, pieces), name, place, diagnostics);
+    if (pieces == Pieces::kTriangles && mesh->is_sheet()) {
+      common.mesh = mesh->back;
+      std::ranges::move(with_shapes(common, skin_of(*common.mesh), name, place, diagnostics),
+                        std::back_inserter(collisions));
+    }
+    return collisions;
   } catch (const std::exception& error) {
     throw std::runtime_error(name + ": " + error.what());
   }

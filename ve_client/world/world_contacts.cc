@@ -74,6 +74,10 @@ void World::collide(CollisionId first, CollisionId second) {
   const auto side = [](const CollisionId& id) {
     return ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(id.body)};
   };
+  if (b.piece.mesh && b.piece.mesh->is_sheet() &&
+      !is_before(b.piece, convex(first), b.piece.X_FG * (b.X_WG.inverse() * a.X_WG))) {
+    return;
+  }
   touching_.clear();
   for (const ManifoldPoint& point :
        find_contacts(convex(first), a.X_WG, convex(second), b.X_WG, 0, statistics_)) {
