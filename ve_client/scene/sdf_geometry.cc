@@ -34,7 +34,7 @@ namespace {
 constexpr Range kMapSide{1e-3, 1000, "m"};
 constexpr Range kMapHeight{1e-6, 1000, "m"};
 
-/// Throws std::runtime_error, for to_collisions() to report.
+/// Throws std::runtime_error, for to_collision() to report.
 double ranged_size(double value, const std::string& what, const Range& range) {
   if (const auto error = find_error(what, value, range)) throw std::runtime_error(*error);
   return value;
@@ -140,8 +140,8 @@ std::vector<CollisionDescription> with_shapes(CollisionDescription common, std::
   return collisions;
 }
 
-std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDescription common,
-                                            bool fixed, Diagnostics& diagnostics) {
+FileCollision to_pieces(const sdf::Mesh& source, CollisionDescription common, bool fixed,
+                        Diagnostics& diagnostics) {
   const Vector3 scale = to_vector(source.Scale());
   if (!scale.allFinite() || (scale.array() == 0).any()) {
     throw std::runtime_error("mesh scale must be finite and not 0");
@@ -161,15 +161,17 @@ std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDe
                                          ": an open sheet, without an inside: it is felt from the "
                                          "side from which its corners run counter-clockwise");
     }
-    return with_shapes(std::move(common), to_hulls(*mesh, pieces), name, place, diagnostics);
+    FileCollision read;
+    if (!fixed) read.solid_B = moved(common.X_BG, solid_of(*mesh));
+    read.pieces = with_shapes(std::move(common), to_hulls(*mesh, pieces), name, place, diagnostics);
+    return read;
   } catch (const std::exception& error) {
     throw std::runtime_error(name + ": " + error.what());
   }
 }
 
-std::vector<CollisionDescription> to_pieces(const sdf::Heightmap& source,
-                                            CollisionDescription common, bool fixed,
-                                            Diagnostics& diagnostics) {
+FileCollision to_pieces(const sdf::Heightmap& source, CollisionDescription common, bool fixed,
+                        Diagnostics& diagnostics) {
   if (!fixed) {
     throw std::runtime_error("a heightmap cannot move: put it into a model with <static>true");
   }
@@ -180,8 +182,9 @@ std::vector<CollisionDescription> to_pieces(const sdf::Heightmap& source,
   common.mesh = std::make_shared<const Mesh>(read_heightmap(file, size));
   common.X_BG = common.X_BG * Pose{to_vector(source.Position()), Quaternion::Identity()};
   std::vector<Hull> skin = skin_of(*common.mesh);
-  return with_shapes(std::move(common), std::move(skin), "heightmap " + file.string(),
-                     place_of(source.Element()), diagnostics);
+  return {with_shapes(std::move(common), std::move(skin), "heightmap " + file.string(),
+                      place_of(source.Element()), diagnostics),
+          std::nullopt};
 }
 
 std::optional<double> friction_of(const sdf::Collision& collision) {
@@ -215,9 +218,8 @@ Pose to_pose(const ignition::math::Pose3d& pose) {
   return {to_vector(pose.Pos()), Quaternion(R.W(), R.X(), R.Y(), R.Z()).normalized()};
 }
 
-std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
-                                                const Vector3& p_BS, bool fixed,
-                                                Diagnostics& diagnostics) {
+FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS, bool fixed,
+                           Diagnostics& diagnostics) {
   const sdf::Mesh* const mesh = collision.Geom()->MeshShape();
   const sdf::Heightmap* const heightmap = collision.Geom()->HeightmapShape();
   try {
@@ -236,7 +238,9 @@ std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
       result.X_BG.R =
           result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
     }
-    return {result};
+    std::optional<Solid> solid = fixed ? std::nullopt : solid_of(result.shape);
+    if (solid) solid = moved(result.X_BG, *solid);
+    return {{std::move(result)}, solid};
   } catch (const std::runtime_error& error) {
     const sdf::ElementPtr element = mesh != nullptr        ? mesh->Element()
                                     : heightmap != nullptr ? heightmap->Element()
