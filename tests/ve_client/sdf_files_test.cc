@@ -105,6 +105,25 @@ TEST_CASE("Links of a URDF file without mass leave no trace, and small masses le
   CHECK(world.joints.size() == 1);
 }
 
+TEST_CASE("A cone has its tip along z, its middle in its pose, and its rim to half a per cent") {
+  const WorldDescription world = load("cones.sdf");
+  const BodyDescription& hat = body(world, "m::hat");
+  const CollisionDescription& cone = hat.collisions.at(0);
+  CHECK(cone.friction == 0.3);
+  const auto& vertices = std::get<Hull>(cone.shape).vertices;
+  Eigen::AlignedBox3d box;
+  for (const Vector3& p : vertices) {
+    box.extend(p);
+    const bool is_tip = p.isApprox(Vector3(0, 0, 0.2));
+    CHECK((is_tip || std::abs(p.head<2>().norm() - 0.2) < 1e-12));
+  }
+  CHECK(box.min().isApprox(Vector3(-0.2, -0.2, -0.2), 0.005));
+  CHECK(box.max().isApprox(Vector3(0.2, 0.2, 0.2), 0.005));
+  // 3/10 m r² about the axis, less what the corners cut off.
+  CHECK(hat.I_B(2, 2) == Catch::Detail::Approx(0.3 * 0.04).epsilon(0.02));
+  CHECK((hat.X_WB * cone.X_BG).p.isApprox(Vector3(0, 0, 1), 1e-12));
+}
+
 TEST_CASE("Older versions mean what they meant: an axis in the model's frame") {
   const WorldDescription world = load("version_1_5_frames.sdf");
   const JointDescription& slide = world.joints.at(0);

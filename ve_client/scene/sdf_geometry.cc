@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <stdexcept>
 
 #include <sdf/Box.hh>
@@ -30,6 +32,11 @@
 namespace hlm::ve {
 namespace {
 
+/// Sizes of shapes. Thinner ones have no inside that a contact could be found in, and larger ones
+/// carry the engine to infinity.
+constexpr Range kSizes{1e-6, 1e6, "m"};
+/// Sizes of a cone, whose corners are those of a hull.
+constexpr Range kConeSizes{1e-6, 1000, "m"};
 /// Sides of a heightmap: smaller ones leave cells no larger than what a contact is exact to.
 constexpr Range kMapSide{1e-3, 1000, "m"};
 constexpr Range kMapHeight{1e-6, 1000, "m"};
@@ -40,36 +47,52 @@ double ranged_size(double value, const std::string& what, const Range& range) {
   return value;
 }
 
-double positive_size(double value, const std::string& what) {
-  return ranged_size(value, what, above_zero("m"));
+double size_of_shape(double value, const std::string& what) {
+  return ranged_size(value, what, kSizes);
+}
+
+/// Corners of a cone's base: its sides lie up to half a per cent of its radius further in.
+constexpr int kConeCorners = 32;
+
+/// Centred, with the tip along z, as in SDFormat 1.11.
+Hull to_cone(const sdf::ElementPtr& cone) {
+  const double radius = ranged_size(cone->Get<double>("radius", 1).first, "radius", kConeSizes);
+  const double half = ranged_size(cone->Get<double>("length", 1).first, "length", kConeSizes) / 2;
+  Hull hull{{{0, 0, half}}};
+  for (int i = 0; i < kConeCorners; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kConeCorners;
+    hull.vertices.emplace_back(radius * std::cos(angle), radius * std::sin(angle), -half);
+  }
+  return hull;
 }
 
 Shape to_shape(const sdf::Geometry& geometry) {
+  if (const sdf::ElementPtr cone = cone_of(geometry)) return to_cone(cone);
   switch (geometry.Type()) {
     case sdf::GeometryType::SPHERE:
-      return Sphere{positive_size(geometry.SphereShape()->Radius(), "radius")};
+      return Sphere{size_of_shape(geometry.SphereShape()->Radius(), "radius")};
     case sdf::GeometryType::CAPSULE:
-      return Capsule{positive_size(geometry.CapsuleShape()->Radius(), "radius"),
-                     positive_size(geometry.CapsuleShape()->Length(), "length")};
+      return Capsule{size_of_shape(geometry.CapsuleShape()->Radius(), "radius"),
+                     size_of_shape(geometry.CapsuleShape()->Length(), "length")};
     case sdf::GeometryType::CYLINDER:
-      return Cylinder{positive_size(geometry.CylinderShape()->Radius(), "radius"),
-                      positive_size(geometry.CylinderShape()->Length(), "length")};
+      return Cylinder{size_of_shape(geometry.CylinderShape()->Radius(), "radius"),
+                      size_of_shape(geometry.CylinderShape()->Length(), "length")};
     case sdf::GeometryType::BOX: {
       const ignition::math::Vector3d size = geometry.BoxShape()->Size();
-      return Box{{positive_size(size.X(), "size x"), positive_size(size.Y(), "size y"),
-                  positive_size(size.Z(), "size z")}};
+      return Box{{size_of_shape(size.X(), "size x"), size_of_shape(size.Y(), "size y"),
+                  size_of_shape(size.Z(), "size z")}};
     }
     case sdf::GeometryType::ELLIPSOID: {
       const ignition::math::Vector3d radii = geometry.EllipsoidShape()->Radii();
-      return Ellipsoid{{positive_size(radii.X(), "radius x"), positive_size(radii.Y(), "radius y"),
-                        positive_size(radii.Z(), "radius z")}};
+      return Ellipsoid{{size_of_shape(radii.X(), "radius x"), size_of_shape(radii.Y(), "radius y"),
+                        size_of_shape(radii.Z(), "radius z")}};
     }
     case sdf::GeometryType::PLANE:
       return HalfSpace{};
     default:
       throw std::runtime_error(
-          "no geometry; allowed: box, sphere, cylinder, capsule, ellipsoid, mesh, heightmap, "
-          "plane");
+          "no geometry; allowed: box, sphere, cylinder, cone, capsule, ellipsoid, mesh, "
+          "heightmap, plane");
   }
 }
 
@@ -200,6 +223,10 @@ std::optional<double> friction_of(const sdf::Collision& collision) {
 }
 
 }  // namespace
+
+sdf::ElementPtr cone_of(const sdf::Geometry& geometry) {
+  return geometry.Element() ? geometry.Element()->FindElement("cone") : nullptr;
+}
 
 Vector3 to_vector(const ignition::math::Vector3d& v) { return {v.X(), v.Y(), v.Z()}; }
 

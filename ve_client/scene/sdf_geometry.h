@@ -7,6 +7,7 @@
 #include <ignition/math/Matrix3.hh>
 #include <ignition/math/Pose3.hh>
 #include <sdf/Collision.hh>
+#include <sdf/Geometry.hh>
 
 #include "hlm/scene/diagnostics.h"
 #include "hlm/scene/solid.h"
@@ -17,6 +18,9 @@ namespace hlm::ve {
 Vector3 to_vector(const ignition::math::Vector3d& v);
 Matrix3 to_matrix(const ignition::math::Matrix3d& m);
 Pose to_pose(const ignition::math::Pose3d& pose);
+
+/// The <cone> of a geometry, which libsdformat does not know; null: it has none.
+sdf::ElementPtr cone_of(const sdf::Geometry& geometry);
 
 /// A collision of a file.
 struct FileCollision {
@@ -29,8 +33,8 @@ struct FileCollision {
 /// convex or <haptic:pieces> in <mesh> says "hull", its triangles if it is fixed or that says
 /// "triangles", and else its convex decomposition ("parts"). A heightmap is its triangles, and must
 /// be fixed. Without pieces if it cannot be used; what is
-/// refused or approximated goes to `diagnostics`, with its place: sizes that are not finite and
-/// > 0, friction < 0, shapes that are not supported, meshes and images that are not found,
+/// refused or approximated goes to `diagnostics`, with its place: sizes that are not from 1 µm to
+/// 1000 km, friction < 0, shapes that are not supported, meshes and images that are not found,
 /// cannot be used or were repaired.
 FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS, bool fixed,
                            Diagnostics& diagnostics);

@@ -140,7 +140,7 @@ class ModelReader {
     std::optional<Solid> all;
     for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
       const sdf::Collision& source = *link.CollisionByIndex(i);
-      if (source.Geom()->Type() == sdf::GeometryType::EMPTY) {
+      if (source.Geom()->Type() == sdf::GeometryType::EMPTY && !cone_of(*source.Geom())) {
         diagnostics_.approximate(place_of(source.Element()),
                                  "a collision without a shape that can be used is left out");
         continue;
