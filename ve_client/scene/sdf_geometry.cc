@@ -103,7 +103,8 @@ std::filesystem::path file_of(const Source& source) {
   const auto found = find_resource(source.Uri(), place_of(source.Element()).file);
   const std::string name = source.Element()->GetName() + " '" + source.Uri() + "'";
   if (!found) {
-    throw std::runtime_error(name + " is not found; " + resource_remedy(source.Uri()));
+    throw std::runtime_error(name + " is not found; " +
+                             resource_remedy(source.Uri(), place_of(source.Element()).file));
   }
   if (!std::filesystem::is_regular_file(*found)) {
     throw std::runtime_error(name + " is not a file (" + found->string() + ")");
