@@ -128,14 +128,15 @@ Pieces pieces_of(const sdf::Mesh& source, const Mesh& mesh, bool fixed) {
   return fixed ? Pieces::kTriangles : Pieces::kParts;
 }
 
-std::vector<Hull> to_hulls(const Mesh& mesh, Pieces pieces) {
+std::vector<Hull> to_hulls(const Mesh& mesh, Pieces pieces, const std::string& name,
+                           const Progress& progress) {
   switch (pieces) {
     case Pieces::kHull:
       return {Hull{convex_hull(mesh.points).vertices}};
     case Pieces::kTriangles:
       return skin_of(mesh);
     case Pieces::kParts:
-      return decomposed(mesh);
+      return decomposed(mesh, name, progress);
   }
   return {};
 }
@@ -187,7 +188,9 @@ FileCollision to_pieces(const sdf::Mesh& source, CollisionDescription common, bo
     }
     FileCollision read;
     if (!fixed) read.solid_B = moved(common.X_BG, solid_of(*mesh));
-    read.pieces = with_shapes(std::move(common), to_hulls(*mesh, pieces), name, place, diagnostics);
+    read.pieces =
+        with_shapes(std::move(common), to_hulls(*mesh, pieces, name, diagnostics.progress()), name,
+                    place, diagnostics);
     return read;
   } catch (const std::exception& error) {
     throw std::runtime_error(name + ": " + error.what());
