@@ -266,6 +266,10 @@ FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS,
     result.shape = to_shape(*collision.Geom());
     if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
       if (!(plane->Normal().Length() > 0)) throw std::runtime_error("normal must not be 0 0 0");
+      const sdf::ElementPtr size = plane->Element()->FindElement("size");
+      if (size && size->GetExplicitlySetInFile()) {
+        diagnostics.ignore(place_of(size), "<size>: planes have no end");
+      }
       result.X_BG.R =
           result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
     }
