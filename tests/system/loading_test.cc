@@ -1,4 +1,5 @@
 // The client while it loads a world that takes long.
+#include <cmath>
 #include <csignal>
 #include <fstream>
 #include <numbers>
@@ -8,8 +9,6 @@
 
 namespace hlm::test {
 namespace {
-
-using Catch::Matchers::ContainsSubstring;
 
 /// A ring of 5000 triangles that moves: convex parts of it take seconds.
 void write_world(const TemporaryDirectory& directory) {

@@ -364,7 +364,8 @@ TEST_CASE("Every value and attribute of SDFormat that counts as read changes the
       check(path + "@" + attribute->GetKey(), path, !has_value);
     }
   });
-  CHECK(unread == std::set<std::string>{});
+  CAPTURE(unread);
+  CHECK(unread.empty());
   fs::remove_all(kFolder);
 }
 

@@ -73,6 +73,7 @@ thread_local Report* Report::current_ = nullptr;
 void give_inside(const Mesh& mesh, const long* partition, std::vector<Hull>& hulls) {
   const std::vector<Hull> skin = skin_of(mesh);
   std::vector<bool> is_flat;
+  is_flat.reserve(hulls.size());
   for (const Hull& hull : hulls) is_flat.push_back(!has_inside(hull.vertices));
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto part = static_cast<std::size_t>(partition[t]);

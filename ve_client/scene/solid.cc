@@ -72,7 +72,7 @@ class Integral {
 };
 
 Solid solid_of_hull(const Hull& hull) {
-  const Solid box = box_around(hull.vertices);
+  Solid box = box_around(hull.vertices);
   if (!has_inside(hull.vertices)) return box;
   const HullFaces faces = convex_hull(hull.vertices);
   Integral integral(faces.vertices.front());
@@ -125,7 +125,7 @@ std::optional<Solid> solid_of(const Shape& shape) {
 }
 
 Solid solid_of(const Mesh& mesh) {
-  const Solid box = box_around(mesh.points);
+  Solid box = box_around(mesh.points);
   if (!mesh.closed) return box;
   Integral integral(mesh.points.front());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
