@@ -93,7 +93,7 @@ std::vector<T> take(std::string_view& bytes) {
   std::memcpy(&count, bytes.data(), sizeof count);
   bytes.remove_prefix(sizeof count);
   std::vector<T> items(count);
-  std::memcpy(static_cast<void*>(items.data()), bytes.data(), count * sizeof(T));
+  if (count > 0) std::memcpy(static_cast<void*>(items.data()), bytes.data(), count * sizeof(T));
   bytes.remove_prefix(count * sizeof(T));
   return items;
 }
