@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
 
 #include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
@@ -73,7 +74,8 @@ void write(const Diagnostics& diagnostics, Verdict verdict, const char* title, s
 }  // namespace
 
 bool check_scene(const Settings& settings, std::ostream& out) {
-  Diagnostics diagnostics;
+  Diagnostics diagnostics(
+      {.say = [](const std::string& line) { spdlog::info("{}", line); }, .stopped = {}});
   const Scene scene = scene_with_named_tools(settings, diagnostics);
   if (diagnostics.usable()) try_engine(scene, settings, diagnostics);
   write(scene, diagnostics.usable(), out);

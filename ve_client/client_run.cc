@@ -32,10 +32,12 @@ void report(const Diagnostics& diagnostics) {
   }
 }
 
+void say(const std::string& line) { spdlog::info("{}", line); }
+
 /// The scene of the options. What is wrong with it, an option is.
 Scene first_scene(const Settings& settings) {
   try {
-    Diagnostics diagnostics;
+    Diagnostics diagnostics({.say = say, .stopped = {}});
     Scene scene = load_scene(settings.world, choices(settings), diagnostics);
     require_usable(scene, diagnostics);
     report(diagnostics);
@@ -163,6 +165,8 @@ ClientRun::ClientRun(const Settings& settings)
   begin(Asked::kAll);
 }
 
+ClientRun::~ClientRun() { ended_ = true; }
+
 LiveSettings ClientRun::settings_at_start() const {
   const double rate = (settings_.rate_low + settings_.rate_high) / 2;
   return {settings_.frame, rate, settings_.network, own_tuning_};
@@ -252,7 +256,9 @@ void ClientRun::change_scene() {
     // --tool is for --world; others are played with the tools that they name.
     std::vector<ToolChoice> tools = placed_as_in_file(settings_);
     if (file != settings_.world) tools.assign(tools.size(), {});
-    loading_ = std::async(std::launch::async, [=] { return load_scene(file, tools); });
+    loading_ = std::async(std::launch::async, [this, file = file, tools] {
+      return load_scene(file, tools, {.say = say, .stopped = [this] { return ended_.load(); }});
+    });
   }
   if (loading_.wait_for(0s) != std::future_status::ready) return;
   try {

@@ -1,6 +1,7 @@
 // One run of the client: the world, the sessions on it, and the page that shows both.
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <functional>
 #include <future>
@@ -25,6 +26,10 @@ class ClientRun {
   /// name, page or capture file cannot be used (UsageError for the first two); no file is begun
   /// before the others are known to be usable.
   explicit ClientRun(const Settings& settings);
+  /// What is loaded for a page meanwhile is given up.
+  ~ClientRun();
+  ClientRun(const ClientRun&) = delete;
+  ClientRun& operator=(const ClientRun&) = delete;
 
   /// Frames at their rate until their duration is over or stop() is true. Throws NeverAnswered if
   /// the server has granted no session by the end or in time, std::runtime_error if it cannot be
@@ -62,6 +67,7 @@ class ClientRun {
   std::unique_ptr<LivePage> page_;    ///< Null: none.
   std::vector<SceneSummary> scenes_;  ///< Scenes for the page's menu.
   SceneRequest chosen_;               ///< What is loaded for a page.
+  std::atomic<bool> ended_ = false;   ///< Nobody waits for what is loaded any more.
   std::future<Scene> loading_;        ///< Valid while it is.
   SteadyClock clock_;
   Tuning own_tuning_;  ///< What the first server was started with.

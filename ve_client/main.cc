@@ -57,8 +57,10 @@ int main(int argc, char** argv) {
     if (arguments.settings->check) {
       return check_scene(*arguments.settings, std::cout) ? kFinished : hlm::settings::kUsageError;
     }
+    // Until then a signal ends the program at once: there is no session that it would close.
+    ClientRun run(*arguments.settings);
     install_signal_handlers();
-    ClientRun(*arguments.settings).go([] { return stop_requested != 0; });
+    run.go([] { return stop_requested != 0; });
   } catch (const hlm::settings::UsageError& error) {
     return failure(error, hlm::settings::kUsageError);
   } catch (const NeverAnswered& error) {

@@ -1,14 +1,19 @@
 // Meshes as collision shapes: what is read, repaired and refused; the pieces that stand for them.
+#include <array>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <numbers>
+
+#include <unistd.h>
 
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/manifold.h"
 #include "hlm/geometry/mesh_pieces.h"
 #include "hlm/geometry/mesh_rays.h"
 #include "hlm/scene/convex_decomposition.h"
+#include "hlm/scene/in_child.h"
 #include "hlm/scene/mesh_file.h"
 #include "hlm/scene/sdf_loader.h"
 #include "hlm/scene/tool_assembly.h"
@@ -192,6 +197,54 @@ TEST_CASE("A file whose triangles have corners that do not exist is refused") {
   std::vector<std::string> said;
   CHECK_THROWS_WITH(read(fs::path(HLM_TEST_WORLDS) / "meshes/bad_index.ply", said),
                     ContainsSubstring("bad_index.ply"));
+}
+
+TEST_CASE("A million triangles are refused by their number, within seconds") {
+  constexpr std::uint32_t kCount = 1'000'000;
+  const fs::path file = fs::temp_directory_path() / "haptic_million.stl";
+  {
+    std::ofstream out(file, std::ios::binary);
+    const auto put = [&](const auto& value) {
+      out.write(reinterpret_cast<const char*>(&value), sizeof value);
+    };
+    out << std::string(80, ' ');
+    put(kCount);
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+      const auto x = static_cast<float>(i % 1000);
+      const auto y = static_cast<float>(i) / 1000;
+      const std::array<float, 12> triangle{0, 0, 1, x, y, 0, x + 1, y, 0, x, y + 1, 0};
+      put(triangle);
+      put(std::uint16_t{0});
+    }
+  }
+  std::vector<std::string> said;
+  CHECK_THROWS_WITH(read(file, said), ContainsSubstring("haptic_million.stl: 1000000 triangles") &&
+                                          ContainsSubstring("at most 20000"));
+  fs::remove(file);
+}
+
+TEST_CASE("A file that crashes the library which reads it is refused") {
+  std::vector<std::string> said;
+  CHECK_THROWS_WITH(read(HLM_TEST_WORLDS "/meshes/loop.dae", said),
+                    ContainsSubstring("loop.dae: crashes the library"));
+  CHECK(made_in_child([] { return std::string(300'000, '\0'); }).size() == 300'000);
+  CHECK(made_in_child([] { return std::string(); }).empty());
+  CHECK_THROWS_WITH(made_in_child([]() -> std::string { throw std::runtime_error("why"); }), "why");
+  CHECK_THROWS_WITH(made_in_child([]() -> std::string { ::_exit(0); }),
+                    ContainsSubstring("crashes"));
+  CHECK_THROWS_WITH(made_in_child([]() -> std::string {
+                      std::raise(SIGXCPU);
+                      return "";
+                    }),
+                    ContainsSubstring("too long"));
+}
+
+TEST_CASE("Two cameras of one name, and two lamps, are no fault of a mesh") {
+  std::vector<std::string> said;
+  const Mesh mesh = read(HLM_TEST_WORLDS "/meshes/cameras.dae", said);
+  CHECK(mesh.closed);
+  CHECK(mesh.triangles.size() == 4);
+  CHECK(said.empty());
 }
 
 TEST_CASE("A scale stretches and mirrors a mesh, and leaves its outside outside") {

@@ -5,11 +5,13 @@
 #include <fstream>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <sstream>
 
 #include <malloc.h>
 #include <sdf/SDFImpl.hh>
 #include <sdf/parser.hh>
+#include <unistd.h>
 
 #include "hlm/scene/resources.h"
 #include "hlm/scene/sdf_elements.h"
@@ -105,6 +107,25 @@ TEST_CASE("Links of a URDF file without mass leave no trace, and small masses le
   CHECK(world.joints.size() == 1);
 }
 
+TEST_CASE("A cone has its tip along z, its middle in its pose, and its rim to half a per cent") {
+  const WorldDescription world = load("cones.sdf");
+  const BodyDescription& hat = body(world, "m::hat");
+  const CollisionDescription& cone = hat.collisions.at(0);
+  CHECK(cone.friction == 0.3);
+  const auto& vertices = std::get<Hull>(cone.shape).vertices;
+  Eigen::AlignedBox3d box;
+  for (const Vector3& p : vertices) {
+    box.extend(p);
+    const bool is_tip = p.isApprox(Vector3(0, 0, 0.2));
+    CHECK((is_tip || std::abs(p.head<2>().norm() - 0.2) < 1e-12));
+  }
+  CHECK(box.min().isApprox(Vector3(-0.2, -0.2, -0.2), 0.005));
+  CHECK(box.max().isApprox(Vector3(0.2, 0.2, 0.2), 0.005));
+  // 3/10 m r² about the axis, less what the corners cut off.
+  CHECK(hat.I_B(2, 2) == Catch::Detail::Approx(0.3 * 0.04).epsilon(0.02));
+  CHECK((hat.X_WB * cone.X_BG).p.isApprox(Vector3(0, 0, 1), 1e-12));
+}
+
 TEST_CASE("Older versions mean what they meant: an axis in the model's frame") {
   const WorldDescription world = load("version_1_5_frames.sdf");
   const JointDescription& slide = world.joints.at(0);
@@ -138,14 +159,16 @@ TEST_CASE("What <physics> says beyond step and iterations changes nothing") {
 class Variable {
  public:
   Variable(const char* name, const std::string& value) : name_(name) {
+    if (const char* before = std::getenv(name)) before_ = before;
     setenv(name, value.c_str(), 1);
   }
-  ~Variable() { unsetenv(name_); }
+  ~Variable() { before_ ? setenv(name_, before_->c_str(), 1) : unsetenv(name_); }
   Variable(const Variable&) = delete;
   Variable& operator=(const Variable&) = delete;
 
  private:
   const char* name_;
+  std::optional<std::string> before_;
 };
 
 TEST_CASE("A URI is searched in the folders of the environment, beside the file and above it") {
@@ -165,7 +188,98 @@ TEST_CASE("A URI is searched in the folders of the environment, beside the file 
   }
   const Variable packages("ROS_PACKAGE_PATH", models);
   CHECK(find_resource("package://crate/model.sdf", "/elsewhere.sdf") == crate / "model.sdf");
-  CHECK_FALSE(find_resource("model://crate", "/elsewhere.sdf"));
+  // libsdformat makes model:// of a URDF file's package://.
+  CHECK(find_resource("model://crate/model.sdf", "/elsewhere.sdf") == crate / "model.sdf");
+  const Variable package("ROS_PACKAGE_PATH", "/nowhere:" + crate.string());
+  CHECK(find_resource("package://crate/model.sdf", "/elsewhere.sdf") == crate / "model.sdf");
+}
+
+/// A folder that is gone afterwards, with files.
+class Folder {
+ public:
+  Folder() : path_(fs::temp_directory_path() / ("worlds_" + std::to_string(::getpid()))) {}
+  ~Folder() { fs::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+
+  fs::path add(const fs::path& name, const std::string& text = "text") const {
+    fs::create_directories((path_ / name).parent_path());
+    std::ofstream(path_ / name) << text;
+    return path_ / name;
+  }
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+TEST_CASE("Addresses of Fuel lead to its caches, in the newest version or the one that is given") {
+  const Folder folder;
+  const Variable home("HOME", folder.path());
+  const fs::path gz = ".gz/fuel/fuel.gazebosim.org/openrobotics/models/construction cone";
+  const fs::path second = folder.add(gz / "2/model.sdf").parent_path();
+  const fs::path tenth = folder.add(gz / "10/model.sdf").parent_path();
+  folder.add(gz / "draft/model.sdf");
+  const fs::path mesh = folder.add(gz / "10/meshes/cone.dae");
+  const std::string address = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/";
+  CHECK(find_resource(address + "Construction%20Cone", "/w.sdf") == tenth);
+  CHECK(find_resource(address + "Construction Cone/tip", "/w.sdf") == tenth);
+  CHECK(find_resource(address + "Construction Cone/2", "/w.sdf") == second);
+  CHECK_FALSE(find_resource(address + "Construction Cone/3", "/w.sdf"));
+  CHECK(find_resource(address + "Construction Cone/tip/files/meshes/cone.dae", "/w.sdf") == mesh);
+  CHECK(find_resource("https://app.gazebosim.org/OpenRobotics/fuel/models/Construction Cone",
+                      "/w.sdf") == tenth);
+  CHECK_FALSE(find_resource("https://fuel.gazebosim.org/1.0/Other/models/Construction Cone", "/w"));
+  CHECK_FALSE(find_resource("https://example.org/1.0/OpenRobotics/models/Construction Cone", "/w"));
+  for (const char* broken : {"https://", "https://fuel.gazebosim.org", "http://fuel.gazebosim.org/",
+                             "https://fuel.gazebosim.org/models", "https://fuel.gazebosim.org/%",
+                             "https://fuel.gazebosim.org/1.0/OpenRobotics/models/%2"}) {
+    CHECK_FALSE(find_resource(broken, "/w.sdf"));
+  }
+  // As files of Fuel name what is beside them, which may be an older version.
+  const fs::path own = folder.add(gz / "2/meshes/cone.dae");
+  CHECK(find_resource("model://construction cone/meshes/cone.dae", "/w.sdf") == mesh);
+  CHECK(find_resource("model://construction cone/meshes/cone.dae", second / "model.sdf") == own);
+
+  const fs::path old =
+      folder.add(".ignition/fuel/fuel.ignitionrobotics.org/openrobotics/models/chair/1/model.sdf");
+  CHECK(find_resource("https://fuel.ignitionrobotics.org/1.0/OpenRobotics/models/Chair", "/w") ==
+        old.parent_path());
+  CHECK(find_resource(address + "Chair", "/w.sdf") == old.parent_path());
+  const fs::path elsewhere = folder.add("cache/fuel.gazebosim.org/me/models/desk/7/model.sdf");
+  const Variable cache("GZ_FUEL_CACHE_PATH", folder.path() / "cache");
+  CHECK(find_resource("https://fuel.gazebosim.org/1.0/me/models/desk", "/w") ==
+        elsewhere.parent_path());
+}
+
+TEST_CASE("Models are found where Gazebo keeps them, and packages where ROS 2 installs them") {
+  const Folder folder;
+  const Variable home("HOME", folder.path());
+  const fs::path model = folder.add(".gazebo/models/table/model.sdf");
+  CHECK(find_resource("model://table", "/w.sdf") == model.parent_path());
+  CHECK_FALSE(find_resource("package://arm/hand.stl", "/w.sdf"));
+  const fs::path mesh = folder.add("ros/share/arm/hand.stl");
+  const Variable prefixes("AMENT_PREFIX_PATH", "/nowhere:" + (folder.path() / "ros").string());
+  CHECK(find_resource("package://arm/hand.stl", "/w.sdf") == mesh);
+}
+
+TEST_CASE("What is not found is said with every place that was looked at") {
+  const Folder folder;
+  const Variable home("HOME", folder.path());
+  const Variable path("GZ_SIM_RESOURCE_PATH", "/models/a:/models/b");
+  const Variable prefixes("AMENT_PREFIX_PATH", "/opt/ros");
+  const std::string own = folder.path();
+  CHECK_THAT(resource_remedy("model://x/m.dae", "/worlds/w.sdf"),
+             ContainsSubstring("looked for /models/a/x/m.dae, /models/b/x/m.dae, "
+                               "/worlds/x/m.dae and in all folders above, ") &&
+                 ContainsSubstring(own + "/.gazebo/models/x/m.dae, ") &&
+                 ContainsSubstring(own + "/.gz/fuel/*/*/models/x/*, ") &&
+                 ContainsSubstring(own + "/.ignition/fuel/*/*/models/x/*, ") &&
+                 ContainsSubstring("/opt/ros/share/x/m.dae; not set: SDF_PATH, "));
+  CHECK_THAT(resource_remedy("https://fuel.gazebosim.org/1.0/me/models/desk/3", "/w.sdf"),
+             ContainsSubstring("looked for " + own + "/.gz/fuel/*/me/models/desk/3, "));
+  CHECK_THAT(resource_remedy("m.dae", "/worlds/w.sdf"),
+             ContainsSubstring("looked for /worlds/m.dae, /models/a/m.dae, /models/b/m.dae"));
 }
 
 // Large worlds.

@@ -1,25 +1,17 @@
 #include "hlm/scene/convex_decomposition.h"
 
-#include <algorithm>
-#include <cstdlib>
+#include <chrono>
 #include <filesystem>
-#include <fstream>
-#include <iomanip>
-#include <limits>
-#include <optional>
-#include <sstream>
 #include <stdexcept>
 
 #include <bullet/HACD/hacdHACD.h>
-#include <unistd.h>
 
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/mesh_pieces.h"
+#include "hlm/scene/kept_pieces.h"
 
 namespace hlm::ve {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// How far a piece may bridge a hollow, in thousandths of the mesh's size. A tenth of it gives half
 /// as many pieces again on a cup and nine times as many on rolling ground.
@@ -29,71 +21,59 @@ constexpr double kCompactness = 0.1;
 /// More triangles take minutes.
 constexpr std::size_t kMostToDecompose = 5000;
 
-/// FNV-1a over everything that the answer depends on.
-std::uint64_t fingerprint(const Mesh& mesh) {
-  std::uint64_t hash = 0xCBF29CE484222325u;
-  const auto add = [&](const void* data, std::size_t size) {
-    const auto* bytes = static_cast<const unsigned char*>(data);
-    for (std::size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * 0x100000001B3u;
-  };
-  const double parameters[] = {kConcavity, kCompactness};
-  add(parameters, sizeof parameters);
-  for (const Vector3& p : mesh.points) add(p.data(), 3 * sizeof(double));
-  for (const auto& triangle : mesh.triangles) add(triangle.data(), sizeof triangle);
-  return hash;
-}
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::seconds kBetweenLines{1};
 
-/// Empty if there is no place for it.
-fs::path cache_file(const Mesh& mesh) {
-  const char* cache = std::getenv("XDG_CACHE_HOME");
-  const char* home = std::getenv("HOME");
-  if ((cache == nullptr || *cache == 0) && (home == nullptr || *home == 0)) return {};
-  const fs::path folder =
-      cache != nullptr && *cache != 0 ? fs::path(cache) : fs::path(home) / ".cache";
-  std::ostringstream name;
-  name << std::hex << fingerprint(mesh) << ".hulls";
-  return folder / "haptic_local_model" / name.str();
-}
-
-/// Each piece: the number of its vertices, and these. None if the file does not hold such.
-std::optional<std::vector<Hull>> read_pieces(const fs::path& file) {
-  std::ifstream in(file);
-  std::size_t pieces = 0;
-  if (!(in >> pieces) || pieces == 0 || pieces > kMostToDecompose) return {};
-  std::vector<Hull> hulls(pieces);
-  for (Hull& hull : hulls) {
-    std::size_t count = 0;
-    if (!(in >> count) || count > kMaxHullVertices) return {};
-    hull.vertices.resize(count);
-    for (Vector3& p : hull.vertices) {
-      if (!(in >> p.x() >> p.y() >> p.z())) return {};
-    }
+/// Tells how far one decomposition is. The library calls a plain function.
+class Report {
+ public:
+  Report(const std::string& name, std::size_t triangles, const Progress& progress)
+      : name_(name), triangles_(triangles), progress_(progress) {
+    current_ = this;
   }
-  const auto is_solid = [](const Hull& hull) { return has_inside(hull.vertices); };
-  if (!std::ranges::all_of(hulls, is_solid)) return {};
-  return hulls;
-}
+  ~Report() { current_ = nullptr; }
+  Report(const Report&) = delete;
+  Report& operator=(const Report&) = delete;
 
-/// Best effort: what cannot be kept is computed again.
-void write_pieces(const fs::path& file, const std::vector<Hull>& hulls) {
-  std::error_code ignored;
-  fs::create_directories(file.parent_path(), ignored);
-  const fs::path part = file.string() + "." + std::to_string(::getpid());
-  std::ofstream out(part);
-  out << std::setprecision(std::numeric_limits<double>::max_digits10) << hulls.size() << "\n";
-  for (const Hull& hull : hulls) {
-    out << hull.vertices.size() << "\n";
-    for (const Vector3& p : hull.vertices) out << p.x() << " " << p.y() << " " << p.z() << "\n";
+  /// `clusters` are left. Throws if it is to stop.
+  static bool hear(const char*, double, double, std::size_t clusters) {
+    if (current_ != nullptr) current_->tell(clusters);
+    return true;
   }
-  out.close();
-  if (out) fs::rename(part, file, ignored);
-  if (!out || ignored) fs::remove(part, ignored);
-}
+
+  void say(const std::string& what) const {
+    if (progress_.say) progress_.say(name_ + ": " + what);
+  }
+
+  void end_if_stopped() const {
+    if (progress_.stopped && progress_.stopped()) throw std::runtime_error("stopped");
+  }
+
+ private:
+  void tell(std::size_t clusters) {
+    end_if_stopped();
+    const Clock::time_point now = Clock::now();
+    if (now < next_ || clusters > triangles_) return;
+    next_ = now + kBetweenLines;
+    say(std::to_string(triangles_ - clusters) + " of " + std::to_string(triangles_) +
+        " triangles are joined to convex parts");
+  }
+
+  static thread_local Report* current_;
+
+  const std::string& name_;
+  std::size_t triangles_;
+  const Progress& progress_;
+  Clock::time_point next_ = Clock::now() + kBetweenLines;
+};
+
+thread_local Report* Report::current_ = nullptr;
 
 /// Parts of the surface that are flat get the skin behind it.
 void give_inside(const Mesh& mesh, const long* partition, std::vector<Hull>& hulls) {
   const std::vector<Hull> skin = skin_of(mesh);
   std::vector<bool> is_flat;
+  is_flat.reserve(hulls.size());
   for (const Hull& hull : hulls) is_flat.push_back(!has_inside(hull.vertices));
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto part = static_cast<std::size_t>(partition[t]);
@@ -120,6 +100,7 @@ std::vector<Hull> decompose(const Mesh& mesh) {
   hacd.SetAddExtraDistPoints(true);
   hacd.SetAddNeighboursDistPoints(true);
   hacd.SetAddFacesPoints(true);
+  hacd.SetCallBack(&Report::hear);
   if (!hacd.Compute()) throw std::runtime_error("no convex decomposition was found");
   std::vector<Hull> hulls(hacd.GetNClusters());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -133,16 +114,21 @@ std::vector<Hull> decompose(const Mesh& mesh) {
 
 }  // namespace
 
-std::vector<Hull> decomposed(const Mesh& mesh) {
+std::vector<Hull> decomposed(const Mesh& mesh, const std::string& name, const Progress& progress) {
   if (mesh.triangles.size() > kMostToDecompose) {
     throw std::runtime_error(std::to_string(mesh.triangles.size()) + " triangles; at most " +
                              std::to_string(kMostToDecompose) +
                              " are allowed for a concave mesh that moves");
   }
-  const fs::path file = cache_file(mesh);
-  if (auto known = read_pieces(file)) return *known;
+  const double parameters[] = {kConcavity, kCompactness};
+  const std::filesystem::path file = kept_file(mesh, parameters);
+  if (auto known = read_kept(file)) return *known;
+  const Report report(name, mesh.triangles.size(), progress);
+  report.end_if_stopped();
+  report.say("convex parts are made of its " + std::to_string(mesh.triangles.size()) +
+             " triangles, and kept for the next time");
   std::vector<Hull> hulls = decompose(mesh);
-  if (!file.empty()) write_pieces(file, hulls);
+  if (!file.empty()) keep(file, hulls);
   return hulls;
 }
 

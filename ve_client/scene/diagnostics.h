@@ -1,8 +1,10 @@
 // What a world file holds that is not used as it stands: refused, approximated or ignored.
 #pragma once
 
+#include <functional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace hlm::ve {
@@ -34,9 +36,17 @@ struct Finding {
 /// "FILE:LINE: ELEMENT: WHAT", with the count if it is not 1.
 std::string to_string(const Finding& finding);
 
+/// How what takes long goes on. Both are called by the thread that loads; either may be empty.
+struct Progress {
+  std::function<void(const std::string&)> say;  ///< Takes one line, at most one each second.
+  std::function<bool()> stopped;                ///< Whether nobody wants the result any more.
+};
+
 /// Collects what is found while a world is read, so that one run tells everything.
 class Diagnostics {
  public:
+  explicit Diagnostics(Progress progress = {}) : progress_(std::move(progress)) {}
+
   /// Once for each place and `what`.
   void refuse(const Place& place, const std::string& what);
   /// One finding for all with the same `what`.
@@ -48,11 +58,13 @@ class Diagnostics {
   const std::vector<Finding>& findings() const { return findings_; }
   int count(Verdict verdict) const;
   bool usable() const { return count(Verdict::kRefused) == 0; }
+  const Progress& progress() const { return progress_; }
 
  private:
   void add_to_kind(Verdict verdict, const Place& place, const std::string& what);
 
   std::vector<Finding> findings_;
+  Progress progress_;
 };
 
 /// A world that cannot be used. what() is one line: the first of what is refused, and how much more

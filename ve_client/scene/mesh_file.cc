@@ -1,7 +1,9 @@
 #include "hlm/scene/mesh_file.h"
 
 #include <array>
+#include <cstring>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 #include <assimp/Importer.hpp>
@@ -10,6 +12,7 @@
 #include <assimp/scene.h>
 
 #include "hlm/common/one_line.h"
+#include "hlm/scene/in_child.h"
 
 namespace hlm::ve {
 namespace {
@@ -50,19 +53,75 @@ void collect(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent
   }
 }
 
+/// Reads the triangles alone. What else is there, as cameras and lights, is dropped before the
+/// check: two of them with one name are no error here.
+const aiScene* read_scene(Assimp::Importer& importer, const std::string& name) {
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
+  importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
+                              aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS |
+                                  aiComponent_COLORS | aiComponent_TEXCOORDS |
+                                  aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
+                                  aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS);
+  if (importer.ReadFile(name, aiProcess_RemoveComponent) == nullptr) return nullptr;
+  return importer.ApplyPostProcessing(aiProcess_ValidateDataStructure | aiProcess_Triangulate |
+                                      aiProcess_SortByPType);
+}
+
+/// What is chosen of a file, as it is there. Throws std::runtime_error.
+Mesh read_triangles(const MeshSource& source) {
+  Assimp::Importer importer;
+  const aiScene* scene = read_scene(importer, source.file.string());
+  if (scene == nullptr || scene->mRootNode == nullptr) {
+    throw std::runtime_error(importer.GetErrorString());
+  }
+  Mesh mesh;
+  collect(*scene, *scene->mRootNode, aiMatrix4x4(), source.submesh, mesh);
+  return mesh;
+}
+
+template <class T>
+void append(std::string& bytes, const std::vector<T>& items) {
+  const std::size_t count = items.size();
+  bytes.append(reinterpret_cast<const char*>(&count), sizeof count);
+  bytes.append(reinterpret_cast<const char*>(items.data()), count * sizeof(T));
+}
+
+/// Takes what append() has added from the front.
+template <class T>
+std::vector<T> take(std::string_view& bytes) {
+  std::size_t count = 0;
+  std::memcpy(&count, bytes.data(), sizeof count);
+  bytes.remove_prefix(sizeof count);
+  std::vector<T> items(count);
+  if (count > 0) std::memcpy(static_cast<void*>(items.data()), bytes.data(), count * sizeof(T));
+  bytes.remove_prefix(count * sizeof(T));
+  return items;
+}
+
+/// The same, where assimp cannot crash this process.
+Mesh read_safely(const MeshSource& source) {
+  const std::string bytes = made_in_child([&] {
+    const Mesh mesh = read_triangles(source);
+    std::string text;
+    append(text, mesh.points);
+    append(text, mesh.triangles);
+    return text;
+  });
+  std::string_view rest = bytes;
+  Mesh mesh;
+  mesh.points = take<Vector3>(rest);
+  mesh.triangles = take<std::array<int, 3>>(rest);
+  return mesh;
+}
+
 }  // namespace
 
 Mesh read_mesh(const MeshSource& source, std::vector<std::string>& repairs) {
   const std::string name = source.file.string();
-  Assimp::Importer importer;
-  importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
-  const aiScene* scene = importer.ReadFile(
-      name, aiProcess_ValidateDataStructure | aiProcess_Triangulate | aiProcess_SortByPType);
-  if (scene == nullptr || scene->mRootNode == nullptr) fail(name, importer.GetErrorString());
   Mesh mesh;
   try {
-    collect(*scene, *scene->mRootNode, aiMatrix4x4(), source.submesh, mesh);
-  } catch (const std::runtime_error& error) {
+    mesh = read_safely(source);
+  } catch (const std::exception& error) {
     fail(name, error.what());
   }
   if (mesh.triangles.empty() && !source.submesh.empty()) {

@@ -91,8 +91,8 @@ void require_usable(const Scene& scene, Diagnostics diagnostics) {
   if (!diagnostics.usable()) throw RefusedWorld(std::move(diagnostics));
 }
 
-Scene load_scene(const fs::path& file, const std::vector<ToolChoice>& tools) {
-  Diagnostics diagnostics;
+Scene load_scene(const fs::path& file, const std::vector<ToolChoice>& tools, Progress progress) {
+  Diagnostics diagnostics(std::move(progress));
   Scene scene = load_scene(file, tools, diagnostics);
   require_usable(scene, std::move(diagnostics));
   return scene;

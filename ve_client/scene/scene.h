@@ -33,7 +33,8 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<ToolChoice
 void require_usable(const Scene& scene, Diagnostics diagnostics);
 
 /// Both in one.
-Scene load_scene(const std::filesystem::path& file, const std::vector<ToolChoice>& tools = {{}});
+Scene load_scene(const std::filesystem::path& file, const std::vector<ToolChoice>& tools = {{}},
+                 Progress progress = {});
 
 /// The scene's world, with its tools where the choices say.
 WorldDescription with_starts(const Scene& scene, const std::vector<ToolChoice>& tools);

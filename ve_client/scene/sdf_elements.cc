@@ -17,7 +17,7 @@ constexpr std::string_view kHard = "contacts are as stiff as the server sets";
 constexpr std::string_view kAll = "everything collides with everything";
 constexpr std::string_view kIsotropic = "friction is the same in all directions, with mu";
 constexpr std::string_view kMesh =
-    "make it a mesh, or of box, sphere, cylinder, capsule or ellipsoid";
+    "make it a mesh, or of box, sphere, cylinder, cone, capsule or ellipsoid";
 
 constexpr ElementRule kRules[] = {
     {"world/model", kUsed, ""},
@@ -98,6 +98,9 @@ constexpr ElementRule kRules[] = {
     {"model/link/collision/geometry/cylinder", kUsed, ""},
     {"model/link/collision/geometry/capsule", kUsed, ""},
     {"model/link/collision/geometry/ellipsoid", kUsed, ""},
+    {"model/link/collision/geometry/cone/radius", kUsed,
+     "as the hull of its tip and 32 points of its rim"},
+    {"model/link/collision/geometry/cone/length", kUsed, ""},
     {"model/link/collision/geometry/mesh/uri", kUsed, "a file of triangles"},
     {"model/link/collision/geometry/mesh/scale", kUsed, ""},
     {"model/link/collision/geometry/mesh/submesh", kUsed, ""},
@@ -110,9 +113,9 @@ constexpr ElementRule kRules[] = {
     {"model/link/collision/geometry/heightmap/texture", kIgnored, kNoPart},
     {"model/link/collision/geometry/heightmap/blend", kIgnored, kNoPart},
     {"model/link/collision/geometry/heightmap/use_terrain_paging", kIgnored, kNoPart},
-    {"model/link/collision/geometry/plane", kUsed, "a half-space, in static models"},
+    {"model/link/collision/geometry/plane", kUsed,
+     "a half-space, in static models, whatever its size"},
     {"model/link/collision/geometry/empty", kApproximated, "the collision is left out"},
-    {"model/link/collision/geometry/cone", kRefused, kMesh},
     {"model/link/collision/geometry/image", kRefused, kMesh},
     {"model/link/collision/geometry/polyline", kRefused, kMesh},
     {"model/link/collision/surface/friction/ode/mu", kUsed, "1 if it is not given"},

@@ -268,8 +268,11 @@ std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile&
     return nullptr;
   }
   if (path.empty()) {
-    const std::string why = found ? "holds no model.config and no model.sdf" : "is not found";
-    diagnostics.refuse(place, "<include> of '" + uri + "' " + why + "; " + resource_remedy(uri));
+    const std::string why =
+        found ? "is " + found->string() +
+                    ", which holds neither model.sdf nor what a model.config names"
+              : "is not found; " + resource_remedy(uri, file.path);
+    diagnostics.refuse(place, "<include> of '" + uri + "' " + why);
     return nullptr;
   }
   std::error_code error;

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <memory>
+#include <numbers>
 #include <stdexcept>
 
 #include <sdf/Box.hh>
@@ -30,46 +32,67 @@
 namespace hlm::ve {
 namespace {
 
+/// Sizes of shapes. Thinner ones have no inside that a contact could be found in, and larger ones
+/// carry the engine to infinity.
+constexpr Range kSizes{1e-6, 1e6, "m"};
+/// Sizes of a cone, whose corners are those of a hull.
+constexpr Range kConeSizes{1e-6, 1000, "m"};
 /// Sides of a heightmap: smaller ones leave cells no larger than what a contact is exact to.
 constexpr Range kMapSide{1e-3, 1000, "m"};
 constexpr Range kMapHeight{1e-6, 1000, "m"};
 
-/// Throws std::runtime_error, for to_collisions() to report.
+/// Throws std::runtime_error, for to_collision() to report.
 double ranged_size(double value, const std::string& what, const Range& range) {
   if (const auto error = find_error(what, value, range)) throw std::runtime_error(*error);
   return value;
 }
 
-double positive_size(double value, const std::string& what) {
-  return ranged_size(value, what, above_zero("m"));
+double size_of_shape(double value, const std::string& what) {
+  return ranged_size(value, what, kSizes);
+}
+
+/// Corners of a cone's base: its sides lie up to half a per cent of its radius further in.
+constexpr int kConeCorners = 32;
+
+/// Centred, with the tip along z, as in SDFormat 1.11.
+Hull to_cone(const sdf::ElementPtr& cone) {
+  const double radius = ranged_size(cone->Get<double>("radius", 1).first, "radius", kConeSizes);
+  const double half = ranged_size(cone->Get<double>("length", 1).first, "length", kConeSizes) / 2;
+  Hull hull{{{0, 0, half}}};
+  for (int i = 0; i < kConeCorners; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kConeCorners;
+    hull.vertices.emplace_back(radius * std::cos(angle), radius * std::sin(angle), -half);
+  }
+  return hull;
 }
 
 Shape to_shape(const sdf::Geometry& geometry) {
+  if (const sdf::ElementPtr cone = cone_of(geometry)) return to_cone(cone);
   switch (geometry.Type()) {
     case sdf::GeometryType::SPHERE:
-      return Sphere{positive_size(geometry.SphereShape()->Radius(), "radius")};
+      return Sphere{size_of_shape(geometry.SphereShape()->Radius(), "radius")};
     case sdf::GeometryType::CAPSULE:
-      return Capsule{positive_size(geometry.CapsuleShape()->Radius(), "radius"),
-                     positive_size(geometry.CapsuleShape()->Length(), "length")};
+      return Capsule{size_of_shape(geometry.CapsuleShape()->Radius(), "radius"),
+                     size_of_shape(geometry.CapsuleShape()->Length(), "length")};
     case sdf::GeometryType::CYLINDER:
-      return Cylinder{positive_size(geometry.CylinderShape()->Radius(), "radius"),
-                      positive_size(geometry.CylinderShape()->Length(), "length")};
+      return Cylinder{size_of_shape(geometry.CylinderShape()->Radius(), "radius"),
+                      size_of_shape(geometry.CylinderShape()->Length(), "length")};
     case sdf::GeometryType::BOX: {
       const ignition::math::Vector3d size = geometry.BoxShape()->Size();
-      return Box{{positive_size(size.X(), "size x"), positive_size(size.Y(), "size y"),
-                  positive_size(size.Z(), "size z")}};
+      return Box{{size_of_shape(size.X(), "size x"), size_of_shape(size.Y(), "size y"),
+                  size_of_shape(size.Z(), "size z")}};
     }
     case sdf::GeometryType::ELLIPSOID: {
       const ignition::math::Vector3d radii = geometry.EllipsoidShape()->Radii();
-      return Ellipsoid{{positive_size(radii.X(), "radius x"), positive_size(radii.Y(), "radius y"),
-                        positive_size(radii.Z(), "radius z")}};
+      return Ellipsoid{{size_of_shape(radii.X(), "radius x"), size_of_shape(radii.Y(), "radius y"),
+                        size_of_shape(radii.Z(), "radius z")}};
     }
     case sdf::GeometryType::PLANE:
       return HalfSpace{};
     default:
       throw std::runtime_error(
-          "no geometry; allowed: box, sphere, cylinder, capsule, ellipsoid, mesh, heightmap, "
-          "plane");
+          "no geometry; allowed: box, sphere, cylinder, cone, capsule, ellipsoid, mesh, "
+          "heightmap, plane");
   }
 }
 
@@ -80,7 +103,8 @@ std::filesystem::path file_of(const Source& source) {
   const auto found = find_resource(source.Uri(), place_of(source.Element()).file);
   const std::string name = source.Element()->GetName() + " '" + source.Uri() + "'";
   if (!found) {
-    throw std::runtime_error(name + " is not found; " + resource_remedy(source.Uri()));
+    throw std::runtime_error(name + " is not found; " +
+                             resource_remedy(source.Uri(), place_of(source.Element()).file));
   }
   if (!std::filesystem::is_regular_file(*found)) {
     throw std::runtime_error(name + " is not a file (" + found->string() + ")");
@@ -104,14 +128,15 @@ Pieces pieces_of(const sdf::Mesh& source, const Mesh& mesh, bool fixed) {
   return fixed ? Pieces::kTriangles : Pieces::kParts;
 }
 
-std::vector<Hull> to_hulls(const Mesh& mesh, Pieces pieces) {
+std::vector<Hull> to_hulls(const Mesh& mesh, Pieces pieces, const std::string& name,
+                           const Progress& progress) {
   switch (pieces) {
     case Pieces::kHull:
       return {Hull{convex_hull(mesh.points).vertices}};
     case Pieces::kTriangles:
       return skin_of(mesh);
     case Pieces::kParts:
-      return decomposed(mesh);
+      return decomposed(mesh, name, progress);
   }
   return {};
 }
@@ -140,8 +165,8 @@ std::vector<CollisionDescription> with_shapes(CollisionDescription common, std::
   return collisions;
 }
 
-std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDescription common,
-                                            bool fixed, Diagnostics& diagnostics) {
+FileCollision to_pieces(const sdf::Mesh& source, CollisionDescription common, bool fixed,
+                        Diagnostics& diagnostics) {
   const Vector3 scale = to_vector(source.Scale());
   if (!scale.allFinite() || (scale.array() == 0).any()) {
     throw std::runtime_error("mesh scale must be finite and not 0");
@@ -160,21 +185,23 @@ std::vector<CollisionDescription> to_pieces(const sdf::Mesh& source, CollisionDe
       diagnostics.approximate(
           place, name + ": an open sheet, without an inside: it is thin, and felt from both sides");
     }
-    auto collisions = with_shapes(common, to_hulls(*mesh, pieces), name, place, diagnostics);
+    FileCollision read;
+    if (!fixed) read.solid_B = moved(common.X_BG, solid_of(*mesh));
+    read.pieces = with_shapes(common, to_hulls(*mesh, pieces, name, diagnostics.progress()), name,
+                              place, diagnostics);
     if (pieces == Pieces::kTriangles && mesh->is_sheet()) {
       common.mesh = mesh->back;
-      std::ranges::move(with_shapes(common, skin_of(*common.mesh), name, place, diagnostics),
-                        std::back_inserter(collisions));
+      std::ranges::move(with_shapes(common, skin_of(*mesh->back), name, place, diagnostics),
+                        std::back_inserter(read.pieces));
     }
-    return collisions;
+    return read;
   } catch (const std::exception& error) {
     throw std::runtime_error(name + ": " + error.what());
   }
 }
 
-std::vector<CollisionDescription> to_pieces(const sdf::Heightmap& source,
-                                            CollisionDescription common, bool fixed,
-                                            Diagnostics& diagnostics) {
+FileCollision to_pieces(const sdf::Heightmap& source, CollisionDescription common, bool fixed,
+                        Diagnostics& diagnostics) {
   if (!fixed) {
     throw std::runtime_error("a heightmap cannot move: put it into a model with <static>true");
   }
@@ -185,8 +212,9 @@ std::vector<CollisionDescription> to_pieces(const sdf::Heightmap& source,
   common.mesh = std::make_shared<const Mesh>(read_heightmap(file, size));
   common.X_BG = common.X_BG * Pose{to_vector(source.Position()), Quaternion::Identity()};
   std::vector<Hull> skin = skin_of(*common.mesh);
-  return with_shapes(std::move(common), std::move(skin), "heightmap " + file.string(),
-                     place_of(source.Element()), diagnostics);
+  return {with_shapes(std::move(common), std::move(skin), "heightmap " + file.string(),
+                      place_of(source.Element()), diagnostics),
+          std::nullopt};
 }
 
 std::optional<double> friction_of(const sdf::Collision& collision) {
@@ -202,6 +230,10 @@ std::optional<double> friction_of(const sdf::Collision& collision) {
 }
 
 }  // namespace
+
+sdf::ElementPtr cone_of(const sdf::Geometry& geometry) {
+  return geometry.Element() ? geometry.Element()->FindElement("cone") : nullptr;
+}
 
 Vector3 to_vector(const ignition::math::Vector3d& v) { return {v.X(), v.Y(), v.Z()}; }
 
@@ -220,9 +252,8 @@ Pose to_pose(const ignition::math::Pose3d& pose) {
   return {to_vector(pose.Pos()), Quaternion(R.W(), R.X(), R.Y(), R.Z()).normalized()};
 }
 
-std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
-                                                const Vector3& p_BS, bool fixed,
-                                                Diagnostics& diagnostics) {
+FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS, bool fixed,
+                           Diagnostics& diagnostics) {
   const sdf::Mesh* const mesh = collision.Geom()->MeshShape();
   const sdf::Heightmap* const heightmap = collision.Geom()->HeightmapShape();
   try {
@@ -238,10 +269,16 @@ std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
     result.shape = to_shape(*collision.Geom());
     if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
       if (!(plane->Normal().Length() > 0)) throw std::runtime_error("normal must not be 0 0 0");
+      const sdf::ElementPtr size = plane->Element()->FindElement("size");
+      if (size && size->GetExplicitlySetInFile()) {
+        diagnostics.ignore(place_of(size), "<size>: planes have no end");
+      }
       result.X_BG.R =
           result.X_BG.R * Quaternion::FromTwoVectors(Vector3::UnitZ(), to_vector(plane->Normal()));
     }
-    return {result};
+    std::optional<Solid> solid = fixed ? std::nullopt : solid_of(result.shape);
+    if (solid) solid = moved(result.X_BG, *solid);
+    return {{std::move(result)}, solid};
   } catch (const std::runtime_error& error) {
     const sdf::ElementPtr element = mesh != nullptr        ? mesh->Element()
                                     : heightmap != nullptr ? heightmap->Element()

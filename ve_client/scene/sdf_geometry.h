@@ -1,13 +1,16 @@
 // Conversion of SDFormat's geometry and quantities to ours.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <ignition/math/Matrix3.hh>
 #include <ignition/math/Pose3.hh>
 #include <sdf/Collision.hh>
+#include <sdf/Geometry.hh>
 
 #include "hlm/scene/diagnostics.h"
+#include "hlm/scene/solid.h"
 #include "hlm/scene/world_description.h"
 
 namespace hlm::ve {
@@ -16,16 +19,24 @@ Vector3 to_vector(const ignition::math::Vector3d& v);
 Matrix3 to_matrix(const ignition::math::Matrix3d& m);
 Pose to_pose(const ignition::math::Pose3d& pose);
 
-/// The convex pieces of a collision of a link whose SDF frame S has its origin at p_BS (m), with
+/// The <cone> of a geometry, which libsdformat does not know; null: it has none.
+sdf::ElementPtr cone_of(const sdf::Geometry& geometry);
+
+/// A collision of a file.
+struct FileCollision {
+  std::vector<CollisionDescription> pieces;  ///< Its convex pieces.
+  std::optional<Solid> solid_B;              ///< What it fills; empty if it is fixed.
+};
+
+/// A collision of a link whose SDF frame S has its origin at p_BS (m), with
 /// friction μ if the file has it; `fixed`: the link never moves. A mesh is its convex hull if it is
 /// convex or <haptic:pieces> in <mesh> says "hull", its triangles if it is fixed or that says
 /// "triangles", and else its convex decomposition ("parts"). A heightmap is its triangles, and must
-/// be fixed. Empty if it cannot be used; what is
-/// refused or approximated goes to `diagnostics`, with its place: sizes that are not finite and
-/// > 0, friction < 0, shapes that are not supported, meshes and images that are not found,
+/// be fixed. Without pieces if it cannot be used; what is
+/// refused or approximated goes to `diagnostics`, with its place: sizes that are not from 1 µm to
+/// 1000 km, friction < 0, shapes that are not supported, meshes and images that are not found,
 /// cannot be used or were repaired.
-std::vector<CollisionDescription> to_collisions(const sdf::Collision& collision,
-                                                const Vector3& p_BS, bool fixed,
-                                                Diagnostics& diagnostics);
+FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS, bool fixed,
+                           Diagnostics& diagnostics);
 
 }  // namespace hlm::ve

@@ -1,14 +1,15 @@
 #include "hlm/scene/sdf_models.h"
 
 #include <algorithm>
+#include <optional>
 
-#include <Eigen/Eigenvalues>
 #include <sdf/Collision.hh>
 #include <sdf/Geometry.hh>
 #include <sdf/Joint.hh>
 #include <sdf/Link.hh>
 
 #include "hlm/common/range.h"
+#include "hlm/scene/link_inertia.h"
 #include "hlm/scene/sdf_geometry.h"
 #include "hlm/scene/sdf_joints.h"
 #include "hlm/scene/sdf_messages.h"
@@ -16,31 +17,6 @@
 
 namespace hlm::ve {
 namespace {
-
-/// Masses of a body that moves. The engine divides by it.
-constexpr Range kMasses{1e-9, 1e9, "kg"};
-/// Least principal moment of inertia as a portion of the largest: below, the inertia cannot be
-/// inverted reliably.
-constexpr double kLeastMoment = 1e-9;
-/// How far, as a portion of the largest, the largest moment may exceed the sum of the others:
-/// files round to two or three digits.
-constexpr double kMomentTolerance = 0.01;
-
-/// Why no rigid body has this inertia; empty if one may.
-std::optional<std::string> find_inertia_error(const Matrix3& I_B) {
-  const Eigen::SelfAdjointEigenSolver<Matrix3> solver(I_B, Eigen::EigenvaluesOnly);
-  const Vector3 moments = solver.eigenvalues();  // The largest is the last.
-  const std::string text = "principal moments of inertia " + shortest_text(moments[0]) + ", " +
-                           shortest_text(moments[1]) + ", " + shortest_text(moments[2]) + " kg·m²";
-  const Range largest{1e-15, 1e12};
-  if (!largest.contains(moments[2]) || !(moments[0] >= kLeastMoment * moments[2])) {
-    return text + " must be above 0";
-  }
-  if (moments[2] - moments[0] - moments[1] > kMomentTolerance * moments[2]) {
-    return text + ": the largest must not exceed the sum of the others";
-  }
-  return std::nullopt;
-}
 
 std::string text_of(const sdf::ElementPtr& parent, const std::string& child) {
   return parent->HasElement(child) ? parent->Get<std::string>(child) : "";
@@ -148,47 +124,30 @@ class ModelReader {
     body.weightless = !element->Get<bool>("gravity", true).first;
     body.X_WB = {X_WS * p_SB, X_WS.R};
     body.p_BS = -p_SB;
-    if (!fixed) read_inertia(link, body);
     if (element->Get<bool>("kinematic", false).first) {
       diagnostics_.refuse(place_of(element),
                           "<kinematic> true is not supported; make the model <static>, or let the "
                           "link move freely");
     }
-    read_collisions(link, body);
+    const std::optional<Solid> solid = read_collisions(link, body);
+    // In a static model it does not count.
+    if (!fixed) read_inertia(link, solid, body, diagnostics_);
     world_.bodies.push_back(std::move(body));
   }
 
-  /// Those of static models have none.
-  void read_inertia(const sdf::Link& link, BodyDescription& body) {
-    const sdf::ElementPtr element = link.Element();
-    if (!element->HasElement("inertial")) {
-      diagnostics_.approximate(place_of(element),
-                               "a link without <inertial> has 1 kg and 1 kg·m² about each axis, "
-                               "as in SDFormat");
-    }
-    const double mass = link.Inertial().MassMatrix().Mass();
-    const Matrix3 I_B = to_matrix(link.Inertial().Moi());
-    auto error = find_error("mass", mass, kMasses);
-    if (error) error->append("; or make the model <static>");
-    if (!error) error = find_inertia_error(I_B);
-    if (error) {
-      const sdf::ElementPtr inertial = element->FindElement("inertial");
-      Place place = place_of(inertial ? inertial : element);
-      return diagnostics_.refuse(place, *error);
-    }
-    body.mass = mass;
-    body.I_B = I_B;
-  }
-
-  void read_collisions(const sdf::Link& link, BodyDescription& body) {
+  /// Returns what all of them fill, in B; empty for a link that is fixed.
+  std::optional<Solid> read_collisions(const sdf::Link& link, BodyDescription& body) {
+    std::optional<Solid> all;
     for (std::uint64_t i = 0; i < link.CollisionCount(); ++i) {
       const sdf::Collision& source = *link.CollisionByIndex(i);
-      if (source.Geom()->Type() == sdf::GeometryType::EMPTY) {
+      if (source.Geom()->Type() == sdf::GeometryType::EMPTY && !cone_of(*source.Geom())) {
         diagnostics_.approximate(place_of(source.Element()),
                                  "a collision without a shape that can be used is left out");
         continue;
       }
-      for (auto& piece : to_collisions(source, body.p_BS, body.fixed, diagnostics_)) {
+      FileCollision read = to_collision(source, body.p_BS, body.fixed, diagnostics_);
+      if (read.solid_B) all = all ? together(*all, *read.solid_B) : *read.solid_B;
+      for (CollisionDescription& piece : read.pieces) {
         if (!body.fixed && std::holds_alternative<HalfSpace>(piece.shape)) {
           diagnostics_.refuse(place_of(source.Element()),
                               "a plane is allowed in static models only");
@@ -196,6 +155,7 @@ class ModelReader {
         body.collisions.push_back(std::move(piece));
       }
     }
+    return all;
   }
 
   void read_joint(const sdf::Joint& joint, const Pose& X_WM, const std::string& scope) {

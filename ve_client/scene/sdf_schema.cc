@@ -55,18 +55,30 @@ ElementPtr trimmed(const ElementPtr& full, const std::string& path, Schema& sche
   return element;
 }
 
-/// Adds the elements of our own that have the rule's path.
-void add_own(const ElementPtr& element, std::string_view path, std::string_view rest,
-             Schema& schema) {
+/// Elements that are used and not in the installed format: our own, and those of later versions.
+bool is_added(std::string_view path) {
+  return path.find("/haptic:") != path.npos || path.find("/geometry/cone/") != path.npos;
+}
+
+/// The type of what is in it.
+const char* type_of_added(std::string_view path) {
+  if (path.ends_with("/pose")) return "pose";
+  return path.find("/haptic:") == path.npos ? "double" : "string";
+}
+
+/// Adds the elements that have the rule's path.
+void add_elements(const ElementPtr& element, std::string_view path, std::string_view rest,
+                  Schema& schema) {
   const std::size_t slash = rest.find('/');
   const std::string name(rest.substr(0, slash));
   const std::string own_path = std::string(path) + "/" + name;
   ElementPtr child = element->HasElementDescription(name) ? element->GetElementDescription(name)
                                                           : make_element(name, "*");
   if (!element->HasElementDescription(name)) element->AddElementDescription(child);
-  if (slash != rest.npos) return add_own(child, own_path, rest.substr(slash + 1), schema);
-  child->AddValue("string", "", false);
-  schema.types[own_path] = name == "pose" ? "pose" : "string";
+  if (slash != rest.npos) return add_elements(child, own_path, rest.substr(slash + 1), schema);
+  const std::string type = type_of_added(own_path);
+  child->AddValue("string", type == "double" ? "1" : "", false);
+  schema.types[own_path] = type;
 }
 
 Schema build() {
@@ -79,9 +91,8 @@ Schema build() {
     const ElementPtr element = trimmed(full->Root()->GetElementDescription(top), top, schema);
     if (top == "world") element->AddElementDescription(schema.root->GetElementDescription("model"));
     for (const ElementRule& rule : element_rules()) {
-      const bool own = rule.path.find("/haptic:") != rule.path.npos;
-      if (!own || !rule.path.starts_with(top + "/")) continue;
-      add_own(element, top, rule.path.substr(top.size() + 1), schema);
+      if (!is_added(rule.path) || !rule.path.starts_with(top + "/")) continue;
+      add_elements(element, top, rule.path.substr(top.size() + 1), schema);
     }
     schema.root->AddElementDescription(element);
   }

@@ -1,6 +1,7 @@
 #include "hlm/scene/sdf_trees.h"
 
 #include <algorithm>
+#include <set>
 
 #include <sdf/Exception.hh>
 #include <sdf/SDFImpl.hh>
@@ -101,6 +102,37 @@ void carry_over(const XMLElement& given, const SdfFile& file, const ElementPtr& 
   check_values(own, diagnostics);
 }
 
+/// Whether an element may stand once in its parent.
+bool is_single(const ElementPtr& parent, const std::string& name) {
+  const std::string& required = parent->GetElementDescription(name)->GetRequired();
+  return required == "0" || required == "1";
+}
+
+/// Of what may stand once, and of the shapes of a geometry, the first counts.
+void drop_repeated(const ElementPtr& element, Diagnostics& diagnostics) {
+  std::set<std::string> names;
+  const bool one_of_all = element->GetName() == "geometry";
+  for (ElementPtr child = element->GetFirstElement(); child;) {
+    const ElementPtr next = child->GetNextElement();
+    const std::string name = child->GetName();
+    const bool repeated = is_single(element, name) && names.contains(name);
+    if (repeated) {
+      diagnostics.approximate(place_of(child), "a second " + tag(name) + " in " +
+                                                   tag(element->GetName()) + " is not read");
+    } else if (one_of_all && !names.empty()) {
+      diagnostics.approximate(place_of(child), tag(name) +
+                                                   " is not read: " + tag(element->GetName()) +
+                                                   " has a shape, " + tag(*names.begin()));
+    }
+    if (repeated || (one_of_all && !names.empty())) {
+      element->RemoveChild(child);
+    } else {
+      names.insert(name);
+    }
+    child = next;
+  }
+}
+
 /// The parser keeps what it does not know, and libsdformat would look at it. Elements with a colon
 /// it keeps without a word: ours must be known.
 void drop_unused(const ElementPtr& element, Diagnostics& diagnostics) {
@@ -119,6 +151,7 @@ void drop_unused(const ElementPtr& element, Diagnostics& diagnostics) {
     element->RemoveChild(child);
     child = next;
   }
+  drop_repeated(element, diagnostics);
 }
 
 }  // namespace
