@@ -29,7 +29,7 @@
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/manifold.h"
 
-namespace hlm::ve {
+namespace hlm::geometry {
 namespace {
 
 constexpr double kEpsilon = 0.005;  // m.
@@ -215,15 +215,16 @@ void compare(const Trio& a, const Trio& b, std::mt19937_64& random) {
 }
 
 }  // namespace
-}  // namespace hlm::ve
+}  // namespace hlm::geometry
 
 int main() {
   std::mt19937_64 random(1);
-  const auto shapes = hlm::ve::shapes(random);
+  const auto shapes = hlm::geometry::shapes(random);
   std::puts(
       "| pair | here, µs | FCL, µs | Bullet, µs | of FCL's | of Bullet's | FCL differs by, µm | "
       "Bullet by, µm |");
   for (std::size_t i = 0; i < shapes.size(); ++i) {
-    for (std::size_t k = i; k < shapes.size(); ++k) hlm::ve::compare(shapes[i], shapes[k], random);
+    for (std::size_t k = i; k < shapes.size(); ++k)
+      hlm::geometry::compare(shapes[i], shapes[k], random);
   }
 }
