@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace hlm::geometry {
 namespace {
@@ -21,6 +22,7 @@ struct SimplexPoint {
   Vector3 w;
   Vector3 tool;
   Vector3 body;
+  double square;  ///< Of the norm of w, m².
 };
 using Simplex = StaticVector<SimplexPoint, 4>;
 
@@ -31,19 +33,23 @@ struct Part {
   std::size_t size = 0;
 };
 
-/// Sets the weights of the foot of the origin on the affine hull of the part. False if the foot is
-/// not inside the part, or the part is degenerate.
-bool find_foot(const Simplex& simplex, Part& part) {
+/// Sets the weights of the foot v of the origin on the affine hull of the part. False if the foot
+/// is not inside the part, or the part is degenerate. Reckoned from the part's first point, and for
+/// a triangle along its normal: a mean of points metres away would turn a v of a micrometre by
+/// their rounding.
+bool find_foot(const Simplex& simplex, Part& part, Vector3& v) {
   auto& weight = part.weight;
   const Vector3& w0 = simplex[part.index[0]].w;
   if (part.size == 1) {
     weight[0] = 1;
+    v = w0;
     return true;
   }
   const Vector3 e1 = simplex[part.index[1]].w - w0;
   if (part.size == 2) {
     weight[1] = -w0.dot(e1) / e1.squaredNorm();
     weight[0] = 1 - weight[1];
+    v = w0 + weight[1] * e1;
     return weight[0] > 0 && weight[1] > 0;
   }
   const Vector3 e2 = simplex[part.index[2]].w - w0;
@@ -54,6 +60,7 @@ bool find_foot(const Simplex& simplex, Part& part) {
     weight[1] = e2.cross(w0).dot(area) / square;
     weight[2] = w0.cross(e1).dot(area) / square;
     weight[0] = 1 - weight[1] - weight[2];
+    v = w0.dot(area) / square * area;
     return weight[0] > 0 && weight[1] > 0 && weight[2] > 0;
   }
   const Vector3 e3 = simplex[part.index[3]].w - w0;
@@ -65,6 +72,7 @@ bool find_foot(const Simplex& simplex, Part& part) {
   weight[2] = -e1.dot(beside);
   weight[3] = -w0.dot(area) / volume;
   weight[0] = 1 - weight[1] - weight[2] - weight[3];
+  v.setZero();
   return weight[0] > 0 && weight[1] > 0 && weight[2] > 0 && weight[3] > 0;
 }
 
@@ -94,13 +102,14 @@ Nearest nearest_to_origin(const Simplex& simplex) {
     Part part;
     part.index[part.size++] = newest;
     for (std::size_t i = 0; i < newest; ++i) {
-      if (others >> i & 1U) part.index[part.size++] = i;
+      if ((others >> i & 1U) == 0) continue;
+      part.index[part.size++] = i;
+      if (simplex[i].square < simplex[part.index[0]].square) {
+        std::swap(part.index[0], part.index[part.size - 1]);
+      }
     }
-    if (!find_foot(simplex, part)) continue;
-    Vector3 v = Vector3::Zero();
-    if (part.size < 4) {
-      for (std::size_t i = 0; i < part.size; ++i) v += part.weight[i] * simplex[part.index[i]].w;
-    }
+    Vector3 v;
+    if (!find_foot(simplex, part, v)) continue;
     const double square = v.squaredNorm();
     if (square < best.square) best = {part, v, square};
     if (is_nearest_of_all(simplex, others, v, square)) break;
@@ -133,17 +142,23 @@ ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noe
   using Relation = ClosestPoints::Relation;
   ClosestPoints answer;
   answer.upper = std::numeric_limits<double>::infinity();
+  answer.lower = -std::numeric_limits<double>::infinity();
   Simplex simplex;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    answer.n_B = v.normalized();
+    const Vector3 n_B = v.normalized();
     const Vector3 p_tool = pair.tool_support(-v);
     const Vector3 p_body = pair.body_support(v);
     const Vector3 w = p_tool - p_body;
-    answer.lower = answer.n_B.dot(w);
+    const double gap = n_B.dot(w);
+    // Near the end rounding makes the gap smaller again. A gap that is no number is kept.
+    if (!(gap <= answer.lower)) {
+      answer.lower = gap;
+      answer.n_B = n_B;
+    }
     if (answer.lower > beyond) return answer;
     if (answer.upper - answer.lower <= kConverged) break;
 
-    simplex.push_back({w, p_tool, p_body});
+    simplex.push_back({w, p_tool, p_body, w.squaredNorm()});
     const Nearest nearest = nearest_to_origin(simplex);
     if (!(std::sqrt(nearest.square) < answer.upper)) break;
     accept(nearest, simplex, answer);

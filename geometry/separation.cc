@@ -1,5 +1,7 @@
 #include "hlm/geometry/separation.h"
 
+#include <algorithm>
+
 #include "hlm/geometry/penetration.h"
 
 namespace hlm::geometry {
@@ -11,12 +13,20 @@ CoreSeparation separation_from_half_space(const CorePair& pair) {
   return {height, height, n, {}};
 }
 
-/// The separation of curved cores a few micrometres apart, where rounding stopped the search early.
+/// The separation where rounding stopped the search early: of cores a few micrometres apart, or of
+/// a small one and one of metres. The cores are moved apart along the normal, and searched again:
+/// the points found there are points of the cores, wherever these are. Their distance also replaces
+/// an upper bound that a sliver has made too small.
 CoreSeparation made_exact(const CorePair& pair, const ClosestPoints& nearest) {
-  const Vector3 n = closest_points_moved_apart(pair, nearest.n_B, nearest.lower).n_B;
-  const double gap = pair.gap(n);
-  if (gap > nearest.lower) return {gap, nearest.upper, n, {}};
-  return {nearest.lower, nearest.upper, nearest.n_B, {}};
+  const ClosestPoints apart = closest_points_moved_apart(pair, nearest.n_B, nearest.lower);
+  const double upper =
+      std::min((nearest.p_tool - nearest.p_body).norm(), (apart.p_tool - apart.p_body).norm());
+  const double gap = pair.gap(apart.n_B);
+  const CoreSeparation exact = gap > nearest.lower
+                                   ? CoreSeparation{gap, upper, apart.n_B, {}}
+                                   : CoreSeparation{nearest.lower, upper, nearest.n_B, {}};
+  // No two points are nearer than none: an overlap has to be proved from inside.
+  return exact.gap < 0 && !exact.is_confirmed() ? find_penetration(pair, nearest) : exact;
 }
 
 }  // namespace
@@ -36,7 +46,7 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
     case ClosestPoints::Relation::kSeparate:
       break;
   }
-  if (nearest.upper - nearest.lower > kAccuracy) return made_exact(pair, nearest);
+  if (!(std::abs(nearest.upper - nearest.lower) <= kAccuracy)) return made_exact(pair, nearest);
   CoreSeparation separation{nearest.lower, nearest.upper, nearest.n_B, {}};
   if (nearest.lower > kMovedApart) separation.nearest = {nearest.p_tool, nearest.p_body};
   return separation;
