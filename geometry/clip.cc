@@ -12,8 +12,9 @@ constexpr double kOnBorder = 1e-6;
 /// Edges with a smaller sine between them, rad, touch along a line: the ends of 0.1 m then part by
 /// 0.1 mm. Larger values put more of the environment's points next to its edge, by that much.
 constexpr double kParallelEdges = 1e-3;
-/// The same for edges that are swept by spheres: a place next to the edge differs little there, by
-/// 0.1 mm at the ends of 0.1 m and 20 mm radius. With less, such a pair rocks on one contact.
+/// The same for edges that are swept by spheres and lines of cylinders: a place next to the edge
+/// differs little there, by 0.1 mm at the ends of 0.1 m and 20 mm radius. With less, such a pair
+/// rocks on one contact.
 constexpr double kParallelRoundEdges = 25e-3;
 
 /// The line on which a side of the clipped polygon lies.

@@ -342,6 +342,7 @@ Patch Convex::lateral_patch(const Vector3& direction) const {
   const Vector3 to_end(0, 0, cylinder_.length / 2);
   const Vector3 middle = cylinder_.radius * outward;
   Patch patch{.corners = {}, .feature = edge(kLine)};
+  patch.round = true;
   patch.corners.push_back({middle - to_end, vertex(kLineVertices), edge(kLine)});
   patch.corners.push_back({middle + to_end, vertex(kLineVertices + 1), edge(kLine)});
   return patch;

@@ -29,7 +29,8 @@ struct Patch {
   StaticVector<Corner, kMaxFaceCorners> corners;
   Feature feature;                    ///< The face, edge or vertex itself.
   Vector3 normal = Vector3::UnitZ();  ///< Normal of a face: outward, unit, frame of the shape.
-  bool round = false;                 ///< Whether a sphere sweeps it.
+  bool round = false;                 ///< Whether the surface beside it is round: an edge that a
+                                      ///< sphere sweeps, or the line of a lateral surface.
 
   bool is_face() const noexcept { return corners.size() != 1 && corners.size() != 2; }
 };
