@@ -179,9 +179,25 @@ Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
   return axes;
 }
 
+/// The outermost point of one core over an aligned face of the other along an axis, if none of the
+/// pairs has it: the face of a hull whose normal is nearest to the axis need not have the point
+/// that is outermost of all, nor have the corners that stand for a rim.
+void add_support(const CorePair& pair, const Axis& axis, bool over_body, FeaturePairs& pairs) {
+  const Vector3& n = axis.n_B;
+  if (stands_for(pairs, n, axis.gap)) return;
+  if (over_body) {
+    const Vector3 p = pair.tool_support(-n);
+    const Vector3 p_T = pair.R_BT.transpose() * (p - pair.p_BT);
+    put(pairs, {pair.tool.feature_at(p_T), pair.body.facing(n).feature, p, p - axis.gap * n});
+  } else {
+    const Vector3 p = pair.body_support(n);
+    const Feature face = pair.tool.facing(-(pair.R_BT.transpose() * n)).feature;
+    put(pairs, {face, pair.body.feature_at(p), p + axis.gap * n, p});
+  }
+}
+
 /// The outermost points of either core along an axis that is normal to a face of the other, or
-/// where the edges cross that the axis is normal to. The face of a hull whose normal is nearest to
-/// the axis need not have the point that is outermost of all.
+/// where the edges cross that the axis is normal to.
 void add_outermost(const CorePair& pair, const Axis& axis, FeaturePairs& pairs) {
   const Vector3& n = axis.n_B;
   const Vector3 n_T = pair.R_BT.transpose() * n;
@@ -192,21 +208,14 @@ void add_outermost(const CorePair& pair, const Axis& axis, FeaturePairs& pairs) 
     for (const auto& corner : tool.corners) {
       put(pairs, {corner.vertex, body.feature, corner.p, corner.p + (top - n.dot(corner.p)) * n});
     }
-    if (!stands_for(pairs, n, axis.gap)) {
-      const Vector3 p = pair.tool_support(-n);
-      const Vector3 p_T = pair.R_BT.transpose() * (p - pair.p_BT);
-      put(pairs, {pair.tool.feature_at(p_T), body.feature, p, p - axis.gap * n});
-    }
+    add_support(pair, axis, true, pairs);
   } else if (is_aligned_face(tool, -n)) {
     const double bottom = n.dot(pair.tool_support(-n));
     for (const auto& corner : body.corners) {
       put(pairs,
           {tool.feature, corner.vertex, corner.p + (bottom - n.dot(corner.p)) * n, corner.p});
     }
-    if (!stands_for(pairs, n, axis.gap)) {
-      const Vector3 p = pair.body_support(n);
-      put(pairs, {tool.feature, pair.body.feature_at(p), p + axis.gap * n, p});
-    }
+    add_support(pair, axis, false, pairs);
   } else {
     const Patch e = in_body_frame(pair.tool.edge_facing(-n_T), pair);
     const Patch f = pair.body.edge_facing(n);
@@ -250,9 +259,13 @@ FeaturePairs axis_features(const CorePair& pair, const Axis& axis, double larges
   const bool flat =
       is_aligned_face(pair.body.facing(n), n) &&
       is_aligned_face(pair.tool.facing(-(pair.R_BT.transpose() * n)), -(pair.R_BT.transpose() * n));
-  // Where two faces lie over each other, the border of one stands for its own axis.
-  const bool enough = flat && !pairs.empty();
-  if (!enough && !stands_for(pairs, n, axis.gap)) add_outermost(pair, axis, pairs);
+  // Where two faces lie over each other, the border of one stands for its own axis; not a rim,
+  // whose axis turns with every motion.
+  if (!flat || pairs.empty()) {
+    if (!stands_for(pairs, n, axis.gap)) add_outermost(pair, axis, pairs);
+  } else if (!pair.tool.is_polytope() || !pair.body.is_polytope()) {
+    add_support(pair, axis, true, pairs);
+  }
   double least = std::numeric_limits<double>::infinity();
   for (const FeaturePair& p : pairs) least = std::min(least, gap_of(p, n));
   erase_far(pairs, n, std::max(largest_gap, least));
@@ -377,7 +390,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     kept.push_back({best.n_B, best.gap});
     bearing.push_back({best.n_B, best.gap});
   } else if (turns(pair)) {
-    add({best.n_B, best.gap}, rounded_features(pair, best));
+    add({best.n_B, best.gap}, near_features(pair, best, epsilon + margins));
     kept.push_back({best.n_B, best.gap});
   }
   const auto is_known = [&bearing](const Vector3& n_B) {

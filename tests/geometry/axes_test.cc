@@ -5,7 +5,7 @@
 #include <tuple>
 #include <vector>
 
-#include "tests/geometry/reference.h"
+#include "tests/geometry/signed_distance.h"
 #include "tests/support/catch.h"
 
 namespace hlm::geometry::test {
@@ -20,17 +20,20 @@ AxesManifold axes_of(const Placed& tool, const Placed& body, double epsilon = kE
                    statistics, {}, travel_W);
 }
 
-/// The greatest gap of all axes once the tool has moved by d_W and turned by `turn`, m.
+/// The greatest gap of all axes once the tool has moved by d_W and turned by `turn`, m. The normal
+/// of a plane of the tool turns with it.
 double gap_after(const AxesManifold& manifold, const Placed& tool, const Vector3& d_W,
                  const Quaternion& turn) {
   std::vector<double> gaps;
   for (const ManifoldPoint& point : manifold) {
     const Vector3 arm = point.p_WC + point.separation * point.n_W - tool.X_WS.p;
     const Vector3 p_W = tool.X_WS.p + d_W + turn * arm;
+    const bool of_tool = plane_of(point.tool_feature, point.body_feature) == PlaneOwner::kA;
+    const Vector3 n_W = of_tool ? Vector3(turn * point.n_W) : point.n_W;
     if (point.axis >= gaps.size()) {
       gaps.resize(point.axis + 1, std::numeric_limits<double>::infinity());
     }
-    gaps[point.axis] = std::min(gaps[point.axis], point.n_W.dot(p_W - point.p_WC));
+    gaps[point.axis] = std::min(gaps[point.axis], n_W.dot(p_W - point.p_WC));
   }
   return *std::max_element(gaps.begin(), gaps.end());
 }
@@ -217,6 +220,36 @@ TEST_CASE("Of round shapes the axes tell along the way that the tool takes wheth
     seen_without += without;
   }
   CHECK(seen_without < 400);
+}
+
+TEST_CASE("The axes of a disc that leans over an edge tell its depth, now and after a small turn") {
+  constexpr double kNear = 0.005;  // m, epsilon.
+  const Placed block{Box{Vector3(0.2, 0.2, 0.1)},
+                     {Vector3(-0.1, 0, -0.05), Quaternion::Identity()}};
+  Random random;
+  double now = 0;     // Largest error, m.
+  double turned = 0;  // The same.
+  for (int i = 0; i < 400; ++i) {
+    const Cylinder disc{random.uniform(0.02, 0.1), random.uniform(0.002, 0.02)};
+    const double lean_to = random.uniform(-3, 3);
+    const Vector3 lean = random.uniform(0, 0.6) * Vector3(std::cos(lean_to), std::sin(lean_to), 0);
+    Placed tool{disc,
+                {Vector3(random.uniform(-1, 1) * disc.radius, random.uniform(-0.05, 0.05), 0.1),
+                 rotation_from_vector(lean) * rotation_from_vector({0, 0, random.uniform(-3, 3)})}};
+    const DistanceBounds apart = signed_distance(tool, block);
+    tool.X_WS.p += (random.uniform(-0.002, 0.001) - apart.lower) * apart.n_W;
+    const auto error_after = [&](const Quaternion& turn) {
+      const DistanceBounds exact =
+          signed_distance({disc, {tool.X_WS.p, turn * tool.X_WS.R}}, block);
+      const double told = gap_after(axes_of(tool, block, kNear), tool, Vector3::Zero(), turn);
+      return std::max(told - exact.upper, exact.lower - told);
+    };
+    now = std::max(now, error_after(Quaternion::Identity()));
+    turned = std::max(turned, error_after(rotation_from_vector(0.02 * random.direction())));
+  }
+  CHECK(now < 1e-6);
+  // 20 mrad at 0.1 m are 2 mm; with seeds 1 to 5 it is up to 0.5 mm.
+  CHECK(turned < 1e-3);
 }
 
 TEST_CASE("A peg beside the edge of a block has the axes of its side and its top") {
