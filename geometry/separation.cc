@@ -7,6 +7,13 @@
 namespace hlm::geometry {
 namespace {
 
+/// Gaps that differ by less, m, are one: rounding of a sum of coordinates of metres.
+constexpr double kRounding = 1e-14;
+/// A normal of a cylinder's lateral surface is this near to a right angle with its axis, cosine.
+constexpr double kLateral = 1e-3;
+/// Cosine of 1 mrad: a normal farther from what the search found is another.
+constexpr double kNearby = 1 - 5e-7;
+
 CoreSeparation separation_from_half_space(const CorePair& pair) {
   const Vector3 n = Vector3::UnitZ();
   const double height = pair.tool_support(-n).z();
@@ -29,6 +36,45 @@ CoreSeparation made_exact(const CorePair& pair, const ClosestPoints& nearest) {
   return exact.gap < 0 && !exact.is_confirmed() ? find_penetration(pair, nearest) : exact;
 }
 
+/// Normals of the lateral surface of a cylinder on a vertex or an edge of a polytope: what a search
+/// finds of them to 1e-5 rad, exactly.
+template <class Use>
+void for_each_lateral_normal(const CorePair& pair, const Vector3& n_B, const Use& use) {
+  const bool of_tool = pair.tool.is_cylinder();
+  if (!of_tool && !pair.body.is_cylinder()) return;
+  const Convex& other = of_tool ? pair.body : pair.tool;
+  if (!other.is_polytope()) return;
+  const Vector3 axis = of_tool ? Vector3(pair.R_BT.col(2)) : Vector3(Vector3::UnitZ());
+  const Vector3 middle = of_tool ? pair.p_BT : Vector3(Vector3::Zero());
+  if (std::abs(n_B.dot(axis)) > kLateral) return;
+  const auto towards = [&](const Vector3& n) {
+    const double norm = n.norm();
+    if (norm > 0) use(Vector3((n.dot(n_B) > 0 ? 1 / norm : -1 / norm) * n));
+  };
+  const Vector3 p = of_tool ? pair.body_support(n_B) : pair.tool_support(-n_B);
+  const Vector3 arm = p - middle;
+  towards(arm - arm.dot(axis) * axis);
+  const Vector3 up = of_tool ? n_B : Vector3(-(pair.R_BT.transpose() * n_B));
+  const Patch edge = other.edge_facing(up);
+  if (edge.corners.size() != 2) return;
+  const Vector3 along = edge.corners[1].p - edge.corners[0].p;
+  towards(axis.cross(of_tool ? along : Vector3(pair.R_BT * along)));
+}
+
+/// Takes the normal that features of the cores give in place of one that is no better but for
+/// rounding.
+CoreSeparation with_exact_normal(const CorePair& pair, CoreSeparation separation) {
+  CoreSeparation best = separation;
+  for_each_lateral_normal(pair, separation.n_B, [&](const Vector3& n) {
+    const double gap = pair.gap(n);
+    const bool is_first = best.n_B == separation.n_B;
+    if (gap < best.gap - (is_first ? kRounding : 0) || n.dot(separation.n_B) < kNearby) return;
+    best.gap = gap;
+    best.n_B = n;
+  });
+  return best;
+}
+
 }  // namespace
 
 std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond) {
@@ -42,14 +88,16 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
     case ClosestPoints::Relation::kBeyond:
       return {};
     case ClosestPoints::Relation::kTouching:
-      return find_penetration(pair, nearest);
+      return with_exact_normal(pair, find_penetration(pair, nearest));
     case ClosestPoints::Relation::kSeparate:
       break;
   }
-  if (!(std::abs(nearest.upper - nearest.lower) <= kAccuracy)) return made_exact(pair, nearest);
+  if (!(std::abs(nearest.upper - nearest.lower) <= kAccuracy)) {
+    return with_exact_normal(pair, made_exact(pair, nearest));
+  }
   CoreSeparation separation{nearest.lower, nearest.upper, nearest.n_B, {}};
   if (nearest.lower > kMovedApart) separation.nearest = {nearest.p_tool, nearest.p_body};
-  return separation;
+  return with_exact_normal(pair, separation);
 }
 
 Witness find_witness(const CorePair& pair, const CoreSeparation& separation) {
