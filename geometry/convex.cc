@@ -265,6 +265,21 @@ Vector3 Convex::support(const Vector3& direction) const noexcept {
   return vertices_[support_vertex(direction)];
 }
 
+Vector3 Convex::support_rate(const Vector3& direction, const Vector3& turn) const noexcept {
+  if (kind_ == Kind::kCylinder) {
+    const double radial = direction.head<2>().norm();
+    if (!(radial > 0)) return Vector3::Zero();
+    const Vector3 along = Vector3(-direction.y(), direction.x(), 0) / radial;
+    return cylinder_.radius / radial * along.dot(turn) * along;
+  }
+  if (kind_ == Kind::kEllipsoid) {
+    const double scale = radii_.cwiseProduct(direction).norm();
+    const Vector3 p = support(direction);
+    return (radii_.cwiseProduct(radii_).cwiseProduct(turn) - p.dot(turn) * p) / scale;
+  }
+  return Vector3::Zero();
+}
+
 Patch Convex::facing(const Vector3& direction) const {
   if (faces_.empty()) {
     if (is_half_space()) return {.corners = {}, .feature = face(0), .normal = face_normals_[0]};

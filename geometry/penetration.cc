@@ -23,7 +23,7 @@ constexpr double kCurvedTolerance = kAccuracy / 2;
 /// search for nearest points. With one, normals turn by 1e-4 rad from pose to pose.
 constexpr int kMostPolishes = 4;
 /// A step that turns the normal by less, rad, is the last.
-constexpr double kPolished = 1e-6;
+constexpr double kPolished = 1e-5;
 /// Where the expanding polytope starts, one attempt each, next to the line between the origins.
 /// Some directions make a symmetrical pair yield slivers.
 const std::array<Vector3, 2> kAskew = {Vector3(0.036, 0.048, 0.08), Vector3(0.048, -0.06, 0.064)};
@@ -103,14 +103,17 @@ void consider_radial(const CorePair& pair, BestNormal& best) {
 
 /// Makes the normal of curved cores more exact by nearest points of the cores moved apart along it.
 /// What is left of its error each time is the depth, and what it is moved by, of the radius of
-/// curvature.
-void polish(const CorePair& pair, BestNormal& best) {
+/// curvature. Gives the nearest points, if it got so far.
+std::optional<Witness> polish(const CorePair& pair, BestNormal& best) {
   for (int i = 0; i < kMostPolishes; ++i) {
     const Vector3 n = best.best().n_B;
-    const double gap = best.best().gap;
-    best.refine(closest_points_moved_apart(pair, n, gap).n_B);
-    if ((best.best().n_B - n).squaredNorm() < kPolished * kPolished) return;
+    const ClosestPoints apart = closest_points_moved_apart(pair, n, best.best().gap);
+    best.refine(apart.n_B);
+    if ((best.best().n_B - n).squaredNorm() < kPolished * kPolished) {
+      return Witness{apart.p_tool, apart.p_body};
+    }
   }
+  return {};
 }
 
 /// Gap of cores that have too many axes to try. The normal of curved ones is made more exact by
@@ -118,11 +121,12 @@ void polish(const CorePair& pair, BestNormal& best) {
 CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
                                  bool curved) {
   double upper = touching_upper;
+  std::optional<Witness> polished;
   const auto is_done_with = [&](const std::optional<CoreSeparation>& found) {
     if (!found) return false;
     best.consider(found->n_B);
     upper = std::min(upper, found->upper);
-    if (curved) polish(pair, best);
+    if (curved) polished = polish(pair, best);
     return upper - best.best().gap <= kAccuracy;
   };
   const Vector3 between = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT.normalized();
@@ -134,6 +138,7 @@ CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double 
   if (!done) is_done_with(ccd_penetration(pair));
   CoreSeparation result = best.best();
   result.upper = upper;
+  result.nearest = polished;
   return result;
 }
 
