@@ -69,6 +69,7 @@ class Convex {
   bool is_ellipsoid() const noexcept { return kind_ == Kind::kEllipsoid; }
   /// Half the length of a cylinder, m.
   double half_length() const noexcept { return cylinder_.length / 2; }
+  bool has_faces() const noexcept { return !face_normals_.empty(); }
   /// True if the core is a point, the origin.
   bool is_point() const noexcept { return vertices_.size() == 1; }
 

@@ -26,6 +26,9 @@ constexpr double kReach = 2;
 constexpr double kSameAxis = 1e-4;
 constexpr double kSameNormal = 1e-9;  ///< The same for rounding alone.
 
+/// A cap that leans by less, rad, is flat: its lowest point is where rounding puts it.
+constexpr double kLeans = 1e-3;
+
 /// Cosine between two normals of a pair that are on one side of it: 30°.
 constexpr double kSameSide = 0.866;
 
@@ -60,6 +63,7 @@ bool is_aligned_face(const Patch& patch, const Vector3& direction) {
 
 /// Those of the edges that face each other along n, if they are parallel.
 FeaturePairs facing_edges(const CorePair& pair, const Vector3& n) {
+  if (pair.tool.is_point() || pair.body.is_point()) return {};
   const Patch tool = in_body_frame(pair.tool.edge_facing(-(pair.R_BT.transpose() * n)), pair);
   FeaturePairs pairs;
   for (const Opposite& o : overlap_of_edges(tool, pair.body.edge_facing(n))) {
@@ -72,6 +76,7 @@ FeaturePairs facing_edges(const CorePair& pair, const Vector3& n) {
 /// of parallel edges, else none. The body's face is preferred as the reference: the set is the same
 /// otherwise except corners on a common border.
 FeaturePairs facing_features(const CorePair& pair, const Vector3& n) {
+  if (!pair.tool.has_faces() && !pair.body.has_faces()) return facing_edges(pair, n);
   const Vector3 n_T = pair.R_BT.transpose() * n;
   const Patch tool = in_body_frame(pair.tool.facing(-n_T), pair);
   const Patch body = pair.body.facing(n);
@@ -116,6 +121,15 @@ void erase_far(FeaturePairs& pairs, const Vector3& n, double largest_gap) {
   erase_if(pairs, [&](const FeaturePair& p) { return !(gap_of(p, n) <= largest_gap); });
 }
 
+/// Whether the cap of a cylinder leans, so that its rim rolls: its corners pass by the lowest point
+/// and do not stand for that.
+bool rolls(const CorePair& pair, const Vector3& n) {
+  const auto leans = [](const Convex& core, double cosine) {
+    return core.is_cylinder() && cosine * cosine > 0.5 && 1 - cosine * cosine > kLeans * kLeans;
+  };
+  return leans(pair.tool, n.dot(pair.R_BT.col(2))) || leans(pair.body, n.z());
+}
+
 /// All feature pairs with a gap of at most `largest_gap` between the cores, m. One of them has the
 /// gap of the separation.
 FeaturePairs near_features(const CorePair& pair, const CoreSeparation& separation,
@@ -123,7 +137,9 @@ FeaturePairs near_features(const CorePair& pair, const CoreSeparation& separatio
   const Vector3& n = separation.n_B;
   FeaturePairs pairs = facing_features(pair, n);
   erase_far(pairs, n, largest_gap);
-  if (!stands_for(pairs, n, separation.gap)) put(pairs, witness_features(pair, separation));
+  if (rolls(pair, n) || !stands_for(pairs, n, separation.gap)) {
+    put(pairs, witness_features(pair, separation));
+  }
   return pairs;
 }
 

@@ -177,6 +177,23 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("The lowest contact of a disc that leans keeps its identity while the disc rolls") {
+  const Convex disc(Cylinder{0.05, 0.01});
+  const Convex slab(kSlab);
+  const Key rim{{FeatureKind::kEdge, 0, 17}, {FeatureKind::kFace, 0, 5}};
+  ProximityStatistics statistics;
+  for (const double lean : {0.002, 0.01, 0.05, 0.2, 0.5}) {
+    for (int i = 0; i < 2000; ++i) {
+      const Pose X_WT{Vector3(0.01, -0.02, 0.02 + 0.05 * std::sin(lean) + 0.005 * std::cos(lean)),
+                      rotation_from_vector({lean, 0, 0}) * rotation_from_vector({0, 0, 1e-3 * i})};
+      const Contacts contacts = by_key(find_contacts(disc, X_WT, slab, {}, kEpsilon, statistics));
+      CAPTURE(lean, i);
+      REQUIRE(contacts.contains(rim));
+      REQUIRE(std::abs(contacts.at(rim).separation) < 1e-9);
+    }
+  }
+}
+
 TEST_CASE("Two cylinders or capsules side by side have a contact at either end of their overlap") {
   const Pose beside{Vector3(0.0395, 0, 0.02), Quaternion::Identity()};
   for (const Shape& shape : {Shape(Cylinder{0.02, 0.06}), Shape(Capsule{0.02, 0.06})}) {
