@@ -7,24 +7,14 @@
 #include <optional>
 #include <utility>
 
+#include "hlm/geometry/tolerances.h"
+
 namespace hlm::geometry {
 namespace {
 
-/// Upper and lower bound of the distance this close, m, end the search. Rounding of coordinates of
-/// a metre is 1e-16; a larger value costs accuracy of the normal on curved cores.
-constexpr double kConverged = 1e-13;
 /// Polytopes need about 10 iterations, cylinders about 40. What is not done by then is judged by
 /// its bounds.
 constexpr int kMaxIterations = 128;
-/// A triangle or tetrahedron flatter than this (sine, or sine times sine) is left to its parts.
-constexpr double kFlatSine = 1e-12;
-
-/// Bounds of curved cores that are this close, m, are near enough for Newton's method.
-constexpr double kFinishFrom = 1e-4;
-/// If that has failed it is tried again once the bounds are closer by this factor.
-constexpr double kFinishAgain = 1e-2;
-/// Segments with a smaller sine between them have no normal.
-constexpr double kParallelSine = 1e-9;
 
 /// A point of the Minkowski difference tool - body, and the two points that it comes from.
 struct SimplexPoint {
@@ -65,7 +55,8 @@ bool find_foot(const Simplex& simplex, Part& part, Vector3& v) {
   const Vector3 area = e1.cross(e2);
   if (part.size == 3) {
     const double square = area.squaredNorm();
-    if (!(square > kFlatSine * kFlatSine * e1.squaredNorm() * e2.squaredNorm())) return false;
+    if (!(square > narrow::kLine * narrow::kLine * e1.squaredNorm() * e2.squaredNorm()))
+      return false;
     weight[1] = e2.cross(w0).dot(area) / square;
     weight[2] = w0.cross(e1).dot(area) / square;
     weight[0] = 1 - weight[1] - weight[2];
@@ -75,7 +66,7 @@ bool find_foot(const Simplex& simplex, Part& part, Vector3& v) {
   const Vector3 e3 = simplex[part.index[3]].w - w0;
   const double volume = area.dot(e3);
   const double box = e1.squaredNorm() * e2.squaredNorm() * e3.squaredNorm();
-  if (!(volume * volume > kFlatSine * kFlatSine * box)) return false;
+  if (!(volume * volume > narrow::kLine * narrow::kLine * box)) return false;
   const Vector3 beside = w0.cross(e3) / volume;
   weight[1] = e2.dot(beside);
   weight[2] = -e1.dot(beside);
@@ -203,7 +194,7 @@ class Finish {
       meet(p_tool, p_body);
       const Vector3 w = p_tool - p_body;
       const double upper = w.norm();
-      if (upper - lower <= kConverged) {
+      if (upper - lower <= narrow::kLength) {
         answer.lower = lower;
         answer.upper = upper;
         answer.n_B = n;
@@ -252,7 +243,7 @@ class Finish {
     const Vector3 f = body_.along();
     const Vector3 across = e.cross(f);
     if (!(across.squaredNorm() >
-          kParallelSine * kParallelSine * e.squaredNorm() * f.squaredNorm())) {
+          narrow::kDirection * narrow::kDirection * e.squaredNorm() * f.squaredNorm())) {
       return false;
     }
     n = across.dot(n) > 0 ? across : Vector3(-across);
@@ -322,7 +313,7 @@ ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noe
   answer.lower = -std::numeric_limits<double>::infinity();
   Simplex simplex;
   const bool curved = !pair.tool.is_polytope() || !pair.body.is_polytope();
-  double finish_from = kFinishFrom;
+  double finish_from = narrow::kNewtonFrom;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const Vector3 n_B = v.normalized();
     const Vector3 p_tool = pair.tool_support(-v);
@@ -335,13 +326,13 @@ ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noe
       answer.n_B = n_B;
     }
     if (answer.lower > beyond) return answer;
-    if (answer.upper - answer.lower <= kConverged) break;
+    if (answer.upper - answer.lower <= narrow::kLength) break;
 
     simplex.push_back({w, p_tool, p_body, w.squaredNorm()});
     const Nearest nearest = nearest_to_origin(simplex);
     if (!(std::sqrt(nearest.square) < answer.upper)) break;
     accept(nearest, simplex, answer);
-    if (answer.upper < kTouchingDistance) {
+    if (answer.upper < narrow::kAccuracy) {
       answer.relation = Relation::kTouching;
       answer.n_B = answer.upper > 0 ? nearest.v.normalized() : Vector3(Vector3::Zero());
       return answer;
@@ -350,7 +341,7 @@ ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noe
     const double width = answer.upper - answer.lower;
     if (curved && width < finish_from) {
       if (Finish(pair, simplex).run(v, answer)) break;
-      finish_from = kFinishAgain * width;
+      finish_from = narrow::kNewtonAgain * width;
     }
   }
   answer.relation = Relation::kSeparate;
@@ -359,7 +350,7 @@ ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noe
 
 ClosestPoints closest_points_moved_apart(const CorePair& pair, const Vector3& n_B,
                                          double gap) noexcept {
-  const Vector3 move = (kMovedApart - gap) * n_B;
+  const Vector3 move = (narrow::kMovedApart - gap) * n_B;
   CorePair apart = pair;
   apart.p_BT += move;
   ClosestPoints answer = closest_points(apart, std::numeric_limits<double>::infinity(), n_B);

@@ -11,26 +11,10 @@
 #include "hlm/geometry/look_ahead.h"
 #include "hlm/geometry/penetration.h"
 #include "hlm/geometry/separation.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
-
-/// A contact this near to the smallest separation, m, stands for it. A tenth of the accuracy.
-constexpr double kRepresents = 1e-7;
-
-/// How much nearer to the best an axis comes while the tool moves by ε, in ε: its gap may grow by
-/// ε, and that of the best shrink by as much.
-constexpr double kReach = 2;
-/// Difference of unit vectors up to which two normals are one: what a search for nearest points
-/// leaves.
-constexpr double kSameAxis = 1e-4;
-constexpr double kSameNormal = 1e-9;  ///< The same for rounding alone.
-
-/// A cap that leans by less, rad, is flat: its lowest point is where rounding puts it.
-constexpr double kLeans = 1e-3;
-
-/// Cosine between two normals of a pair that are on one side of it: 30°.
-constexpr double kSameSide = 0.866;
 
 static_assert(kMaxOpposites + 1 <= kMaxManifoldPoints);
 
@@ -105,8 +89,9 @@ FeaturePair witness_features(const CorePair& pair, const CoreSeparation& separat
 double gap_of(const FeaturePair& p, const Vector3& n) { return n.dot(p.p_tool - p.p_body); }
 
 bool stands_for(const FeaturePairs& pairs, const Vector3& n, double gap) {
-  return std::any_of(pairs.begin(), pairs.end(),
-                     [&](const FeaturePair& p) { return gap_of(p, n) <= gap + kRepresents; });
+  return std::any_of(pairs.begin(), pairs.end(), [&](const FeaturePair& p) {
+    return gap_of(p, n) <= gap + narrow::kRepresents;
+  });
 }
 
 /// Adds a pair instead of one of the same features.
@@ -125,7 +110,8 @@ void erase_far(FeaturePairs& pairs, const Vector3& n, double largest_gap) {
 /// and do not stand for that.
 bool rolls(const CorePair& pair, const Vector3& n) {
   const auto leans = [](const Convex& core, double cosine) {
-    return core.is_cylinder() && cosine * cosine > 0.5 && 1 - cosine * cosine > kLeans * kLeans;
+    return core.is_cylinder() && cosine * cosine > 0.5 &&
+           1 - cosine * cosine > narrow::kLeans * narrow::kLeans;
   };
   return leans(pair.tool, n.dot(pair.R_BT.col(2))) || leans(pair.body, n.z());
 }
@@ -263,9 +249,9 @@ bool is_taken(const AxesManifold& manifold, const FeaturePair& p) {
 
 /// Whether the axis is normal to a face of the body, and none of `kept` is the same.
 bool is_new_face(const Axis& axis, const Convex& body, const Axes& kept) {
-  const bool is_face = (body.facing(axis.n_B).normal - axis.n_B).norm() < kSameNormal;
+  const bool is_face = (body.facing(axis.n_B).normal - axis.n_B).norm() < narrow::kDirection;
   return is_face && std::none_of(kept.begin(), kept.end(), [&](const Axis& other) {
-           return (other.n_B - axis.n_B).norm() < kSameAxis;
+           return (other.n_B - axis.n_B).norm() < narrow::kSameAxis;
          });
 }
 
@@ -334,7 +320,7 @@ std::optional<CoreSeparation> near_separation(const CorePair& pair, double epsil
   if (!separation) return {};
   const bool overlaps = separation->gap - margins < 0;
   if (before_B && overlaps && !pair.body.is_half_space() &&
-      separation->n_B.dot(*before_B) < kSameSide) {
+      separation->n_B.dot(*before_B) < narrow::kSameSide) {
     separation = find_penetration_near(pair, *before_B);
   }
   if (!separation->is_confirmed()) {
@@ -392,12 +378,12 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     ++count;
   };
 
-  const double least = separation->gap - kReach * epsilon;
+  const double least = separation->gap - narrow::kReach * epsilon;
   const Axes axes = body.is_half_space() ? Axes{} : polytope_axes(pair, separation->n_B, least);
   CoreSeparation best = *separation;
   bool is_axis = body.is_half_space() || (sharp(pair) && best.gap <= 0);
   for (const Axis& axis : axes) {
-    if (is_axis || (axis.n_B - best.n_B).norm() > kSameAxis) continue;
+    if (is_axis || (axis.n_B - best.n_B).norm() > narrow::kSameAxis) continue;
     best = {axis.gap, separation->upper, axis.n_B, {}};
     is_axis = true;
   }
@@ -430,7 +416,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     for (const Look& look : looks_ahead(pair, *separation, travel_B)) {
       const Axis axis{look.separation.n_B, pair.gap(look.separation.n_B)};
       const bool is_new = std::none_of(kept.begin(), kept.end(), [&](const Axis& other) {
-        return (axis.n_B - other.n_B).norm() < kSameAxis;
+        return (axis.n_B - other.n_B).norm() < narrow::kSameAxis;
       });
       if (look.share == 0 || !is_new) continue;
       add(axis, features_ahead(pair, look, travel_B), !is_known(axis.n_B));

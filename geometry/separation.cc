@@ -3,16 +3,10 @@
 #include <algorithm>
 
 #include "hlm/geometry/penetration.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
-
-/// Gaps that differ by less, m, are one: rounding of a sum of coordinates of metres.
-constexpr double kRounding = 1e-14;
-/// A normal of a cylinder's lateral surface is this near to a right angle with its axis, cosine.
-constexpr double kLateral = 1e-3;
-/// Cosine of 1 mrad: a normal farther from what the search found is another.
-constexpr double kNearby = 1 - 5e-7;
 
 CoreSeparation separation_from_half_space(const CorePair& pair) {
   const Vector3 n = Vector3::UnitZ();
@@ -46,7 +40,7 @@ void for_each_lateral_normal(const CorePair& pair, const Vector3& n_B, const Use
   if (!other.is_polytope()) return;
   const Vector3 axis = of_tool ? Vector3(pair.R_BT.col(2)) : Vector3(Vector3::UnitZ());
   const Vector3 middle = of_tool ? pair.p_BT : Vector3(Vector3::Zero());
-  if (std::abs(n_B.dot(axis)) > kLateral) return;
+  if (std::abs(n_B.dot(axis)) > narrow::kSideways) return;
   const auto towards = [&](const Vector3& n) {
     const double norm = n.norm();
     if (norm > 0) use(Vector3((n.dot(n_B) > 0 ? 1 / norm : -1 / norm) * n));
@@ -68,7 +62,9 @@ CoreSeparation with_exact_normal(const CorePair& pair, CoreSeparation separation
   for_each_lateral_normal(pair, separation.n_B, [&](const Vector3& n) {
     const double gap = pair.gap(n);
     const bool is_first = best.n_B == separation.n_B;
-    if (gap < best.gap - (is_first ? kRounding : 0) || n.dot(separation.n_B) < kNearby) return;
+    if (gap < best.gap - (is_first ? narrow::kLength : 0) ||
+        n.dot(separation.n_B) < narrow::kSameNormal)
+      return;
     best.gap = gap;
     best.n_B = n;
   });
@@ -92,11 +88,11 @@ std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyon
     case ClosestPoints::Relation::kSeparate:
       break;
   }
-  if (!(std::abs(nearest.upper - nearest.lower) <= kAccuracy)) {
+  if (!(std::abs(nearest.upper - nearest.lower) <= narrow::kAccuracy)) {
     return with_exact_normal(pair, made_exact(pair, nearest));
   }
   CoreSeparation separation{nearest.lower, nearest.upper, nearest.n_B, {}};
-  if (nearest.lower > kMovedApart) separation.nearest = {nearest.p_tool, nearest.p_body};
+  if (nearest.lower > narrow::kMovedApart) separation.nearest = {nearest.p_tool, nearest.p_body};
   return with_exact_normal(pair, separation);
 }
 
