@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <tuple>
 
 #include "hlm/geometry/tolerances.h"
 
@@ -108,8 +109,10 @@ std::uint32_t rank(const Opposite& point) {
 
 void keep_most_spread(Opposites& points) {
   if (points.size() <= kMaxOpposites) return;
-  std::stable_sort(points.begin(), points.end(),
-                   [](const Opposite& a, const Opposite& b) { return rank(a) < rank(b); });
+  // Points of equal rank differ in their features; a stable sort would allocate.
+  std::sort(points.begin(), points.end(), [](const Opposite& a, const Opposite& b) {
+    return std::tuple(rank(a), a.first, a.second) < std::tuple(rank(b), b.first, b.second);
+  });
   points.erase(points.begin() + kMaxOpposites, points.end());
 }
 

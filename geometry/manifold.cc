@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <vector>
 
 #include "hlm/geometry/clip.h"
 #include "hlm/geometry/look_ahead.h"
@@ -137,6 +135,9 @@ struct Axis {
 /// Most axes of faces and edges. Of 30 of two boxes some ten are near, with a large ε.
 constexpr std::size_t kMaxAxes = 31;
 using Axes = StaticVector<Axis, kMaxAxes + 1>;  // The best one may be another.
+/// Most normals of faces and edges that are near at a time; of more the half with the largest gaps
+/// stays.
+constexpr std::size_t kMaxCandidates = 512;
 
 /// The axes of faces and edges with a gap beyond `least`, m, the largest gap first. A face is
 /// looked at more closely if a point of the other core is far enough over it: of `n_B`'s supports,
@@ -147,11 +148,23 @@ Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
   struct Candidate {
     Axis axis;
     Source source;
+    std::uint32_t number;  ///< In the order of their finding, which decides between equal gaps.
   };
-  std::vector<Candidate> near;
+  StaticVector<Candidate, kMaxCandidates> near;
+  const auto sort = [&near] {
+    std::ranges::sort(near, [](const Candidate& a, const Candidate& b) {
+      return a.axis.gap > b.axis.gap || (a.axis.gap == b.axis.gap && a.number < b.number);
+    });
+  };
+  std::uint32_t number = 0;
   const auto consider = [&](const Vector3& n, Source source) {
     const double gap = pair.gap(n);
-    if (gap > least) near.push_back({{n, gap}, source});
+    if (!(gap > least)) return;
+    if (near.size() == near.capacity()) {
+      sort();
+      near.resize(near.capacity() / 2);
+    }
+    near.push_back({{n, gap}, source, number++});
   };
   const Vector3 tool_point = pair.tool_support(-n_B);
   const Vector3 body_point_T = pair.R_BT.transpose() * (pair.body_support(n_B) - pair.p_BT);
@@ -165,7 +178,7 @@ Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
              pair.tool.is_hull() ? Source::kToolHull : Source::kOther);
   }
   for_each_edge_axis(pair, [&](const Vector3& n) { consider(n, Source::kOther); });
-  std::ranges::stable_sort(near, std::greater<>(), [](const Candidate& c) { return c.axis.gap; });
+  sort();
 
   static const double cosine = std::cos(kOneAxis);
   StaticVector<Candidate, kMaxAxes> kept;

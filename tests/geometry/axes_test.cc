@@ -7,6 +7,7 @@
 
 #include "tests/geometry/signed_distance.h"
 #include "tests/support/catch.h"
+#include "tests/support/no_malloc.h"
 
 namespace hlm::geometry::test {
 namespace {
@@ -280,6 +281,26 @@ TEST_CASE(
   CHECK(manifold[0].separation == Approx(0.016 * std::sqrt(2.0) - 0.02).margin(1e-9));  // m
   CHECK(manifold[1].separation == Approx(-0.004).margin(1e-9));
   CHECK(manifold[2].separation == Approx(-0.004).margin(1e-9));
+}
+
+TEST_CASE("Finding contacts of a pair allocates nothing") {
+  Random random;
+  ProximityStatistics statistics;
+  std::size_t found = 0;
+  for (int i = 0; i < 20 * kShapeKinds * kShapeKinds; ++i) {
+    const Shape shapes[] = {random_shape(i % kShapeKinds, random),
+                            random_shape(i / kShapeKinds % kShapeKinds, random)};
+    const Convex tool(shapes[0]);
+    const Convex body(shapes[1]);
+    const Pose X_WB = random.pose(0.1);
+    const Pose X_WT{X_WB.p + 0.04 * random.direction(), random.rotation()};
+    const Vector3 travel = random.vector(0.01);
+    const hlm::test::NoMalloc guard;
+    found += find_contacts(tool, X_WT, body, X_WB, kEpsilon, statistics).size();
+    found += find_axes(tool, X_WT, body, X_WB, kEpsilon, statistics, {}, travel).size();
+    CHECK(guard.allocations() == 0);
+  }
+  CHECK(found > 1000);
 }
 
 TEST_CASE("With epsilon 0, and on a half-space, there is the best axis alone") {
