@@ -12,10 +12,10 @@ namespace {
 
 /// Most points of the polytope. Of 180,000 curved pairs up to 20 mm deep one in 300 takes more than
 /// 64, two take more than 256: those with a circle of equally good normals. A pair for which this
-/// is too small is refused, after 1 ms.
-constexpr std::size_t kMaxPoints = 512;
-/// Most faces and edges that are looked at, 1 ns each: what bounds the time. Pairs of shapes that
-/// are seen every day take less than a hundredth.
+/// is too small is refused.
+constexpr std::size_t kMaxPoints = 1024;
+/// Most faces and edges that are looked at, 1 ns each, where the cores overlap more deeply than is
+/// promised. Pairs of shapes that are seen every day take less than a hundredth.
 constexpr std::size_t kMostWork = 2'000'000;
 constexpr std::size_t kMaxFaces = 2 * kMaxPoints;
 
@@ -76,8 +76,8 @@ class Polytope {
                      add(up ? below : above));
   }
 
-  /// Whether there was no room to add a point.
-  bool is_full() const noexcept { return full_; }
+  /// How many faces and edges were looked at.
+  std::size_t work() const noexcept { return work_; }
 
   const Face& nearest() const noexcept {
     const Face* best = &faces_[0];
@@ -90,8 +90,7 @@ class Polytope {
   /// The hull of the polytope and p, which is not inside. False if rounding or room prevents it.
   bool add(const Vector3& p) noexcept {
     work_ += 2 * faces_.size();  // Here, and to find the nearest.
-    full_ = points_.size() == kMaxPoints || work_ > kMostWork;
-    if (full_) return false;
+    if (points_.size() == kMaxPoints) return false;
     border_.clear();
     for (std::size_t i = 0; i < faces_.size();) {
       if (faces_[i].u.dot(p) - faces_[i].offset < -narrow::kLength) {
@@ -129,7 +128,6 @@ class Polytope {
       } else if (border_.size() < border_.capacity()) {
         border_.push_back(edge);
       } else {
-        full_ = true;
         return false;
       }
     }
@@ -149,7 +147,6 @@ class Polytope {
   StaticVector<Vector3, kMaxPoints> points_;
   StaticVector<Face, kMaxFaces> faces_;
   StaticVector<Edge, 256> border_;
-  bool full_ = false;
   std::size_t work_ = 0;
 };
 
@@ -157,7 +154,7 @@ class Polytope {
 
 std::optional<CoreSeparation> expanding_polytope(const CorePair& pair, const Vector3& toward,
                                                  double tolerance, double touching_upper,
-                                                 bool& full) noexcept {
+                                                 bool& too_long) noexcept {
   Polytope polytope(pair);
   if (!polytope.begin(toward)) return {};
   CoreSeparation best;
@@ -173,10 +170,8 @@ std::optional<CoreSeparation> expanding_polytope(const CorePair& pair, const Vec
     }
     if (farthest - face.offset <= narrow::kLength || best.upper - best.gap <= tolerance)
       return best;
-    if (!polytope.add(p)) {
-      full = polytope.is_full();
-      return best;
-    }
+    too_long = polytope.work() > kMostWork && best.gap < -narrow::kDeepest;
+    if (too_long || !polytope.add(p)) return best;
   }
 }
 

@@ -107,8 +107,8 @@ std::optional<Witness> polish(const CorePair& pair, BestNormal& best) {
 }
 
 /// Gap of cores that have too many axes to try. The normal of curved ones is made more exact by
-/// nearest points. Where rounding stops the polytope, libccd has the last word; where it has no
-/// room or time, libccd, which takes ten times as long, is not asked.
+/// nearest points. Where rounding stops the polytope, libccd has the last word; where it takes too
+/// long, deeper than is promised, libccd, which takes ten times as long, is not asked.
 CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
                                  bool curved) {
   double upper = touching_upper;
@@ -122,12 +122,12 @@ CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double 
   };
   const Vector3 between = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT.normalized();
   const double tolerance = curved ? narrow::kCurved : 0;
-  bool full = false;
+  bool too_long = false;
   const bool done = std::any_of(kAskew.begin(), kAskew.end(), [&](const Vector3& beside) {
-    return is_done_with(
-        expanding_polytope(pair, (between + beside).normalized(), tolerance, touching_upper, full));
+    return is_done_with(expanding_polytope(pair, (between + beside).normalized(), tolerance,
+                                           touching_upper, too_long));
   });
-  if (!done && !full) is_done_with(ccd_penetration(pair));
+  if (!done && !too_long) is_done_with(ccd_penetration(pair));
   CoreSeparation result = best.best();
   result.upper = upper;
   result.nearest = polished;
