@@ -2,19 +2,12 @@
 
 #include <algorithm>
 #include <optional>
+#include <tuple>
+
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
-
-/// A corner this near to a border, m, lies on it and keeps its own identity. Without it the
-/// identities of faces with a common border would change with rounding.
-constexpr double kOnBorder = 1e-6;
-/// Edges with a smaller sine between them, rad, touch along a line: the ends of 0.1 m then part by
-/// 0.1 mm. Larger values put more of the environment's points next to its edge, by that much.
-constexpr double kParallelEdges = 1e-3;
-/// The same for edges that are swept by spheres: a place next to the edge differs little there, by
-/// 0.1 mm at the ends of 0.1 m and 20 mm radius. With less, such a pair rocks on one contact.
-constexpr double kParallelRoundEdges = 25e-3;
 
 /// The line on which a side of the clipped polygon lies.
 struct Line {
@@ -67,12 +60,12 @@ Polygon clip(const Polygon& polygon, std::size_t border, const Vector3& n, const
       const Vector3 p = here.p + d_here / (d_here - d_next) * (next.p - here.p);
       return crossing(p, here.after, border, incident, reference);
     };
-    if (d_here <= kOnBorder) inside.push_back(here);
-    if (d_here <= kOnBorder && d_next > kOnBorder) {
-      if (d_here < -kOnBorder) inside.push_back(cross_border());
+    if (d_here <= narrow::kAccuracy) inside.push_back(here);
+    if (d_here <= narrow::kAccuracy && d_next > narrow::kAccuracy) {
+      if (d_here < -narrow::kAccuracy) inside.push_back(cross_border());
       inside.back().after = {true, border};
     }
-    if (d_here > kOnBorder && d_next < -kOnBorder) inside.push_back(cross_border());
+    if (d_here > narrow::kAccuracy && d_next < -narrow::kAccuracy) inside.push_back(cross_border());
   }
   return inside;
 }
@@ -91,7 +84,7 @@ std::optional<Opposite> opposite(const ClipCorner& corner, const Vector3& n, con
     return Opposite{corner.p, foot, corner.first, reference.feature};
   }
   for (const auto& there : reference.corners) {
-    if ((there.p - foot).norm() > kOnBorder) continue;
+    if ((there.p - foot).norm() > narrow::kAccuracy) continue;
     return Opposite{corner.p, foot, incident.feature, there.vertex};
   }
   if (!corner.second) return {};
@@ -116,8 +109,10 @@ std::uint32_t rank(const Opposite& point) {
 
 void keep_most_spread(Opposites& points) {
   if (points.size() <= kMaxOpposites) return;
-  std::stable_sort(points.begin(), points.end(),
-                   [](const Opposite& a, const Opposite& b) { return rank(a) < rank(b); });
+  // Points of equal rank differ in their features; a stable sort would allocate.
+  std::sort(points.begin(), points.end(), [](const Opposite& a, const Opposite& b) {
+    return std::tuple(rank(a), a.first, a.second) < std::tuple(rank(b), b.first, b.second);
+  });
   points.erase(points.begin() + kMaxOpposites, points.end());
 }
 
@@ -161,20 +156,21 @@ Opposites overlap_of_edges(const Patch& first, const Patch& second) {
   if (first.corners.size() != 2 || second.corners.size() != 2) return {};
   const Vector3 e = (first.corners[1].p - first.corners[0].p).normalized();
   const Vector3 f = (second.corners[1].p - second.corners[0].p).normalized();
-  const double parallel = first.round && second.round ? kParallelRoundEdges : kParallelEdges;
+  const double parallel =
+      first.round && second.round ? narrow::kParallelRoundEdges : narrow::kParallelEdges;
   if (e.cross(f).norm() > parallel) return {};
   const Span a(first, f);
   const Span b(second, f);
   Opposites points;
   for (const auto& corner : first.corners) {
     const double u = corner.p.dot(f);
-    if (b.contains(u, kOnBorder)) {
+    if (b.contains(u, narrow::kAccuracy)) {
       points.push_back({corner.p, b.at(u), corner.vertex, second.feature});
     }
   }
   for (const auto& corner : second.corners) {
     const double u = corner.p.dot(f);
-    if (a.contains(u, -kOnBorder)) {
+    if (a.contains(u, -narrow::kAccuracy)) {
       points.push_back({a.at(u), corner.p, first.feature, corner.vertex});
     }
   }

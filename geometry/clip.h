@@ -26,7 +26,7 @@ using Opposites = StaticVector<Opposite, 2 * kMaxFaceCorners>;
 Opposites overlap(const Patch& incident, const Patch& reference, const Vector3& n);
 
 /// Ends of the overlap of two edges that are parallel: (vertex, edge) or (edge, vertex). None if
-/// either patch is not an edge or they are not parallel (to 1 mrad, round ones to 25).
+/// either patch is not an edge or they are not parallel (to 1 mrad, two round ones to 25).
 Opposites overlap_of_edges(const Patch& first, const Patch& second);
 
 }  // namespace hlm::geometry

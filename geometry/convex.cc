@@ -11,13 +11,11 @@
 
 #include "hlm/common/range.h"
 #include "hlm/geometry/hull.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
 
-/// A point this near to a vertex or an edge, m, belongs to it. A tenth of the smallest length that
-/// matters in a contact; far above rounding.
-constexpr double kOnFeature = 1e-6;
 /// Vertices on each rim of a cylinder. More follow the circle more closely (8 leave out 8 % of the
 /// radius), and make as many contacts of a cap that lies flat.
 constexpr std::uint16_t kRimVertices = 8;
@@ -34,9 +32,6 @@ constexpr std::size_t kFewVertices = 6;
 /// starting at the farthest of the first kClimbStarts. With fewer, looking at all is faster.
 constexpr std::size_t kClimbFrom = 128;
 constexpr std::size_t kClimbStarts = 16;
-
-/// Edge directions with a smaller sine between them count as one.
-constexpr double kSameDirection = 1e-12;
 
 Feature vertex(std::size_t index) {
   return {FeatureKind::kVertex, 0, static_cast<std::uint16_t>(index)};
@@ -204,7 +199,7 @@ void Convex::collect_edge_directions() {
     const Vector3 direction = (vertices_[e.to] - vertices_[e.from]).normalized();
     const bool known = std::any_of(
         edge_directions_.begin(), edge_directions_.end(),
-        [&](const Vector3& other) { return direction.cross(other).norm() < kSameDirection; });
+        [&](const Vector3& other) { return direction.cross(other).norm() < narrow::kLine; });
     if (!known) edge_directions_.push_back(direction);
   }
 }
@@ -263,6 +258,21 @@ Vector3 Convex::support(const Vector3& direction) const noexcept {
   }
   assert(!is_half_space());
   return vertices_[support_vertex(direction)];
+}
+
+Vector3 Convex::support_rate(const Vector3& direction, const Vector3& turn) const noexcept {
+  if (kind_ == Kind::kCylinder) {
+    const double radial = direction.head<2>().norm();
+    if (!(radial > 0)) return Vector3::Zero();
+    const Vector3 along = Vector3(-direction.y(), direction.x(), 0) / radial;
+    return cylinder_.radius / radial * along.dot(turn) * along;
+  }
+  if (kind_ == Kind::kEllipsoid) {
+    const double scale = radii_.cwiseProduct(direction).norm();
+    const Vector3 p = support(direction);
+    return (radii_.cwiseProduct(radii_).cwiseProduct(turn) - p.dot(turn) * p) / scale;
+  }
+  return Vector3::Zero();
 }
 
 Patch Convex::facing(const Vector3& direction) const {
@@ -342,6 +352,7 @@ Patch Convex::lateral_patch(const Vector3& direction) const {
   const Vector3 to_end(0, 0, cylinder_.length / 2);
   const Vector3 middle = cylinder_.radius * outward;
   Patch patch{.corners = {}, .feature = edge(kLine)};
+  patch.round = true;
   patch.corners.push_back({middle - to_end, vertex(kLineVertices), edge(kLine)});
   patch.corners.push_back({middle + to_end, vertex(kLineVertices + 1), edge(kLine)});
   return patch;
@@ -353,10 +364,11 @@ Feature Convex::feature_at(const Vector3& p) const {
   if (kind_ == Kind::kEllipsoid) return vertex(0);
   if (is_hull()) return hull_feature_at(p);
   for (std::size_t i = 0; i < vertices_.size(); ++i) {
-    if ((p - vertices_[i]).norm() < kOnFeature) return vertex(i);
+    if ((p - vertices_[i]).norm() < narrow::kAccuracy) return vertex(i);
   }
   for (std::size_t i = 0; i < edges_.size(); ++i) {
-    if (distance_to_segment(p, vertices_[edges_[i].from], vertices_[edges_[i].to]) < kOnFeature) {
+    if (distance_to_segment(p, vertices_[edges_[i].from], vertices_[edges_[i].to]) <
+        narrow::kAccuracy) {
       return edge(i);
     }
   }
@@ -380,10 +392,11 @@ Feature Convex::hull_feature_at(const Vector3& p) const {
   const std::size_t above = face_above(p);
   const Face& f = faces_[above];
   for (const std::uint16_t i : f.vertices) {
-    if ((p - vertices_[i]).norm() < kOnFeature) return vertex(i);
+    if ((p - vertices_[i]).norm() < narrow::kAccuracy) return vertex(i);
   }
   for (const std::uint16_t i : f.edges) {
-    if (distance_to_segment(p, vertices_[edges_[i].from], vertices_[edges_[i].to]) < kOnFeature) {
+    if (distance_to_segment(p, vertices_[edges_[i].from], vertices_[edges_[i].to]) <
+        narrow::kAccuracy) {
       return edge(i);
     }
   }
@@ -391,8 +404,8 @@ Feature Convex::hull_feature_at(const Vector3& p) const {
 }
 
 Feature Convex::cylinder_feature_at(const Vector3& p) const {
-  const bool on_side = p.head<2>().norm() > cylinder_.radius - kOnFeature;
-  const bool on_cap = std::abs(p.z()) > cylinder_.length / 2 - kOnFeature;
+  const bool on_side = p.head<2>().norm() > cylinder_.radius - narrow::kAccuracy;
+  const bool on_cap = std::abs(p.z()) > cylinder_.length / 2 - narrow::kAccuracy;
   const std::uint16_t end = p.z() > 0 ? 1 : 0;
   if (on_side && on_cap) return edge(static_cast<std::size_t>(kRims + end));
   return on_side ? edge(kLine) : face(end);

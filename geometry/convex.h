@@ -29,7 +29,8 @@ struct Patch {
   StaticVector<Corner, kMaxFaceCorners> corners;
   Feature feature;                    ///< The face, edge or vertex itself.
   Vector3 normal = Vector3::UnitZ();  ///< Normal of a face: outward, unit, frame of the shape.
-  bool round = false;                 ///< Whether a sphere sweeps it.
+  bool round = false;                 ///< Whether the surface beside it is round: an edge that a
+                                      ///< sphere sweeps, or the line of a lateral surface.
 
   bool is_face() const noexcept { return corners.size() != 1 && corners.size() != 2; }
 };
@@ -66,11 +67,17 @@ class Convex {
   bool is_hull() const noexcept { return kind_ == Kind::kHull; }
   bool is_cylinder() const noexcept { return kind_ == Kind::kCylinder; }
   bool is_ellipsoid() const noexcept { return kind_ == Kind::kEllipsoid; }
+  /// Half the length of a cylinder, m.
+  double half_length() const noexcept { return cylinder_.length / 2; }
+  bool has_faces() const noexcept { return !face_normals_.empty(); }
   /// True if the core is a point, the origin.
   bool is_point() const noexcept { return vertices_.size() == 1; }
 
   /// A point of the core farthest along `direction` (any length > 0). Not for half-spaces.
   Vector3 support(const Vector3& direction) const noexcept;
+  /// How fast that point moves while the unit direction turns by `turn` (perpendicular to it), m
+  /// per rad. Zero for a vertex; for a cylinder that of its rim.
+  Vector3 support_rate(const Vector3& direction, const Vector3& turn) const noexcept;
   /// Outward unit normals of the core's faces.
   std::span<const Vector3> face_normals() const noexcept { return face_normals_; }
   /// How high the point p of the shape's frame is over the plane of a face, m. Not for half-spaces.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "hlm/geometry/convex.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 
@@ -33,9 +34,6 @@ struct CorePair {
   }
 };
 
-/// Directions with a smaller sine between them have no cross product worth trying.
-inline constexpr double kParallel = 1e-9;
-
 /// Calls use(n_B) with all unit cross products of listed edges, both ways. Hulls list none: they
 /// have too many (Convex::is_hull()).
 template <class Use>
@@ -45,7 +43,7 @@ void for_each_edge_axis(const CorePair& pair, const Use& use) {
     for (const Vector3& f : pair.body.edge_directions()) {
       const Vector3 n = e.cross(f);
       const double sine = n.norm();
-      if (!(sine > kParallel)) continue;
+      if (!(sine > narrow::kDirection)) continue;
       use(Vector3(n / sine));
       use(Vector3(-n / sine));
     }

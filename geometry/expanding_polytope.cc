@@ -5,23 +5,19 @@
 #include <limits>
 
 #include "hlm/common/static_vector.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
 
-/// Most points of the polytope. A pair of curved cores with a circle of equally good normals needs
-/// the most; one for which this is too small is refused.
+/// Most points of the polytope. Of 180,000 curved pairs up to 20 mm deep one in 300 takes more than
+/// 64, two take more than 256: those with a circle of equally good normals. A pair for which this
+/// is too small is refused.
 constexpr std::size_t kMaxPoints = 1024;
+/// Most faces and edges that are looked at, 1 ns each, where the cores overlap more deeply than is
+/// promised. Pairs of shapes that are seen every day take less than a hundredth.
+constexpr std::size_t kMostWork = 2'000'000;
 constexpr std::size_t kMaxFaces = 2 * kMaxPoints;
-/// A point this far under the plane of a face, m, counts as above it: faces that it would lie in
-/// are made again, so that none becomes a sliver along a line. Rounding, many times over.
-constexpr double kInPlane = 1e-13;
-/// A thinner Minkowski difference, m, is flat.
-constexpr double kFlat = 1e-9;
-/// Twice the area of the smallest face, m².
-constexpr double kSmallestArea = 1e-22;
-/// Progress, m, below which a flat face is known to be one of the Minkowski difference itself.
-constexpr double kSamePlane = 1e-13;
 
 using Index = std::uint16_t;
 
@@ -51,11 +47,11 @@ class Polytope {
     const Vector3 a = support(toward);
     const Vector3 b = support(-toward);
     const Vector3 line = b - a;
-    if (!(line.norm() > kFlat)) return false;
+    if (!(line.norm() > narrow::kAdvantage)) return false;
     const Vector3 e = line.unitOrthogonal();
     const Vector3 f = line.cross(e).normalized();
     Vector3 c = a;
-    double widest = kFlat;
+    double widest = narrow::kAdvantage;
     for (const Vector3& across : {e, Vector3(-e), f, Vector3(-f)}) {
       const Vector3 candidate = support(across);
       const double width = std::abs(across.dot(candidate - a));
@@ -65,19 +61,23 @@ class Polytope {
       }
     }
     const Vector3 area = line.cross(c - a);
-    if (!(area.norm() > kFlat * line.norm())) return false;
+    if (!(area.norm() > narrow::kAdvantage * line.norm())) return false;
     const Vector3 n = area.normalized();
     const Vector3 above = support(n);
     const Vector3 below = support(-n);
     const bool up = n.dot(above - a) > n.dot(a - below);
     const Vector3& top = up ? above : below;
-    if (!(std::abs(n.dot(top - a)) > kFlat)) return false;
+    if (!(std::abs(n.dot(top - a)) > narrow::kAdvantage)) return false;
     for (const Vector3& p : {a, b, c, top}) points_.push_back(p);
     const bool built =
         up ? add_face(0, 2, 1) && add_face(0, 1, 3) && add_face(1, 2, 3) && add_face(2, 0, 3)
            : add_face(0, 1, 2) && add_face(1, 0, 3) && add_face(2, 1, 3) && add_face(0, 2, 3);
-    return built && (std::abs(n.dot((up ? below : above) - a)) <= kFlat || add(up ? below : above));
+    return built && (std::abs(n.dot((up ? below : above) - a)) <= narrow::kAdvantage ||
+                     add(up ? below : above));
   }
+
+  /// How many faces and edges were looked at.
+  std::size_t work() const noexcept { return work_; }
 
   const Face& nearest() const noexcept {
     const Face* best = &faces_[0];
@@ -89,10 +89,11 @@ class Polytope {
 
   /// The hull of the polytope and p, which is not inside. False if rounding or room prevents it.
   bool add(const Vector3& p) noexcept {
+    work_ += 2 * faces_.size();  // Here, and to find the nearest.
     if (points_.size() == kMaxPoints) return false;
     border_.clear();
     for (std::size_t i = 0; i < faces_.size();) {
-      if (faces_[i].u.dot(p) - faces_[i].offset < -kInPlane) {
+      if (faces_[i].u.dot(p) - faces_[i].offset < -narrow::kLength) {
         ++i;
         continue;
       }
@@ -120,6 +121,7 @@ class Polytope {
       while (at < border_.size() && !(border_[at].from == edge.to && border_[at].to == edge.from)) {
         ++at;
       }
+      work_ += at;
       if (at < border_.size()) {
         border_[at] = border_.back();
         border_.pop_back();
@@ -135,7 +137,7 @@ class Polytope {
   bool add_face(Index a, Index b, Index c) noexcept {
     const Vector3 area = (points_[b] - points_[a]).cross(points_[c] - points_[a]);
     const double norm = area.norm();
-    if (!(norm > kSmallestArea)) return false;
+    if (!(norm > narrow::kSmallestArea)) return false;
     const Vector3 u = area / norm;
     faces_.push_back({u, u.dot(points_[a]), {a, b, c}});
     return true;
@@ -145,12 +147,14 @@ class Polytope {
   StaticVector<Vector3, kMaxPoints> points_;
   StaticVector<Face, kMaxFaces> faces_;
   StaticVector<Edge, 256> border_;
+  std::size_t work_ = 0;
 };
 
 }  // namespace
 
 std::optional<CoreSeparation> expanding_polytope(const CorePair& pair, const Vector3& toward,
-                                                 double tolerance, double touching_upper) noexcept {
+                                                 double tolerance, double touching_upper,
+                                                 bool& too_long) noexcept {
   Polytope polytope(pair);
   if (!polytope.begin(toward)) return {};
   CoreSeparation best;
@@ -164,8 +168,10 @@ std::optional<CoreSeparation> expanding_polytope(const CorePair& pair, const Vec
       best.gap = -farthest;
       best.n_B = -face.u;
     }
-    if (farthest - face.offset <= kSamePlane || best.upper - best.gap <= tolerance) return best;
-    if (!polytope.add(p)) return best;
+    if (farthest - face.offset <= narrow::kLength || best.upper - best.gap <= tolerance)
+      return best;
+    too_long = polytope.work() > kMostWork && best.gap < -narrow::kDeepest;
+    if (too_long || !polytope.add(p)) return best;
   }
 }
 

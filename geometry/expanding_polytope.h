@@ -14,8 +14,10 @@ namespace hlm::geometry {
 /// differ by `tolerance` (m, >= 0); of cores with flat faces the answer is exact to rounding.
 ///
 /// Bounded, never allocates. None if the Minkowski difference is flat, or if rounding stops the
-/// growth: then `toward`, any direction to begin with, may be changed.
+/// growth: then `toward`, any direction to begin with, may be changed. Sets `too_long` to
+/// whether it gave up a pair that overlaps more deeply than is promised.
 std::optional<CoreSeparation> expanding_polytope(const CorePair& pair, const Vector3& toward,
-                                                 double tolerance, double touching_upper) noexcept;
+                                                 double tolerance, double touching_upper,
+                                                 bool& too_long) noexcept;
 
 }  // namespace hlm::geometry

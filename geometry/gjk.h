@@ -2,23 +2,16 @@
 #pragma once
 
 #include "hlm/geometry/core_pair.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
-
-/// Cores nearer than this, m, count as touching: below it the direction between the nearest points
-/// drowns in rounding, so that the penetration methods take over. It is the accuracy promised.
-inline constexpr double kTouchingDistance = 1e-6;
-
-/// Gap in which nearest points are looked for in place of an overlap, m. Rounding turns their
-/// normal by 1e-12 rad; a larger gap improves a normal less.
-inline constexpr double kMovedApart = 1e-4;
 
 /// Answer of closest_points(). The distance d of the cores satisfies lower <= d <= upper.
 struct ClosestPoints {
   enum class Relation : std::uint8_t {
     kBeyond,    ///< Farther apart than asked; only `lower` holds.
     kSeparate,  ///< All members hold.
-    kTouching,  ///< Nearer than kTouchingDistance or overlapping: `upper` holds, and n_B if it is
+    kTouching,  ///< Nearer than narrow::kAccuracy or overlapping: `upper` holds, and n_B if it is
                 ///< not 0.
   };
   Relation relation = Relation::kBeyond;
@@ -36,9 +29,9 @@ ClosestPoints closest_points(const CorePair& pair, double beyond) noexcept;
 ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noexcept;
 
 /// The nearest points once the tool has been moved along the unit normal n_B until the gap there,
-/// which is `gap` now, is kMovedApart. p_tool is given for the tool where it is. If n_B has the
-/// largest gap of all normals, p_tool - p_body = gap n_B; else the n_B of the answer has a larger
-/// one.
+/// which is `gap` now, is narrow::kMovedApart. p_tool is given for the tool where it is. If n_B has
+/// the largest gap of all normals, p_tool - p_body = gap n_B; else the n_B of the answer has a
+/// larger one.
 ClosestPoints closest_points_moved_apart(const CorePair& pair, const Vector3& n_B,
                                          double gap) noexcept;
 

@@ -14,15 +14,11 @@
 #include <libqhull_r/qhull_ra.h>
 
 #include "hlm/common/range.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
 
-/// Facets whose corners lie this near to one plane, m, are one face. Above the rounding of meshes
-/// in single precision (1e-8 m for 0.1 m), far below what is promised of separations.
-constexpr double kCoplanar = 1e-7;
-/// A thinner hull, m, has no inside.
-constexpr double kThinnest = 1e-6;
 /// Largest coordinate, m.
 constexpr double kFarthest = 1000;
 
@@ -46,7 +42,7 @@ double thickness(std::span<const Vector3> points) {
   const Vector3 across =
       farthest([&](const Vector3& d) { return (d - d.dot(u) * u).norm(); }) - origin;
   const Vector3 n = u.cross(across);
-  if (!(n.norm() > kThinnest)) return 0;
+  if (!(n.norm() > narrow::kThinnest)) return 0;
   const Vector3 unit = n.normalized();
   double low = 0;
   double high = 0;
@@ -173,7 +169,7 @@ class Merger {
     const Vector3 n = area(seed).normalized();
     const auto in_plane = [&](std::size_t t) {
       for (std::size_t i = 0; i < 3; ++i) {
-        if (std::abs(n.dot(corner(t, i) - corner(seed, 0))) > kCoplanar) return false;
+        if (std::abs(n.dot(corner(t, i) - corner(seed, 0))) > narrow::kCoplanar) return false;
       }
       return area(t).dot(n) >= 0;
     };
@@ -219,7 +215,7 @@ class Merger {
 }  // namespace
 
 bool has_inside(std::span<const Vector3> points) {
-  return points.size() >= 4 && thickness(points) > kThinnest;
+  return points.size() >= 4 && thickness(points) > narrow::kThinnest;
 }
 
 HullFaces convex_hull(std::span<const Vector3> points) {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <limits>
 
+#include "hlm/geometry/tolerances.h"
+
 namespace hlm::geometry {
 namespace {
-
-constexpr double kClear = 0.01;  // m
 
 /// The place between two looks where the gap that they tell is least. The gap is convex along the
 /// way, and each look is a tangent of it.
@@ -45,7 +45,8 @@ Looks looks_ahead(const CorePair& pair, const CoreSeparation& now, const Vector3
       least = other;
       at = i;
     }
-    more = least.gap < pair.tool.margin() + pair.body.margin() + kClear && look(at, least.share);
+    more = least.gap < pair.tool.margin() + pair.body.margin() + narrow::kClear &&
+           look(at, least.share);
   }
   return looks;
 }

@@ -3,31 +3,16 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <vector>
 
 #include "hlm/geometry/clip.h"
 #include "hlm/geometry/look_ahead.h"
 #include "hlm/geometry/penetration.h"
 #include "hlm/geometry/separation.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
-
-/// A contact this near to the smallest separation, m, stands for it. A tenth of the accuracy.
-constexpr double kRepresents = 1e-7;
-
-/// How much nearer to the best an axis comes while the tool moves by ε, in ε: its gap may grow by
-/// ε, and that of the best shrink by as much.
-constexpr double kReach = 2;
-/// Difference of unit vectors up to which two normals are one: what a search for nearest points
-/// leaves.
-constexpr double kSameAxis = 1e-4;
-constexpr double kSameNormal = 1e-9;  ///< The same for rounding alone.
-
-/// Cosine between two normals of a pair that are on one side of it: 30°.
-constexpr double kSameSide = 0.866;
 
 static_assert(kMaxOpposites + 1 <= kMaxManifoldPoints);
 
@@ -60,6 +45,7 @@ bool is_aligned_face(const Patch& patch, const Vector3& direction) {
 
 /// Those of the edges that face each other along n, if they are parallel.
 FeaturePairs facing_edges(const CorePair& pair, const Vector3& n) {
+  if (pair.tool.is_point() || pair.body.is_point()) return {};
   const Patch tool = in_body_frame(pair.tool.edge_facing(-(pair.R_BT.transpose() * n)), pair);
   FeaturePairs pairs;
   for (const Opposite& o : overlap_of_edges(tool, pair.body.edge_facing(n))) {
@@ -72,6 +58,7 @@ FeaturePairs facing_edges(const CorePair& pair, const Vector3& n) {
 /// of parallel edges, else none. The body's face is preferred as the reference: the set is the same
 /// otherwise except corners on a common border.
 FeaturePairs facing_features(const CorePair& pair, const Vector3& n) {
+  if (!pair.tool.has_faces() && !pair.body.has_faces()) return facing_edges(pair, n);
   const Vector3 n_T = pair.R_BT.transpose() * n;
   const Patch tool = in_body_frame(pair.tool.facing(-n_T), pair);
   const Patch body = pair.body.facing(n);
@@ -100,8 +87,9 @@ FeaturePair witness_features(const CorePair& pair, const CoreSeparation& separat
 double gap_of(const FeaturePair& p, const Vector3& n) { return n.dot(p.p_tool - p.p_body); }
 
 bool stands_for(const FeaturePairs& pairs, const Vector3& n, double gap) {
-  return std::any_of(pairs.begin(), pairs.end(),
-                     [&](const FeaturePair& p) { return gap_of(p, n) <= gap + kRepresents; });
+  return std::any_of(pairs.begin(), pairs.end(), [&](const FeaturePair& p) {
+    return gap_of(p, n) <= gap + narrow::kRepresents;
+  });
 }
 
 /// Adds a pair instead of one of the same features.
@@ -116,6 +104,16 @@ void erase_far(FeaturePairs& pairs, const Vector3& n, double largest_gap) {
   erase_if(pairs, [&](const FeaturePair& p) { return !(gap_of(p, n) <= largest_gap); });
 }
 
+/// Whether the cap of a cylinder leans, so that its rim rolls: its corners pass by the lowest point
+/// and do not stand for that.
+bool rolls(const CorePair& pair, const Vector3& n) {
+  const auto leans = [](const Convex& core, double cosine) {
+    return core.is_cylinder() && cosine * cosine > 0.5 &&
+           1 - cosine * cosine > narrow::kLeans * narrow::kLeans;
+  };
+  return leans(pair.tool, n.dot(pair.R_BT.col(2))) || leans(pair.body, n.z());
+}
+
 /// All feature pairs with a gap of at most `largest_gap` between the cores, m. One of them has the
 /// gap of the separation.
 FeaturePairs near_features(const CorePair& pair, const CoreSeparation& separation,
@@ -123,7 +121,9 @@ FeaturePairs near_features(const CorePair& pair, const CoreSeparation& separatio
   const Vector3& n = separation.n_B;
   FeaturePairs pairs = facing_features(pair, n);
   erase_far(pairs, n, largest_gap);
-  if (!stands_for(pairs, n, separation.gap)) put(pairs, witness_features(pair, separation));
+  if (rolls(pair, n) || !stands_for(pairs, n, separation.gap)) {
+    put(pairs, witness_features(pair, separation));
+  }
   return pairs;
 }
 
@@ -135,6 +135,9 @@ struct Axis {
 /// Most axes of faces and edges. Of 30 of two boxes some ten are near, with a large ε.
 constexpr std::size_t kMaxAxes = 31;
 using Axes = StaticVector<Axis, kMaxAxes + 1>;  // The best one may be another.
+/// Most normals of faces and edges that are near at a time; of more the half with the largest gaps
+/// stays.
+constexpr std::size_t kMaxCandidates = 512;
 
 /// The axes of faces and edges with a gap beyond `least`, m, the largest gap first. A face is
 /// looked at more closely if a point of the other core is far enough over it: of `n_B`'s supports,
@@ -145,11 +148,23 @@ Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
   struct Candidate {
     Axis axis;
     Source source;
+    std::uint32_t number;  ///< In the order of their finding, which decides between equal gaps.
   };
-  std::vector<Candidate> near;
+  StaticVector<Candidate, kMaxCandidates> near;
+  const auto sort = [&near] {
+    std::ranges::sort(near, [](const Candidate& a, const Candidate& b) {
+      return a.axis.gap > b.axis.gap || (a.axis.gap == b.axis.gap && a.number < b.number);
+    });
+  };
+  std::uint32_t number = 0;
   const auto consider = [&](const Vector3& n, Source source) {
     const double gap = pair.gap(n);
-    if (gap > least) near.push_back({{n, gap}, source});
+    if (!(gap > least)) return;
+    if (near.size() == near.capacity()) {
+      sort();
+      near.resize(near.capacity() / 2);
+    }
+    near.push_back({{n, gap}, source, number++});
   };
   const Vector3 tool_point = pair.tool_support(-n_B);
   const Vector3 body_point_T = pair.R_BT.transpose() * (pair.body_support(n_B) - pair.p_BT);
@@ -163,7 +178,7 @@ Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
              pair.tool.is_hull() ? Source::kToolHull : Source::kOther);
   }
   for_each_edge_axis(pair, [&](const Vector3& n) { consider(n, Source::kOther); });
-  std::ranges::stable_sort(near, std::greater<>(), [](const Candidate& c) { return c.axis.gap; });
+  sort();
 
   static const double cosine = std::cos(kOneAxis);
   StaticVector<Candidate, kMaxAxes> kept;
@@ -179,9 +194,25 @@ Axes polytope_axes(const CorePair& pair, const Vector3& n_B, double least) {
   return axes;
 }
 
+/// The outermost point of one core over an aligned face of the other along an axis, if none of the
+/// pairs has it: the face of a hull whose normal is nearest to the axis need not have the point
+/// that is outermost of all, nor have the corners that stand for a rim.
+void add_support(const CorePair& pair, const Axis& axis, bool over_body, FeaturePairs& pairs) {
+  const Vector3& n = axis.n_B;
+  if (stands_for(pairs, n, axis.gap)) return;
+  if (over_body) {
+    const Vector3 p = pair.tool_support(-n);
+    const Vector3 p_T = pair.R_BT.transpose() * (p - pair.p_BT);
+    put(pairs, {pair.tool.feature_at(p_T), pair.body.facing(n).feature, p, p - axis.gap * n});
+  } else {
+    const Vector3 p = pair.body_support(n);
+    const Feature face = pair.tool.facing(-(pair.R_BT.transpose() * n)).feature;
+    put(pairs, {face, pair.body.feature_at(p), p + axis.gap * n, p});
+  }
+}
+
 /// The outermost points of either core along an axis that is normal to a face of the other, or
-/// where the edges cross that the axis is normal to. The face of a hull whose normal is nearest to
-/// the axis need not have the point that is outermost of all.
+/// where the edges cross that the axis is normal to.
 void add_outermost(const CorePair& pair, const Axis& axis, FeaturePairs& pairs) {
   const Vector3& n = axis.n_B;
   const Vector3 n_T = pair.R_BT.transpose() * n;
@@ -192,21 +223,14 @@ void add_outermost(const CorePair& pair, const Axis& axis, FeaturePairs& pairs) 
     for (const auto& corner : tool.corners) {
       put(pairs, {corner.vertex, body.feature, corner.p, corner.p + (top - n.dot(corner.p)) * n});
     }
-    if (!stands_for(pairs, n, axis.gap)) {
-      const Vector3 p = pair.tool_support(-n);
-      const Vector3 p_T = pair.R_BT.transpose() * (p - pair.p_BT);
-      put(pairs, {pair.tool.feature_at(p_T), body.feature, p, p - axis.gap * n});
-    }
+    add_support(pair, axis, true, pairs);
   } else if (is_aligned_face(tool, -n)) {
     const double bottom = n.dot(pair.tool_support(-n));
     for (const auto& corner : body.corners) {
       put(pairs,
           {tool.feature, corner.vertex, corner.p + (bottom - n.dot(corner.p)) * n, corner.p});
     }
-    if (!stands_for(pairs, n, axis.gap)) {
-      const Vector3 p = pair.body_support(n);
-      put(pairs, {tool.feature, pair.body.feature_at(p), p + axis.gap * n, p});
-    }
+    add_support(pair, axis, false, pairs);
   } else {
     const Patch e = in_body_frame(pair.tool.edge_facing(-n_T), pair);
     const Patch f = pair.body.edge_facing(n);
@@ -238,9 +262,9 @@ bool is_taken(const AxesManifold& manifold, const FeaturePair& p) {
 
 /// Whether the axis is normal to a face of the body, and none of `kept` is the same.
 bool is_new_face(const Axis& axis, const Convex& body, const Axes& kept) {
-  const bool is_face = (body.facing(axis.n_B).normal - axis.n_B).norm() < kSameNormal;
+  const bool is_face = (body.facing(axis.n_B).normal - axis.n_B).norm() < narrow::kDirection;
   return is_face && std::none_of(kept.begin(), kept.end(), [&](const Axis& other) {
-           return (other.n_B - axis.n_B).norm() < kSameAxis;
+           return (other.n_B - axis.n_B).norm() < narrow::kSameAxis;
          });
 }
 
@@ -250,9 +274,13 @@ FeaturePairs axis_features(const CorePair& pair, const Axis& axis, double larges
   const bool flat =
       is_aligned_face(pair.body.facing(n), n) &&
       is_aligned_face(pair.tool.facing(-(pair.R_BT.transpose() * n)), -(pair.R_BT.transpose() * n));
-  // Where two faces lie over each other, the border of one stands for its own axis.
-  const bool enough = flat && !pairs.empty();
-  if (!enough && !stands_for(pairs, n, axis.gap)) add_outermost(pair, axis, pairs);
+  // Where two faces lie over each other, the border of one stands for its own axis; not a rim,
+  // whose axis turns with every motion.
+  if (!flat || pairs.empty()) {
+    if (!stands_for(pairs, n, axis.gap)) add_outermost(pair, axis, pairs);
+  } else if (!pair.tool.is_polytope() || !pair.body.is_polytope()) {
+    add_support(pair, axis, true, pairs);
+  }
   double least = std::numeric_limits<double>::infinity();
   for (const FeaturePair& p : pairs) least = std::min(least, gap_of(p, n));
   erase_far(pairs, n, std::max(largest_gap, least));
@@ -305,7 +333,7 @@ std::optional<CoreSeparation> near_separation(const CorePair& pair, double epsil
   if (!separation) return {};
   const bool overlaps = separation->gap - margins < 0;
   if (before_B && overlaps && !pair.body.is_half_space() &&
-      separation->n_B.dot(*before_B) < kSameSide) {
+      separation->n_B.dot(*before_B) < narrow::kSameSide) {
     separation = find_penetration_near(pair, *before_B);
   }
   if (!separation->is_confirmed()) {
@@ -363,12 +391,12 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     ++count;
   };
 
-  const double least = separation->gap - kReach * epsilon;
+  const double least = separation->gap - narrow::kReach * epsilon;
   const Axes axes = body.is_half_space() ? Axes{} : polytope_axes(pair, separation->n_B, least);
   CoreSeparation best = *separation;
   bool is_axis = body.is_half_space() || (sharp(pair) && best.gap <= 0);
   for (const Axis& axis : axes) {
-    if (is_axis || (axis.n_B - best.n_B).norm() > kSameAxis) continue;
+    if (is_axis || (axis.n_B - best.n_B).norm() > narrow::kSameAxis) continue;
     best = {axis.gap, separation->upper, axis.n_B, {}};
     is_axis = true;
   }
@@ -377,7 +405,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     kept.push_back({best.n_B, best.gap});
     bearing.push_back({best.n_B, best.gap});
   } else if (turns(pair)) {
-    add({best.n_B, best.gap}, rounded_features(pair, best));
+    add({best.n_B, best.gap}, near_features(pair, best, epsilon + margins));
     kept.push_back({best.n_B, best.gap});
   }
   const auto is_known = [&bearing](const Vector3& n_B) {
@@ -401,7 +429,7 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
     for (const Look& look : looks_ahead(pair, *separation, travel_B)) {
       const Axis axis{look.separation.n_B, pair.gap(look.separation.n_B)};
       const bool is_new = std::none_of(kept.begin(), kept.end(), [&](const Axis& other) {
-        return (axis.n_B - other.n_B).norm() < kSameAxis;
+        return (axis.n_B - other.n_B).norm() < narrow::kSameAxis;
       });
       if (look.share == 0 || !is_new) continue;
       add(axis, features_ahead(pair, look, travel_B), !is_known(axis.n_B));

@@ -8,17 +8,14 @@
 
 #include "hlm/geometry/ccd_penetration.h"
 #include "hlm/geometry/expanding_polytope.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
 namespace {
 
-/// A later candidate replaces an earlier one if its gap is larger by more than this, m. It keeps
-/// the face normal when cross products of nearly parallel edges tie with it.
-constexpr double kAdvantage = 1e-9;
-
-/// Difference, m, between the bounds of the expanding polytope at which curved cores are done: half
-/// of what is believed. Less takes more points.
-constexpr double kCurvedTolerance = kAccuracy / 2;
+/// Most steps by which the normal of curved cores is made more exact; two are usual. Each costs a
+/// search for nearest points. With one, normals turn by 1e-4 rad from pose to pose.
+constexpr int kMostPolishes = 4;
 /// Where the expanding polytope starts, one attempt each, next to the line between the origins.
 /// Some directions make a symmetrical pair yield slivers.
 const std::array<Vector3, 2> kAskew = {Vector3(0.036, 0.048, 0.08), Vector3(0.048, -0.06, 0.064)};
@@ -33,12 +30,19 @@ class BestNormal {
   BestNormal(const CorePair& pair, const Vector3& near_B) : BestNormal(pair) { near_B_ = near_B; }
 
   void consider(const Vector3& n_B) {
-    if (near_B_ && n_B.dot(*near_B_) < kNear) return;
+    if (near_B_ && n_B.dot(*near_B_) < narrow::kSameSide) return;
     const double gap = pair_.gap(n_B);
-    if (gap > best_.gap + kAdvantage) {
+    if (gap > best_.gap + narrow::kAdvantage) {
       best_.gap = gap;
       best_.n_B = n_B;
     }
+  }
+  /// Takes over what improves the gap at all.
+  void refine(const Vector3& n_B) {
+    const double gap = pair_.gap(n_B);
+    if (!(gap > best_.gap)) return;
+    best_.gap = gap;
+    best_.n_B = n_B;
   }
   void consider_both(const Vector3& direction) {
     consider(direction);
@@ -47,8 +51,6 @@ class BestNormal {
   const CoreSeparation& best() const { return best_; }
 
  private:
-  static constexpr double kNear = 0.866;  // Cosine.
-
   const CorePair& pair_;
   std::optional<Vector3> near_B_;
   CoreSeparation best_;
@@ -72,7 +74,7 @@ void consider_climb(const CorePair& pair, const Vector3& before_B, BestNormal& b
   for (int i = 0; i < kSteps && !best.best().n_B.isZero(0); ++i) {
     const double gap = best.best().gap;
     best.consider(closest_points_moved_apart(pair, best.best().n_B, gap).n_B);
-    if (best.best().gap - gap < kAdvantage) return;
+    if (best.best().gap - gap < narrow::kAdvantage) return;
   }
 }
 
@@ -89,29 +91,46 @@ void consider_radial(const CorePair& pair, BestNormal& best) {
   best.consider_both(radial.norm() > 0 ? radial.normalized() : axis.unitOrthogonal());
 }
 
+/// Makes the normal of curved cores more exact by nearest points of the cores moved apart along it.
+/// What is left of its error each time is the depth, and what it is moved by, of the radius of
+/// curvature. Gives the nearest points, if it got so far.
+std::optional<Witness> polish(const CorePair& pair, BestNormal& best) {
+  for (int i = 0; i < kMostPolishes; ++i) {
+    const Vector3 n = best.best().n_B;
+    const ClosestPoints apart = closest_points_moved_apart(pair, n, best.best().gap);
+    best.refine(apart.n_B);
+    if ((best.best().n_B - n).squaredNorm() < narrow::kPolished * narrow::kPolished) {
+      return Witness{apart.p_tool, apart.p_body};
+    }
+  }
+  return {};
+}
+
 /// Gap of cores that have too many axes to try. The normal of curved ones is made more exact by
-/// nearest points. Where rounding stops the polytope, libccd has the last word.
+/// nearest points. Where rounding stops the polytope, libccd has the last word; where it takes too
+/// long, deeper than is promised, libccd, which takes ten times as long, is not asked.
 CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
                                  bool curved) {
   double upper = touching_upper;
+  std::optional<Witness> polished;
   const auto is_done_with = [&](const std::optional<CoreSeparation>& found) {
     if (!found) return false;
     best.consider(found->n_B);
     upper = std::min(upper, found->upper);
-    if (curved) {
-      best.consider(closest_points_moved_apart(pair, best.best().n_B, best.best().gap).n_B);
-    }
-    return upper - best.best().gap <= kAccuracy;
+    if (curved) polished = polish(pair, best);
+    return upper - best.best().gap <= narrow::kAccuracy;
   };
   const Vector3 between = pair.p_BT.isZero() ? Vector3(Vector3::UnitX()) : pair.p_BT.normalized();
-  const double tolerance = curved ? kCurvedTolerance : 0;
+  const double tolerance = curved ? narrow::kCurved : 0;
+  bool too_long = false;
   const bool done = std::any_of(kAskew.begin(), kAskew.end(), [&](const Vector3& beside) {
-    return is_done_with(
-        expanding_polytope(pair, (between + beside).normalized(), tolerance, touching_upper));
+    return is_done_with(expanding_polytope(pair, (between + beside).normalized(), tolerance,
+                                           touching_upper, too_long));
   });
-  if (!done) is_done_with(ccd_penetration(pair));
+  if (!done && !too_long) is_done_with(ccd_penetration(pair));
   CoreSeparation result = best.best();
   result.upper = upper;
+  result.nearest = polished;
   return result;
 }
 
@@ -133,7 +152,7 @@ CoreSeparation find_penetration(const CorePair& pair, const ClosestPoints& neare
   if (!few_axes) return grown_penetration(pair, best, nearest.upper, !polytopes);
   CoreSeparation exact = best.best();
   // If no axis separates the cores, they overlap by the best one. Otherwise they are apart by less
-  // than kTouchingDistance, perhaps along another normal.
+  // than kAccuracy, perhaps along another normal.
   exact.upper = exact.gap <= 0 ? exact.gap : nearest.upper;
   return exact;
 }

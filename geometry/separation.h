@@ -5,11 +5,9 @@
 #include <optional>
 
 #include "hlm/geometry/gjk.h"
+#include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
-
-/// Largest difference between the bounds of a signed distance that is believed, m.
-inline constexpr double kAccuracy = 1e-6;
 
 /// Points of the two cores that realise a separation, p_tool - p_body = gap n_B.
 struct Witness {
@@ -27,7 +25,7 @@ struct CoreSeparation {
 
   /// True if the supports along n_B confirm the distance. False for anything not finite.
   bool is_confirmed() const noexcept {
-    return std::abs(upper - gap) <= kAccuracy && n_B.allFinite();
+    return std::abs(upper - gap) <= narrow::kAccuracy && n_B.allFinite();
   }
 };
 
