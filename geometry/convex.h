@@ -78,6 +78,8 @@ class Convex {
   /// How fast that point moves while the unit direction turns by `turn` (perpendicular to it), m
   /// per rad. Zero for a vertex; for a cylinder that of its rim.
   Vector3 support_rate(const Vector3& direction, const Vector3& turn) const noexcept;
+  /// Corners of a polytope, in the order of their features, m.
+  std::span<const Vector3> vertices() const noexcept { return vertices_; }
   /// Outward unit normals of the core's faces.
   std::span<const Vector3> face_normals() const noexcept { return face_normals_; }
   /// How high the point p of the shape's frame is over the plane of a face, m. Not for half-spaces.

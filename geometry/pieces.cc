@@ -93,10 +93,10 @@ std::uint32_t rims_of(const Piece& piece) {
     };
     if (std::ranges::count_if(around, has_both) > 1) continue;
     for (std::size_t face = 0; face < piece.planes.size() && face < 32; ++face) {
-      const auto& [n_F, offset] = piece.planes[face];
+      const Piece::Plane& plane = piece.planes[face];
       const auto is_on = [&](int corner) {
         const Vector3 p_F = piece.X_FG * mesh.points[static_cast<std::size_t>(corner)];
-        return std::abs(n_F.dot(p_F) - offset) < kOnPlane;
+        return std::abs(plane.n_F.dot(p_F) - plane.offset) < kOnPlane;
       };
       if (face != piece.front && is_on(from) && is_on(to)) rims |= std::uint32_t{1} << face;
     }
@@ -220,6 +220,7 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
     if (assembly.pieces.size() < 2) continue;
     find_adjoining(assembly);
     join_faces(assembly);
+    join_corners(assembly);
     number_borders(assembly);
   }
 }
@@ -293,6 +294,32 @@ void Pieces::join_faces(const Assembly& assembly) {
       }
     }
     piece->surfaces[face.face] = {stands.piece->id, static_cast<std::uint16_t>(stands.face), true};
+  }
+}
+
+/// Corners of pieces in one place have one name, that of the first piece.
+void Pieces::join_corners(const Assembly& assembly) {
+  constexpr double kSamePoint = 1e-6;  // m
+  const auto has_corners = [](const Piece& piece) {
+    return piece.mesh == nullptr && piece.convex->is_polytope() && piece.convex->margin() == 0;
+  };
+  for (Piece* piece : assembly.pieces) {
+    if (piece->adjoining.empty() || !has_corners(*piece)) continue;
+    const auto vertices = piece->convex->vertices();
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+      Piece::Surface stands{piece->id, static_cast<std::uint16_t>(i)};
+      const Vector3 p_F = piece->X_FG * vertices[i];
+      for (const Piece* other : piece->adjoining) {
+        if (!(other->id < stands.id) || !has_corners(*other)) continue;
+        const Vector3 p_G = other->X_FG.inverse() * p_F;
+        const auto others = other->convex->vertices();
+        const auto same = std::ranges::find_if(
+            others, [&](const Vector3& q_G) { return (q_G - p_G).norm() < kSamePoint; });
+        if (same == others.end()) continue;
+        stands = {other->id, static_cast<std::uint16_t>(same - others.begin()), true};
+      }
+      piece->corners.push_back(stands);
+    }
   }
 }
 

@@ -30,7 +30,8 @@ struct Piece {
     Vector3 n_F;
     double offset = 0;  ///< n_Fᵀ x of its points, m.
   };
-  /// The face of a piece, which stands for all coplanar faces that go on in each other.
+  /// The face of a piece, which stands for all coplanar faces that go on in each other; or a
+  /// corner, for all in its place.
   struct Surface {
     CollisionId id;
     std::uint16_t face = 0;
@@ -49,6 +50,7 @@ struct Piece {
   Eigen::AlignedBox3d bounds_F;
   std::vector<Plane> planes;      ///< Planes of the core's faces, in their order.
   std::vector<Surface> surfaces;  ///< Surfaces by face; empty if none goes on in another's.
+  std::vector<Surface> corners;   ///< Corners by vertex, `face` their number; empty as surfaces.
   std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
   double widest = 0;              ///< Widest of their bounds along x, m.
 };
@@ -144,6 +146,7 @@ class Pieces {
  private:
   static void find_adjoining(const Assembly& assembly);
   static void join_faces(const Assembly& assembly);
+  static void join_corners(const Assembly& assembly);
   void number_borders(const Assembly& assembly);
 
   std::vector<Piece> pieces_;

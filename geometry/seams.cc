@@ -75,7 +75,7 @@ class Resolver {
     return own_is_b_ ? contact.key.a_feature : contact.key.b_feature;
   }
   Meeting seen(const FoundContact& contact) const;
-  FoundContact reported(Meeting meeting) const;
+  FoundContact reported(Meeting meeting);
 
   bool is_on_surface(const Vector3& n, const Vector3& p_F) const;
   bool is_on_surface(std::span<const Meeting> set) const;
@@ -84,6 +84,7 @@ class Resolver {
   bool goes_on_along(std::span<const Meeting> axis) const;
   bool is_beside(const Meeting& meeting) const;
   bool is_behind_skin(const Meeting& meeting) const;
+  bool is_felt_here(const Meeting& meeting, const PiecesAtPoint& pieces) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
   Border border_at(const Meeting& meeting, const Vector3& n, const PiecesAtPoint& pieces) const;
@@ -111,8 +112,14 @@ Meeting Resolver::seen(const FoundContact& contact) const {
   return own_is_b_ ? Meeting{contact, n, on_b, on_a} : Meeting{contact, -n, on_a, on_b};
 }
 
-FoundContact Resolver::reported(Meeting meeting) const {
+FoundContact Resolver::reported(Meeting meeting) {
   FoundContact& contact = meeting.contact;
+  const Feature& feature = own_feature(contact);
+  if (feature.kind == FeatureKind::kVertex && feature.index < own_.corners.size() &&
+      feature.shape == static_cast<std::uint32_t>(own_.id.shape)) {
+    const Piece::Surface& corner = own_.corners[feature.index];
+    if (corner.shared) name(contact, corner.id, FeatureKind::kVertex, corner.face);
+  }
   contact.plane = plane_of(contact.key.a_feature, contact.key.b_feature);  // Some are renamed.
   if (!meeting.moved) return contact;
   contact.n_W = X_WF_.R * (own_is_b_ ? meeting.n : Vector3(-meeting.n));
@@ -276,6 +283,16 @@ bool Resolver::is_behind_skin(const Meeting& meeting) const {
   return front.n_F.dot(meeting.at) - front.offset < -kSeamGap;
 }
 
+/// Whether a side of this piece is felt at a contact, and not only those of others, on a flat
+/// surface that this one ends below.
+bool Resolver::is_felt_here(const Meeting& meeting, const PiecesAtPoint& pieces) const {
+  const bool has_side =
+      std::ranges::any_of(sides_at(own_, meeting.at, kSeamGap), [&](const PieceSide& side) {
+        return is_surface(own_, side) && (side.n_F - meeting.n).norm() < kOfFace;
+      });
+  return has_side || !is_flat(meeting.n, meeting.at, pieces);
+}
+
 /// Gives a contact its place on a surface of several pieces. False if it has none: it is at a
 /// border inside of that.
 bool Resolver::settle(Meeting& meeting) {
@@ -290,9 +307,9 @@ bool Resolver::settle(Meeting& meeting) {
     }
     return true;
   }
-  const auto face = face_at(meeting);
-  if (!face) return true;
   const PiecesAtPoint pieces = pieces_at(own_, meeting.at);
+  const auto face = face_at(meeting);
+  if (!face) return is_felt_here(meeting, pieces);
   const Border border = border_at(meeting, own_.planes[*face].n_F, pieces);
   if (border.goes_on && own_.mesh != nullptr &&
       !is_flat(own_.planes[*face].n_F, meeting.at, pieces)) {

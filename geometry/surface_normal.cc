@@ -84,8 +84,8 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
   for (int round = 0;; ++round) {
     for_each_side(own, foot, [&](const PieceSide& border) {
       const Vector3 out = across(border.n_F, n_F);
-      const double beyond = border.height - kBeyondBorder;
-      if (out.squaredNorm() > kParallel && beyond > 0) foot -= beyond / out.squaredNorm() * out;
+      const double beyond = border.height / out.norm() - kBeyondBorder;  // Along the side.
+      if (out.squaredNorm() > kParallel && beyond > 0) foot -= beyond * out.normalized();
       return true;
     });
     if ((foot - p_F).squaredNorm() > kFarthest * kFarthest) return false;
@@ -162,8 +162,9 @@ bool is_flat(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces) 
   constexpr double kFlat = 0.035;
   Normals normals;
   for (const Piece* piece : pieces) add_open_normals(*piece, p_F, pieces, normals);
-  return std::ranges::all_of(normals,
-                             [&](const OpenNormal& other) { return (other.n - n).norm() < kFlat; });
+  return !normals.empty() && std::ranges::all_of(normals, [&](const OpenNormal& other) {
+    return (other.n - n).norm() < kFlat;
+  });
 }
 
 Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces) {
