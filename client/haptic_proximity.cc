@@ -102,7 +102,8 @@ class Filter {
     }
   }
   bool operator()(std::size_t a, std::size_t b) const {
-    const auto pair = std::minmax(static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b));
+    const std::pair<std::uint32_t, std::uint32_t> pair =
+        std::minmax(static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b));
     return ((groups_[a].group & groups_[b].mask) != 0 ||
             (groups_[b].group & groups_[a].mask) != 0) &&
            !excluded_.contains(pair);

@@ -64,7 +64,8 @@ HAPTIC_API void haptic_proximity_close(haptic_proximity* proximity);
  * most of where the tool can go. Separations are exact to 1e-6 m.
  *
  * What is fixed to each other is one surface, whose inner edges are not felt: the shapes of one
- * link or body, and those of the world that have not moved since the first call.
+ * link or body, and those of the world that have not moved since the first call. That call, and one
+ * in which a shape first moves against what it was fixed to, may take long with large meshes.
  *
  * Velocities and loads are 0, friction is the server's. Returns how many, at most
  * HAPTIC_MAX_CONTACTS, which `contacts` must hold; `shapes`, if not NULL, gets the places of both

@@ -18,6 +18,8 @@ using namespace geometry;
 constexpr double kSamePlace = 1e-5;
 constexpr double kSamePlaceFar = 1e-6;
 constexpr double kSameTurn = 1e-5;
+/// Links of a tool.
+constexpr std::uint32_t kMostLinks = 1000;
 
 bool is_usable(const Pose& X) {
   return X.p.allFinite() && X.R.coeffs().allFinite() && X.R.squaredNorm() > 0;
@@ -44,8 +46,18 @@ ShapeContacts::ShapeContacts(std::vector<BodyShape> shapes, MayTouch may_touch)
 }
 
 void ShapeContacts::add(std::size_t place, BodyShape given) {
+  const std::uint32_t first =
+      shapes_.empty()
+          ? 0
+          : shapes_.back().first + static_cast<std::uint32_t>(shapes_.back().pieces.size());
   Entry& entry = shapes_.emplace_back();
   entry.side = given.side;
+  entry.first = first;
+  const bool of_tool = given.side.kind == SideKind::kToolLink;
+  if (of_tool && given.side.index >= kMostLinks) {
+    throw std::invalid_argument("link " + std::to_string(given.side.index) + " must be less than " +
+                                std::to_string(kMostLinks));
+  }
   if (auto* shape = std::get_if<Shape>(&given.shape)) {
     if (std::holds_alternative<HalfSpace>(*shape) && given.side.kind != SideKind::kWorld) {
       throw std::invalid_argument("a half-space must be the world's");
@@ -53,13 +65,14 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
     entry.pieces.emplace_back(*shape);
     return;
   }
+  std::vector<std::string> repairs;  // Nobody to tell.
   const Mesh mesh =
-      repaired(std::get<Mesh>(std::move(given.shape)), std::to_string(place), repairs_);
+      repaired(std::get<Mesh>(std::move(given.shape)), std::to_string(place), repairs);
   if (is_convex(mesh)) {
     entry.pieces.emplace_back(Hull{mesh.points});
     return;
   }
-  if (given.side.kind == SideKind::kToolLink) {
+  if (of_tool) {
     throw std::invalid_argument("a mesh of the tool must be convex: divide it into hulls");
   }
   entry.mesh = std::make_unique<Mesh>(mesh);
@@ -72,30 +85,36 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
 void ShapeContacts::arrange(std::span<const Pose> X_WS) {
   bodies_.clear();
   shape_of_.clear();
-  std::map<ContactSide, int> known;
+  std::map<std::pair<ContactSide, bool>, int> known;
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     Entry& entry = shapes_[i];
     entry.is_loose = entry.is_loose || !is_usable(X_WS[i]);
     entry.body = static_cast<int>(bodies_.size());
-    if (!entry.is_loose) entry.body = known.try_emplace(entry.side, entry.body).first->second;
+    if (!entry.is_loose) {
+      entry.body = known.try_emplace({entry.side, entry.has_moved}, entry.body).first->second;
+    }
     const auto body = static_cast<std::size_t>(entry.body);
     if (body == bodies_.size()) {
       const bool is_fixed =
-          !entry.is_loose && entry.side.kind == SideKind::kWorld && !moved_.contains(entry.side);
+          entry.side.kind == SideKind::kWorld && !entry.is_loose && !entry.has_moved;
       bodies_.push_back({.side = entry.side, .shape = i, .is_fixed = is_fixed});
       shape_of_.emplace_back();
     }
     const Pose X_WF = bodies_[body].is_fixed ? Pose{} : normalised(X_WS[bodies_[body].shape]);
     entry.X_FS = entry.is_loose ? Pose{} : X_WF.inverse() * normalised(X_WS[i]);
-    entry.first_piece = static_cast<int>(shape_of_[body].size());
+    entry.first_of_body = static_cast<int>(shape_of_[body].size());
     shape_of_[body].insert(shape_of_[body].end(), entry.pieces.size(), i);
   }
+  make_finder();
+}
+
+void ShapeContacts::make_finder() {
   std::vector<PieceSource> sources;
   for (const Entry& entry : shapes_) {
     const std::size_t triangles = entry.mesh ? entry.mesh->triangles.size() : 1;
     for (std::size_t i = 0; i < entry.pieces.size(); ++i) {
       const Mesh* front = entry.mesh.get();
-      sources.push_back({.id = {entry.body, entry.first_piece + static_cast<int>(i)},
+      sources.push_back({.id = {entry.body, entry.first_of_body + static_cast<int>(i)},
                          .convex = &entry.pieces[i],
                          .X_FG = entry.X_FS,
                          .fixed = bodies_[static_cast<std::size_t>(entry.body)].is_fixed,
@@ -136,7 +155,7 @@ bool ShapeContacts::place(std::span<const Pose> X_WS) {
     if (stays) continue;
     fits = false;
     if (bodies_[body].is_fixed && is_usable(X_WS[i])) {
-      moved_.insert(entry.side);
+      entry.has_moved = true;
     } else {
       entry.is_loose = true;
     }
@@ -146,6 +165,40 @@ bool ShapeContacts::place(std::span<const Pose> X_WS) {
 
 std::size_t ShapeContacts::shape_of(const CollisionId& piece) const {
   return shape_of_[static_cast<std::size_t>(piece.body)][static_cast<std::size_t>(piece.shape)];
+}
+
+std::uint32_t ShapeContacts::number_of(const CollisionId& piece) const {
+  const Entry& entry = shapes_[shape_of(piece)];
+  return entry.first + static_cast<std::uint32_t>(piece.shape - entry.first_of_body);
+}
+
+/// The contact with names that outlive an arrangement: pieces by their numbers among all.
+FoundContact ShapeContacts::named(FoundContact contact) const {
+  const auto name = [&](ContactSide& side, Feature& feature, const CollisionId& found) {
+    // Of the fixed bodies it may be another one than where it was found.
+    const bool of_fixed = pieces_->is_fixed(found.body);
+    const int body = of_fixed ? static_cast<int>(side.index) : found.body;
+    const CollisionId piece{body, static_cast<int>(feature.shape)};
+    side.index = shapes_[shape_of(piece)].side.index;
+    feature.shape = number_of(piece);
+  };
+  name(contact.key.a, contact.key.a_feature, contact.own);
+  name(contact.key.b, contact.key.b_feature, contact.other);
+  ContactKey of_pair = contact.key;
+  of_pair.a_feature.shape = number_of(contact.own);
+  of_pair.b_feature.shape = number_of(contact.other);
+  of_pair.b.index = shapes_[shape_of(contact.other)].side.index;
+  contact.pair = pair_of(of_pair);
+  return contact;
+}
+
+std::vector<FoundContact> ShapeContacts::contacts_of(std::span<const int> bodies,
+                                                     const ContactFinder::Search& search) {
+  std::vector<FoundContact> contacts;
+  for (const FoundContact& contact : finder_->find(bodies, search)) {
+    contacts.push_back(named(contact));
+  }
+  return contacts;
 }
 
 bool ShapeContacts::may_touch(const CollisionId& a, const CollisionId& b) const {
@@ -172,8 +225,8 @@ void ShapeContacts::find_of_tool(double epsilon) {
     const bool of_tool = bodies_[i].side.kind == SideKind::kToolLink && bodies_[i].is_placed;
     if (of_tool) links.push_back(static_cast<int>(i));
   }
-  const auto found = finder_->find(links, {.epsilon = epsilon, .all_axes = true, .of_tool = true});
-  std::vector<FoundContact> contacts(found.begin(), found.end());
+  std::vector<FoundContact> contacts =
+      contacts_of(links, {.epsilon = epsilon, .all_axes = true, .of_tool = true});
   const auto X_WL = [&](int link) {
     const auto of_link = std::ranges::find_if(links, [&](int body) {
       return static_cast<int>(bodies_[static_cast<std::size_t>(body)].side.index) == link;
@@ -193,14 +246,19 @@ void ShapeContacts::find_of_bodies(double epsilon) {
   const auto meet = [&](const CollisionId& other) {
     const bool movable =
         bodies_[static_cast<std::size_t>(other.body)].side.kind == SideKind::kMovableBody;
-    if (movable && std::ranges::find(near, other.body) == near.end()) near.push_back(other.body);
+    const bool is_new = std::ranges::find(near, other.body) == near.end();
+    if (movable && is_new && near.size() < kMaxBodies) near.push_back(other.body);
   };
-  for (const Found& found : found_) meet({shapes_[found.shape_b].body, 0});
+  std::vector<Found> of_tool = found_;
+  std::ranges::stable_sort(of_tool, {}, [](const Found& one) { return one.contact.separation; });
+  for (const Found& found : of_tool) {
+    if (found.contact.axis == 0) meet({shapes_[found.shape_b].body, 0});
+  }
   std::vector<FoundContact> contacts;
   std::size_t done = 0;
   for (int hop = 0; hop < 2; ++hop) {
     for (const std::size_t end = near.size(); done < end; ++done) {
-      for (const FoundContact& contact : finder_->find({&near[done], 1}, {.epsilon = epsilon})) {
+      for (const FoundContact& contact : contacts_of({&near[done], 1}, {.epsilon = epsilon})) {
         const auto known = near.begin() + static_cast<std::ptrdiff_t>(done);
         if (std::find(near.begin(), known, contact.other.body) != known) continue;
         contacts.push_back(contact);
@@ -210,8 +268,8 @@ void ShapeContacts::find_of_bodies(double epsilon) {
   }
   const std::size_t room = kMaxContacts - found_.size();
   if (contacts.size() > room) {
-    const auto selected = ContactSelection().select(contacts, {});
-    contacts.assign(selected.begin(), selected.end());
+    const auto selected = selection_of_bodies_.select(contacts, {});
+    contacts = std::vector<FoundContact>(selected.begin(), selected.end());
   }
   for (const FoundContact& contact : contacts) report(contact);
 }

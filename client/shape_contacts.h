@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <set>
 #include <span>
 #include <variant>
 #include <vector>
@@ -41,16 +40,16 @@ class ShapeContacts {
 
   /// Throws std::invalid_argument, which names the shape by its place, if one cannot be used.
   explicit ShapeContacts(std::vector<BodyShape> shapes, MayTouch may_touch = {});
+  ShapeContacts(const ShapeContacts&) = delete;
+  ShapeContacts& operator=(const ShapeContacts&) = delete;
 
   /// Contacts within epsilon (m, >= 0) with the shapes' frames at these poses: of the tool with all
   /// others, on all axes of each pair; then of the bodies that it has contacts with, and of those
   /// that these have contacts with. Of more than there is room for, those that tell most of where
   /// the tool or body can go. At most kMaxContacts. A shape whose pose is not finite, or whose
-  /// rotation is of length 0, has none. Valid until the next call.
+  /// rotation is of length 0, has none. The first call, and one in which a shape moves against what
+  /// it was fixed to, arranges all surfaces anew. Valid until the next call.
   std::span<const Found> find(std::span<const Pose> X_WS, double epsilon);
-
-  /// What was repaired in meshes, one line each.
-  std::span<const std::string> repairs() const { return repairs_; }
 
  private:
   /// A shape, and where it is fixed.
@@ -58,11 +57,13 @@ class ShapeContacts {
     ContactSide side;
     std::vector<geometry::Convex> pieces;
     std::unique_ptr<geometry::Mesh>
-        mesh;  ///< What the pieces are the skin of, and then of its back.
+        mesh;                 ///< Whose skin the pieces are, then of its back; or null.
+    std::uint32_t first = 0;  ///< Number of its first piece among all.
     int body = 0;
-    int first_piece = 0;    ///< Of the body's.
-    Pose X_FS;              ///< In the body, or in the world if that is fixed.
-    bool is_loose = false;  ///< It has moved against its body: it is one of its own.
+    int first_of_body = 0;   ///< And among those of its body.
+    Pose X_FS;               ///< In the body, or in the world if that is fixed.
+    bool has_moved = false;  ///< Of the world: it does not stand still.
+    bool is_loose = false;   ///< It has moved against its body: it is one of its own.
   };
 
   /// Shapes that move as one.
@@ -75,22 +76,26 @@ class ShapeContacts {
 
   void add(std::size_t place, BodyShape shape);
   void arrange(std::span<const Pose> X_WS);
+  void make_finder();
   bool place(std::span<const Pose> X_WS);
   bool may_touch(const geometry::CollisionId& a, const geometry::CollisionId& b) const;
   std::size_t shape_of(const geometry::CollisionId& piece) const;
+  std::uint32_t number_of(const geometry::CollisionId& piece) const;
+  geometry::FoundContact named(geometry::FoundContact contact) const;
+  std::vector<geometry::FoundContact> contacts_of(std::span<const int> bodies,
+                                                  const geometry::ContactFinder::Search& search);
   void find_of_tool(double epsilon);
   void find_of_bodies(double epsilon);
   void report(const geometry::FoundContact& contact);
 
   std::vector<Entry> shapes_;
   MayTouch may_touch_;
-  std::vector<std::string> repairs_;
-  std::set<ContactSide> moved_;  ///< Sides of the world that have moved.
   std::vector<Body> bodies_;
   std::vector<std::vector<std::size_t>> shape_of_;  ///< [body][piece].
   std::unique_ptr<geometry::Pieces> pieces_;
   std::unique_ptr<geometry::ContactFinder> finder_;
   geometry::ContactSelection selection_;
+  geometry::ContactSelection selection_of_bodies_;
   geometry::SkinContacts skin_contacts_;
   std::vector<Pose> X_WB_;
   std::vector<Found> found_;

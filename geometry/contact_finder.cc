@@ -46,6 +46,22 @@ bool passes_beside(const AxesManifold& manifold, const Vector3& planar_normal_W)
   return false;
 }
 
+/// The contact of a shape's lowest point with the plane of a piece's triangle.
+ManifoldPoint over_plane(const Piece& piece, const Convex& shape, const Pose& X_WS,
+                         const Pose& X_WG) {
+  const Vector3 n_G = piece.mesh->area(piece.triangle).normalized();
+  const Vector3 n_W = X_WG.R * n_G;
+  const Vector3 n_S = X_WS.R.conjugate() * n_W;
+  const Vector3 p_S = shape.support(-n_S);
+  const Vector3 p_W = X_WS * Vector3(p_S - shape.margin() * n_S);
+  const double height = n_W.dot(p_W - X_WG * piece.mesh->corner(piece.triangle, 0));
+  return {.tool_feature = shape.feature_at(p_S),
+          .body_feature = piece.convex->facing(n_G).feature,
+          .p_WC = p_W - height * n_W,
+          .n_W = n_W,
+          .separation = height};
+}
+
 /// For a tool next to a triangle of a skin, over one that rises from it: the contact with the
 /// triangle's plane, which it will meet next. Else what was found.
 AxesManifold with_plane(const AxesManifold& found, const Piece& piece, const Convex& tool,
@@ -57,19 +73,11 @@ AxesManifold with_plane(const AxesManifold& found, const Piece& piece, const Con
   if (is_normal(*piece.mesh, piece.triangle, p_G, X_GW.R * nearest.n_W).value_or(true)) {
     return found;
   }
-  const Vector3 n_G = piece.mesh->area(piece.triangle).normalized();
-  const Vector3 n_W = X_WG.R * n_G;
-  const Vector3 n_T = X_WT.R.conjugate() * n_W;
-  const Vector3 p_T = tool.support(-n_T);
-  const Vector3 p_W = X_WT * Vector3(p_T - tool.margin() * n_T);
+  const ManifoldPoint next = over_plane(piece, tool, X_WT, X_WG);
+  const Vector3 p_W = next.p_WC + next.separation * next.n_W;
   if (!is_concave(*piece.mesh, piece.triangle, p_G, X_GW * p_W)) return found;
-  const double height = n_W.dot(p_W - X_WG * piece.mesh->corner(piece.triangle, 0));
-  if (height > epsilon) return {};
-  return {{.tool_feature = tool.feature_at(p_T),
-           .body_feature = piece.convex->facing(n_G).feature,
-           .p_WC = p_W - height * n_W,
-           .n_W = n_W,
-           .separation = height}};
+  if (next.separation > epsilon) return {};
+  return {next};
 }
 
 }  // namespace
@@ -155,7 +163,7 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   const bool of_sheet = other.mesh != nullptr && other.mesh->is_sheet();
   if (of_sheet && !is_before_sheet(pair, search)) return;
   pair.keeps_side = of_tool && body_of(other).movable && !of_sheet;
-  pair.passes_beside =
+  pair.may_pass_beside =
       of_tool && body.link == 0 && planar_normal_W_ && pieces_.is_fixed(other.id.body);
   // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
   const bool looks_ahead =
@@ -169,12 +177,38 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   const std::size_t first = contacts_.size();
   const double overlap = add_contacts(pair, search, before);
   if (contacts_.size() > first) return;
-  // Deep in a skin the nearest way out of a piece may lead through the mesh.
   if (other.mesh && overlap > 0) {
-    add_contacts(pair, search, other.mesh->area(other.triangle).normalized());
+    add_deep_contacts(pair, search);
   } else {
     lost_ = lost_ || overlap > kDeepInSeam;
   }
+}
+
+/// Adds the contacts of a pair that is deep in a skin, where the nearest way out of the piece leads
+/// into another one: near the triangle's normal, or the lowest point along it.
+void ContactFinder::add_deep_contacts(const Pair& pair, const Search& search) {
+  const Piece& other = pair.other;
+  const std::size_t first = contacts_.size();
+  add_contacts(pair, search, other.mesh->area(other.triangle).normalized());
+  const auto is_here = [&](const FoundContact& contact) { return is_inside(pair, contact); };
+  const auto begin = contacts_.begin() + static_cast<std::ptrdiff_t>(first);
+  if (std::any_of(begin, contacts_.end(), is_here)) return;
+  contacts_.resize(first);
+  const ManifoldPoint lowest = over_plane(other, *pair.own.convex, pair.X_WG, pair.X_WO);
+  if (lowest.separation > 0 || lowest.separation < -kSkinDepth) return;
+  const Vector3 p_F = other.X_FG * (pair.X_WO.inverse() * lowest.p_WC);
+  if ((within(other, p_F) - p_F).norm() <= kSeamGap) add_on_surface(pair, {lowest});
+}
+
+/// Whether a contact is where the tool is, and in what is behind the surface there.
+bool ContactFinder::is_inside(const Pair& pair, const FoundContact& contact) const {
+  const Vector3 p_W = contact.p_WC + contact.separation * contact.n_W;
+  const Vector3 on_own = pair.own.X_FG * (pair.X_WG.inverse() * p_W);
+  const bool is_own = pair.own.convex->is_ellipsoid() || contains(pair.own, on_own, kSeamGap);
+  const Vector3 p_F = pair.other.X_FG * (pair.X_WO.inverse() * p_W);
+  return is_own && std::ranges::any_of(pieces_at(pair.other, p_F), [&](const Piece* piece) {
+           return contains(*piece, p_F, kSeamGap);
+         });
 }
 
 /// Whether the tool or a body is before a piece of a sheet; a tool that is pressed onto it, where
@@ -220,16 +254,24 @@ double ContactFinder::add_contacts(const Pair& pair, const Search& search,
   if (keeps_side && search.remembers) {
     sides_[{own.id, other.id}] = X_WO.R.conjugate() * manifold.front().n_W;
   }
-  const auto side_of = [&](const Piece& piece, SideKind kind) {
-    const int link = body_of(piece).link;
-    return link >= 0 ? ContactSide{SideKind::kToolLink, static_cast<std::uint32_t>(link)}
-                     : ContactSide{kind, static_cast<std::uint32_t>(piece.id.body)};
-  };
   if (other.mesh && other.mesh->is_sheet() && overlap > 0 && search.of_tool && search.remembers) {
     const Vector3 n_O = X_WO.R.conjugate() * manifold.front().n_W;
     const bool on_face = n_O.dot(other.mesh->area(other.triangle).normalized()) > kOnFace;
     if (on_face) pressed_[{own.id, other.mesh->sheet, other.triangle}] = other.mesh;
   }
+  add_on_surface(pair, manifold);
+  return overlap;
+}
+
+/// Adds those contacts of a pair that are on its surfaces.
+void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifold) {
+  const Piece& own = pair.own;
+  const Piece& other = pair.other;
+  const auto side_of = [&](const Piece& piece, SideKind kind) {
+    const int link = body_of(piece).link;
+    return link >= 0 ? ContactSide{SideKind::kToolLink, static_cast<std::uint32_t>(link)}
+                     : ContactSide{kind, static_cast<std::uint32_t>(piece.id.body)};
+  };
   const ContactSide a = side_of(own, SideKind::kMovableBody);
   const ContactSide b = side_of(other, SideKind::kWorld);
   const std::size_t first = contacts_.size();
@@ -237,8 +279,7 @@ double ContactFinder::add_contacts(const Pair& pair, const Search& search,
     contacts_.push_back(found_contact(point, a, own.id, b, other.id));
     contacts_.back().friction = friction_between(own, other);
   }
-  shared_ |= resolve_seams(pieces_, {own, X_WG}, {other, X_WO}, contacts_, first);
-  return overlap;
+  shared_ |= resolve_seams(pieces_, {own, pair.X_WG}, {other, pair.X_WO}, contacts_, first);
 }
 
 }  // namespace hlm::geometry

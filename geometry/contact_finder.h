@@ -65,7 +65,7 @@ class ContactFinder {
     Pose X_WO;
     Vector3 travel_W = Vector3::Zero();  ///< How far it is about to move, m; 0: not asked.
     bool keeps_side = false;             ///< The tool stays on its side of a movable body.
-    bool passes_beside = false;          ///< A planar tool may be beside it for good.
+    bool may_pass_beside = false;        ///< A planar tool may be beside it for good.
   };
 
   const Body& body_of(const Piece& piece) const {
@@ -73,7 +73,10 @@ class ContactFinder {
   }
   void find_near(const Piece& own, const Pose& X_WG, double epsilon);
   void add_pair(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
+  bool is_inside(const Pair& pair, const FoundContact& contact) const;
   bool is_before_sheet(const Pair& pair, const Search& search) const;
+  void add_deep_contacts(const Pair& pair, const Search& search);
+  void add_on_surface(const Pair& pair, const AxesManifold& manifold);
   double add_contacts(const Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
   AxesManifold manifold_of(const Pair& pair, const Search& search,
                            const std::optional<Vector3>& near_O);

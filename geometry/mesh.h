@@ -11,7 +11,7 @@
 namespace hlm::geometry {
 
 /// Most triangles of a mesh. Each can become a piece of the world.
-inline constexpr std::size_t kMostTriangles = 20000;
+inline constexpr std::size_t kMostTriangles = 50000;
 
 /// Triangles, counter-clockwise seen from outside.
 struct Mesh {

@@ -1,6 +1,7 @@
 #include "hlm/geometry/mesh_normals.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace hlm::geometry {
 namespace {
@@ -48,6 +49,33 @@ std::optional<bool> is_normal(const Mesh& mesh, std::size_t triangle, const Vect
   const double depth = mesh.area(triangle).normalized().dot(mesh.corner(triangle, 0) - p);
   if (depth > kOn) return mesh.closed ? std::optional(false) : std::nullopt;
   return lies_below(triangle) && all_triangles_at(mesh, triangle, p, lies_below);
+}
+
+Vector3 pseudonormal(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
+  const auto& corners = mesh.triangles[triangle];
+  for (std::size_t i = 0; i < 3; ++i) {
+    if ((mesh.corner(triangle, i) - p).norm() > kOn) continue;
+    Vector3 sum = Vector3::Zero();
+    for (const std::size_t t : mesh.around[static_cast<std::size_t>(corners[i])]) {
+      const auto at = std::ranges::find(mesh.triangles[t], corners[i]) - mesh.triangles[t].begin();
+      const auto next = static_cast<std::size_t>(at);
+      const Vector3 a = (mesh.corner(t, (next + 1) % 3) - p).normalized();
+      const Vector3 b = (mesh.corner(t, (next + 2) % 3) - p).normalized();
+      sum += std::acos(std::clamp(a.dot(b), -1.0, 1.0)) * mesh.area(t).normalized();
+    }
+    return sum;
+  }
+  Vector3 sum = mesh.area(triangle).normalized();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const int to = corners[(i + 1) % 3];
+    const Vector3 p_from = mesh.corner(triangle, i);
+    if (distance_to_edge(p, p_from, mesh.corner(triangle, (i + 1) % 3)) > kOn) continue;
+    for (const std::size_t t : mesh.around[static_cast<std::size_t>(corners[i])]) {
+      const bool shares = t != triangle && std::ranges::count(mesh.triangles[t], to) > 0;
+      if (shares) sum += mesh.area(t).normalized();
+    }
+  }
+  return sum;
 }
 
 bool is_concave(const Mesh& mesh, std::size_t triangle, const Vector3& p, const Vector3& q) {

@@ -15,8 +15,7 @@ bool is_convex(const Mesh& mesh);
 inline constexpr double kSkinDepth = 0.01;
 
 /// One piece for each triangle, in their order: the triangle and a smaller one behind it, at most
-/// 10 mm deep and inside of what the mesh encloses. Neighbours adjoin without a gap. For meshes
-/// that do not move.
+/// 10 mm deep and inside of what the mesh encloses, if it does. Neighbours adjoin without a gap.
 std::vector<Hull> skin_of(const Mesh& mesh);
 
 }  // namespace hlm::geometry

@@ -8,6 +8,7 @@ namespace hlm::geometry {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
+
 /// Where the ray enters the box, m; kNever if it misses.
 double entry(const Eigen::AlignedBox3d& box, const Vector3& p, const Vector3& inverse) {
   const Vector3 a = (box.min() - p).cwiseProduct(inverse);

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "hlm/geometry/gjk.h"
+#include "hlm/geometry/mesh_normals.h"
 
 namespace hlm::geometry {
 namespace {
@@ -104,6 +105,27 @@ std::uint32_t rims_of(const Piece& piece) {
   return rims;
 }
 
+/// The point of a mesh that is nearest to p, by going from a triangle to nearer neighbours, and its
+/// triangle.
+std::pair<std::size_t, Vector3> nearest_from(const Mesh& mesh, std::size_t triangle,
+                                             const Vector3& p) {
+  constexpr int kMostSteps = 16;
+  Vector3 nearest = nearest_in_triangle(mesh, triangle, p);
+  for (int step = 0; step < kMostSteps; ++step) {
+    const std::size_t from = triangle;
+    for (const int corner : mesh.triangles[from]) {
+      for (const std::size_t t : mesh.around[static_cast<std::size_t>(corner)]) {
+        const Vector3 other = nearest_in_triangle(mesh, t, p);
+        if ((other - p).norm() >= (nearest - p).norm()) continue;
+        nearest = other;
+        triangle = t;
+      }
+    }
+    if (triangle == from) break;
+  }
+  return {triangle, nearest};
+}
+
 }  // namespace
 
 bool is_before(const Piece& piece, const Convex& shape, const Pose& X_FS, std::optional<bool> was) {
@@ -113,8 +135,12 @@ bool is_before(const Piece& piece, const Convex& shape, const Pose& X_FS, std::o
   const double highest = n_S.dot(shape.support(n_S)) + shape.margin() + origin;
   const double lowest = n_S.dot(shape.support(-n_S)) - shape.margin() + origin;
   if (lowest > 0 || highest < 0) return lowest > 0;
+  if (was) return *was;
+  const Vector3 centre_G = piece.X_FG.inverse() * shape.bounds(X_FS).center();
+  const auto [triangle, nearest_G] = nearest_from(*piece.mesh, piece.triangle, centre_G);
+  const double side = pseudonormal(*piece.mesh, triangle, nearest_G).dot(centre_G - nearest_G);
   const bool is_front = piece.mesh->back != nullptr;
-  return was.value_or(lowest + highest > 0 || (lowest + highest == 0 && is_front));
+  return side > 0 || (side == 0 && is_front);
 }
 
 std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F) {
@@ -190,6 +216,7 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
     piece.convex = source.convex;
     piece.friction = source.friction;
     piece.mesh = source.mesh;
+    piece.is_by_skin = source.mesh != nullptr;
     piece.triangle = source.triangle;
     piece.X_FG = source.X_FG;
     piece.bounds_F = piece.convex->bounds(piece.X_FG);
@@ -243,6 +270,7 @@ void Pieces::find_adjoining(const Assembly& assembly) {
       return std::pair(other->bounds_F.min().x(), other->id);
     });
     for (const Piece* other : piece->adjoining) {
+      piece->is_by_skin = piece->is_by_skin || other->mesh != nullptr;
       piece->widest = std::max(piece->widest, other->bounds_F.sizes().x());
     }
   }

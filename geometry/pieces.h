@@ -53,17 +53,13 @@ struct Piece {
   std::vector<Surface> corners;   ///< Corners by vertex, `face` their number; empty as surfaces.
   std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
   double widest = 0;              ///< Widest of their bounds along x, m.
+  bool is_by_skin = false;        ///< It is of a skin, or adjoins a piece of one.
 };
 
 /// The smaller coefficient of friction of two; negative if neither says.
 double friction_between(const Piece& a, const Piece& b);
 
-/// Whether a side of a piece can be felt: of a piece of a skin only the triangle, and a sheet's
-/// rim.
-struct PieceSide;
-bool is_surface(const Piece& piece, const PieceSide& side);
-
-/// Whether a shape with these bounds in F is before the triangle of a piece of a skin. `was`:
+/// Whether a shape at X_FS is before the triangle of a piece of a skin. `was`:
 /// whether it was a little earlier, which goes on while it crosses the triangle's plane.
 bool is_before(const Piece& piece, const Convex& shape, const Pose& X_FS,
                std::optional<bool> was = {});
@@ -76,6 +72,10 @@ struct PieceSide {
 };
 inline constexpr std::size_t kMaxSides = 16;
 using PieceSides = StaticVector<PieceSide, kMaxSides>;
+
+/// Whether a side of a piece can be felt: of a piece of a skin only the triangle, and a sheet's
+/// rim.
+bool is_surface(const Piece& piece, const PieceSide& side);
 
 /// Of a curved surface the part that looks to the point.
 std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F);

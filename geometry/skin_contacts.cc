@@ -35,7 +35,7 @@ void SkinContacts::name(const Pieces& pieces, const std::function<Pose(int link)
   std::vector<std::size_t> places;  // Indices of `now` among the contacts.
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     const FoundContact& contact = contacts[i];
-    if (!is_on_skin(pieces, contact)) continue;
+    if (contact.key.b.kind == SideKind::kToolLink || !pieces.of(contact.other).is_by_skin) continue;
     const Vector3 p_W = contact.p_WC + contact.separation * contact.n_W;
     const Pose X_LW = X_WL(static_cast<int>(contact.key.a.index)).inverse();
     now.push_back({contact.key, contact.key, X_LW * p_W, contact.n_W});

@@ -173,6 +173,7 @@ Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint
     add_open_normals(*piece, p_F, pieces, normals);
     if (has(normals, n)) return n;  // Mostly of the first piece.
   }
+  if (normals.size() == normals.capacity()) return n;  // There may be more: a tip of many faces.
   const Vector3 nearest = nearest_in_cone(n, normals, p_F);
   return nearest.norm() < kNear ? Vector3::Zero() : nearest.normalized();
 }

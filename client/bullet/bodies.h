@@ -1,4 +1,4 @@
-// The bodies of a Bullet world that a tool can push, and their own contacts.
+// The bodies of a Bullet world that a tool can push, and the loads of their contacts.
 #pragma once
 
 #include <algorithm>

@@ -74,7 +74,10 @@ class NearContacts {
     std::uint32_t number;
     btCollisionObject* object;
     const btCollisionShape* shape;
-    int revision;  ///< Of a compound, whose parts may change.
+    int revision;  ///< Of compounds, whose parts may change.
+    std::array<btScalar, 3> scaling;
+    std::array<int, 2> filter;  ///< Group and mask.
+    bool responds;              ///< It makes force; of the tool, whether or not.
     bool movable;
     auto operator<=>(const Source&) const = default;
   };
@@ -101,15 +104,31 @@ class NearContacts {
     return contact;
   }
 
+  static int revision_of(const btCollisionShape& shape) {
+    if (!shape.isCompound()) return 0;
+    const auto& parts = static_cast<const btCompoundShape&>(shape);
+    int revision = parts.getUpdateRevision();
+    for (int i = 0; i < parts.getNumChildShapes(); ++i) {
+      revision += revision_of(*parts.getChildShape(i));
+    }
+    return revision;
+  }
+
   std::vector<Source> sources() const {
     std::vector<Source> sources;
     for (int i = 0; i < world_.getNumCollisionObjects(); ++i) {
       btCollisionObject* object = world_.getCollisionObjectArray()[i];
       const btCollisionShape* shape = object->getCollisionShape();
-      const bool compound = shape->isCompound();
-      const auto* parts = static_cast<const btCompoundShape*>(shape);
-      sources.push_back({number_of(*object), object, shape,
-                         compound ? parts->getUpdateRevision() : 0, movable(*object) != nullptr});
+      const btVector3& scaling = shape->getLocalScaling();
+      const btBroadphaseProxy& proxy = *object->getBroadphaseHandle();
+      sources.push_back({number_of(*object),
+                         object,
+                         shape,
+                         revision_of(*shape),
+                         {scaling.x(), scaling.y(), scaling.z()},
+                         {proxy.m_collisionFilterGroup, proxy.m_collisionFilterMask},
+                         object == &tool_ || object->hasContactResponse(),
+                         movable(*object) != nullptr});
     }
     std::ranges::sort(sources);
     return sources;
@@ -118,12 +137,18 @@ class NearContacts {
   void arrange() {
     std::vector<Source> now = sources();
     if (proximity_ && now == sources_) return;
+    proximity_.reset();
     sources_ = std::move(now);
     parts_.clear();
     std::vector<PlacedShape> placed;
     for (const Source& source : sources_) {
       const std::size_t first = placed.size();
-      add_shapes(*source.shape, btTransform::getIdentity(), placed);
+      try {
+        add_shapes(*source.shape, btTransform::getIdentity(), placed);
+      } catch (const std::invalid_argument& error) {
+        throw std::invalid_argument("object " + std::to_string(source.number) + ": " +
+                                    error.what());
+      }
       for (std::size_t i = first; i < placed.size(); ++i) {
         haptic_shape& shape = placed[i].shape;
         shape.side = source.object == &tool_ ? HAPTIC_TOOL_LINK
@@ -158,7 +183,9 @@ class NearContacts {
       for (std::size_t j = 0; j < shapes.size(); ++j) {
         const btCollisionObject& a = *parts_[i].object;
         const btCollisionObject& b = *parts_[j].object;
-        if (&a == &b || may_collide(a, b)) continue;
+        const bool of_tool =
+            shapes[j].side == HAPTIC_TOOL_LINK;  // Then it is the first of another pair.
+        if (&a == &b || of_tool || may_collide(a, b)) continue;
         pairs.push_back(static_cast<std::uint32_t>(i));
         pairs.push_back(static_cast<std::uint32_t>(j));
       }

@@ -1,4 +1,4 @@
-// The bodies of a Rapier world that a tool can push, and their own contacts.
+// The bodies of a Rapier world that a tool can push.
 import RAPIER from '@dimforge/rapier3d-compat';
 import { Roundness, Side } from './haptic.js';
 import { add, list, rotate, scale } from './vectors.js';

@@ -210,6 +210,7 @@ export class Proximity {
   #handle;
   #contacts = Array.from({ length: MAX_CONTACTS }, () => ({}));
   #shapes = new Uint32Array(2 * MAX_CONTACTS);
+  #count;
 
   /** `shapes`: fields of haptic_shape, with `vertices` and `triangles` as flat lists. `excluded`: pairs of their places
    * that never touch. Throws where a shape cannot be used. */
@@ -222,11 +223,14 @@ export class Proximity {
     const pairs = Uint32Array.from(excluded.flat());
     this.#handle = proximityLibrary().open(all, all.length, pairs, excluded.length, error, MAX_ERROR);
     if (!this.#handle) throw new Error(error[0]);
+    this.#count = shapes.length;
   }
 
   /** With the shapes at these poses, { position, rotation } each: a list of { contact, shapes }, where `shapes` are the
    * places of both. */
   find(poses, epsilon) {
+    if (!this.#handle) throw new Error('the shapes are closed');
+    if (poses.length !== this.#count) throw new Error(`${poses.length} poses must be ${this.#count}, one for each shape`);
     const count = Number(proximityLibrary().find(this.#handle, poses, epsilon, this.#contacts, this.#shapes));
     return this.#contacts.slice(0, count).map((contact, i) => ({
       contact: { ...contact, point: [...contact.point], normal: [...contact.normal] },

@@ -26,7 +26,7 @@ export class NearContacts {
   #epsilon;
   #numberOf;
   #parts = []; // { collider, turn }, in the order of the shapes.
-  #handles = ''; // Of the colliders for which the shapes were made.
+  #state = ''; // Of the colliders for which the shapes were made.
   #proximity = null;
 
   /** `tool`: a body. `epsilon`: contacts are listed from this separation on, m. `numberOf(body)`: its index. */
@@ -64,14 +64,21 @@ export class NearContacts {
     return { side: Side.WORLD, index: body ? this.#numberOf(body) : 0 };
   }
 
-  /** Shapes are made anew where colliders have come or gone. */
+  /** What of a collider its shape and filter depend on. */
+  #stateOf(collider) {
+    const { x, y, z } = collider.halfExtents() ?? { x: 0, y: 0, z: 0 };
+    return [collider.handle, this.#sideOf(collider).side, collider.shapeType(), collider.collisionGroups(),
+      collider.isSensor(), collider.isEnabled(), collider.radius(), collider.halfHeight(), x, y, z].join(' ');
+  }
+
+  /** Shapes are made anew where colliders have come, gone or changed. */
   #arrange() {
     const colliders = [];
     this.#world.forEachCollider((collider) => colliders.push(collider));
-    const handles = colliders.map((collider) => `${collider.handle} ${this.#sideOf(collider).side}`).join();
-    if (this.#proximity && handles === this.#handles) return;
+    const state = colliders.map((collider) => this.#stateOf(collider)).join();
+    if (this.#proximity && state === this.#state) return;
     this.close();
-    this.#handles = handles;
+    this.#state = state;
     const shapes = colliders.map((collider) => ({ ...shapeOf(collider), ...this.#sideOf(collider) }));
     this.#parts = colliders.map((collider, i) => ({ collider, turn: shapes[i].turn }));
     const excluded = shapes.flatMap(({ side }, i) => (side === Side.WORLD ? [] :
@@ -81,7 +88,6 @@ export class NearContacts {
 
   /** Rapier's impulses of the last step as forces, each on the nearest contact of the same two colliders. */
   #setLoads(contacts) {
-    for (const contact of contacts) contact.load = 0;
     const pairs = new Map(contacts.map(({ own, other }) => [`${own.handle} ${other.handle}`, [own, other]]));
     for (const [own, other] of pairs.values()) {
       const between = contacts.filter((contact) => contact.own === own && contact.other === other);

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 
 namespace hlm {
 namespace {
@@ -35,6 +36,7 @@ Mesh box_mesh(const Vector3& size) {
 
 /// The largest sideways part of a normal.
 double sideways(std::span<const ShapeContacts::Found> found) {
+  REQUIRE(!found.empty());
   double most = 0;
   for (const auto& one : found) most = std::max(most, one.contact.n_W.head<2>().norm());
   return most;
@@ -127,7 +129,7 @@ TEST_CASE("A mesh is a solid: a bar that reaches over its edge lies on it") {
     for (double x = -0.12; x < 0.12; x += 0.001) {
       const std::vector<Pose> X_WS{at(x, 0.003, 0.034), at(0, 0, 0)};
       const auto found = contacts.find(X_WS, kEpsilon);
-      CHECK(sideways(found) < 1e-9);
+      REQUIRE(sideways(found) < 1e-9);
       const auto deepest =
           std::ranges::min(found, {}, [](const auto& one) { return one.contact.separation; });
       CHECK(std::abs(deepest.contact.separation + 0.001) < 1e-6);
@@ -199,6 +201,94 @@ TEST_CASE("A box without a lid is hollow") {
   CHECK(contacts.find({{at(0, 0, 0.05), at(0, 0, 0)}}, kEpsilon).empty());
 }
 
+/// A closed prism of height 0.1 m over an L, about the origin.
+Mesh l_prism() {
+  const std::vector<Eigen::Vector2d> outline{{0, 0},     {0.2, 0},   {0.2, 0.1},
+                                             {0.1, 0.1}, {0.1, 0.2}, {0, 0.2}};
+  Mesh mesh;
+  for (const double z : {-0.05, 0.05}) {
+    for (const auto& p : outline) mesh.points.emplace_back(p.x() - 0.1, p.y() - 0.1, z);
+  }
+  for (const auto& [a, b, c] : {std::array{0, 1, 3}, {1, 2, 3}, {0, 3, 5}, {3, 4, 5}}) {
+    mesh.triangles.push_back({a, c, b});
+    mesh.triangles.push_back({a + 6, b + 6, c + 6});
+  }
+  for (int i = 0; i < 6; ++i) {
+    const int next = (i + 1) % 6;
+    mesh.triangles.push_back({i, next, next + 6});
+    mesh.triangles.push_back({i, next + 6, i + 6});
+  }
+  return mesh;
+}
+
+TEST_CASE("A ball on a wall of a mesh near its edge does not touch what lies round the corner") {
+  ShapeContacts contacts({{Sphere{0.006}, kTool}, {l_prism(), kWorld}});
+  for (double depth = 0; depth < 0.001; depth += 0.00005) {
+    for (double z = 0.0499; z > 0.04; z -= 0.0005) {
+      for (const double side : {1.0, -1.0}) {
+        const std::vector<Pose> X_WS{at(-0.106 + depth, 0, side * z), at(0, 0, 0)};
+        const auto found = contacts.find(X_WS, kEpsilon);
+        INFO(depth << " m deep, " << 0.05 - z << " m off the edge");
+        REQUIRE(!found.empty());
+        for (const auto& one : found) {
+          if (one.contact.separation > 0.001) continue;
+          CHECK(std::abs(one.contact.separation + depth) < 1e-5);
+          CHECK(one.contact.n_W.x() < -0.999);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("A cube on a box of sheets that reaches over its edge does not touch the inner wall") {
+  Mesh lidded = box_mesh({0.3, 0.3, 0.1});
+  lidded.triangles.erase(lidded.triangles.begin(), lidded.triangles.begin() + 2);
+  ShapeContacts contacts({box(Vector3::Constant(0.02), kTool), {lidded, kWorld}});
+  for (double x = 0.138; x < 0.158; x += 0.0005) {
+    const std::vector<Pose> X_WS{at(x, 0, 0.0597), at(0, 0, 0)};
+    const auto found = contacts.find(X_WS, kEpsilon);
+    INFO(x << " m");
+    REQUIRE(!found.empty());
+    for (const auto& one : found) {
+      if (one.contact.separation > 0) continue;
+      CHECK(std::abs(one.contact.separation + 0.0003) < 1e-5);
+      CHECK(one.contact.n_W.z() > 0.999);
+    }
+  }
+}
+
+TEST_CASE("A cube on its corner is felt all over a flat sheet of many triangles") {
+  constexpr int kCells = 12;
+  constexpr double kSide = 0.3;  // m
+  Mesh grid;
+  for (int i = 0; i <= kCells; ++i) {
+    for (int j = 0; j <= kCells; ++j) {
+      grid.points.emplace_back(kSide * i / kCells - kSide / 2, kSide * j / kCells - kSide / 2, 0);
+    }
+  }
+  for (int i = 0; i < kCells; ++i) {
+    for (int j = 0; j < kCells; ++j) {
+      const int a = (kCells + 1) * i + j;
+      const int b = a + kCells + 1;
+      grid.triangles.push_back({a, b, b + 1});
+      grid.triangles.push_back({a, b + 1, a + 1});
+    }
+  }
+  ShapeContacts contacts({box(Vector3::Constant(0.02), kTool), {grid, kWorld}});
+  test::Random random;
+  for (int i = 0; i < 3000; ++i) {
+    const Quaternion R = random.rotation();
+    const double lowest = 0.01 * (R.conjugate() * Vector3::UnitZ()).cwiseAbs().sum();
+    const double depth = random.uniform(0.0001, 0.002);
+    const Pose X_WT{{random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1), lowest - depth}, R};
+    const auto found = contacts.find({{X_WT, at(0, 0, 0)}}, kEpsilon);
+    double deepest = 0;
+    for (const auto& one : found) deepest = std::max(deepest, -one.contact.separation);
+    INFO(i << ": " << X_WT.p.transpose() << ", " << R.coeffs().transpose());
+    CHECK(std::abs(deepest - depth) < 1e-5);
+  }
+}
+
 TEST_CASE("Bodies near the tool come with their own contacts, those on them too, but no farther") {
   const auto body = [](std::uint32_t i) { return ContactSide{SideKind::kMovableBody, i}; };
   std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kTool)};
@@ -216,6 +306,58 @@ TEST_CASE("Bodies near the tool come with their own contacts, those on them too,
   pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
   CHECK(pairs == std::vector<std::pair<ContactSide, ContactSide>>{
                      {kTool, body(0)}, {body(0), body(1)}, {body(1), body(2)}});
+}
+
+TEST_CASE("Of more contacts of bodies than there is room for the outermost stay") {
+  const ContactSide body{SideKind::kMovableBody, 1};
+  std::vector<BodyShape> shapes{box({0.4, 0.4, 0.02}, kTool), box({0.4, 0.4, 0.02}, body)};
+  std::vector<Pose> X_WS{at(0, 0, 0.03), at(0, 0, 0.01)};
+  for (int i = 0; i < 100; ++i) {
+    shapes.push_back(box({0.01, 0.01, 0.05}, kWorld));
+    X_WS.push_back(at((i % 10 - 4.5) * 0.39 / 9, (i / 10 - 4.5) * 0.39 / 9, -0.025));
+  }
+  ShapeContacts contacts(shapes);
+  for (int call = 0; call < 2; ++call) {
+    const auto found = contacts.find(X_WS, kEpsilon);
+    CHECK(found.size() <= kMaxContacts);
+    Eigen::AlignedBox3d of_body;
+    for (const auto& one : found) {
+      if (one.contact.a == body) of_body.extend(one.contact.p_WC);
+    }
+    CHECK(of_body.sizes().head<2>().minCoeff() > 0.399);
+  }
+}
+
+TEST_CASE("A world shape that begins to move leaves other contacts their names and seams") {
+  std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kWorld)};  // It moves.
+  std::vector<Pose> X_WS{at(0, 0.5, 0)};
+  for (int i = 0; i < 5; ++i) {
+    shapes.push_back(box({0.08, 0.3, 0.05}, kWorld));
+    X_WS.push_back(at(-0.16 + 0.08 * i, 0, -0.025));
+  }
+  shapes.push_back(box(Vector3::Constant(0.04), kTool));
+  X_WS.push_back(at(0.04, 0, 0.019));
+  ShapeContacts contacts(shapes);
+  std::vector<std::uint64_t> names;
+  for (int call = 0; call < 4; ++call) {
+    X_WS[0].p.x() += call > 0 ? 0.01 : 0;
+    std::vector<std::uint64_t> now;
+    const auto found = contacts.find(X_WS, kEpsilon);
+    CHECK(sideways(found) < 1e-9);
+    for (const auto& one : found) now.push_back(one.contact.identity);
+    if (call > 0) CHECK(now == names);
+    names = now;
+  }
+}
+
+TEST_CASE("Shapes that are excluded do not touch") {
+  std::vector<BodyShape> shapes{
+      {Sphere{0.02}, kTool}, {HalfSpace{}, kWorld}, {Sphere{0.02}, kWorld}};
+  ShapeContacts contacts(shapes, [](std::size_t a, std::size_t b) { return a + b != 2; });
+  const std::vector<Pose> X_WS{at(0, 0, 0.02), at(0, 0, 0), at(0.04, 0, 0.02)};
+  const auto found = contacts.find(X_WS, kEpsilon);
+  REQUIRE(found.size() == 1);
+  CHECK(found[0].shape_b == 1);
 }
 
 TEST_CASE("A shape without a pose has no contacts until it has one") {

@@ -19,7 +19,7 @@ constexpr double kConcavity = 10;
 /// Weight of compact pieces against few.
 constexpr double kCompactness = 0.1;
 /// More triangles take minutes.
-constexpr std::size_t kMostToDecompose = 5000;
+constexpr std::size_t kMostToDecompose = 20000;
 
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kBetweenLines{1};

@@ -182,12 +182,10 @@ Overlap Proximity::overlap(const VirtualTool& tool,
   for (const FoundContact& contact : find(tool, {.of_tool = true, .remembers = false})) {
     const int body = static_cast<int>(contact.key.b.index);
     if (contact.key.b.kind == SideKind::kToolLink || !stops_tool(body)) continue;
-    const CollisionId a{tool_bodies_[contact.key.a.index],
-                        static_cast<int>(contact.key.a_feature.shape)};
-    const CollisionId b{body, static_cast<int>(contact.key.b_feature.shape)};
-    const double both = thickness_of(a) + thickness_of(b);
+    const double of_tool = thickness_of(contact.own);
+    const double both = of_tool + thickness_of(contact.other);
     overlap.depth = std::max(overlap.depth, -contact.separation);
-    overlap.is_through |= -contact.separation > std::min(kNotThrough * both, thickness_of(a) / 2);
+    overlap.is_through |= -contact.separation > std::min(kNotThrough * both, of_tool / 2);
   }
   overlap.is_through |= finder_.lost();
   return overlap;
