@@ -18,7 +18,7 @@
 extern "C" {
 #endif
 
-/* Each is centred in its own frame. */
+/* Each is centred in its own frame, and 1e-6 to 2e6 m large. */
 enum haptic_shape_kind {
   HAPTIC_SPHERE = 0,     /* size[0]: radius, m */
   HAPTIC_CAPSULE = 1,    /* along z: radius, length of the cylindrical part */
@@ -69,8 +69,8 @@ HAPTIC_API void haptic_proximity_close(haptic_proximity* proximity);
  *
  * Velocities and loads are 0, friction is the server's. Returns how many, at most
  * HAPTIC_MAX_CONTACTS, which `contacts` must hold; `shapes`, if not NULL, gets the places of both
- * shapes of each, twice as many. Shapes whose pose is not finite, or whose rotation is of length 0,
- * have no contacts. */
+ * shapes of each, twice as many. Shapes whose pose is not finite,
+ * farther than 1e7 m, or whose rotation is of length 0 have no contacts. */
 HAPTIC_API size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses,
                                         double epsilon, haptic_contact* contacts, uint32_t* shapes);
 

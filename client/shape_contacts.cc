@@ -1,11 +1,13 @@
 #include "hlm/client/shape_contacts.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
+#include "hlm/common/range.h"
 #include "hlm/geometry/mesh_pieces.h"
 #include "hlm/geometry/select_pairs.h"
 
@@ -21,8 +23,23 @@ constexpr double kSameTurn = 1e-5;
 /// Links of a tool.
 constexpr std::uint32_t kMostLinks = 1000;
 
+/// Sizes of shapes, and how far they may be from the origin, m.
+constexpr double kSmallest = 1e-6;
+constexpr double kLargest = 2e6;
+constexpr double kFarthest = 1e7;
+
 bool is_usable(const Pose& X) {
-  return X.p.allFinite() && X.R.coeffs().allFinite() && X.R.squaredNorm() > 0;
+  const double length = X.R.coeffs().norm();
+  return X.p.norm() <= kFarthest && std::isfinite(length) && length > kSmallest;
+}
+
+void require_usable_size(const Convex& convex) {
+  if (convex.is_half_space()) return;
+  const Vector3 extents = convex.bounds(Pose{}).sizes();
+  for (const double extent : {extents.minCoeff(), extents.maxCoeff()}) {
+    if (extent >= kSmallest && extent <= kLargest) continue;
+    throw std::invalid_argument("its extent " + shortest_text(extent) + " m must be 1e-6 to 2e6 m");
+  }
 }
 
 Pose normalised(const Pose& X) { return {X.p, X.R.normalized()}; }
@@ -62,7 +79,7 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
     if (std::holds_alternative<HalfSpace>(*shape) && given.side.kind != SideKind::kWorld) {
       throw std::invalid_argument("a half-space must be the world's");
     }
-    entry.pieces.emplace_back(*shape);
+    require_usable_size(entry.pieces.emplace_back(*shape));
     return;
   }
   std::vector<std::string> repairs;  // Nobody to tell.

@@ -46,9 +46,9 @@ class ShapeContacts {
   /// Contacts within epsilon (m, >= 0) with the shapes' frames at these poses: of the tool with all
   /// others, on all axes of each pair; then of the bodies that it has contacts with, and of those
   /// that these have contacts with. Of more than there is room for, those that tell most of where
-  /// the tool or body can go. At most kMaxContacts. A shape whose pose is not finite, or whose
-  /// rotation is of length 0, has none. The first call, and one in which a shape moves against what
-  /// it was fixed to, arranges all surfaces anew. Valid until the next call.
+  /// the tool or body can go. At most kMaxContacts. A shape whose pose is not finite or beyond 1e7
+  /// m, or whose rotation is of length 0, has none. The first call, and one in which a shape moves
+  /// against what it was fixed to, arranges all surfaces anew. Valid until the next call.
   std::span<const Found> find(std::span<const Pose> X_WS, double epsilon);
 
  private:
