@@ -152,6 +152,8 @@ bool Resolver::is_on_surface(std::span<const Meeting> set) const {
 /// Gives a contact the normal of the surface, if it is over its point then: no more than a gap
 /// next to it.
 bool Resolver::put_on_surface(Meeting& meeting) const {
+  // Outermost points may be far beside the piece, where it does not know what goes on.
+  if (!contains(own_, meeting.at, kSeamGap)) return false;
   const Vector3 n = surface_normal(meeting.n, meeting.at, pieces_at(own_, meeting.at));
   if (n.isZero(0)) return false;
   meeting.opposite += other_.convex->margin() * (meeting.n - n);

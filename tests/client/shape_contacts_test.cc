@@ -71,6 +71,26 @@ TEST_CASE("Slabs that stand still or are fixed to each other are one floor, whos
   CHECK(sideways_on_slabs([&](std::uint32_t) { return body; }) < 1e-9);
 }
 
+TEST_CASE("A row of tiles behind another is felt nowhere, also far beside each of its tiles") {
+  std::vector<BodyShape> shapes{box(Vector3::Constant(0.03), kTool)};
+  std::vector<Pose> X_WS{at(0, 0, 0.01494)};
+  for (int row = -3; row <= 3; ++row) {  // In bond, with gaps of 60 um.
+    for (int i = -3; i <= 3; ++i) {
+      shapes.push_back(box({0.03194, 0.02494, 0.02}, kWorld));
+      X_WS.push_back(at(0.032 * (i + 0.07 * row), 0.025 * row, -0.01));
+    }
+  }
+  ShapeContacts contacts(shapes);
+  for (int step = 0; step < 500; ++step) {
+    X_WS[0].p.head<2>() =
+        Eigen::Vector2d(0.03 * std::sin(0.11 * step), 0.03 * std::sin(0.07 * step));
+    for (const auto& one : contacts.find(X_WS, kEpsilon)) {
+      if (one.contact.axis > 0) continue;
+      CHECK(one.contact.n_W.z() > 0.999);
+    }
+  }
+}
+
 TEST_CASE("A slab of the world that moves is no longer part of the floor") {
   std::vector<BodyShape> shapes{box(Vector3::Constant(0.04), kTool),
                                 box({0.2, 0.2, 0.1}, {SideKind::kWorld, 1}),
