@@ -91,7 +91,7 @@ ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, May
       X_WB_(bodies_.size()) {
   for (const Assembly& assembly : pieces.assemblies()) {
     const Eigen::AlignedBox3d box = assembly.tree.bounds();
-    reach_.push_back(box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).norm());
+    balls_.push_back({assembly.body, box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).norm()});
   }
 }
 
@@ -105,18 +105,21 @@ void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon
   near_.clear();
   const Eigen::AlignedBox3d box_W = inflated(own.convex->bounds(X_WG), epsilon);
   const double radius = box_W.diagonal().norm() / 2;
+  const Vector3 middle = box_W.center();
   const auto assemblies = pieces_.assemblies();
   for (std::size_t i = 0; i < assemblies.size(); ++i) {
-    const Assembly& assembly = assemblies[i];
-    if (assembly.body == own.id.body) continue;
+    const auto [body, reach] = balls_[i];
+    if (body == own.id.body) continue;
     Eigen::AlignedBox3d box_F = box_W;
     Pose X_FG = X_WG;
-    if (assembly.body != Assembly::kFixed) {
-      const Pose& X_WF = X_WB_[static_cast<std::size_t>(assembly.body)];
-      if ((X_WF.p - box_W.center()).norm() > reach_[i] + radius) continue;
+    if (body != Assembly::kFixed) {
+      const Pose& X_WF = X_WB_[static_cast<std::size_t>(body)];
+      const double farthest = reach + radius;
+      if ((X_WF.p - middle).squaredNorm() > farthest * farthest) continue;
       X_FG = X_WF.inverse() * X_WG;
       box_F = inflated(own.convex->bounds(X_FG), epsilon);
     }
+    const Assembly& assembly = assemblies[i];
     const auto meets = [&](const BoxTree::Box& box) { return box_F.intersects(box); };
     assembly.tree.visit(meets, [&](std::size_t place) {
       const Piece& other = *assembly.pieces[place];

@@ -68,6 +68,12 @@ class ContactFinder {
     bool may_pass_beside = false;        ///< A planar tool may be beside it for good.
   };
 
+  /// About an assembly's origin, around all of it.
+  struct Ball {
+    int body;      ///< Assembly::body.
+    double reach;  ///< Its radius, m.
+  };
+
   const Body& body_of(const Piece& piece) const {
     return bodies_[static_cast<std::size_t>(piece.id.body)];
   }
@@ -91,7 +97,7 @@ class ContactFinder {
   MayTouch may_touch_;
   std::optional<Vector3> planar_normal_W_;
   std::vector<Pose> X_WB_;
-  std::vector<double> reach_;  ///< Radius of the ball about an assembly's origin that holds it, m.
+  std::vector<Ball> balls_;  ///< In the order of the assemblies.
   std::vector<const Piece*> near_;
   std::vector<FoundContact> contacts_;
   bool shared_ = false;  ///< Whether pieces may have found the same contact.

@@ -127,8 +127,7 @@ void Proximity::place_world() {
   if (placed_at_ == world_.changes()) return;
   placed_at_ = world_.changes();
   for (int body = 0; body < static_cast<int>(world_.description().bodies.size()); ++body) {
-    const bool stands = world_.description().bodies[at(body)].fixed;
-    if (!stands && !world_.is_tool(body)) finder_.place(body, world_.X_WB(body));
+    if (world_.is_movable(body)) finder_.place(body, world_.X_WB(body));
   }
 }
 

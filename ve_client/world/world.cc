@@ -158,7 +158,7 @@ void World::set_pose(int body, const Pose& X_WB) {
 }
 
 void World::place(int body, const Pose& X_WB) {
-  ++changes_;
+  if (!is_tool(body)) ++changes_;
   dBodySetPosition(handle(body), X_WB.p.x(), X_WB.p.y(), X_WB.p.z());
   const Quaternion& R = X_WB.R;
   const dQuaternion q = {R.w(), R.x(), R.y(), R.z()};
