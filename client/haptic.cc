@@ -14,6 +14,7 @@
 
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
+#include "hlm/client/haptic_contact.h"
 #include "hlm/client/identity_tracker.h"
 #include "hlm/client/own_server.h"
 #include "hlm/common/range.h"
@@ -98,23 +99,6 @@ HapticClientOptions client_options(const haptic_options& options) {
   client.epsilon = options.epsilon;
   client.clears_fault = options.clears_fault != 0;
   return client;
-}
-
-ReportedContact contact_of(const haptic_contact& from) {
-  ReportedContact contact;
-  contact.identity = from.identity;
-  contact.pair = from.pair;
-  contact.axis = from.axis;
-  contact.a = {static_cast<SideKind>(from.a_kind), from.a_index};
-  contact.b = {static_cast<SideKind>(from.b_kind), from.b_index};
-  contact.p_WC = vector_of(from.point);
-  contact.n_W = vector_of(from.normal);
-  contact.separation = from.separation;
-  contact.v_WC = vector_of(from.velocity);
-  contact.friction = from.friction;
-  contact.load = from.load;
-  contact.plane = from.plane == 1 ? PlaneOwner::kA : PlaneOwner::kB;
-  return contact;
 }
 
 MovableBody body_of(const haptic_body& from) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "hlm/common/range.h"
+#include "hlm/geometry/hull.h"
 #include "hlm/geometry/mesh_pieces.h"
 #include "hlm/geometry/select_pairs.h"
 
@@ -93,9 +94,20 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
     throw std::invalid_argument("a mesh of the tool must be convex: divide it into hulls");
   }
   entry.mesh = std::make_unique<Mesh>(mesh);
-  for (const Hull& hull : skin_of(mesh)) entry.pieces.emplace_back(hull);
-  if (!mesh.back) return;
-  for (const Hull& hull : skin_of(*mesh.back)) entry.pieces.emplace_back(hull);
+  add_skin(entry, *entry.mesh);
+  if (entry.mesh->back) add_skin(entry, *entry.mesh->back);
+  if (entry.pieces.empty()) throw std::invalid_argument("a mesh is thinner than 1e-6 m everywhere");
+}
+
+/// Triangles without a width are left out: their neighbours go on.
+void ShapeContacts::add_skin(Entry& entry, const Mesh& mesh) {
+  const std::vector<Hull> skin = skin_of(mesh);
+  for (std::size_t i = 0; i < skin.size(); ++i) {
+    if (!has_inside(skin[i].vertices)) continue;
+    entry.pieces.emplace_back(skin[i]);
+    entry.of.push_back(&mesh);
+    entry.triangles.push_back(i);
+  }
 }
 
 /// Finds which shapes move as one, by their sides and by where they are.
@@ -128,15 +140,13 @@ void ShapeContacts::arrange(std::span<const Pose> X_WS) {
 void ShapeContacts::make_finder() {
   std::vector<PieceSource> sources;
   for (const Entry& entry : shapes_) {
-    const std::size_t triangles = entry.mesh ? entry.mesh->triangles.size() : 1;
     for (std::size_t i = 0; i < entry.pieces.size(); ++i) {
-      const Mesh* front = entry.mesh.get();
       sources.push_back({.id = {entry.body, entry.first_of_body + static_cast<int>(i)},
                          .convex = &entry.pieces[i],
                          .X_FG = entry.X_FS,
                          .fixed = bodies_[static_cast<std::size_t>(entry.body)].is_fixed,
-                         .mesh = i < triangles ? front : front->back.get(),
-                         .triangle = i % triangles});
+                         .mesh = entry.mesh ? entry.of[i] : nullptr,
+                         .triangle = entry.mesh ? entry.triangles[i] : 0});
     }
   }
   std::ranges::sort(sources, {}, &PieceSource::id);

@@ -56,9 +56,10 @@ class ShapeContacts {
   struct Entry {
     ContactSide side;
     std::vector<geometry::Convex> pieces;
-    std::unique_ptr<geometry::Mesh>
-        mesh;                 ///< Whose skin the pieces are, then of its back; or null.
-    std::uint32_t first = 0;  ///< Number of its first piece among all.
+    std::unique_ptr<geometry::Mesh> mesh;   ///< Whose skin the pieces are, or null;
+    std::vector<const geometry::Mesh*> of;  ///< by piece that, or its back,
+    std::vector<std::size_t> triangles;     ///< and the triangle.
+    std::uint32_t first = 0;                ///< Number of its first piece among all.
     int body = 0;
     int first_of_body = 0;   ///< And among those of its body.
     Pose X_FS;               ///< In the body, or in the world if that is fixed.
@@ -75,6 +76,7 @@ class ShapeContacts {
   };
 
   void add(std::size_t place, BodyShape shape);
+  static void add_skin(Entry& entry, const geometry::Mesh& mesh);
   void arrange(std::span<const Pose> X_WS);
   void make_finder();
   bool place(std::span<const Pose> X_WS);

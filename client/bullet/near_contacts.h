@@ -12,6 +12,7 @@
 #include <btBulletDynamicsCommon.h>
 
 #include "hlm/client/bullet/shapes.h"
+#include "hlm/client/haptic_contact.h"
 #include "hlm/common/contact.h"
 
 namespace hlm::bullet {
@@ -83,25 +84,16 @@ class NearContacts {
   };
 
   static bool may_collide(const btCollisionObject& a, const btCollisionObject& b) {
-    const btBroadphaseProxy& in_a = *a.getBroadphaseHandle();
-    const btBroadphaseProxy& in_b = *b.getBroadphaseHandle();
-    return &a != &b && b.hasContactResponse() && a.checkCollideWith(&b) && b.checkCollideWith(&a) &&
-           (in_a.m_collisionFilterGroup & in_b.m_collisionFilterMask) != 0 &&
-           (in_b.m_collisionFilterGroup & in_a.m_collisionFilterMask) != 0;
+    return passes_filter(a, b) && a.checkCollideWith(&b) && b.checkCollideWith(&a);
   }
 
-  static ReportedContact contact_of(const haptic_contact& from) {
-    ReportedContact contact;
-    contact.identity = from.identity;
-    contact.pair = from.pair;
-    contact.axis = from.axis;
-    contact.a = {static_cast<SideKind>(from.a_kind), from.a_index};
-    contact.b = {static_cast<SideKind>(from.b_kind), from.b_index};
-    contact.p_WC = Eigen::Map<const Vector3>(from.point);
-    contact.n_W = Eigen::Map<const Vector3>(from.normal);
-    contact.separation = from.separation;
-    contact.plane = static_cast<PlaneOwner>(from.plane);
-    return contact;
+  /// By what stands in Source.
+  static bool passes_filter(const btCollisionObject& a, const btCollisionObject& b) {
+    const btBroadphaseProxy& in_a = *a.getBroadphaseHandle();
+    const btBroadphaseProxy& in_b = *b.getBroadphaseHandle();
+    return &a != &b && b.hasContactResponse() &&
+           (in_a.m_collisionFilterGroup & in_b.m_collisionFilterMask) != 0 &&
+           (in_b.m_collisionFilterGroup & in_a.m_collisionFilterMask) != 0;
   }
 
   static int revision_of(const btCollisionShape& shape) {
@@ -185,7 +177,7 @@ class NearContacts {
         const btCollisionObject& b = *parts_[j].object;
         const bool of_tool =
             shapes[j].side == HAPTIC_TOOL_LINK;  // Then it is the first of another pair.
-        if (&a == &b || of_tool || may_collide(a, b)) continue;
+        if (&a == &b || of_tool || passes_filter(a, b)) continue;
         pairs.push_back(static_cast<std::uint32_t>(i));
         pairs.push_back(static_cast<std::uint32_t>(j));
       }

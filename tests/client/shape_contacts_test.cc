@@ -187,6 +187,22 @@ TEST_CASE("An open sheet is thin and felt from both sides, whichever way its tri
   }
 }
 
+TEST_CASE("A triangle that is too thin to be felt does not spoil its mesh") {
+  Mesh mesh;
+  for (const auto& [x, y] :
+       {std::pair{-0.1, -0.1}, {0.1, -0.1}, {0.1, 0.1}, {-0.1, 0.1}, {0.0, -0.1 + 3e-7}}) {
+    mesh.points.emplace_back(x, y, 0);
+  }
+  mesh.triangles = {{0, 1, 4}, {0, 4, 3}, {4, 1, 2}, {4, 2, 3}};
+  ShapeContacts contacts({{Sphere{0.01}, kTool}, {mesh, kWorld}});
+  for (const double x : {-0.05, 0.0, 0.05}) {
+    const std::vector<Pose> X_WS{at(x, 0, 0.009), at(0, 0, 0)};
+    const auto found = contacts.find(X_WS, kEpsilon);
+    REQUIRE(!found.empty());
+    CHECK(std::abs(found[0].contact.separation + 0.001) < 1e-6);
+  }
+}
+
 TEST_CASE("The rim of a sheet is felt from beside it") {
   constexpr double kRadius = 0.01;  // m
   ShapeContacts contacts({{Sphere{kRadius}, kTool}, {sheet(0.2), kWorld}});
