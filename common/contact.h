@@ -17,6 +17,8 @@ inline constexpr std::size_t kMaxContacts = 192;
 /// to six unknowns to a step of its local model; bodies beyond are moving constraints to it.
 inline constexpr std::size_t kMaxBodies = 16;
 inline constexpr std::size_t kMaxMovedBodies = 8;
+/// Largest number of bodies whose poses are in one update.
+inline constexpr std::size_t kMaxPoses = 64;
 
 /// Axes of a pair that are less apart than this, rad, are one to its forces, those of the first.
 /// Larger values make forces along a normal that is off by this much, smaller ones split the
@@ -116,5 +118,14 @@ struct MovableBody {
 };
 
 using MovableBodies = StaticVector<MovableBody, kMaxBodies>;
+
+/// Where a body is whose shapes the server has, and how it moves, at the environment's latest step.
+struct BodyPose {
+  std::uint32_t body = 0;     ///< The environment's own number, as in ContactSide::index.
+  Pose X_WB;                  ///< The body's frame in the world.
+  Twist V_W = Twist::Zero();  ///< Twist at that frame's origin, world axes, m/s and rad/s.
+};
+
+using BodyPoses = StaticVector<BodyPose, kMaxPoses>;
 
 }  // namespace hlm

@@ -334,13 +334,14 @@ inline constexpr std::array<Word<UpdateError>, 9> kWords<UpdateError>{{
     {UpdateError::kLayout, "layout", "its bytes are not laid out as the standard says"},
     {UpdateError::kNonFinite, "non_finite", "a number is not finite"},
     {UpdateError::kTool, "tool", "q or v does not have the tool's number of coordinates"},
-    {UpdateError::kQuaternion, "quaternion", "the quaternion in q is not of length 1 within 1e-3"},
+    {UpdateError::kQuaternion, "quaternion",
+     "a quaternion, of q or of a body's pose, is not of length 1 within 1e-3"},
     {UpdateError::kRange, "range", "a number is outside its range"},
     {UpdateError::kNormal, "normal", "the normal is not of length 1 within 1e-3"},
     {UpdateError::kSide, "side",
      "a link that the tool does not have, or a contact of the tool without it on side a"},
     {UpdateError::kDuplicate, "duplicate",
-     "another contact of the update has the same identity, or another body the same id"},
+     "another contact of the update has the same identity, or another body or pose the same id"},
 }};
 
 }  // namespace hlm

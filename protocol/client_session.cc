@@ -45,9 +45,9 @@ std::optional<DropReason> ClientSession::take_datagram(double now) {
     const bool other_version = reason == DropReason::kVersion && from_server;
     return other_version && !take_reject() ? std::nullopt : reason;
   }
-  const bool from_a_client = header.type == MessageType::kHello ||
-                             header.type == MessageType::kContactUpdate ||
-                             header.type == MessageType::kControl;
+  const bool from_a_client =
+      header.type == MessageType::kHello || header.type == MessageType::kContactUpdate ||
+      header.type == MessageType::kControl || header.type == MessageType::kSceneChunk;
   if (from_a_client) return DropReason::kUnexpected;
   if (!from_server) return DropReason::kForeignSession;
   switch (header.type) {
@@ -67,9 +67,12 @@ std::optional<DropReason> ClientSession::take_datagram(double now) {
       return take_refusal(header);
     case MessageType::kImpulses:
       return take_impulses(header);
+    case MessageType::kSceneState:
+      return take_scene_state(now, header);
     case MessageType::kHello:
     case MessageType::kContactUpdate:
     case MessageType::kControl:
+    case MessageType::kSceneChunk:
       break;
   }
   return DropReason::kUnexpected;
@@ -93,6 +96,9 @@ std::optional<DropReason> ClientSession::take_welcome(double now, const Header& 
   control_sequence_ = 0;
   next_step_ = 1;
   local_state_parts_.restart(statistics_);
+  scene_sender_.restart();
+  scene_state_ = {};
+  scene_sequence_ = 0;
   inbox_.welcomed = true;
   return std::nullopt;
 }
@@ -179,6 +185,19 @@ std::optional<DropReason> ClientSession::take_impulses(const Header& header) noe
   return std::nullopt;
 }
 
+std::optional<DropReason> ClientSession::take_scene_state(double now,
+                                                          const Header& header) noexcept {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  if (header.envelope.sequence <= scene_sequence_) return DropReason::kStale;
+  SceneState state;
+  if (const auto reason = decode(view(datagram_.bytes), state)) return reason;
+  if (!scene_sender_.receive(now - datagram_.waited, state)) return DropReason::kMalformed;
+  scene_sequence_ = header.envelope.sequence;
+  scene_state_ = state;
+  inbox_.scene = true;
+  return std::nullopt;
+}
+
 std::optional<DropReason> ClientSession::check_session(const Header& header) const noexcept {
   if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
   if (header.envelope.sequence <= received_) return DropReason::kStale;
@@ -197,6 +216,22 @@ std::uint64_t ClientSession::send(double now, ContactUpdate update) {
   protocol::send(link_, options_.server, next_envelope(now), update);
   if (!unanswered_since_) unanswered_since_ = now;
   return sent_;
+}
+
+std::optional<Sentence> ClientSession::queue_scene(std::span<const std::uint8_t> records) {
+  if (!active_) return "there is no session to send a scene in";
+  if (!welcome_.capabilities.scenes) return "the server takes no scenes: it is older, or set so";
+  if (scene_sender_.queue(records)) return std::nullopt;
+  return Sentence("a scene of ") + records.size() + " bytes must be at most " +
+         (SceneSender::kMostQueued - scene_sender_.waiting()) + ", with what waits " +
+         SceneSender::kMostQueued;
+}
+
+std::size_t ClientSession::send_scene(double now, std::size_t budget) {
+  if (!active_) return 0;
+  return scene_sender_.send(now, budget, [&](const SceneChunk& chunk) {
+    protocol::send(link_, options_.server, next_envelope(now), chunk);
+  });
 }
 
 void ClientSession::set_control(const Control& control) {

@@ -1,13 +1,17 @@
 // The client's side of the session. Any simulator can link this (with client above it).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 
+#include "hlm/common/sentence.h"
 #include "hlm/protocol/assembler.h"
 #include "hlm/protocol/codec.h"
 #include "hlm/protocol/datagram_link.h"
 #include "hlm/protocol/messages.h"
+#include "hlm/protocol/scene_stream.h"
 #include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
@@ -34,7 +38,8 @@ struct ClientSessionOptions {
   TelemetryObserver* telemetry = nullptr;  ///< Must outlive the session; null: dropped unread.
 };
 
-/// Not thread-safe; never waits, and allocates nothing after its construction.
+/// Not thread-safe; never waits, and allocates nothing after its construction, but in
+/// queue_scene().
 class ClientSession {
  public:
   /// Datagrams taken in one poll: more than a server sends between two steps of any simulator.
@@ -51,6 +56,7 @@ class ClientSession {
     const ProxyState* state = nullptr;   ///< Latest proxy state, valid until the next poll.
     std::optional<Refusal> refusal;      ///< Why an update, or a contact of it, was not used.
     const Impulses* impulses = nullptr;  ///< Latest totals, valid until the next poll.
+    bool scene = false;                  ///< A new scene_state() has come.
   };
 
   /// Drains the link, says hello where there is no session. `now`: s, any steady origin.
@@ -61,6 +67,17 @@ class ClientSession {
   /// Asks for this from here on, also in later sessions: it is sent before each update until the
   /// server says that it is in effect.
   void set_control(const Control& control);
+  /// Appends records (scene_records.h) to the scene stream of this session; the next one begins
+  /// without any. Allocates. Returns why it does not, naming the value and what is allowed: there
+  /// is no session, the server takes no scenes, or more than SceneSender::kMostQueued would wait.
+  [[nodiscard]] std::optional<Sentence> queue_scene(std::span<const std::uint8_t> records);
+  /// Sends at most `budget` chunks of what was queued, those that were lost first; to be called
+  /// once in each step. Returns how many. More sends a scene sooner, and fills narrower networks.
+  std::size_t send_scene(double now, std::size_t budget);
+  /// The server's latest word on the scene stream of this session, or of the latest.
+  const SceneState& scene_state() const noexcept { return scene_state_; }
+  /// What of the scene stream the server has not taken.
+  const SceneSender& scene_sender() const noexcept { return scene_sender_; }
   /// Ends the session, if there is one. The next poll would ask for another.
   void close(double now);
   /// Hellos from here on give this configuration as the tool's initial one.
@@ -83,6 +100,7 @@ class ClientSession {
   std::optional<DropReason> take_local_state(const Header& header);
   std::optional<DropReason> take_refusal(const Header& header) noexcept;
   std::optional<DropReason> take_impulses(const Header& header) noexcept;
+  std::optional<DropReason> take_scene_state(double now, const Header& header) noexcept;
   std::optional<DropReason> check_session(const Header& header) const noexcept;
 
   void say_hello(double now) noexcept;
@@ -114,6 +132,9 @@ class ClientSession {
   std::uint64_t next_step_ = 1;         ///< First step of the ticks that are not stale.
   Assembler local_state_parts_;
   Impulses impulses_;  ///< Latest impulses of the session.
+  SceneSender scene_sender_;
+  SceneState scene_state_;
+  std::uint64_t scene_sequence_ = 0;  ///< Sequence of `scene_state_`.
 };
 
 }  // namespace hlm::protocol

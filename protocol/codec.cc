@@ -21,10 +21,10 @@ constexpr std::size_t kLengthPosition = 36;
 constexpr std::size_t kBlockPosition = 38;
 /// What a sender fills of a datagram.
 constexpr std::size_t kRoom = kMaxDatagram - kSealRoom;
-constexpr std::size_t kMaxLists = 2;
+constexpr std::size_t kMaxLists = 3;
 
 bool is_known(MessageType type) noexcept {
-  return type >= MessageType::kHello && type <= MessageType::kImpulses;
+  return type >= MessageType::kHello && type <= MessageType::kSceneState;
 }
 
 bool is_outside_sessions(MessageType type) noexcept {
@@ -44,11 +44,19 @@ constexpr std::size_t item_size(const List&) noexcept {
   return layout::kItemSize<typename List::value_type>;
 }
 
+/// Whether a message is sent without it: what older senders do not send costs no room while it is
+/// empty.
+template <class List>
+bool is_left_out(const List& list) noexcept {
+  return layout::kIsAppended<typename List::value_type> && list.empty();
+}
+
 /// Puts as many items as fit behind those of the part before; false if none are left.
 template <class Message>
 bool next_shares(const Message& message, std::size_t block, Shares& shares) noexcept {
   std::size_t used = kHeaderSize + block;
-  layout::lists(message, [&](const auto&) { used += kListHeaderSize; });
+  layout::lists(message,
+                [&](const auto& list) { used += is_left_out(list) ? 0 : kListHeaderSize; });
   bool any = false;
   std::size_t i = 0;
   layout::lists(message, [&](const auto& list) {
@@ -94,6 +102,7 @@ void write_at(DatagramBytes& bytes, std::size_t position, std::size_t value) noe
 
 template <class List>
 void write_list(Writer& writer, const List& list, const Share& share) noexcept {
+  if (is_left_out(list)) return;
   writer.u16(static_cast<std::uint16_t>(share.first));
   writer.u16(static_cast<std::uint16_t>(share.count));
   writer.u16(static_cast<std::uint16_t>(list.size()));
@@ -107,9 +116,10 @@ struct ListHeader {
   std::uint16_t item_size = 0;
 };
 
-/// Reads it, and refuses what the list cannot hold.
+/// Reads it, and refuses what the list cannot hold. What an older sender does not send is empty.
 template <class List>
 ListHeader read_list_header(Reader& reader, const List& list) noexcept {
+  if (layout::kIsAppended<typename List::value_type> && reader.at_end()) return {};
   std::uint16_t first = 0;
   std::uint16_t count = 0;
   std::uint16_t total = 0;
@@ -356,6 +366,8 @@ HLM_INSTANTIATE(Ticks)
 HLM_INSTANTIATE(LocalState)
 HLM_INSTANTIATE(Refusal)
 HLM_INSTANTIATE(Impulses)
+HLM_INSTANTIATE(SceneChunk)
+HLM_INSTANTIATE(SceneState)
 #undef HLM_INSTANTIATE
 
 }  // namespace hlm::protocol

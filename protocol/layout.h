@@ -36,6 +36,10 @@ template <>
 inline constexpr MessageType kTypeOf<Refusal> = MessageType::kRefusal;
 template <>
 inline constexpr MessageType kTypeOf<Impulses> = MessageType::kImpulses;
+template <>
+inline constexpr MessageType kTypeOf<SceneChunk> = MessageType::kSceneChunk;
+template <>
+inline constexpr MessageType kTypeOf<SceneState> = MessageType::kSceneState;
 
 }  // namespace hlm::protocol
 
@@ -60,6 +64,14 @@ template <>
 inline constexpr std::size_t kItemSize<LocalContactReport> = 124;
 template <>
 inline constexpr std::size_t kItemSize<BodyImpulse> = 52;
+template <>
+inline constexpr std::size_t kItemSize<BodyPose> = 108;
+
+/// Whether older senders of this version do not send the list of these items.
+template <class Item>
+inline constexpr bool kIsAppended = false;
+template <>
+inline constexpr bool kIsAppended<BodyPose> = true;
 
 /// No list; messages with lists have overloads of their own.
 template <class M, class Visit>
@@ -73,6 +85,7 @@ template <class M, class Visit>
 void lists(M& update, Visit&& visit) requires std::same_as<const M, const ContactUpdate> {
   visit(update.bodies);
   visit(update.contacts);
+  visit(update.poses);
 }
 template <class M, class Visit>
 void lists(M& ticks, Visit&& visit) requires std::same_as<const M, const Ticks> {
@@ -160,6 +173,7 @@ void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   text(io, device.name);
   io.appended_u8(device.freedoms, kAllFreedoms);
   io.appended_flag(device.observes_hand);
+  io.appended_flag(welcome.capabilities.scenes);
 }
 
 /// The same in every version of the protocol.
@@ -184,6 +198,7 @@ void block(Io& io, M& update) requires std::same_as<const M, const ContactUpdate
   io.size(update.v_VE);
   io.vector_within(update.q_VE, kLargestLength);
   io.vector_within(update.v_VE, kLargestSpeed);
+  io.appended_u32(update.scene);
 }
 
 template <class Io, class M>
@@ -216,6 +231,13 @@ void fields(Io& io, M& contact) requires std::same_as<const M, const ReportedCon
   io.f32(contact.load, Within{kLargestForce});
   io.require(contact.load >= 0, UpdateError::kRange);
   io.enumeration(contact.plane);
+}
+
+template <class Io, class M>
+void fields(Io& io, M& pose) requires std::same_as<const M, const BodyPose> {
+  io.u32(pose.body);
+  io.near_pose(pose.X_WB);
+  io.vector_within(pose.V_W, kLargestSpeed);
 }
 
 template <class Io, class M>
@@ -257,6 +279,7 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.appended_f64(state.brought);
   io.appended_flag(state.hand_observed);
   io.appended_f64(state.lowered);
+  io.appended_u32(state.scene);
 }
 
 template <class Io, class M>
@@ -338,6 +361,27 @@ template <class Io, class M>
 void fields(Io& io, M& impulse) requires std::same_as<const M, const BodyImpulse> {
   io.u32(impulse.body);
   io.vector(impulse.P_W);
+}
+
+template <class Io, class M>
+void block(Io& io, M& chunk) requires std::same_as<const M, const SceneChunk> {
+  io.u64(chunk.number);
+  io.long_size(chunk.data);
+  io.bytes(chunk.data);
+}
+
+template <class Io, class M>
+void block(Io& io, M& state) requires std::same_as<const M, const SceneState> {
+  io.u64(state.next);
+  for (auto& word : state.bitmap) io.u64(word);
+  io.u32(state.scene);
+  io.u32(state.received_scene);
+  io.u32(state.shapes);
+  io.u32(state.placements);
+  io.u64(state.bytes);
+  io.enumeration(state.error);
+  io.u32(state.item);
+  text(io, state.text);
 }
 
 }  // namespace hlm::protocol::layout

@@ -37,6 +37,8 @@ enum class MessageType : std::uint8_t {
   kLocalState = 9,     ///< Server to client, if asked for: the local contacts.
   kRefusal = 10,       ///< Server to client: why an update, or a contact of it, was not used.
   kImpulses = 11,      ///< Server to client: what the tool has done to movable bodies.
+  kSceneChunk = 12,    ///< Client to server: a piece of the scene stream.
+  kSceneState = 13,    ///< Server to client: what has come of it, and what was made of it.
 };
 
 /// Client to server: the tool and where it is. Repeated until answered.
@@ -55,6 +57,7 @@ struct Capabilities {
                                 ///< point moves with its v_WC.
   bool axes = false;            ///< Only one axis of each pair acts; otherwise all that are sent.
   bool self_contacts = false;   ///< Contacts between two links of the tool.
+  bool scenes = false;          ///< Shapes and placements, by the scene stream.
 
   bool operator==(const Capabilities&) const = default;
 };
@@ -112,6 +115,8 @@ struct ContactUpdate {
   Velocity v_VE;       ///< Generalised velocity of the tool.
   MovableBodies bodies;
   ReportedContacts contacts;
+  BodyPoses poses;          ///< Of bodies whose shapes the server has.
+  std::uint32_t scene = 0;  ///< The latest commit that had been queued, 0 none.
 };
 
 /// Server to client: an update, or one contact of it, was not used. At most one in 0.1 s.
@@ -177,6 +182,7 @@ struct ProxyState {
   /// because the device does not support it: of the coupling, or of all contacts together where the
   /// controller does not couple translation.
   double lowered = 0;
+  std::uint32_t scene = 0;  ///< Number of the scene in force, 0 none.
 };
 
 /// How the hand's wrench is known, as status line, state file and page say it.
@@ -247,6 +253,48 @@ struct LocalState {
   StaticVector<LocalContactReport, kMaxReportedContacts> contacts;
 };
 
+/// Largest number of bytes of a chunk of the scene stream.
+inline constexpr std::size_t kChunkSize = 1024;
+/// Chunks that a server has room for, from the first that it has not taken.
+inline constexpr std::size_t kSceneWindow = 256;
+using ChunkData = StaticVector<std::byte, kChunkSize>;
+
+/// Client to server: a piece of the scene stream (scene_records.h). What a number once carried it
+/// always carries.
+struct SceneChunk {
+  std::uint64_t number = 0;  ///< From 0 in each session.
+  ChunkData data;            ///< 1 to kChunkSize bytes.
+};
+
+/// Why the scene stream was refused: the rest of it counts for nothing in its session.
+enum class SceneError : std::uint8_t {
+  kNone = 0,
+  kMalformed = 1,
+  kHash = 2,
+  kUnknownShape = 3,
+  kDuplicate = 4,
+  kUnknownPlacement = 5,
+  kLimit = 6,
+  kGeometry = 7,
+  kSide = 8,
+  kOrder = 9,
+};
+
+/// Server to client: how far the scene stream has come, and what was made of it.
+struct SceneState {
+  std::uint64_t next = 0;  ///< All chunks below have been taken.
+  /// Bit i of word w: chunk next + 64 w + i has come.
+  std::array<std::uint64_t, kSceneWindow / 64> bitmap{};
+  std::uint32_t scene = 0;           ///< Number of the scene in force, 0 none.
+  std::uint32_t received_scene = 0;  ///< Number of the latest commit that was read, 0 none.
+  std::uint32_t shapes = 0;          ///< That the server holds; so are the following two.
+  std::uint32_t placements = 0;
+  std::uint64_t bytes = 0;
+  SceneError error = SceneError::kNone;
+  std::uint32_t item = 0;  ///< Id of the placement that the error is about; otherwise 0.
+  Text text;               ///< The same for a person, UTF-8.
+};
+
 enum class GoodbyeReason : std::uint8_t { kFinished = 0, kShutdown = 1 };
 
 struct Goodbye {
@@ -263,6 +311,22 @@ inline constexpr std::array<Word<protocol::RejectReason>, 4> kWords<protocol::Re
     {protocol::RejectReason::kBusy, "busy", "another session is alive"},
     {protocol::RejectReason::kTool, "tool", "the tool cannot be used"},
     {protocol::RejectReason::kFault, "fault", "a fault waits for a person to end it"},
+}};
+
+template <>
+inline constexpr std::array<Word<protocol::SceneError>, 10> kWords<protocol::SceneError>{{
+    {protocol::SceneError::kNone, "none", "no error"},
+    {protocol::SceneError::kMalformed, "malformed", "a record is not as the standard says"},
+    {protocol::SceneError::kHash, "hash", "a shape's hash is not that of its bytes"},
+    {protocol::SceneError::kUnknownShape, "unknown_shape",
+     "a placement of a shape that is not there"},
+    {protocol::SceneError::kDuplicate, "duplicate", "another placement has the same id"},
+    {protocol::SceneError::kUnknownPlacement, "unknown_placement",
+     "a record about a placement that is not there"},
+    {protocol::SceneError::kLimit, "limit", "more than the server holds"},
+    {protocol::SceneError::kGeometry, "geometry", "a shape that cannot be used as it is placed"},
+    {protocol::SceneError::kSide, "side", "a placement on a link that the tool does not have"},
+    {protocol::SceneError::kOrder, "order", "the number of a commit is not above the one before"},
 }};
 
 template <>

@@ -39,6 +39,7 @@ ServerSession::Inbox ServerSession::poll(double now) noexcept {
     inbox_.update = nullptr;
     inbox_.control = nullptr;
   }
+  inbox_.scene = active_ && !inbox_.hello && !scene_.front().empty();
   return inbox_;
 }
 
@@ -59,6 +60,8 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
       return take_control(now, header);
     case MessageType::kGoodbye:
       return take_goodbye(now, header);
+    case MessageType::kSceneChunk:
+      return take_chunk(now, header);
     case MessageType::kWelcome:
     case MessageType::kReject:
     case MessageType::kProxyState:
@@ -66,6 +69,7 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
     case MessageType::kLocalState:
     case MessageType::kRefusal:
     case MessageType::kImpulses:
+    case MessageType::kSceneState:
       break;
   }
   return DropReason::kUnexpected;
@@ -159,11 +163,16 @@ std::optional<DropReason> ServerSession::complete_update(double now,
     reason = DropReason::kMalformed;
   } else {
     normalize(tool_, update.q_VE);
+    const auto copied = leave_out_copies(update.poses);
     if (const auto misfit = find_misfit(tool_, update)) {
       refusal.error = misfit->error;
       refusal.whole = misfit->whole;
       refusal.item = static_cast<std::uint16_t>(misfit->contact);
       if (misfit->whole) reason = DropReason::kMalformed;
+    } else if (copied) {
+      refusal.error = UpdateError::kDuplicate;
+      refusal.whole = false;
+      refusal.item = static_cast<std::uint16_t>(*copied);
     }
   }
   if (reason) ++refused_;
@@ -227,6 +236,19 @@ std::optional<DropReason> ServerSession::take_goodbye(double now, const Header& 
   return std::nullopt;
 }
 
+/// In whatever order they come: a later sequence may carry an earlier chunk.
+std::optional<DropReason> ServerSession::take_chunk(double now, const Header& header) noexcept {
+  if (!from_client(header)) return DropReason::kForeignSession;
+  if (!welcome_.capabilities.scenes) return DropReason::kUnexpected;
+  if (!is_plausible(header)) return DropReason::kMalformed;
+  SceneChunk chunk;
+  if (const auto reason = decode(view(datagram_.bytes), chunk)) return reason;
+  if (const auto reason = scene_.take(chunk)) return reason;
+  heard_ = std::max(heard_, header.envelope.sequence);
+  hear(now);
+  return std::nullopt;
+}
+
 bool ServerSession::is_plausible(const Header& header) const noexcept {
   return header.envelope.sequence <= heard_ + kLargestSequenceGap;
 }
@@ -265,6 +287,7 @@ void ServerSession::accept(double now, const Welcome& welcome) noexcept {
   refusal_sent_.reset();
   refusal_ = {};
   newest_control_sequence_ = control_sequence_ = 0;
+  scene_.restart();
   send_welcome(now);
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -10,6 +11,7 @@
 #include "hlm/protocol/codec.h"
 #include "hlm/protocol/datagram_link.h"
 #include "hlm/protocol/messages.h"
+#include "hlm/protocol/scene_stream.h"
 #include "hlm/protocol/statistics.h"
 
 namespace hlm::protocol {
@@ -38,9 +40,11 @@ class ServerSession {
     const Hello* hello = nullptr;  ///< A client asks for a session: answer with accept or reject.
     const ContactUpdate* update = nullptr;  ///< Latest complete update of the session.
     bool goodbye = false;                   ///< The client ended the session.
-    bool heard = false;    ///< Something of the session came: a control, or a part of an update.
+    bool heard = false;    ///< Something of the session came: a control, a chunk of a scene, or a
+                           ///< part of an update.
     bool refused = false;  ///< An update of the session was refused.
     const Control* control = nullptr;  ///< Takes effect with `update`, before it.
+    bool scene = false;                ///< Chunks of the scene stream wait in order: take_scene().
   };
 
   /// Drains the link (bounded), drops and counts what is malformed, stale or foreign, tells a
@@ -60,11 +64,30 @@ class ServerSession {
   /// `dropped` and `control`. Returns the update's sequence; nothing is sent and 0 returned if the
   /// session has no update yet.
   std::uint64_t acknowledge(double now, ProxyState state) noexcept;
-  /// Sends ticks or a local state to the client, if there is a session.
+  /// Sends ticks, a local state or impulses to the client, if there is a session.
   template <class Message>
   void inform(double now, const Message& message) noexcept {
     if (active_) send(link_, client_.peer, next_envelope(now), message);
   }
+  /// The same of a scene state; fills in `next` and `bitmap`. Due with each acknowledgement once
+  /// has_scene().
+  void inform(double now, SceneState state) noexcept {
+    scene_.describe(state);
+    inform<SceneState>(now, state);
+  }
+  /// Hands the session's scene stream on in order, chunk by chunk of 1 to kChunkSize bytes, to
+  /// `bool take(std::span<const std::byte>)`. A chunk for which it returns false stays, with those
+  /// behind it, and is not acknowledged as taken; what comes is kept within the window of
+  /// kSceneWindow chunks. Returns how many were taken. A session that begins forgets the stream of
+  /// the one before.
+  template <class Take>
+  std::size_t take_scene(Take take) noexcept {
+    std::size_t taken = 0;
+    for (; !scene_.front().empty() && take(scene_.front()); ++taken) scene_.pop();
+    return taken;
+  }
+  /// Whether a chunk of the scene stream has come in the present session, or in the latest.
+  bool has_scene() const noexcept { return scene_.has_begun(); }
   /// Tells the client that the session ends, if there is one.
   void close(double now, GoodbyeReason reason) noexcept;
 
@@ -97,6 +120,7 @@ class ServerSession {
   void report_refusal(double now, Refusal refusal) noexcept;
   std::optional<DropReason> take_control(double now, const Header& header) noexcept;
   std::optional<DropReason> take_goodbye(double now, const Header& header) noexcept;
+  std::optional<DropReason> take_chunk(double now, const Header& header) noexcept;
   bool from_client(const Header& header) const noexcept;
   bool is_plausible(const Header& header) const noexcept;
   void hear(double now) noexcept;
@@ -143,6 +167,7 @@ class ServerSession {
   std::uint64_t newest_control_sequence_ = 0;  ///< 0 if there is none.
   Control control_;                            ///< Control in effect.
   std::uint64_t control_sequence_ = 0;         ///< 0 if none is in effect.
+  SceneReceiver scene_;
 
   Applicant ended_;                 ///< Client of the latest session that ended.
   std::optional<double> ended_at_;  ///< s.

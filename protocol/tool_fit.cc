@@ -86,6 +86,18 @@ std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
   return std::nullopt;
 }
 
+std::optional<std::size_t> leave_out_copies(BodyPoses& poses) noexcept {
+  const auto body = [](const BodyPose& pose) { return pose.body; };
+  const auto first = find_duplicate(poses, body);
+  if (!first) return std::nullopt;
+  BodyPoses kept;
+  for (const BodyPose& pose : poses) {
+    if (std::ranges::find(kept, pose.body, body) == kept.end()) kept.push_back(pose);
+  }
+  poses = kept;
+  return first;
+}
+
 bool fits(const ToolDescription& tool, const ProxyState& state) noexcept {
   return fits(tool, state.q) && state.v.size() == tool.dof();
 }

@@ -1,6 +1,7 @@
 // Whether a message belongs to the session's tool: lengths, unit quaternions, links.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 
 #include "hlm/common/sentence.h"
@@ -23,6 +24,9 @@ struct UpdateMisfit {
 };
 std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
                                         const ContactUpdate& update) noexcept;
+/// Removes poses of a body that has one before them; the index of the first, empty if there is
+/// none.
+std::optional<std::size_t> leave_out_copies(BodyPoses& poses) noexcept;
 bool fits(const ToolDescription& tool, const ProxyState& state) noexcept;
 
 /// Why a hello cannot be used, naming the value and what is allowed; empty if it can. Allocates

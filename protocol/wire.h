@@ -87,6 +87,13 @@ class CompoundFields {
     pose(X);
     self().normalize_if_near(X.R.coeffs());
   }
+  /// A pose of an update: not far away, and its quaternion of length 1 within the tolerance.
+  template <class P>
+  void near_pose(P& X) noexcept {
+    pose(X);
+    for (const double x : X.p) self().require(std::abs(x) <= kLargestLength, UpdateError::kRange);
+    self().normalize(X.R.coeffs(), UpdateError::kQuaternion);
+  }
   template <class Vector>
   void unit_vector(Vector& n) noexcept {
     vector(n);
@@ -161,7 +168,7 @@ class Writer : public CompoundFields<Writer> {
     append(static_cast<std::uint8_t>(value));
   }
   template <class Vector>
-  void normalize(const Vector&) noexcept {}
+  void normalize(const Vector&, UpdateError = UpdateError::kNormal) noexcept {}
   template <class Vector>
   void normalize_if_near(const Vector&) noexcept {}
   template <class Matrix>
@@ -179,6 +186,15 @@ class Writer : public CompoundFields<Writer> {
   void text(const Text& text) noexcept {
     for (const char c : text) append(static_cast<std::uint8_t>(c));
   }
+  /// Number of bytes that follow.
+  template <class Bytes>
+  void long_size(const Bytes& bytes) noexcept {
+    append(static_cast<std::uint16_t>(bytes.size()));
+  }
+  template <class Bytes>
+  void bytes(const Bytes& bytes) noexcept {
+    bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
+  }
   void flag(bool value) noexcept { append(static_cast<std::uint8_t>(value ? 1 : 0)); }
   void appended_flag(bool value) noexcept { flag(value); }
   void appended_f64(double value) noexcept { f64(value); }
@@ -187,6 +203,7 @@ class Writer : public CompoundFields<Writer> {
     this->enumeration(value);
   }
   void appended_u8(std::uint8_t value, std::uint8_t) noexcept { append(value); }
+  void appended_u32(std::uint32_t value) noexcept { append(value); }
   void require(bool, UpdateError = UpdateError::kLayout) noexcept {}
 
  private:
@@ -257,8 +274,8 @@ class Reader : public CompoundFields<Reader> {
     value = static_cast<Enum>(take<std::uint8_t>());
   }
   template <class Vector>
-  void normalize(Vector&& v) noexcept {
-    require(hlm::protocol::normalize_if_near(v), UpdateError::kNormal);
+  void normalize(Vector&& v, UpdateError error = UpdateError::kNormal) noexcept {
+    require(hlm::protocol::normalize_if_near(v), error);
   }
   template <class Vector>
   void normalize_if_near(Vector&& v) noexcept {
@@ -293,12 +310,26 @@ class Reader : public CompoundFields<Reader> {
       c = static_cast<char>(code);
     }
   }
+  template <class Bytes>
+  void long_size(Bytes& bytes) noexcept {
+    const auto count = take<std::uint16_t>();
+    const bool allowed = count >= 1 && count <= bytes.capacity();
+    require(allowed);
+    bytes.resize(allowed ? count : 1, boost::container::default_init);
+  }
+  /// Of the length that `bytes` has.
+  template <class Bytes>
+  void bytes(Bytes& bytes) noexcept {
+    if (!has(bytes.size())) return refuse(DropReason::kMalformed, UpdateError::kLayout);
+    std::memcpy(bytes.data(), bytes_.data() + position_, bytes.size());
+    position_ += bytes.size();
+  }
   void require(bool condition, UpdateError error = UpdateError::kLayout) noexcept {
     if (!condition) refuse(DropReason::kMalformed, error);
   }
 
   /// Fields that an older sender of this version does not know: without them the value is false,
-  /// the first of an enumeration, or `otherwise`.
+  /// 0, the first of an enumeration, or `otherwise`.
   void appended_flag(bool& value) noexcept {
     value = false;
     if (position_ < bytes_.size()) flag(value);
@@ -316,6 +347,11 @@ class Reader : public CompoundFields<Reader> {
     value = otherwise;
     if (position_ < bytes_.size()) u8(value);
   }
+  void appended_u32(std::uint32_t& value) noexcept {
+    value = 0;
+    if (position_ < bytes_.size()) u32(value);
+  }
+  bool at_end() const noexcept { return position_ == bytes_.size(); }
   std::size_t position() const noexcept { return position_; }
   /// Why the bytes are refused; the first reason counts. Empty if all is well so far.
   std::optional<DropReason> error() const noexcept { return error_; }

@@ -64,6 +64,8 @@ class SessionReader {
       case MessageType::kLocalState:
       case MessageType::kRefusal:
       case MessageType::kImpulses:
+      case MessageType::kSceneChunk:
+      case MessageType::kSceneState:
         return;
     }
   }

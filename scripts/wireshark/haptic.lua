@@ -46,7 +46,10 @@ local HEX64 = integer(ProtoField.uint64, 8, read_unsigned64, base.HEX)
 local F32 = {size = 4, make = described(ProtoField.float), read = read_float, is_number = true}
 local F64 = {size = 8, make = described(ProtoField.double), read = read_float, is_number = true}
 local TEXT = {encoding = ENC_UTF_8, make = described(ProtoField.string), read = read_raw}
-local BYTES = {encoding = ENC_NA, make = described(ProtoField.bytes), read = read_raw}
+local function make_bytes(abbr, node)
+  return ProtoField.bytes(abbr, node.label, base.NONE, node.meaning)
+end
+local BYTES = {encoding = ENC_NA, make = make_bytes, read = read_raw}
 
 -- What a receiver demands of a value: `holds` for all that are allowed, `text` of the others. Of a
 -- group `holds` sees the values of its fields by name.
@@ -84,6 +87,9 @@ local INERTIA = {"xx", "yy", "zz", "xy", "xz", "yz"}
 local UNIT = unit_length(XYZ)
 local UNIT_QUATERNION = unit_length({"R.w", "R.x", "R.y", "R.z"})
 
+-- Of a bitmap, the first in the lowest bits.
+local WORDS = {"0", "1", "2", "3"}
+
 -- The upper triangle of a symmetric matrix, row by row.
 local TRIANGLE = {}
 for row = 1, 6 do
@@ -96,7 +102,7 @@ local function field(kind, label, meaning, demand)
   return {kind = kind, name = label:match("^%S+"), label = label, meaning = meaning, demand = demand}
 end
 
--- A field that older senders of this version do not know.
+-- A field or a list that older senders of this version do not know.
 local function optional(node)
   node.is_optional = true
   return node
@@ -128,6 +134,12 @@ local function text(label, length, meaning)
   return node
 end
 
+local function data(label, length, meaning)
+  local node = field(BYTES, label, meaning)
+  node.length = length
+  return node
+end
+
 local function bytes(name, label, size) return {kind = BYTES, name = name, label = label, size = size} end
 
 local function group(label, meaning, children, demand)
@@ -148,7 +160,7 @@ end
 local function list(name, item, most) return {name = name, item = item, most = most} end
 
 -- Fields: from protocol/PROTOCOL.md, by tests/protocol/dissector_fields.py --write.
-local TYPES = {"hello", "welcome", "reject", "contact_update", "proxy_state", "goodbye", "control", "ticks", "local_state", "refusal", "impulses"}
+local TYPES = {"hello", "welcome", "reject", "contact_update", "proxy_state", "goodbye", "control", "ticks", "local_state", "refusal", "impulses", "scene_chunk", "scene_state"}
 local TABLES = {
   header = {
     text("magic", 4, "the bytes HLMI (48 4C 4D 49)"),
@@ -229,6 +241,7 @@ local TABLES = {
     text("name", "text_size", "of the device, UTF-8"),
     optional(field(U8, "freedoms", "directions in which the device's handle moves in the world, bit 0 for x, 1 y, 2 z, 3 to 5 rotation about them")),
     optional(flag("observes_hand", "the hand's wrench is not measured but estimated, from the handle's motion")),
+    optional(flag("scenes", "the server takes shapes and placements (section B)")),
   },
   reject = {
     field(HEX64, "nonce", "of the hello that is answered"),
@@ -248,8 +261,10 @@ local TABLES = {
     field(U8, "v_size", "length of v", between(1, 16)),
     coordinates(F64, "q", "q_size", "tool configuration for which the contacts were computed", LENGTH),
     coordinates(F64, "v", "v_size", "its generalised velocity q̇", SPEED),
+    optional(field(U32, "scene", "number of the latest commit that had been queued as this update was made (section B), 0 none")),
     list("bodies", "body", 16),
     list("contacts", "contact", 192),
+    optional(list("poses", "pose", 64)),
   },
   body = {
     field(U32, "id", "the VE's number for it, the same in every update"),
@@ -276,6 +291,11 @@ local TABLES = {
     field(F32, "friction", "coefficient of the two materials", between(-10, 10)),
     field(F32, "load [N]", "present normal force, N, of a contact without the tool", between(0, 1e6)),
     code("plane", nil, {[0] = "b", [1] = "a"}),
+  },
+  pose = {
+    field(U32, "body", "the VE's number for it, as in the side of a placement"),
+    numbers(F64, "X_WB", POSE, "pose of the body's frame in the world", LENGTH, UNIT_QUATERNION),
+    numbers(F64, "V", TWIST, "twist at that frame's origin", SPEED),
   },
   proxy_state = {
     field(U64, "acknowledged", "sequence of the update that was taken"),
@@ -315,6 +335,7 @@ local TABLES = {
     optional(field(F64, "brought [J]", "energy that updates have brought into the contacts' springs, J")),
     optional(flag("hand_observed", "F_hand is not measured but estimated, from the handle's motion")),
     optional(field(F64, "lowered", "share, 0 to 1, of the stiffness and damping that the control asks for that is not in effect, because the device is late and does not bear it")),
+    optional(field(U32, "scene", "number of the scene in force (section B), 0 none")),
   },
   goodbye = {
     code("reason", nil, {[0] = "finished", [1] = "shutdown"}),
@@ -377,7 +398,7 @@ local TABLES = {
     field(U64, "refused", "sequence of the update"),
     code("error", nil, {[0] = "none", [1] = "layout", [2] = "non_finite", [3] = "tool", [4] = "quaternion", [5] = "range", [6] = "normal", [7] = "side", [8] = "duplicate"}),
     flag("whole", "the update was not used"),
-    field(U16, "item", "index of the first contact (of a body, where only bodies are wrong) with the error"),
+    field(U16, "item", "index of the first contact (of a body or a pose, where only those are wrong) with the error"),
     field(U64, "count", "updates refused as a whole in this session"),
   },
   impulses = {
@@ -387,6 +408,24 @@ local TABLES = {
   impulse = {
     field(U32, "body", "id of the body"),
     numbers(F64, "P [N·s]", TWIST, "impulse on it since the session began, N·s, and about its centre of mass N·m·s, world axes"),
+  },
+  scene_chunk = {
+    field(U64, "number", "which chunk"),
+    field(U16, "data_size", "bytes of data", between(1, 1024)),
+    data("data", "data_size", "the stream's bytes, behind those of the chunk before"),
+  },
+  scene_state = {
+    field(U64, "next", "all chunks below this number have been taken"),
+    numbers(HEX64, "bitmap", WORDS, "bit i of word w"),
+    field(U32, "scene", "number of the scene in force, 0 none"),
+    field(U32, "received_scene", "number of the latest commit that was read, 0 none"),
+    field(U32, "shapes", "that the server holds"),
+    field(U32, "placements", "that it holds"),
+    field(U64, "bytes", "that its shapes take"),
+    code("error", "why the stream is refused", {[0] = "none", [1] = "malformed", [2] = "hash", [3] = "unknown_shape", [4] = "duplicate", [5] = "unknown_placement", [6] = "limit", [7] = "geometry", [8] = "side", [9] = "order"}),
+    field(U32, "item", "id of the placement that the error is about, else 0"),
+    field(U8, "text_size", "bytes of text", between(0, 200)),
+    text("text", "text_size", "UTF-8, for a person"),
   },
 }
 -- End of fields.
@@ -601,6 +640,7 @@ end
 
 -- Returns how many items the message has in all; nil if the datagram does not say.
 local function dissect_list(list, head, cursor, tree)
+  if list.is_optional and not cursor.ended and cursor.offset >= cursor.stop then return nil end
   local start = cursor.offset
   local subtree = dissect(list.header, cursor, tree)
   if cursor.ended then return nil end

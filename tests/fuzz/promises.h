@@ -31,6 +31,16 @@ inline void demand_in_range(const protocol::ContactUpdate& update) {
            "a contact is where things are");
     demand(std::isfinite(contact.friction) && contact.load >= 0, "friction and load are usable");
   }
+  for (const BodyPose& pose : update.poses) {
+    demand(std::abs(pose.X_WB.R.norm() - 1) <= 1e-12 &&
+               pose.X_WB.p.cwiseAbs().maxCoeff() <= protocol::kLargestLength &&
+               pose.V_W.cwiseAbs().maxCoeff() <= protocol::kLargestSpeed,
+           "a pose is where things are");
+  }
+}
+
+inline void demand_in_range(const protocol::SceneChunk& chunk) {
+  demand(!chunk.data.empty(), "a chunk has data");
 }
 
 template <class Message>
@@ -86,6 +96,10 @@ inline bool demand_decodes(std::span<const protocol::DatagramBytes> parts) {
       return demand_decodes<protocol::Refusal>(parts, header);
     case MessageType::kImpulses:
       return demand_decodes<protocol::Impulses>(parts, header);
+    case MessageType::kSceneChunk:
+      return demand_decodes<protocol::SceneChunk>(parts, header);
+    case MessageType::kSceneState:
+      return demand_decodes<protocol::SceneState>(parts, header);
   }
   return false;
 }

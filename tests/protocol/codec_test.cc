@@ -93,6 +93,12 @@ ContactUpdate documented_update() {
   body.roundness = Roundness::kAxis;
   body.axis_W = {0, 0, 1};
   update.bodies.push_back(body);
+  update.scene = 3;
+  BodyPose pose;
+  pose.body = 5;
+  pose.X_WB = {{0.03, 0.05, 0}, {0.6, 0, 0, 0.8}};
+  pose.V_W << 0.5, 0, 0, 0, 0, 0.1;
+  update.poses.push_back(pose);
   return update;
 }
 
@@ -126,6 +132,7 @@ ProxyState documented_state() {
   state.tank = 0.5;
   state.hand_observed = true;
   state.lowered = 0.25;
+  state.scene = 2;
   return state;
 }
 
@@ -192,6 +199,7 @@ Welcome documented_welcome() {
   welcome.device.measures_hand = true;
   welcome.device.guidable = true;
   welcome.device.freedoms = kPlanarFreedoms;
+  welcome.capabilities.scenes = true;
   return welcome;
 }
 
@@ -203,6 +211,30 @@ Impulses documented_impulses() {
   impulse.P_W << 0.25, 0, 0, 0, 0, 0.001;
   impulses.bodies.push_back(impulse);
   return impulses;
+}
+
+SceneChunk documented_chunk() {
+  SceneChunk chunk;
+  chunk.number = 4;
+  for (const int byte : {5, 4, 0, 0, 0, 3, 0, 0, 0}) {
+    chunk.data.push_back(static_cast<std::byte>(byte));
+  }
+  return chunk;
+}
+
+SceneState documented_scene_state() {
+  SceneState state;
+  state.next = 5;
+  state.bitmap = {6, 0, 0, std::uint64_t{1} << 63u};
+  state.scene = 2;
+  state.received_scene = 3;
+  state.shapes = 4;
+  state.placements = 6;
+  state.bytes = 4096;
+  state.error = SceneError::kDuplicate;
+  state.item = 6;
+  state.text = test::text("duplicate");
+  return state;
 }
 
 TEST_CASE("Each message has the bytes of its example in PROTOCOL.md") {
@@ -222,6 +254,9 @@ TEST_CASE("Each message has the bytes of its example in PROTOCOL.md") {
   CHECK(hex(encode({7, 17, 9000000000}, Refusal{13, UpdateError::kNormal, true, 2, 1})) ==
         documented_hex("refusal"));
   CHECK(hex(encode({7, 18, 10000000000}, documented_impulses())) == documented_hex("impulses"));
+  CHECK(hex(encode({7, 19, 11000000000}, documented_chunk())) == documented_hex("scene_chunk"));
+  CHECK(hex(encode({7, 20, 12000000000}, documented_scene_state())) ==
+        documented_hex("scene_state"));
 }
 
 template <class Message>
@@ -269,6 +304,8 @@ TEST_CASE("A decoded message is the encoded one, bit for bit") {
     check_round_trip(Goodbye{GoodbyeReason::kShutdown});
     check_round_trip(test::random_refusal(random));
     check_round_trip(test::random_impulses(random));
+    check_round_trip(test::random_chunk(random));
+    check_round_trip(test::random_scene_state(random));
   }
 }
 
@@ -281,6 +318,11 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   ContactUpdate update = test::random_update(random, hello.tool);
   update.contacts.resize(kMaxContacts, ReportedContact{});
   update.bodies.resize(kMaxBodies, MovableBody{});
+  update.poses.resize(kMaxPoses, BodyPose{});
+  SceneChunk chunk;
+  chunk.data.resize(kChunkSize);
+  SceneState scene = test::random_scene_state(random);
+  scene.text = test::text(std::string(kMaxText, 'x'));
   LocalState local = test::random_local_state(random);
   local.contacts.resize(kMaxReportedContacts, LocalContactReport{});
   Ticks ticks = test::random_ticks(random);
@@ -301,6 +343,8 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   check(ticks, 1);
   check(impulses, 1);
   check(welcome, 1);
+  check(chunk, 1);
+  check(scene, 1);
   check(test::random_state(random, hello.tool), 1);
   check(test::reject_message(std::string(kMaxText, 'x')), 1);
 }
@@ -318,6 +362,7 @@ TEST_CASE("Every item has the bytes that its table says") {
   CHECK(size(TickSignals{}) == layout::kItemSize<TickSignals>);
   CHECK(size(LocalContactReport{}) == layout::kItemSize<LocalContactReport>);
   CHECK(size(BodyImpulse{}) == layout::kItemSize<BodyImpulse>);
+  CHECK(size(BodyPose{}) == layout::kItemSize<BodyPose>);
 }
 
 /// Calls `check` with one datagram of each type (of lists, one part of several).
@@ -334,6 +379,8 @@ void for_each_type(Check check) {
   check(encode(envelope_for<LocalState>(), documented_local_state()));
   check(encode(envelope_for<Refusal>(), Refusal{}));
   check(encode(envelope_for<Impulses>(), documented_impulses()));
+  check(encode(envelope_for<SceneChunk>(), documented_chunk()));
+  check(encode(envelope_for<SceneState>(), documented_scene_state()));
 }
 
 template <class Message>
@@ -369,6 +416,10 @@ std::optional<DropReason> decode_whatever(const DatagramBytes& bytes) {
       return decode_as<Refusal>(bytes);
     case MessageType::kImpulses:
       return decode_as<Impulses>(bytes);
+    case MessageType::kSceneChunk:
+      return decode_as<SceneChunk>(bytes);
+    case MessageType::kSceneState:
+      return decode_as<SceneState>(bytes);
   }
   return DropReason::kMalformed;
 }
@@ -378,15 +429,25 @@ void set_length(DatagramBytes& bytes) {
   bytes[37] = static_cast<std::byte>(bytes.size() >> 8);
 }
 
-TEST_CASE("Every truncation of every message is refused") {
+/// Where the poses of documented_update() begin: with one item behind their list's header.
+std::size_t end_without_poses(const DatagramBytes& update) {
+  return update.size() - layout::kItemSize<BodyPose> - layout::kListHeaderSize;
+}
+
+TEST_CASE("Every truncation of every message is refused, but the one that an older client sends") {
   for_each_type([](DatagramBytes bytes) {
+    Header header;
+    REQUIRE_FALSE(decode_header(view(bytes), header));
+    const bool is_update = header.type == MessageType::kContactUpdate;
+    const std::size_t older = is_update ? end_without_poses(bytes) : 0;
     while (!bytes.empty()) {
       bytes.pop_back();
       CHECK(decode_whatever(bytes) == DropReason::kTruncated);
       if (bytes.size() < layout::kHeaderSize) continue;
       DatagramBytes consistent = bytes;
       set_length(consistent);
-      CHECK(decode_whatever(consistent) == DropReason::kMalformed);
+      const bool is_whole = decode_whatever(consistent) != DropReason::kMalformed;
+      CHECK(is_whole == (bytes.size() == older));
     }
   });
 }
@@ -417,19 +478,21 @@ TEST_CASE("What a newer version appends to fixed fields, items and lists is skip
 
 TEST_CASE("What an older server of this version does not send has its default") {
   DatagramBytes bytes = encode(envelope_for<Welcome>(), documented_welcome());
-  bytes.resize(bytes.size() - 2);  // freedoms, and whether the hand is observed
-  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 2);  // block
+  bytes.resize(bytes.size() - 3);  // freedoms, whether the hand is observed, scenes
+  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 3);  // block
   set_length(bytes);
   Welcome decoded;
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
   CHECK(decoded.device.freedoms == kAllFreedoms);
   CHECK(decoded.device.guidable);
+  CHECK_FALSE(decoded.capabilities.scenes);
 
   ProxyState state = documented_state();
   state.fade = Fade::kClientSilent;
   state.given = 1;
   bytes = encode(envelope_for<ProxyState>(), state);
-  constexpr int kAppended = 1 + 5 * 8 + 1 + 8;  // fade, what passed the port, the hand, lowered
+  // Fade, what passed the port, the hand, lowered, the scene.
+  constexpr int kAppended = 1 + 5 * 8 + 1 + 8 + 4;
   bytes.resize(bytes.size() - kAppended);
   const int block =
       std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - kAppended;
@@ -442,7 +505,83 @@ TEST_CASE("What an older server of this version does not send has its default") 
   CHECK(older.given == 0);
   CHECK_FALSE(older.hand_observed);
   CHECK(older.lowered == 0);
+  CHECK(older.scene == 0);
   CHECK(older.v == state.v);
+}
+
+TEST_CASE("An update of an older client has no scene and no poses, whatever was there before") {
+  const ContactUpdate update = documented_update();
+  DatagramBytes bytes = encode(envelope_for<ContactUpdate>(), update);
+  Header header;
+  REQUIRE_FALSE(decode_header(view(bytes), header));
+  bytes.resize(end_without_poses(bytes));
+  const auto scene =
+      bytes.begin() + static_cast<std::ptrdiff_t>(layout::kHeaderSize + header.block) - 4;
+  bytes.erase(scene, scene + 4);
+  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 4);  // block
+  set_length(bytes);
+  ContactUpdate decoded = update;
+  REQUIRE_FALSE(decode_part(view(bytes), decoded));
+  CHECK(decoded.scene == 0);
+  CHECK(decoded.poses.empty());
+  CHECK(decoded.contacts.size() == update.contacts.size());
+  CHECK(decoded.v_VE == update.v_VE);
+  CHECK(decode(view(bytes), decoded) == std::nullopt);
+}
+
+TEST_CASE("A pose that is wrong refuses its update, and the refusal says which") {
+  ContactUpdate update = test::planar_update(2);
+  update.poses.resize(3);
+  const auto error = [&](auto change) {
+    ContactUpdate changed = update;
+    change(changed.poses[1]);
+    ContactUpdate decoded;
+    return decode_part(view(encode(envelope_for<ContactUpdate>(), changed)), decoded);
+  };
+  CHECK_FALSE(error([](BodyPose&) {}));
+  CHECK_FALSE(error([](BodyPose& pose) { pose.X_WB.R.w() = 1.0009; }));
+  const auto check = [&](UpdateError expected, auto change) {
+    const auto found = error(change);
+    REQUIRE(found);
+    CHECK(found->error == expected);
+    CHECK((found->in_item && found->item == 1));
+  };
+  check(UpdateError::kQuaternion, [](BodyPose& pose) { pose.X_WB.R.w() = 1.0011; });
+  check(UpdateError::kRange, [](BodyPose& pose) { pose.X_WB.p.y() = -10001; });
+  check(UpdateError::kRange, [](BodyPose& pose) { pose.V_W[5] = 1001; });
+  check(UpdateError::kNonFinite, [](BodyPose& pose) { pose.X_WB.p.z() = std::nan(""); });
+  check(UpdateError::kNonFinite, [](BodyPose& pose) { pose.X_WB.R.y() = std::nan(""); });
+}
+
+TEST_CASE("Of two poses of one body the first counts") {
+  BodyPoses poses(5);
+  for (std::size_t i = 0; i < poses.size(); ++i) poses[i].body = static_cast<std::uint32_t>(i);
+  CHECK_FALSE(leave_out_copies(poses));
+  CHECK(poses.size() == 5);
+  poses[3].body = poses[4].body = 1;
+  poses[1].X_WB.p.x() = 7;
+  CHECK(leave_out_copies(poses) == 3);
+  REQUIRE(poses.size() == 3);
+  CHECK((poses[1].body == 1 && poses[1].X_WB.p.x() == 7 && poses[2].body == 2));
+}
+
+TEST_CASE("A chunk without data, or with more than there is room for, is refused") {
+  const DatagramBytes good = encode(envelope_for<SceneChunk>(), documented_chunk());
+  CHECK(decode_whatever(good) == std::nullopt);
+  for (const int size : {0, 10}) {
+    DatagramBytes bytes = good;
+    bytes[48] = static_cast<std::byte>(size);
+    CHECK(decode_whatever(bytes) == DropReason::kMalformed);
+  }
+  SceneChunk chunk;
+  chunk.data.resize(kChunkSize);
+  DatagramBytes longer = encode(envelope_for<SceneChunk>(), chunk);
+  longer.push_back(std::byte{0});
+  set_length(longer);
+  longer[38] = static_cast<std::byte>(std::to_integer<int>(longer[38]) + 1);  // block
+  CHECK(decode_whatever(longer) == std::nullopt);
+  longer[48] = std::byte{1};  // 1025 bytes of data
+  CHECK(decode_whatever(longer) == DropReason::kMalformed);
 }
 
 TEST_CASE("A value that this version has no name for is kept, not refused") {
@@ -522,7 +661,7 @@ TEST_CASE("A header with any field out of its range is refused") {
   CHECK(decode_whatever(with(good, 36, 42)) == DropReason::kTruncated);
   CHECK(decode_whatever(with(good, 36, 40)) == DropReason::kMalformed);
   CHECK(decode_whatever(with(good, 6, 0)) == DropReason::kUnexpected);
-  CHECK(decode_whatever(with(good, 6, 12)) == DropReason::kUnexpected);
+  CHECK(decode_whatever(with(good, 6, 14)) == DropReason::kUnexpected);
   CHECK(decode_whatever(with(good, 38, 0)) == DropReason::kMalformed);  // block
   CHECK(decode_whatever(with(good, 38, 2)) == DropReason::kMalformed);
   for (const std::size_t zero : {7u, 32u, 34u}) {

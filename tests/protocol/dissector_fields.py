@@ -12,10 +12,12 @@ import sys
 from document_test import read_tables
 
 UNITS = "ns|s|kg·m²|kg|rad or m|m/s²|m/s|m|N·m·s/rad|N·m/rad|N·m|N·s/m|N·s|N/m|N|Hz|J"
-HEXADECIMAL = {"session", "nonce", "fingerprint", "identity"}
+HEXADECIMAL = {"session", "nonce", "fingerprint", "identity", "bitmap"}
 # What a hello says wrongly is answered, and the header is checked as a whole.
 UNCHECKED = {"header", "list", "hello", "link"}
 SEALING = {"initiation", "response", "sealed"}  # the dissector's own: packets, not messages
+# Bytes of the scene stream, which chunks cut anywhere.
+RECORDS = {"record", "shape", "placement", "removal", "apart", "commit"}
 BEGIN = "-- Fields: from protocol/PROTOCOL.md, by tests/protocol/dissector_fields.py --write.\n"
 END = "-- End of fields.\n"
 
@@ -47,7 +49,7 @@ def components_of(kind, count, field, meaning):
         if "Ixx" in meaning:
             return "INERTIA"
         return "WRENCH" if field.startswith("F") else "TWIST"
-    return {"3": "XYZ", "7": "POSE", "21": "TRIANGLE"}[count]
+    return {"3": "XYZ", "4": "WORDS", "7": "POSE", "21": "TRIANGLE"}[count]
 
 
 def call(function, *arguments):
@@ -80,6 +82,8 @@ def node(table, row, codes):
         return call("code", label, said, "{" + values + "}")
     if count is None:
         return call("field", wire, label, said, demand)
+    if count.endswith("_size") and kind == "u8":
+        return call("data", label, quoted(count), said)
     if count.endswith("_size"):
         return call("coordinates", wire, label, quoted(count), said, demand)
     whole = {"unit": "UNIT", "unit quaternion": "UNIT_QUATERNION"}.get(allowed.split("; ")[-1])
@@ -88,7 +92,7 @@ def node(table, row, codes):
 
 
 def lua_of(tables):
-    tables = {name: table for name, table in tables.items() if name not in SEALING}
+    tables = {name: table for name, table in tables.items() if name not in SEALING | RECORDS}
     messages = sorted((number, name) for name, (number, _) in tables.items() if number)
     lines = ["local TYPES = {" + ", ".join(quoted(name) for _, name in messages) + "}"]
     codes = {}
@@ -101,10 +105,11 @@ def lua_of(tables):
         lines.append(f"  {name} = {{")
         appended = False
         for row in rows:
-            appended = appended or re.search("older (client|server)s? sends? none", row[4])
+            is_newer = re.search("older (client|server)s? sends? none", row[4])
+            appended = appended or is_newer
             text = node(name, row, codes)
-            is_field = appended and row[2] != "list"
-            lines.append(f"    {f'optional({text})' if is_field else text},")
+            is_optional = is_newer if row[2] == "list" else appended
+            lines.append(f"    {f'optional({text})' if is_optional else text},")
         lines.append("  },")
     return "\n".join(lines + ["}", ""])
 

@@ -27,6 +27,8 @@ void add_every_message(Recording& recording) {
     recording.add(test::random_local_state(random));
     recording.add(test::random_refusal(random));
     recording.add(test::random_impulses(random));
+    recording.add(test::random_chunk(random));
+    recording.add(test::random_scene_state(random));
   }
   Hello largest = test::random_hello(random);
   largest.tool = test::largest_tool(random);
@@ -113,6 +115,7 @@ TEST_CASE("The dissector's names are those of the vocabulary") {
       {"hlm.local_contact.b_kind", names<SideKind>()},
       {"hlm.local_contact.state", names<ContactState>()},
       {"hlm.refusal.error", names<UpdateError>()},
+      {"hlm.scene_state.error", names<SceneError>()},
   };
   const std::map<int, std::string> flag = {{0, "no"}, {1, "yes"}};
   const test::TemporaryDirectory directory;
@@ -219,18 +222,20 @@ TEST_CASE("What a newer version appends is shown as such, and not marked") {
     return relabelled(longer, longer.size());
   };
   const DatagramBytes refusal = appended(only_part(Refusal{}), 5);
-  const DatagramBytes update = only_part(test::planar_update(1));
-  const DatagramBytes longer = appended(update, 8);
-  const std::size_t item_size = first_list(update) + layout::kListHeaderSize + 6;
+  LocalState state;
+  state.contacts.resize(1);
+  const DatagramBytes local = only_part(state);
+  const DatagramBytes longer = appended(local, 8);
+  const std::size_t item_size = first_list(local) + 6;
   Recording recording(path);
   recording.add(with(refusal, kBlockAt, 2, block_size(refusal) + 5u));
   recording.add(refusal);
-  recording.add(with(longer, item_size, 2, layout::kItemSize<ReportedContact> + 8));
-  recording.add(with(only_part(Goodbye{}), kTypeAt, 1, 12));
-  const auto shown =
-      test::lines(test::tshark(path,
-                               "-T fields -E separator=, -e hlm.newer_fields -e hlm.newer_lists "
-                               "-e hlm.contact.load -e hlm.newer_message -e _ws.expert.message"));
+  recording.add(with(longer, item_size, 2, layout::kItemSize<LocalContactReport> + 8));
+  recording.add(with(only_part(Goodbye{}), kTypeAt, 1, 14));
+  const auto shown = test::lines(
+      test::tshark(path,
+                   "-T fields -E separator=, -e hlm.newer_fields -e hlm.newer_lists "
+                   "-e hlm.local_contact.s -e hlm.newer_message -e _ws.expert.message"));
   CHECK(shown == std::vector<std::string>{
                      "eeeeeeeeee,,,,",
                      ",eeeeeeeeee,,,",

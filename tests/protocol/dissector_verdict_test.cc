@@ -130,6 +130,9 @@ void add_list_lengths(Verdicts& verdicts, std::size_t more) {
   add(test::planar_hello(), 0, kMaxLinks);
   add(test::planar_update(0), 0, kMaxBodies);
   add(test::planar_update(0), 1, kMaxContacts);
+  ContactUpdate with_pose = test::planar_update(0);
+  with_pose.poses.resize(1);
+  add(with_pose, 2, kMaxPoses);
   add(Ticks{}, 0, kTicksPerMessage);
   add(LocalState{}, 0, kMaxReportedContacts);
   add(Impulses{}, 0, kMaxBodies);
@@ -168,6 +171,9 @@ void add_wrong_numbers(Verdicts& verdicts) {
   wrong("a normal too short", [](U& u) { u.contacts[0].n_W.z() = 0.9989; });
   wrong("a body too far", [](U& u) { u.bodies.resize(1), u.bodies[0].p_WCom.x() = 10001; });
   wrong("a body too fast", [](U& u) { u.bodies.resize(1), u.bodies[0].V_W[5] = 1001; });
+  wrong("a pose too far", [](U& u) { u.poses.resize(1), u.poses[0].X_WB.p.x() = 10001; });
+  wrong("a pose too fast", [](U& u) { u.poses.resize(1), u.poses[0].V_W[5] = -1001; });
+  wrong("a pose's quaternion", [](U& u) { u.poses.resize(1), u.poses[0].X_WB.R.w() = 0.998; });
   wrong("too much acceleration", [](U& u) { u.bodies.resize(1), u.bodies[0].A_W[0] = 1.1e6; });
   const DatagramBytes bytes = with_longer_block(only_part(update));
   constexpr std::size_t kSizes = layout::kHeaderSize + 48;
@@ -270,6 +276,8 @@ TEST_CASE("The dissector and the codec agree on messages with a few random bytes
     mutate(local);
     mutate(test::random_refusal(random));
     mutate(test::random_impulses(random));
+    mutate(test::random_chunk(random));
+    mutate(test::random_scene_state(random));
   }
   CHECK(verdicts.refused() > 100);
   CHECK(verdicts.size() - verdicts.refused() > 100);

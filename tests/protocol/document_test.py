@@ -4,6 +4,7 @@ The C++ tests compare the same bytes with the implementation. With --write the b
 into the document instead.
 """
 
+import math
 import re
 import struct
 import sys
@@ -14,19 +15,28 @@ HEADER = 40
 
 
 def read_tables(document):
-    """{table name: (message type or None, rows of (offset or None, type, count or None, field, meaning, allowed))}"""
+    """{table name: (message type or None, rows of (offset or None, type, count or None, field, meaning, allowed))}
+
+    A count is a number, a field, or a product of them: `3·vertex_count`.
+    """
     tables = {}
     for section in re.split(r"^### Table: ", document, flags=re.M)[1:]:
         name = section.split("\n", 1)[0].strip()
         section = re.split(r"^##", section, flags=re.M)[0]
         number = re.search(r"^Type (\d+),", section, flags=re.M)
-        row = r"^\| (\d+|—) \| (\w+)(?:\[(\w+)\])? \| (\w+) \| (.*?) ?\| (.*) \|$"
+        row = r"^\| (\d+|—) \| (\w+)(?:\[([\w·]+)\])? \| (\w+) \| (.*?) ?\| (.*) \|$"
         rows = re.findall(row, section, flags=re.M)
         if not rows:
             sys.exit(f"table {name} has no rows")
         fields = [(None if o == "—" else int(o), t, c or None, *rest) for o, t, c, *rest in rows]
         tables[name] = (int(number.group(1)) if number else None, fields)
     return tables
+
+
+def read_kinds(document):
+    """{table name: kind} of the records of the scene stream."""
+    pairs = re.findall(r"^### Table: (\w+)\n\nKind (\d+),", document, flags=re.M)
+    return {name: int(number) for name, number in pairs}
 
 
 def read_examples(document):
@@ -54,7 +64,7 @@ def encode_fields(tables, fields, values, prefix, data):
             continue
         number = float if kind.startswith("f") else int
         numbers = [number(part) for part in text.split()]
-        expected = 1 if count is None else int(values.get(count, count))
+        expected = math.prod(int(values.get(factor, factor)) for factor in (count or "1").split("·"))
         if len(numbers) != expected:
             sys.exit(f"field {field} has {len(numbers)} values, its table says {expected}")
         data += struct.pack(f"<{expected}{FORMATS[kind]}", *numbers)
@@ -87,6 +97,22 @@ def encode(tables, message, values):
     return bytes(data)
 
 
+def encode_record(tables, kind, name, values):
+    data = bytearray()
+    encode_fields(tables, tables["record"][1], dict(values, kind=str(kind), length="0"), "", data)
+    encode_fields(tables, tables[name][1], values, "", data)
+    struct.pack_into("<I", data, 1, len(data) - 5)
+    return bytes(data)
+
+
+def hash_of_shape(data):
+    """FNV-1a of what stands behind the hash in a record."""
+    value = 0xCBF29CE484222325
+    for byte in data[13:]:
+        value = (value ^ byte) * 0x100000001B3 % 2**64
+    return value
+
+
 def hex_lines(data):
     return "".join(data[i : i + 32].hex() + "\n" for i in range(0, len(data), 32))
 
@@ -97,10 +123,14 @@ def main():
     tables = read_tables(document)
     examples = read_examples(document)
     described = {name for name, (number, _) in tables.items() if number is not None}
-    if {name for name, _, _ in examples} != described or len(described) != 11:
-        sys.exit("each of the eleven messages must have an example")
+    kinds = read_kinds(document)
+    if {name for name, _, _ in examples} != described | set(kinds) or (len(described), len(kinds)) != (13, 5):
+        sys.exit("each of the thirteen messages and five records must have an example")
     for name, values, written in examples:
-        computed = hex_lines(encode(tables, name, values))
+        data = encode_record(tables, kinds[name], name, values) if name in kinds else encode(tables, name, values)
+        if name == "shape" and int(values["hash"]) != hash_of_shape(data):
+            sys.exit(f"the hash of the shape is {hash_of_shape(data)}")
+        computed = hex_lines(data)
         if sys.argv[1] == "--write":
             document = re.sub(
                 rf"(### Example: {name}\n.*?```hex\n).*?```",

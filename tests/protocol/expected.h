@@ -27,7 +27,7 @@ inline constexpr std::array<Word<JointType>, 5> kWords<JointType>{{
     {JointType::kFree, "free", ""},
 }};
 template <>
-inline constexpr std::array<Word<protocol::MessageType>, 11> kWords<protocol::MessageType>{{
+inline constexpr std::array<Word<protocol::MessageType>, 13> kWords<protocol::MessageType>{{
     {protocol::MessageType::kHello, "hello", ""},
     {protocol::MessageType::kWelcome, "welcome", ""},
     {protocol::MessageType::kReject, "reject", ""},
@@ -39,6 +39,8 @@ inline constexpr std::array<Word<protocol::MessageType>, 11> kWords<protocol::Me
     {protocol::MessageType::kLocalState, "local_state", ""},
     {protocol::MessageType::kRefusal, "refusal", ""},
     {protocol::MessageType::kImpulses, "impulses", ""},
+    {protocol::MessageType::kSceneChunk, "scene_chunk", ""},
+    {protocol::MessageType::kSceneState, "scene_state", ""},
 }};
 template <>
 inline constexpr std::array<Word<protocol::PacketType>, 3> kWords<protocol::PacketType>{{
@@ -108,6 +110,23 @@ class Expected : public protocol::CompoundFields<Expected> {
   void appended_flag(bool value) { flag(value); }
   void appended_f64(double value) { f64(value); }
   void appended_u8(std::uint8_t value, std::uint8_t) { integer(value); }
+  void appended_u32(std::uint32_t value) { integer(value); }
+  template <class Bytes>
+  void long_size(const Bytes& value) {
+    integer(value.size());
+  }
+  /// Shown as pairs of hexadecimal digits with colons between.
+  template <class Bytes>
+  void bytes(const Bytes& value) {
+    std::string digits;
+    for (const std::byte byte : value) {
+      constexpr const char* kDigits = "0123456789abcdef";
+      if (!digits.empty()) digits += ':';
+      digits += kDigits[std::to_integer<std::size_t>(byte) / 16];
+      digits += kDigits[std::to_integer<std::size_t>(byte) % 16];
+    }
+    add({.integer = digits});
+  }
   template <class Enum>
   void appended_enumeration(Enum value) {
     enumeration(value);

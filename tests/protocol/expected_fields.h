@@ -47,6 +47,8 @@ template <>
 inline const std::string kTable<protocol::LocalContactReport> = "local_contact";
 template <>
 inline const std::string kTable<protocol::BodyImpulse> = "impulse";
+template <>
+inline const std::string kTable<BodyPose> = "pose";
 
 /// All that is shown of one part of a message.
 template <class Message>
@@ -61,6 +63,7 @@ Expected expected_part(const Message& message, std::span<const std::byte> bytes)
   protocol::Reader reader(bytes, protocol::layout::kHeaderSize + header.block);
   protocol::layout::lists(message, [&](const auto& list) {
     using Item = typename std::remove_cvref_t<decltype(list)>::value_type;
+    if (protocol::layout::kIsAppended<Item> && list.empty()) return;
     fields.begin(name);
     std::array<std::uint16_t, 4> share{};  // first, count, total, item_size
     for (std::uint16_t& number : share) {

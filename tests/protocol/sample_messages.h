@@ -109,6 +109,12 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     body.axis_W = random.vector(1).cast<float>().cast<double>();
     update.bodies.push_back(body);
   }
+  update.scene = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+  const int poses = random.integer(0, static_cast<int>(kMaxPoses));
+  for (int i = 0; i < poses; ++i) {
+    update.poses.push_back(
+        {static_cast<std::uint32_t>(i), random.pose(1), random_vector6(random, 1)});
+  }
   return update;
 }
 
@@ -150,6 +156,7 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.hand_observed = random.integer(0, 1) == 1;
   state.lowered = random.uniform(0, 1);
   state.fade = static_cast<Fade>(random.integer(0, 4));
+  state.scene = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
   return state;
 }
 
@@ -179,7 +186,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   welcome.fade_time = random.uniform(0.01, 1);
   welcome.least_update_rate = random.uniform(1, 100);
   const auto flip = [&] { return random.integer(0, 1) == 1; };
-  welcome.capabilities = {flip(), flip(), flip()};
+  welcome.capabilities = {flip(), flip(), flip(), flip()};
   protocol::DeviceReport& device = welcome.device;
   device.name = text("a device");
   device.max_force = random.uniform(0, 20);
@@ -263,6 +270,31 @@ inline protocol::LocalState random_local_state(Random& random) {
          .s = random.uniform(-0.01, 0.01),
          .f_W = random.vector(10)});
   }
+  return state;
+}
+
+inline protocol::SceneChunk random_chunk(Random& random) {
+  protocol::SceneChunk chunk;
+  chunk.number = random.engine()();
+  const int size = random.integer(1, static_cast<int>(protocol::kChunkSize));
+  for (int i = 0; i < size; ++i) {
+    chunk.data.push_back(static_cast<std::byte>(random.integer(0, 255)));
+  }
+  return chunk;
+}
+
+inline protocol::SceneState random_scene_state(Random& random) {
+  protocol::SceneState state;
+  state.next = random.engine()();
+  for (std::uint64_t& word : state.bitmap) word = random.engine()();
+  state.scene = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+  state.received_scene = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+  state.shapes = static_cast<std::uint32_t>(random.integer(0, 1000));
+  state.placements = static_cast<std::uint32_t>(random.integer(0, 10000));
+  state.bytes = random.engine()();
+  state.error = static_cast<protocol::SceneError>(random.integer(0, 9));
+  state.item = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
+  state.text = text("placement 7 is there already");
   return state;
 }
 
