@@ -8,10 +8,11 @@ namespace {
 
 /// Nothing is sent again sooner, s: a server answers once in a frame of the client.
 constexpr double kShortestTimeout = 0.02;
-/// Before the first measurement, s, as TCP has it: a far network must not be filled with copies.
-constexpr double kFirstTimeout = 1;
+/// Before the first measurement, s: a far network must not be filled with copies.
+constexpr double kFirstTimeout = 3;
 constexpr double kLongestTimeout = 4;  ///< After several in a row, s.
-/// Chunks overtake each other by less than this, s, or by less than a quarter of the round trip.
+/// Chunks overtake each other by no more than this, s. Less sends again what is only late, more
+/// finds out later what is lost.
 constexpr double kReordering = 0.02;
 /// Losses within a round trip, and within this time, s, have one cause.
 constexpr double kOneLoss = 0.1;
@@ -36,7 +37,7 @@ void ScenePace::arrived(double now, double sent_at, bool was_repeated) noexcept 
 }
 
 bool ScenePace::is_overtaken(double sent_at) const noexcept {
-  return sent_at + std::min(round_trip() / 4, kReordering) < latest_;
+  return sent_at + kReordering < latest_;
 }
 
 void ScenePace::lose(double now, bool late) noexcept {
@@ -59,7 +60,7 @@ void ScenePace::measure(double sample) noexcept {
 }
 
 double ScenePace::timeout() const noexcept {
-  const double once = round_trip_ ? 2 * *round_trip_ + 4 * variation_ : kFirstTimeout;
+  const double once = round_trip_ ? 1.25 * *round_trip_ + 4 * variation_ : kFirstTimeout;
   const double least = std::max(once, kShortestTimeout);
   return std::max(least, std::min(kLongestTimeout, std::ldexp(least, timeouts_)));
 }

@@ -9,9 +9,9 @@ namespace hlm::protocol {
 
 /// Of one session. Nothing allocates, waits or throws. Times are in s, of any steady origin.
 ///
-/// A chunk counts as lost when one that was sent later has come (by more than a quarter of a round
-/// trip or 20 ms, for networks reorder), or when nothing is said of it for some round trips. Then
-/// half as many are sent in each call, and more again with time: all after kRecovery.
+/// A chunk counts as lost when one that was sent more than 20 ms later has come (networks reorder),
+/// or when nothing is said of it for some round trips. Then half as many are sent in each call, and
+/// more again with time: all after kRecovery.
 class ScenePace {
  public:
   /// From no chunks in a call to the whole budget, s. Shorter fills a narrow network with what it

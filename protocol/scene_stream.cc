@@ -75,7 +75,10 @@ bool SceneSender::queue(std::span<const std::uint8_t> bytes) {
   for (std::size_t taken = 0; taken < all.size();) {
     const bool has_open =
         chunks_.size() > under_way_ && chunks_.back().message.data.size() < kChunkSize;
-    if (!has_open) chunks_.emplace_back().message.number = first_ + chunks_.size() - 1;
+    if (!has_open) {
+      const std::uint64_t number = first_ + chunks_.size();
+      chunks_.emplace_back().message.number = number;
+    }
     ChunkData& data = chunks_.back().message.data;
     const auto part = all.subspan(taken, std::min(all.size() - taken, kChunkSize - data.size()));
     data.insert(data.end(), part.begin(), part.end());
