@@ -46,9 +46,9 @@ struct SceneShape {
   /// m, as the kind says: radius; radius and length along z (of a capsule that of its cylindrical
   /// part); edges; semi-axes. What a kind does not use is 0.
   Vector3 size = Vector3::Zero();
-  std::vector<Vector3> vertices;  ///< Of a hull or mesh, m.
+  std::vector<Vector3> vertices{};  ///< Of a hull or mesh, m.
   /// Of a mesh: three vertices each, counter-clockwise seen from outside.
-  std::vector<std::array<std::uint32_t, 3>> triangles;
+  std::vector<std::array<std::uint32_t, 3>> triangles{};
 
   bool operator==(const SceneShape&) const = default;
 };
@@ -57,8 +57,8 @@ struct SceneShape {
 struct ScenePlacement {
   std::uint32_t id = 0;     ///< The client's number for it.
   std::uint64_t shape = 0;  ///< Hash of the shape.
-  ContactSide side;         ///< Whose it is.
-  Pose X_BS;                ///< The shape's frame in that of the link or body, or in the world.
+  ContactSide side{};       ///< Whose it is.
+  Pose X_BS{};              ///< The shape's frame in that of the link or body, or in the world.
   double friction = -1;     ///< Coefficient; negative: the server's own. Single precision.
   std::uint32_t group = 1;  ///< Two may touch if a bit of one's group is in the other's mask.
   std::uint32_t mask = ~0u;

@@ -1,6 +1,5 @@
 #include "hlm/protocol/scene_store.h"
 
-#include <limits>
 #include <string>
 
 #include "hlm/protocol/text.h"
@@ -92,10 +91,13 @@ void SceneStore::take(const SceneRemoval& removal) {
   }
   --shapes_.at(found->second.shape).uses;
   placements_.erase(found);
-  const auto first = apart_.lower_bound({removal.id, 0});
-  const auto last = apart_.upper_bound({removal.id, std::numeric_limits<std::uint32_t>::max()});
-  for (auto pair = first; pair != last; ++pair) apart_.erase({pair->second, pair->first});
-  apart_.erase(first, last);
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> reversed;
+  auto pair = apart_.lower_bound({removal.id, 0});
+  while (pair != apart_.end() && pair->first == removal.id) {
+    reversed.push_back({pair->second, pair->first});
+    pair = apart_.erase(pair);
+  }
+  for (const auto& each : reversed) apart_.erase(each);
 }
 
 void SceneStore::take(const SceneApart& apart) {

@@ -310,5 +310,80 @@ TEST_CASE("A hello that no server could use is refused at once with what is wron
                     ContainsSubstring("port 0"));
 }
 
+/// A session whose server takes scenes.
+void begin_with_scenes(Client& client, bool scenes = true) {
+  client.session.poll(0);
+  Welcome granted = welcome(client.nonce());
+  granted.capabilities.scenes = scenes;
+  client.link.deliver(kServer, {.session = kSession}, granted);
+  REQUIRE(client.session.poll(0).welcomed);
+  client.link.forget_sent();
+}
+
+TEST_CASE("A scene is sent in chunks within the budget, and the state tells what has come") {
+  Client client;
+  begin_with_scenes(client);
+  const std::vector<std::uint8_t> bytes(5000, 7);
+  REQUIRE_FALSE(client.session.queue_scene(bytes));
+  CHECK(client.session.send_scene(0.01, 2) == 2);
+  CHECK(client.session.send_scene(0.02, 10) == 3);
+  CHECK(client.session.send_scene(0.03, 10) == 0);
+  REQUIRE(client.link.sent().size() == 5);
+  CHECK(client.link.last_sent<SceneChunk>().number == 4);
+  CHECK(client.link.last_sent<SceneChunk>().data.size() == 5000 - 4 * kChunkSize);
+  CHECK(client.link.sent_header(4).envelope.sequence == 5);
+
+  SceneState state;
+  state.next = 4;
+  state.scene = 1;
+  state.text = test::text("fine");
+  client.link.deliver(kServer, {.session = kSession, .sequence = 3}, state);
+  CHECK(client.session.poll(0.05).scene);
+  CHECK(client.session.scene_state().scene == 1);
+  CHECK(client.session.scene_sender().waiting() == 5000 - 4 * kChunkSize);
+  state.scene = 0;
+  client.link.deliver(kServer, {.session = kSession, .sequence = 2}, state);
+  CHECK_FALSE(client.session.poll(0.06).scene);
+  CHECK(client.dropped(DropReason::kStale) == 1);
+  state.next = 6;  // was never sent
+  client.link.deliver(kServer, {.session = kSession, .sequence = 4}, state);
+  CHECK_FALSE(client.session.poll(0.07).scene);
+  CHECK(client.dropped(DropReason::kMalformed) == 1);
+  CHECK(client.session.scene_state().scene == 1);
+  // A scene state keeps no proxy state away.
+  client.deliver_state(1 + 1, planar_state());
+  CHECK(client.session.poll(0.08).state != nullptr);
+}
+
+TEST_CASE("A scene is queued only where a server takes it, within the limit, for one session") {
+  Client client;
+  const std::vector<std::uint8_t> bytes(10);
+  CHECK(client.session.queue_scene(bytes).value() == "there is no session to send a scene in");
+  CHECK(client.session.send_scene(0, 10) == 0);
+  SECTION("an older server") {
+    begin_with_scenes(client, false);
+    CHECK(client.session.queue_scene(bytes).value() ==
+          "the server takes no scenes: it is older, or set so");
+  }
+  SECTION("too much") {
+    begin_with_scenes(client);
+    REQUIRE_FALSE(client.session.queue_scene(bytes));
+    const std::vector<std::uint8_t> all(SceneSender::kMostQueued);
+    CHECK(client.session.queue_scene(all).value() ==
+          "a scene of 67108864 bytes must be at most 67108854, with what waits 67108864");
+  }
+  SECTION("the next session") {
+    begin_with_scenes(client);
+    REQUIRE_FALSE(client.session.queue_scene(bytes));
+    client.session.close(0.1);
+    CHECK(client.session.send_scene(0.1, 10) == 0);
+    client.session.poll(0.3);
+    client.link.deliver(kServer, {.session = kSession + 1}, welcome(client.nonce()));
+    REQUIRE(client.session.poll(0.3).welcomed);
+    CHECK(client.session.send_scene(0.3, 10) == 0);
+    CHECK(client.session.scene_sender().waiting() == 0);
+  }
+}
+
 }  // namespace
 }  // namespace hlm::protocol

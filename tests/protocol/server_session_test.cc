@@ -2,6 +2,8 @@
 #include "hlm/protocol/server_session.h"
 
 #include <algorithm>
+#include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -739,6 +741,148 @@ TEST_CASE("Refusing for the version, for a busy server and for the caller alloca
   const std::size_t of_busy = guard.allocations() - alive;
   CHECK(server.link.last_sent<Reject>().reason == RejectReason::kBusy);
   CHECK(of_version + of_caller + of_busy == 0);
+}
+
+/// A session whose server takes scenes, or does not.
+void begin_with_scenes(Server& server, double now = 0, bool scenes = true) {
+  server.say_hello(kClient, 1);
+  REQUIRE(server.session.poll(now).hello != nullptr);
+  server.session.accept(now, {.capabilities = {.scenes = scenes}});
+  server.link.forget_sent();
+}
+
+void deliver_chunk(Server& server, std::uint64_t sequence, std::uint64_t number,
+                   const Endpoint& peer = kClient) {
+  SceneChunk chunk;
+  chunk.number = number;
+  chunk.data.resize(3, static_cast<std::byte>(number));
+  server.link.deliver(peer, {.session = server.session.id(), .sequence = sequence}, chunk);
+}
+
+/// First bytes of all chunks that wait, at most `most`.
+std::vector<int> take_all(Server& server, std::size_t most = 1000) {
+  std::vector<int> firsts;
+  server.session.take_scene([&](std::span<const std::byte> data) {
+    if (firsts.size() == most) return false;
+    firsts.push_back(std::to_integer<int>(data[0]));
+    return true;
+  });
+  return firsts;
+}
+
+TEST_CASE("Chunks of a scene come out in order, stay where they are not taken, and are told") {
+  Server server;
+  begin_with_scenes(server);
+  CHECK_FALSE(server.session.has_scene());
+  deliver_chunk(server, 1, 1);
+  ServerSession::Inbox inbox = server.session.poll(0.1);
+  CHECK(inbox.heard);
+  CHECK_FALSE(inbox.scene);
+  CHECK(server.session.has_scene());
+  CHECK(take_all(server).empty());
+  deliver_chunk(server, 2, 0);
+  deliver_chunk(server, 3, 2);
+  deliver_chunk(server, 4, 4);
+  CHECK(server.session.poll(0.1).scene);
+  CHECK(take_all(server, 2) == std::vector{0, 1});
+  CHECK(server.session.poll(0.1).scene);
+  SceneState state;
+  state.shapes = 5;
+  server.session.inform(0.1, state);
+  const auto told = server.link.last_sent<SceneState>();
+  CHECK((told.next == 2 && told.bitmap[0] == 0b101 && told.shapes == 5));
+  CHECK(take_all(server) == std::vector{2});
+  CHECK_FALSE(server.session.poll(0.1).scene);
+  CHECK(server.session.statistics().total_dropped() == 0);
+}
+
+TEST_CASE("Chunks of another session or peer, that came before or too far ahead are dropped") {
+  Server server;
+  begin_with_scenes(server);
+  deliver_chunk(server, 1, 0, kOther);
+  server.link.deliver(kClient, {.session = 3}, SceneChunk{.number = 0, .data = {std::byte{1}}});
+  CHECK_FALSE(server.session.poll(0.1).heard);
+  CHECK(server.dropped(DropReason::kForeignSession) == 2);
+  deliver_chunk(server, 1, 0);
+  deliver_chunk(server, 2, 0);
+  deliver_chunk(server, 3, kSceneWindow);
+  deliver_chunk(server, 2000, 1);
+  server.session.poll(0.1);
+  CHECK(server.dropped(DropReason::kStale) == 1);
+  CHECK(server.dropped(DropReason::kMalformed) == 2);
+  CHECK_FALSE(server.session.poll(0.1).refused);
+  CHECK(take_all(server) == std::vector{0});
+}
+
+TEST_CASE("A server that takes no scenes drops chunks as an older one does") {
+  Server server;
+  begin_with_scenes(server, 0, false);
+  deliver_chunk(server, 1, 0);
+  const ServerSession::Inbox inbox = server.session.poll(0.1);
+  CHECK_FALSE((inbox.heard || inbox.scene || server.session.has_scene()));
+  CHECK(server.dropped(DropReason::kUnexpected) == 1);
+}
+
+TEST_CASE("A session begins with an empty stream") {
+  Server server;
+  begin_with_scenes(server);
+  deliver_chunk(server, 1, 0);
+  deliver_chunk(server, 2, 5);
+  CHECK(server.session.poll(0.1).scene);
+  server.say_hello(kOther, 2);
+  REQUIRE(server.session.poll(5).hello != nullptr);
+  server.session.accept(5, {.capabilities = {.scenes = true}});
+  CHECK_FALSE(server.session.has_scene());
+  CHECK(take_all(server).empty());
+  deliver_chunk(server, 1, 0, kOther);
+  CHECK(server.session.poll(5.1).scene);
+  CHECK(take_all(server) == std::vector{0});
+}
+
+TEST_CASE("A flood of chunks keeps an update away no longer than one of anything else") {
+  Server server;
+  begin_with_scenes(server);
+  for (std::uint64_t i = 0; i < 1000; ++i) deliver_chunk(server, 1 + i % 900, i % 400);
+  server.deliver_update(901);
+  int polls = 0;
+  std::size_t before = server.link.waiting();
+  const ContactUpdate* update = nullptr;
+  while (!update && polls < 100) {
+    update = server.session.poll(0.001 * ++polls).update;
+    CHECK(before - server.link.waiting() <= ServerSession::kDatagramsPerPoll);
+    before = server.link.waiting();
+  }
+  CHECK(polls == 1001 / ServerSession::kDatagramsPerPoll + 1);
+}
+
+TEST_CASE("Chunks, and what is said of them, allocate nothing") {
+  Server server;
+  begin_with_scenes(server);
+  for (std::uint64_t i = 0; i < 60; ++i) deliver_chunk(server, 1 + i, i);
+  std::size_t taken = 0;
+  const test::NoMalloc guard;
+  server.session.poll(0.1);
+  server.session.take_scene([&](std::span<const std::byte>) { return ++taken < 30; });
+  server.session.inform(0.1, SceneState{});
+  const std::size_t allocations = guard.allocations();
+  CHECK(allocations == 0);
+  CHECK(taken == 30);
+}
+
+TEST_CASE("An update with two poses of one body is used with the first, and the client hears it") {
+  Server server;
+  server.begin();
+  ContactUpdate update = planar_update(1);
+  update.poses.resize(3);
+  update.poses[0].body = update.poses[2].body = 8;
+  update.poses[0].X_WB.p.x() = 1;
+  server.link.deliver(kClient, {.session = kFirstId, .sequence = 1}, update);
+  const ServerSession::Inbox inbox = server.poll(0.1);
+  REQUIRE(inbox.update);
+  REQUIRE(inbox.update->poses.size() == 2);
+  CHECK(inbox.update->poses[0].X_WB.p.x() == 1);
+  const auto refusal = server.link.last_sent<Refusal>();
+  CHECK((refusal.error == UpdateError::kDuplicate && !refusal.whole && refusal.item == 2));
 }
 
 TEST_CASE("Beginning a session allocates nothing") {
