@@ -17,6 +17,7 @@
 #include "tests/fuzz/wire_actions.h"
 #include "tests/protocol/queue_link.h"
 #include "tests/protocol/sample_messages.h"
+#include "tests/protocol/sample_records.h"
 #include "tests/protocol/transport/capture_files.h"
 
 namespace hlm::fuzz {
@@ -79,6 +80,49 @@ void write_messages(const fs::path& folder) {
   write_message(folder / "local_state", test::random_local_state(random));
   write_message(folder / "refusal", test::random_refusal(random));
   write_message(folder / "impulses", test::random_impulses(random));
+  write_message(folder / "scene_chunk", test::random_chunk(random));
+  write_message(folder / "scene_state", test::random_scene_state(random));
+  protocol::ContactUpdate poses = test::planar_update(1);
+  poses.scene = 2;
+  poses.poses.resize(2);
+  poses.poses[1].body = 1;
+  write_message(folder / "contact_update_poses", poses);
+}
+
+// The scene stream: records, and what a server says of them.
+
+/// `first`: what the target reads before the records.
+void write_records(const fs::path& path, Bytes first,
+                   const std::vector<protocol::SceneRecord>& records) {
+  for (const protocol::SceneRecord& record : records) append(record, first);
+  write(path, first);
+}
+
+void write_scenes(const fs::path& folder) {
+  test::Random random;
+  const protocol::SceneShape mesh = test::tetrahedron();
+  const auto placed = [&](std::uint32_t id) {
+    protocol::ScenePlacement placement = test::random_placement(random, id, mesh.hash);
+    placement.side = {SideKind::kMovableBody, id};
+    return placement;
+  };
+  write_records(folder / "scene", {0, 63, 1},
+                {mesh, placed(1), placed(2), placed(3), protocol::SceneApart{1, 2},
+                 protocol::SceneCommit{1}, protocol::SceneRemoval{2}, protocol::SceneCommit{2}});
+  std::vector<protocol::SceneRecord> shapes;
+  for (std::uint32_t id = 0; id < 12; ++id) {
+    protocol::SceneShape shape = test::random_shape(random);
+    shape.vertices.resize(std::min<std::size_t>(shape.vertices.size(), 8));
+    for (auto& triangle : shape.triangles) triangle = {0, 0, 0};
+    shape.triangles.resize(std::min<std::size_t>(shape.triangles.size(), 8));
+    shapes.push_back(shape);
+    shapes.push_back(test::random_placement(random, id, hash_of(shape)));
+  }
+  shapes.push_back(protocol::SceneCommit{7});
+  write_records(folder / "shapes", {0, 255, 1}, shapes);
+  Bytes heard{3};
+  for (int i = 0; i < 400; ++i) heard.push_back(static_cast<std::uint8_t>(random.integer(0, 255)));
+  write(folder / "heard", heard);
 }
 
 // Sessions.
@@ -158,6 +202,16 @@ void write_server_sessions(const fs::path& folder) {
       .add(5, wall(2, false), Delivery::kFitted | Delivery::kAfterGap)
       .add(5, hello)
       .write_to(folder / "silence_and_fault");
+  Bytes records;
+  append(test::tetrahedron(), records);
+  append(protocol::SceneCommit{1}, records);
+  protocol::SceneChunk chunk;
+  for (const std::uint8_t byte : records) chunk.data.push_back(std::byte{byte});
+  protocol::ContactUpdate moving = wall(2, false);
+  moving.scene = 1;
+  moving.poses.resize(2);
+  moving.poses[1].body = 1;
+  begin(0, 0, 0).add(kFrame, chunk).add(kFrame, moving).write_to(folder / "scene");
   protocol::Hello linkage = test::random_hello(random);
   Deliveries of_linkage({0, 0, 1});
   of_linkage.add(1, linkage).add(kFrame, test::random_update(random, linkage.tool));
@@ -186,6 +240,7 @@ void write_client_sessions(const fs::path& folder) {
       .add(5, test::random_ticks(random))
       .add(0, test::random_local_state(random))
       .add(0, test::random_refusal(random))
+      .add(0, protocol::SceneState{})
       .add(5, state, Delivery::kFitted | Delivery::kAfterGap)
       .write_to(folder / "telemetry");
 }
@@ -307,6 +362,7 @@ int main(int argc, char** argv) {
   }
   const fs::path folder = argv[1];
   write_messages(folder / "decoder");
+  write_scenes(folder / "scene");
   write_server_sessions(folder / "server");
   write_client_sessions(folder / "client");
   write_sealed_sessions(folder / "sealing");
