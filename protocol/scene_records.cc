@@ -261,7 +261,7 @@ SceneRecord read_shape(RecordFields& fields, const SceneLimits& limits) {
   if (hash != shape.hash) {
     fields.refuse(SceneError::kHash, "its hash must be that of its bytes, " + hexadecimal(hash));
   }
-  shape.kind = fields.enumeration<SceneShapeKind>("kind");
+  shape.kind = fields.enumeration<SceneShapeKind>("form");
   const ShapeTraits traits = traits_of(shape.kind);
   for (int i = 0; i < 3; ++i) {
     shape.size[i] = fields.f64("size", i < traits.sizes ? kSizeRange : Range{0, 0, "m"});
@@ -286,7 +286,7 @@ SceneRecord read_placement(RecordFields& fields) {
   placement.id = fields.number<std::uint32_t>();
   fields.name("placement " + std::to_string(placement.id), placement.id);
   placement.shape = fields.number<std::uint64_t>();
-  placement.side.kind = fields.enumeration<SideKind>("side");
+  placement.side.kind = fields.enumeration<SideKind>("side_kind");
   placement.side.index = fields.number<std::uint32_t>();
   placement.X_BS = fields.pose("X_BS");
   placement.friction = fields.f32("friction", kFrictionRange);

@@ -6,13 +6,13 @@
 namespace hlm::protocol {
 namespace {
 
-bool bit_of(const std::array<std::uint64_t, kSceneWindow / 64>& bits, std::size_t index) noexcept {
+bool has_bit(const std::array<std::uint64_t, kSceneWindow / 64>& bits, std::size_t index) noexcept {
   return ((bits[index / 64] >> (index % 64)) & 1u) != 0;
 }
 
 bool says_came(const SceneState& state, std::uint64_t number) noexcept {
   if (number < state.next) return true;
-  return number - state.next < kSceneWindow && bit_of(state.bitmap, number - state.next);
+  return number - state.next < kSceneWindow && has_bit(state.bitmap, number - state.next);
 }
 
 }  // namespace
@@ -24,7 +24,7 @@ void SceneReceiver::restart() noexcept {
 }
 
 bool SceneReceiver::holds(std::uint64_t number) const noexcept {
-  return bit_of(held_, slot(number));
+  return has_bit(held_, slot(number));
 }
 
 std::optional<DropReason> SceneReceiver::take(const SceneChunk& chunk) noexcept {

@@ -153,7 +153,7 @@ TEST_CASE("A wrong record ends the stream, and its fault names the thing, its va
         "record: length 16777217 must be at most 16777216 bytes");
   check(fault_of(with(good, 5, std::uint8_t{7})), SceneError::kHash,
         "its hash must be that of its bytes, " + test::hexadecimal(hash_of(sphere())));
-  check(fault_of(rehashed(with(good, 13, std::uint8_t{8}))), kMalformed, ": kind 8 must be 0 to 7");
+  check(fault_of(rehashed(with(good, 13, std::uint8_t{8}))), kMalformed, ": form 8 must be 0 to 7");
   check(fault_of(sphere(0)), kMalformed, ": size 0 m must be above 0 to 10000 m");
   check(fault_of(sphere(-1)), kMalformed, ": size -1 m must be above 0 to 10000 m");
   check(fault_of(sphere(10001)), kMalformed, ": size 10001 m must be above 0 to 10000 m");
@@ -191,7 +191,8 @@ TEST_CASE("A fault of a placement says which one") {
     return fault.text;
   };
   using P = ScenePlacement;
-  CHECK(refused([](P& p) { p.side.kind = SideKind{3}; }) == "placement 7: side 3 must be 0 to 2");
+  CHECK(refused([](P& p) { p.side.kind = SideKind{3}; }) ==
+        "placement 7: side_kind 3 must be 0 to 2");
   CHECK(refused([](P& p) { p.X_BS.p.x() = 1e5; }) ==
         "placement 7: X_BS 100000 m must be -10000 to 10000 m");
   CHECK(refused([](P& p) { p.X_BS.R.w() = 0.5; }) ==
