@@ -5,7 +5,7 @@
 
 #include "hlm/geometry/manifold.h"
 
-namespace hlm::ve {
+namespace hlm::geometry {
 namespace {
 
 constexpr double kEpsilon = 0.005;  // m.
@@ -74,4 +74,4 @@ BENCHMARK(CapsuleOnBox)->Arg(2000)->Arg(-1000)->Unit(benchmark::kMicrosecond);
 BENCHMARK(SphereOnBox)->Arg(2000)->Arg(-1000)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
-}  // namespace hlm::ve
+}  // namespace hlm::geometry
