@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "hlm/geometry/merge.h"
 #include "hlm/geometry/mesh_normals.h"
 #include "hlm/geometry/mesh_pieces.h"
 
@@ -13,6 +12,9 @@ namespace {
 
 /// Overlap at an internal edge from which on a narrow tool may be past the adjoining sides, m.
 constexpr double kDeepInSeam = 0.0015;
+
+/// libccd's last word on pairs that overlap by metres is not worth an allocation.
+constexpr bool kMayAllocate = false;
 
 /// Cosine to a triangle's normal from which on a tool is pressed onto it and not onto a rim.
 constexpr double kOnFace = 0.7;
@@ -83,7 +85,7 @@ AxesManifold with_plane(const AxesManifold& found, const Piece& piece, const Con
 }  // namespace
 
 ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, MayTouch may_touch,
-                             const std::optional<Vector3>& planar_normal_W)
+                             const std::optional<Vector3>& planar_normal_W, const FinderRoom& room)
     : pieces_(pieces),
       bodies_(std::move(bodies)),
       may_touch_(std::move(may_touch)),
@@ -93,6 +95,15 @@ ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, May
     const Eigen::AlignedBox3d box = assembly.tree.bounds();
     balls_.push_back({assembly.body, box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).norm()});
   }
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) count += pieces.of(static_cast<int>(i)).size();
+  room_.pairs = std::min(room.pairs, count * count);
+  room_.contacts = std::min(room.contacts, room_.pairs * AxesManifold::static_capacity);
+  near_.reserve(room_.pairs);
+  contacts_.reserve(room_.contacts);
+  merge_space_.reserve(room_.contacts);
+  for (Sides* sides : {&sides_, &sides_before_}) sides->reserve(room_.pairs);
+  for (Pressed* pressed : {&pressed_, &pressed_before_}) pressed->reserve(room_.pairs);
 }
 
 Pose ContactFinder::X_WG(const Piece& piece) const {
@@ -125,16 +136,24 @@ void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon
       const Piece& other = *assembly.pieces[place];
       const bool is_near = other.id.body != own.id.body && meets(other.bounds_F) &&
                            !is_far_before(other, *own.convex, X_FG, epsilon);
-      if (is_near && may_touch_(own.id, other.id)) near_.push_back(&other);
+      if (!is_near || !may_touch_(own.id, other.id)) return;
+      if (pairs_ + near_.size() < room_.pairs) {
+        near_.push_back(&other);
+      } else {
+        ++cut_.pairs;
+      }
     });
   }
+  pairs_ += near_.size();
   std::ranges::sort(near_, {}, &Piece::id);
 }
 
 std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
-                                                  const Search& search) {
+                                                  const Search& search) noexcept {
   contacts_.clear();
   lost_ = false;
+  cut_ = {};
+  pairs_ = 0;
   if (search.of_tool) {
     if (search.remembers) {
       sides_before_.swap(sides_);
@@ -142,8 +161,8 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
       pressed_before_.swap(pressed_);
       pressed_.clear();
     } else {
-      sides_before_ = sides_;
-      pressed_before_ = pressed_;
+      sides_before_.copy(sides_);
+      pressed_before_.copy(pressed_);
     }
   }
   for (const int body : bodies) {
@@ -153,8 +172,8 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
       for (const Piece* other : near_) add_pair(own, X_WG, *other, search);
     }
   }
-  if (std::exchange(shared_, false)) merge_same(contacts_, pieces_);
-  if (search.all_axes) keep_whole_pairs(contacts_);
+  if (std::exchange(shared_, false)) merge_same(contacts_, pieces_, merge_space_);
+  if (search.all_axes) keep_whole_pairs(contacts_, merge_space_);
   return contacts_;
 }
 
@@ -174,8 +193,7 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   if (looks_ahead && search.travel_W) pair.travel_W = search.travel_W(body.link, X_WG.p);
   std::optional<Vector3> before;
   if (pair.keeps_side) {
-    const auto known = sides_before_.find({own.id, other.id});
-    if (known != sides_before_.end()) before = known->second;
+    if (const Vector3* known = sides_before_.find({own.id, other.id})) before = *known;
   }
   const std::size_t first = contacts_.size();
   const double overlap = add_contacts(pair, search, before);
@@ -220,8 +238,8 @@ bool ContactFinder::is_before_sheet(const Pair& pair, const Search& search) cons
   const Piece& piece = pair.other;
   std::optional<bool> was;
   if (search.of_tool) {
-    const auto known = pressed_before_.find({pair.own.id, piece.mesh->sheet, piece.triangle});
-    if (known != pressed_before_.end()) was = known->second == piece.mesh;
+    const auto* known = pressed_before_.find({pair.own.id, piece.mesh->sheet, piece.triangle});
+    if (known != nullptr) was = *known == piece.mesh;
   }
   return is_before(piece, *pair.own.convex, piece.X_FG * (pair.X_WO.inverse() * pair.X_WG), was);
 }
@@ -233,10 +251,10 @@ AxesManifold ContactFinder::manifold_of(const Pair& pair, const Search& search,
   // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
   if (search.all_axes && !pair.other.mesh) {
     return find_axes(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_, near_O,
-                     pair.travel_W);
+                     pair.travel_W, kMayAllocate);
   }
-  const Manifold best =
-      find_contacts(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_, near_O);
+  const Manifold best = find_contacts(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_,
+                                      near_O, kMayAllocate);
   const AxesManifold manifold(best.begin(), best.end());
   if (!pair.other.mesh) return manifold;
   return with_plane(manifold, pair.other, own, pair.X_WG, pair.X_WO, search.epsilon);
@@ -255,12 +273,12 @@ double ContactFinder::add_contacts(const Pair& pair, const Search& search,
   if (other.mesh && near_O && overlap > kSkinDepth) return overlap;
   if (beside && passes_beside(manifold, *planar_normal_W_)) return 0;
   if (keeps_side && search.remembers) {
-    sides_[{own.id, other.id}] = X_WO.R.conjugate() * manifold.front().n_W;
+    sides_.put({own.id, other.id}, X_WO.R.conjugate() * manifold.front().n_W);
   }
   if (other.mesh && other.mesh->is_sheet() && overlap > 0 && search.of_tool && search.remembers) {
     const Vector3 n_O = X_WO.R.conjugate() * manifold.front().n_W;
     const bool on_face = n_O.dot(other.mesh->area(other.triangle).normalized()) > kOnFace;
-    if (on_face) pressed_[{own.id, other.mesh->sheet, other.triangle}] = other.mesh;
+    if (on_face) pressed_.put({own.id, other.mesh->sheet, other.triangle}, other.mesh);
   }
   add_on_surface(pair, manifold);
   return overlap;
@@ -268,6 +286,10 @@ double ContactFinder::add_contacts(const Pair& pair, const Search& search,
 
 /// Adds those contacts of a pair that are on its surfaces.
 void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifold) {
+  if (contacts_.size() + manifold.size() > room_.contacts) {
+    cut_.contacts += manifold.size();
+    return;
+  }
   const Piece& own = pair.own;
   const Piece& other = pair.other;
   const auto side_of = [&](const Piece& piece, SideKind kind) {

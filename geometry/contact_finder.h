@@ -2,20 +2,38 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <optional>
 #include <span>
 #include <tuple>
 #include <utility>
 #include <vector>
 
+#include "hlm/geometry/flat_map.h"
 #include "hlm/geometry/manifold.h"
+#include "hlm/geometry/merge.h"
 #include "hlm/geometry/pieces.h"
 #include "hlm/geometry/seams.h"
 
 namespace hlm::geometry {
 
+/// What a search has room for, made once: a finder of a few pieces takes less. Larger: memory, 0.8
+/// kB for each contact and 0.2 for each pair. Smaller: FinderCut is not 0 where it matters.
+struct FinderRoom {
+  std::size_t pairs = 16384;     ///< Pieces that are near a piece of the bodies searched for.
+  std::size_t contacts = 16384;  ///< Contacts before those of several pairs are merged.
+};
+
+/// What a search left out for want of room. A pair has all its contacts or none.
+struct FinderCut {
+  std::size_t pairs = 0;
+  std::size_t contacts = 0;
+  bool operator==(const FinderCut&) const = default;
+};
+
 /// Shapes once, poses whenever they change. A body is a link of a tool or one of the world's.
+///
+/// After its construction nothing allocates, takes a lock or throws, if `may_touch` and `travel_W`
+/// do neither.
 class ContactFinder {
  public:
   struct Body {
@@ -39,20 +57,22 @@ class ContactFinder {
   /// `bodies`: by their numbers in `pieces`, which outlives this. All are at the world's origin.
   /// `planar_normal_W`: of the plane in which a planar tool's first link moves.
   ContactFinder(const Pieces& pieces, std::vector<Body> bodies, MayTouch may_touch,
-                const std::optional<Vector3>& planar_normal_W = {});
+                const std::optional<Vector3>& planar_normal_W = {}, const FinderRoom& room = {});
 
   /// Sets the pose of a body that is not fixed.
-  void place(int body, const Pose& X_WB) { X_WB_[static_cast<std::size_t>(body)] = X_WB; }
+  void place(int body, const Pose& X_WB) noexcept { X_WB_[static_cast<std::size_t>(body)] = X_WB; }
   Pose X_WG(const Piece& piece) const;
 
   /// All contacts of some bodies with σ <= ε, in an order that depends on the input alone, without
   /// velocities and loads. `a` is the side of these bodies, to which normals point; `b` is a link,
   /// or counts as the world. Valid until the next call.
-  std::span<const FoundContact> find(std::span<const int> bodies, const Search& search);
+  std::span<const FoundContact> find(std::span<const int> bodies, const Search& search) noexcept;
   /// Whether a pair overlapped at the latest search by more than what is pressed in at an internal
   /// edge, and has no contact: a narrow tool is deep in two pieces, past the sides on which they
   /// adjoin.
   bool lost() const noexcept { return lost_; }
+  /// What the latest search left out.
+  const FinderCut& cut() const noexcept { return cut_; }
 
   const ProximityStatistics& statistics() const noexcept { return statistics_; }
 
@@ -88,9 +108,9 @@ class ContactFinder {
                            const std::optional<Vector3>& near_O);
 
   /// Normals between pieces of the tool and of movable bodies, in the frame of the latter.
-  using Sides = std::map<std::pair<CollisionId, CollisionId>, Vector3>;
+  using Sides = FlatMap<std::pair<CollisionId, CollisionId>, Vector3>;
   /// Front or back of the sheets onto which the tool is pressed, by its piece, sheet and triangle.
-  using Pressed = std::map<std::tuple<CollisionId, const Mesh*, std::size_t>, const Mesh*>;
+  using Pressed = FlatMap<std::tuple<CollisionId, const Mesh*, std::size_t>, const Mesh*>;
 
   const Pieces& pieces_;
   std::vector<Body> bodies_;
@@ -98,8 +118,12 @@ class ContactFinder {
   std::optional<Vector3> planar_normal_W_;
   std::vector<Pose> X_WB_;
   std::vector<Ball> balls_;  ///< In the order of the assemblies.
+  FinderRoom room_;
+  FinderCut cut_;
+  std::size_t pairs_ = 0;  ///< Pairs of this search so far.
   std::vector<const Piece*> near_;
   std::vector<FoundContact> contacts_;
+  MergeSpace merge_space_;
   bool shared_ = false;  ///< Whether pieces may have found the same contact.
   bool lost_ = false;
   Sides sides_before_;  ///< Sides at the search of the tool before.

@@ -357,8 +357,9 @@ ManifoldPoint manifold_point(const CorePair& pair, const Pose& X_WB, const Featu
 
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B) {
-  const CorePair pair(tool, X_WT, body, X_WB);
+                       const std::optional<Vector3>& before_B, bool may_allocate) {
+  CorePair pair(tool, X_WT, body, X_WB);
+  pair.may_allocate = may_allocate;
   const auto separation = near_separation(pair, epsilon, statistics, before_B);
   Manifold manifold;
   if (!separation) return manifold;
@@ -371,8 +372,10 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B, const Vector3& travel_W) {
-  const CorePair pair(tool, X_WT, body, X_WB);
+                       const std::optional<Vector3>& before_B, const Vector3& travel_W,
+                       bool may_allocate) {
+  CorePair pair(tool, X_WT, body, X_WB);
+  pair.may_allocate = may_allocate;
   const auto separation = near_separation(pair, epsilon, statistics, before_B);
   AxesManifold manifold;
   if (!separation) return manifold;

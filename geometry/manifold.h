@@ -41,10 +41,10 @@ struct ProximityStatistics {
 /// the shapes are farther apart. Separations are exact to 1e-6 m from -20 mm to epsilon.
 /// `before_B`: the normal (body's frame) that the pair had a little earlier, if one shall be kept
 /// to where they overlap (find_penetration_near); then the normal is near it, and separations are
-/// along it.
+/// along it. `may_allocate`: CorePair::may_allocate; without it nothing here does.
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B = {});
+                       const std::optional<Vector3>& before_B = {}, bool may_allocate = true);
 
 /// Contacts on all axes that can become the best while the tool moves by no more than epsilon: two
 /// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is
@@ -59,6 +59,6 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
                        const std::optional<Vector3>& before_B = {},
-                       const Vector3& travel_W = Vector3::Zero());
+                       const Vector3& travel_W = Vector3::Zero(), bool may_allocate = true);
 
 }  // namespace hlm::geometry

@@ -32,41 +32,39 @@ bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces
 
 }  // namespace
 
-void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces) {
-  std::vector<FoundContact> best;
-  std::vector<FoundContact> others;
-  const auto add = [&](const FoundContact& contact) {
+void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces, MergeSpace& space) {
+  std::vector<FoundContact>& kept = space.contacts;
+  kept.clear();
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0 || is_beside(contact)) continue;
     const auto known = std::ranges::find_if(
-        best, [&](const FoundContact& other) { return are_same(other, contact, pieces); });
-    if (known == best.end()) {
-      best.push_back(contact);
+        kept, [&](const FoundContact& other) { return are_same(other, contact, pieces); });
+    if (known == kept.end()) {
+      kept.push_back(contact);
     } else if (contact.separation < known->separation - kRounding) {
       *known = contact;
     }
-  };
-  for (const FoundContact& contact : contacts) {
-    if (contact.axis > 0) {
-      others.push_back(contact);
-    } else if (!is_beside(contact)) {
-      add(contact);
-    }
   }
-  const std::size_t over = best.size();
+  const std::size_t over = kept.size();
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0 || !is_beside(contact)) continue;
-    const auto end = best.begin() + static_cast<std::ptrdiff_t>(over);
-    if (std::none_of(best.begin(), end,
+    const auto end = kept.begin() + static_cast<std::ptrdiff_t>(over);
+    if (std::none_of(kept.begin(), end,
                      [&](const FoundContact& other) { return are_same(other, contact, pieces); })) {
-      best.push_back(contact);
+      kept.push_back(contact);
     }
   }
-  contacts = std::move(best);
-  contacts.insert(contacts.end(), others.begin(), others.end());
+  for (const FoundContact& contact : contacts) {
+    if (contact.axis > 0) kept.push_back(contact);
+  }
+  contacts.swap(kept);
 }
 
-void keep_whole_pairs(std::vector<FoundContact>& contacts) {
-  std::vector<std::uint32_t> pairs;
-  std::vector<ContactKey> keys;
+void keep_whole_pairs(std::vector<FoundContact>& contacts, MergeSpace& space) {
+  std::vector<std::uint32_t>& pairs = space.pairs;
+  std::vector<ContactKey>& keys = space.keys;
+  pairs.clear();
+  keys.clear();
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0) continue;
     pairs.push_back(contact.pair);

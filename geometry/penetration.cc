@@ -107,8 +107,8 @@ std::optional<Witness> polish(const CorePair& pair, BestNormal& best) {
 }
 
 /// Gap of cores that have too many axes to try. The normal of curved ones is made more exact by
-/// nearest points. Where rounding stops the polytope, libccd has the last word; where it takes too
-/// long, deeper than is promised, libccd, which takes ten times as long, is not asked.
+/// nearest points. Where rounding stops the polytope, libccd has the last word, if it may; where it
+/// takes too long, deeper than is promised, libccd, which takes ten times as long, is not asked.
 CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double touching_upper,
                                  bool curved) {
   double upper = touching_upper;
@@ -127,7 +127,7 @@ CoreSeparation grown_penetration(const CorePair& pair, BestNormal& best, double 
     return is_done_with(expanding_polytope(pair, (between + beside).normalized(), tolerance,
                                            touching_upper, too_long));
   });
-  if (!done && !too_long) is_done_with(ccd_penetration(pair));
+  if (!done && !too_long && pair.may_allocate) is_done_with(ccd_penetration(pair));
   CoreSeparation result = best.best();
   result.upper = upper;
   result.nearest = polished;

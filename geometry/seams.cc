@@ -101,7 +101,8 @@ class Resolver {
   Pose X_WF_;
   Pose X_FO_;  ///< Pose of the other shape.
   bool shared_ = false;
-  std::vector<Vector3> best_at_;  ///< Where the contacts on the best axis are.
+  /// Where the contacts on the best axis are.
+  StaticVector<Vector3, AxesManifold::static_capacity> best_at_;
 };
 
 Meeting Resolver::seen(const FoundContact& contact) const {
@@ -363,8 +364,9 @@ bool Resolver::goes_on_along(std::span<const Meeting> axis) const {
 
 bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
   static const double cosine = std::cos(kOneAxis);
-  std::vector<Meeting> meetings;
-  for (std::size_t i = first; i < contacts.size(); ++i) meetings.push_back(seen(contacts[i]));
+  StaticVector<Meeting, AxesManifold::static_capacity> seen_here;
+  for (std::size_t i = first; i < contacts.size(); ++i) seen_here.push_back(seen(contacts[i]));
+  const std::span<Meeting> meetings(seen_here.data(), seen_here.size());
   contacts.resize(first);
   shared_ = own_.mesh != nullptr;
   const double least = gap_of(axis_from(meetings, 0)) - kStandsIn;

@@ -25,7 +25,7 @@ struct PairSide {
 /// that are fixed to either shape; where the best axis is no surface's, the next one may take its
 /// place. Their normals are some of that surface, and those of a corner over a surface of several
 /// pieces have the same key on each of them. Returns whether other pairs may have the same
-/// contacts: then merge_same() is needed.
+/// contacts: then merge_same() is needed. Allocates nothing.
 bool resolve_seams(const Pieces& pieces, const PairSide& a, const PairSide& b,
                    std::vector<FoundContact>& contacts, std::size_t first);
 

@@ -17,7 +17,7 @@
 #include "hlm/geometry/mesh_pieces.h"
 #include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
-#include "tests/support/random.h"
+#include "tests/support/near_touch.h"
 
 namespace hlm::test {
 unsigned random_seed() { return 1; }
@@ -27,7 +27,7 @@ namespace hlm::ve {
 namespace {
 
 using namespace geometry;
-using test::Random;
+using namespace test;
 
 constexpr double kEpsilon = 0.002;  // m
 constexpr double kTick = 0.0003;    // m: how far the tool moves in a tick of 1 ms, at 0.3 m/s.
@@ -51,34 +51,6 @@ Pose X_WG(const Ground& ground, const Piece& piece) {
   return ground.X_WB[static_cast<std::size_t>(piece.id.body)] * piece.X_FG;
 }
 
-/// A random point on a shape, and a direction out of it there.
-std::pair<Vector3, Vector3> on_surface(const Piece& piece, Random& random) {
-  const Convex& convex = *piece.convex;
-  if (convex.is_half_space()) {
-    return {Vector3(random.uniform(-kNear, kNear), random.uniform(-kNear, kNear), 0),
-            Vector3::UnitZ()};
-  }
-  Vector3 n = random.direction();
-  if (!convex.has_faces()) {
-    const Vector3 p = convex.support(n);
-    return {p + convex.margin() * n, n};
-  }
-  const int faces = static_cast<int>(convex.face_normals().size());
-  const std::size_t face =
-      piece.mesh ? piece.front : static_cast<std::size_t>(random.integer(0, faces - 1));
-  Vector3 p = Vector3::Zero();
-  double sum = 0;
-  for (const Vector3& vertex : convex.vertices()) {
-    const double weight = std::pow(random.uniform(0, 1), 3);
-    p += weight * vertex;
-    sum += weight;
-  }
-  p /= sum;
-  n = convex.face_normals()[face];
-  p -= convex.height_over_face(face, p) * n;
-  return {p, (n + random.vector(0.2)).normalized()};
-}
-
 /// How the tool is moved from where it was at first to be near touch.
 Pose random_motion(const Ground& ground, Random& random) {
   const int own_body = ground.tool[static_cast<std::size_t>(
@@ -94,21 +66,18 @@ Pose random_motion(const Ground& ground, Random& random) {
   const Piece& target = any(other);
   const Piece& piece = any(own);
   const Pose X_WO = X_WG(ground, target);
-  const auto [p_O, d_O] = on_surface(target, random);
-  Vector3 d_W = X_WO.R * d_O;
+  const SurfacePoint at_O = point_on(target, random);
+  SurfacePoint at_W{X_WO * at_O.p, X_WO.R * at_O.n};
   Pose motion{Vector3::Zero(), rotation_from_vector(random.vector(0.5))};
   if (random.integer(0, 3) == 0) motion.R = random.rotation();
   if (ground.planar) {
-    d_W.z() = 0;
+    at_W.n.z() = 0;
     motion.R = rotation_from_vector(Vector3(0, 0, random.uniform(-3, 3)));
-    d_W.normalize();
+    at_W.n.normalize();
   }
-  const Vector3 p_W = X_WO * p_O;
-  if ((p_W - X_WG(ground, piece).p).norm() > kNear) return random_motion(ground, random);
-  const Pose X = motion * X_WG(ground, piece);
-  const Vector3 d_G = X.R.conjugate() * d_W;
-  const Vector3 lowest = X * Vector3(piece.convex->support(-d_G) - piece.convex->margin() * d_G);
-  motion.p = p_W + random.uniform(-1, 1) * 0.001 * d_W - lowest;
+  if ((at_W.p - X_WG(ground, piece).p).norm() > kNear) return random_motion(ground, random);
+  motion.p =
+      way_to(at_W, 0.001 * random.uniform(-1, 1), *piece.convex, motion * X_WG(ground, piece));
   if (ground.planar) motion.p.z() = 0;
   return motion;
 }
@@ -243,42 +212,6 @@ struct Parts {
                        .triangle = triangle});
   }
 };
-
-/// A block with hills of 20 mm, `cells` by `cells` cells of 21 mm, closed by sides and a bottom.
-Mesh terrain(int cells) {
-  constexpr double kCell = 0.021;  // m
-  Mesh mesh;
-  const int row = cells + 1;
-  for (const bool top : {true, false}) {
-    for (int i = 0; i < row * row; ++i) {
-      const double x = kCell * (i % row - cells / 2);
-      const double y = kCell * (i / row - cells / 2);
-      const double height = 0.02 * std::sin(17 * x) * std::cos(13 * y) + 0.004 * std::sin(90 * x);
-      mesh.points.emplace_back(x, y, top ? height : -0.1);
-    }
-  }
-  const auto quad = [&](int a, int b, int c, int d) {
-    mesh.triangles.push_back({a, b, c});
-    mesh.triangles.push_back({a, c, d});
-  };
-  const int below = row * row;
-  for (int y = 0; y < cells; ++y) {
-    for (int x = 0; x < cells; ++x) {
-      const int a = y * row + x;
-      quad(a, a + 1, a + row + 1, a + row);
-      quad(below + a, below + a + row, below + a + row + 1, below + a + 1);
-    }
-  }
-  const auto side = [&](int a, int b) { quad(a, below + a, below + b, b); };
-  for (int i = 0; i < cells; ++i) {
-    side(i + 1, i);
-    side(cells * row + i, cells * row + i + 1);
-    side(i * row, (i + 1) * row);
-    side((i + 1) * row + cells, i * row + cells);
-  }
-  std::vector<std::string> repairs;
-  return repaired(mesh, "terrain", repairs);
-}
 
 /// The tool is body 0, all others are touched.
 void run_among(benchmark::State& state, const Parts& parts, std::vector<Pose> X_WB, bool movable) {
