@@ -12,9 +12,8 @@ struct CorePair {
   const Convex& body;
   Matrix3 R_BT = Matrix3::Identity();
   Vector3 p_BT = Vector3::Zero();  ///< m.
-  /// Whether libccd, which allocates, has the last word where our own polytope stops: of 500,000
-  /// overlapping pairs for three, extremely long ones in each other by 0.3 m and more. Without it
-  /// these are refused.
+  /// Whether libccd, which allocates, has the last word where our own polytope stops: at
+  /// extremely long shapes in each other by 0.3 m and more. Without it these are refused.
   bool may_allocate = true;
 
   CorePair(const Convex& tool_shape, const Pose& X_WT, const Convex& body_shape, const Pose& X_WB)

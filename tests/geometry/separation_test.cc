@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "hlm/geometry/tolerances.h"
 #include "tests/geometry/signed_distance.h"
 #include "tests/support/catch.h"
 
@@ -352,6 +353,28 @@ TEST_CASE("Extremely thin and extremely long shapes give true contacts or counte
     }
   }
   CHECK(contacts > 100);
+}
+
+TEST_CASE("A cylinder that is nearly parallel to a box is not refused, though nothing may allocate",
+          "[optimised]") {
+  Random random;
+  ProximityStatistics statistics;
+  for (int i = 0; i < 40000; ++i) {
+    const Convex cylinder(random_shape(2, random));
+    const Convex box(random_shape(3, random));
+    const Pose X_WB = random.pose(0.5);
+    Pose X_WT{X_WB.p + random.vector(0.05), X_WB.R * random_turn(Turn::kNearlyParallel, random)};
+    const auto find = [&] {
+      return find_contacts(cylinder, X_WT, box, X_WB, 0.002, statistics, {}, false);
+    };
+    const Manifold deep = find();
+    const double separation = smallest_separation(deep);
+    if (separation > 0) continue;
+    statistics.failures = 0;  // That may be deeper than is promised.
+    X_WT.p -= (separation + random.uniform(0, narrow::kDeepest)) * deep[0].n_W;
+    find();
+    CHECK(statistics.failures == 0);
+  }
 }
 
 }  // namespace hlm::geometry::test
