@@ -105,17 +105,31 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
   }
 }
 
+/// Calls `use(side)` for the sides of a piece that a point is on, open or not.
+template <class Use>
+void for_each_side_at(const Piece& piece, const Vector3& p_F, const Use& use) {
+  if (piece.mesh != nullptr && piece.rims == 0) {  // Its triangle alone counts: mostly it is not.
+    const auto& [n_F, offset] = piece.planes[piece.front];
+    const PieceSide front{n_F, n_F.dot(p_F) - offset, piece.front};
+    const bool is_there = front.height >= -kSeamStep && front.height <= kSeamGap;
+    if (is_there && contains(piece, p_F, kSeamGap)) use(front);
+    return;
+  }
+  if (!contains(piece, p_F, kSeamGap)) return;
+  for (const PieceSide& side : sides_at(piece, p_F, kSeamGap)) {
+    if (side.height >= -kSeamStep && is_surface(piece, side)) use(side);
+  }
+}
+
 /// Adds the normals of a piece's sides at a point that are felt there.
 void add_open_normals(const Piece& piece, const Vector3& p_F, const PiecesAtPoint& pieces,
                       Normals& normals) {
-  if (!contains(piece, p_F, kSeamGap)) return;
-  for (const PieceSide& side : sides_at(piece, p_F, kSeamGap)) {
-    if (side.height < -kSeamStep || !is_surface(piece, side)) continue;
+  for_each_side_at(piece, p_F, [&](const PieceSide& side) {
     if (!has(normals, side.n_F) && normals.size() < normals.capacity() &&
         is_open(p_F - side.height * side.n_F, side.n_F, piece, pieces)) {
       normals.push_back({side.n_F, &piece});
     }
-  }
+  });
 }
 
 /// The part of n in the span of two normals, if it is a sum of positive multiples of them.
@@ -138,7 +152,8 @@ bool spanned(const Vector3& n, const Vector3& a, const Vector3& b, const Vector3
 
 /// The vector nearest to n in the cone of some normals; zero if n is more than 90° off. Between the
 /// sides of a hollow there is no normal.
-Vector3 nearest_in_cone(const Vector3& n, const Normals& normals, const Vector3& p_F) {
+template <class IsHollow>
+Vector3 nearest_in_cone(const Vector3& n, const Normals& normals, const IsHollow& is_hollow) {
   Vector3 nearest = Vector3::Zero();  // The projection: of all candidates the longest.
   const auto consider = [&](const Vector3& candidate) {
     if (candidate.squaredNorm() > nearest.squaredNorm()) nearest = candidate;
@@ -146,7 +161,7 @@ Vector3 nearest_in_cone(const Vector3& n, const Normals& normals, const Vector3&
   for (std::size_t i = 0; i < normals.size(); ++i) {
     consider(std::max(0.0, n.dot(normals[i].n)) * normals[i].n);
     for (std::size_t j = 0; j < i; ++j) {
-      if (is_hollow(normals[i], normals[j], p_F)) continue;
+      if (is_hollow(normals[i], normals[j])) continue;
       if (const auto candidate = between(n, normals[i].n, normals[j].n)) consider(*candidate);
       for (std::size_t k = 0; k < j; ++k) {
         if (spanned(n, normals[i].n, normals[j].n, normals[k].n)) return n;
@@ -154,6 +169,22 @@ Vector3 nearest_in_cone(const Vector3& n, const Normals& normals, const Vector3&
     }
   }
   return nearest;
+}
+
+/// Whether no normal of the sides at a point can be near n, whichever of them are open: quick, and
+/// mostly so where a piece of a skin ends below the surface.
+bool is_far_from_all(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces) {
+  constexpr double kSurely = 1e-3;  // Cosine: sides that count as one differ by less.
+  Normals sides;
+  for (const Piece* piece : pieces) {
+    for_each_side_at(*piece, p_F, [&](const PieceSide& side) {
+      const bool is_new = !has(sides, side.n_F) && sides.size() < sides.capacity();
+      if (is_new) sides.push_back({side.n_F, piece});
+    });
+  }
+  if (sides.size() == sides.capacity()) return false;
+  const auto none = [](const OpenNormal&, const OpenNormal&) { return false; };
+  return nearest_in_cone(n, sides, none).norm() < kNear - kSurely;
 }
 
 }  // namespace
@@ -172,9 +203,13 @@ Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint
   for (const Piece* piece : pieces) {
     add_open_normals(*piece, p_F, pieces, normals);
     if (has(normals, n)) return n;  // Mostly of the first piece.
+    if (piece == pieces.front() && is_far_from_all(n, p_F, pieces)) return Vector3::Zero();
   }
   if (normals.size() == normals.capacity()) return n;  // There may be more: a tip of many faces.
-  const Vector3 nearest = nearest_in_cone(n, normals, p_F);
+  const auto hollow = [&](const OpenNormal& a, const OpenNormal& b) {
+    return is_hollow(a, b, p_F);
+  };
+  const Vector3 nearest = nearest_in_cone(n, normals, hollow);
   return nearest.norm() < kNear ? Vector3::Zero() : nearest.normalized();
 }
 
