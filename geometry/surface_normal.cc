@@ -47,13 +47,18 @@ bool is_hollow(const OpenNormal& a, const OpenNormal& b, const Vector3& p_F) {
   return contains(*a.piece, p_F + way, kSeamStep) && !contains(*a.piece, p_F - way, kSeamStep);
 }
 
-/// How far a point is within the sides of a piece, each moved out by a radius, m; at most 0
-/// outside.
-double depth_in(const Piece& piece, const Vector3& p_F, double radius) {
+/// How far a point is within the sides of a piece, each moved out by a radius, m; of one that is
+/// no deeper than `least`, something no larger than that.
+double depth_in(const Piece& piece, const Vector3& p_F, double radius, double least) {
   double depth = std::numeric_limits<double>::infinity();
+  if (piece.mesh != nullptr) {  // It is mostly over the triangle.
+    const auto& [n_F, offset] = piece.planes[piece.front];
+    depth = radius - (n_F.dot(p_F) - offset);
+    if (depth <= least) return depth;
+  }
   for_each_side(piece, p_F, [&](const PieceSide& side) {
     depth = std::min(depth, radius - side.height);
-    return depth > 0;
+    return depth > least;
   });
   return depth;
 }
@@ -83,6 +88,7 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
   Vector3 foot = p_F;
   for (int round = 0;; ++round) {
     for_each_side(own, foot, [&](const PieceSide& border) {
+      if (border.height <= 0) return true;
       const Vector3 out = across(border.n_F, n_F);
       const double beyond = border.height / out.norm() - kBeyondBorder;  // Along the side.
       if (out.squaredNorm() > kParallel && beyond > 0) foot -= beyond * out.normalized();
@@ -91,9 +97,10 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
     if ((foot - p_F).squaredNorm() > kFarthest * kFarthest) return false;
     const Piece* deepest = nullptr;
     double depth = kBallOverlap;
+    const Vector3 center = foot + kBallRadius * n_F;
     for (const Piece* piece : pieces) {
       if (piece == &own) continue;
-      const double in = depth_in(*piece, foot + kBallRadius * n_F, kBallRadius);
+      const double in = depth_in(*piece, center, kBallRadius, depth);
       if (in > depth) {
         deepest = piece;
         depth = in;
