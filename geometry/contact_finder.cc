@@ -103,6 +103,7 @@ ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, May
   contacts_.reserve(room_.contacts);
   merge_space_.reserve(room_.contacts);
   for (Sides* sides : {&sides_, &sides_before_}) sides->reserve(room_.pairs);
+  for (Apart* apart : {&apart_, &apart_before_}) apart->reserve(room_.pairs);
   for (Pressed* pressed : {&pressed_, &pressed_before_}) pressed->reserve(room_.pairs);
 }
 
@@ -160,6 +161,8 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
       sides_.clear();
       pressed_before_.swap(pressed_);
       pressed_.clear();
+      apart_before_.swap(apart_);
+      apart_.clear();
     } else {
       sides_before_.copy(sides_);
       pressed_before_.copy(pressed_);
@@ -180,6 +183,7 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
 void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& other,
                              const Search& search) {
   Pair pair{.own = own, .other = other, .X_WG = X_WG, .X_WO = this->X_WG(other)};
+  if (stays_apart(pair, search)) return;
   const Body& body = body_of(own);
   const bool of_tool = search.of_tool && body_of(other).link < 0;
   const bool of_sheet = other.mesh != nullptr && other.mesh->is_sheet();
@@ -198,6 +202,10 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   const std::size_t first = contacts_.size();
   const double overlap = add_contacts(pair, search, before);
   if (contacts_.size() > first) return;
+  const Vector3& apart_O = pair.known.apart_B;
+  if (search.of_tool && search.remembers && !apart_O.isZero(0)) {
+    apart_.put({&own, &other}, apart_O);
+  }
   if (other.mesh && overlap > 0) {
     add_deep_contacts(pair, search);
   } else {
@@ -205,9 +213,25 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   }
 }
 
+/// Whether a pair is still apart along the normal along which it was at the search before: 40 ns in
+/// place of 400, with the same answer.
+bool ContactFinder::stays_apart(const Pair& pair, const Search& search) {
+  if (!search.of_tool || !search.remembers) return false;
+  const Vector3* n_O = apart_before_.find({&pair.own, &pair.other});
+  if (n_O == nullptr) return false;
+  const CorePair cores(*pair.own.convex, pair.X_WG, *pair.other.convex, pair.X_WO);
+  const double gap = pair.own.convex->is_half_space() || pair.other.convex->is_half_space()
+                         ? 0
+                         : cores.gap(*n_O) - cores.tool.margin() - cores.body.margin();
+  // A search is exact to kAccuracy.
+  if (!(gap > search.epsilon + narrow::kAccuracy)) return false;
+  apart_.put({&pair.own, &pair.other}, *n_O);
+  return true;
+}
+
 /// Adds the contacts of a pair that is deep in a skin, where the nearest way out of the piece leads
 /// into another one: near the triangle's normal, or the lowest point along it.
-void ContactFinder::add_deep_contacts(const Pair& pair, const Search& search) {
+void ContactFinder::add_deep_contacts(Pair& pair, const Search& search) {
   const Piece& other = pair.other;
   const std::size_t first = contacts_.size();
   add_contacts(pair, search, other.mesh->area(other.triangle).normalized());
@@ -244,7 +268,7 @@ bool ContactFinder::is_before_sheet(const Pair& pair, const Search& search) cons
   return is_before(piece, *pair.own.convex, piece.X_FG * (pair.X_WO.inverse() * pair.X_WG), was);
 }
 
-AxesManifold ContactFinder::manifold_of(const Pair& pair, const Search& search,
+AxesManifold ContactFinder::manifold_of(Pair& pair, const Search& search,
                                         const std::optional<Vector3>& near_O) {
   const Convex& own = *pair.own.convex;
   const Convex& other = *pair.other.convex;
@@ -254,7 +278,7 @@ AxesManifold ContactFinder::manifold_of(const Pair& pair, const Search& search,
                      pair.travel_W, kMayAllocate);
   }
   const Manifold best = find_contacts(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_,
-                                      near_O, kMayAllocate);
+                                      near_O, kMayAllocate, &pair.known);
   const AxesManifold manifold(best.begin(), best.end());
   if (!pair.other.mesh) return manifold;
   return with_plane(manifold, pair.other, own, pair.X_WG, pair.X_WO, search.epsilon);
@@ -262,17 +286,19 @@ AxesManifold ContactFinder::manifold_of(const Pair& pair, const Search& search,
 
 /// Adds the contacts of a pair on its surfaces; with near_O near this normal (frame of the other
 /// shape). Returns how deep the two convex shapes overlap, m.
-double ContactFinder::add_contacts(const Pair& pair, const Search& search,
+double ContactFinder::add_contacts(Pair& pair, const Search& search,
                                    const std::optional<Vector3>& near_O) {
-  const auto& [own, other, X_WG, X_WO, travel_W, keeps_side, beside] = pair;
+  const Piece& own = pair.own;
+  const Piece& other = pair.other;
+  const Pose& X_WO = pair.X_WO;
   const AxesManifold manifold = manifold_of(pair, search, near_O);
   if (manifold.empty()) return 0;
   const double overlap =
       std::max(0.0, -std::ranges::min(manifold, {}, &ManifoldPoint::separation).separation);
   // Along its triangle's normal it is on another side of the mesh.
   if (other.mesh && near_O && overlap > kSkinDepth) return overlap;
-  if (beside && passes_beside(manifold, *planar_normal_W_)) return 0;
-  if (keeps_side && search.remembers) {
+  if (pair.may_pass_beside && passes_beside(manifold, *planar_normal_W_)) return 0;
+  if (pair.keeps_side && search.remembers) {
     sides_.put({own.id, other.id}, X_WO.R.conjugate() * manifold.front().n_W);
   }
   if (other.mesh && other.mesh->is_sheet() && overlap > 0 && search.of_tool && search.remembers) {

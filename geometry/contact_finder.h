@@ -86,6 +86,7 @@ class ContactFinder {
     Vector3 travel_W = Vector3::Zero();  ///< How far it is about to move, m; 0: not asked.
     bool keeps_side = false;             ///< The tool stays on its side of a movable body.
     bool may_pass_beside = false;        ///< A planar tool may be beside it for good.
+    KnownSeparation known = {};
   };
 
   /// About an assembly's origin, around all of it.
@@ -99,18 +100,21 @@ class ContactFinder {
   }
   void find_near(const Piece& own, const Pose& X_WG, double epsilon);
   void add_pair(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
+  bool stays_apart(const Pair& pair, const Search& search);
   bool is_inside(const Pair& pair, const FoundContact& contact) const;
   bool is_before_sheet(const Pair& pair, const Search& search) const;
-  void add_deep_contacts(const Pair& pair, const Search& search);
+  void add_deep_contacts(Pair& pair, const Search& search);
   void add_on_surface(const Pair& pair, const AxesManifold& manifold);
-  double add_contacts(const Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
-  AxesManifold manifold_of(const Pair& pair, const Search& search,
-                           const std::optional<Vector3>& near_O);
+  double add_contacts(Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
+  AxesManifold manifold_of(Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
 
   /// Normals between pieces of the tool and of movable bodies, in the frame of the latter.
   using Sides = FlatMap<std::pair<CollisionId, CollisionId>, Vector3>;
   /// Front or back of the sheets onto which the tool is pressed, by its piece, sheet and triangle.
   using Pressed = FlatMap<std::tuple<CollisionId, const Mesh*, std::size_t>, const Mesh*>;
+
+  /// Normals along which pairs are apart, in the frame of the other shape.
+  using Apart = FlatMap<std::pair<const Piece*, const Piece*>, Vector3>;
 
   const Pieces& pieces_;
   std::vector<Body> bodies_;
@@ -130,6 +134,8 @@ class ContactFinder {
   Sides sides_;         ///< Sides at the present or latest one.
   Pressed pressed_before_;
   Pressed pressed_;
+  Apart apart_before_;
+  Apart apart_;
   ProximityStatistics statistics_;
 };
 

@@ -325,11 +325,18 @@ FeaturePairs features_ahead(const CorePair& pair, const Look& look, const Vector
 /// The signed distance if it is within epsilon and confirmed.
 std::optional<CoreSeparation> near_separation(const CorePair& pair, double epsilon,
                                               ProximityStatistics& statistics,
-                                              const std::optional<Vector3>& before_B) {
+                                              const std::optional<Vector3>& before_B,
+                                              KnownSeparation* known = nullptr) {
   assert(!pair.tool.is_half_space());
   ++statistics.queries;
   const double margins = pair.tool.margin() + pair.body.margin();
-  auto separation = find_separation(pair, epsilon + margins);
+  KnownSeparation fresh;
+  if (known == nullptr) known = &fresh;
+  if (!known->is_known) {
+    known->separation = find_separation(pair, epsilon + margins, known->apart_B);
+    known->is_known = true;
+  }
+  auto separation = known->separation;
   if (!separation) return {};
   const bool overlaps = separation->gap - margins < 0;
   if (before_B && overlaps && !pair.body.is_half_space() &&
@@ -357,10 +364,11 @@ ManifoldPoint manifold_point(const CorePair& pair, const Pose& X_WB, const Featu
 
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B, bool may_allocate) {
+                       const std::optional<Vector3>& before_B, bool may_allocate,
+                       KnownSeparation* known) {
   CorePair pair(tool, X_WT, body, X_WB);
   pair.may_allocate = may_allocate;
-  const auto separation = near_separation(pair, epsilon, statistics, before_B);
+  const auto separation = near_separation(pair, epsilon, statistics, before_B, known);
   Manifold manifold;
   if (!separation) return manifold;
   const double largest_gap = epsilon + tool.margin() + body.margin();

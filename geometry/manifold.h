@@ -7,6 +7,7 @@
 
 #include "hlm/geometry/convex.h"
 #include "hlm/geometry/feature.h"
+#include "hlm/geometry/separation.h"
 
 namespace hlm::geometry {
 
@@ -37,6 +38,13 @@ struct ProximityStatistics {
       0;  ///< Support check along the normal failed: no contact was made of it.
 };
 
+/// What find_contacts() has found of a pair, for the same question with another `before_B`.
+struct KnownSeparation {
+  bool is_known = false;
+  std::optional<CoreSeparation> separation;  ///< None: farther apart than ε.
+  Vector3 apart_B = Vector3::Zero();         ///< Then a unit normal with such a gap.
+};
+
 /// Contacts of `tool` at X_WT against `body` at X_WB with separation <= epsilon (m, >= 0); empty if
 /// the shapes are farther apart. Separations are exact to 1e-6 m from -20 mm to epsilon.
 /// `before_B`: the normal (body's frame) that the pair had a little earlier, if one shall be kept
@@ -44,7 +52,8 @@ struct ProximityStatistics {
 /// along it. `may_allocate`: CorePair::may_allocate; without it nothing here does.
 Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B = {}, bool may_allocate = true);
+                       const std::optional<Vector3>& before_B = {}, bool may_allocate = true,
+                       KnownSeparation* known = nullptr);
 
 /// Contacts on all axes that can become the best while the tool moves by no more than epsilon: two
 /// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is

@@ -8,6 +8,7 @@
 
 #include "hlm/geometry/gjk.h"
 #include "hlm/geometry/mesh_normals.h"
+#include "hlm/geometry/surface_normal.h"
 
 namespace hlm::geometry {
 namespace {
@@ -249,6 +250,7 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
     join_faces(assembly);
     join_corners(assembly);
     number_borders(assembly);
+    for (Piece* piece : assembly.pieces) bound_normals(*piece);
   }
 }
 

@@ -54,6 +54,10 @@ struct Piece {
   std::vector<Piece*> adjoining;  ///< Adjoining pieces by the smallest x of their bounds.
   double widest = 0;              ///< Widest of their bounds along x, m.
   bool is_by_skin = false;        ///< It is of a skin, or adjoins a piece of one.
+  /// What all normals of the surface at a piece of a skin are near, and the least that a unit
+  /// vector has along it for the surface to have a normal within 45° of it; -2: nothing is known.
+  Vector3 middle_normal_F = Vector3::UnitZ();
+  double least_along = -2;
 };
 
 /// The smaller coefficient of friction of two; negative if neither says.

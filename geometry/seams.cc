@@ -84,6 +84,7 @@ class Resolver {
   bool goes_on_along(std::span<const Meeting> axis) const;
   bool is_beside(const Meeting& meeting) const;
   bool is_behind_skin(const Meeting& meeting) const;
+  bool is_off_skin(const FoundContact& contact) const;
   bool is_felt_here(const Meeting& meeting, const PiecesAtPoint& pieces) const;
   bool settle(Meeting& meeting);
   std::optional<std::size_t> face_at(const Meeting& meeting) const;
@@ -313,11 +314,12 @@ bool Resolver::settle(Meeting& meeting) {
   const PiecesAtPoint pieces = pieces_at(own_, meeting.at);
   const auto face = face_at(meeting);
   if (!face) return is_felt_here(meeting, pieces);
-  const Border border = border_at(meeting, own_.planes[*face].n_F, pieces);
-  if (border.goes_on && own_.mesh != nullptr &&
-      !is_flat(own_.planes[*face].n_F, meeting.at, pieces)) {
-    return true;
-  }
+  const Vector3& n_face = own_.planes[*face].n_F;
+  const bool is_bent = own_.mesh != nullptr && !is_flat(n_face, meeting.at, pieces);
+  // Nothing is named after its border, whatever that is.
+  if (is_bent && (feature.kind != FeatureKind::kEdge || own_.surfaces.empty())) return true;
+  const Border border = border_at(meeting, n_face, pieces);
+  if (border.goes_on && is_bent) return true;
   if (border.goes_on) {
     shared_ = true;
     if (put_on_corner(meeting)) {
@@ -362,8 +364,19 @@ bool Resolver::goes_on_along(std::span<const Meeting> axis) const {
       best_at_, [&](const Vector3& at) { return !is_on_surface(n, at + (end - n.dot(at)) * n); });
 }
 
+/// Whether a piece of a skin and those around it have no normal near that of its contacts, which is
+/// one, as no other axes are looked for there.
+bool Resolver::is_off_skin(const FoundContact& contact) const {
+  const Vector3 n = X_WF_.R.conjugate() * (own_is_b_ ? contact.n_W : Vector3(-contact.n_W));
+  return own_.middle_normal_F.dot(n) < own_.least_along;
+}
+
 bool Resolver::resolve(std::vector<FoundContact>& contacts, std::size_t first) {
   static const double cosine = std::cos(kOneAxis);
+  if (is_off_skin(contacts[first])) {
+    contacts.resize(first);
+    return true;
+  }
   StaticVector<Meeting, AxesManifold::static_capacity> seen_here;
   for (std::size_t i = first; i < contacts.size(); ++i) seen_here.push_back(seen(contacts[i]));
   const std::span<Meeting> meetings(seen_here.data(), seen_here.size());

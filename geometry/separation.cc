@@ -73,15 +73,18 @@ CoreSeparation with_exact_normal(const CorePair& pair, CoreSeparation separation
 
 }  // namespace
 
-std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond) {
+std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond,
+                                              Vector3& apart_B) {
   if (pair.body.is_half_space()) {
     const CoreSeparation separation = separation_from_half_space(pair);
+    apart_B = separation.n_B;
     if (separation.gap > beyond) return {};
     return separation;
   }
   const ClosestPoints nearest = closest_points(pair, beyond);
   switch (nearest.relation) {
     case ClosestPoints::Relation::kBeyond:
+      apart_B = nearest.n_B;
       return {};
     case ClosestPoints::Relation::kTouching:
       return with_exact_normal(pair, find_penetration(pair, nearest));

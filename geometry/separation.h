@@ -29,8 +29,14 @@ struct CoreSeparation {
   }
 };
 
-/// None if the cores are farther apart than `beyond` (m, >= 0). The caller checks is_confirmed().
-std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond);
+/// None if the cores are farther apart than `beyond` (m, >= 0): then `apart_B` is a unit normal
+/// with such a gap. The caller checks is_confirmed().
+std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond,
+                                              Vector3& apart_B);
+inline std::optional<CoreSeparation> find_separation(const CorePair& pair, double beyond) {
+  Vector3 apart_B;
+  return find_separation(pair, beyond, apart_B);
+}
 
 Witness find_witness(const CorePair& pair, const CoreSeparation& separation);
 

@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "hlm/geometry/manifold.h"
+
 namespace hlm::geometry {
 namespace {
 

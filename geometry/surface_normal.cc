@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 
 namespace hlm::geometry {
@@ -196,13 +197,35 @@ bool is_far_from_all(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& 
 
 }  // namespace
 
+void bound_normals(Piece& piece) {
+  constexpr double kSurely = 1e-3;  // rad: normals that count as one differ by less.
+  const auto normal_of = [](const Piece& of) -> const Vector3& { return of.planes[of.front].n_F; };
+  const auto is_plain = [](const Piece* of) { return of->mesh != nullptr && of->rims == 0; };
+  // With more than a contact's place has room for, any normal is taken for one.
+  if (!is_plain(&piece) || piece.adjoining.size() + 1 >= Normals::static_capacity) return;
+  if (!std::ranges::all_of(piece.adjoining, is_plain)) return;
+  Vector3 sum = normal_of(piece);
+  for (const Piece* other : piece.adjoining) sum += normal_of(*other);
+  const Vector3 middle = sum.normalized();
+  double least = middle.dot(normal_of(piece));
+  for (const Piece* other : piece.adjoining) least = std::min(least, middle.dot(normal_of(*other)));
+  if (!(least > 0)) return;  // No convex cone.
+  piece.middle_normal_F = middle;
+  const double widest = std::acos(std::min(1.0, least)) + std::acos(kNear) + kSurely;
+  piece.least_along = std::cos(std::min(widest, std::numbers::pi));
+}
+
 bool is_flat(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces) {
   constexpr double kFlat = 0.035;
   Normals normals;
-  for (const Piece* piece : pieces) add_open_normals(*piece, p_F, pieces, normals);
-  return !normals.empty() && std::ranges::all_of(normals, [&](const OpenNormal& other) {
-    return (other.n - n).norm() < kFlat;
-  });
+  for (const Piece* piece : pieces) {
+    const std::size_t known = normals.size();
+    add_open_normals(*piece, p_F, pieces, normals);
+    for (std::size_t i = known; i < normals.size(); ++i) {
+      if ((normals[i].n - n).norm() >= kFlat) return false;
+    }
+  }
+  return !normals.empty();
 }
 
 Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces) {

@@ -13,6 +13,9 @@ inline Vector3 across(const Vector3& v, const Vector3& n) { return v - v.dot(n) 
 /// other piece covers, and what lies between them.
 Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces);
 
+/// Sets the bound of the normals that the surface can have at a piece of a skin among such.
+void bound_normals(Piece& piece);
+
 /// Whether all of the surface's normals at a point are n, to 2°.
 bool is_flat(const Vector3& n, const Vector3& p_F, const PiecesAtPoint& pieces);
 

@@ -1,5 +1,7 @@
 // The contact finder at every tick: it allocates nothing, says what it leaves out, and remembers
 // without being changed by it.
+#include <cmath>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -22,11 +24,13 @@ using hlm::test::way_to;
 constexpr double kEpsilon = 0.002;  // m
 constexpr double kDeepest = 0.02;   // m
 
-/// A tool of one link with shapes of all kinds, and a world with all of them, each twice: fixed and
-/// movable; with tiles that adjoin, a plane, a terrain and a sheet.
+/// A tool of one link with shapes of all kinds, and a world with all of them, fixed ones and
+/// others; with tiles that adjoin, a plane, a terrain and, if it `keeps_sides` as the others then
+/// do, a sheet.
 class Zoo {
  public:
-  explicit Zoo(Random& random) : ground_(terrain(10)), sheet_(terrain(6, false)) {
+  explicit Zoo(Random& random, bool keeps_sides = true)
+      : ground_(terrain(10)), sheet_(terrain(6, false)) {
     for (int kind = 0; kind < kShapeKinds; ++kind) {
       add({0, kind}, random_shape(kind, random), random.pose(0.05), false);
     }
@@ -34,7 +38,7 @@ class Zoo {
       const bool fixed = i % 2 == 0;
       X_WB_.push_back(fixed ? Pose{} : random.pose(0.3));
       add({static_cast<int>(X_WB_.size()) - 1, 0}, random_shape(i / 4, random),
-          fixed ? random.pose(0.3) : Pose{}, fixed, !fixed);
+          fixed ? random.pose(0.3) : Pose{}, fixed, !fixed && keeps_sides);
     }
     const int tiles = new_body();
     for (int i = 0; i < 16; ++i) {
@@ -43,10 +47,7 @@ class Zoo {
     }
     add({new_body(), 0}, HalfSpace{}, {Vector3(0, 0, -0.4), Quaternion::Identity()}, true);
     add_skin(new_body(), ground_, 0, {Vector3(-0.5, 0, 0), Quaternion::Identity()});
-    const int sheet = new_body();
-    const Pose X_WS{Vector3(0, 0.6, 0), Quaternion::Identity()};
-    const int fronts = add_skin(sheet, sheet_, 0, X_WS);
-    if (sheet_.back) add_skin(sheet, *sheet_.back, fronts, X_WS);
+    if (keeps_sides) add_sheet();
     pieces_ = std::make_unique<Pieces>(sources_);
   }
 
@@ -103,6 +104,13 @@ class Zoo {
       add({body, first++}, skin[i], X_FG, true, false, &mesh, i);
     }
     return first;
+  }
+
+  void add_sheet() {
+    const int sheet = new_body();
+    const Pose X_WS{Vector3(0, 0.6, 0), Quaternion::Identity()};
+    const int fronts = add_skin(sheet, sheet_, 0, X_WS);
+    if (sheet_.back) add_skin(sheet, *sheet_.back, fronts, X_WS);
   }
 
   Mesh ground_;
@@ -166,6 +174,43 @@ TEST_CASE("A finder without room says how many pairs and contacts it left out") 
   }
   CHECK(without_pairs > 10);
   CHECK(without_contacts > 10);
+}
+
+TEST_CASE("What a finder remembers of pairs that are apart changes no contact", "[optimised]") {
+  Random random;
+  const Zoo zoo(random, false);
+  CAPTURE(hlm::test::random_seed());
+  const auto walker = zoo.finder();
+  const int tool = 0;
+  std::size_t contacts = 0;
+  std::uint64_t queries = 0;  // Of finders without a memory.
+  for (int walk = 0; walk < 40; ++walk) {
+    Pose X_WT = zoo.near_touch(random);
+    const double speed = std::pow(10, random.uniform(-5, -2.5));  // m each search, and 10 rad of it
+    const Vector3 way = speed * random.direction();
+    const Quaternion turn = rotation_from_vector(10 * speed * random.direction());
+    for (int i = 0; i < 25; ++i) {
+      X_WT = {X_WT.p + way + 0.5 * random.vector(speed), (turn * X_WT.R).normalized()};
+      const auto fresh = zoo.finder();
+      walker->place(tool, X_WT);
+      fresh->place(tool, X_WT);
+      const ContactFinder::Search search{.epsilon = kEpsilon, .of_tool = true};
+      const auto found = walker->find({&tool, 1}, search);
+      const auto expected = fresh->find({&tool, 1}, search);
+      REQUIRE(found.size() == expected.size());
+      for (std::size_t k = 0; k < found.size(); ++k) {
+        CHECK(found[k].key == expected[k].key);
+        CHECK(found[k].p_WC == expected[k].p_WC);
+        CHECK(found[k].n_W == expected[k].n_W);
+        CHECK(found[k].separation == expected[k].separation);
+      }
+      CHECK(walker->lost() == fresh->lost());
+      contacts += found.size();
+      queries += fresh->statistics().queries;
+    }
+  }
+  CHECK(contacts > 1000);
+  CHECK(5 * walker->statistics().queries < 4 * queries);
 }
 
 }  // namespace hlm::geometry::test
