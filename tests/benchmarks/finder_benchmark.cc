@@ -128,7 +128,7 @@ class Timed {
         const Vector3 way = kTick * Vector3(random.direction().cwiseProduct(
                                         ground_.planar ? Vector3(1, 1, 0) : Vector3(1, 1, 1)));
         for (std::size_t tick = 0; tick < kTicks; ++tick) {
-          motion.p += way;
+          motion.p += (tick % 4 < 2 ? 1 : -1) * way;  // It stays near touch.
           double& least = next[pose * kTicks + tick];
           least = std::min(least, search(motion));
         }
