@@ -149,6 +149,31 @@ class Timed {
     }
   }
 
+  /// Whether a piece of the tool is deep in another one, whatever the surface there: a tool that
+  /// was led out of the inside of things.
+  bool is_deep(const Pose& motion) const {
+    constexpr double kDeep = 0.002;  // m
+    ProximityStatistics statistics;
+    for (const int body : ground_.tool) {
+      for (const Piece& own : ground_.pieces.of(body)) {
+        const Pose X_WO = motion * X_WG(ground_, own);
+        const auto box = own.convex->bounds(X_WO);
+        for (std::size_t i = 0; i < ground_.targets; ++i) {
+          if (ground_.bodies[i].link >= 0) continue;
+          for (const Piece& piece : ground_.pieces.of(static_cast<int>(i))) {
+            const Pose X = X_WG(ground_, piece);
+            if (!box.intersects(piece.convex->bounds(X))) continue;
+            for (const ManifoldPoint& point :
+                 find_contacts(*own.convex, X_WO, *piece.convex, X, 0, statistics)) {
+              if (point.separation < -kDeep) return true;
+            }
+          }
+        }
+      }
+    }
+    return false;
+  }
+
   /// Leads the tool from outside to where it is pressed in by up to a millimetre, as a hand would,
   /// or apart by less than that. None if it is in the way of something out there, or meets nothing.
   std::optional<Pose> near_touch(Random& random) {
@@ -164,7 +189,9 @@ class Timed {
           finder_.find(ground_.tool, {.epsilon = kEpsilon, .of_tool = true, .remembers = false});
       if (found.empty()) continue;
       if (at == kFrom) return {};
-      if (std::ranges::min(found, {}, &FoundContact::separation).separation <= least) return there;
+      if (std::ranges::min(found, {}, &FoundContact::separation).separation > least) continue;
+      if (is_deep(there)) return {};
+      return there;
     }
     return {};
   }
