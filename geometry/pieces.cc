@@ -60,22 +60,27 @@ bool adjoin(const Piece& a, const Piece& b) {
   return closest_points(pair, kSeamGap + margins).relation != ClosestPoints::Relation::kBeyond;
 }
 
+std::array<Vector3, 3> corners_of(const Mesh& mesh, std::size_t triangle) {
+  return {mesh.corner(triangle, 0), mesh.corner(triangle, 1), mesh.corner(triangle, 2)};
+}
+
 /// The point of a triangle that is nearest to p.
-Vector3 nearest_in_triangle(const Mesh& mesh, std::size_t triangle, const Vector3& p) {
-  const Vector3 n = mesh.area(triangle).normalized();
-  const Vector3 over = p - n.dot(p - mesh.corner(triangle, 0)) * n;
+Vector3 nearest_in_triangle(const std::array<Vector3, 3>& corners, const Vector3& p) {
+  const Vector3 n = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized();
+  const Vector3 over = p - n.dot(p - corners[0]) * n;
   Vector3 nearest = over;
-  double least = std::numeric_limits<double>::infinity();  // Distance of the border, m.
+  double least = std::numeric_limits<double>::infinity();  // Square of the border's distance, m².
   bool inside = true;
   for (std::size_t i = 0; i < 3; ++i) {
-    const Vector3& from = mesh.corner(triangle, i);
-    const Vector3 along = mesh.corner(triangle, (i + 1) % 3) - from;
-    inside = inside && n.dot(along.cross(over - from)) >= 0;
+    const Vector3& from = corners[i];
+    const Vector3 along = corners[(i + 1) % 3] - from;
+    const bool is_inward = n.dot(along.cross(over - from)) >= 0;
+    inside = inside && is_inward;
     const double share = std::clamp(along.dot(over - from) / along.squaredNorm(), 0.0, 1.0);
     const Vector3 on_border = from + share * along;
-    const double distance = (over - on_border).norm();
-    if (distance < least) nearest = on_border;
-    least = std::min(least, distance);
+    const double square = (over - on_border).squaredNorm();
+    if (square < least) nearest = on_border;
+    least = std::min(least, square);
   }
   return inside ? over : nearest;
 }
@@ -111,12 +116,12 @@ std::uint32_t rims_of(const Piece& piece) {
 std::pair<std::size_t, Vector3> nearest_from(const Mesh& mesh, std::size_t triangle,
                                              const Vector3& p) {
   constexpr int kMostSteps = 16;
-  Vector3 nearest = nearest_in_triangle(mesh, triangle, p);
+  Vector3 nearest = nearest_in_triangle(corners_of(mesh, triangle), p);
   for (int step = 0; step < kMostSteps; ++step) {
     const std::size_t from = triangle;
     for (const int corner : mesh.triangles[from]) {
       for (const std::size_t t : mesh.around[static_cast<std::size_t>(corner)]) {
-        const Vector3 other = nearest_in_triangle(mesh, t, p);
+        const Vector3 other = nearest_in_triangle(corners_of(mesh, t), p);
         if ((other - p).norm() >= (nearest - p).norm()) continue;
         nearest = other;
         triangle = t;
@@ -174,8 +179,7 @@ bool is_surface(const Piece& piece, const PieceSide& side) {
 
 Vector3 within(const Piece& piece, const Vector3& p_F) {
   if (piece.mesh != nullptr) {
-    return piece.X_FG *
-           nearest_in_triangle(*piece.mesh, piece.triangle, piece.X_FG.inverse() * p_F);
+    return nearest_in_triangle(piece.triangle_F, p_F);
   }
   constexpr int kRounds = 3;  // One does for boxes, whose sides are perpendicular.
   Vector3 nearest = p_F;
@@ -228,6 +232,9 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
       piece.planes.push_back({n_F, n_F.dot(piece.X_FG * on_face)});
     }
     if (piece.mesh != nullptr) {
+      for (std::size_t i = 0; i < 3; ++i) {
+        piece.triangle_F[i] = piece.X_FG * piece.mesh->corner(piece.triangle, i);
+      }
       const Vector3 out_F = piece.X_FG.R * piece.mesh->area(piece.triangle);
       const auto along = [&](const Piece::Plane& plane) { return out_F.dot(plane.n_F); };
       const auto front = std::ranges::max_element(piece.planes, {}, along);

@@ -2,6 +2,7 @@
 // in each other?
 #pragma once
 
+#include <array>
 #include <compare>
 #include <cstdint>
 #include <map>
@@ -42,11 +43,12 @@ struct Piece {
   CollisionId id;
   const Convex* convex = nullptr;
   Pose X_FG;
-  double friction = -1;        ///< μ of its material; negative: it does not say.
-  const Mesh* mesh = nullptr;  ///< What it is of the skin of, in G; mostly null.
-  std::size_t triangle = 0;    ///< Triangle of that mesh which the piece is behind.
-  std::size_t front = 0;       ///< The face of a piece of a skin that is the triangle,
-  std::uint32_t rims = 0;      ///< and those at a sheet's border, a bit each.
+  double friction = -1;                 ///< μ of its material; negative: it does not say.
+  const Mesh* mesh = nullptr;           ///< What it is of the skin of, in G; mostly null.
+  std::size_t triangle = 0;             ///< Triangle of that mesh which the piece is behind.
+  std::array<Vector3, 3> triangle_F{};  ///< Its corners, m.
+  std::size_t front = 0;                ///< The face of a piece of a skin that is the triangle,
+  std::uint32_t rims = 0;               ///< and those at a sheet's border, a bit each.
   Eigen::AlignedBox3d bounds_F;
   std::vector<Plane> planes;      ///< Planes of the core's faces, in their order.
   std::vector<Surface> surfaces;  ///< Surfaces by face; empty if none goes on in another's.
