@@ -16,8 +16,8 @@
 
 namespace hlm::geometry {
 
-/// What a search has room for, made once: a finder of a few pieces takes less. Larger: memory, 0.8
-/// kB for each contact and 0.2 for each pair. Smaller: FinderCut is not 0 where it matters.
+/// What a search has room for, made once: a finder of a few pieces takes less. Larger: memory, 0.4
+/// kB for each contact and 0.25 for each pair. Smaller: FinderCut is not 0 where it matters.
 struct FinderRoom {
   std::size_t pairs = 16384;     ///< Pieces that are near a piece of the bodies searched for.
   std::size_t contacts = 16384;  ///< Contacts before those of several pairs are merged.
