@@ -7,9 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "hlm/common/range.h"
-#include "hlm/geometry/hull.h"
-#include "hlm/geometry/mesh_pieces.h"
 #include "hlm/geometry/select_pairs.h"
 
 namespace hlm {
@@ -24,23 +21,13 @@ constexpr double kSameTurn = 1e-5;
 /// Links of a tool.
 constexpr std::uint32_t kMostLinks = 1000;
 
-/// Sizes of shapes, and how far they may be from the origin, m.
-constexpr double kSmallest = 1e-6;
-constexpr double kLargest = 2e6;
+/// How far shapes may be from the origin, m, and the least length of a quaternion.
 constexpr double kFarthest = 1e7;
+constexpr double kSmallest = 1e-6;
 
 bool is_usable(const Pose& X) {
   const double length = X.R.coeffs().norm();
   return X.p.norm() <= kFarthest && std::isfinite(length) && length > kSmallest;
-}
-
-void require_usable_size(const Convex& convex) {
-  if (convex.is_half_space()) return;
-  const Vector3 extents = convex.bounds(Pose{}).sizes();
-  for (const double extent : {extents.minCoeff(), extents.maxCoeff()}) {
-    if (extent >= kSmallest && extent <= kLargest) continue;
-    throw std::invalid_argument("its extent " + shortest_text(extent) + " m must be 1e-6 to 2e6 m");
-  }
 }
 
 Pose normalised(const Pose& X) { return {X.p, X.R.normalized()}; }
@@ -67,7 +54,7 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
   const std::uint32_t first =
       shapes_.empty()
           ? 0
-          : shapes_.back().first + static_cast<std::uint32_t>(shapes_.back().pieces.size());
+          : shapes_.back().first + static_cast<std::uint32_t>(shapes_.back().parts.pieces.size());
   Entry& entry = shapes_.emplace_back();
   entry.side = given.side;
   entry.first = first;
@@ -76,37 +63,13 @@ void ShapeContacts::add(std::size_t place, BodyShape given) {
     throw std::invalid_argument("link " + std::to_string(given.side.index) + " must be less than " +
                                 std::to_string(kMostLinks));
   }
-  if (auto* shape = std::get_if<Shape>(&given.shape)) {
-    if (std::holds_alternative<HalfSpace>(*shape) && given.side.kind != SideKind::kWorld) {
-      throw std::invalid_argument("a half-space must be the world's");
-    }
-    require_usable_size(entry.pieces.emplace_back(*shape));
-    return;
+  const auto* shape = std::get_if<Shape>(&given.shape);
+  if (shape && std::holds_alternative<HalfSpace>(*shape) && given.side.kind != SideKind::kWorld) {
+    throw std::invalid_argument("a half-space must be the world's");
   }
-  std::vector<std::string> repairs;  // Nobody to tell.
-  const Mesh mesh =
-      repaired(std::get<Mesh>(std::move(given.shape)), std::to_string(place), repairs);
-  if (is_convex(mesh)) {
-    entry.pieces.emplace_back(Hull{mesh.points});
-    return;
-  }
-  if (of_tool) {
+  entry.parts = parts_of(std::move(given.shape), std::to_string(place));
+  if (of_tool && entry.parts.is_skin()) {
     throw std::invalid_argument("a mesh of the tool must be convex: divide it into hulls");
-  }
-  entry.mesh = std::make_unique<Mesh>(mesh);
-  add_skin(entry, *entry.mesh);
-  if (entry.mesh->back) add_skin(entry, *entry.mesh->back);
-  if (entry.pieces.empty()) throw std::invalid_argument("a mesh is thinner than 1e-6 m everywhere");
-}
-
-/// Triangles without a width are left out: their neighbours go on.
-void ShapeContacts::add_skin(Entry& entry, const Mesh& mesh) {
-  const std::vector<Hull> skin = skin_of(mesh);
-  for (std::size_t i = 0; i < skin.size(); ++i) {
-    if (!has_inside(skin[i].vertices)) continue;
-    entry.pieces.emplace_back(skin[i]);
-    entry.of.push_back(&mesh);
-    entry.triangles.push_back(i);
   }
 }
 
@@ -132,7 +95,7 @@ void ShapeContacts::arrange(std::span<const Pose> X_WS) {
     const Pose X_WF = bodies_[body].is_fixed ? Pose{} : normalised(X_WS[bodies_[body].shape]);
     entry.X_FS = entry.is_loose ? Pose{} : X_WF.inverse() * normalised(X_WS[i]);
     entry.first_of_body = static_cast<int>(shape_of_[body].size());
-    shape_of_[body].insert(shape_of_[body].end(), entry.pieces.size(), i);
+    shape_of_[body].insert(shape_of_[body].end(), entry.parts.pieces.size(), i);
   }
   make_finder();
 }
@@ -140,13 +103,13 @@ void ShapeContacts::arrange(std::span<const Pose> X_WS) {
 void ShapeContacts::make_finder() {
   std::vector<PieceSource> sources;
   for (const Entry& entry : shapes_) {
-    for (std::size_t i = 0; i < entry.pieces.size(); ++i) {
+    for (std::size_t i = 0; i < entry.parts.pieces.size(); ++i) {
       sources.push_back({.id = {entry.body, entry.first_of_body + static_cast<int>(i)},
-                         .convex = &entry.pieces[i],
+                         .convex = &entry.parts.pieces[i],
                          .X_FG = entry.X_FS,
                          .fixed = bodies_[static_cast<std::size_t>(entry.body)].is_fixed,
-                         .mesh = entry.mesh ? entry.of[i] : nullptr,
-                         .triangle = entry.mesh ? entry.triangles[i] : 0});
+                         .mesh = entry.parts.is_skin() ? entry.parts.skins[i] : nullptr,
+                         .triangle = entry.parts.is_skin() ? entry.parts.triangles[i] : 0});
     }
   }
   std::ranges::sort(sources, {}, &PieceSource::id);

@@ -5,14 +5,12 @@
 #include <functional>
 #include <memory>
 #include <span>
-#include <variant>
 #include <vector>
 
 #include "hlm/common/contact.h"
 #include "hlm/geometry/contact_finder.h"
-#include "hlm/geometry/mesh.h"
 #include "hlm/geometry/select.h"
-#include "hlm/geometry/shape.h"
+#include "hlm/geometry/shape_parts.h"
 #include "hlm/geometry/skin_contacts.h"
 
 namespace hlm {
@@ -20,7 +18,7 @@ namespace hlm {
 /// A shape of the world, of a link of the tool or of a movable body. A mesh is the world's or a
 /// body's.
 struct BodyShape {
-  std::variant<geometry::Shape, geometry::Mesh> shape;
+  geometry::AnyShape shape;
   ContactSide side;
 };
 
@@ -55,11 +53,8 @@ class ShapeContacts {
   /// A shape, and where it is fixed.
   struct Entry {
     ContactSide side;
-    std::vector<geometry::Convex> pieces;
-    std::unique_ptr<geometry::Mesh> mesh;   ///< Whose skin the pieces are, or null;
-    std::vector<const geometry::Mesh*> of;  ///< by piece that, or its back,
-    std::vector<std::size_t> triangles;     ///< and the triangle.
-    std::uint32_t first = 0;                ///< Number of its first piece among all.
+    geometry::ShapeParts parts;
+    std::uint32_t first = 0;  ///< Number of its first piece among all.
     int body = 0;
     int first_of_body = 0;   ///< And among those of its body.
     Pose X_FS;               ///< In the body, or in the world if that is fixed.
@@ -76,7 +71,6 @@ class ShapeContacts {
   };
 
   void add(std::size_t place, BodyShape shape);
-  static void add_skin(Entry& entry, const geometry::Mesh& mesh);
   void arrange(std::span<const Pose> X_WS);
   void make_finder();
   bool place(std::span<const Pose> X_WS);

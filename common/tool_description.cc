@@ -151,6 +151,15 @@ std::optional<Sentence> find_massless_error(const ToolDescription& tool) {
   return std::nullopt;
 }
 
+/// The link nearest to the root that moves with this one.
+int rigid_root(const ToolDescription& tool, int link) noexcept {
+  const auto of = [&](int index) -> const Link& {
+    return tool.links[static_cast<std::size_t>(index)];
+  };
+  while (of(link).joint == JointType::kFixed && of(link).parent >= 0) link = of(link).parent;
+  return link;
+}
+
 }  // namespace
 
 int joint_dof(JointType joint) noexcept {
@@ -208,6 +217,16 @@ std::optional<Sentence> find_error(const ToolDescription& tool) {
     return error;
   }
   return find_massless_error(tool);
+}
+
+bool are_joined(const ToolDescription& tool, int first, int second) noexcept {
+  const int a = rigid_root(tool, first);
+  const int b = rigid_root(tool, second);
+  const auto carries = [&](int carrier, int carried) {
+    const int parent = tool.links[static_cast<std::size_t>(carried)].parent;
+    return parent >= 0 && rigid_root(tool, parent) == carrier;
+  };
+  return a == b || carries(a, b) || carries(b, a);
 }
 
 }  // namespace hlm

@@ -70,4 +70,7 @@ struct ToolDescription {
 /// kMaxDof]. Allocates nothing.
 std::optional<Sentence> find_error(const ToolDescription& tool);
 
+/// Whether two links of a valid tool are one rigid object, or a joint connects them.
+bool are_joined(const ToolDescription& tool, int first, int second) noexcept;
+
 }  // namespace hlm

@@ -188,7 +188,9 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   const bool of_tool = search.of_tool && body_of(other).link < 0;
   const bool of_sheet = other.mesh != nullptr && other.mesh->is_sheet();
   if (of_sheet && !is_before_sheet(pair, search)) return;
-  pair.keeps_side = of_tool && body_of(other).movable && !of_sheet;
+  // Of pieces that adjoin the inner sides are none.
+  const bool keeps_all = search.keeps_all_sides && own.adjoining.empty() && other.adjoining.empty();
+  pair.keeps_side = of_tool && (body_of(other).movable || keeps_all) && !of_sheet;
   pair.may_pass_beside =
       of_tool && body.link == 0 && planar_normal_W_ && pieces_.is_fixed(other.id.body);
   // Edges of adjoining pieces are no edges; it is not known where a movable body goes.

@@ -48,6 +48,8 @@ class ContactFinder {
     bool all_axes = false;  ///< On all near axes of each pair (find_axes()), not the best alone.
     /// Of the tool: sides are kept, and known from the search before.
     bool of_tool = false;
+    /// Also those of what stands still: for searches that follow each other as closely as ticks.
+    bool keeps_all_sides = false;
     /// Whether the sides are kept for the next search.
     bool remembers = true;
     /// How far a point of a link, now at p_W, is about to move, m; empty: not at all.

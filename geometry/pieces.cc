@@ -5,6 +5,8 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <stdexcept>
+#include <string>
 
 #include "hlm/geometry/gjk.h"
 #include "hlm/geometry/mesh_normals.h"
@@ -12,6 +14,10 @@
 
 namespace hlm::geometry {
 namespace {
+
+/// Pieces that may adjoin one on the mean. In a mesh they are some twelve; more take memory and
+/// time without end where all lie in one place.
+constexpr std::size_t kMostAdjoining = 200;
 
 /// Faces whose normals differ by less, rad, can go on in each other: 0.1°. Larger flattens meshes.
 constexpr double kSameDirection = 1.7e-3;
@@ -262,6 +268,7 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
 }
 
 void Pieces::find_adjoining(const Assembly& assembly) {
+  std::size_t pairs = 0;
   for (std::size_t i = 0; i < assembly.pieces.size(); ++i) {
     Piece& a = *assembly.pieces[i];
     const Eigen::AlignedBox3d reach = grown(a.bounds_F, kSeamGap);
@@ -269,6 +276,10 @@ void Pieces::find_adjoining(const Assembly& assembly) {
     assembly.tree.visit(meets, [&](std::size_t j) {
       Piece& b = *assembly.pieces[j];
       if (j <= i || !reach.intersects(b.bounds_F) || !adjoin(a, b)) return;
+      if (++pairs > kMostAdjoining * assembly.pieces.size() + kMostAdjoining * kMostAdjoining) {
+        throw std::length_error("pieces that overlap or adjoin must be at most " +
+                                std::to_string(kMostAdjoining) + " on the mean for each");
+      }
       // A plane has no sides: where another piece covers it, that piece is in the way.
       if (!a.convex->is_half_space()) a.adjoining.push_back(&b);
       if (!b.convex->is_half_space()) b.adjoining.push_back(&a);

@@ -127,7 +127,7 @@ struct Assembly {
 class Pieces {
  public:
   /// By body, then by shape, from 0 on, without a gap; a body may have none. Shapes and meshes
-  /// outlive this.
+  /// outlive this. Throws std::length_error if most of very many pieces lie in one place.
   explicit Pieces(std::span<const PieceSource> sources);
   Pieces(const Pieces&) = delete;
   Pieces& operator=(const Pieces&) = delete;

@@ -13,25 +13,6 @@ namespace {
 /// Less of the thickness of both than one half, at which things are half through each other.
 constexpr double kNotThrough = 0.2;
 
-/// The link nearest to the root that moves with this one.
-int rigid_root(const ToolDescription& tool, int link) {
-  while (tool.links[at(link)].joint == JointType::kFixed && tool.links[at(link)].parent >= 0) {
-    link = tool.links[at(link)].parent;
-  }
-  return link;
-}
-
-/// Whether two links are one rigid object, or a joint connects them.
-bool are_joined(const ToolDescription& tool, int first, int second) {
-  const int a = rigid_root(tool, first);
-  const int b = rigid_root(tool, second);
-  const auto carries = [&](int carrier, int carried) {
-    const int parent = tool.links[at(carried)].parent;
-    return parent >= 0 && rigid_root(tool, parent) == carrier;
-  };
-  return a == b || carries(a, b) || carries(b, a);
-}
-
 /// The least extent of a shape, along its own axes and the normals of its faces, m; 0 of what has
 /// no other side.
 double thickness(const Convex& shape) {
