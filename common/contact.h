@@ -28,6 +28,8 @@ inline constexpr double kOneAxis = 0.1;
 /// Largest age of contacts when they come, s: their computation and half a round trip. More renders
 /// force from a world that has moved on, less shuts out far networks.
 inline constexpr double kOldestContacts = 0.5;
+/// The same where the server has the shapes: what stands still is right however old the update is.
+inline constexpr double kOldestPoses = 2;
 
 /// What a side of a contact belongs to.
 enum class SideKind : std::uint8_t {

@@ -11,9 +11,9 @@
 #include <string>
 #include <thread>
 
+#include "hlm/common/newest.h"
 #include "hlm/device/device.h"
 #include "hlm/device/motion_check.h"
-#include "hlm/device/newest.h"
 #include "hlm/settings/table.h"
 
 namespace hlm::server {

@@ -11,10 +11,10 @@
 #include <string_view>
 #include <utility>
 
+#include "hlm/common/newest.h"
 #include "hlm/common/range.h"
 #include "hlm/device/device.h"
 #include "hlm/device/motion_check.h"
-#include "hlm/device/newest.h"
 #include "hlm/device/open_haptics_library.h"
 #include "hlm/device/reopener.h"
 

@@ -1,5 +1,5 @@
 // A value between two threads.
-#include "hlm/device/newest.h"
+#include "hlm/common/newest.h"
 
 #include <array>
 #include <cstdint>

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace hlm::server {
+namespace hlm {
 
 /// A triple buffer: one thread puts, one other reads, neither waits nor allocates, and a value is
 /// never seen half written. Values in between are lost. An age needs a time in the value.
@@ -40,4 +40,4 @@ class Newest {
   std::size_t reading_ = 2;               ///< Slot of the reading thread.
 };
 
-}  // namespace hlm::server
+}  // namespace hlm

@@ -1,0 +1,132 @@
+// Makes scenes of what a session's scene stream brings, beside the loop.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <thread>
+#include <vector>
+
+#include <boost/lockfree/spsc_queue.hpp>
+
+#include "hlm/common/newest.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/protocol/messages.h"
+#include "hlm/protocol/scene_store.h"
+#include "hlm/server_scene/scene.h"
+#include "hlm/server_scene/source.h"
+
+namespace hlm::server {
+
+/// What passes between the loop and the loader, and what that works on.
+namespace loading {
+
+struct Session {
+  std::uint64_t number = 0;
+  ToolDescription tool;
+};
+struct Chunk {
+  std::uint64_t session = 0;
+  std::size_t size = 0;
+  std::array<std::byte, protocol::kChunkSize> bytes;
+};
+struct Made {
+  std::uint64_t session = 0;
+  std::uint32_t number = 0;
+  std::unique_ptr<Scene> scene;
+};
+struct Progress {
+  std::uint64_t session = 0;
+  protocol::SceneState state = {};
+};
+/// What a commit makes a scene of.
+struct Commit {
+  std::uint32_t number = 0;
+  std::vector<protocol::ScenePlacement> placements;
+  std::vector<protocol::SceneApart> apart;
+};
+
+}  // namespace loading
+
+/// Two threads share it: the loop, which never waits or allocates here, and the one that calls
+/// work(). At most two scenes exist: the one in force and the next.
+class SceneLoader final : public SceneSource {
+ public:
+  /// Pieces of one scene: each triangle of a mesh is one. More take the loader's time and memory,
+  /// some 5 kB each.
+  static constexpr std::size_t kMostPieces = 60'000;
+
+  SceneLoader();
+  ~SceneLoader() override;
+  SceneLoader(const SceneLoader&) = delete;
+  SceneLoader& operator=(const SceneLoader&) = delete;
+
+  // For the loop.
+  void begin(const ToolDescription& tool) noexcept override;
+  bool take(std::span<const std::byte> bytes) noexcept override;
+  Scene* poll() noexcept override;
+  std::uint32_t number() const noexcept override { return is_of_session() ? in_force_->number : 0; }
+  protocol::SceneState state() noexcept override;
+
+  // For the other thread, which may also be the loop's own in virtual time.
+  /// Reads what has come, and makes the newest scene of it.
+  void work();
+  /// Reads it, and leaves its scene to the next work(): what is read meanwhile may replace it.
+  void read();
+
+ private:
+  using Session = loading::Session;
+  using Chunk = loading::Chunk;
+  using Made = loading::Made;
+  using Progress = loading::Progress;
+  using Commit = loading::Commit;
+
+  /// Whether another session has begun than the one whose stream is read.
+  bool is_over() const noexcept {
+    return begun_number_.load(std::memory_order_acquire) != reading_.number;
+  }
+  bool is_of_session() const noexcept { return in_force_ && in_force_->session == session_; }
+  void begin_reading();
+  void keep_commit();
+  void read_chunk(std::span<const std::byte> bytes);
+  std::shared_ptr<const geometry::ShapeParts> parts_of(std::uint64_t shape);
+  void make(const Commit& commit);
+  void say();
+
+  // The loop's.
+  std::uint64_t session_ = 0;
+  std::unique_ptr<Made> in_force_;
+
+  // Between the two.
+  Newest<Session> begun_;
+  std::atomic<std::uint64_t> begun_number_ = 0;
+  boost::lockfree::spsc_queue<Chunk> chunks_;
+  std::atomic<Made*> made_ = nullptr;   ///< The next scene.
+  std::atomic<Made*> spent_ = nullptr;  ///< One that the loop has given back.
+  Newest<Progress> progress_;
+
+  // The other thread's.
+  Session reading_;
+  std::optional<protocol::SceneRecordReader> reader_;
+  std::optional<protocol::SceneStore> store_;
+  bool commits_ = false;          ///< The record read last was a commit.
+  std::optional<Commit> commit_;  ///< The latest one, of which no scene is made yet.
+  std::map<std::uint64_t, std::shared_ptr<const geometry::ShapeParts>> parts_;  ///< By shape.
+};
+
+/// Has a loader work during its life.
+class SceneLoaderThread {
+ public:
+  /// `loader` outlives this.
+  explicit SceneLoaderThread(SceneLoader& loader);
+
+ private:
+  std::jthread thread_;
+};
+
+}  // namespace hlm::server

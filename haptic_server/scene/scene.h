@@ -1,0 +1,94 @@
+// The geometry near the hand: shapes, the links and bodies that they belong to, and what they touch
+// now (docs/method.md 18).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "hlm/common/contact.h"
+#include "hlm/common/tool_description.h"
+#include "hlm/geometry/contact_finder.h"
+#include "hlm/geometry/select.h"
+#include "hlm/geometry/shape_parts.h"
+
+namespace hlm::server {
+
+/// A shape where it belongs: in the world, or on a link of the tool or a body.
+struct PlacedShape {
+  std::shared_ptr<const geometry::ShapeParts> shape;
+  ContactSide side;
+  Pose X_BS;                        ///< In the frame of its link or body, or in the world.
+  double friction = -1;             ///< μ of its material; negative: the local model's.
+  std::uint32_t group = 1;          ///< Two shapes may touch if a bit of one's group is in the
+  std::uint32_t mask = 0xffffffff;  ///< other's mask. Those of one side never do.
+};
+
+/// Throws std::invalid_argument with one line if the shape cannot be where it is said to be.
+void require_place(const PlacedShape& shape, const ToolDescription& tool);
+
+/// Made beside the loop, which takes long with many shapes; then it belongs to the loop, where it
+/// allocates nothing. Its shapes do not change: another world is another scene.
+class Scene {
+ public:
+  /// shapes: as require_place() has them. apart: places in the list of pairs that never touch.
+  Scene(std::vector<PlacedShape> shapes,
+        std::span<const std::pair<std::uint32_t, std::uint32_t>> apart,
+        const ToolDescription& tool);
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+  /// Where a link is, or a body that it knows; without a pose it touches nothing. At first only the
+  /// world has its place.
+  void place(const ContactSide& side, const std::optional<Pose>& X_WB) noexcept;
+
+  /// How far a link or body that it knows reaches from its origin, m; 0 of others.
+  double reach(const ContactSide& side) const noexcept;
+
+  /// Contacts of the tool within epsilon (m), sides named as in the shapes; each pair's on its best
+  /// axis. The most telling if there are more than geometry::kMaxSelected. Valid until forget().
+  std::span<const geometry::FoundContact> of_tool(double epsilon) noexcept;
+  /// The same of a movable body with all except the tool. Empty for more than kMaxMovedBodies.
+  std::span<const geometry::FoundContact> of_body(std::uint32_t id, double epsilon) noexcept;
+  void forget() noexcept { found_.clear(); }
+
+  /// What of the latest search did not fit.
+  const geometry::FinderCut& cut() const noexcept { return finder_->cut(); }
+
+  std::size_t shapes() const noexcept { return shapes_.size(); }
+  std::size_t pieces() const noexcept { return piece_count_; }
+
+ private:
+  /// Shapes that move as one.
+  struct Body {
+    ContactSide side;
+    bool is_placed = false;
+    double reach = 0;                          ///< m.
+    std::vector<std::uint32_t> shape_of = {};  ///< By piece: place in shapes_.
+  };
+
+  std::optional<std::size_t> find_body(const ContactSide& side) const noexcept;
+  void gather_bodies();
+  void make_finder();
+  bool may_touch(const geometry::CollisionId& a, const geometry::CollisionId& b) const noexcept;
+  std::span<const geometry::FoundContact> find(std::span<const int> bodies, double epsilon,
+                                               bool of_tool) noexcept;
+
+  std::vector<PlacedShape> shapes_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> apart_;  ///< Sorted, the smaller first.
+  ToolDescription tool_;
+  std::optional<Vector3> planar_normal_W_;
+  std::vector<Body> bodies_;  ///< By side; their numbers in pieces_.
+  std::vector<int> links_;    ///< Those of the tool.
+  std::size_t piece_count_ = 0;
+  std::unique_ptr<geometry::Pieces> pieces_;
+  std::unique_ptr<geometry::ContactFinder> finder_;
+  std::vector<geometry::FoundContact> telling_;  ///< Of the present search.
+  std::vector<geometry::FoundContact> found_;
+};
+
+}  // namespace hlm::server
