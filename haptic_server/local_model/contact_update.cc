@@ -12,22 +12,6 @@ namespace {
 
 bool is_tool(const ContactSide& side) noexcept { return side.kind == SideKind::kToolLink; }
 
-/// Places the local contact point so that Eq. 3 gives s_plus with the frame of a at X_WA, over the
-/// foot of a's true point x_W on the constraint: deforms the proxy.
-void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
-                         double sigma, double s_plus) noexcept {
-  contact.now.p_W = x_W + (s_plus - sigma) * contact.now.n_W;
-  contact.deformation.p_A = X_WA.R.transpose() * (contact.now.p_W - X_WA.p);
-  contact.now.s = contact.latest.s_left = s_plus;
-}
-
-bool touches_body(const LocalContact& contact) noexcept {
-  const auto is_local_body = [](const ContactSide& side, FrameIndex frame) {
-    return side.kind == SideKind::kMovableBody && frame != kWorldFrame;
-  };
-  return is_local_body(contact.a, contact.frame_a) || is_local_body(contact.b, contact.frame_b);
-}
-
 /// What of the change from s_p to s_plus, and from there to sigma, the rule defers. s_plus stays
 /// behind by as much.
 void defer(LocalContact& contact, double sigma, std::optional<double> s_p, double& s_plus,
@@ -94,44 +78,6 @@ void set_support(LocalContact& contact, const Placed& placed, const LocalContact
   if (existing != nullptr) inherit(contact, *existing);
 }
 
-/// `releases_load`: a contact that carries load but is no longer reported is released, not dropped.
-/// Where its body is no longer in the update its constraint stays in the world. Empty if it carries
-/// none, or if its point's body is gone.
-std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
-                                     const UpdatePolicy& policy) noexcept {
-  locate(contact, frames.before[contact.frame_a], frames.before[contact.frame_b]);
-  const auto a = frame_of(contact.a, frames.tool, frames.bodies);
-  if (!release(contact, policy) || !a || *a == kWorldFrame) return std::nullopt;
-  LocalContact::Constraint& constraint = contact.constraint;
-  contact.frame_a = *a;
-  contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
-  if (contact.frame_b == kWorldFrame) constraint.plane = PlaneOwner::kB;
-  const Placement& X_WA = frames.now[contact.frame_a];
-  const Placement& X_WB = frames.now[contact.frame_b];
-  contact.deformation.p_A = X_WA.inverse() * contact.now.p_W;
-  constraint.c_B = X_WB.inverse() * contact.now.c_W;
-  constraint.n_P =
-      (constraint.plane == PlaneOwner::kA ? X_WA : X_WB).R.transpose() * contact.now.n_W;
-  contact.axis = kOnlyAxis;
-  return contact;
-}
-
-double load(const LocalContact& contact) noexcept { return contact.deformation.cap; }
-
-/// Adds the released contacts that fit besides all that are reported: the most loaded.
-void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
-  LocalContacts& contacts = updated.acting;
-  const std::size_t room = contacts.capacity() - contacts.size() - updated.waiting.size();
-  if (orphans.size() > room) {
-    std::nth_element(orphans.begin(), orphans.begin() + static_cast<std::ptrdiff_t>(room),
-                     orphans.end(), [](const auto& x, const auto& y) { return load(x) > load(y); });
-    orphans.resize(room);
-  }
-  contacts.insert(contacts.end(), orphans.begin(), orphans.end());
-  std::sort(contacts.begin(), contacts.end(),
-            [](const auto& x, const auto& y) { return x.identity < y.identity; });
-}
-
 void advance_constraint(LocalContact& contact, double dt) noexcept {
   LocalContact::Constraint& constraint = contact.constraint;
   if (contact.frame_b == kWorldFrame) constraint.c_B += constraint.v_constr * dt * constraint.n_P;
@@ -157,17 +103,21 @@ double due(const LocalContact& contact, const FramePoses& poses, const UpdatePol
 }
 
 /// Walks along the reports with the existing contact of the same identity or null, and along the
-/// existing contacts that are not reported.
+/// existing contacts that are not reported. Those of the scene are no reports.
 template <class Reported, class Unreported>
 void match(const PlacedReports& reports, const LocalContacts& existing, Reported reported,
            Unreported unreported) noexcept {
   auto old = existing.begin();
+  const auto skip_those_of_scene = [&] {
+    while (old != existing.end() && old->of_scene) ++old;
+    return old != existing.end();
+  };
   for (const Placed& placed : reports) {
-    while (old != existing.end() && old->identity < placed.report->identity) unreported(*old++);
-    const bool known = old != existing.end() && old->identity == placed.report->identity;
+    while (skip_those_of_scene() && old->identity < placed.report->identity) unreported(*old++);
+    const bool known = skip_those_of_scene() && old->identity == placed.report->identity;
     reported(placed, known ? &*old++ : nullptr);
   }
-  while (old != existing.end()) unreported(*old++);
+  while (skip_those_of_scene()) unreported(*old++);
 }
 
 /// The gaps of the axes where the proxy is, deformed as it is on the axis that acted.
@@ -194,12 +144,6 @@ void measure_axes(const PlacedReports& reports, const LocalContacts& existing,
       [](const LocalContact&) {});
 }
 
-/// A new contact at the end of the list. emplace_back() would fill it with zeros first.
-LocalContact& add_to(LocalContacts& contacts) noexcept {
-  contacts.resize(contacts.size() + 1, boost::container::default_init);
-  return contacts.back();
-}
-
 /// A contact on an axis that does not act.
 void set_waiting(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
                  double age) noexcept {
@@ -210,6 +154,25 @@ void set_waiting(LocalContact& contact, const Placed& placed, const UpdateFrames
 }
 
 }  // namespace
+
+void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
+                         double sigma, double s_plus) noexcept {
+  contact.now.p_W = x_W + (s_plus - sigma) * contact.now.n_W;
+  contact.deformation.p_A = X_WA.R.transpose() * (contact.now.p_W - X_WA.p);
+  contact.now.s = contact.latest.s_left = s_plus;
+}
+
+bool touches_body(const LocalContact& contact) noexcept {
+  const auto is_local_body = [](const ContactSide& side, FrameIndex frame) {
+    return side.kind == SideKind::kMovableBody && frame != kWorldFrame;
+  };
+  return is_local_body(contact.a, contact.frame_a) || is_local_body(contact.b, contact.frame_b);
+}
+
+LocalContact& add_to(LocalContacts& contacts) noexcept {
+  contacts.resize(contacts.size() + 1, boost::container::default_init);
+  return contacts.back();
+}
 
 void deform(LocalContact& contact, const Placement& X_WA, double sigma, std::optional<double> s_p,
             const UpdatePolicy& policy) noexcept {
@@ -239,6 +202,41 @@ bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept {
   contact.deformation.cap = std::min(contact.deformation.cap, f_n);
   contact.deformation.deferred = 0;
   return true;
+}
+
+std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
+                                     const UpdatePolicy& policy) noexcept {
+  locate(contact, frames.before[contact.frame_a], frames.before[contact.frame_b]);
+  const auto a = frame_of(contact.a, frames.tool, frames.bodies);
+  if (!release(contact, policy) || !a || *a == kWorldFrame) return std::nullopt;
+  LocalContact::Constraint& constraint = contact.constraint;
+  contact.frame_a = *a;
+  contact.frame_b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
+  if (contact.frame_b == kWorldFrame) constraint.plane = PlaneOwner::kB;
+  const Placement& X_WA = frames.now[contact.frame_a];
+  const Placement& X_WB = frames.now[contact.frame_b];
+  contact.deformation.p_A = X_WA.inverse() * contact.now.p_W;
+  constraint.c_B = X_WB.inverse() * contact.now.c_W;
+  constraint.n_P =
+      (constraint.plane == PlaneOwner::kA ? X_WA : X_WB).R.transpose() * contact.now.n_W;
+  contact.axis = kOnlyAxis;
+  contact.of_scene = false;
+  return contact;
+}
+
+void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
+  LocalContacts& contacts = updated.acting;
+  const std::size_t used = std::min(contacts.size() + updated.waiting.size(), contacts.capacity());
+  const std::size_t room = contacts.capacity() - used;
+  if (orphans.size() > room) {
+    std::nth_element(
+        orphans.begin(), orphans.begin() + static_cast<std::ptrdiff_t>(room), orphans.end(),
+        [](const auto& x, const auto& y) { return x.deformation.cap > y.deformation.cap; });
+    orphans.resize(room);
+  }
+  contacts.insert(contacts.end(), orphans.begin(), orphans.end());
+  std::sort(contacts.begin(), contacts.end(),
+            [](const auto& x, const auto& y) { return x.identity < y.identity; });
 }
 
 double updated_separation(UpdateRule rule, double sigma, std::optional<double> s_p) noexcept {
@@ -337,6 +335,7 @@ void advance_contacts(LocalContacts& contacts, const FramePoses& poses, const Up
     const Placement& X_WA = poses[contact.frame_a];
     const Vector3 n_W = normal_W(contact, X_WA, poses[contact.frame_b]);
     deformation.p_A += given * (X_WA.R.transpose() * n_W);
+    deformation.delta += given;
     deformation.deferred -= given;
     contact.latest.s_left += given;
   }

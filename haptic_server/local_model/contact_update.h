@@ -44,6 +44,24 @@ void inherit(LocalContact& contact, const LocalContact& known) noexcept;
 /// `releases_load`: from now on an evaluated contact that carries load is released, not dropped.
 /// False if it carries none.
 bool release(LocalContact& contact, const UpdatePolicy& policy) noexcept;
+/// `releases_load`: a contact that carries load but is no longer there is released, not dropped.
+/// Where its body is no longer in the update its constraint stays in the world. Empty if it carries
+/// none, or if its point's body is gone.
+std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& frames,
+                                     const UpdatePolicy& policy) noexcept;
+
+/// Adds the released contacts for which there is room: the most loaded. Sorts all by identity.
+void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept;
+
+/// Places the local contact point so that Eq. 3 gives s_plus with the frame of a at X_WA, over the
+/// foot of a's true point x_W on the constraint: deforms the proxy.
+void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
+                         double sigma, double s_plus) noexcept;
+
+/// A new contact at the end of the list. emplace_back() would fill it with zeros first.
+LocalContact& add_to(LocalContacts& contacts) noexcept;
+/// Whether a side is a body that the local model moves.
+bool touches_body(const LocalContact& contact) noexcept;
 
 /// The contacts of the tool after an update into `updated` (`existing` is in another object:
 /// contacts are large, so callers keep two sets and swap roles). existing: the acting contacts

@@ -28,6 +28,7 @@ struct LocalContact {
   /// The frames that the sides move with. A body that the local model does not have is the world's.
   FrameIndex frame_a = kFirstLinkFrame;
   FrameIndex frame_b = kWorldFrame;
+  bool of_scene = false;  ///< Found here in the scene's geometry, not reported.
 
   /// Of what the two sides are made.
   struct Material {
@@ -55,6 +56,8 @@ struct LocalContact {
     /// The local contact point: a's own point where the proxy is not deformed; of a's own plane the
     /// one over c. Frame of a, m.
     Vector3 p_A = Vector3::Zero();
+    /// Of a contact of the scene: δ, s = σ + δ, m.
+    double delta = 0;
     /// Change of the separation that an update has deferred, m, and the most of it that one step
     /// applies, m >= 0. > 0 releases load; < 0 brings the constraint back to where it is reported,
     /// with `releases_load` as far as the healing tank pays for it.

@@ -65,6 +65,7 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
 }
 
 ContactWrench LocalModel::step(const HandInput& hand) noexcept {
+  look_around();
   const MassMatrix mass = proxy_.mass_matrix();
   const Eigen::LLT<MassMatrix> D(mass);
   const Jacobian J_h = proxy_.hand_jacobian();
@@ -120,6 +121,8 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
 ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noexcept {
   proxy_.set_configuration(q);
   v_ = v;
+  looked_ = false;
+  look_around();
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
   const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
   const FrameMotions frames(proxy_, &v_, bodies_, dt_);
@@ -173,6 +176,7 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   advance_constraints(present_supports(), dt_);
   advance_constraints(contacts_[current_].waiting, dt_);
   advance_contacts(present(), poses, policy(), dt_, tank_);
+  advance_near_bodies();
 }
 
 void LocalModel::fill_tank(double energy) noexcept {

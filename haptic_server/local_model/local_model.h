@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
@@ -18,6 +19,7 @@
 #include "hlm/local_model/joint_limits.h"
 #include "hlm/local_model/local_contact.h"
 #include "hlm/local_model/parameters.h"
+#include "hlm/local_model/scene_contacts.h"
 #include "hlm/local_model/stiffness_limit.h"
 
 namespace hlm::server {
@@ -38,6 +40,7 @@ struct ContactWrench {
 };
 
 inline const MovableBodies kNoBodies;
+inline const BodyPoses kNoPoses;
 
 /// What the environment reports.
 struct ModelUpdate {
@@ -47,6 +50,7 @@ struct ModelUpdate {
   const MovableBodies& bodies = kNoBodies;
   double impulse_step = 0;  ///< The bodies' state is that of this step, or part of one; 0: unknown.
   double period = 0;        ///< Period of the environment's frames, s.
+  const BodyPoses& poses = kNoPoses;  ///< Where the scene's bodies are; others are not there.
 };
 
 class LocalModel {
@@ -59,6 +63,11 @@ class LocalModel {
   /// Other parameters from here on; they must be valid.
   void set_parameters(const LocalModelParameters& parameters) noexcept { parameters_ = parameters; }
   const LocalModelParameters& parameters() const noexcept { return parameters_; }
+
+  /// The geometry near the hand is that of `scene` from here on, which outlives its use; null:
+  /// there is none. Its bodies are where the latest update said.
+  void set_scene(Scene* scene) noexcept;
+  const Scene* scene() const noexcept { return scene_; }
 
   void adopt(const ModelUpdate& update) noexcept;
 
@@ -108,6 +117,23 @@ class LocalModel {
   ContactLaw contact_law(ContactStep step) const noexcept;
   ContactLaw support_law(double dt, double friction_scale) const noexcept;
 
+  void adopt_poses(const ModelUpdate& update, const LocalBodies& reported) noexcept;
+  void adopt_supports_of_scene(const LocalContacts& existing, UpdateFrames& frames,
+                               const LocalBodies& bodies) noexcept;
+  void adopt_contacts_of_scene(const LocalContacts& existing, const UpdateFrames& frames,
+                               const LocalBodies& bodies) noexcept;
+  void forget_bodies_of_scene() noexcept;
+  void advance_near_bodies() noexcept;
+  void place_scene(const LocalBodies& bodies) noexcept;
+  void look_around() noexcept;
+  void meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
+                 MetContacts& met) noexcept;
+  void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing,
+                   MetContacts& met) noexcept;
+  void meet(std::span<const geometry::FoundContact> found, const LocalBodies& bodies,
+            MetContacts& met) const noexcept;
+  double fastest_body(const LocalBodies& bodies) const noexcept;
+  double margin(double speed, const LocalContacts& contacts) const noexcept;
   void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
   double damping_on(const LocalBody& body) const noexcept;
@@ -139,6 +165,16 @@ class LocalModel {
   double stiffness_scale_ = 1;
   double tank_ = 0;  ///< J.
   double rendered_ = 1;
+
+  /// A body of the scene, where it is now or, if the local model moves it, was reported.
+  struct NearBody {
+    BodyPose pose;
+    Pose X_CB;  ///< Its frame in that of the local body.
+  };
+  Scene* scene_ = nullptr;
+  StaticVector<NearBody, kMaxPoses> near_bodies_;
+  GeometryChange change_;  ///< Since its contacts were found.
+  bool looked_ = false;    ///< They are those of the present poses.
 };
 
 }  // namespace hlm::server

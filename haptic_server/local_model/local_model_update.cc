@@ -48,6 +48,8 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   const LocalContacts& existing_supports = supports();
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
+  adopt_poses(update, bodies);
+  adopt_supports_of_scene(existing_supports, frames, bodies);
   scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
   const LocalBodies reported = bodies;
   replay(bodies, present_supports(), state_step);
@@ -57,6 +59,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   frames.set_now(poses_of(proxy_, bodies));
   fill_tank(
       adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
+  adopt_contacts_of_scene(existing, frames, bodies);
   correct_gradually(bodies, update.period);
   const FrictionReport report{.contacts = update.contacts,
                               .kinetic_friction = parameters_.kinetic_friction,
@@ -79,6 +82,7 @@ void LocalModel::release_bodies() noexcept {
   frames.set_now(frames.reported);
   server::release_bodies(contacts_[current_], frames, policy());
   present_supports().clear();
+  forget_bodies_of_scene();
   bodies_.clear();
   impulses_.begin_silence();
 }

@@ -115,7 +115,7 @@ void choose_axes(ToolContacts& contacts, const FrameMotions& frames, const Updat
     LocalContact& contact = waiting[i];
     if (!acts(contact)) continue;
     const auto known = std::find_if(acting.begin(), acting.end(), [&](const LocalContact& other) {
-      return other.identity == contact.identity;
+      return !other.of_scene && other.identity == contact.identity;
     });
     start(contact, known == acting.end() ? nullptr : &*known, frames, policy);
     if (known != acting.end()) {

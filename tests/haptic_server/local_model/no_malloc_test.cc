@@ -1,7 +1,14 @@
 // The tick allocates nothing, with the most bodies and contacts too.
 #include "tests/support/no_malloc.h"
 
+#include <cmath>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
 #include "hlm/local_model/local_model.h"
+#include "hlm/server_scene/scene.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"
@@ -67,6 +74,72 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
   }
   CHECK(guard.allocations() == 0);
   CHECK(model->bodies().size() == kMaxMovedBodies);
+  CHECK(model->velocity().allFinite());
+}
+
+PlacedShape placed(const geometry::AnyShape& shape, const ContactSide& side, const Pose& X_BS) {
+  return {.shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test")),
+          .side = side,
+          .X_BS = X_BS};
+}
+
+/// A box as tool between eight movable ones on a floor, and a wavy skin beside them.
+std::unique_ptr<Scene> crowded_scene(const ToolDescription& tool) {
+  const geometry::AnyShape box = geometry::Shape(geometry::Box{Vector3::Constant(0.1)});
+  geometry::Mesh skin;
+  skin.points = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0.5, 0.5, -0.1}};
+  skin.triangles = {{0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}};
+  std::vector<PlacedShape> shapes{
+      placed(box, {SideKind::kToolLink, 0}, Pose{}),
+      placed(geometry::Shape(geometry::HalfSpace{}), {}, {{0, 0, -0.05}, {}}),
+      placed(skin, {}, {{-0.5, -0.5, -0.049}, {}})};
+  for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
+    shapes.push_back(placed(box, {SideKind::kMovableBody, i}, Pose{}));
+  }
+  return std::make_unique<Scene>(std::move(shapes),
+                                 std::span<const std::pair<std::uint32_t, std::uint32_t>>{}, tool);
+}
+
+TEST_CASE("Ticks and updates with a scene, and its change, allocate nothing and stay finite") {
+  const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
+  const auto model =
+      std::make_unique<LocalModel>(tool, ToolModel(tool).neutral(), LocalModelParameters{}, 1e-3);
+  const auto scene = crowded_scene(tool);
+  const auto next = crowded_scene(tool);
+  MovableBodies bodies;
+  BodyPoses poses;
+  for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
+    MovableBody& body = bodies.emplace_back();
+    body.id = i;
+    body.p_WCom = {0.0999 * std::cos(0.785 * i), 0.0999 * std::sin(0.785 * i), -1e-4};
+    body.W = Matrix6::Identity();
+    body.A_W[2] = -9.81;
+    poses.push_back({.body = i, .X_WB = {body.p_WCom, Quaternion::Identity()}});
+  }
+  const Configuration q = model->proxy().configuration();
+  HandInput hand;
+  hand.F[0] = 2;
+  hand.F[2] = -5;
+  int most = 0;
+  const test::NoMalloc guard;
+  for (int i = 0; i < 120; ++i) {
+    if (i % 40 == 10) model->set_scene(scene.get());
+    if (i % 40 == 25) model->set_scene(next.get());
+    if (i % 40 == 38) model->set_scene(nullptr);
+    if (i % 17 == 0) {
+      model->adopt({.contacts = {},
+                    .q_VE = q,
+                    .age = 0.02,
+                    .bodies = bodies,
+                    .impulse_step = std::max(0.0, i - 20.5),
+                    .period = 0.017,
+                    .poses = poses});
+    }
+    model->step(hand);
+    most = std::max(most, static_cast<int>(model->contacts().size()));
+  }
+  CHECK(guard.allocations() == 0);
+  CHECK(most > 8);
   CHECK(model->velocity().allFinite());
 }
 

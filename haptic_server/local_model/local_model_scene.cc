@@ -1,0 +1,228 @@
+// What the local model meets in the geometry near the hand (docs/method.md 18).
+#include <algorithm>
+#include <utility>
+
+#include "hlm/local_model/local_model.h"
+
+namespace hlm::server {
+namespace {
+
+/// Contacts are looked for within what tool and bodies may travel in so many steps, and at least
+/// within kLeastMargin, m: one that a step would close must be known before.
+constexpr double kMarginSteps = 4;
+constexpr double kLeastMargin = 1e-3;
+/// Largest margin, m: what is faster is no hand's.
+constexpr double kLargestMargin = 0.05;
+
+/// Of something whose origin has that twist, and which reaches so far from it, m.
+double speed(const Twist& V, double reach) noexcept {
+  return V.head<3>().norm() + reach * V.tail<3>().norm();
+}
+
+void advance(BodyPose& pose, double dt) noexcept {
+  pose.X_WB.p += dt * pose.V_W.head<3>();
+  pose.X_WB.R = (rotation_from_vector(dt * pose.V_W.tail<3>()) * pose.X_WB.R).normalized();
+}
+
+Vector3 velocity_at(const BodyPose& pose, const Vector3& p_W) noexcept {
+  return pose.V_W.head<3>() + pose.V_W.tail<3>().cross(p_W - pose.X_WB.p);
+}
+
+void copy_reported(const LocalContacts& from, LocalContacts& to) noexcept {
+  to.clear();
+  for (const LocalContact& contact : from) {
+    if (!contact.of_scene) to.push_back(contact);
+  }
+}
+
+void sort_by_identity(LocalContacts& contacts) noexcept {
+  if (!std::ranges::is_sorted(contacts, {}, &LocalContact::identity)) {
+    std::ranges::sort(contacts, {}, &LocalContact::identity);
+  }
+}
+
+}  // namespace
+
+void LocalModel::set_scene(Scene* scene) noexcept {
+  scene_ = scene;
+  change_.of_all = true;
+  looked_ = false;
+  if (scene == nullptr) return;
+  for (const NearBody& body : near_bodies_) {
+    scene_->place({SideKind::kMovableBody, body.pose.body}, body.pose.X_WB);
+  }
+}
+
+/// Where an update has the scene's bodies. reported: those that the local model moves, as they were
+/// reported.
+void LocalModel::adopt_poses(const ModelUpdate& update, const LocalBodies& reported) noexcept {
+  if (scene_ != nullptr) {
+    for (const NearBody& body : near_bodies_) {
+      scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
+    }
+  }
+  near_bodies_.clear();
+  for (const BodyPose& pose : update.poses) {
+    NearBody& body = near_bodies_.emplace_back();
+    body.pose = pose;
+    const auto local = std::ranges::find(reported, pose.body, &LocalBody::id);
+    if (local != reported.end()) {
+      body.X_CB = local->X_WB.inverse() * pose.X_WB;
+    } else {
+      advance(body.pose, update.age);
+    }
+  }
+}
+
+/// The bodies that the local model moves are not there any more.
+void LocalModel::forget_bodies_of_scene() noexcept {
+  erase_if(near_bodies_, [&](const NearBody& body) {
+    const bool is_local =
+        std::ranges::find(bodies_, body.pose.body, &LocalBody::id) != bodies_.end();
+    if (is_local && scene_) scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
+    return is_local;
+  });
+}
+
+/// Places the tool where it is, and the bodies: those that the local model moves as in `bodies`.
+void LocalModel::place_scene(const LocalBodies& bodies) noexcept {
+  for (int link = 0; link < proxy_.links(); ++link) {
+    scene_->place({SideKind::kToolLink, static_cast<std::uint32_t>(link)}, proxy_.X_WL(link));
+  }
+  for (const NearBody& body : near_bodies_) {
+    const auto local = std::ranges::find(bodies, body.pose.body, &LocalBody::id);
+    const Pose X_WB = local != bodies.end() ? local->X_WB * body.X_CB : body.pose.X_WB;
+    scene_->place({SideKind::kMovableBody, body.pose.body}, X_WB);
+  }
+}
+
+void LocalModel::meet(std::span<const geometry::FoundContact> found, const LocalBodies& bodies,
+                      MetContacts& met) const noexcept {
+  for (const geometry::FoundContact& contact : found) {
+    const auto a = frame_of(contact.key.a, proxy_, bodies);
+    const auto b = frame_of(contact.key.b, proxy_, bodies);
+    if (!a || !b || *a == kWorldFrame || met.size() == met.capacity()) continue;
+    const bool of_body = contact.key.a.kind == SideKind::kMovableBody;
+    if (of_body && *b != kWorldFrame && *b < *a) continue;  // The other body has found it, too.
+    MetContact& one = met.emplace_back();
+    one.found = &contact;
+    one.identity = identity_of(contact.key);
+    one.a = *a;
+    one.b = *b;
+    if (*b != kWorldFrame || contact.key.b.kind != SideKind::kMovableBody) continue;
+    const auto moving = std::ranges::find_if(
+        near_bodies_, [&](const NearBody& body) { return body.pose.body == contact.key.b.index; });
+    if (moving != near_bodies_.end()) one.v_WC = velocity_at(moving->pose, contact.p_WC);
+  }
+}
+
+/// What the local model does not move goes on as it was reported.
+void LocalModel::advance_near_bodies() noexcept {
+  looked_ = false;
+  for (NearBody& body : near_bodies_) advance(body.pose, dt_);
+}
+
+/// How far contacts are looked for, m, of something of that speed, m/s, which has those `contacts`:
+/// deformed ones carry load where nothing touches.
+double LocalModel::margin(double speed, const LocalContacts& contacts) const noexcept {
+  double open = 0;
+  for (const LocalContact& contact : contacts) {
+    if (contact.of_scene) open = std::max(open, -contact.deformation.delta);
+  }
+  return std::min(open + kLeastMargin + kMarginSteps * speed * dt_, kLargestMargin);
+}
+
+/// Speed of the fastest point of all bodies, m/s.
+double LocalModel::fastest_body(const LocalBodies& bodies) const noexcept {
+  const auto reach = [&](std::uint32_t id) { return scene_->reach({SideKind::kMovableBody, id}); };
+  double fastest = 0;
+  for (const NearBody& body : near_bodies_) {
+    const double around = body.X_CB.p.norm() + reach(body.pose.body);
+    const auto local = std::ranges::find(bodies, body.pose.body, &LocalBody::id);
+    const Twist& V = local != bodies.end() ? local->V_W : body.pose.V_W;
+    fastest = std::max(fastest, speed(V, around));
+  }
+  return fastest;
+}
+
+void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
+                           MetContacts& met) noexcept {
+  double fastest = 0;
+  for (int link = 0; link < proxy_.links(); ++link) {
+    const Twist V = proxy_.jacobian(link, proxy_.X_WL(link).p).lazyProduct(v_);
+    const double reach = scene_->reach({SideKind::kToolLink, static_cast<std::uint32_t>(link)});
+    fastest = std::max(fastest, speed(V, reach));
+  }
+  const double epsilon = margin(fastest + fastest_body(bodies), existing);
+  meet(scene_->of_tool(epsilon), bodies, met);
+  sort_met(met);
+}
+
+void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& existing,
+                             MetContacts& met) noexcept {
+  const double epsilon = margin(2 * fastest_body(bodies), existing);
+  for (const LocalBody& body : bodies) meet(scene_->of_body(body.id, epsilon), bodies, met);
+  sort_met(met);
+}
+
+/// The contacts of the scene where tool and bodies are now.
+void LocalModel::look_around() noexcept {
+  const GeometryChange change = std::exchange(change_, {});
+  if (looked_ || (scene_ == nullptr && !change.of_all)) return;
+  looked_ = true;
+  MetContacts met;
+  MetContacts met_by_bodies;
+  if (scene_ != nullptr) {
+    place_scene(bodies_);
+    scene_->forget();
+    meet_tool(bodies_, contacts(), met);
+    meet_bodies(bodies_, supports(), met_by_bodies);
+  }
+  const FramePoses poses = poses_of(proxy_, bodies_);
+  UpdateFrames frames{.tool = proxy_, .bodies = bodies_, .reported = poses, .before = poses};
+  frames.now = poses;
+  const ToolContacts& existing = contacts_[current_];
+  const LocalContacts& existing_supports = supports_[current_];
+  current_ = 1 - current_;
+  ToolContacts& updated = contacts_[current_];
+  copy_reported(existing.acting, updated.acting);
+  updated.waiting = existing.waiting;
+  updated.axes = existing.axes;
+  fill_tank(renew_contacts(existing.acting, met, frames, change, policy(), updated));
+  sort_by_identity(updated.acting);
+  copy_reported(existing_supports, present_supports());
+  renew_supports(existing_supports, met_by_bodies, frames, change, present_supports());
+  sort_by_identity(present_supports());
+}
+
+/// Contacts of the scene after an update, for which `bodies` are where they were reported.
+void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFrames& frames,
+                                         const LocalBodies& bodies) noexcept {
+  if (scene_ == nullptr) return;
+  change_.of_bodies = true;
+  MetContacts met;
+  place_scene(bodies);
+  scene_->forget();
+  meet_bodies(bodies, existing, met);
+  frames.now = frames.reported;
+  renew_supports(existing, met, frames, change_, present_supports());
+  sort_by_identity(present_supports());
+}
+
+/// Those of the tool, with bodies where they are now.
+void LocalModel::adopt_contacts_of_scene(const LocalContacts& existing, const UpdateFrames& frames,
+                                         const LocalBodies& bodies) noexcept {
+  const GeometryChange change = std::exchange(change_, {});
+  if (scene_ == nullptr && !change.of_all) return;
+  MetContacts met;
+  if (scene_ != nullptr) {
+    place_scene(bodies);
+    scene_->forget();
+    meet_tool(bodies, existing, met);
+  }
+  fill_tank(renew_contacts(existing, met, frames, change, policy(), contacts_[current_]));
+  sort_by_identity(present());
+  looked_ = true;
+}
+
+}  // namespace hlm::server

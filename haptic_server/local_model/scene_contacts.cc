@@ -1,0 +1,228 @@
+#include "hlm/local_model/scene_contacts.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace hlm::server {
+namespace {
+
+/// Cosine of the angle between normals up to which a new contact is a former one's that went on to
+/// another feature: 45 degrees.
+constexpr double kGoesOn = 0.7;
+
+/// A contact of a body that carries load stays while the environment has it no farther from
+/// touching than this, m: engines leave some space. Smaller drops what rests; larger carries what
+/// was lifted.
+constexpr double kStillTouches = 5e-4;
+
+/// Friction of bodies with what is not the tool, where neither says: as in SDFormat.
+constexpr double kUnsaidFriction = 1;
+
+/// The contact as it was found, undeformed, with now.p_W its true point on a.
+LocalContact met_contact(const MetContact& met, const FramePoses& poses) noexcept {
+  const geometry::FoundContact& found = *met.found;
+  LocalContact contact;
+  contact.of_scene = true;
+  contact.identity = met.identity;
+  contact.a = found.key.a;
+  contact.b = found.key.b;
+  contact.frame_a = met.a;
+  contact.frame_b = met.b;
+  contact.material.friction = found.friction;
+  LocalContact::Constraint& constraint = contact.constraint;
+  if (met.b == kWorldFrame) {
+    constraint.c_B = found.p_WC;
+    constraint.n_P = found.n_W;
+    constraint.v_constr = found.n_W.dot(met.v_WC);
+    constraint.v_WC = constraint.v_reported_W = met.v_WC;
+  } else {
+    constraint.plane = found.plane;
+    const Placement& X_WB = poses[met.b];
+    constraint.c_B = X_WB.inverse() * found.p_WC;
+    constraint.n_P =
+        (found.plane == PlaneOwner::kA ? poses[met.a] : X_WB).R.transpose() * found.n_W;
+  }
+  contact.now.c_W = found.p_WC;
+  contact.now.n_W = found.n_W;
+  contact.now.p_W = found.p_WC + found.separation * found.n_W;
+  return contact;
+}
+
+/// Gives the contact the separation σ + δ.
+void set_delta(LocalContact& contact, const FramePoses& poses, double sigma,
+               double delta) noexcept {
+  const Vector3 x_W = contact.now.p_W;
+  place_contact_point(contact, poses[contact.frame_a], x_W, sigma, sigma + delta);
+  contact.deformation.delta = delta;
+}
+
+/// What is left of δ at σ: while a contact is open it brings nothing back, so δ goes as far as the
+/// contact stays open.
+double left_of(double delta, double sigma) noexcept {
+  if (sigma + delta < 0) return delta;
+  return std::clamp(-sigma, 0.0, std::max(0.0, delta));
+}
+
+/// What a contact that was met goes on from.
+struct Predecessor {
+  const LocalContact* known = nullptr;  ///< Null: from none.
+  bool alone = false;  ///< No other goes on from it: its load and its friction are this one's.
+};
+
+/// Which contacts that were met go on from which existing ones. By their identity, or on another
+/// feature from the nearest of the same two sides whose normal is about the same; one that is
+/// closed from the nearest of any.
+class Succession {
+ public:
+  Succession(const LocalContacts& existing, const MetContacts& met) noexcept : existing_(existing) {
+    goes_on_.resize(existing.size(), false);
+    predecessors_.resize(met.size());
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < met.size(); ++i) {
+      while (next < existing.size() && existing[next].identity < met[i].identity) ++next;
+      for (std::size_t k = next; k < existing.size(); ++k) {
+        if (existing[k].identity != met[i].identity) break;
+        if (existing[k].of_scene) claim(i, k);
+      }
+    }
+    for (std::size_t i = 0; i < met.size(); ++i) {
+      if (predecessors_[i].known == nullptr) find_nearest(i, met[i]);
+    }
+  }
+
+  const Predecessor& of(std::size_t met) const noexcept { return predecessors_[met]; }
+
+  template <class Use>
+  void for_each_gone(Use use) const {
+    for (std::size_t i = 0; i < existing_.size(); ++i) {
+      if (existing_[i].of_scene && !goes_on_[i]) use(existing_[i]);
+    }
+  }
+
+ private:
+  void claim(std::size_t met, std::size_t known) noexcept {
+    predecessors_[met] = {&existing_[known], !goes_on_[known]};
+    goes_on_[known] = true;
+  }
+
+  void find_nearest(std::size_t place, const MetContact& met) noexcept {
+    const geometry::FoundContact& found = *met.found;
+    const Vector3 x_W = found.p_WC + found.separation * found.n_W;
+    std::size_t best = existing_.size();
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < existing_.size(); ++i) {
+      const LocalContact& known = existing_[i];
+      if (!known.of_scene || known.a != found.key.a || known.b != found.key.b) continue;
+      const bool similar = known.now.n_W.dot(found.n_W) > kGoesOn;
+      if (!similar && found.separation > 0) continue;
+      const double away = (similar ? 0 : 1e3) + (known.now.p_W - x_W).squaredNorm();
+      if (away >= least) continue;
+      least = away;
+      best = i;
+    }
+    if (best < existing_.size()) claim(place, best);
+  }
+
+  const LocalContacts& existing_;
+  StaticVector<Predecessor, kMaxLocalContacts> predecessors_;
+  StaticVector<bool, kMaxLocalContacts> goes_on_;
+};
+
+/// The motion of tool and bodies alone has brought the contact to where it is.
+void go_on(LocalContact& contact, const Predecessor& from, const FramePoses& poses,
+           double sigma) noexcept {
+  if (from.known == nullptr) return set_delta(contact, poses, sigma, 0);
+  const LocalContact::Deformation& before = from.known->deformation;
+  // What is held where nothing touches is held once.
+  const double delta = from.alone ? before.delta : std::max(before.delta, 0.0);
+  set_delta(contact, poses, sigma, left_of(delta, sigma));
+  LocalContact::Deformation& deformation = contact.deformation;
+  if (before.deferred != 0) {
+    deformation.deferred = -deformation.delta;
+    deformation.deferred_step = before.deferred_step;
+  }
+  inherit(contact, *from.known);
+  contact.latest.s_left = from.known->latest.s_left;
+  if (!from.alone) contact.friction.z_W.setZero();
+}
+
+/// The velocity with which damping and friction meet a moving constraint goes on.
+void keep_velocity(LocalContact& contact, const LocalContact& known) noexcept {
+  const bool both = contact.frame_b == kWorldFrame && known.frame_b == kWorldFrame;
+  if (both && known.latest.loaded) contact.constraint.v_WC = known.constraint.v_WC;
+}
+
+}  // namespace
+
+void sort_met(MetContacts& met) noexcept {
+  std::ranges::sort(met, {}, &MetContact::identity);
+  const auto same = [](const MetContact& a, const MetContact& b) {
+    return a.identity == b.identity;
+  };
+  met.erase(std::unique(met.begin(), met.end(), same), met.end());
+}
+
+double renew_contacts(const LocalContacts& existing, const MetContacts& met,
+                      const UpdateFrames& frames, const GeometryChange& change,
+                      const UpdatePolicy& policy, ToolContacts& updated) noexcept {
+  const Succession succession(existing, met);
+  double unspent = 0;
+  for (std::size_t i = 0; i < met.size(); ++i) {
+    if (updated.acting.size() + updated.waiting.size() >= updated.acting.capacity()) break;
+    LocalContact& contact = add_to(updated.acting);
+    contact = met_contact(met[i], frames.now);
+    const double sigma = met[i].found->separation;
+    const Predecessor& from = succession.of(i);
+    if (!change.concerns(contact)) {
+      go_on(contact, from, frames.now, sigma);
+      if (from.known != nullptr) keep_velocity(contact, *from.known);
+      continue;
+    }
+    std::optional<double> s_p;
+    if (from.alone) s_p = separation(*from.known, frames.before);
+    deform(contact, frames.now[contact.frame_a], sigma, s_p, policy);
+    contact.deformation.delta = contact.now.s - sigma;
+    if (!from.alone) continue;
+    inherit(contact, *from.known);
+    keep_velocity(contact, *from.known);
+    if (!contact.latest.loaded || !touches_body(contact)) continue;
+    unspent += contact.latest.f_W.dot(contact.now.n_W) *
+               (from.known->deformation.deferred - contact.deformation.deferred);
+  }
+  LocalContacts orphans;
+  succession.for_each_gone([&](const LocalContact& contact) {
+    // By motion over the geometry alone only what is not deformed may go.
+    if (!change.concerns(contact) && contact.deformation.delta == 0) return;
+    if (const auto left = released(contact, frames, policy)) orphans.push_back(*left);
+  });
+  if (!orphans.empty()) add_released(updated, orphans);
+  return unspent;
+}
+
+void renew_supports(const LocalContacts& existing, const MetContacts& met,
+                    const UpdateFrames& frames, const GeometryChange& change,
+                    LocalContacts& updated) noexcept {
+  const Succession succession(existing, met);
+  for (std::size_t i = 0; i < met.size(); ++i) {
+    if (updated.size() == updated.capacity()) break;
+    LocalContact& contact = add_to(updated);
+    contact = met_contact(met[i], frames.now);
+    if (contact.material.friction < 0) contact.material.friction = kUnsaidFriction;
+    const double sigma = met[i].found->separation;
+    const Predecessor& from = succession.of(i);
+    if (from.known != nullptr) contact.material.scale = from.known->material.scale;
+    if (from.known != nullptr && !change.concerns(contact)) {
+      go_on(contact, from, frames.now, sigma);
+      continue;
+    }
+    double s = std::max(sigma, 0.0);
+    if (from.alone) {
+      const double held = separation(*from.known, frames.before);
+      if (held < 0 && sigma < kStillTouches) s = held;
+      inherit(contact, *from.known);
+    }
+    set_delta(contact, frames.now, sigma, s - sigma);
+  }
+}
+
+}  // namespace hlm::server

@@ -1,0 +1,55 @@
+// How contacts with the geometry near the hand go on from step to step (docs/method.md 18).
+//
+// s = σ + δ. The motion of tool and bodies changes σ, which the geometry tells exactly, and never
+// δ. δ begins where the geometry changes: a scene that arrives while the tool is inside of it, a
+// body whose pose an update corrects, a shape that goes. There the rules of an update decide it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "hlm/local_model/contact_update.h"
+#include "hlm/server_scene/scene.h"
+
+namespace hlm::server {
+
+/// A contact that was found, with the frames of its sides.
+struct MetContact {
+  const geometry::FoundContact* found = nullptr;
+  std::uint64_t identity = 0;
+  FrameIndex a = kFirstLinkFrame;
+  FrameIndex b = kWorldFrame;
+  Vector3 v_WC = Vector3::Zero();  ///< Of b's point, if b moves in the world's frame, m/s.
+};
+using MetContacts = StaticVector<MetContact, kMaxLocalContacts>;
+
+/// Sorted by identity, of equal ones the first.
+void sort_met(MetContacts& met) noexcept;
+
+/// What has changed besides where the tool and the bodies are.
+struct GeometryChange {
+  bool of_bodies = false;  ///< Poses of bodies were corrected,
+  bool of_all = false;     ///< or the scene is another one.
+
+  bool concerns(const LocalContact& contact) const noexcept {
+    const auto is_body = [](const ContactSide& side) {
+      return side.kind == SideKind::kMovableBody;
+    };
+    return of_all || (of_bodies && (is_body(contact.a) || is_body(contact.b)));
+  }
+};
+
+/// Adds the contacts of the tool that were met, `existing` ones as they go on, and of those that
+/// are gone because the geometry has changed the load that is being released. frames: as for
+/// adopt_update(). Returns the energy that contacts with movable bodies may heal with for it, J.
+double renew_contacts(const LocalContacts& existing, const MetContacts& met,
+                      const UpdateFrames& frames, const GeometryChange& change,
+                      const UpdatePolicy& policy, ToolContacts& updated) noexcept;
+
+/// The same of bodies without the tool, which nobody feels: they keep their load where a body is
+/// corrected.
+void renew_supports(const LocalContacts& existing, const MetContacts& met,
+                    const UpdateFrames& frames, const GeometryChange& change,
+                    LocalContacts& updated) noexcept;
+
+}  // namespace hlm::server

@@ -1,0 +1,135 @@
+// Contacts that the local model finds itself: s = σ + δ (docs/method.md 18).
+#include "hlm/local_model/scene_contacts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "hlm/local_model/local_model.h"
+#include "tests/support/catch.h"
+#include "tests/support/random_tool.h"
+
+namespace hlm::server {
+namespace {
+
+constexpr double kStep = 1e-3;  // s
+constexpr std::uint32_t kBody = 7;
+
+PlacedShape placed(geometry::Shape shape, ContactSide side, const Vector3& p = Vector3::Zero()) {
+  PlacedShape one;
+  one.shape = std::make_shared<geometry::ShapeParts>(geometry::parts_of(std::move(shape), "test"));
+  one.side = side;
+  one.X_BS.p = p;
+  one.friction = 0;
+  return one;
+}
+
+PlacedShape ball() { return placed(geometry::Sphere{0.01}, {SideKind::kToolLink, 0}); }
+
+/// A free tool of 0.5 kg at p_W in a scene.
+struct Model {
+  Model(std::vector<PlacedShape> shapes, const Vector3& p_W)
+      : tool(test::rigid_tool(0.5, Matrix3::Identity() * 1e-3)),
+        scene(std::move(shapes), {}, tool) {
+    Configuration q = ToolModel(tool).neutral();
+    q.head<3>() = p_W;
+    LocalModelParameters parameters;
+    parameters.static_friction = parameters.kinetic_friction = 0;
+    model = std::make_unique<LocalModel>(tool, q, parameters, kStep);
+    model->set_scene(&scene);
+  }
+
+  /// A body that moves regardless of the tool, where an update says.
+  void adopt(const Vector3& p_WB) {
+    const BodyPoses poses{{.body = kBody, .X_WB = {p_WB, Quaternion::Identity()}}};
+    model->adopt(
+        {.contacts = ReportedContacts(), .q_VE = model->proxy().configuration(), .poses = poses});
+  }
+
+  double step(const Vector3& push) {
+    HandInput hand;
+    hand.F.head<3>() = push;
+    return model->step(hand).F.head<3>().norm();
+  }
+  Vector3 position() const { return model->proxy().X_WH().p; }
+
+  ToolDescription tool;
+  Scene scene;
+  std::unique_ptr<LocalModel> model;
+};
+
+TEST_CASE("A ball that slides over a dome under a push is as deep as its force, and not deformed") {
+  Model m({ball(), placed(geometry::Sphere{0.1}, {})}, {0, 0, 0.1101});
+  for (int i = 0; i < 300; ++i) m.step({0, 0, -2});
+  // Down the dome's side.
+  for (int i = 0; i < 250; ++i) {
+    const double force = m.step(-2 * m.position().normalized() + Vector3(0.3, 0, 0));
+    const double depth = 0.11 - m.position().norm();
+    REQUIRE(m.model->contacts().size() == 1);
+    CHECK(m.model->contacts()[0].deformation.delta == 0);
+    CHECK(force > 1);
+    // F = k d - b v_n; the velocity along the normal is below 2 mm/s.
+    CHECK(depth == Approx(force / 4000).margin(2e-5));
+  }
+  CHECK(m.position().x() > 0.005);  // m: it slid
+}
+
+TEST_CASE("A tool that is inside as its scene comes feels no step, and is pushed out slowly") {
+  Model m({ball(), placed(geometry::Box{{0.2, 0.2, 0.2}}, {}, {0, 0, -0.1})}, {0, 0, 0.005});
+  double before = 0;
+  double largest = 0;
+  for (int i = 0; i < 400; ++i) {
+    const double force = m.step({0, 0, -1});
+    largest = std::max(largest, force - before);
+    before = force;
+  }
+  CHECK(largest < 0.5);
+  CHECK(before == Approx(1).epsilon(0.05));
+  REQUIRE(m.model->contacts().size() == 1);
+  CHECK(m.model->contacts()[0].deformation.delta > 0.003);
+}
+
+TEST_CASE(
+    "A body that an update takes away releases its load step by step, one that it brings adds "
+    "none") {
+  Model m({ball(), placed(geometry::Box{{0.2, 0.2, 0.2}}, {SideKind::kMovableBody, kBody})},
+          {0, 0, 0.1101});
+  m.adopt({0, 0, 0});
+  for (int i = 0; i < 300; ++i) m.step({0, 0, -3});
+  REQUIRE(m.step({0, 0, -3}) == Approx(3).epsilon(0.02));
+  // Nearer by 4 mm.
+  m.adopt({0, 0, 0.004});
+  CHECK(m.step({0, 0, -3}) == Approx(3).margin(0.05));
+  // And gone.
+  m.adopt({0, 0, -1});
+  double before = 3;
+  double fall = 0;
+  for (int i = 0; i < 20; ++i) {
+    const double force = m.step({0, 0, -3});
+    fall = std::max(fall, before - force);
+    before = force;
+  }
+  CHECK(fall <= 0.51);  // N: the release step
+  CHECK(before < 0.01);
+}
+
+TEST_CASE("Over the seam of two tiles a contact goes on as the one that it was") {
+  Model m({ball(), placed(geometry::Box{{0.1, 0.1, 0.1}}, {}, {-0.05, 0, -0.05}),
+           placed(geometry::Box{{0.1, 0.1, 0.1}}, {}, {0.05, 0, -0.05})},
+          {-0.02, 0, 0.005});
+  // Deformed by 5 mm, which heals slowly.
+  for (int i = 0; i < 50; ++i) m.step({0, 0, -1});
+  double lowest = 1;
+  double highest = 0;
+  while (m.position().x() < 0.02) {
+    const double force = m.step({1, 0, -1});
+    lowest = std::min(lowest, force);
+    highest = std::max(highest, force);
+  }
+  CHECK(lowest > 0.8);
+  CHECK(highest < 1.3);
+}
+
+}  // namespace
+}  // namespace hlm::server
