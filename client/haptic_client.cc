@@ -19,6 +19,11 @@ protocol::ClientSessionOptions session_options(const HapticClientOptions& option
 /// Silence time where there is no server, s.
 constexpr double kSilenceAlone = 0.1;
 
+/// Chunks of a scene that one send() may send: 4 MB/s at 60 Hz.
+constexpr std::size_t kChunksPerSend = 64;
+/// Number of the scene that is offered.
+constexpr std::uint32_t kScene = 1;
+
 }  // namespace
 
 HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options)
@@ -29,7 +34,16 @@ HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptio
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
   if (inbox.welcomed || inbox.lost) playout_.reset();
-  if (inbox.state != nullptr) playout_.hear(inbox.state->step);
+  if (inbox.welcomed) {
+    scene_in_force_ = false;
+    const bool offers = !scene_.empty() && welcome().capabilities.scenes;
+    // It is refused where it would be too long: then contacts go on.
+    if (offers) static_cast<void>(session_.queue_scene(scene_));
+  }
+  if (inbox.state != nullptr) {
+    playout_.hear(inbox.state->step);
+    scene_in_force_ = inbox.state->scene >= kScene;
+  }
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
@@ -65,13 +79,17 @@ void HapticClient::sample(double now, const Configuration& q, const Velocity& v,
 }
 
 std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
-                                 const MovableBodies& bodies) {
+                                 const MovableBodies& bodies, const BodyPoses& poses) {
   update_.compute_time = now - sampled_at_;
   update_.impulse_step = playout_.step();
   update_.bodies = bodies;
   for (MovableBody& body : update_.bodies) body.P_W = playout_.taken(body.id);
   update_.contacts = contacts;
-  return session_.send(now, update_);
+  update_.poses = poses;
+  update_.scene = has_scene() ? kScene : 0;
+  const std::uint64_t sequence = session_.send(now, update_);
+  session_.send_scene(now, kChunksPerSend);
+  return sequence;
 }
 
 }  // namespace hlm

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "hlm/client/impulse_playout.h"
 #include "hlm/client/world_time.h"
@@ -51,10 +53,22 @@ class HapticClient {
   /// the contacts of the next send() will be computed.
   void sample(double now, const Configuration& q, const Velocity& v, double period);
   /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
-  /// body that a contact names and that is not among them moves as the contact's v_WC says. Returns
-  /// the update's sequence number, 0 without a session.
-  std::uint64_t send(double now, const ReportedContacts& contacts,
-                     const MovableBodies& bodies = {});
+  /// body that a contact names and that is not among them moves as the contact's v_WC says. With a
+  /// scene (below) the contacts are those that no shape of it stands for, and poses those of its
+  /// bodies, also of those that the tool can push. Returns the update's sequence number, 0 without
+  /// a session.
+  std::uint64_t send(double now, const ReportedContacts& contacts, const MovableBodies& bodies = {},
+                     const BodyPoses& poses = {});
+
+  /// Gives servers that take scenes the shapes of the world, from the next session on and in all
+  /// that follow: records (protocol/scene_records.h) that end with the commit of scene 1. They go
+  /// out with send(), and are there when has_scene().
+  void offer_scene(std::vector<std::uint8_t> records) { scene_ = std::move(records); }
+  /// Whether the server finds the contacts of its shapes itself, so that send() needs none.
+  bool has_scene() const noexcept { return connected() && scene_in_force_; }
+  /// What the server says of the scene.
+  const protocol::SceneState& scene_state() const noexcept { return session_.scene_state(); }
+
   /// What the person here asks of the server, from the next send() on: telemetry, the hand of a
   /// simulated device, other physics.
   void control(const protocol::Control& control) { session_.set_control(control); }
@@ -79,6 +93,8 @@ class HapticClient {
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
   bool stood_still_ = false;   ///< The world does not make up for the time before this frame.
   double sampled_at_ = 0;
+  std::vector<std::uint8_t> scene_;  ///< What is offered; empty: nothing.
+  bool scene_in_force_ = false;
 };
 
 }  // namespace hlm

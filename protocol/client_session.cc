@@ -15,6 +15,9 @@ namespace {
 /// that comes later.
 constexpr double kActLasts = 2;
 
+/// Round trips are no longer than this, s: a server that answers later was not there.
+constexpr double kLongestRoundTrip = 2;
+
 }  // namespace
 
 ClientSession::ClientSession(DatagramLink& link, ClientSessionOptions options)
@@ -32,7 +35,9 @@ ClientSession::Inbox ClientSession::poll(double now) {
     const auto reason = datagram_.dropped ? datagram_.dropped : take_datagram(now);
     if (reason) statistics_.drop(*reason);
   }
-  if (active_ && unanswered_since_ && now - *unanswered_since_ > options_.timeout) end();
+  const double round_trip = std::min(std::max(round_trip_, first_round_trip_), kLongestRoundTrip);
+  const double patience = options_.timeout + round_trip;
+  if (active_ && unanswered_since_ && now - *unanswered_since_ > patience) end();
   const bool hello_due = !last_hello_ || now - *last_hello_ >= options_.hello_period;
   if (!active_ && hello_due) say_hello(now);
   return inbox_;
@@ -84,6 +89,8 @@ std::optional<DropReason> ClientSession::take_welcome(double now, const Header& 
   if (welcome.nonce != options_.hello.nonce) return DropReason::kForeignSession;
   if (active_) return DropReason::kStale;
   active_ = true;
+  const double asked_for = now - datagram_.waited - asked_at_.value_or(now);
+  first_round_trip_ = asked_for <= kLongestRoundTrip ? std::max(0.0, asked_for) : 0;
   options_.hello.clears_fault = false;
   id_ = header.envelope.session;
   welcome_ = welcome;
@@ -248,6 +255,7 @@ void ClientSession::close(double now) {
 
 void ClientSession::say_hello(double now) noexcept {
   if (!asking_since_) asking_since_ = now;
+  if (!asked_at_) asked_at_ = now;
   if (now - *asking_since_ > kActLasts) options_.hello.clears_fault = false;
   protocol::send(link_, options_.server, {.sequence = ++hellos_, .send_time = to_nanoseconds(now)},
                  options_.hello);
@@ -256,6 +264,7 @@ void ClientSession::say_hello(double now) noexcept {
 
 void ClientSession::end() noexcept {
   active_ = false;
+  asked_at_.reset();
   inbox_.lost = true;
   options_.hello.nonce = random_identifier();
   link_.forget(options_.server);

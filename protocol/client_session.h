@@ -31,7 +31,8 @@ struct ClientSessionOptions {
   /// set by the session, see below.
   Hello hello;
   double hello_period = 0.1;  ///< Between repeated hellos, s.
-  /// A server silent for this long, s, although updates were sent, is asked for a new session.
+  /// A server silent for this long, s, and a round trip, although updates were sent, is asked for a
+  /// new session.
   double timeout = 0.5;
   /// A person asks for the first session: if it is had within 2 s it ends a fault of the server.
   bool clears_fault = true;
@@ -114,6 +115,7 @@ class ClientSession {
   Inbox inbox_;
 
   std::optional<double> asking_since_;  ///< First hello, s.
+  std::optional<double> asked_at_;      ///< First hello with the present nonce, s.
   std::optional<double> last_hello_;    ///< s.
   std::uint64_t hellos_ = 0;            ///< Sequence of the latest hello.
 
@@ -126,6 +128,7 @@ class ClientSession {
   ProxyState state_;                        ///< Latest state of the session.
   double state_received_at_ = 0;            ///< When it arrived, s.
   double round_trip_ = 0;
+  double first_round_trip_ = 0;  ///< From the session's first hello to its welcome, s.
 
   std::optional<Control> control_;
   std::uint64_t control_sequence_ = 0;  ///< Sequence of its first message; 0: unsent.

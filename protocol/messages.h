@@ -115,8 +115,10 @@ struct ContactUpdate {
   Velocity v_VE;       ///< Generalised velocity of the tool.
   MovableBodies bodies;
   ReportedContacts contacts;
-  BodyPoses poses;          ///< Of bodies whose shapes the server has.
-  std::uint32_t scene = 0;  ///< The latest commit that had been queued, 0 none.
+  BodyPoses poses;  ///< Of bodies whose shapes the server has.
+  /// 0: the contacts are of all that is near; else of what the scene in force has no shapes of, and
+  /// this is the latest commit that had been queued.
+  std::uint32_t scene = 0;
 };
 
 /// Server to client: an update, or one contact of it, was not used. At most one in 0.1 s.

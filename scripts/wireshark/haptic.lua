@@ -261,7 +261,7 @@ local TABLES = {
     field(U8, "v_size", "length of v", between(1, 16)),
     coordinates(F64, "q", "q_size", "tool configuration for which the contacts were computed", LENGTH),
     coordinates(F64, "v", "v_size", "its generalised velocity q̇", SPEED),
-    optional(field(U32, "scene", "number of the latest commit that had been queued as this update was made (section B), 0 none")),
+    optional(field(U32, "scene")),
     list("bodies", "body", 16),
     list("contacts", "contact", 192),
     optional(list("poses", "pose", 64)),

@@ -200,7 +200,9 @@ TEST_CASE("A server that is silent after an update is lost and asked again with 
   client.begin(0);
   CHECK_FALSE(client.session.poll(100).lost);  // Nothing was sent, so nothing is missing.
   client.session.send(100, planar_update(0));
-  client.deliver_state(2, planar_state());
+  ProxyState state = planar_state();
+  state.update_send_time = 100.4;  // s: it comes back in no time.
+  client.deliver_state(2, state);
   CHECK_FALSE(client.session.poll(100.4).lost);
   client.session.send(101, planar_update(0));
   client.session.send(101.3, planar_update(0));
@@ -208,6 +210,19 @@ TEST_CASE("A server that is silent after an update is lost and asked again with 
   CHECK(client.session.poll(101.51).lost);
   CHECK_FALSE(client.session.active());
   CHECK(client.nonce() != 11);
+}
+
+TEST_CASE("A far server is given a round trip more before it is lost") {
+  Client client;
+  client.begin(0);
+  client.session.send(100, planar_update(0));
+  ProxyState state = planar_state();
+  state.update_send_time = 99.4;  // s: one second under way.
+  client.deliver_state(2, state);
+  CHECK_FALSE(client.session.poll(100.4).lost);
+  client.session.send(101, planar_update(0));
+  CHECK_FALSE(client.session.poll(102.4).lost);
+  CHECK(client.session.poll(102.6).lost);
 }
 
 TEST_CASE("The server's goodbye ends the session") {
