@@ -25,6 +25,7 @@
 #include "hlm/server/operation.h"
 #include "hlm/server/options.h"
 #include "hlm/server/program.h"
+#include "hlm/server_scene/loader.h"
 #include "hlm/transport/capture.h"
 #include "hlm/transport/recording_link.h"
 #include "hlm/transport/udp_socket.h"
@@ -132,7 +133,7 @@ void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log,
     const Intervention intervention = take_intervention(guard, timing.begin);
     servo.obey(intervention);
     TickRecord record = servo.tick(timing);
-    if (recording != nullptr) note_tick(*recording, timing, intervention, servo.exchange());
+    if (recording != nullptr) note_tick(*recording, timing, intervention, servo);
     record.execution = loop.elapsed() - timing.begin;
     log.record(record);
     if (stop_signal != 0 || (duration > 0 && timing.begin >= duration)) loop.stop();
@@ -177,6 +178,9 @@ void run_server(ServerOptions& options) {
   PeriodicLoopOptions loop_options = options.loop;
   loop_options.rate = options.physics.servo.rate;
   PeriodicLoop loop(loop_options);
+  // They go last: a large scene that is being made keeps nothing else waiting.
+  SceneLoader loader;
+  SceneLoaderThread loading(loader);
   handle_signals(request_stop);
   if (options.parent != 0) end_with(options.parent);
   handle_operator();
@@ -204,7 +208,7 @@ void run_server(ServerOptions& options) {
   }
   protocol::ServerSession session(*link, {});
   const auto servo = std::make_unique<Servo>(
-      options.physics.servo, fingerprint(options.physics, *device), session, *device);
+      options.physics.servo, fingerprint(options.physics, *device), session, *device, &loader);
 
   const auto clock = [&loop] { return loop.elapsed(); };
   EventLog events(clock);

@@ -88,6 +88,7 @@ class OfflineOutput {
     if (result.incomplete > 0)
       report << ", the capture lacks " << result.incomplete << " datagrams";
     report << '\n';
+    if (!result.missing_scene.empty()) report << "cannot be made: " << result.missing_scene << '\n';
     for (const auto& [session, receipt] : receipts_) {
       if (session == result.session) report << receipt.total();
     }
@@ -188,6 +189,12 @@ bool report(const RecordedSession& session, const LiveResult& result) {
   if (result.compared == 0) {
     warn("no answer could be compared: neither capture nor server has any to the same update");
     return false;
+  }
+  if (!result.scene_fault.empty()) {
+    warn("the server has not the recorded scenes: " + result.scene_fault);
+  } else if (result.other_scene > 0) {
+    warn(fmt::format("{} of these answers are from another scene than the recorded",
+                     result.other_scene));
   }
   const Drift& largest = result.proxy.largest;
   const bool same = largest.distance <= kSameDistance && largest.angle <= kSameAngle;

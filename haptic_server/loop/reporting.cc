@@ -97,14 +97,15 @@ void describe(const LocalModel& model, TickRecord& record) noexcept {
 }
 
 protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
-                          double silence_time, Device& device) noexcept {
+                          double silence_time, Device& device,
+                          const protocol::Capabilities& capabilities) noexcept {
   return {.servo_rate = options.rate,
           .fingerprint = fingerprint,
           .tuning = tuning_of(options),
           .silence_time = silence_time,
           .fade_time = options.limits.fade_time,
           .least_update_rate = 1 / options.silence_time.value_or(kDefaultSilenceTimes.most),
-          .capabilities = {.movable_bodies = true, .axes = true, .self_contacts = true},
+          .capabilities = capabilities,
           .device = report_of(device)};
 }
 

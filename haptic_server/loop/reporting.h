@@ -24,7 +24,8 @@ void describe(const LocalModel& model, TickRecord& record) noexcept;
 /// The welcome that grants a session. fingerprint: of the server's options; silence_time: at the
 /// client's nominal rate, s.
 protocol::Welcome welcome(const ServoOptions& options, std::uint64_t fingerprint,
-                          double silence_time, Device& device) noexcept;
+                          double silence_time, Device& device,
+                          const protocol::Capabilities& capabilities) noexcept;
 
 /// The acknowledgement of the update adopted in the tick of `record`. step, updates: of the
 /// session; model: null without one. In a fault, what is not finite or of no

@@ -42,12 +42,13 @@ bool is_finite(const DeviceState& device) noexcept {
 }  // namespace
 
 Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
-             protocol::ServerSession& session, Device& device) noexcept
+             protocol::ServerSession& session, Device& device, SceneSource* scenes) noexcept
     : options_(options),
       dt_(1 / options.rate),
       fingerprint_(fingerprint),
       session_(session),
       device_(device),
+      scenes_(scenes),
       controller_(options.controller, options.gains),
       limiter_(options.limits, device.ratings(), dt_),
       energy_(device.ratings(),
@@ -58,14 +59,25 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   const protocol::ServerSession::Inbox inbox = session_.poll(timing.begin);
   record_ = TickRecord{};
   exchange_ = {};
+  scene_exchange_ = {};
+  had_session_ = machine_.simulates();
   advance_session(inbox, timing);
+  if (scenes_ != nullptr) load_scene(inbox);
   if (inbox.control != nullptr && machine_.simulates()) apply(*inbox.control);
   if (inbox.update != nullptr && machine_.simulates()) adopt(*inbox.update);
   if (inbox.hello != nullptr) begin_session(*inbox.hello, timing.begin);
-  if (machine_.simulates()) simulate();
+  if (machine_.simulates()) {
+    had_session_ = true;
+    simulate();
+  }
   describe(timing, machine_, session_, step_, record_);
   if (machine_.fault() != Fault::kNone) record_.cause = cause_;
   if (local_model_) describe(*local_model_, record_);
+  if (local_model_ && scene_ != nullptr) {
+    record_.scene = scenes_->number();
+    record_.placements = static_cast<std::uint32_t>(scene_->shapes());
+    record_.pieces = static_cast<std::uint32_t>(scene_->pieces());
+  }
   record_.missing_freedoms = missing_freedoms_;
   record_.lowered = lowered_;
   record_.uses_contacts = traits(controller_.kind()).uses_contacts;
@@ -126,6 +138,9 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
     return;
   }
   local_model_.emplace(hello.tool, hello.q, options_.local_model, dt_);
+  if (scenes_ != nullptr) scenes_->begin(hello.tool);
+  scene_ = nullptr;
+  counts_on_scene_ = false;
   device_.align(local_model_->proxy().X_WH());
   missing_freedoms_ = missing_freedoms(local_model_->proxy(), device_.ratings().freedoms);
   engine_.begin(local_model_->proxy().X_WH());
@@ -143,7 +158,30 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   controller_ = Controller(options_.controller, options_.gains);
   energy_.begin();
   telemetry_.begin();
-  session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_));
+  session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_,
+                               {.movable_bodies = true,
+                                .axes = true,
+                                .self_contacts = true,
+                                .scenes = scenes_ != nullptr}));
+}
+
+/// Hands on what came of the scene stream, and takes the newest scene that was made of it.
+void Servo::load_scene(const protocol::ServerSession::Inbox& inbox) noexcept {
+  if (inbox.scene) {
+    const std::size_t taken = session_.take_scene(
+        [this](std::span<const std::byte> bytes) { return scenes_->take(bytes); });
+    scene_exchange_.chunks = static_cast<std::uint32_t>(taken);
+  }
+  scene_ = scenes_->poll();
+  scene_exchange_.number = scenes_->number();
+  use_scene(counts_on_scene_);
+}
+
+/// Whether contacts are found in the scene, or are those that the environment reports.
+void Servo::use_scene(bool wanted) noexcept {
+  counts_on_scene_ = wanted;
+  Scene* const scene = wanted ? scene_ : nullptr;
+  if (local_model_ && local_model_->scene() != scene) local_model_->set_scene(scene);
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {
@@ -172,8 +210,9 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   if (inbox.heard) machine_.hear();
   if (inbox.refused) machine_.refuse();
   if (inbox.update != nullptr) {
-    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)),
-                    oldest_of(*inbox.update));
+    oldest_ = oldest_of(*inbox.update);
+    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)), oldest_,
+                    has_scene() ? kOldestPoses : kOldestContacts);
   }
   if (inbox.goodbye) machine_.end();
   machine_.tick(limiter_.level(), 1 + timing.missed);
@@ -222,17 +261,21 @@ double Servo::oldest_of(const protocol::ContactUpdate& update) noexcept {
 
 void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
   record_.age = age_of(update);
+  // With shapes the update may be older than contacts may.
   const bool uses_contacts = traits(controller_.kind()).uses_contacts;
+  const bool young = !has_scene() || oldest_ <= kOldestContacts;
   // A hand without force pushes nothing.
   const bool moves_bodies = uses_contacts && machine_.state() != ServerState::kFading;
   const double stiffness = local_model_->parameters().stiffness;
   const double stored = stored_energy(*local_model_, stiffness);
-  local_model_->adopt({.contacts = uses_contacts ? update.contacts : kNoContacts,
+  use_scene(uses_contacts && update.scene > 0);
+  local_model_->adopt({.contacts = uses_contacts && young ? update.contacts : kNoContacts,
                        .q_VE = update.q_VE,
                        .age = record_.age,
                        .bodies = moves_bodies ? update.bodies : kNoBodies,
                        .impulse_step = update.impulse_step,
-                       .period = update.ve_period});
+                       .period = update.ve_period,
+                       .poses = uses_contacts ? update.poses : kNoPoses});
   energy_.adopted(stored, stored_energy(*local_model_, stiffness));
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();
@@ -365,7 +408,10 @@ void Servo::fail(Fault fault) noexcept {
 void Servo::acknowledge(double now) noexcept {
   engine_.acknowledge(step_, record_.X_WD, record_.V_WD);
   const LocalModel* model = local_model_ ? &*local_model_ : nullptr;
-  record_.adopted = session_.acknowledge(now, proxy_state(record_, step_, updates_, model));
+  protocol::ProxyState state = proxy_state(record_, step_, updates_, model);
+  if (scenes_ != nullptr) state.scene = scenes_->number();
+  record_.adopted = session_.acknowledge(now, state);
+  if (session_.has_scene()) session_.inform(now, scenes_->state());
   // Contacts and impulses of a model that is nowhere may be no numbers.
   const bool nowhere = record_.fault == Fault::kNonFinite || record_.fault == Fault::kImplausible;
   if (model == nullptr || nowhere) return;

@@ -21,6 +21,7 @@
 #include "hlm/safety/limiter.h"
 #include "hlm/safety/model_energy.h"
 #include "hlm/safety/state_machine.h"
+#include "hlm/server_scene/source.h"
 
 namespace hlm::server {
 
@@ -31,12 +32,20 @@ struct DeviceExchange {
   bool written = true;               ///< It took the command.
 };
 
+/// What became of scenes in a tick: a replay needs that, too.
+struct SceneExchange {
+  std::uint32_t number = 0;  ///< Number of the scene in force, 0 none.
+  std::uint32_t chunks = 0;  ///< Chunks of the scene stream that were handed on.
+
+  bool operator==(const SceneExchange&) const = default;
+};
+
 class Servo {
  public:
-  /// `options` must be valid; session and device must outlive the servo. fingerprint:
-  /// of all options that shape the physics, for the welcome.
+  /// `options` must be valid; session, device and scenes must outlive the servo. fingerprint:
+  /// of all options that shape the physics, for the welcome. scenes: null: clients send none.
   Servo(const ServoOptions& options, std::uint64_t fingerprint, protocol::ServerSession& session,
-        Device& device) noexcept;
+        Device& device, SceneSource* scenes = nullptr) noexcept;
 
   /// One tick. Returns its signals except `execution`, which the caller measures.
   const TickRecord& tick(const Timing& timing) noexcept;
@@ -46,6 +55,10 @@ class Servo {
 
   /// The exchange in the latest tick.
   const DeviceExchange& exchange() const noexcept { return exchange_; }
+  /// Whether there was a session when it began, or when it ended.
+  bool had_session() const noexcept { return had_session_; }
+  /// What became of scenes in it.
+  const SceneExchange& scene_exchange() const noexcept { return scene_exchange_; }
 
   /// Zero force, device off, goodbye to the client.
   void shut_down(double now) noexcept;
@@ -56,6 +69,8 @@ class Servo {
  private:
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
+  void load_scene(const protocol::ServerSession::Inbox& inbox) noexcept;
+  void use_scene(bool wanted) noexcept;
   void apply(const protocol::Control& control) noexcept;
   std::optional<double> travel_of(const protocol::ContactUpdate& update) const noexcept;
   double age_of(const protocol::ContactUpdate& update) const noexcept;
@@ -66,6 +81,7 @@ class Servo {
   ContactWrench move_proxy(const DeviceState& device) noexcept;
   ContactWrench step_proxy(const DeviceState& device) noexcept;
   void render(const DeviceState& device, const ContactWrench& felt) noexcept;
+  bool has_scene() const noexcept { return local_model_ && local_model_->scene() != nullptr; }
   bool is_plausible(const DeviceState& device) const noexcept;
   double silence_time(double period) const noexcept;
   void reject_in_fault(double now) noexcept;
@@ -77,12 +93,16 @@ class Servo {
   std::uint64_t fingerprint_;
   protocol::ServerSession& session_;
   Device& device_;
+  SceneSource* scenes_;
   Controller controller_;
   Limiter limiter_;
   EnergyAccount energy_;
   SafetyStateMachine machine_;
 
   std::optional<LocalModel> local_model_;
+  Scene* scene_ = nullptr;        ///< The newest of the session.
+  double oldest_ = 0;             ///< Age at most of the latest update, s.
+  bool counts_on_scene_ = false;  ///< The latest update leaves its contacts to a scene.
   EngineView engine_;
   Telemetry telemetry_;
   std::optional<double> shortest_travel_;  ///< Round trip of the session, s.
@@ -99,6 +119,8 @@ class Servo {
   bool clutched_ = false;      ///< Whether the device was clutched when last read.
   const char* cause_ = "";     ///< Why the device failed, in a fault of it.
   DeviceExchange exchange_;
+  SceneExchange scene_exchange_;
+  bool had_session_ = false;
   TickRecord record_;
 };
 

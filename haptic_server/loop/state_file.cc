@@ -29,6 +29,10 @@ json drops(const TickRecord& record) {
   return by_reason;
 }
 
+json scene_json(const TickRecord& record) {
+  return {{"number", record.scene}, {"placements", record.placements}, {"pieces", record.pieces}};
+}
+
 json chain_json(const protocol::ForceFacts& facts) {
   json chain = json::array();
   for (const protocol::ChainLink& link : force_chain(facts)) {
@@ -140,6 +144,7 @@ std::string StateFile::text(const TickRecord& record) const {
                      {"max_torque", finite(facts_.ratings.max_torque)},
                      {"halts", facts_.ratings.halts},
                      {"time_guard", finite(facts_.ratings.time_guard)}}},
+                   {"scene", scene_json(record)},
                    {"force", facts.F_command.norm()},
                    {"chain", chain_json(facts)}};
   using Handler = nlohmann::json::error_handler_t;  // A device's name may be no UTF-8.

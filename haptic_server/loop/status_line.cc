@@ -23,17 +23,23 @@ std::string state(const TickRecord& record) {
   return text;
 }
 
+std::string scene(const TickRecord& r) {
+  if (r.scene == 0) return "";
+  return fmt::format(" | scene {}: {} placements, {} pieces", r.scene, r.placements, r.pieces);
+}
+
 }  // namespace
 
 std::string format_status(const TickRecord& r, double rate) {
   constexpr double kMillimetres = 1e3;
-  return fmt::format(
+  const std::string line = fmt::format(
       "{:.1f} s {} | {:.1f} Hz, {} missed | {} datagrams, {} | contacts {} active, {} predicted "
       "| {:.2f} N, hand {} | device-proxy {:.2f} mm, proxy-tool {:.2f} mm",
       r.time, state(r), rate, r.overruns, r.datagrams, protocol::describe_drops(r.dropped_for),
       r.active_contacts, r.predicted_contacts, r.F_command.head<3>().norm(),
       protocol::hand_source(r.hand_measured, r.hand_observed),
       kMillimetres * (r.X_WD.p - r.X_WP.p).norm(), kMillimetres * (r.X_WP.p - r.X_WT.p).norm());
+  return line + scene(r);
 }
 
 void StatusLine::observe(const TickRecord& record) {

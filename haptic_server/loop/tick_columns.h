@@ -38,6 +38,9 @@ constexpr void visit_signals(Visit&& visit) {
   visit("active_contacts", &TickRecord::active_contacts, kPlain);
   visit("predicted_contacts", &TickRecord::predicted_contacts, kPlain);
   visit("smallest_separation", &TickRecord::smallest_separation, kMetres);
+  visit("scene", &TickRecord::scene, kPlain);
+  visit("scene_placements", &TickRecord::placements, kPlain);
+  visit("scene_pieces", &TickRecord::pieces, kPlain);
   visit("adopted", &TickRecord::adopted, kPlain);
   visit("age", &TickRecord::age, kSeconds);
   visit("lateness", &TickRecord::lateness, kSeconds);

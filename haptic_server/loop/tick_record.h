@@ -40,6 +40,9 @@ struct TickRecord {
   int active_contacts = 0;
   int predicted_contacts = 0;
   double smallest_separation = 0;  ///< m; 0 without contacts.
+  std::uint32_t scene = 0;         ///< Number of the scene in force; 0 none.
+  std::uint32_t placements = 0;    ///< Shapes in that scene,
+  std::uint32_t pieces = 0;        ///< and the convex pieces of which they are made.
   std::uint64_t adopted = 0;       ///< Sequence of the update adopted in this tick, or 0.
   double age = 0;                  ///< Age attributed to it, s.
   double lateness = 0;             ///< Wake-up after the scheduled time, s.

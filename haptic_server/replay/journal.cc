@@ -83,6 +83,8 @@ void fields(Archive& archive, TickNote& note) {
   archive.require(count <= note.received.capacity());
   note.received.resize(std::min<std::size_t>(count, note.received.capacity()));
   for (std::uint32_t& channel : note.received) archive.u32(channel);
+  archive.appended_u32(note.scene.number);
+  archive.appended_u32(note.scene.chunks);
 }
 
 template <class Note>
@@ -126,17 +128,18 @@ void note_device(protocol::RecordingLink& link, const Device& device) noexcept {
 }
 
 void note_tick(protocol::RecordingLink& link, const Timing& timing, Intervention act,
-               const DeviceExchange& device) noexcept {
+               const Servo& servo) noexcept {
   // Without a session a guard that is gone does nothing, and would be noted in every tick.
   const bool acts = act != Intervention::kNone && act != Intervention::kUnguarded;
-  if (!device.read && !acts && link.received().empty()) return;
+  if (!servo.had_session() && !acts && link.received().empty()) return;
   link.note(protocol::view(encode(TickNote{.tick = timing.tick,
                                            .begin = timing.begin,
                                            .missed = timing.missed,
                                            .act = act,
                                            .lost = link.lost(),
-                                           .device = device,
-                                           .received = link.received()})));
+                                           .device = servo.exchange(),
+                                           .received = link.received(),
+                                           .scene = servo.scene_exchange()})));
 }
 
 }  // namespace hlm::server

@@ -28,8 +28,9 @@ struct TickNote {
   std::uint64_t missed = 0;                ///< Periods missed just before this tick.
   Intervention act = Intervention::kNone;  ///< From the device's machine, before this tick.
   std::uint64_t lost = 0;  ///< Datagrams and notes missing in the capture up to here.
-  DeviceExchange device;
-  protocol::RecordingLink::Channels received;  ///< Channels of the received datagrams.
+  DeviceExchange device = {};
+  protocol::RecordingLink::Channels received = {};  ///< Channels of the received datagrams.
+  SceneExchange scene = {};
 };
 
 protocol::DatagramBytes encode(const DeviceNote& note) noexcept;
@@ -41,8 +42,9 @@ bool decode(std::span<const std::byte> bytes, TickNote& note) noexcept;
 
 /// Notes the device in whose sessions what `link` carries is heard.
 void note_device(protocol::RecordingLink& link, const Device& device) noexcept;
-/// Notes a tick that did anything, right after it.
+/// Notes the tick that servo has just done, if that did anything: also the one that ends a session
+/// by itself.
 void note_tick(protocol::RecordingLink& link, const Timing& timing, Intervention act,
-               const DeviceExchange& device) noexcept;
+               const Servo& servo) noexcept;
 
 }  // namespace hlm::server

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <map>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <unordered_map>
 
@@ -15,6 +17,9 @@ namespace {
 
 /// How often the server is listened to between two updates, s.
 constexpr double kPollPeriod = 1e-3;
+
+/// More of a scene at once would fill a narrow network.
+constexpr std::size_t kChunksPerUpdate = 64;
 
 class LiveReplay {
  public:
@@ -37,6 +42,7 @@ class LiveReplay {
     connect(stop);
     const double begin = now();
     if (client_.active()) welcomed(client_.welcome());
+    next_chunk_ = session_.chunks.begin();
     const auto ended = [&] { return stop() || result_.lost; };
     for (const RecordedUpdate& update : session_.updates) {
       const double due =
@@ -84,6 +90,10 @@ class LiveReplay {
   void listen() {
     const auto inbox = client_.poll(now());
     if (inbox.lost) result_.lost = true;
+    const protocol::SceneState& scene = client_.scene_state();
+    if (inbox.scene && scene.error != protocol::SceneError::kNone && result_.scene_fault.empty()) {
+      result_.scene_fault.assign(scene.text.begin(), scene.text.end());
+    }
     if (inbox.state != nullptr) compare(*inbox.state);
     std::this_thread::sleep_for(std::chrono::duration<double>(kPollPeriod));
   }
@@ -93,6 +103,7 @@ class LiveReplay {
     const auto recorded = expected_.find(answer.acknowledged);
     if (recorded == expected_.end()) return;
     ++result_.compared;
+    if (answer.scene != recorded->second->scene) ++result_.other_scene;
     const auto [earlier, later] = std::minmax(answer.step, recorded->second->step);
     result_.steps_apart = std::max(result_.steps_apart, later - earlier);
     recorded_tool_.set_configuration(recorded->second->q);
@@ -106,11 +117,30 @@ class LiveReplay {
       ++result_.incomplete;
       return;
     }
+    queue_chunks(recorded.time_ns);
     const std::uint64_t sequence = client_.send(now(), update);
+    client_.send_scene(now(), kChunksPerUpdate);
     if (sequence == 0) return;
     ++result_.sent;
     const auto answer = recorded_.find(recorded.sequence);
     if (answer != recorded_.end()) expected_[sequence] = answer->second;
+  }
+
+  /// What the client of the recording had sent of its scene stream by then.
+  void queue_chunks(std::int64_t time_ns) {
+    for (; next_chunk_ != session_.chunks.end() && next_chunk_->second.time_ns <= time_ns;
+         ++next_chunk_) {
+      if (!result_.scene_fault.empty()) return;
+      const auto& [number, chunk] = *next_chunk_;
+      if (number != chunks_++) {
+        result_.scene_fault = "the capture lacks chunk " + std::to_string(chunks_ - 1);
+        return;
+      }
+      const auto* bytes = reinterpret_cast<const std::uint8_t*>(chunk.data.data());
+      if (const auto why = client_.queue_scene({bytes, chunk.data.size()})) {
+        result_.scene_fault = *why;
+      }
+    }
   }
 
   const RecordedSession& session_;
@@ -122,6 +152,8 @@ class LiveReplay {
   /// Recorded answers by the sequence of the update they acknowledge: as recorded, and as sent now.
   std::unordered_map<std::uint64_t, const protocol::ProxyState*> recorded_;
   std::unordered_map<std::uint64_t, const protocol::ProxyState*> expected_;
+  std::map<std::uint64_t, RecordedChunk>::const_iterator next_chunk_;
+  std::uint64_t chunks_ = 0;  ///< Queued.
   LiveResult result_;
 };
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
 
 #include "hlm/loop/drift.h"
 #include "hlm/protocol/datagram_link.h"
@@ -21,6 +22,8 @@ struct LiveResult {
   /// Largest difference between the steps that adopted an update then and now: a server that
   /// missed periods, or updates that came at another pace.
   std::uint64_t steps_apart = 0;
+  std::uint64_t other_scene = 0;  ///< Compared answers from another scene than then.
+  std::string scene_fault = {};   ///< Why the server has not the scenes; empty if nothing is wrong.
 };
 
 struct LiveOptions {
@@ -29,10 +32,10 @@ struct LiveOptions {
   double connect_timeout = 5;  ///< s.
 };
 
-/// Asks the server for a session with the recorded tool, sends the recorded updates at their pace
-/// and compares the answers. The controls of a live page are not sent. `welcomed` is called when
-/// the session begins; `stop` ends it early. Throws std::runtime_error if the server does not
-/// answer or refuses.
+/// Asks the server for a session with the recorded tool, sends the recorded updates and the scene
+/// stream at their pace and compares the answers. The controls of a live page are not sent.
+/// `welcomed` is called when the session begins; `stop` ends it early. Throws std::runtime_error if
+/// the server does not answer or refuses.
 LiveResult replay_live(const RecordedSession& session, protocol::DatagramLink& link,
                        const LiveOptions& options,
                        const std::function<void(const protocol::Welcome&)>& welcomed,

@@ -7,6 +7,7 @@
 
 #include "hlm/protocol/codec.h"
 #include "hlm/protocol/server_session.h"
+#include "hlm/replay/played_scenes.h"
 
 namespace hlm::server {
 namespace {
@@ -56,8 +57,8 @@ bool same_bits(const Vector& a, const Vector& b) {
 
 /// Whether the physics of two acknowledgements agree.
 bool same_bits(const ProxyState& a, const ProxyState& b) {
-  return a.step == b.step && a.acknowledged == b.acknowledged && same_bits(a.q, b.q) &&
-         same_bits(a.v, b.v) && same_bits(a.X_WD.p, b.X_WD.p) &&
+  return a.step == b.step && a.acknowledged == b.acknowledged && a.scene == b.scene &&
+         same_bits(a.q, b.q) && same_bits(a.v, b.v) && same_bits(a.X_WD.p, b.X_WD.p) &&
          same_bits(a.X_WD.R.coeffs(), b.X_WD.R.coeffs()) && same_bits(a.F_env, b.F_env) &&
          same_bits(a.F_command, b.F_command);
 }
@@ -69,7 +70,7 @@ class Player {
   Player(const ServoOptions& options, std::uint64_t fingerprint, Device& device,
          RecordedDevice* recorded, const ObserveTick& observe)
       : session_(link_, {}),
-        servo_(std::make_unique<Servo>(options, fingerprint, session_, device)),
+        servo_(std::make_unique<Servo>(options, fingerprint, session_, device, &scenes_)),
         recorded_(recorded),
         observe_(observe),
         rate_(options.rate) {}
@@ -82,6 +83,7 @@ class Player {
       result.fingerprint = tick.granted->welcome.fingerprint;
     }
     if (recorded_ != nullptr) recorded_->set(tick.note.device);
+    scenes_.set(tick.note.scene);
     servo_->obey(tick.note.act);
     link_.begin_tick(tick.received);
     overruns_ += tick.note.missed;
@@ -95,8 +97,11 @@ class Player {
     if (results_.empty()) return;
     results_.back().steps = std::max(results_.back().steps, record.step);
     results_.back().incomplete = tick.note.lost;
+    if (results_.back().missing_scene.empty()) results_.back().missing_scene = scenes_.missing();
     for (const ProxyState& state : tick.answers) compare(state);
   }
+  /// The scene stream of the session that began last, where the ticks bring none of it.
+  void give(std::span<const std::byte> stream) { scenes_.give(stream); }
 
   std::vector<OfflineResult>& results() { return results_; }
 
@@ -115,6 +120,7 @@ class Player {
 
   PlayedLink link_;
   protocol::ServerSession session_;
+  PlayedScenes scenes_;
   std::unique_ptr<Servo> servo_;
   RecordedDevice* recorded_;
   const ObserveTick& observe_;
@@ -133,6 +139,7 @@ class AcknowledgedTicks {
     for (const ProxyState& state : session.acknowledgements) {
       RecordedTick& tick = due_[state.step];
       tick.answers.push_back(state);
+      tick.note.scene.number = state.scene;
       const auto update = updates.find(state.acknowledged);
       if (update == updates.end() || !is_whole(*update->second)) {
         ++incomplete_;
@@ -156,7 +163,11 @@ class AcknowledgedTicks {
 
   RecordedTick take(std::uint64_t step) {
     RecordedTick tick;
-    if (const auto due = due_.find(step); due != due_.end()) tick = std::move(due->second);
+    if (const auto due = due_.find(step); due != due_.end()) {
+      tick = std::move(due->second);
+      scene_ = tick.note.scene.number;
+    }
+    tick.note.scene.number = scene_;
     tick.session = session_.id;
     tick.note.tick = step - 1;
     tick.note.begin = static_cast<double>(step - 1) / rate_;
@@ -182,6 +193,7 @@ class AcknowledgedTicks {
   double rate_;                                          ///< Hz.
   std::unordered_map<std::uint64_t, RecordedTick> due_;  ///< Ticks by step.
   std::uint64_t incomplete_ = 0;
+  std::uint32_t scene_ = 0;  ///< Number of the scene in force.
 };
 
 }  // namespace
@@ -202,7 +214,9 @@ OfflineResult replay_offline(const RecordedSession& session, const ServoOptions&
                              const ObserveTick& observe) {
   AcknowledgedTicks ticks(session, options.rate);
   Player player(options, fingerprint, device, nullptr, observe);
-  for (std::uint64_t step = 1; step <= ticks.steps(); ++step) player.play(ticks.take(step));
+  player.play(ticks.take(1));
+  player.give(session.scene_stream());
+  for (std::uint64_t step = 2; step <= ticks.steps(); ++step) player.play(ticks.take(step));
   OfflineResult result = player.results().front();
   result.steps = ticks.steps();
   result.incomplete = ticks.incomplete();

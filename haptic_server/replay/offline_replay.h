@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "hlm/device/device.h"
@@ -25,6 +26,9 @@ struct OfflineResult {
   std::uint64_t incomplete = 0;
   /// Step of the first state that differs.
   std::optional<std::uint64_t> first_difference;
+  /// The first scene that was in force in the recording and cannot be made, and why; empty if there
+  /// is none.
+  std::string missing_scene = {};
 };
 
 using ObserveTick = std::function<void(const TickRecord&)>;
@@ -38,7 +42,8 @@ std::vector<OfflineResult> replay_offline(Recording& recording, const ServoOptio
 
 /// The same with what a client, or somebody between, has captured of one session: each update at
 /// the step that adopted it, as its acknowledgement says. What else decided a step is not in such a
-/// capture, so that a fade, or a device other than the simulated one, is not played as it was.
+/// capture, so that a fade, or a device other than the simulated one, is not played as it was. A
+/// scene comes into force at the first step whose acknowledgement names it.
 OfflineResult replay_offline(const RecordedSession& session, const ServoOptions& options,
                              std::uint64_t fingerprint, Device& device, const ObserveTick& observe);
 

@@ -58,13 +58,14 @@ class SessionReader {
         return take_state(datagram, header);
       case MessageType::kControl:
         return take_control(datagram, header);
+      case MessageType::kSceneChunk:
+        return take_chunk(datagram, header);
       case MessageType::kReject:
       case MessageType::kGoodbye:
       case MessageType::kTicks:
       case MessageType::kLocalState:
       case MessageType::kRefusal:
       case MessageType::kImpulses:
-      case MessageType::kSceneChunk:
       case MessageType::kSceneState:
         return;
     }
@@ -138,6 +139,13 @@ class SessionReader {
     if (pending != nullptr) pending->session.controls[header.envelope.sequence] = datagram.bytes;
   }
 
+  void take_chunk(const CapturedDatagram& datagram, const Header& header) {
+    PendingSession* pending = find(header.envelope.session);
+    protocol::SceneChunk chunk;
+    if (pending == nullptr || decode(protocol::view(datagram.bytes), chunk)) return;
+    pending->session.chunks.try_emplace(chunk.number, RecordedChunk{datagram.time_ns, chunk.data});
+  }
+
   void take_state(const CapturedDatagram& datagram, const Header& header) {
     PendingSession* pending = find(header.envelope.session);
     protocol::ProxyState state;
@@ -161,6 +169,16 @@ class SessionReader {
 };
 
 }  // namespace
+
+std::vector<std::byte> RecordedSession::scene_stream() const {
+  std::vector<std::byte> stream;
+  std::uint64_t next = 0;
+  for (const auto& [number, chunk] : chunks) {
+    if (number != next++) break;
+    stream.insert(stream.end(), chunk.data.begin(), chunk.data.end());
+  }
+  return stream;
+}
 
 std::vector<RecordedSession> read_sessions(const std::filesystem::path& path) {
   protocol::CaptureReader capture(path);

@@ -1,6 +1,7 @@
 // The sessions that a capture holds.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -17,6 +18,11 @@ struct RecordedUpdate {
   std::vector<protocol::DatagramBytes> parts;  ///< Wire format, in order; perhaps incomplete.
 };
 
+struct RecordedChunk {
+  std::int64_t time_ns = 0;  ///< When it first passed, ns since the epoch.
+  protocol::ChunkData data;
+};
+
 struct RecordedSession {
   std::uint64_t id = 0;
   std::int64_t time_ns = 0;  ///< When it was granted, ns since the epoch.
@@ -27,6 +33,10 @@ struct RecordedSession {
   std::vector<RecordedUpdate> updates;  ///< Updates in the order of their first parts.
   std::map<std::uint64_t, protocol::DatagramBytes> controls;  ///< In wire format, by sequence.
   std::vector<protocol::ProxyState> acknowledgements;
+  std::map<std::uint64_t, RecordedChunk> chunks = {};  ///< Chunks of the scene stream, by number.
+
+  /// What the chunks carry, up to the first that the capture does not hold.
+  std::vector<std::byte> scene_stream() const;
 };
 
 /// All sessions of a capture that were granted, in order. Datagrams that are not of the protocol

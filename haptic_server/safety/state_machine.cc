@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "hlm/common/contact.h"
-
 namespace hlm::server {
 namespace {
 
@@ -45,12 +43,12 @@ void SafetyStateMachine::begin(double silence_time) noexcept {
   refused_ = false;
 }
 
-void SafetyStateMachine::update(double silence_time, double age) noexcept {
+void SafetyStateMachine::update(double silence_time, double age, double oldest) noexcept {
   silence_time_ = silence_time;
   silence_ = without_update_ = 0;
   refused_ = false;
   if (fade_ == Fade::kClientLeft) return;
-  if (age > kOldestContacts) return lose(Fade::kContactsOld);
+  if (age > oldest) return lose(Fade::kContactsOld);
   happen(kUpdated);
   if (renders_force(state_)) fade_ = Fade::kNone;
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "hlm/common/contact.h"
 #include "hlm/common/vocabulary.h"
 #include "hlm/safety/limiter.h"
 
@@ -53,8 +54,8 @@ class SafetyStateMachine {
   void hear() noexcept { silence_ = 0; }
   /// An update of the client was refused.
   void refuse() noexcept { refused_ = true; }
-  /// A whole update came, its contacts `age` s old.
-  void update(double silence_time, double age) noexcept;
+  /// A whole update came, its contacts `age` s old; they give force up to `oldest`, s.
+  void update(double silence_time, double age, double oldest = kOldestContacts) noexcept;
   /// The client ends the session.
   void end() noexcept;
   /// The first fault is the one that is kept, but for one that ends_at_device() after one that does

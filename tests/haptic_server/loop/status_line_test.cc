@@ -49,6 +49,15 @@ TEST_CASE("The line names state, rate, datagrams, contacts, force and drift") {
         "proxy-tool 0.10 mm");
 }
 
+TEST_CASE("A scene in force is named with its placements and pieces") {
+  TickRecord r;
+  CHECK_THAT(format_status(r, 1000), !ContainsSubstring("scene"));
+  r.scene = 2;
+  r.placements = 12;
+  r.pieces = 340;
+  CHECK_THAT(format_status(r, 1000), ContainsSubstring(" | scene 2: 12 placements, 340 pieces"));
+}
+
 TEST_CASE("A fault is named") {
   TickRecord r;
   r.server = ServerState::kFault;

@@ -62,7 +62,8 @@ TEST_CASE("The columns are those that readers of the log rely on") {
         "command_force_x_N,command_force_y_N,command_force_z_N,"
         "command_torque_x_N_m,command_torque_y_N_m,command_torque_z_N_m,force_limit,"
         "port_given_J,port_taken_J,port_explained_J,port_tank_J,brought_J,"
-        "active_contacts,predicted_contacts,smallest_separation_m,adopted,age_s,"
+        "active_contacts,predicted_contacts,smallest_separation_m,"
+        "scene,scene_placements,scene_pieces,adopted,age_s,"
         "lateness_s,execution_s,overruns,datagrams,dropped\n");
 }
 
@@ -120,6 +121,9 @@ TEST_CASE("Counts and states are written as whole numbers and words") {
   r.hand_measured = r.hand_observed = true;
   r.active_contacts = 4;
   r.predicted_contacts = 16;
+  r.scene = 5;
+  r.placements = 6;
+  r.pieces = 7;
   r.adopted = 77;
   r.overruns = 1;
   r.datagrams = 2;
@@ -135,6 +139,9 @@ TEST_CASE("Counts and states are written as whole numbers and words") {
   CHECK(columns["hand_observed"] == "1");
   CHECK(columns["active_contacts"] == "4");
   CHECK(columns["predicted_contacts"] == "16");
+  CHECK(columns["scene"] == "5");
+  CHECK(columns["scene_placements"] == "6");
+  CHECK(columns["scene_pieces"] == "7");
   CHECK(columns["adopted"] == "77");
   CHECK(columns["overruns"] == "1");
   CHECK(columns["datagrams"] == "2");
