@@ -11,6 +11,7 @@
 #include "hlm/settings/directories.h"
 #include "hlm/settings/table.h"
 #include "hlm/web/page_token.h"
+#include "hlm/world/scene_shapes.h"
 
 namespace hlm::ve {
 namespace {
@@ -198,7 +199,11 @@ void ClientRun::begin(Asked asked) {
   for (std::size_t i = 0; i < sessions_.size(); ++i) {
     options.clears_fault = asked == Asked::kAll || (asked == Asked::kFirst && i == 0);
     options.telemetry = i == 0 ? page_.get() : nullptr;
-    sessions_[i].begin(options, environment_->tools[i].assembly);
+    const ToolAssembly& tool = environment_->tools[i].assembly;
+    sessions_[i].begin(options, tool);
+    if (!settings_.frame.shapes) continue;
+    const bool friction = settings_.frame.report_friction[i];
+    sessions_[i].client().offer_scene(scene_records(environment_->world, tool, friction));
   }
   if (page_) {
     page_->forget_session();

@@ -8,6 +8,7 @@
 #include "hlm/common/uniform.h"
 #include "hlm/geometry/select_pairs.h"
 #include "hlm/world/catch_up.h"
+#include "hlm/world/scene_shapes.h"
 
 namespace hlm::ve {
 namespace {
@@ -56,6 +57,11 @@ constexpr double kMargin = 1.5;
 constexpr double kFarthestLag = 0.05;
 /// Farthest that a body is held beyond ε, m.
 constexpr double kFarthestHold = 0.05;
+/// With shapes, bodies within this are sent, m, and within what the tool travels until the next
+/// update but so many has come, at most the third, m: a body that was not sent is a wall.
+constexpr double kNearBodies = 0.02;
+constexpr double kLosses = 3;
+constexpr double kFarthestBodies = 0.3;
 
 }  // namespace
 
@@ -88,6 +94,12 @@ Pushes follow_server(World& world, VirtualTool& tool, HapticClient& client, doub
   return pushes;
 }
 
+/// The server finds the contacts of shapes itself: what the tool is near tells which bodies it may
+/// push next.
+bool finds_contacts(const HapticClient& client, const FrameOptions& options) {
+  return options.shapes && client.has_scene();
+}
+
 /// Within which the tool's contacts are sent, and for how long.
 struct Search {
   double epsilon;   ///< m.
@@ -100,6 +112,11 @@ Search search_for(const VirtualTool& tool, const HapticClient& client, double pe
                   const FrameOptions& options) {
   const double delay = client.round_trip() + options.delay;
   const double matters_for = lifetime(delay, period);
+  if (finds_contacts(client, options)) {
+    const double epsilon =
+        std::min(kNearBodies + kLosses * matters_for * tool.target_speed(), kFarthestBodies);
+    return {.epsilon = epsilon, .smallest = epsilon, .lifetime = matters_for, .all_axes = false};
+  }
   // Which axes separate the tool from a shape says nothing of a proxy that is elsewhere, as it is
   // where contacts come late: without prediction always.
   const bool all_axes = client.connected() && client.welcome().capabilities.axes &&
@@ -186,6 +203,7 @@ void step(VirtualEnvironment& environment, std::span<HapticClient* const> client
 struct Report {
   ReportedContacts contacts;
   MovableBodies bodies;
+  BodyPoses poses;
 };
 
 /// What the tool touches, or nearly touches, and the bodies that it can push.
@@ -197,9 +215,13 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
   result.epsilon = search.epsilon;
   std::vector<FoundContact> found = tool_contacts(environment.world, held, search);
   result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
-  std::vector<FoundContact> contacts =
-      select_pairs(held.selection, std::move(found), options.epsilon, held.assembly.planar_normal_W,
-                   [&](const ContactSide& side) { return surroundings.reports(side); });
+  const bool shapes = finds_contacts(client, options);
+  std::vector<FoundContact> contacts = std::move(found);
+  if (!shapes) {
+    contacts = select_pairs(held.selection, std::move(contacts), options.epsilon,
+                            held.assembly.planar_normal_W,
+                            [&](const ContactSide& side) { return surroundings.reports(side); });
+  }
   for (const FoundContact& contact : contacts) {
     if (contact.axis > 0) {
       ++result.on_other_axes;
@@ -210,15 +232,14 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
   if (!options.report_friction[i]) {
     for (FoundContact& contact : contacts) contact.friction = -1;
   }
-  if (!pushes_by_impulses(client, options)) {
-    surroundings.find({}, 0);
-    return {reports_of(contacts), {}};
-  }
-  surroundings.find(contacts, options.epsilon);
+  std::vector<FoundContact> none;
+  surroundings.find(pushes_by_impulses(client, options) ? contacts : none, options.epsilon, shapes);
+  if (shapes) contacts.clear();
   result.bodies = surroundings.bodies().size();
   result.supports = surroundings.contacts().size();
   contacts.insert(contacts.end(), surroundings.contacts().begin(), surroundings.contacts().end());
-  return {reports_of(contacts), surroundings.bodies()};
+  return {reports_of(contacts), surroundings.bodies(),
+          shapes ? body_poses(environment.world, held.tool) : BodyPoses()};
 }
 
 }  // namespace
@@ -256,7 +277,7 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
   }
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
   for (std::size_t i = 0; i < clients.size(); ++i) {
-    clients[i]->send(clock.now(), reports[i].contacts, reports[i].bodies);
+    clients[i]->send(clock.now(), reports[i].contacts, reports[i].bodies, reports[i].poses);
   }
   return results;
 }

@@ -67,6 +67,8 @@ struct FrameOptions {
   /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
   /// near ones. For comparisons.
   bool one_axis = false;
+  /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
+  bool shapes = false;
   /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
   /// moving constraints: what a server without movable bodies gets. For comparisons.
   bool push_by_following = false;

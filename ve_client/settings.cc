@@ -83,6 +83,10 @@ class CommandLine {
                  "Report contacts up to this separation at least; 0 is touching ones only");
     table.number("largest-epsilon", settings_.frame.largest_epsilon, kEpsilons,
                  "That separation grows with the tool's speed and the delay up to this; 0 is off");
+    table.flag(
+        "shapes", settings_.frame.shapes,
+        "Give the server the world's shapes once: it finds their contacts at every tick, also "
+        "across long delays");
     table.number("rate", rate_, kFrameRates, "Frames per second");
     table.interval("rate-range", rate_range_, kFrameRates,
                    "Instead of --rate, draw the rate of each frame uniformly between these");

@@ -51,7 +51,7 @@ ContactSide Surroundings::side_of(int body) const {
           static_cast<std::uint32_t>(body)};
 }
 
-void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon) {
+void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, bool shapes) {
   reported_.clear();
   left_out_.clear();
   bodies_.clear();
@@ -73,11 +73,12 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon) {
     return contact.key.b.kind == SideKind::kMovableBody &&
            contact.key.b.index < contact.key.a.index;
   });
+  if (shapes) contacts_.clear();
   share_loads();
   for (int i = 0; i < static_cast<int>(world_.description().joints.size()); ++i) {
     add_limits(i, epsilon);
   }
-  keep_most_telling(kMaxContacts - tool_contacts.size());
+  keep_most_telling(kMaxContacts - (shapes ? 0 : tool_contacts.size()));
 
   for (const int body : reported_) {
     MovableBody& movable = bodies_.emplace_back();

@@ -22,8 +22,9 @@ class Surroundings {
   /// Finds the bodies for these contacts of the tool, σ <= epsilon (m, >= 0), in the present poses,
   /// and marks the contacts with one of them. The bodies' own contacts are those with the world,
   /// with each other and with bodies that are not reported, with friction and load, and the
-  /// limits of their joints (find_limits).
-  void find(std::span<FoundContact> tool_contacts, double epsilon);
+  /// limits of their joints (find_limits); these alone with `shapes`, whose contacts are found
+  /// elsewhere.
+  void find(std::span<FoundContact> tool_contacts, double epsilon, bool shapes = false);
 
   const MovableBodies& bodies() const noexcept { return bodies_; }
   /// Contacts of the latest find(), sorted by key: at most so many that all fit into an update. If
