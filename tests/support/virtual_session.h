@@ -17,8 +17,10 @@
 #include "hlm/loop/servo.h"
 #include "hlm/protocol/server_session.h"
 #include "hlm/replay/journal.h"
+#include "hlm/server_scene/loader.h"
 #include "hlm/transport/recording_link.h"
 #include "hlm/ve/frame.h"
+#include "hlm/world/scene_shapes.h"
 #include "tests/support/memory_link.h"
 #include "tests/support/virtual_clock.h"
 #include "tests/support/worlds.h"
@@ -78,7 +80,8 @@ class VirtualServer {
     if (options_.wrap_device) device_ = options_.wrap_device(std::move(device_));
     if (options_.recorded) server::note_device(link_, *device_);
     session_.emplace(link_, protocol::ServerSessionOptions{.first_session_id = ++starts_});
-    servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_);
+    loader_ = std::make_unique<server::SceneLoader>();
+    servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_, loader_.get());
   }
   /// Dies without a word.
   void stop() { servo_.reset(); }
@@ -98,13 +101,20 @@ class VirtualServer {
     const Intervention act = act_ticks_ > 0 ? act_ : Intervention::kNone;
     act_ticks_ = std::max(0, act_ticks_ - 1);
     servo_->obey(act);
+    if (idle_ > 0) {
+      --idle_;
+    } else {
+      loader_->work();
+    }
     last_ = servo_->tick(timing);
-    if (options_.recorded) server::note_tick(link_, timing, act, servo_->exchange());
+    if (options_.recorded) server::note_tick(link_, timing, act, *servo_);
     return &last_;
   }
 
   /// Misses so many periods.
   void stall(std::uint64_t periods) { stalls_ += periods; }
+  /// No scenes are made for so many ticks.
+  void idle(std::uint64_t ticks) { idle_ += ticks; }
   /// What comes from the device's machine before each of the next ticks.
   void intervene(Intervention act, int ticks = 1) {
     act_ = act;
@@ -125,10 +135,12 @@ class VirtualServer {
   std::uint64_t starts_ = 0;
   std::unique_ptr<server::Device> device_;
   std::optional<protocol::ServerSession> session_;
+  std::unique_ptr<server::SceneLoader> loader_;
   std::unique_ptr<server::Servo> servo_;
   std::uint64_t ticks_ = 0;
   std::uint64_t stalls_ = 0;
   std::uint64_t missed_ = 0;
+  std::uint64_t idle_ = 0;
   Intervention act_ = Intervention::kNone;
   int act_ticks_ = 0;
   server::TickRecord last_;
@@ -203,6 +215,9 @@ class VirtualSession {
                                             .nonce = 1,
                                             .telemetry = options_.telemetry});
     clients_.push_back(&owned_.back());
+    if (!options_.frame.shapes) return;
+    owned_.back().offer_scene(
+        ve::scene_records(environment_.world, assembly, options_.frame.report_friction[index]));
   }
 
   void tick(double now) {

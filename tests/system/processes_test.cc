@@ -69,6 +69,7 @@ double number(const std::map<std::string, std::string>& row, const std::string& 
 }
 
 TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 % of -f/k") {
+  const bool shapes = GENERATE(false, true);  // The server finds the contacts itself.
   const TemporaryDirectory directory;
   std::ofstream(directory.file("push.toml")) << "after = \"hold\"\n[[segment]]\nduration = 1.0\n"
                                                 "wrench = { force = [0, 0.5, 0] }\n";
@@ -77,12 +78,15 @@ TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 
                                                  directory.file("ticks.csv"), "--device-option",
                                                  "friction=0"});
   REQUIRE(haptic_server.wait_for_error("listening", 10));
-  const Finished session = run(client(port) + Arguments{"--duration", "6"}, 30);
+  Arguments client_of_wall = client(port) + Arguments{"--duration", "6"};
+  if (shapes) client_of_wall.push_back("--shapes");
+  const Finished session = run(client_of_wall, 30);
   CHECK(session.exit_code == 0);
   haptic_server.send_signal(SIGTERM);
   CHECK(haptic_server.wait(10) == 0);
 
   const auto row = last_session_tick(directory.file("ticks.csv"));
+  CHECK(number(row, "scene") == (shapes ? 1 : 0));
   CHECK(number(row, "env_force_y_N") == Approx(-0.5).epsilon(0.02));
   CHECK(number(row, "active_contacts") == 2);
   CHECK(number(row, "smallest_separation_m") == Approx(-0.5 / 2 / 4000).epsilon(0.02));
@@ -90,6 +94,7 @@ TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 
 }
 
 TEST_CASE("A recorded run in which both sides stalled replays offline bit for bit") {
+  const bool shapes = GENERATE(false, true);
   const TemporaryDirectory directory;
   const int port = free_port();
   const Arguments physics{"--hand", HLM_WORLDS "/hands/session.toml"};
@@ -97,7 +102,9 @@ TEST_CASE("A recorded run in which both sides stalled replays offline bit for bi
     Process haptic_server(server(port) + physics +
                           Arguments{"--record", directory.file("run.pcap")});
     REQUIRE(haptic_server.wait_for_error("listening", 10));
-    Process haptic_client(client(port) + Arguments{"--duration", "3"});
+    Arguments stalled = client(port) + Arguments{"--duration", "3"};
+    if (shapes) stalled.push_back("--shapes");
+    Process haptic_client(stalled);
     // Both stall, long enough that force fades.
     std::this_thread::sleep_for(std::chrono::milliseconds(1000));
     for (Process* side : {&haptic_client, &haptic_server}) {

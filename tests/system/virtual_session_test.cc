@@ -411,6 +411,7 @@ TEST_CASE(
 
 TEST_CASE("A recorded session comes back bit for bit on the local model") {
   VirtualSessionOptions options = demo();
+  options.frame.shapes = GENERATE(false, true);
   options.link = {.delay = 0.01, .jitter = 0.01, .loss = 0.1};
   const std::filesystem::path capture =
       std::filesystem::temp_directory_path() / ("replay_test_" + std::to_string(::getpid()));

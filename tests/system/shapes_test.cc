@@ -1,0 +1,150 @@
+// The geometry near the hand in the server: sessions in virtual time (docs/method.md 18).
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "tests/support/catch.h"
+#include "tests/support/virtual_session.h"
+
+namespace hlm::test {
+namespace {
+
+using server::TickRecord;
+
+constexpr double kStiffness = 4000;  // N/m, of a contact
+
+/// A peg of 20 mm at the origin before a wall, which a hand leads. face: of the wall, at x, m.
+VirtualSessionOptions before_wall(double delay, double face = 0.05) {
+  VirtualSessionOptions options;
+  options.world =
+      world_of(fixed_model("wall", std::to_string(face + 0.05) + " 0 0 0 0 0", box("0.1 0.2 0.2")) +
+               model("peg", "0 0 0 0 0 0", box("0.02 0.02 0.02"),
+                     "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  options.device.dry_friction = 0;
+  options.servo.silence_time = 2;
+  options.link = {.delay = delay};
+  options.frame.shapes = true;
+  return options;
+}
+
+TEST_CASE("With shapes the server finds the contacts, and updates bring none") {
+  VirtualSessionOptions options = before_wall(0.02);
+  options.hand = constant_push(force(2, 0));
+  VirtualSession session(options);
+  session.run(1.5);
+  REQUIRE(session.client().has_scene());
+  CHECK(session.client().scene_state().placements == 2);
+  const server::LocalContacts& contacts = session.servo().local_model()->contacts();
+  REQUIRE(contacts.size() == 2);  // Of a planar tool one at each corner.
+  for (const server::LocalContact& contact : contacts) {
+    CHECK(contact.of_scene);
+    CHECK(contact.now.s == Approx(-2.0 / 2 / kStiffness).epsilon(0.02));
+  }
+  CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.01));
+}
+
+TEST_CASE("Half a second each way a wall is felt where it is, and force lasts") {
+  VirtualSessionOptions options = before_wall(0.5);
+  // It waits until the scene is there.
+  options.hand = {{{4.0, server::Push{}}, {6.0, server::Push{.constant = force(2, 0)}}},
+                  server::AfterLastSegment::kHold};
+  double met_at = 0;  // m
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    if (met_at == 0 && tick.F_env[0] < -0.1) met_at = tick.X_WP.p.x() + 0.01;
+  });
+  session.run(8);
+  CHECK(met_at == Approx(0.05).margin(5e-4));  // m: v·h
+  CHECK(session.last().server == ServerState::kActive);
+  CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.01));
+}
+
+TEST_CASE("A scene that comes under load steps no force, and the wall stays where it is") {
+  VirtualSessionOptions options = before_wall(0.01, 0.012);
+  options.hand = constant_push(force(8, 0));
+  std::vector<TickRecord> ticks;
+  VirtualSession session(options, [&](const TickRecord& tick) { ticks.push_back(tick); });
+  session.server(0).idle(1500);
+  session.run(1.4);
+  REQUIRE(session.servo().local_model()->scene() == nullptr);
+  REQUIRE(session.last().F_env[0] == Approx(-8).epsilon(0.02));
+  ticks.clear();
+  session.run(1.5);
+  REQUIRE(session.servo().local_model()->scene() != nullptr);
+  double step = 0;
+  for (std::size_t i = 1; i < ticks.size(); ++i) {
+    step = std::max(step, (ticks[i].F_env - ticks[i - 1].F_env).head<3>().norm());
+  }
+  CHECK(step <= 0.6);  // N
+  CHECK(session.last().F_env[0] == Approx(-8).epsilon(0.02));
+  CHECK(session.last().X_WP.p.x() == Approx(0.002 + 8.0 / 2 / kStiffness).margin(1e-4));
+}
+
+TEST_CASE("A wall that comes at 0.2 m/s is felt where its shape is, and pushes the tool along") {
+  const double delay = GENERATE(0.0, 0.02);  // s each way
+  constexpr double kSpeed = 0.2;             // m/s
+  constexpr int kWall = 1;
+  VirtualSessionOptions options;
+  options.world = world_of(model("tool", "0 0 0 0 0 0", box("0.02 0.02 0.02"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>") +
+                           model("wall", "0.15 0 0 0 0 0", box("0.02 0.1 0.1")));
+  options.tool = "tool";
+  options.link = {.delay = delay};
+  options.rate_low = options.rate_high = 50;
+  options.frame.shapes = options.frame.push_by_following = true;
+  options.hand = constant_push(force(1, 0));
+  VirtualSession* running = nullptr;
+  double largest = 0;  // m
+  bool watches = false;
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    if (!watches) return;
+    // Where the world has the wall after its latest step.
+    const double wall = running->environment().world.X_WB(kWall).p.x() - 0.01;
+    largest = std::max(largest, std::abs(tick.X_WP.p.x() + 0.01 - wall));
+  });
+  running = &session;
+  ve::World& world = session.environment().world;
+  world.make_kinematic(kWall);
+  session.run(0.3);
+  Twist V = Twist::Zero();
+  V[0] = -kSpeed;
+  world.set_velocity(kWall, V);
+  session.run(1.2);  // The tool is knocked away first, and pushed back.
+  watches = true;
+  session.run(0.3);
+  // The world is ahead or behind by up to a frame and what is under way.
+  CHECK(largest < kSpeed * (1.5 * 0.02 + delay) + 5e-4);
+  CHECK(session.last().F_env[0] < -0.5);
+}
+
+TEST_CASE("A client with shapes that falls silent takes the force with it, and may come back") {
+  VirtualSessionOptions options = before_wall(0.005);
+  options.servo.silence_time.reset();
+  options.hand = constant_push(force(2, 0));
+  VirtualSession session(options);
+  session.run(1);
+  REQUIRE(session.last().F_command[0] == Approx(-2).epsilon(0.02));
+  session.run_server_alone(0.4);
+  CHECK(session.last().F_command.norm() < 1e-9);
+  session.run(1);
+  CHECK(session.last().fault == Fault::kNone);
+  CHECK(session.client().has_scene());
+  CHECK(session.last().F_command[0] == Approx(-2).epsilon(0.02));
+}
+
+TEST_CASE("A server that begins anew gets the shapes again") {
+  VirtualSessionOptions options = before_wall(0.01);
+  options.hand = constant_push(force(2, 0));
+  VirtualSession session(options);
+  session.run(1);
+  REQUIRE(session.client().has_scene());
+  session.server(0).stop();
+  session.run(1.5);
+  CHECK_FALSE(session.client().has_scene());
+  session.server(0).start();
+  session.run(1);
+  CHECK(session.client().has_scene());
+  CHECK(session.servo().local_model()->scene() != nullptr);
+}
+
+}  // namespace
+}  // namespace hlm::test
