@@ -56,6 +56,7 @@ SECTIONS = {
     "maps": "Where each method stops working",
     "approach": "Where a wall is felt, over approach speed",
     "corners": "Convex edges: all near axes of each pair of shapes, or the best one alone",
+    "shapes": "The geometry near the hand in the server, across delays",
     "roams": "A peg about the testbed's hole: the same in motion, tick by tick",
     "posts": "A rod among posts",
     "observer": "A hand that is not measured",
@@ -115,6 +116,9 @@ INTRODUCTION = {
     "corners": "A peg enters holes with 0.2 to 3 mm to spare on each side, straight or askew, at up to 0.5 m/s, "
     "between two blocks, in the testbed, and among bars or tiles whose level tops touch; 0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
     "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
+    "shapes": "The server has the world's shapes and finds the contacts at every tick, or gets planes from the client. Left: how "
+    "far from a wall force begins that is met at 0.05 to 1 m/s; at the top: never. Right: what is felt in holes that a peg "
+    "enters without touching them, at 0.3 m/s, with 1 mm to spare on each side.",
     "roams": "Pegs of 38 and 40 mm are led to and fro before the testbed's hole of 40 mm, into it and out, at up to 0.4 m/s and "
     "5 rad/s, or pushed about the room with up to 7 N, the environment at 30 to 60 Hz. In each tick the force is held "
     "against the walls as they are. Left: the share of ticks with more than 0.5 N where no wall is within 0.3 mm, of led "
@@ -424,6 +428,32 @@ def draw_corners(folder):
     return figure
 
 
+def draw_shapes(folder):
+    figure, axes = panels(2, 4)
+    colors = {"planes": "#d62728", "shapes": "#1f77b4"}
+    never = 1000  # mm
+    for i, (name, color) in enumerate(colors.items()):
+        walls = [r for r in read_table(folder / "shapes_walls.csv") if r["contacts"] == name]
+        x = [1e3 * float(r["delay_s"]) + 12 * i for r in walls]
+        y = [min(1e3 * float(r["error_m"]), never) for r in walls]
+        axes[0].plot(x, y, "o", markersize=4, color=color, alpha=0.5, label=name)
+        entries = [r for r in read_table(folder / "shapes_entries.csv")
+                   if r["contacts"] == name and float(r["free"]) > 0]
+        holes = list(dict.fromkeys(r["walls"] for r in entries))
+        x = [holes.index(r["walls"]) + 0.2 * i for r in entries]
+        y = [max(float(r["largest_force_n"]), 1e-3) for r in entries]
+        axes[1].plot(x, y, "o", markersize=4, color=color, alpha=0.5, label=name)
+    axes[0].set(yscale="log")
+    label(axes[0], "delay each way, ms", "where the wall is felt, off by, mm")
+    axes[1].set(yscale="log")
+    axes[1].set_xticks(range(len(holes)), holes)
+    axes[1].axhline(0.5, color="#999999", linewidth=0.8)
+    label(axes[1], "hole", "largest force felt, N (0.001: none)")
+    for axis in axes:
+        axis.legend(fontsize=7)
+    return figure
+
+
 def draw_bars(axis, rows, group, value, title):
     """Bars of value(rows) by delay, one colour for each value of the column `group`."""
     delays = sorted({float(row["delay_s"]) for row in rows})
@@ -559,7 +589,7 @@ def draw_linkages(folder):
 
 
 def draw_bodies(folder):
-    rows = read_table(folder / "bodies.csv")
+    rows = [row for row in read_table(folder / "bodies.csv") if row["contacts"] == "planes"]
     tasks = list(collections.OrderedDict.fromkeys(row["task"] for row in rows))
     figure, axes = panels(1, 12)
     axis = axes[0]
@@ -666,6 +696,7 @@ DRAW = {
     "maps": draw_maps,
     "approach": draw_approach,
     "corners": draw_corners,
+    "shapes": draw_shapes,
     "roams": draw_roams,
     "posts": draw_posts,
     "observer": draw_observer,

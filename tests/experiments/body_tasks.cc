@@ -146,6 +146,30 @@ BodyTask hit(double off_centre) {
   return task;
 }
 
+BodyTask hit_with_ball(double off_centre) {
+  BodyTask task = hit(off_centre);
+  const std::string ball = fmt::format(
+      "<model name='tool'><pose>-0.08 {} 0 0 0 0</pose><link name='body'><inertial><mass>0.5</mass>"
+      "<inertia><ixx>1e-4</ixx><iyy>1e-4</iyy><izz>1e-4</izz></inertia></inertial>"
+      "<collision name='ball'><geometry><sphere><radius>0.015</radius></sphere></geometry>"
+      "<surface><friction><ode><mu>0.3</mu></ode></friction></surface></collision></link></model>",
+      off_centre);
+  task.world = test::world_of(body("body", 0.3, {0.06, 0.06, 0.06}, {0, 0, 0}, 0.3) + ball);
+  return task;
+}
+
+BodyTask tip() {
+  BodyTask task;
+  task.world = test::world_of(
+      fixed("table", collision("top", {1, 1, 0.1}, {kTableEdge - 0.5, 0, -0.05}, 0.4)) +
+          body("body", 0.375, {0.1, 0.1, 0.05}, {0, 0, 0.025}, 0.4) +
+          finger({-0.073, 0, 0.025}, 0.4),
+      kDown);
+  task.hand = script({force({0, 0, 0}, 0.5), move({0.16, 0, 0}, 4)});
+  task.duration = 5;
+  return task;
+}
+
 namespace {
 constexpr double kDoorMass = 0.4;  // kg
 const Vector3 kDoorSize(0.2, 0.012, 0.08);

@@ -25,6 +25,11 @@ BodyTask rest(double mass);
 BodyTask rest_on_tower(double mass);
 /// A body of 0.3 kg floats freely; the hand throws the tool at it, off its centre, and lets go.
 BodyTask hit(double off_centre);
+/// The same with a ball of 15 mm radius.
+BodyTask hit_with_ball(double off_centre);
+/// A brick is pushed at up to 75 mm/s over the table's edge, which is at x = kTableEdge.
+inline constexpr double kTableEdge = 0.1;  // m
+BodyTask tip();
 /// A door of 0.4 kg, 200 mm wide, its hinge at the origin, the leaf along x: the hand knocks
 /// against it so far from the hinge (m), and lets go.
 BodyTask knock(double from_hinge);

@@ -38,6 +38,7 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   options.frame.epsilon = conditions.epsilon;
   options.frame.largest_epsilon = 0;
   options.frame.push_by_following = conditions.by_following;
+  options.frame.shapes = conditions.shapes;
   return options;
 }
 

@@ -28,6 +28,7 @@ struct BodyConditions {
   double friction_scale =
       1;  ///< On the friction that updates report, against the environment's own.
   bool by_following = false;
+  bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
 };
 
 /// One tick, and where the body is in the environment.

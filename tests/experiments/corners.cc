@@ -14,6 +14,7 @@
 
 #include "hlm/common/uniform.h"
 #include "tests/experiments/experiments.h"
+#include "tests/support/mesh_model.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {
@@ -54,6 +55,52 @@ std::string level_pieces(Walls walls, double x, double z) {
     }
   }
   return tiles;
+}
+
+/// Two blocks with a wedge on each side of the mouth, 20 mm wide and high, that leads into the
+/// hole.
+std::string wedges(double wall) {
+  std::string models =
+      block("left", -wall - 0.05, -0.08, 0.1, 0.12) + block("right", wall + 0.05, -0.08, 0.1, 0.12);
+  for (const double side : {-1.0, 1.0}) {
+    std::string points;
+    for (const double z : {-0.02, 0.02}) {
+      for (const auto& [x, y] : {std::pair{0.0, -0.02}, {0.02, 0.0}, {0.1, 0.0}, {0.1, -0.02}}) {
+        points += fmt::format("v {} {} {}\n", side * (wall + x), y, z);
+      }
+    }
+    const std::string faces =
+        "f 1 2 3\nf 1 3 4\nf 5 7 6\nf 5 8 7\nf 1 5 6\nf 1 6 2\n"
+        "f 2 6 7\nf 2 7 3\nf 3 7 8\nf 3 8 4\nf 4 8 5\nf 4 5 1\n";
+    models += test::mesh_model(side < 0 ? "wedge_left" : "wedge_right", points + faces);
+  }
+  return models;
+}
+
+/// A block of 0.2 x 0.17 x 0.08 m whose surface is one mesh, with a slot of 2 `wall` along x.
+std::string mesh_with_slot(double wall) {
+  const std::array<std::pair<double, double>, 8> outline{{{-0.1, -0.17},
+                                                          {0.1, -0.17},
+                                                          {0.1, 0},
+                                                          {wall, 0},
+                                                          {wall, -0.14},
+                                                          {-wall, -0.14},
+                                                          {-wall, 0},
+                                                          {-0.1, 0}}};
+  std::string text;
+  for (const double z : {-0.04, 0.04}) {
+    for (const auto& [x, y] : outline) text += fmt::format("v {} {} {}\n", x, y, z);
+  }
+  const std::array<std::array<int, 3>, 6> caps{
+      {{1, 6, 8}, {6, 7, 8}, {1, 2, 6}, {2, 5, 6}, {2, 3, 5}, {3, 4, 5}}};
+  for (const auto& [a, b, c] : caps) {
+    text += fmt::format("f {} {} {}\nf {} {} {}\n", a, c, b, a + 8, b + 8, c + 8);
+  }
+  for (int i = 1; i <= 8; ++i) {
+    const int next = i % 8 + 1;
+    text += fmt::format("f {} {} {}\nf {} {} {}\n", i, next, next + 8, i, next + 8, i + 8);
+  }
+  return test::mesh_model("block", text);
 }
 
 std::string peg(const Vector3& p, double half_width) {
@@ -98,7 +145,7 @@ Path path_of(const Entry& entry, double delay) {
   } else {
     path.start.y() += 0.05;
   }
-  const server::HandSegment waits = firm_reach(kRest + 4 * delay, path.start);
+  const server::HandSegment waits = firm_reach(kRest + 8 * delay, path.start);
   segments.push_back(waits);
   if (entry.wanders) {
     segments.push_back(firm_reach(duration_of((mouth - path.start).norm(), entry.speed), mouth));
@@ -163,7 +210,8 @@ test::VirtualSessionOptions session_options(const server::HandScript& hand,
   options.rate_high = conditions.ve_high;
   options.frame = {.epsilon = conditions.epsilon,
                    .largest_epsilon = conditions.largest_epsilon,
-                   .one_axis = conditions.one_axis};
+                   .one_axis = conditions.one_axis,
+                   .shapes = conditions.shapes};
   return options;
 }
 
@@ -205,7 +253,7 @@ double least_gap(const Entry& entry, double delay) {
           least = std::min(least, gap(record.X_WP, half_width, side, wall));
         }
       });
-  session.run(path.duration + kRest);
+  session.run(path.duration + kRest + 2 * delay);
   return least;
 }
 
@@ -222,6 +270,10 @@ EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
       case Walls::kBars:
       case Walls::kTiles:
         return test::world_of(level_pieces(entry.walls, wall, 0.02 + entry.clearance) + tool);
+      case Walls::kMesh:
+        return test::world_of(mesh_with_slot(wall) + tool);
+      case Walls::kWedges:
+        return test::world_of(wedges(wall) + tool);
       case Walls::kApart:
         break;
     }
@@ -238,7 +290,7 @@ EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
                                  contacts += record.active_contacts + record.predicted_contacts;
                                  ++updates;
                                });
-  session.run(path.duration + kRest);
+  session.run(path.duration + kRest + 2 * conditions.delay);
   outcome.enters = session.last().X_WP.p.y() < kHalfLength - 0.055;
   outcome.acting_contacts = contacts / std::max(1.0, updates);
   return outcome;
@@ -249,7 +301,7 @@ double wall_error(double speed, const CornerConditions& conditions, std::uint64_
   const double length = 0.3;
   Path path{.start = {0, length / 2 + kHalfLength, 0}, .hand = {}, .duration = 0};
   std::mt19937_64 engine(seed);
-  const double waits = kRest + 4 * conditions.delay + uniform(engine, 0, 0.05);
+  const double waits = kRest + 8 * conditions.delay + uniform(engine, 0, 0.05);
   const Vector3 end = path.start - Vector3(0, length, 0);
   path.hand = {{firm_reach(waits, path.start), firm_reach(duration_of(length, speed), end)},
                server::AfterLastSegment::kHold};
@@ -263,7 +315,7 @@ double wall_error(double speed, const CornerConditions& conditions, std::uint64_
                                    return;
                                  felt = record.X_WP.p.y() - kHalfLength;
                                });
-  session.run(waits + duration_of(length, speed));
+  session.run(kRest + 2 * conditions.delay + waits + duration_of(length, speed));
   return std::abs(felt);
 }
 
@@ -296,11 +348,17 @@ constexpr std::array kWallsWords{
     WallsWords{Walls::kTestbed, "testbed",
                "the testbed's hole, whose walls its floor adjoins, with 1 mm on each side"},
     WallsWords{Walls::kBars, "bars", "a hole between four bars with level tops that touch"},
-    WallsWords{Walls::kTiles, "tiles", "the gap that one of nine level tiles leaves"}};
+    WallsWords{Walls::kTiles, "tiles", "the gap that one of nine level tiles leaves"},
+    WallsWords{Walls::kMesh, "mesh", "a slot in a block that is one mesh"},
+    WallsWords{Walls::kWedges, "wedges", "a hole with chamfers of wedges on blocks"}};
+
+}  // namespace
 
 const char* name_of(Walls walls) {
   return std::ranges::find(kWallsWords, walls, &WallsWords::walls)->name;
 }
+
+namespace {
 
 void entries(Bench& bench) {
   const bool quick = bench.quick();
@@ -360,6 +418,7 @@ void entries(Bench& bench) {
     count.largest = std::max(count.largest, o.largest_force);
   }
   for (const auto& [walls, name, hole] : kWallsWords) {
+    if (!counts.contains({walls, false})) continue;
     const Count& all = counts[{walls, false}];
     const Count& one = counts[{walls, true}];
     bench.claim(

@@ -14,6 +14,7 @@ struct CornerConditions {
   double ve_low = 30;          ///< Hz. The rate of each frame is drawn between these.
   double ve_high = 60;         ///< Hz.
   double largest_epsilon = 0;  ///< m; above `epsilon`, ε adapts.
+  bool shapes = false;         ///< The server has the shapes and finds contacts at every tick.
 };
 inline constexpr double kLargestEpsilon = ve::FrameOptions{}.largest_epsilon;
 
@@ -33,7 +34,11 @@ enum class Walls : std::uint8_t {
   kTestbed,  ///< Those of worlds/testbed.sdf, 40 mm apart, which its floor adjoins.
   kBars,     ///< Four bars that touch, with level tops.
   kTiles,    ///< Eight tiles that touch, with level tops, about a ninth that is not there.
+  kMesh,     ///< The skin of one mesh.
+  kWedges,   ///< Two blocks whose edges are chamfered by wedges on them.
 };
+
+const char* name_of(Walls walls);
 
 /// How a peg of 80 mm is led into a hole with its mouth at y = 0.
 struct Entry {
@@ -60,6 +65,7 @@ struct EntryOutcome {
 EntryOutcome enter(const Entry& entry, const CornerConditions& conditions);
 
 /// How far from a wall force begins that a peg meets at `speed` (m/s), m; infinite if none does.
+/// v·h where it is felt in the tick in which it is met.
 double wall_error(double speed, const CornerConditions& conditions, std::uint64_t seed);
 
 }  // namespace hlm::experiments

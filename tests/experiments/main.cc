@@ -32,6 +32,7 @@ constexpr Experiment kExperiments[] = {
     {"collisions", collisions, true},
     {"linkages", linkages, true},
     {"corners", corners, true},
+    {"shapes", near_shapes, true},
     {"roams", roams, true},
     {"posts", posts, true},
     {"bodies", bodies, true},
