@@ -44,6 +44,7 @@ const MENU = {
     ['docs/method/figures.md', "The paper's figures"],
     ['docs/method/limits.md', 'Where it stops'],
     ['docs/method/prior.md', 'Prior local models'],
+    ['docs/method/scene.md', 'The geometry near the hand'],
   ],
   'Reference': [
     ['protocol/PROTOCOL.md', 'Protocol'],
