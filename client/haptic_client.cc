@@ -34,11 +34,10 @@ HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptio
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
   if (inbox.welcomed || inbox.lost) playout_.reset();
-  if (inbox.welcomed) {
-    scene_in_force_ = false;
-    const bool offers = !scene_.empty() && welcome().capabilities.scenes;
-    // It is refused where it would be too long: then contacts go on.
-    if (offers) static_cast<void>(session_.queue_scene(scene_));
+  if (inbox.welcomed) offer();
+  if (inbox.scene) {
+    const protocol::Text& text = scene_state().text;
+    scene_problem_.assign(text.begin(), text.end());
   }
   if (inbox.state != nullptr) {
     playout_.hear(inbox.state->step);
@@ -48,6 +47,14 @@ HapticClient::Inbox HapticClient::poll(double now) {
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
   return inbox;
+}
+
+/// A session begins: it gets the scene, or contacts go on.
+void HapticClient::offer() {
+  scene_in_force_ = false;
+  scene_problem_.clear();
+  if (scene_.empty()) return;
+  if (const auto problem = session_.queue_scene(scene_)) scene_problem_ = *problem;
 }
 
 int HapticClient::take_steps(double step) noexcept {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -66,6 +67,9 @@ class HapticClient {
   void offer_scene(std::vector<std::uint8_t> records) { scene_ = std::move(records); }
   /// Whether the server finds the contacts of its shapes itself, so that send() needs none.
   bool has_scene() const noexcept { return connected() && scene_in_force_; }
+  /// Why the server does not find contacts in the scene that is offered, for a person; empty as
+  /// long as nothing is known against it.
+  const std::string& scene_problem() const noexcept { return scene_problem_; }
   /// What the server says of the scene.
   const protocol::SceneState& scene_state() const noexcept { return session_.scene_state(); }
 
@@ -85,6 +89,8 @@ class HapticClient {
   const protocol::ReceiveStatistics& statistics() const noexcept { return session_.statistics(); }
 
  private:
+  void offer();
+
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Update of the latest sample.
   ImpulsePlayout playout_;
@@ -95,6 +101,7 @@ class HapticClient {
   double sampled_at_ = 0;
   std::vector<std::uint8_t> scene_;  ///< What is offered; empty: nothing.
   bool scene_in_force_ = false;
+  std::string scene_problem_;
 };
 
 }  // namespace hlm

@@ -15,10 +15,6 @@
 namespace hlm::geometry {
 namespace {
 
-/// Pieces that may adjoin one on the mean. In a mesh they are some twelve; more take memory and
-/// time without end where all lie in one place.
-constexpr std::size_t kMostAdjoining = 200;
-
 /// Faces whose normals differ by less, rad, can go on in each other: 0.1°. Larger flattens meshes.
 constexpr double kSameDirection = 1.7e-3;
 /// Distance within which pieces are looked for from a point, m: where its neighbourhood is probed.
@@ -216,7 +212,7 @@ PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach) {
   return sides;
 }
 
-Pieces::Pieces(std::span<const PieceSource> sources) {
+Pieces::Pieces(std::span<const PieceSource> sources, std::size_t most_adjoining) {
   for (const PieceSource& source : sources) {
     while (first_.size() <= static_cast<std::size_t>(source.id.body)) {
       first_.push_back(pieces_.size());
@@ -259,7 +255,7 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
     assemblies_.push_back({body, std::move(pieces), BoxTree(boxes)});
     const Assembly& assembly = assemblies_.back();
     if (assembly.pieces.size() < 2) continue;
-    find_adjoining(assembly);
+    find_adjoining(assembly, most_adjoining);
     join_faces(assembly);
     join_corners(assembly);
     number_borders(assembly);
@@ -267,7 +263,8 @@ Pieces::Pieces(std::span<const PieceSource> sources) {
   }
 }
 
-void Pieces::find_adjoining(const Assembly& assembly) {
+/// most: for each piece, on the mean.
+void Pieces::find_adjoining(const Assembly& assembly, std::size_t most) {
   std::size_t pairs = 0;
   for (std::size_t i = 0; i < assembly.pieces.size(); ++i) {
     Piece& a = *assembly.pieces[i];
@@ -276,9 +273,9 @@ void Pieces::find_adjoining(const Assembly& assembly) {
     assembly.tree.visit(meets, [&](std::size_t j) {
       Piece& b = *assembly.pieces[j];
       if (j <= i || !reach.intersects(b.bounds_F) || !adjoin(a, b)) return;
-      if (++pairs > kMostAdjoining * assembly.pieces.size() + kMostAdjoining * kMostAdjoining) {
-        throw std::length_error("pieces that overlap or adjoin must be at most " +
-                                std::to_string(kMostAdjoining) + " on the mean for each");
+      if (++pairs / assembly.pieces.size() > most) {
+        throw std::length_error("pieces that overlap or adjoin one must be at most " +
+                                std::to_string(most) + " on the mean");
       }
       // A plane has no sides: where another piece covers it, that piece is in the way.
       if (!a.convex->is_half_space()) a.adjoining.push_back(&b);

@@ -4,7 +4,9 @@
 
 #include <array>
 #include <compare>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -127,8 +129,11 @@ struct Assembly {
 class Pieces {
  public:
   /// By body, then by shape, from 0 on, without a gap; a body may have none. Shapes and meshes
-  /// outlive this. Throws std::length_error if most of very many pieces lie in one place.
-  explicit Pieces(std::span<const PieceSource> sources);
+  /// outlive this. Throws std::length_error if more pieces adjoin or overlap each one than
+  /// `most_adjoining` on the mean: where thousands lie in one place they take memory and time
+  /// without end. In a mesh they are some twelve.
+  explicit Pieces(std::span<const PieceSource> sources,
+                  std::size_t most_adjoining = std::numeric_limits<std::size_t>::max());
   Pieces(const Pieces&) = delete;
   Pieces& operator=(const Pieces&) = delete;
 
@@ -150,7 +155,7 @@ class Pieces {
   }
 
  private:
-  static void find_adjoining(const Assembly& assembly);
+  static void find_adjoining(const Assembly& assembly, std::size_t most);
   static void join_faces(const Assembly& assembly);
   static void join_corners(const Assembly& assembly);
   void number_borders(const Assembly& assembly);

@@ -45,6 +45,11 @@ void ToolSession::report(const FrameResult& result, const VirtualTool& tool,
                          const Proximity& proximity) {
   connection_.watch(now_(), result.inbox, client_->connected());
   if (result.inbox.welcomed) warn_of_mismatch(tool.assembly(), client_->welcome().device);
+  if (result.inbox.welcomed) scene_problem_.clear();
+  if (client_->scene_problem() != scene_problem_) {
+    scene_problem_ = client_->scene_problem();
+    if (!scene_problem_.empty()) spdlog::warn("no shapes, but contacts: {}", scene_problem_);
+  }
   status_.count(result);
   status_.report(now_(), *client_, proximity.statistics());
   if (recording_) recording_->link.drain(recording_->file);

@@ -74,6 +74,7 @@ class ToolSession {
   std::optional<HapticClient> client_;
   Connection connection_;
   Status status_;
+  std::string scene_problem_;  ///< As it was said last.
 };
 
 }  // namespace hlm::ve

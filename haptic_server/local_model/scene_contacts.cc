@@ -10,6 +10,13 @@ namespace {
 /// another feature: 45 degrees.
 constexpr double kGoesOn = 0.7;
 
+/// Added to the distance of one with another normal, m: it comes last.
+constexpr double kLast = 1e3;
+
+/// Farthest that a contact goes on to another feature with its load, m. Farther it would push where
+/// nothing was touched; nearer a body that is corrected drops its load.
+constexpr double kNearBy = 5e-3;
+
 /// A contact of a body that carries load stays while the environment has it no farther from
 /// touching than this, m: engines leave some space. Smaller drops what rests; larger carries what
 /// was lifted.
@@ -66,7 +73,7 @@ double left_of(double delta, double sigma) noexcept {
 /// What a contact that was met goes on from.
 struct Predecessor {
   const LocalContact* known = nullptr;  ///< Null: from none.
-  bool alone = false;  ///< No other goes on from it: its load and its friction are this one's.
+  bool alone = false;  ///< Near by, and for no other: its load and its friction are this one's.
 };
 
 /// Which contacts that were met go on from which existing ones. By their identity, or on another
@@ -82,7 +89,7 @@ class Succession {
       while (next < existing.size() && existing[next].identity < met[i].identity) ++next;
       for (std::size_t k = next; k < existing.size(); ++k) {
         if (existing[k].identity != met[i].identity) break;
-        if (existing[k].of_scene) claim(i, k);
+        if (existing[k].of_scene) claim(i, k, true);
       }
     }
     for (std::size_t i = 0; i < met.size(); ++i) {
@@ -100,9 +107,9 @@ class Succession {
   }
 
  private:
-  void claim(std::size_t met, std::size_t known) noexcept {
-    predecessors_[met] = {&existing_[known], !goes_on_[known]};
-    goes_on_[known] = true;
+  void claim(std::size_t met, std::size_t known, bool is_near) noexcept {
+    predecessors_[met] = {&existing_[known], is_near && !goes_on_[known]};
+    if (is_near) goes_on_[known] = true;
   }
 
   void find_nearest(std::size_t place, const MetContact& met) noexcept {
@@ -110,17 +117,20 @@ class Succession {
     const Vector3 x_W = found.p_WC + found.separation * found.n_W;
     std::size_t best = existing_.size();
     double least = std::numeric_limits<double>::infinity();
+    double distance = 0;  // m
     for (std::size_t i = 0; i < existing_.size(); ++i) {
       const LocalContact& known = existing_[i];
       if (!known.of_scene || known.a != found.key.a || known.b != found.key.b) continue;
       const bool similar = known.now.n_W.dot(found.n_W) > kGoesOn;
       if (!similar && found.separation > 0) continue;
-      const double away = (similar ? 0 : 1e3) + (known.now.p_W - x_W).squaredNorm();
-      if (away >= least) continue;
-      least = away;
+      const double away = (known.now.p_W - x_W).norm();
+      const double rank = away + (similar ? 0 : kLast);
+      if (rank >= least) continue;
+      least = rank;
+      distance = away;
       best = i;
     }
-    if (best < existing_.size()) claim(place, best);
+    if (best < existing_.size()) claim(place, best, distance < kNearBy);
   }
 
   const LocalContacts& existing_;

@@ -16,6 +16,10 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 /// Most pairs and contacts that are found at once. What is beyond is left out, and counted.
 constexpr FinderRoom kRoom{.pairs = 4096, .contacts = 2048};
 
+/// Pieces that may adjoin or overlap one, on the mean. In a mesh they are some twelve; of thousands
+/// in one place the loader would take minutes and gigabytes.
+constexpr std::size_t kMostAdjoining = 200;
+
 /// Where what is not there is, m: the search for what is near passes it by.
 const Pose kNowhere{Vector3::Constant(1e8), Quaternion::Identity()};
 
@@ -92,7 +96,7 @@ void Scene::make_finder() {
   telling_.resize(kRoom.contacts);
   telling_.clear();
   std::ranges::stable_sort(sources, {}, &PieceSource::id);
-  pieces_ = std::make_unique<Pieces>(sources);
+  pieces_ = std::make_unique<Pieces>(sources, kMostAdjoining);
 
   std::vector<ContactFinder::Body> bodies;
   for (const Body& body : bodies_) {

@@ -36,6 +36,7 @@ void require_place(const PlacedShape& shape, const ToolDescription& tool);
 class Scene {
  public:
   /// shapes: as require_place() has them. apart: places in the list of pairs that never touch.
+  /// Throws std::length_error with one line where most of very many shapes lie in one place.
   Scene(std::vector<PlacedShape> shapes,
         std::span<const std::pair<std::uint32_t, std::uint32_t>> apart,
         const ToolDescription& tool);

@@ -52,7 +52,8 @@ struct VirtualSessionOptions {
   std::uint64_t seed = 1;
   /// What stands between the simulated device and the server; empty: nothing.
   std::function<std::unique_ptr<server::Device>(std::unique_ptr<server::Device>)> wrap_device;
-  bool recorded = false;  ///< Servers note each tick for a replay.
+  bool takes_scenes = true;  ///< Servers do.
+  bool recorded = false;     ///< Servers note each tick for a replay.
   protocol::TelemetryObserver* telemetry = nullptr;
 };
 
@@ -81,7 +82,8 @@ class VirtualServer {
     if (options_.recorded) server::note_device(link_, *device_);
     session_.emplace(link_, protocol::ServerSessionOptions{.first_session_id = ++starts_});
     loader_ = std::make_unique<server::SceneLoader>();
-    servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_, loader_.get());
+    servo_ = std::make_unique<server::Servo>(options_.servo, 0, *session_, *device_,
+                                             options_.takes_scenes ? loader_.get() : nullptr);
   }
   /// Dies without a word.
   void stop() { servo_.reset(); }

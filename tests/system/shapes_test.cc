@@ -131,6 +131,17 @@ TEST_CASE("A client with shapes that falls silent takes the force with it, and m
   CHECK(session.last().F_command[0] == Approx(-2).epsilon(0.02));
 }
 
+TEST_CASE("A server that takes no shapes gets contacts, and the client knows why") {
+  VirtualSessionOptions options = before_wall(0.01);
+  options.takes_scenes = false;
+  options.hand = constant_push(force(2, 0));
+  VirtualSession session(options);
+  session.run(1);
+  CHECK_FALSE(session.client().has_scene());
+  CHECK(session.client().scene_problem() == "the server takes no scenes: it is older, or set so");
+  CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.02));
+}
+
 TEST_CASE("A server that begins anew gets the shapes again") {
   VirtualSessionOptions options = before_wall(0.01);
   options.hand = constant_push(force(2, 0));

@@ -148,8 +148,10 @@ TEST_CASE("A client falls silent while a body is held: without a jump the force 
 TEST_CASE("A client that stalls for up to 0.1 s drops nothing that is carried, nor is it thrown") {
   const double speed = GENERATE(0.0, 0.05, 0.1);                        // m/s, upwards
   const double stall = GENERATE(0.03, 0.05, 0.06, 0.065, 0.07, 0.085);  // s beyond the frame's own
-  CAPTURE(speed, stall);
+  const bool shapes = GENERATE(false, true);  // The server finds the contacts itself.
+  CAPTURE(speed, stall, shapes);
   VirtualSessionOptions options;
+  options.frame.shapes = shapes;
   options.world = cube_and_tray();
   options.tool = "tray";
   options.hand = {{move_up(0, 0.4), move_up(0.1, 1), move_up(0.1, 1.3), move_up(0.1 + speed, 1),

@@ -226,6 +226,18 @@ TEST_CASE("More pieces than a scene may have are refused, with how many there ar
   CHECK_THAT(loader.text(), Catch::Matchers::ContainsSubstring("must be at most 60000"));
 }
 
+TEST_CASE("A thousand shapes in one place are refused, and the next session has its scene") {
+  Loader loader;
+  Stream records = stream({ball()});
+  for (std::uint32_t i = 0; i < 1000; ++i) append(placement(i, ball()), records);
+  append(SceneCommit{1}, records);
+  CHECK(loader.make(records) == nullptr);
+  CHECK(loader->state().error == SceneError::kLimit);
+  CHECK_THAT(loader.text(), Catch::Matchers::ContainsSubstring("must be at most 200 on the mean"));
+  loader.begin();
+  CHECK(loader.make(first_scene()) != nullptr);
+}
+
 TEST_CASE("A new session has no scene, no fault and nothing of the stream before") {
   Loader loader;
   REQUIRE(loader.make(first_scene()) != nullptr);
