@@ -18,9 +18,10 @@ struct Method {
   double epsilon = 0;          ///< m.
   double largest_epsilon = 0;  ///< m; above `epsilon`, ε adapts.
   bool on_page = false;        ///< The live page has a button for it.
+  bool shapes = false;         ///< The server has the shapes; otherwise contacts are sent.
 };
 
-inline constexpr std::array<Method, 17> kMethods{{
+inline constexpr std::array<Method, 19> kMethods{{
     // The paper's three, as the paper has them: its baseline couples directly.
     {.name = "ir",
      .label = "IR",
@@ -43,6 +44,16 @@ inline constexpr std::array<Method, 17> kMethods{{
      .epsilon = 0.005,
      .largest_epsilon = 0.2,
      .on_page = true},
+    // No planes at all.
+    {.name = "shapes",
+     .label = "LM shapes",
+     .help = "Local model; the server has the shapes and finds contacts at every tick",
+     .shapes = true},
+    {.name = "shapes-direct",
+     .label = "LM shapes direct",
+     .help = "The same, the device in the proxy's place",
+     .controller = ControllerKind::kDirect,
+     .shapes = true},
     // Deformation without, and the controller without deformation.
     {.name = "lm0-direct",
      .label = "LM₀ direct",

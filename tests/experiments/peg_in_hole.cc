@@ -99,8 +99,8 @@ void tight_hole(Bench& bench) {
 }
 
 void stiff_hole(Bench& bench) {
-  auto of =
-      shake_all(bench, "fig17", hole_task(3, 15'000, 100), {"ir", "lm0", "lm5", "lm-adaptive"});
+  auto of = shake_all(bench, "fig17", hole_task(3, 15'000, 100),
+                      {"ir", "lm0", "lm5", "lm-adaptive", "shapes"});
   if (const Outcomes& o = of["ir"]; o.trials > 0) {
     bench.claim({.what = "17, IR",
                  .paper = "unstable",
@@ -108,7 +108,7 @@ void stiff_hole(Bench& bench) {
                  .measured = described(o),
                  .holds = o.unstable == o.trials});
   }
-  for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
+  for (const char* name : {"lm0", "lm5", "lm-adaptive", "shapes"}) {
     const Outcomes& o = of[name];
     if (o.trials == 0) continue;
     bench.claim({.what = fmt::format("17, {}", method(name).label),

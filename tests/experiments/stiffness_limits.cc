@@ -94,7 +94,8 @@ std::string compared(Limits& of, std::string_view name) {
 }  // namespace
 
 void stiffness_limits(Bench& bench) {
-  std::vector<std::string> names{"ir", "lm0", "lm5", "lm0-direct", "lm5-direct", "ir-four"};
+  std::vector<std::string> names{"ir",         "lm0",     "lm5",    "lm0-direct",
+                                 "lm5-direct", "ir-four", "shapes", "shapes-direct"};
   if (!bench.quick()) {
     for (const Method& method : kMethods) {
       if (std::find(names.begin(), names.end(), method.name) == names.end()) {
@@ -126,6 +127,18 @@ void stiffness_limits(Bench& bench) {
   claim_gain("lm5", "four times", true);
   claim_gain("lm0-direct", "", true);
   claim_gain("lm5-direct", "", true);
+  for (const auto& [name, planes] : {std::pair{"shapes", "lm5"}, {"shapes-direct", "lm5-direct"}}) {
+    const bool holds = std::ranges::all_of(kCriteria, [&](const Criterion& criterion) {
+      return 1.1 * (ideal[name].*criterion.limit).k_max >= (ideal[planes].*criterion.limit).k_max;
+    });
+    bench.claim(
+        {.what = fmt::format("k_max, {}", method(name).label),
+         .criterion = "no lower than with planes, within the 10 % of the search",
+         .measured = fmt::format("{} by energy, {} by motion (planes: {}, {})",
+                                 described(ideal[name].energy), described(ideal[name].motion),
+                                 described(ideal[planes].energy), described(ideal[planes].motion)),
+         .holds = holds});
+  }
   for (const std::string& name : healing) {
     if (name == "lm0-direct") continue;
     std::string text;

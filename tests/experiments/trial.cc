@@ -135,8 +135,9 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   options.frame = {.epsilon = method.epsilon,
                    .largest_epsilon = method.largest_epsilon,
                    .delay = conditions.ve_delay,
-                   .report_friction = {},                     // That of the task.
-                   .one_axis = method.largest_epsilon == 0};  // As the paper has it.
+                   .report_friction = {},                    // That of the task.
+                   .one_axis = method.largest_epsilon == 0,  // As the paper has it.
+                   .shapes = method.shapes};
   if (conditions.waits) options.acknowledgement_timeout = 0.5;
 
   server::ServoOptions& servo = options.servo;

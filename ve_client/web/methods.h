@@ -16,14 +16,14 @@ inline LiveSettings with_method(const Method& method, LiveSettings settings) {
   settings.tuning.controller = method.controller;
   settings.frame.epsilon = method.epsilon;
   settings.frame.largest_epsilon = method.largest_epsilon;
-  settings.frame.shapes = false;
+  settings.frame.shapes = method.shapes;
   return settings;
 }
 
 /// The method by which all is set as it is; null if there is none.
 inline const Method* method_in_effect(const LiveSettings& settings) {
   for (const Method& method : kMethods) {
-    if (method.on_page && !settings.frame.shapes &&
+    if (method.on_page && settings.frame.shapes == method.shapes &&
         settings.tuning.update_rule == method.update_rule &&
         settings.tuning.controller == method.controller &&
         settings.frame.epsilon == method.epsilon &&
