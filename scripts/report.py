@@ -41,6 +41,8 @@ STYLES = {
     "LM₅ coupler": ("#1b4332", ":"),
     "LM₅ rule P": ("#1b4332", "-."),
     "LM adaptive ε": ("#7209b7", (0, (4, 3))),
+    "LM shapes": ("#2a9d8f", "-"),
+    "LM shapes direct": ("#2a9d8f", "--"),
 }
 
 # What each experiment is, in the order of the page.

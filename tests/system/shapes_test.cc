@@ -43,8 +43,8 @@ TEST_CASE("With shapes the server finds the contacts, and updates bring none") {
   CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.01));
 }
 
-TEST_CASE("Half a second each way a wall is felt where it is, and force lasts") {
-  VirtualSessionOptions options = before_wall(0.5);
+TEST_CASE("More than half a second each way a wall is felt where it is, and force lasts") {
+  VirtualSessionOptions options = before_wall(0.6);
   // It waits until the scene is there.
   options.hand = {{{4.0, server::Push{}}, {6.0, server::Push{.constant = force(2, 0)}}},
                   server::AfterLastSegment::kHold};
@@ -52,7 +52,7 @@ TEST_CASE("Half a second each way a wall is felt where it is, and force lasts") 
   VirtualSession session(options, [&](const TickRecord& tick) {
     if (met_at == 0 && tick.F_env[0] < -0.1) met_at = tick.X_WP.p.x() + 0.01;
   });
-  session.run(8);
+  session.run(9);
   CHECK(met_at == Approx(0.05).margin(5e-4));  // m: v·h
   CHECK(session.last().server == ServerState::kActive);
   CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.01));

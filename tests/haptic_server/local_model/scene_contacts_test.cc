@@ -16,7 +16,7 @@ namespace {
 constexpr double kStep = 1e-3;  // s
 constexpr std::uint32_t kBody = 7;
 
-PlacedShape placed(geometry::Shape shape, ContactSide side, const Vector3& p = Vector3::Zero()) {
+PlacedShape placed(geometry::AnyShape shape, ContactSide side, const Vector3& p = Vector3::Zero()) {
   PlacedShape one;
   one.shape = std::make_shared<geometry::ShapeParts>(geometry::parts_of(std::move(shape), "test"));
   one.side = side;
@@ -25,7 +25,9 @@ PlacedShape placed(geometry::Shape shape, ContactSide side, const Vector3& p = V
   return one;
 }
 
-PlacedShape ball() { return placed(geometry::Sphere{0.01}, {SideKind::kToolLink, 0}); }
+PlacedShape ball() {
+  return placed(geometry::Shape(geometry::Sphere{0.01}), {SideKind::kToolLink, 0});
+}
 
 /// A free tool of 0.5 kg at p_W in a scene.
 struct Model {
@@ -60,7 +62,7 @@ struct Model {
 };
 
 TEST_CASE("A ball that slides over a dome under a push is as deep as its force, and not deformed") {
-  Model m({ball(), placed(geometry::Sphere{0.1}, {})}, {0, 0, 0.1101});
+  Model m({ball(), placed(geometry::Shape(geometry::Sphere{0.1}), {})}, {0, 0, 0.1101});
   for (int i = 0; i < 300; ++i) m.step({0, 0, -2});
   // Down the dome's side.
   for (int i = 0; i < 250; ++i) {
@@ -75,8 +77,40 @@ TEST_CASE("A ball that slides over a dome under a push is as deep as its force, 
   CHECK(m.position().x() > 0.005);  // m: it slid
 }
 
+/// A trough along y: the lower part of a cylinder of 100 mm about the y axis, of facets of 0.01
+/// rad.
+geometry::Mesh trough() {
+  geometry::Mesh mesh;
+  constexpr int kFacets = 140;
+  for (int i = 0; i <= kFacets; ++i) {
+    const double angle = 0.01 * (i - kFacets / 2);
+    for (const double y : {-0.05, 0.05}) {
+      mesh.points.emplace_back(0.1 * std::sin(angle), y, -0.1 * std::cos(angle));
+    }
+  }
+  for (int i = 0; i < kFacets; ++i) {
+    mesh.triangles.push_back({2 * i, 2 * i + 2, 2 * i + 1});
+    mesh.triangles.push_back({2 * i + 1, 2 * i + 2, 2 * i + 3});
+  }
+  return mesh;
+}
+
+TEST_CASE(
+    "A ball that slides down a trough is not deformed: only the geometry's change does that") {
+  const double start = 0.5;  // rad
+  Model m({ball(), placed(trough(), {})}, {0.0899 * std::sin(start), 0, -0.0899 * std::cos(start)});
+  for (int i = 0; i < 300; ++i) {
+    m.step({0, 0, -2});
+    for (const LocalContact& contact : m.model->contacts()) {
+      CHECK(std::abs(contact.deformation.delta) < 1e-12);
+    }
+  }
+  CHECK(m.position().x() < 0.02);  // m: it slid
+}
+
 TEST_CASE("A tool that is inside as its scene comes feels no step, and is pushed out slowly") {
-  Model m({ball(), placed(geometry::Box{{0.2, 0.2, 0.2}}, {}, {0, 0, -0.1})}, {0, 0, 0.005});
+  Model m({ball(), placed(geometry::Shape(geometry::Box{{0.2, 0.2, 0.2}}), {}, {0, 0, -0.1})},
+          {0, 0, 0.005});
   double before = 0;
   double largest = 0;
   for (int i = 0; i < 400; ++i) {
@@ -93,7 +127,8 @@ TEST_CASE("A tool that is inside as its scene comes feels no step, and is pushed
 TEST_CASE(
     "A body that an update takes away releases its load step by step, one that it brings adds "
     "none") {
-  Model m({ball(), placed(geometry::Box{{0.2, 0.2, 0.2}}, {SideKind::kMovableBody, kBody})},
+  Model m({ball(), placed(geometry::Shape(geometry::Box{{0.2, 0.2, 0.2}}),
+                          {SideKind::kMovableBody, kBody})},
           {0, 0, 0.1101});
   m.adopt({0, 0, 0});
   for (int i = 0; i < 300; ++i) m.step({0, 0, -3});
@@ -115,8 +150,8 @@ TEST_CASE(
 }
 
 TEST_CASE("Over the seam of two tiles a contact goes on as the one that it was") {
-  Model m({ball(), placed(geometry::Box{{0.1, 0.1, 0.1}}, {}, {-0.05, 0, -0.05}),
-           placed(geometry::Box{{0.1, 0.1, 0.1}}, {}, {0.05, 0, -0.05})},
+  Model m({ball(), placed(geometry::Shape(geometry::Box{{0.1, 0.1, 0.1}}), {}, {-0.05, 0, -0.05}),
+           placed(geometry::Shape(geometry::Box{{0.1, 0.1, 0.1}}), {}, {0.05, 0, -0.05})},
           {-0.02, 0, 0.005});
   // Deformed by 5 mm, which heals slowly.
   for (int i = 0; i < 50; ++i) m.step({0, 0, -1});
