@@ -43,11 +43,11 @@ inline std::string mesh_model(const std::string& name, const std::string& obj) {
 }
 
 /// The text of a trough of a bowl: the inside of a sphere about the origin, of that radius (m) at
-/// the corners, within 0.75 rad of its lowest point (-y) along x and 0.2 rad along z, with facets
+/// the corners, within 0.75 rad of its lowest point (-y) along x and 0.06 rad along z, with facets
 /// of 0.01 rad.
 inline std::string bowl_obj(double radius) {
   constexpr int kAlong = 150;
-  constexpr int kAcross = 40;
+  constexpr int kAcross = 12;
   std::ostringstream text;
   text.precision(15);
   for (int i = 0; i <= kAlong; ++i) {
