@@ -280,6 +280,7 @@ enum class SceneError : std::uint8_t {
   kGeometry = 7,
   kSide = 8,
   kOrder = 9,
+  kSlow = 10,
 };
 
 /// Server to client: how far the scene stream has come, and what was made of it.
@@ -316,7 +317,7 @@ inline constexpr std::array<Word<protocol::RejectReason>, 4> kWords<protocol::Re
 }};
 
 template <>
-inline constexpr std::array<Word<protocol::SceneError>, 10> kWords<protocol::SceneError>{{
+inline constexpr std::array<Word<protocol::SceneError>, 11> kWords<protocol::SceneError>{{
     {protocol::SceneError::kNone, "none", "no error"},
     {protocol::SceneError::kMalformed, "malformed", "a record is not as the standard says"},
     {protocol::SceneError::kHash, "hash", "a shape's hash is not that of its bytes"},
@@ -329,6 +330,7 @@ inline constexpr std::array<Word<protocol::SceneError>, 10> kWords<protocol::Sce
     {protocol::SceneError::kGeometry, "geometry", "a shape that cannot be used as it is placed"},
     {protocol::SceneError::kSide, "side", "a placement on a link that the tool does not have"},
     {protocol::SceneError::kOrder, "order", "the number of a commit is not above the one before"},
+    {protocol::SceneError::kSlow, "slow", "the scene's contacts take longer than a tick"},
 }};
 
 template <>

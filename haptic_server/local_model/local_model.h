@@ -68,6 +68,10 @@ class LocalModel {
   /// there is none. Its bodies are where the latest update said.
   void set_scene(Scene* scene) noexcept;
   const Scene* scene() const noexcept { return scene_; }
+  /// There is no scene from here on, but the contacts found in it stay, as planes, until the next
+  /// update or set_scene().
+  void keep_contacts() noexcept;
+  bool keeps_contacts() const noexcept { return keeps_contacts_; }
 
   void adopt(const ModelUpdate& update) noexcept;
 
@@ -173,8 +177,9 @@ class LocalModel {
   };
   Scene* scene_ = nullptr;
   StaticVector<NearBody, kMaxPoses> near_bodies_;
-  GeometryChange change_;  ///< Since its contacts were found.
-  bool looked_ = false;    ///< They are those of the present poses.
+  GeometryChange change_;        ///< Since its contacts were found.
+  bool looked_ = false;          ///< They are those of the present poses.
+  bool keeps_contacts_ = false;  ///< They are those of the scene that was.
 };
 
 }  // namespace hlm::server

@@ -45,12 +45,18 @@ void sort_by_identity(LocalContacts& contacts) noexcept {
 
 void LocalModel::set_scene(Scene* scene) noexcept {
   scene_ = scene;
+  keeps_contacts_ = false;
   change_.of_all = true;
   looked_ = false;
   if (scene == nullptr) return;
   for (const NearBody& body : near_bodies_) {
     scene_->place({SideKind::kMovableBody, body.pose.body}, body.pose.X_WB);
   }
+}
+
+void LocalModel::keep_contacts() noexcept {
+  scene_ = nullptr;
+  keeps_contacts_ = true;
 }
 
 /// Where an update has the scene's bodies. reported: those that the local model moves, as they were

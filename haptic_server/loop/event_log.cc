@@ -22,6 +22,7 @@ std::string reason_of(const TickRecord& record) {
 
 void EventLog::observe(const TickRecord& record) {
   observe_session(record);
+  observe_scene(record);
   const bool fails_again = record.server == ServerState::kFault && record.session != session_;
   if (record.server != state_ || fails_again) {
     observe_state(record);
@@ -32,6 +33,7 @@ void EventLog::observe(const TickRecord& record) {
   state_ = record.server;
   fade_ = record.fade;
   session_ = record.session;
+  scene_ = record.scene;
   open_ = record.session_open;
 }
 
@@ -44,6 +46,19 @@ void EventLog::observe_session(const TickRecord& record) const {
             fmt::format("session {:016x} begins", record.session));
   if (record.missing_freedoms != 0) {
     log_event(now_, record, spdlog::level::warn, describe_mismatch(record.missing_freedoms));
+  }
+}
+
+void EventLog::observe_scene(const TickRecord& record) const {
+  if (scene_ == record.scene || record.session != session_) return;
+  if (record.scene > 0) {
+    log_event(now_, record, spdlog::level::info,
+              fmt::format("scene {}: {} placements, {} pieces", record.scene, record.placements,
+                          record.pieces));
+  } else if (record.session_open) {
+    log_event(now_, record, spdlog::level::warn,
+              "no scene any more: its contacts took more time than a tick has; the client's own "
+              "come in their place");
   }
 }
 

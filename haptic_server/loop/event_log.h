@@ -18,6 +18,7 @@ class EventLog {
 
  private:
   void observe_session(const TickRecord& record) const;
+  void observe_scene(const TickRecord& record) const;
   void observe_state(const TickRecord& record) const;
   void observe_health(const TickRecord& record);
   void observe_refusals(const TickRecord& record);
@@ -35,6 +36,7 @@ class EventLog {
   double next_refusal_ = 0;  ///< s.
   double next_health_ = 0;   ///< When a line on it may come, s.
   std::uint64_t session_ = 0;
+  std::uint32_t scene_ = 0;
   bool open_ = false;
 };
 

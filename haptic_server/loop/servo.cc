@@ -31,6 +31,12 @@ constexpr const char* kUnguarded =
 
 constexpr const char* kNotFinite = "a number of its state is not finite";
 
+/// Time that ticks with a scene may take beyond their period, s, less what others leave of theirs:
+/// more than a busy machine's stalls.
+constexpr double kLongestLate = 0.2;
+/// How long the contacts of such a scene stay where they are while a client sends none, s.
+constexpr double kLongestKept = 1;
+
 const ReportedContacts kNoContacts;
 
 bool is_finite(const DeviceState& device) noexcept {
@@ -62,7 +68,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   scene_exchange_ = {};
   had_session_ = machine_.simulates();
   advance_session(inbox, timing);
-  if (scenes_ != nullptr) load_scene(inbox);
+  if (scenes_ != nullptr) load_scene(inbox, timing);
   if (inbox.control != nullptr && machine_.simulates()) apply(*inbox.control);
   if (inbox.update != nullptr && machine_.simulates()) adopt(*inbox.update);
   if (inbox.hello != nullptr) begin_session(*inbox.hello, timing.begin);
@@ -141,6 +147,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   if (scenes_ != nullptr) scenes_->begin(hello.tool);
   scene_ = nullptr;
   counts_on_scene_ = false;
+  keeps_contacts_ = 0;
   device_.align(local_model_->proxy().X_WH());
   missing_freedoms_ = missing_freedoms(local_model_->proxy(), device_.ratings().freedoms);
   engine_.begin(local_model_->proxy().X_WH());
@@ -165,23 +172,34 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
                                 .scenes = scenes_ != nullptr}));
 }
 
-/// Hands on what came of the scene stream, and takes the newest scene that was made of it.
-void Servo::load_scene(const protocol::ServerSession::Inbox& inbox) noexcept {
+/// Hands on what came of the scene stream, and takes the newest scene that was made of it. One for
+/// which there is not the time goes.
+void Servo::load_scene(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept {
+  late_ = has_scene() ? std::max(0.0, late_ + timing.previous_execution - dt_) : 0;
+  if (late_ > kLongestLate) scenes_->drop();
   if (inbox.scene) {
     const std::size_t taken = session_.take_scene(
         [this](std::span<const std::byte> bytes) { return scenes_->take(bytes); });
     scene_exchange_.chunks = static_cast<std::uint32_t>(taken);
   }
+  const bool had_scene = scene_ != nullptr;
   scene_ = scenes_->poll();
+  if (had_scene && scene_ == nullptr) keeps_contacts_ = kLongestKept;
   scene_exchange_.number = scenes_->number();
   use_scene(counts_on_scene_);
 }
 
-/// Whether contacts are found in the scene, or are those that the environment reports.
+/// Whether contacts are found in the scene, or are those that the environment reports. Those of one
+/// that is dropped stay as they are until others come.
 void Servo::use_scene(bool wanted) noexcept {
   counts_on_scene_ = wanted;
+  if (!local_model_) return;
   Scene* const scene = wanted ? scene_ : nullptr;
-  if (local_model_ && local_model_->scene() != scene) local_model_->set_scene(scene);
+  keeps_contacts_ = wanted && scene == nullptr ? std::max(0.0, keeps_contacts_ - dt_) : 0;
+  if (keeps_contacts_ > 0) return local_model_->keep_contacts();
+  if (local_model_->scene() != scene || local_model_->keeps_contacts()) {
+    local_model_->set_scene(scene);
+  }
 }
 
 void Servo::apply(const protocol::Control& control) noexcept {
@@ -269,6 +287,7 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
   const double stiffness = local_model_->parameters().stiffness;
   const double stored = stored_energy(*local_model_, stiffness);
   use_scene(uses_contacts && update.scene > 0);
+  if (keeps_contacts_ > 0) return;  // It does not know yet.
   local_model_->adopt({.contacts = uses_contacts && young ? update.contacts : kNoContacts,
                        .q_VE = update.q_VE,
                        .age = record_.age,

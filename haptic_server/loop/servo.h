@@ -69,7 +69,7 @@ class Servo {
  private:
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
-  void load_scene(const protocol::ServerSession::Inbox& inbox) noexcept;
+  void load_scene(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
   void use_scene(bool wanted) noexcept;
   void apply(const protocol::Control& control) noexcept;
   std::optional<double> travel_of(const protocol::ContactUpdate& update) const noexcept;
@@ -101,6 +101,8 @@ class Servo {
 
   std::optional<LocalModel> local_model_;
   Scene* scene_ = nullptr;        ///< The newest of the session.
+  double late_ = 0;               ///< Time that a scene's ticks took beyond their period, s.
+  double keeps_contacts_ = 0;     ///< Those of a dropped scene stay for so long, s.
   double oldest_ = 0;             ///< Age at most of the latest update, s.
   bool counts_on_scene_ = false;  ///< The latest update leaves its contacts to a scene.
   EngineView engine_;

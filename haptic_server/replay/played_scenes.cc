@@ -34,7 +34,8 @@ Scene* PlayedScenes::poll() noexcept {
   if (noted_.number != 0 && noted_.number != loader_.number() && missing_.empty()) {
     make(noted_.number);
   }
-  return loader_.poll();
+  Scene* const scene = loader_.poll();
+  return noted_.number == 0 ? nullptr : scene;
 }
 
 void PlayedScenes::keep(std::span<const std::byte> bytes) {

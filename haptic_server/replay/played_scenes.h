@@ -29,7 +29,10 @@ class PlayedScenes final : public SceneSource {
   void begin(const ToolDescription& tool) noexcept override;
   bool take(std::span<const std::byte> bytes) noexcept override;
   Scene* poll() noexcept override;
-  std::uint32_t number() const noexcept override { return loader_.number(); }
+  std::uint32_t number() const noexcept override {
+    return noted_.number == 0 ? 0 : loader_.number();
+  }
+  void drop() noexcept override {}  // The notes say when.
   protocol::SceneState state() noexcept override { return loader_.state(); }
 
   /// The first scene of the session that was in force then and cannot be made now, and why; empty

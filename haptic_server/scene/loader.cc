@@ -17,6 +17,10 @@ constexpr std::size_t kChunksBetween = 256;
 /// How often the thread looks for chunks, s.
 constexpr std::chrono::milliseconds kLooksEach{1};
 
+constexpr std::string_view kTooSlow =
+    "its contacts took more time than a tick has: leave out what the tool cannot reach, or give "
+    "shapes of fewer pieces";
+
 /// A placement of which no scene can be made.
 struct UnusablePlacement : std::runtime_error {
   UnusablePlacement(std::uint32_t placement, const std::string& why)
@@ -35,6 +39,7 @@ SceneLoader::~SceneLoader() {
 
 void SceneLoader::begin(const ToolDescription& tool) noexcept {
   ++session_;
+  is_dropped_ = false;
   begun_.put({session_, tool});
   begun_number_.store(session_, std::memory_order_release);
 }
@@ -52,11 +57,14 @@ Scene* SceneLoader::poll() noexcept {
   if (spent_.load(std::memory_order_acquire) == nullptr) {
     std::unique_ptr<Made> next(made_.exchange(nullptr, std::memory_order_acq_rel));
     if (next) {
-      if (next->session == session_) std::swap(next, in_force_);
+      if (next->session == session_) {
+        std::swap(next, in_force_);
+        is_dropped_ = false;
+      }
       spent_.store(next.release(), std::memory_order_release);
     }
   }
-  return is_of_session() ? in_force_->scene.get() : nullptr;
+  return is_usable() ? in_force_->scene.get() : nullptr;
 }
 
 protocol::SceneState SceneLoader::state() noexcept {
@@ -64,6 +72,10 @@ protocol::SceneState SceneLoader::state() noexcept {
   protocol::SceneState state;
   if (progress.session == session_) state = progress.state;
   state.scene = number();
+  if (is_dropped_ && state.error == protocol::SceneError::kNone) {
+    state.error = protocol::SceneError::kSlow;
+    state.text.assign(kTooSlow.begin(), kTooSlow.end());
+  }
   return state;
 }
 

@@ -70,7 +70,8 @@ class SceneLoader final : public SceneSource {
   void begin(const ToolDescription& tool) noexcept override;
   bool take(std::span<const std::byte> bytes) noexcept override;
   Scene* poll() noexcept override;
-  std::uint32_t number() const noexcept override { return is_of_session() ? in_force_->number : 0; }
+  std::uint32_t number() const noexcept override { return is_usable() ? in_force_->number : 0; }
+  void drop() noexcept override { is_dropped_ = true; }
   protocol::SceneState state() noexcept override;
 
   // For the other thread, which may also be the loop's own in virtual time.
@@ -90,7 +91,9 @@ class SceneLoader final : public SceneSource {
   bool is_over() const noexcept {
     return begun_number_.load(std::memory_order_acquire) != reading_.number;
   }
-  bool is_of_session() const noexcept { return in_force_ && in_force_->session == session_; }
+  bool is_usable() const noexcept {
+    return in_force_ && in_force_->session == session_ && !is_dropped_;
+  }
   void begin_reading();
   void keep_commit();
   void read_chunk(std::span<const std::byte> bytes);
@@ -101,6 +104,7 @@ class SceneLoader final : public SceneSource {
   // The loop's.
   std::uint64_t session_ = 0;
   std::unique_ptr<Made> in_force_;
+  bool is_dropped_ = false;  ///< That one is used no more.
 
   // Between the two.
   Newest<Session> begun_;

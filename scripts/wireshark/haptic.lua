@@ -422,7 +422,7 @@ local TABLES = {
     field(U32, "shapes", "that the server holds"),
     field(U32, "placements", "that it holds"),
     field(U64, "bytes", "that its shapes take"),
-    code("error", "why the stream is refused", {[0] = "none", [1] = "malformed", [2] = "hash", [3] = "unknown_shape", [4] = "duplicate", [5] = "unknown_placement", [6] = "limit", [7] = "geometry", [8] = "side", [9] = "order"}),
+    code("error", "why the stream is refused", {[0] = "none", [1] = "malformed", [2] = "hash", [3] = "unknown_shape", [4] = "duplicate", [5] = "unknown_placement", [6] = "limit", [7] = "geometry", [8] = "side", [9] = "order", [10] = "slow"}),
     field(U32, "item", "id of the placement that the error is about, else 0"),
     field(U8, "text_size", "bytes of text", between(0, 200)),
     text("text", "text_size", "UTF-8, for a person"),

@@ -100,6 +100,7 @@ class VirtualServer {
       return nullptr;
     }
     timing.missed = std::exchange(missed_, 0);
+    timing.previous_execution = execution_;
     const Intervention act = act_ticks_ > 0 ? act_ : Intervention::kNone;
     act_ticks_ = std::max(0, act_ticks_ - 1);
     servo_->obey(act);
@@ -117,6 +118,8 @@ class VirtualServer {
   void stall(std::uint64_t periods) { stalls_ += periods; }
   /// No scenes are made for so many ticks.
   void idle(std::uint64_t ticks) { idle_ += ticks; }
+  /// Each tick takes so long, s, as its loop says.
+  void take(double execution) { execution_ = execution; }
   /// What comes from the device's machine before each of the next ticks.
   void intervene(Intervention act, int ticks = 1) {
     act_ = act;
@@ -143,6 +146,7 @@ class VirtualServer {
   std::uint64_t stalls_ = 0;
   std::uint64_t missed_ = 0;
   std::uint64_t idle_ = 0;
+  double execution_ = 0;
   Intervention act_ = Intervention::kNone;
   int act_ticks_ = 0;
   server::TickRecord last_;

@@ -154,7 +154,7 @@ class RandomSession {
   }
 
   void happen(VirtualSession& session) {
-    switch (random_.integer(0, 13)) {
+    switch (random_.integer(0, 14)) {
       case 0:  // Each side stalls, some shorter and some longer than it may.
         return session.server(0).stall(static_cast<std::uint64_t>(random_.integer(1, 400)));
       case 1:
@@ -169,6 +169,8 @@ class RandomSession {
         return session.server(0).intervene(Intervention::kUnguarded, random_.integer(1, 700));
       case 13:
         return session.server(0).idle(static_cast<std::uint64_t>(random_.integer(1, 300)));
+      case 14:  // The scene takes too long, or no more.
+        return session.server(0).take(random_.uniform(0, 0.004));
       case 3:
         return flood(session);
       case 4:

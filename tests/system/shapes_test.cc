@@ -142,6 +142,43 @@ TEST_CASE("A server that takes no shapes gets contacts, and the client knows why
   CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.02));
 }
 
+TEST_CASE(
+    "A scene whose ticks take longer than their period goes, and contacts come in its place") {
+  VirtualSessionOptions options = before_wall(0.01, 0.012);
+  options.hand = constant_push(force(8, 0));
+  std::vector<TickRecord> ticks;
+  VirtualSession session(options, [&](const TickRecord& tick) { ticks.push_back(tick); });
+  session.run(1.5);
+  REQUIRE(session.client().has_scene());
+  session.server(0).take(0.0009);
+  session.run(1);
+  CHECK(session.client().has_scene());
+  session.server(0).take(0.004);  // In one frame: the machine stalls.
+  session.run(0.001);
+  session.server(0).take(0.0004);
+  session.run(1);
+  CHECK(session.client().has_scene());
+  ticks.clear();
+  session.server(0).take(0.0015);  // 0.2 s late after 400 ticks.
+  session.run(0.3);
+  CHECK(session.client().has_scene());
+  session.run(1);
+  CHECK_FALSE(session.client().has_scene());
+  CHECK_THAT(session.client().scene_problem(),
+             Catch::Matchers::ContainsSubstring("more time than a tick has"));
+  CHECK(session.client().scene_state().error == protocol::SceneError::kSlow);
+  const server::LocalContacts& contacts = session.servo().local_model()->contacts();
+  REQUIRE_FALSE(contacts.empty());
+  for (const server::LocalContact& contact : contacts) CHECK_FALSE(contact.of_scene);
+  for (const TickRecord& tick : ticks) {
+    CHECK(tick.server == ServerState::kActive);
+    // The client's contacts are others: these begin as the scene's end.
+    CHECK(tick.F_env[0] == Approx(-8).margin(3.5));  // N
+    CHECK(tick.X_WP.p.x() < 0.0035 + 0.0015);        // m
+  }
+  CHECK(session.last().F_env[0] == Approx(-8).epsilon(0.02));
+}
+
 TEST_CASE("A server that begins anew gets the shapes again") {
   VirtualSessionOptions options = before_wall(0.01);
   options.hand = constant_push(force(2, 0));

@@ -112,6 +112,26 @@ TEST_CASE("Each reason for a drop is told with its count, at most once a second"
                  ContainsSubstring("3000 foreign session (") && !ContainsSubstring("stale"));
 }
 
+TEST_CASE("A scene that comes into force, and one that takes too long, are told") {
+  const CapturedLog log;
+  EventLog events([] { return kReadAt; });
+  TickRecord record;
+  record.server = ServerState::kActive;
+  record.session_open = true;
+  record.session = 1;
+  events.observe(record);
+  const std::size_t before = log.lines().size();
+  record.scene = 3;
+  record.placements = 2;
+  record.pieces = 14;
+  for (int i = 0; i < 3; ++i) events.observe(record);
+  record.scene = 0;
+  for (int i = 0; i < 3; ++i) events.observe(record);
+  REQUIRE(log.lines().size() == before + 2);
+  CHECK_THAT(log.lines()[before].text, ContainsSubstring("scene 3: 2 placements, 14 pieces"));
+  CHECK_THAT(log.lines()[before + 1].text, ContainsSubstring("took more time than a tick has"));
+}
+
 TEST_CASE("Where every update is refused the log says so, with the reason, once a second") {
   const CapturedLog log;
   EventLog events([] { return kReadAt; });
