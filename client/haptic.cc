@@ -9,16 +9,20 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include <unistd.h>
 
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
 #include "hlm/client/haptic_contact.h"
+#include "hlm/client/haptic_shape.h"
 #include "hlm/client/identity_tracker.h"
 #include "hlm/client/own_server.h"
 #include "hlm/common/range.h"
 #include "hlm/common/steady_seconds.h"
+#include "hlm/protocol/scene_offer.h"
 #include "hlm/protocol/wire.h"
 #include "hlm/sealing/key_file.h"
 #include "hlm/sealing/sealed_client_link.h"
@@ -26,6 +30,8 @@
 
 static_assert(HAPTIC_MAX_DOF == hlm::kMaxDof && HAPTIC_MAX_CONFIGURATION == hlm::kMaxConfiguration);
 static_assert(HAPTIC_MAX_CONTACTS == hlm::kMaxContacts && HAPTIC_MAX_BODIES == hlm::kMaxBodies);
+static_assert(HAPTIC_MAX_POSES == hlm::kMaxPoses);
+static_assert(HAPTIC_MESH == static_cast<int>(hlm::protocol::SceneShapeKind::kMesh));
 static_assert(HAPTIC_SERVER_RAMPING == static_cast<int>(hlm::ServerState::kRamping));
 static_assert(HAPTIC_SERVER_FAULT == static_cast<int>(hlm::ServerState::kFault));
 static_assert(HAPTIC_MAX_TEXT > hlm::protocol::kMaxText);
@@ -45,9 +51,6 @@ void copy(std::string_view text, char* to, std::size_t size) {
 
 Vector3 vector_of(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
 Vector6 vector_of(const double (&v)[6]) { return Eigen::Map<const Vector6>(v); }
-Pose pose_of(const double (&p)[3], const double (&R)[4]) {
-  return {vector_of(p), Quaternion(R[0], R[1], R[2], R[3])};
-}
 
 template <std::size_t size, class Vector>
 void store(const Vector& from, double (&to)[size]) {
@@ -130,6 +133,17 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
   return items_of<MovableBodies>(from, count, body_of);
 }
 
+/// What is wrong with where a body is said to be; empty if nothing is.
+std::string find_error(const haptic_body_pose& body) {
+  const Pose X_WB = pose_of(body.pose);
+  const bool finite = X_WB.p.allFinite() && vector_of(body.velocity).allFinite();
+  const double length = X_WB.R.norm();
+  const std::string name = "pose of body " + std::to_string(body.body) + ": ";
+  if (!finite) return name + "a number is not finite";
+  if (std::abs(length - 1) <= kUnitTolerance) return "";
+  return name + "its rotation must be of length 1, not " + shortest_text(length);
+}
+
 /// A sentence on the end of a session's own server.
 std::string end_of(int status) {
   std::string ended = "the server that this session started has ended";
@@ -180,6 +194,7 @@ struct haptic_session {
         message = "contact " + std::to_string(inbox.refusal->item) + ": " + message;
       }
     }
+    if (message.empty() && client->connected()) message = client->scene_problem();
     if (own && !client->connected() && own->status()) message = end_of(*own->status());
   }
 
@@ -194,6 +209,7 @@ struct haptic_session {
   std::optional<HapticClient> client;
   IdentityTracker tracker;
   std::set<std::uint32_t> sent;  ///< Bodies that were reported to the server.
+  BodyPoses poses;               ///< Where bodies are, for the next update.
   std::string message;
   std::string error;
 };
@@ -260,6 +276,7 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
   state->fresh = inbox.state != nullptr;
   state->round_trip = client.round_trip();
   state->servo_rate = client.connected() ? client.welcome().servo_rate : 0;
+  state->scene = client.has_scene() ? 1 : 0;
   session->hear(inbox);
   copy(session->message, state->message, HAPTIC_MAX_TEXT);
   if (!state->connected) {
@@ -359,8 +376,57 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
     return -1;
   }
   for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
-  return static_cast<std::int64_t>(
-      session->client->send(steady_seconds(), update.contacts, update.bodies));
+  const std::uint64_t sequence =
+      session->client->send(steady_seconds(), update.contacts, update.bodies, session->poses);
+  session->poses.clear();
+  return static_cast<std::int64_t>(sequence);
+}
+
+int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses,
+                 const double* friction, std::size_t count, const std::uint32_t* excluded,
+                 std::size_t excluded_count) {
+  try {
+    if (session->client->connected()) {
+      throw std::invalid_argument("shapes must be offered before the first haptic_poll()");
+    }
+    std::vector<protocol::OfferedShape> offered;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double own = friction == nullptr ? -1 : friction[i];
+      offered.push_back(offered_shape(i, shapes[i], poses[i], own));
+    }
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> apart;
+    for (std::size_t i = 0; i < excluded_count; ++i) {
+      apart.emplace_back(excluded[2 * i], excluded[2 * i + 1]);
+    }
+    const std::size_t links = session->tool.description().links.size();
+    session->client->offer_scene(protocol::scene_of(offered, apart, links));
+    return 0;
+  } catch (const std::exception& failure) {
+    session->error = failure.what();
+    return -1;
+  }
+}
+
+int haptic_place(haptic_session* session, const haptic_body_pose* bodies, std::size_t count) {
+  if (count > HAPTIC_MAX_POSES) {
+    session->error = std::to_string(count) + " poses must be at most " +
+                     std::to_string(HAPTIC_MAX_POSES) + ": give those near the tool";
+    return -1;
+  }
+  BodyPoses poses;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (std::string error = find_error(bodies[i]); !error.empty()) {
+      session->error = std::move(error);
+      return -1;
+    }
+    BodyPose& pose = poses.emplace_back();
+    pose.body = bodies[i].body;
+    pose.X_WB = pose_of(bodies[i].pose);
+    pose.X_WB.R.normalize();
+    pose.V_W = vector_of(bodies[i].velocity);
+  }
+  session->poses = poses;
+  return 0;
 }
 
 int haptic_hold(haptic_session* session, const double position[3], const double rotation[4]) {

@@ -30,12 +30,13 @@ extern "C" {
 #endif
 
 /* Rises whenever a struct or function below changes. haptic_abi() is that of the library. */
-#define HAPTIC_ABI 3
+#define HAPTIC_ABI 4
 
 #define HAPTIC_MAX_DOF 16
 #define HAPTIC_MAX_CONFIGURATION 17
 #define HAPTIC_MAX_CONTACTS 192
 #define HAPTIC_MAX_BODIES 16
+#define HAPTIC_MAX_POSES 64
 #define HAPTIC_MAX_TEXT 240
 
 enum haptic_joint {
@@ -115,6 +116,44 @@ typedef struct haptic_body {
   double axis[3];             /* with round 1: unit, through the centre of mass */
 } haptic_body;
 
+/* Each is centred in its own frame, and 1e-6 to 2e6 m large. */
+enum haptic_shape_kind {
+  HAPTIC_SPHERE = 0,     /* size[0]: radius, m */
+  HAPTIC_CAPSULE = 1,    /* along z: radius, length of the cylindrical part */
+  HAPTIC_CYLINDER = 2,   /* along z: radius, length */
+  HAPTIC_BOX = 3,        /* edge lengths */
+  HAPTIC_ELLIPSOID = 4,  /* semi-axes */
+  HAPTIC_HULL = 5,       /* the convex hull of `vertices` */
+  HAPTIC_HALF_SPACE = 6, /* z <= 0; of the world only */
+  HAPTIC_MESH = 7        /* `triangles` of `vertices`, counter-clockwise seen from outside; of the
+                            tool only if it is convex */
+};
+
+typedef struct haptic_shape {
+  int32_t kind;         /* enum haptic_shape_kind */
+  int32_t side;         /* enum haptic_side: whose it is */
+  uint32_t index;       /* of the link, or your own number for the body */
+  uint32_t group, mask; /* two shapes may touch if a bit of one's group is in the other's mask */
+  uint32_t vertex_count;
+  double size[3];            /* m, > 0 */
+  const double* vertices;    /* of HULL and MESH: x, y, z each, m; not kept */
+  const uint32_t* triangles; /* of MESH: three vertices each; not kept */
+  size_t triangle_count;
+} haptic_shape;
+
+typedef struct haptic_pose {
+  double position[3]; /* of a shape's or body's frame in the world, or as a function says, m */
+  double rotation[4]; /* unit quaternion w, x, y, z */
+} haptic_pose;
+
+/* Where a body is whose shapes were offered: its frame, and that frame's velocity. */
+typedef struct haptic_body_pose {
+  uint32_t body;
+  uint32_t reserved;
+  haptic_pose pose;
+  double velocity[6]; /* of the frame's origin, linear (m/s), angular (rad/s), world axes */
+} haptic_body_pose;
+
 /* What the tool did to a body: apply impulse / period as a wrench at its centre during the step. */
 typedef struct haptic_impulse {
   uint32_t body;
@@ -146,14 +185,17 @@ typedef struct haptic_state {
   double command[6];        /* what the device was given, after limits */
   double device_position[3];
   double device_rotation[4];
-  int32_t server;                /* enum haptic_server */
-  int32_t active, predicted;     /* local contacts */
-  uint32_t buttons;              /* bit i: button i is down */
+  int32_t server;            /* enum haptic_server */
+  int32_t active, predicted; /* local contacts */
+  uint32_t buttons;          /* bit i: button i is down */
+  int32_t scene;             /* 1: the server finds the contacts of the shapes offered to it */
+  int32_t reserved;
   double gripper;                /* 0 closed to 1 open */
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
-  char message[HAPTIC_MAX_TEXT]; /* why a session, an update or a contact was refused last, or that
-                                    the session's own server has ended; "" when one begins */
+  char message[HAPTIC_MAX_TEXT]; /* why a session, an update, a contact or the offered shapes were
+                                    refused last, or that the session's own server has ended; ""
+                                    when one begins */
 } haptic_state;
 
 HAPTIC_API int haptic_abi(void);
@@ -177,6 +219,26 @@ HAPTIC_API const char* haptic_own_server(const haptic_session* session);
 /* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.
  * NULL is ignored. */
 HAPTIC_API void haptic_close(haptic_session* session);
+
+/* Gives the server the shapes of the world, of the tool and of bodies, once: it then finds their
+ * contacts itself, at every step of the hand, however late an update comes, and haptic_send() needs
+ * none of them. Before the first haptic_poll(); also what follows a lost session gets them. A
+ * server needs up to some seconds to take them: state.scene is 1 then. One that takes none, or
+ * cannot use them, says so in state.message, and contacts can be sent as ever.
+ *
+ * poses: of each shape in the frame of its link or body, of the world's in the world. friction: the
+ * coefficient of each, of two the smaller counts; negative, or all NULL: the server's own.
+ * excluded: twice `excluded_count` indices of shapes that never touch, or NULL; shapes of one link
+ * or body never do. What is fixed to each other is one surface, whose inner edges are not felt. 0,
+ * or -1 with haptic_error(), which names the shape. */
+HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
+                            const haptic_pose* poses, const double* friction, size_t count,
+                            const uint32_t* excluded, size_t excluded_count);
+/* Where the bodies of offered shapes are, for the next haptic_send(); of more than HAPTIC_MAX_POSES
+ * give those near the tool, as a body without a pose is not there. Those that the tool can push are
+ * among the bodies of haptic_send(), too; the others go on with their velocity. 0, or -1 with
+ * haptic_error(). */
+HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
 /* Once per step, before it. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);

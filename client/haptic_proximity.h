@@ -1,4 +1,5 @@
 /* Contacts for engines whose own are late, few or nameless: shapes once, their poses in each step.
+ * Where the server takes shapes (haptic_offer()) it finds contacts itself, and this is not needed.
  *
  *   haptic_proximity* near = haptic_proximity_open(shapes, count, NULL, 0, error, sizeof error);
  *   while (running) {
@@ -17,36 +18,6 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/* Each is centred in its own frame, and 1e-6 to 2e6 m large. */
-enum haptic_shape_kind {
-  HAPTIC_SPHERE = 0,     /* size[0]: radius, m */
-  HAPTIC_CAPSULE = 1,    /* along z: radius, length of the cylindrical part */
-  HAPTIC_CYLINDER = 2,   /* along z: radius, length */
-  HAPTIC_BOX = 3,        /* edge lengths */
-  HAPTIC_ELLIPSOID = 4,  /* semi-axes */
-  HAPTIC_HULL = 5,       /* the convex hull of `vertices` */
-  HAPTIC_HALF_SPACE = 6, /* z <= 0; of the world only */
-  HAPTIC_MESH = 7        /* `triangles` of `vertices`, counter-clockwise seen from outside; of the
-                            tool only if it is convex */
-};
-
-typedef struct haptic_shape {
-  int32_t kind;         /* enum haptic_shape_kind */
-  int32_t side;         /* enum haptic_side: whose it is */
-  uint32_t index;       /* of the link, or your own number for the body */
-  uint32_t group, mask; /* two shapes may touch if a bit of one's group is in the other's mask */
-  uint32_t vertex_count;
-  double size[3];            /* m, > 0 */
-  const double* vertices;    /* of HULL and MESH: x, y, z each, m; read while opening only */
-  const uint32_t* triangles; /* of MESH: three vertices each; read while opening only */
-  size_t triangle_count;
-} haptic_shape;
-
-typedef struct haptic_pose {
-  double position[3]; /* of the shape's frame in the world, m */
-  double rotation[4]; /* unit quaternion w, x, y, z */
-} haptic_pose;
 
 typedef struct haptic_proximity haptic_proximity;
 

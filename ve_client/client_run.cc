@@ -201,13 +201,21 @@ void ClientRun::begin(Asked asked) {
     options.telemetry = i == 0 ? page_.get() : nullptr;
     const ToolAssembly& tool = environment_->tools[i].assembly;
     sessions_[i].begin(options, tool);
-    if (!settings_.frame.shapes) continue;
-    const bool friction = settings_.frame.report_friction[i];
-    sessions_[i].client().offer_scene(scene_records(environment_->world, tool, friction));
+    if (settings_.frame.shapes) offer_scene(i);
   }
   if (page_) {
     page_->forget_session();
     show_world(nullptr);
+  }
+}
+
+void ClientRun::offer_scene(std::size_t tool) {
+  try {
+    sessions_[tool].client().offer_scene(scene_records(environment_->world,
+                                                       environment_->tools[tool].assembly,
+                                                       settings_.frame.report_friction[tool]));
+  } catch (const std::invalid_argument& error) {
+    spdlog::warn("no shapes, but contacts: {}", error.what());
   }
 }
 

@@ -10,11 +10,11 @@
 //   touch.close();
 //
 // With server: null one is started where none listens; touch.ownServer says so, touch.hold() is its hand. The library is
-// libhaptic.so.3, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+// libhaptic.so.4, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
 import path from 'node:path';
 import koffi from 'koffi';
 
-const ABI = 3;
+const ABI = 4;
 const MAX_ERROR = 512;
 export const MAX_CONTACTS = 192;
 export const MAX_BODIES = 16;
@@ -49,7 +49,7 @@ koffi.struct('haptic_state', {
   connected: 'int32_t', began: 'int32_t', lost: 'int32_t', fresh: 'int32_t', step: 'uint64_t', acknowledged: 'uint64_t',
   q_count: 'int32_t', v_count: 'int32_t', q: doubles(17), v: doubles(16), contact_wrench: doubles(6),
   command: doubles(6), device_position: doubles(3), device_rotation: doubles(4), server: 'int32_t', active: 'int32_t',
-  predicted: 'int32_t', buttons: 'uint32_t', gripper: 'double', round_trip: 'double', servo_rate: 'double',
+  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', reserved: 'int32_t', gripper: 'double', round_trip: 'double', servo_rate: 'double',
   message: koffi.array('char', 240, 'String'),
 });
 koffi.struct('haptic_shape', {
@@ -60,7 +60,7 @@ koffi.struct('haptic_pose', { position: doubles(3), rotation: doubles(4) });
 koffi.opaque('haptic_session');
 koffi.opaque('haptic_proximity');
 
-/** libhaptic.so.3 or libhaptic_proximity.so.3, which is looked for beside the other. */
+/** libhaptic.so.4 or libhaptic_proximity.so.4, which is looked for beside the other. */
 function find(stem) {
   const file = `${stem}.so.${ABI}`;
   const named = process.env.HAPTIC_LIBRARY;

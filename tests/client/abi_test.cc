@@ -40,7 +40,8 @@ std::string layout() {
   FIELD(state, step), FIELD(state, acknowledged), FIELD(state, q_count), FIELD(state, v_count);
   FIELD(state, q), FIELD(state, v), FIELD(state, contact_wrench), FIELD(state, command);
   FIELD(state, device_position), FIELD(state, device_rotation), FIELD(state, server);
-  FIELD(state, active), FIELD(state, predicted), FIELD(state, buttons), FIELD(state, gripper);
+  FIELD(state, active), FIELD(state, predicted), FIELD(state, buttons), FIELD(state, scene);
+  FIELD(state, reserved), FIELD(state, gripper);
   FIELD(state, round_trip), FIELD(state, servo_rate), FIELD(state, message);
   STRUCT(shape);
   FIELD(shape, kind), FIELD(shape, side), FIELD(shape, index), FIELD(shape, group);
@@ -48,21 +49,25 @@ std::string layout() {
   FIELD(shape, triangles), FIELD(shape, triangle_count);
   STRUCT(pose);
   FIELD(pose, position), FIELD(pose, rotation);
+  STRUCT(body_pose);
+  FIELD(body_pose, body), FIELD(body_pose, reserved), FIELD(body_pose, pose);
+  FIELD(body_pose, velocity);
 #undef STRUCT
 #undef FIELD
   return text.str();
 }
 
 /// Sizes and offsets in bytes, by HAPTIC_ABI, on a machine of 64 bits.
-const std::map<int, std::string> kLayouts{{3, R"(
+const std::map<int, std::string> kLayouts{{4, R"(
 link 208: parent 0 joint 4 position 8 rotation 32 axis 64 mass 88 centre 96 inertia 120 lower 192 upper 200
 options 288: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280
 contact 128: identity 0 pair 8 axis 12 a_kind 14 b_kind 15 a_index 16 b_index 20 point 24 normal 48 separation 72 velocity 80 friction 104 load 112 plane 120
 body 440: id 0 round 4 centre 8 velocity 32 inverse_inertia 80 acceleration 368 axis 416
 impulse 56: body 0 reserved 4 impulse 8
-state 736: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 gripper 472 round_trip 480 servo_rate 488 message 496
+state 744: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 scene 472 reserved 476 gripper 480 round_trip 488 servo_rate 496 message 504
 shape 72: kind 0 side 4 index 8 group 12 mask 16 vertex_count 20 size 24 vertices 48 triangles 56 triangle_count 64
-pose 56: position 0 rotation 24)"}};
+pose 56: position 0 rotation 24
+body_pose 112: body 0 reserved 4 pose 8 velocity 64)"}};
 
 TEST_CASE("Structures of the C interface are those of its number, HAPTIC_ABI") {
   REQUIRE(kLayouts.count(HAPTIC_ABI) == 1);

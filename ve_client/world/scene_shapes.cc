@@ -6,7 +6,7 @@
 #include <variant>
 
 #include "hlm/geometry/index.h"
-#include "hlm/protocol/scene_records.h"
+#include "hlm/protocol/scene_offer.h"
 
 namespace hlm::ve {
 namespace {
@@ -48,10 +48,10 @@ SceneShape wire_shape(const Shape& shape) {
   return std::visit(Visitor{}, shape);
 }
 
-/// Puts the shapes of bodies into the stream.
-class Writer {
+/// Gathers the shapes of bodies.
+class Offer {
  public:
-  Writer(const World& world, bool friction) : world_(world), friction_(friction) {}
+  Offer(const World& world, bool friction) : world_(world), friction_(friction) {}
 
   /// X_SB: the body in its link, in itself, or in the world.
   void add(int body, const ContactSide& side, const Pose& X_SB) {
@@ -60,64 +60,56 @@ class Writer {
       const Mesh* const of = collision.mesh.get();
       if (of != nullptr && (of == mesh || (mesh != nullptr && of == mesh->sheet))) continue;
       mesh = of;
-      SceneShape shape = of != nullptr ? wire_shape(*of) : wire_shape(collision.shape);
-      const std::uint64_t hash = protocol::hash_of(shape);
-      protocol::append(std::move(shape), bytes_);
-      const double friction = friction_ ? collision.friction.value_or(-1) : -1;
-      protocol::append(protocol::ScenePlacement{.id = static_cast<std::uint32_t>(placed_.size()),
-                                                .shape = hash,
-                                                .side = side,
-                                                .X_BS = X_SB * collision.X_BG,
-                                                .friction = friction},
-                       bytes_);
-      placed_.push_back(body);
+      shapes_.push_back({.shape = of != nullptr ? wire_shape(*of) : wire_shape(collision.shape),
+                         .side = side,
+                         .X_BS = X_SB * collision.X_BG,
+                         .friction = friction_ ? collision.friction.value_or(-1) : -1});
+      body_of_.push_back(body);
     }
   }
 
   /// Bodies that a joint connects never touch.
   void keep_joined_apart() {
-    for (std::uint32_t a = 0; a < placed_.size(); ++a) {
-      for (std::uint32_t b = a + 1; b < placed_.size(); ++b) {
-        const bool moves = world_.is_movable(placed_[a]) || world_.is_movable(placed_[b]);
-        const bool of_tool = world_.is_tool(placed_[a]) || world_.is_tool(placed_[b]);
-        if (!moves || of_tool || placed_[a] == placed_[b]) continue;
-        if (!world_.can_touch(placed_[a], placed_[b])) {
-          protocol::append(protocol::SceneApart{.a = a, .b = b}, bytes_);
-        }
+    for (std::uint32_t a = 0; a < body_of_.size(); ++a) {
+      for (std::uint32_t b = a + 1; b < body_of_.size(); ++b) {
+        const bool moves = world_.is_movable(body_of_[a]) || world_.is_movable(body_of_[b]);
+        const bool of_tool = world_.is_tool(body_of_[a]) || world_.is_tool(body_of_[b]);
+        if (!moves || of_tool || body_of_[a] == body_of_[b]) continue;
+        if (!world_.can_touch(body_of_[a], body_of_[b])) apart_.emplace_back(a, b);
       }
     }
   }
 
-  std::vector<std::uint8_t> commit() {
-    protocol::append(protocol::SceneCommit{.scene = 1}, bytes_);
-    return std::move(bytes_);
+  std::vector<std::uint8_t> records(std::size_t tool_links) const {
+    return protocol::scene_of(shapes_, apart_, tool_links);
   }
 
  private:
   const World& world_;
   bool friction_;
-  std::vector<int> placed_;  ///< Bodies by placement.
-  std::vector<std::uint8_t> bytes_;
+  std::vector<protocol::OfferedShape> shapes_;
+  std::vector<int> body_of_;  ///< By shape.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> apart_;
 };
 
 }  // namespace
 
 std::vector<std::uint8_t> scene_records(const World& world, const ToolAssembly& tool,
                                         bool friction) {
-  Writer writer(world, friction);
+  Offer offer(world, friction);
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
     const auto link = std::ranges::find(tool.bodies, body);
     if (link != tool.bodies.end()) {
       const auto index = static_cast<std::size_t>(link - tool.bodies.begin());
-      writer.add(body, {SideKind::kToolLink, static_cast<std::uint32_t>(index)}, tool.X_LB[index]);
+      offer.add(body, {SideKind::kToolLink, static_cast<std::uint32_t>(index)}, tool.X_LB[index]);
     } else if (world.is_movable(body)) {
-      writer.add(body, {SideKind::kMovableBody, static_cast<std::uint32_t>(body)}, Pose{});
+      offer.add(body, {SideKind::kMovableBody, static_cast<std::uint32_t>(body)}, Pose{});
     } else if (!world.is_tool(body)) {
-      writer.add(body, {}, world.X_WB(body));
+      offer.add(body, {}, world.X_WB(body));
     }
   }
-  writer.keep_joined_apart();
-  return writer.commit();
+  offer.keep_joined_apart();
+  return offer.records(tool.bodies.size());
 }
 
 BodyPoses body_poses(const World& world, const VirtualTool& tool) {

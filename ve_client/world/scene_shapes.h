@@ -13,6 +13,7 @@ namespace hlm::ve {
 /// The records of the scene stream that make the world with this tool a scene, its number 1. Bodies
 /// and links are named as in contacts. friction: the shapes carry that of their materials where the
 /// world states it. Shapes of other tools are left out.
+/// Throws std::invalid_argument with one line where a server would refuse them.
 std::vector<std::uint8_t> scene_records(const World& world, const ToolAssembly& tool,
                                         bool friction);
 

@@ -24,11 +24,11 @@ from typing import Optional, Sequence
 
 import numpy as np
 
-from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, NO_LIMIT, Impulse, Link, Options, State,
+from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, MAX_POSES, NO_LIMIT, Impulse, Link, Options, Shape, State,
                              load)
 
-__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MOVABLE_BODY", "NOT_ROUND", "ROUND_ABOUT_AXIS",
-           "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "sphere"]
+__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+           "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "poses", "sphere"]
 
 __version__ = "0.3.0"
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
@@ -64,6 +64,16 @@ BODY = np.dtype([
 ], align=True)
 
 
+#: Where a body is whose shapes were offered: its frame, and that frame's velocity.
+POSE = np.dtype([
+    ("body", "u4"),
+    ("reserved", "u4"),
+    ("position", "f8", 3),   # m
+    ("rotation", "f8", 4),   # w, x, y, z
+    ("velocity", "f8", 6),   # linear, angular, world axes
+], align=True)
+
+
 class HapticError(ValueError):
     """What was given cannot be used; the text names it, its value and what is allowed."""
 
@@ -79,6 +89,13 @@ def contacts(count: int) -> np.ndarray:
 def bodies(count: int) -> np.ndarray:
     """`count` bodies, all zero: fill in each field of BODY."""
     return np.zeros(count, BODY)
+
+
+def poses(count: int) -> np.ndarray:
+    """`count` poses at the origin."""
+    made = np.zeros(count, POSE)
+    made["rotation"][:, 0] = 1
+    return made
 
 
 def _link(mass: float, inertia: Sequence[float], joint: str) -> Link:
@@ -177,6 +194,38 @@ class Session:
         self._session = None
         self.running = False
 
+    def offer(self, shapes: Sequence[Shape], positions: Optional[np.ndarray] = None,
+              rotations: Optional[np.ndarray] = None, friction: Optional[Sequence[float]] = None,
+              excluded: Sequence[tuple[int, int]] = ()) -> None:
+        """Gives the server the shapes (haptic.shapes) of the world, the tool and bodies, once, before the first poll(): it then
+        finds their contacts itself, at every step of the hand, and send() needs none of them: see has_scene.
+
+        positions (n, 3), m, and rotations (n, 4): of each shape in the frame of its link or body, of the world's in the world;
+        default: there. friction: of each, of two the smaller counts; negative: the server's own. excluded: pairs
+        that never touch, by their places. Raises HapticError that names the shape."""
+        shapes = list(shapes)
+        count = len(shapes)
+        at = np.zeros((count, 7))
+        at[:, 3] = 1
+        for given, name, columns in ((positions, "positions", slice(0, 3)), (rotations, "rotations", slice(3, 7))):
+            if given is None:
+                continue
+            if np.shape(given) != at[:, columns].shape:
+                raise HapticError(f"{name}: shape {np.shape(given)} must be {at[:, columns].shape}, one row for each shape")
+            at[:, columns] = given
+        coefficients = None if friction is None else _array(friction, count, "friction")
+        pairs = np.ascontiguousarray(excluded, dtype=np.uint32).reshape(-1, 2)
+        if self._library.haptic_offer(self._open(), (Shape * count)(*shapes), at.ctypes.data,
+                                      None if coefficients is None else coefficients.ctypes.data, count,
+                                      pairs.ctypes.data, len(pairs)) != 0:
+            self._fail()
+
+    @property
+    def has_scene(self) -> bool:
+        """Whether the server finds the contacts of the shapes that offer() gave it. Until then, and where it never does, as
+        `message` says, send() needs contacts."""
+        return bool(self._state.scene)
+
     def poll(self) -> bool:
         """Takes what arrived. Once per step, before it. Returns `running`."""
         if not self.running:
@@ -252,9 +301,13 @@ class Session:
         self._library.haptic_track(self._open(), at, count, *_records(bodies, BODY, "bodies"))
         return contacts
 
-    def send(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> int:
-        """Sends what is near. Returns the update's sequence, 0 without a session. Raises HapticError
-        where something is wrong with a contact or a body; nothing is sent then."""
+    def send(self, contacts: Optional[np.ndarray] = None, bodies: Optional[np.ndarray] = None,
+             poses: Optional[np.ndarray] = None) -> int:
+        """Sends what is near; poses: of the bodies whose shapes were offered, those near the tool, at most MAX_POSES. Returns
+        the update's sequence, 0 without a session. Raises HapticError where something is wrong with a contact, a body or a
+        pose; nothing is sent then."""
+        if poses is not None and self._library.haptic_place(self._open(), *_records(poses, POSE, "poses")) != 0:
+            self._fail()
         sequence = self._library.haptic_send(self._open(), *_records(contacts, CONTACT, "contacts"),
                                              *_records(bodies, BODY, "bodies"))
         if sequence < 0:

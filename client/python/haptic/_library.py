@@ -7,8 +7,8 @@ import functools
 import os
 import pathlib
 
-ABI = 3
-MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_TEXT = 16, 17, 192, 16, 240
+ABI = 4
+MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_POSES, MAX_TEXT = 16, 17, 192, 16, 64, 240
 NO_LIMIT = 1e9  # rad or m: a joint's limit that is none
 
 _double, _int, _size = ctypes.c_double, ctypes.c_int32, ctypes.c_size_t
@@ -33,6 +33,13 @@ class Impulse(ctypes.Structure):
     _fields_ = [("body", ctypes.c_uint32), ("reserved", ctypes.c_uint32), ("impulse", _double * 6)]
 
 
+class Shape(ctypes.Structure):
+    """As haptic_shape in haptic.h. haptic.shapes makes one."""
+    _fields_ = [("kind", _int), ("side", _int), ("index", ctypes.c_uint32), ("group", ctypes.c_uint32),
+                ("mask", ctypes.c_uint32), ("vertex_count", ctypes.c_uint32), ("size", _double * 3),
+                ("vertices", ctypes.c_void_p), ("triangles", ctypes.c_void_p), ("triangle_count", _size)]
+
+
 class State(ctypes.Structure):
     """The latest news of the server, as haptic_state in haptic.h."""
     _fields_ = [("connected", _int), ("began", _int), ("lost", _int), ("fresh", _int),
@@ -40,7 +47,7 @@ class State(ctypes.Structure):
                 ("v_count", _int), ("q", _double * MAX_CONFIGURATION), ("v", _double * MAX_DOF),
                 ("contact_wrench", _double * 6), ("command", _double * 6), ("device_position", _double * 3),
                 ("device_rotation", _double * 4), ("server", _int), ("active", _int), ("predicted", _int),
-                ("buttons", ctypes.c_uint32), ("gripper", _double), ("round_trip", _double),
+                ("buttons", ctypes.c_uint32), ("scene", _int), ("reserved", _int), ("gripper", _double), ("round_trip", _double),
                 ("servo_rate", _double), ("message", ctypes.c_char * MAX_TEXT)]
 
 
@@ -70,13 +77,13 @@ def load() -> ctypes.CDLL:
 
 
 @functools.lru_cache(maxsize=None)
-def load_proximity(shape: type[ctypes.Structure]) -> ctypes.CDLL:
+def load_proximity() -> ctypes.CDLL:
     """libhaptic_proximity.so, found the same way."""
     load()  # It needs this one.
     library, _ = _found("libhaptic_proximity", "HAPTIC_PROXIMITY_LIBRARY")
     address = ctypes.c_void_p
     library.haptic_proximity_open.restype = address
-    library.haptic_proximity_open.argtypes = (ctypes.POINTER(shape), _size, address, _size, ctypes.c_char_p, _size)
+    library.haptic_proximity_open.argtypes = (ctypes.POINTER(Shape), _size, address, _size, ctypes.c_char_p, _size)
     library.haptic_proximity_close.restype, library.haptic_proximity_close.argtypes = None, (address,)
     library.haptic_proximity_find.restype = _size
     library.haptic_proximity_find.argtypes = (address, address, _double, address, address)
@@ -92,6 +99,8 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
             ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
             ("haptic_own_server", ctypes.c_char_p, session),
             ("haptic_close", None, session),
+            ("haptic_offer", ctypes.c_int, session, ctypes.POINTER(Shape), address, address, _size, address, _size),
+            ("haptic_place", ctypes.c_int, session, address, _size),
             ("haptic_poll", None, session, address),
             ("haptic_take_steps", ctypes.c_int, session, _double),
             ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),

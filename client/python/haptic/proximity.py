@@ -11,57 +11,17 @@ libhaptic.so is; HAPTIC_PROXIMITY_LIBRARY may name it.
 from __future__ import annotations
 
 import ctypes
-from typing import Iterable, Optional, Sequence
+from typing import Iterable, Sequence
 
 import numpy as np
 
 import haptic
 from haptic._library import load_proximity
+from haptic.shapes import Shape, box, half_space, shape, sphere
 
-_KINDS = {"sphere": 0, "capsule": 1, "cylinder": 2, "box": 3, "ellipsoid": 4, "hull": 5, "half_space": 6,
-          "mesh": 7}
+__all__ = ["Proximity", "Shape", "box", "half_space", "shape", "sphere"]
+
 _POSE = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)])
-
-
-class Shape(ctypes.Structure):
-    """As haptic_shape in haptic_proximity.h."""
-    _fields_ = [("kind", ctypes.c_int32), ("side", ctypes.c_int32), ("index", ctypes.c_uint32),
-                ("group", ctypes.c_uint32), ("mask", ctypes.c_uint32), ("vertex_count", ctypes.c_uint32),
-                ("size", ctypes.c_double * 3), ("vertices", ctypes.c_void_p), ("triangles", ctypes.c_void_p),
-                ("triangle_count", ctypes.c_size_t)]
-
-
-def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index: int = 0, group: int = 1,
-          mask: int = 1, vertices: Optional[np.ndarray] = None, triangles: Optional[np.ndarray] = None) -> Shape:
-    """kind: sphere, capsule, cylinder, box, ellipsoid, hull, half_space or mesh; size as haptic_proximity.h says.
-
-    vertices: (n, 3), m, of a hull or mesh; triangles: (m, 3), vertices of a mesh, counter-clockwise seen from outside."""
-    if kind not in _KINDS:
-        raise haptic.HapticError(f"kind {kind!r} must be one of {', '.join(_KINDS)}")
-    made = Shape(kind=_KINDS[kind], side=side, index=index, group=group, mask=mask)
-    made.size[:len(size)] = tuple(size)
-    if vertices is not None:
-        made.kept = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
-        made.vertices, made.vertex_count = made.kept.ctypes.data, len(made.kept)
-    if triangles is not None:
-        made.corners = np.ascontiguousarray(triangles, dtype=np.uint32).reshape(-1, 3)
-        made.triangles, made.triangle_count = made.corners.ctypes.data, len(made.corners)
-    return made
-
-
-def sphere(radius: float, side: int = haptic.WORLD, index: int = 0) -> Shape:
-    """A sphere about its centre (m), of the world, of a link of the tool or of a body."""
-    return shape("sphere", (radius,), side, index)
-
-
-def box(size: Sequence[float], side: int = haptic.WORLD, index: int = 0) -> Shape:
-    """A box about its centre (edge lengths in m), of the world, of a link of the tool or of a body."""
-    return shape("box", size, side, index)
-
-
-def half_space() -> Shape:
-    """Of the world: z <= 0 of its frame."""
-    return shape("half_space")
 
 
 class Proximity:
@@ -69,7 +29,7 @@ class Proximity:
 
     def __init__(self, shapes: Iterable[Shape], excluded: Sequence[tuple[int, int]] = ()):
         self._proximity = None
-        self._library = load_proximity(Shape)
+        self._library = load_proximity()
         shapes = list(shapes)
         pairs = np.ascontiguousarray(excluded, dtype=np.uint32).reshape(-1, 2)
         error = ctypes.create_string_buffer(512)

@@ -22,6 +22,7 @@ sys.path.insert(0, str(PACKAGE))
 
 import haptic  # noqa: E402
 import haptic.proximity  # noqa: E402
+import haptic.shapes  # noqa: E402
 import numpy as np  # noqa: E402
 
 RATE = 60  # Hz
@@ -120,6 +121,37 @@ class WithServer(unittest.TestCase):
             self.assertAlmostEqual(touch.force[2], push, delta=0.01)            # N
             self.assertAlmostEqual(depth, push / (4 * STIFFNESS), delta=2e-6)   # m
             np.testing.assert_allclose(touch.force[:2], 0, atol=0.05)
+
+    def test_with_shapes_the_server_finds_the_contacts_and_updates_bring_none(self):
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK), haptic.shapes.half_space()],
+                        positions=[[0, 0, 0], [0, 0, FLOOR]], friction=[-1, 0.3])
+            nothing = lambda q: haptic.contacts(0)  # noqa: E731
+            until(touch, lambda: touch.has_scene and touch.server_state == "active", nothing)
+            play(touch, 2, nothing)
+            depth = FLOOR + EDGE / 2 - touch.q[2]
+            push = HAND_STIFFNESS * (touch.state.device_position[2] - TARGET)
+            self.assertEqual(touch.state.active, 4)
+            self.assertAlmostEqual(touch.force[2], push, delta=0.01)            # N
+            self.assertAlmostEqual(depth, push / (4 * STIFFNESS), delta=2e-6)   # m
+            self.assertEqual(touch.message, "")
+            with self.assertRaisesRegex(haptic.HapticError, "before the first haptic_poll"):
+                touch.offer([haptic.shapes.half_space()])
+
+    def test_a_body_is_where_its_pose_is(self):
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK),
+                         haptic.shapes.box((1, 1, 0.1), haptic.MOVABLE_BODY, 7)])
+            block = haptic.poses(1)
+            block["body"] = 7
+            end = time.monotonic() + PATIENCE
+            while time.monotonic() < end and not (touch.has_scene and touch.state.active == 4):
+                touch.poll()
+                touch.sample(touch.q, touch.v, PERIOD)
+                block["position"] = 0, 0, FLOOR - 0.05 if touch.has_scene else -1
+                touch.send(poses=block)
+                time.sleep(PERIOD)
+            self.assertEqual(touch.state.active, 4)
 
     def test_tracked_contacts_keep_their_identities_while_the_tool_slides(self):
         with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
@@ -248,6 +280,28 @@ class Mistakes(unittest.TestCase):
                 touch.send(np.zeros((4, 3)))
             with self.assertRaisesRegex(haptic.HapticError, r"v must have 6 numbers, not the shape \(3,\)"):
                 touch.sample([0, 0, 0, 1, 0, 0, 0], [0, 0, 0], PERIOD)
+
+    def test_shapes_that_no_server_takes_are_named(self):
+        touch = haptic.Session("127.0.0.1:9", box())
+        self.addCleanup(touch.close)
+        floor, ball = haptic.shapes.half_space(), haptic.shapes.sphere(0.02, haptic.TOOL_LINK)
+        for reason, shapes, more in (
+                ("shape 1: .*link 1 of the tool", [floor, haptic.shapes.sphere(0.02, haptic.TOOL_LINK, 1)], {}),
+                ("shape 0: .*half space", [haptic.shapes.shape("half_space", side=haptic.MOVABLE_BODY)], {}),
+                ("shape 0: .*size 0 m must be above 0", [haptic.shapes.sphere(0)], {}),
+                ("shape 0: .*vertices", [haptic.shapes.shape("hull")], {}),
+                ("shape 1: .*(finite|nan)", [floor, ball], {"positions": [[0, 0, 0], [0, 0, float("nan")]]}),
+                ("rotations: shape", [ball], {"rotations": [[1, 0, 0]]}),
+                ("friction must have 1", [ball], {"friction": [0, 1]}),
+                ("apart", [floor, ball], {"excluded": [(0, 2)]})):
+            with self.subTest(reason=reason), self.assertRaisesRegex(haptic.HapticError, reason):
+                touch.offer(shapes, **more)
+        lost = haptic.poses(1)
+        lost["position"] = float("inf")
+        with self.assertRaisesRegex(haptic.HapticError, "pose of body 0: a number is not finite"):
+            touch.send(poses=lost)
+        with self.assertRaisesRegex(haptic.HapticError, "65 poses must be at most 64"):
+            touch.send(poses=haptic.poses(65))
 
     def test_more_contacts_than_can_be_sent_are_refused_when_they_are_sent(self):
         contacts = haptic.contacts(haptic.MAX_CONTACTS + 1)

@@ -1,0 +1,51 @@
+"""Shapes of a world: for haptic.Session.offer(), with which the server finds contacts itself, or haptic.proximity.
+
+    touch.offer([haptic.shapes.box((0.04, 0.04, 0.04), haptic.TOOL_LINK), haptic.shapes.half_space()])
+"""
+
+from __future__ import annotations
+
+from typing import Optional, Sequence
+
+import numpy as np
+
+import haptic
+from haptic._library import Shape
+
+__all__ = ["KINDS", "Shape", "box", "half_space", "shape", "sphere"]
+
+KINDS = {"sphere": 0, "capsule": 1, "cylinder": 2, "box": 3, "ellipsoid": 4, "hull": 5, "half_space": 6,
+         "mesh": 7}
+
+
+def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index: int = 0, group: int = 1,
+          mask: int = 1, vertices: Optional[np.ndarray] = None, triangles: Optional[np.ndarray] = None) -> Shape:
+    """kind: one of KINDS; size as haptic.h says. side and index: whose it is.
+
+    vertices: (n, 3), m, of a hull or mesh; triangles: (m, 3), vertices of a mesh, counter-clockwise seen from outside."""
+    if kind not in KINDS:
+        raise haptic.HapticError(f"kind {kind!r} must be one of {', '.join(KINDS)}")
+    made = Shape(kind=KINDS[kind], side=side, index=index, group=group, mask=mask)
+    made.size[:len(size)] = tuple(size)
+    if vertices is not None:
+        made.kept = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
+        made.vertices, made.vertex_count = made.kept.ctypes.data, len(made.kept)
+    if triangles is not None:
+        made.corners = np.ascontiguousarray(triangles, dtype=np.uint32).reshape(-1, 3)
+        made.triangles, made.triangle_count = made.corners.ctypes.data, len(made.corners)
+    return made
+
+
+def sphere(radius: float, side: int = haptic.WORLD, index: int = 0) -> Shape:
+    """A sphere about its centre (m), of the world, of a link of the tool or of a body."""
+    return shape("sphere", (radius,), side, index)
+
+
+def box(size: Sequence[float], side: int = haptic.WORLD, index: int = 0) -> Shape:
+    """A box about its centre (edge lengths in m), of the world, of a link of the tool or of a body."""
+    return shape("box", size, side, index)
+
+
+def half_space() -> Shape:
+    """Of the world: z <= 0 of its frame."""
+    return shape("half_space")
