@@ -133,6 +133,8 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
   return items_of<MovableBodies>(from, count, body_of);
 }
 
+constexpr haptic_material kNoMaterial{.friction = -1, .rule = HAPTIC_MINIMUM, .priority = 0};
+
 /// What is wrong with where a body is said to be; empty if nothing is.
 std::string find_error(const haptic_body_pose& body) {
   const Pose X_WB = pose_of(body.pose);
@@ -383,23 +385,18 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
 }
 
 int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses,
-                 const double* friction, std::size_t count, const std::uint32_t* excluded,
+                 const haptic_material* materials, std::size_t count, const std::uint32_t* excluded,
                  std::size_t excluded_count) {
   try {
-    if (session->client->connected()) {
-      throw std::invalid_argument("shapes must be offered before the first haptic_poll()");
-    }
-    std::vector<protocol::OfferedShape> offered;
+    protocol::SceneOffer offer;
     for (std::size_t i = 0; i < count; ++i) {
-      const double own = friction == nullptr ? -1 : friction[i];
-      offered.push_back(offered_shape(i, shapes[i], poses[i], own));
+      const haptic_material material = materials == nullptr ? kNoMaterial : materials[i];
+      offer.shapes.push_back(offered_shape(i, shapes[i], poses[i], material));
     }
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> apart;
     for (std::size_t i = 0; i < excluded_count; ++i) {
-      apart.emplace_back(excluded[2 * i], excluded[2 * i + 1]);
+      offer.apart.emplace_back(excluded[2 * i], excluded[2 * i + 1]);
     }
-    const std::size_t links = session->tool.description().links.size();
-    session->client->offer_scene(protocol::scene_of(offered, apart, links));
+    session->client->offer_scene(std::move(offer));
     return 0;
   } catch (const std::exception& failure) {
     session->error = failure.what();

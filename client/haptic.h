@@ -141,6 +141,20 @@ typedef struct haptic_shape {
   size_t triangle_count;
 } haptic_shape;
 
+/* What two coefficients of friction make of a contact: of two rules the later one counts. */
+enum haptic_friction_rule {
+  HAPTIC_AVERAGE = 0, /* as Rapier, PhysX */
+  HAPTIC_MINIMUM = 1,
+  HAPTIC_PRODUCT = 2, /* as Bullet */
+  HAPTIC_MAXIMUM = 3  /* as MuJoCo */
+};
+
+typedef struct haptic_material {
+  double friction;  /* coefficient; negative: that of the other, of two such the server's own */
+  int32_t rule;     /* enum haptic_friction_rule */
+  int32_t priority; /* 0 to 255: of two the higher one's friction counts alone */
+} haptic_material;
+
 typedef struct haptic_pose {
   double position[3]; /* of a shape's or body's frame in the world, or as a function says, m */
   double rotation[4]; /* unit quaternion w, x, y, z */
@@ -220,20 +234,21 @@ HAPTIC_API const char* haptic_own_server(const haptic_session* session);
  * NULL is ignored. */
 HAPTIC_API void haptic_close(haptic_session* session);
 
-/* Gives the server the shapes of the world, of the tool and of bodies, once: it then finds their
- * contacts itself, at every step of the hand, however late an update comes, and haptic_send() needs
- * none of them. Before the first haptic_poll(); also what follows a lost session gets them. A
- * server needs up to some seconds to take them: state.scene is 1 then. One that takes none, or
- * cannot use them, says so in state.message, and contacts can be sent as ever.
+/* Gives the server the shapes of the world, of the tool and of bodies: it then finds their contacts
+ * itself, at every step of the hand, however late an update comes, and haptic_send() needs none of
+ * them. Best before the first haptic_poll(). Sessions that follow a lost one get them, too. Where
+ * shapes come, go or change, all are offered again: those before stay until the server has these.
+ * It needs up to some seconds to take them: state.scene is 1 then. One that takes none, or cannot
+ * use them, says so in state.message, and contacts can be sent as ever.
  *
- * poses: of each shape in the frame of its link or body, of the world's in the world. friction: the
- * coefficient of each, of two the smaller counts; negative, or all NULL: the server's own.
- * excluded: twice `excluded_count` indices of shapes that never touch, or NULL; shapes of one link
- * or body never do. What is fixed to each other is one surface, whose inner edges are not felt. 0,
- * or -1 with haptic_error(), which names the shape. */
+ * poses: of each shape in the frame of its link or body, of the world's in the world. materials: of
+ * each shape, or NULL: friction is the server's own. excluded: twice `excluded_count` indices of
+ * shapes that never touch, or NULL; shapes of one link or body never do. What is fixed to each
+ * other is one surface, whose inner edges are not felt. 0, or -1 with haptic_error(), which names
+ * the shape. */
 HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
-                            const haptic_pose* poses, const double* friction, size_t count,
-                            const uint32_t* excluded, size_t excluded_count);
+                            const haptic_pose* poses, const haptic_material* materials,
+                            size_t count, const uint32_t* excluded, size_t excluded_count);
 /* Where the bodies of offered shapes are, for the next haptic_send(); of more than HAPTIC_MAX_POSES
  * give those near the tool, as a body without a pose is not there. Those that the tool can push are
  * among the bodies of haptic_send(), too; the others go on with their velocity. 0, or -1 with

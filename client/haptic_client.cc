@@ -1,5 +1,8 @@
 #include "hlm/client/haptic_client.h"
 
+#include <utility>
+#include <vector>
+
 namespace hlm {
 namespace {
 
@@ -21,15 +24,14 @@ constexpr double kSilenceAlone = 0.1;
 
 /// Chunks of a scene that one send() may send: 4 MB/s at 60 Hz.
 constexpr std::size_t kChunksPerSend = 64;
-/// Number of the scene that is offered.
-constexpr std::uint32_t kScene = 1;
 
 }  // namespace
 
 HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options)
     : session_(link, session_options(options)),
       world_time_(1 / options.ve_rate),
-      ve_rate_(options.ve_rate) {}
+      ve_rate_(options.ve_rate),
+      tool_links_(options.tool.links.size()) {}
 
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
@@ -41,7 +43,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
   }
   if (inbox.state != nullptr) {
     playout_.hear(inbox.state->step);
-    scene_in_force_ = inbox.state->scene >= kScene;
+    scene_in_force_ = inbox.state->scene > 0;
   }
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
@@ -53,8 +55,25 @@ HapticClient::Inbox HapticClient::poll(double now) {
 void HapticClient::offer() {
   scene_in_force_ = false;
   scene_problem_.clear();
-  if (scene_.empty()) return;
-  if (const auto problem = session_.queue_scene(scene_)) scene_problem_ = *problem;
+  offered_ = {};
+  if (scene_) queue_scene();
+}
+
+void HapticClient::queue_scene() {
+  protocol::OfferedBefore offered = offered_;
+  const std::vector<std::uint8_t> records = protocol::scene_of(*scene_, tool_links_, offered);
+  if (const auto problem = session_.queue_scene(records)) {
+    scene_problem_ = *problem;
+  } else {
+    offered_ = std::move(offered);
+  }
+}
+
+void HapticClient::offer_scene(protocol::SceneOffer scene) {
+  protocol::OfferedBefore nothing;
+  protocol::scene_of(scene, tool_links_, nothing);  // Throws.
+  scene_ = std::move(scene);
+  if (connected()) queue_scene();
 }
 
 int HapticClient::take_steps(double step) noexcept {
@@ -93,7 +112,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   for (MovableBody& body : update_.bodies) body.P_W = playout_.taken(body.id);
   update_.contacts = contacts;
   update_.poses = poses;
-  update_.scene = has_scene() ? kScene : 0;
+  update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
   session_.send_scene(now, kChunksPerSend);
   return sequence;

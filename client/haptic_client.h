@@ -2,10 +2,10 @@
 // examples/client is a whole simulator on it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "hlm/client/impulse_playout.h"
 #include "hlm/client/world_time.h"
@@ -13,6 +13,7 @@
 #include "hlm/common/tool_description.h"
 #include "hlm/common/tool_model.h"
 #include "hlm/protocol/client_session.h"
+#include "hlm/protocol/scene_offer.h"
 
 namespace hlm {
 
@@ -61,10 +62,11 @@ class HapticClient {
   std::uint64_t send(double now, const ReportedContacts& contacts, const MovableBodies& bodies = {},
                      const BodyPoses& poses = {});
 
-  /// Gives servers that take scenes the shapes of the world, from the next session on and in all
-  /// that follow: records (protocol/scene_records.h) that end with the commit of scene 1. They go
-  /// out with send(), and are there when has_scene().
-  void offer_scene(std::vector<std::uint8_t> records) { scene_ = std::move(records); }
+  /// Gives servers that take scenes the shapes of the world, in this session and in all that
+  /// follow, in place of those that were offered before. They go out with send(), and are there
+  /// when has_scene(); until then those before them are. Throws std::invalid_argument that names
+  /// the shape, its value and what is allowed.
+  void offer_scene(protocol::SceneOffer scene);
   /// Whether the server finds the contacts of its shapes itself, so that send() needs none.
   bool has_scene() const noexcept { return connected() && scene_in_force_; }
   /// Why the server does not find contacts in the scene that is offered, for a person; empty as
@@ -90,6 +92,7 @@ class HapticClient {
 
  private:
   void offer();
+  void queue_scene();
 
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Update of the latest sample.
@@ -99,7 +102,9 @@ class HapticClient {
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
   bool stood_still_ = false;   ///< The world does not make up for the time before this frame.
   double sampled_at_ = 0;
-  std::vector<std::uint8_t> scene_;  ///< What is offered; empty: nothing.
+  std::size_t tool_links_;
+  std::optional<protocol::SceneOffer> scene_;  ///< What is offered.
+  protocol::OfferedBefore offered_;            ///< In this session.
   bool scene_in_force_ = false;
   std::string scene_problem_;
 };

@@ -60,15 +60,24 @@ inline protocol::SceneShape shape_of(const haptic_shape& from) {
 
 /// Shape `place` of those that are offered. Throws std::invalid_argument that names it.
 inline protocol::OfferedShape offered_shape(std::size_t place, const haptic_shape& from,
-                                            const haptic_pose& pose, double friction) {
+                                            const haptic_pose& pose,
+                                            const haptic_material& material) {
   try {
     if (from.side < HAPTIC_WORLD || from.side > HAPTIC_MOVABLE_BODY) {
       throw std::invalid_argument("side " + std::to_string(from.side) + " must be 0 to 2");
     }
+    if (material.rule < HAPTIC_AVERAGE || material.rule > HAPTIC_MAXIMUM) {
+      throw std::invalid_argument("rule " + std::to_string(material.rule) + " must be 0 to 3");
+    }
+    if (material.priority < 0 || material.priority > 255) {
+      throw std::invalid_argument("priority " + std::to_string(material.priority) +
+                                  " must be 0 to 255");
+    }
     return {.shape = shape_of(from),
             .side = {static_cast<SideKind>(from.side), from.index},
             .X_BS = pose_of(pose),
-            .friction = friction,
+            .friction = {material.friction, static_cast<FrictionRule>(material.rule),
+                         static_cast<std::uint8_t>(material.priority)},
             .group = from.group,
             .mask = from.mask};
   } catch (const std::invalid_argument& error) {

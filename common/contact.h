@@ -1,6 +1,7 @@
 // A contact between the virtual tool and the virtual environment, as the environment reports it.
 #pragma once
 
+#include <algorithm>
 #include <compare>
 #include <cstddef>
 #include <cstdint>
@@ -51,6 +52,49 @@ struct ContactSide {
 
   auto operator<=>(const ContactSide&) const = default;
 };
+
+/// What two coefficients of friction make of a contact: of two rules the later one counts, as in
+/// PhysX and Rapier.
+enum class FrictionRule : std::uint8_t {
+  kAverage = 0,
+  kMinimum = 1,
+  kProduct = 2,
+  kMaximum = 3,
+};
+template <>
+inline constexpr std::array<Word<FrictionRule>, 4> kWords<FrictionRule>{{
+    {FrictionRule::kAverage, "average", "their mean, as Rapier and PhysX"},
+    {FrictionRule::kMinimum, "minimum", "the smaller one, as ve_client"},
+    {FrictionRule::kProduct, "product", "their product, as Bullet"},
+    {FrictionRule::kMaximum, "maximum", "the larger one, as MuJoCo"},
+}};
+
+/// A coefficient of friction, and how it is combined.
+struct Friction {
+  double coefficient = -1;  ///< Negative: it does not say.
+  FrictionRule rule = FrictionRule::kMinimum;
+  std::uint8_t priority = 0;  ///< Of two the higher one's coefficient counts alone, as in MuJoCo.
+
+  bool operator==(const Friction&) const = default;
+};
+
+/// That of a contact of two; negative if neither says.
+constexpr double combine(const Friction& a, const Friction& b) noexcept {
+  if (a.coefficient < 0) return b.coefficient;
+  if (b.coefficient < 0) return a.coefficient;
+  if (a.priority != b.priority) return a.priority > b.priority ? a.coefficient : b.coefficient;
+  switch (std::max(a.rule, b.rule)) {
+    case FrictionRule::kAverage:
+      return (a.coefficient + b.coefficient) / 2;
+    case FrictionRule::kMinimum:
+      return std::min(a.coefficient, b.coefficient);
+    case FrictionRule::kProduct:
+      return a.coefficient * b.coefficient;
+    case FrictionRule::kMaximum:
+      return std::max(a.coefficient, b.coefficient);
+  }
+  return -1;
+}
 
 /// The side that owns a contact's plane, with which the contact turns.
 enum class PlaneOwner : std::uint8_t {

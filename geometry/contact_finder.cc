@@ -330,7 +330,7 @@ void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifol
   const std::size_t first = contacts_.size();
   for (const ManifoldPoint& point : manifold) {
     contacts_.push_back(found_contact(point, a, own.id, b, other.id));
-    contacts_.back().friction = friction_between(own, other);
+    contacts_.back().friction = combine(own.friction, other.friction);
   }
   shared_ |= resolve_seams(pieces_, {own, pair.X_WG}, {other, pair.X_WO}, contacts_, first);
 }

@@ -169,11 +169,6 @@ std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F) {
   return PieceSide{piece.X_FG.R * (away / distance), distance - radius, {}};
 }
 
-double friction_between(const Piece& a, const Piece& b) {
-  if (a.friction < 0) return b.friction;
-  return b.friction < 0 ? a.friction : std::min(a.friction, b.friction);
-}
-
 bool is_surface(const Piece& piece, const PieceSide& side) {
   if (piece.mesh == nullptr || side.face == piece.front) return true;
   return side.face && (piece.rims >> *side.face & 1) != 0;

@@ -45,7 +45,7 @@ struct Piece {
   CollisionId id;
   const Convex* convex = nullptr;
   Pose X_FG;
-  double friction = -1;                 ///< μ of its material; negative: it does not say.
+  Friction friction = {};               ///< Of its material.
   const Mesh* mesh = nullptr;           ///< What it is of the skin of, in G; mostly null.
   std::size_t triangle = 0;             ///< Triangle of that mesh which the piece is behind.
   std::array<Vector3, 3> triangle_F{};  ///< Its corners, m.
@@ -63,9 +63,6 @@ struct Piece {
   Vector3 middle_normal_F = Vector3::UnitZ();
   double least_along = -2;
 };
-
-/// The smaller coefficient of friction of two; negative if neither says.
-double friction_between(const Piece& a, const Piece& b);
 
 /// Whether a shape at X_FS is before the triangle of a piece of a skin. `was`:
 /// whether it was a little earlier, which goes on while it crosses the triangle's plane.
@@ -112,7 +109,7 @@ struct PieceSource {
   const Convex* convex = nullptr;
   Pose X_FG;
   bool fixed = false;          ///< Of the assembly of all fixed bodies, whose frame is the world.
-  double friction = -1;        ///< Piece::friction.
+  Friction friction = {};      ///< Piece::friction.
   const Mesh* mesh = nullptr;  ///< Piece::mesh.
   std::size_t triangle = 0;
 };

@@ -1,6 +1,6 @@
 #include "hlm/protocol/scene_offer.h"
 
-#include <set>
+#include <span>
 #include <stdexcept>
 #include <string>
 
@@ -10,53 +10,65 @@ namespace hlm::protocol {
 namespace {
 
 /// Reads what a server will read, so that what it would refuse is said here.
-class Writer {
+class Check {
  public:
-  explicit Writer(std::size_t tool_links) : store_(tool_links) {}
+  explicit Check(std::size_t tool_links) : store_(tool_links) {}
 
-  void add(const SceneRecord& record) {
-    const std::size_t begin = bytes_.size();
-    append(record, bytes_);
-    reader_.feed(std::as_bytes(std::span(bytes_).subspan(begin)));
+  void take(const SceneRecord& record) {
+    std::vector<std::uint8_t> bytes;
+    append(record, bytes);
+    reader_.feed(std::as_bytes(std::span(bytes)));
     while (auto read = reader_.next()) store_.apply(std::move(*read));
     if (reader_.fault()) throw std::invalid_argument(reader_.fault()->text);
     if (store_.fault()) throw std::invalid_argument(store_.fault()->text);
   }
 
-  std::vector<std::uint8_t> take() { return std::move(bytes_); }
-
  private:
-  std::vector<std::uint8_t> bytes_;
   SceneRecordReader reader_;
   SceneStore store_;
 };
 
+ScenePlacement placement_of(std::uint32_t id, const OfferedShape& offered, std::uint64_t hash) {
+  return {.id = id,
+          .shape = hash,
+          .side = offered.side,
+          .X_BS = offered.X_BS,
+          .friction = offered.friction,
+          .group = offered.group,
+          .mask = offered.mask};
+}
+
 }  // namespace
 
-std::vector<std::uint8_t> scene_of(std::span<const OfferedShape> shapes,
-                                   std::span<const std::pair<std::uint32_t, std::uint32_t>> apart,
-                                   std::size_t tool_links) {
-  Writer writer(tool_links);
-  std::set<std::uint64_t> known;  // Shapes that are placed more than once.
-  for (std::size_t i = 0; i < shapes.size(); ++i) {
-    const OfferedShape& offered = shapes[i];
+std::vector<std::uint8_t> scene_of(const SceneOffer& offer, std::size_t tool_links,
+                                   OfferedBefore& before) {
+  std::vector<std::uint8_t> bytes;
+  for (std::size_t i = 0; i < before.shapes; ++i) {
+    append(SceneRemoval{static_cast<std::uint32_t>(i)}, bytes);
+  }
+  Check check(tool_links);
+  OfferedBefore now{.scene = before.scene + 1, .shapes = offer.shapes.size()};
+  const auto add = [&](const SceneRecord& record) {
+    check.take(record);
+    append(record, bytes);
+  };
+  for (std::size_t i = 0; i < offer.shapes.size(); ++i) {
+    const OfferedShape& offered = offer.shapes[i];
     try {
       const std::uint64_t hash = hash_of(offered.shape);
-      if (known.insert(hash).second) writer.add(offered.shape);
-      writer.add(ScenePlacement{.id = static_cast<std::uint32_t>(i),
-                                .shape = hash,
-                                .side = offered.side,
-                                .X_BS = offered.X_BS,
-                                .friction = offered.friction,
-                                .group = offered.group,
-                                .mask = offered.mask});
+      if (now.hashes.insert(hash).second) {
+        check.take(offered.shape);
+        if (!before.hashes.contains(hash)) append(offered.shape, bytes);
+      }
+      add(placement_of(static_cast<std::uint32_t>(i), offered, hash));
     } catch (const std::invalid_argument& error) {
       throw std::invalid_argument("shape " + std::to_string(i) + ": " + error.what());
     }
   }
-  for (const auto& [a, b] : apart) writer.add(SceneApart{.a = a, .b = b});
-  writer.add(SceneCommit{.scene = 1});
-  return writer.take();
+  for (const auto& [a, b] : offer.apart) add(SceneApart{.a = a, .b = b});
+  append(SceneCommit{.scene = now.scene}, bytes);
+  before = std::move(now);
+  return bytes;
 }
 
 }  // namespace hlm::protocol

@@ -113,9 +113,11 @@ SceneRecordKind write(RecordWriter& writer, const ScenePlacement& placement) {
   writer.number(static_cast<std::uint8_t>(placement.side.kind));
   writer.number(placement.side.index);
   writer.pose(placement.X_BS);
-  writer.number(std::bit_cast<std::uint32_t>(static_cast<float>(placement.friction)));
+  writer.number(std::bit_cast<std::uint32_t>(static_cast<float>(placement.friction.coefficient)));
   writer.number(placement.group);
   writer.number(placement.mask);
+  writer.number(static_cast<std::uint8_t>(placement.friction.rule));
+  writer.number(placement.friction.priority);
   return SceneRecordKind::kPlacement;
 }
 
@@ -289,9 +291,11 @@ SceneRecord read_placement(RecordFields& fields) {
   placement.side.kind = fields.enumeration<SideKind>("side_kind");
   placement.side.index = fields.number<std::uint32_t>();
   placement.X_BS = fields.pose("X_BS");
-  placement.friction = fields.f32("friction", kFrictionRange);
+  placement.friction.coefficient = fields.f32("friction", kFrictionRange);
   placement.group = fields.number<std::uint32_t>();
   placement.mask = fields.number<std::uint32_t>();
+  placement.friction.rule = fields.enumeration<FrictionRule>("friction_rule");
+  placement.friction.priority = fields.number<std::uint8_t>();
   return placement;
 }
 

@@ -59,7 +59,7 @@ struct ScenePlacement {
   std::uint64_t shape = 0;  ///< Hash of the shape.
   ContactSide side{};       ///< Whose it is.
   Pose X_BS{};              ///< The shape's frame in that of the link or body, or in the world.
-  double friction = -1;     ///< Coefficient; negative: the server's own. Single precision.
+  Friction friction = {};   ///< Negative: the server's own. Single precision.
   std::uint32_t group = 1;  ///< Two may touch if a bit of one's group is in the other's mask.
   std::uint32_t mask = ~0u;
 

@@ -211,7 +211,7 @@ void ClientRun::begin(Asked asked) {
 
 void ClientRun::offer_scene(std::size_t tool) {
   try {
-    sessions_[tool].client().offer_scene(scene_records(environment_->world,
+    sessions_[tool].client().offer_scene(scene_of(environment_->world,
                                                        environment_->tools[tool].assembly,
                                                        settings_.frame.report_friction[tool]));
   } catch (const std::invalid_argument& error) {

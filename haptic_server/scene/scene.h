@@ -23,7 +23,7 @@ struct PlacedShape {
   std::shared_ptr<const geometry::ShapeParts> shape;
   ContactSide side;
   Pose X_BS;                        ///< In the frame of its link or body, or in the world.
-  double friction = -1;             ///< μ of its material; negative: the local model's.
+  Friction friction = {};           ///< Of its material; if it does not say, the local model's.
   std::uint32_t group = 1;          ///< Two shapes may touch if a bit of one's group is in the
   std::uint32_t mask = 0xffffffff;  ///< other's mask. Those of one side never do.
 };

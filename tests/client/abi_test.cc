@@ -49,6 +49,8 @@ std::string layout() {
   FIELD(shape, triangles), FIELD(shape, triangle_count);
   STRUCT(pose);
   FIELD(pose, position), FIELD(pose, rotation);
+  STRUCT(material);
+  FIELD(material, friction), FIELD(material, rule), FIELD(material, priority);
   STRUCT(body_pose);
   FIELD(body_pose, body), FIELD(body_pose, reserved), FIELD(body_pose, pose);
   FIELD(body_pose, velocity);
@@ -67,6 +69,7 @@ impulse 56: body 0 reserved 4 impulse 8
 state 744: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 scene 472 reserved 476 gripper 480 round_trip 488 servo_rate 496 message 504
 shape 72: kind 0 side 4 index 8 group 12 mask 16 vertex_count 20 size 24 vertices 48 triangles 56 triangle_count 64
 pose 56: position 0 rotation 24
+material 16: friction 0 rule 8 priority 12
 body_pose 112: body 0 reserved 4 pose 8 velocity 64)"}};
 
 TEST_CASE("Structures of the C interface are those of its number, HAPTIC_ABI") {

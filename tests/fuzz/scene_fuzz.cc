@@ -50,7 +50,9 @@ void demand_in_range(const SceneShape& shape) {
 void demand_in_range(const ScenePlacement& placement) {
   demand(std::abs(placement.X_BS.R.norm() - 1) <= 1e-12, "a placement's quaternion is unit");
   demand(placement.X_BS.p.cwiseAbs().maxCoeff() <= kLargestLength, "a placement is near");
-  demand(std::isfinite(placement.friction) && is_known(placement.side.kind), "it can be used");
+  demand(std::isfinite(placement.friction.coefficient) && is_known(placement.friction.rule) &&
+             is_known(placement.side.kind),
+         "it can be used");
 }
 template <class Record>
 void demand_in_range(const Record&) {}

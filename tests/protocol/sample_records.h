@@ -58,7 +58,9 @@ inline protocol::ScenePlacement random_placement(Random& random, std::uint32_t i
   placement.side = {static_cast<SideKind>(random.integer(0, 2)),
                     static_cast<std::uint32_t>(random.integer(0, 5))};
   placement.X_BS = random.pose(1);
-  placement.friction = static_cast<float>(random.uniform(-1, 1));
+  placement.friction.coefficient = static_cast<float>(random.uniform(-1, 1));
+  placement.friction.rule = static_cast<FrictionRule>(random.integer(0, 3));
+  placement.friction.priority = static_cast<std::uint8_t>(random.integer(0, 255));
   placement.group = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
   placement.mask = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
   return placement;

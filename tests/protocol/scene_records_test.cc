@@ -91,7 +91,7 @@ TEST_CASE("Each record has the bytes of its example in PROTOCOL.md") {
   CHECK(bytes_of(shape) == documented("shape"));
   ScenePlacement placement{.id = 6, .shape = hash_of(shape), .side = {SideKind::kMovableBody, 5}};
   placement.X_BS.p.z() = 0.01;
-  placement.friction = 0.25;
+  placement.friction = {0.25, FrictionRule::kMaximum, 1};
   placement.mask = ~1u;
   CHECK(bytes_of(placement) == documented("placement"));
   CHECK(bytes_of(SceneRemoval{2}) == documented("removal"));
@@ -197,9 +197,10 @@ TEST_CASE("A fault of a placement says which one") {
         "placement 7: X_BS 100000 m must be -10000 to 10000 m");
   CHECK(refused([](P& p) { p.X_BS.R.w() = 0.5; }) ==
         "placement 7: X_BS: quaternion's length 0.5 must be 1 within 0.001");
-  CHECK(refused([](P& p) { p.friction = 11; }) == "placement 7: friction 11 must be -10 to 10");
+  CHECK(refused([](P& p) { p.friction.coefficient = 11; }) ==
+        "placement 7: friction 11 must be -10 to 10");
   CHECK_FALSE(refused([](P& p) { p.X_BS.R.x() = std::nan(""); }).empty());
-  CHECK_FALSE(refused([](P& p) { p.friction = std::nan(""); }).empty());
+  CHECK_FALSE(refused([](P& p) { p.friction.coefficient = std::nan(""); }).empty());
 }
 
 TEST_CASE("A quaternion that is nearly unit comes out of length 1") {

@@ -223,7 +223,7 @@ class VirtualSession {
     clients_.push_back(&owned_.back());
     if (!options_.frame.shapes) return;
     owned_.back().offer_scene(
-        ve::scene_records(environment_.world, assembly, options_.frame.report_friction[index]));
+        ve::scene_of(environment_.world, assembly, options_.frame.report_friction[index]));
   }
 
   void tick(double now) {

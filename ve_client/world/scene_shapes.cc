@@ -60,10 +60,11 @@ class Offer {
       const Mesh* const of = collision.mesh.get();
       if (of != nullptr && (of == mesh || (mesh != nullptr && of == mesh->sheet))) continue;
       mesh = of;
-      shapes_.push_back({.shape = of != nullptr ? wire_shape(*of) : wire_shape(collision.shape),
-                         .side = side,
-                         .X_BS = X_SB * collision.X_BG,
-                         .friction = friction_ ? collision.friction.value_or(-1) : -1});
+      offer_.shapes.push_back(
+          {.shape = of != nullptr ? wire_shape(*of) : wire_shape(collision.shape),
+           .side = side,
+           .X_BS = X_SB * collision.X_BG,
+           .friction = {friction_ ? collision.friction.value_or(-1) : -1}});
       body_of_.push_back(body);
     }
   }
@@ -75,27 +76,23 @@ class Offer {
         const bool moves = world_.is_movable(body_of_[a]) || world_.is_movable(body_of_[b]);
         const bool of_tool = world_.is_tool(body_of_[a]) || world_.is_tool(body_of_[b]);
         if (!moves || of_tool || body_of_[a] == body_of_[b]) continue;
-        if (!world_.can_touch(body_of_[a], body_of_[b])) apart_.emplace_back(a, b);
+        if (!world_.can_touch(body_of_[a], body_of_[b])) offer_.apart.emplace_back(a, b);
       }
     }
   }
 
-  std::vector<std::uint8_t> records(std::size_t tool_links) const {
-    return protocol::scene_of(shapes_, apart_, tool_links);
-  }
+  protocol::SceneOffer take() { return std::move(offer_); }
 
  private:
   const World& world_;
   bool friction_;
-  std::vector<protocol::OfferedShape> shapes_;
+  protocol::SceneOffer offer_;
   std::vector<int> body_of_;  ///< By shape.
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> apart_;
 };
 
 }  // namespace
 
-std::vector<std::uint8_t> scene_records(const World& world, const ToolAssembly& tool,
-                                        bool friction) {
+protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool friction) {
   Offer offer(world, friction);
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
     const auto link = std::ranges::find(tool.bodies, body);
@@ -109,7 +106,7 @@ std::vector<std::uint8_t> scene_records(const World& world, const ToolAssembly& 
     }
   }
   offer.keep_joined_apart();
-  return offer.records(tool.bodies.size());
+  return offer.take();
 }
 
 BodyPoses body_poses(const World& world, const VirtualTool& tool) {

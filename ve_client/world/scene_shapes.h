@@ -1,21 +1,17 @@
 // The shapes of a world for a server that finds their contacts itself (METHOD: docs/method.md 18).
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
 #include "hlm/common/contact.h"
+#include "hlm/protocol/scene_offer.h"
 #include "hlm/world/virtual_tool.h"
 #include "hlm/world/world.h"
 
 namespace hlm::ve {
 
-/// The records of the scene stream that make the world with this tool a scene, its number 1. Bodies
-/// and links are named as in contacts. friction: the shapes carry that of their materials where the
-/// world states it. Shapes of other tools are left out.
-/// Throws std::invalid_argument with one line where a server would refuse them.
-std::vector<std::uint8_t> scene_records(const World& world, const ToolAssembly& tool,
-                                        bool friction);
+/// The shapes of the world with this tool. Bodies and links are named as in contacts. friction: the
+/// shapes carry that of their materials where the world states it. Shapes of other tools are left
+/// out.
+protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool friction);
 
 /// Where the movable bodies are, and how they move; of more than kMaxPoses those whose surroundings
 /// are nearest to the tool.

@@ -52,7 +52,7 @@ std::vector<PieceSource> sources_of(const WorldDescription& description,
                          .convex = &shapes[b][s],
                          .X_FG = body.fixed ? body.X_WB * collision.X_BG : collision.X_BG,
                          .fixed = body.fixed,
-                         .friction = collision.friction.value_or(-1),
+                         .friction = {collision.friction.value_or(-1)},
                          .mesh = collision.mesh.get(),
                          .triangle = collision.triangle});
     }

@@ -69,7 +69,7 @@ void World::collide(CollisionId first, CollisionId second) {
   if (handle(first.body) == nullptr) std::swap(first, second);
   const PairSide a{pieces_->of(first), X_WG(first)};
   const PairSide b{pieces_->of(second), X_WG(second)};
-  const double both = friction_between(a.piece, b.piece);
+  const double both = combine(a.piece.friction, b.piece.friction);
   const double friction = both < 0 ? kDefaultFriction : both;
   const auto side = [](const CollisionId& id) {
     return ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(id.body)};

@@ -27,13 +27,16 @@ import numpy as np
 from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, MAX_POSES, NO_LIMIT, Impulse, Link, Options, Shape, State,
                              load)
 
-__all__ = ["BODY", "CONTACT", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+__all__ = ["BODY", "CONTACT", "FRICTION_RULES", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "poses", "sphere"]
 
 __version__ = "0.3.0"
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
 JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}
+#: The mean of two coefficients (as Rapier, PhysX), the smaller, their product (Bullet), the larger one (MuJoCo).
+FRICTION_RULES = ("average", "minimum", "product", "maximum")
+_MATERIAL = np.dtype([("friction", "f8"), ("rule", "i4"), ("priority", "i4")])
 SERVER_STATES = ("off", "active", "fading", "fault", "arming", "ramping")
 
 #: A contact: from side b to side a, which is the tool if that takes part.
@@ -196,13 +199,16 @@ class Session:
 
     def offer(self, shapes: Sequence[Shape], positions: Optional[np.ndarray] = None,
               rotations: Optional[np.ndarray] = None, friction: Optional[Sequence[float]] = None,
+              rule: str = "minimum", priority: Optional[Sequence[int]] = None,
               excluded: Sequence[tuple[int, int]] = ()) -> None:
-        """Gives the server the shapes (haptic.shapes) of the world, the tool and bodies, once, before the first poll(): it then
-        finds their contacts itself, at every step of the hand, and send() needs none of them: see has_scene.
+        """Gives the server the shapes (haptic.shapes) of the world, the tool and bodies: it then finds their contacts itself,
+        at every step of the hand, and send() needs none of them: see has_scene. Best before the first poll(). Where shapes
+        come, go or change, all are offered again: those before stay until the server has these.
 
         positions (n, 3), m, and rotations (n, 4): of each shape in the frame of its link or body, of the world's in the world;
-        default: there. friction: of each, of two the smaller counts; negative: the server's own. excluded: pairs
-        that never touch, by their places. Raises HapticError that names the shape."""
+        default: there. friction: of each; negative: that of the other, of two such the server's own. rule: what two
+        coefficients make of a contact, one of FRICTION_RULES. priority: of each, 0 to 255: of two the higher one's friction counts alone. excluded: pairs that never touch, by their places.
+        Raises HapticError that names the shape."""
         shapes = list(shapes)
         count = len(shapes)
         at = np.zeros((count, 7))
@@ -213,11 +219,15 @@ class Session:
             if np.shape(given) != at[:, columns].shape:
                 raise HapticError(f"{name}: shape {np.shape(given)} must be {at[:, columns].shape}, one row for each shape")
             at[:, columns] = given
-        coefficients = None if friction is None else _array(friction, count, "friction")
+        if rule not in FRICTION_RULES:
+            raise HapticError(f"rule {rule!r} must be one of {', '.join(FRICTION_RULES)}")
+        materials = np.zeros(count, _MATERIAL)
+        materials["friction"] = -1 if friction is None else _array(friction, count, "friction")
+        materials["rule"] = FRICTION_RULES.index(rule)
+        materials["priority"] = 0 if priority is None else _array(priority, count, "priority")
         pairs = np.ascontiguousarray(excluded, dtype=np.uint32).reshape(-1, 2)
         if self._library.haptic_offer(self._open(), (Shape * count)(*shapes), at.ctypes.data,
-                                      None if coefficients is None else coefficients.ctypes.data, count,
-                                      pairs.ctypes.data, len(pairs)) != 0:
+                                      materials.ctypes.data, count, pairs.ctypes.data, len(pairs)) != 0:
             self._fail()
 
     @property

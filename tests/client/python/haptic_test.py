@@ -135,8 +135,11 @@ class WithServer(unittest.TestCase):
             self.assertAlmostEqual(touch.force[2], push, delta=0.01)            # N
             self.assertAlmostEqual(depth, push / (4 * STIFFNESS), delta=2e-6)   # m
             self.assertEqual(touch.message, "")
-            with self.assertRaisesRegex(haptic.HapticError, "before the first haptic_poll"):
-                touch.offer([haptic.shapes.half_space()])
+            touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK), haptic.shapes.half_space()],
+                        positions=[[0, 0, 0], [0, 0, FLOOR - 0.002]])  # Another world.
+            play(touch, 2, nothing)
+            sunk = FLOOR - 0.002 + EDGE / 2 - touch.q[2]
+            self.assertAlmostEqual(sunk, touch.force[2] / (4 * STIFFNESS), delta=2e-6)   # m
 
     def test_a_body_is_where_its_pose_is(self):
         with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
@@ -293,6 +296,8 @@ class Mistakes(unittest.TestCase):
                 ("shape 1: .*(finite|nan)", [floor, ball], {"positions": [[0, 0, 0], [0, 0, float("nan")]]}),
                 ("rotations: shape", [ball], {"rotations": [[1, 0, 0]]}),
                 ("friction must have 1", [ball], {"friction": [0, 1]}),
+                ("shape 0: .*friction 11 must be", [ball], {"friction": [11]}),
+                ("rule 'least' must be one of", [ball], {"rule": "least"}),
                 ("apart", [floor, ball], {"excluded": [(0, 2)]})):
             with self.subTest(reason=reason), self.assertRaisesRegex(haptic.HapticError, reason):
                 touch.offer(shapes, **more)

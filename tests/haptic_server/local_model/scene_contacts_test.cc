@@ -21,7 +21,7 @@ PlacedShape placed(geometry::AnyShape shape, ContactSide side, const Vector3& p 
   one.shape = std::make_shared<geometry::ShapeParts>(geometry::parts_of(std::move(shape), "test"));
   one.side = side;
   one.X_BS.p = p;
-  one.friction = 0;
+  one.friction = {0};
   return one;
 }
 

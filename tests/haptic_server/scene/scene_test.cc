@@ -132,6 +132,27 @@ TEST_CASE("Two shapes touch if a group of either is in the other's mask") {
   CHECK(touching.tool_touches() == of.touches);
 }
 
+TEST_CASE("Two coefficients of friction make that of the contact by their engine's rule") {
+  using Rule = FrictionRule;
+  struct Case {
+    Friction one, other;
+    double due;
+  };
+  const Case of = GENERATE(Case{{0.2}, {0.6}, 0.2}, Case{{0.2, Rule::kAverage}, {0.6}, 0.4},
+                           Case{{0.2}, {0.6, Rule::kProduct}, 0.12},
+                           Case{{0.2, Rule::kMaximum}, {0.6, Rule::kProduct}, 0.6},
+                           Case{{0.2, Rule::kMaximum, 1}, {0.6, Rule::kMaximum}, 0.2},
+                           Case{{0.2}, {-1, Rule::kMaximum, 9}, 0.2}, Case{{-1}, {-1}, -1});
+  Touching touching = ball_before_ball();
+  touching.shapes[0].friction = of.one;
+  touching.shapes[1].friction = of.other;
+  const auto scene = touching.scene();
+  scene->place(kTool, Pose{});
+  const auto found = scene->of_tool(kEpsilon);
+  REQUIRE(found.size() == 1);
+  CHECK(found[0].friction == Approx(of.due));
+}
+
 TEST_CASE("A pair that is apart never touches, in whatever order it is named, and others do") {
   Touching touching = ball_before_ball();
   touching.shapes.push_back(placed(ball(), kWorld, at(-0.205)));
