@@ -16,7 +16,7 @@ PERIOD = 1 / 60  # s, of a frame
 
 model = mujoco.MjModel.from_xml_path(str(pathlib.Path(__file__).with_name("scene.xml")))
 data = mujoco.MjData(model)
-with haptic.mujoco.Session(model, data, tool="tool", period=PERIOD, contacts="shapes") as touch, \
+with haptic.mujoco.Session(model, data, tool="tool", period=PERIOD) as touch, \
         mujoco.viewer.launch_passive(model, data) as viewer:
     frame, start = 0, time.monotonic()
     while viewer.is_running():

@@ -143,7 +143,7 @@ class Touch(unittest.TestCase):
         cube = '<body pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
         model, data = loaded(SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube))
         with hand_session.server(SERVER, hand_session.reach(1, 0, 0.06)) as server:
-            with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, server=server.address) as touch:
+            with haptic.mujoco.Session(model, data, tool="tool", contacts="engine", binding=mujoco, server=server.address) as touch:
                 start = time.monotonic()
                 ends = None  # The frame in which the server does, after two seconds and once MuJoCo gives no force.
                 for frame in range(1, 5 * RATE + 1):
@@ -205,7 +205,7 @@ class Time(unittest.TestCase):
 
     def test_who_takes_other_steps_is_told_so(self):
         model, data = loaded(SCENE.format(step=0.002, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
-        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, server="127.0.0.1:9") as touch:
+        with haptic.mujoco.Session(model, data, tool="tool", contacts="engine", binding=mujoco, server="127.0.0.1:9") as touch:
             self.assertEqual(touch.drive(data), 8)  # of a frame at 60 Hz
             mujoco.mj_step(model, data)
             with self.assertWarnsRegex(UserWarning, "returned 8 steps, and 1 were taken"):
@@ -239,7 +239,7 @@ class Hand(unittest.TestCase):
             os.environ["HAPTIC_SERVER"] = "127.0.0.1:%d" % probe.getsockname()[1]
         model, data = loaded(SCENE.format(step=1 / 480, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
         forces = []  # N
-        with haptic.mujoco.Session(model, data, tool="tool", period=1 / RATE, binding=mujoco) as touch:
+        with haptic.mujoco.Session(model, data, tool="tool", period=1 / RATE, contacts="engine", binding=mujoco) as touch:
             start = time.monotonic()
             for frame in range(1, 2 * RATE + 1):
                 if frame == RATE:
@@ -266,7 +266,7 @@ class Pairs(unittest.TestCase):
             <body name="body" pos="0.2 0 0.02"><freejoint/>{geoms}</body>
           </worldbody><contact><pair geom1="{pair}" geom2="table"/></contact></mujoco>"""
         self.model, self.data = loaded(text)
-        session = haptic.mujoco.Session(self.model, self.data, tool="tool", binding=mujoco, server="127.0.0.1:9")
+        session = haptic.mujoco.Session(self.model, self.data, tool="tool", contacts="engine", binding=mujoco, server="127.0.0.1:9")
         self.addCleanup(session.close)
         return session
 
@@ -301,7 +301,7 @@ class Listing(unittest.TestCase):
         model, data = loaded(f"""<mujoco><asset><mesh name="block" vertex="{self.CORNERS}"/></asset><worldbody>{below}
             <body name="tool" pos="0 0 {height}"><freejoint/><inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
             {tool}</body><body pos="1 0 1"><freejoint/><geom size="0.01"/></body></worldbody></mujoco>""")
-        with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, binding=mujoco,
+        with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, contacts="engine", binding=mujoco,
                                    server="127.0.0.1:9") as touch:
             found = touch._contacts(data)
         return found[found["a_kind"] == haptic.TOOL_LINK]
@@ -329,7 +329,7 @@ class Listing(unittest.TestCase):
             </mujoco>""")
         shapes = haptic.mujoco.from_mujoco(model, 1, mujoco)
         late, poses = 0, 200
-        with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, binding=mujoco,
+        with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, contacts="engine", binding=mujoco,
                                    server="127.0.0.1:9") as touch:
             for _ in range(poses):
                 distance = np.inf
@@ -366,7 +366,7 @@ class Listing(unittest.TestCase):
         scene = SCENE.format(step=0.002, height=0.5, tool='type="sphere" size="0.02"', bodies=block)
         model, data = loaded(scene)
         watched_model, watched = loaded(scene)
-        with haptic.mujoco.Session(watched_model, watched, tool="tool", binding=mujoco, server="127.0.0.1:9"):
+        with haptic.mujoco.Session(watched_model, watched, tool="tool", contacts="engine", binding=mujoco, server="127.0.0.1:9"):
             early = False
             for _ in range(300):
                 mujoco.mj_step(model, data)
@@ -421,7 +421,7 @@ class Versions(unittest.TestCase):
             <body pos="0.2 0 0.1"><freejoint/><geom size="0.02"/></body></worldbody></mujoco>"""
         model, data = loaded(text)
         binding = types.SimpleNamespace(**{**vars(mujoco), "mj_versionString": lambda: version})
-        touch = haptic.mujoco.Session(model, data, tool="tool", binding=binding, server="127.0.0.1:9")
+        touch = haptic.mujoco.Session(model, data, tool="tool", contacts="engine", binding=binding, server="127.0.0.1:9")
         self.addCleanup(touch.close)
         return touch, model
 

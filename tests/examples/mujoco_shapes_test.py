@@ -6,6 +6,7 @@ Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER [TEST …], 
 
 import pathlib
 import sys
+import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -14,6 +15,7 @@ import mujoco_python_test as session  # noqa: E402  (finds the library and the p
 import haptic.mujoco  # noqa: E402
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
+import hand_session  # noqa: E402
 from hand_session import largest_jump, mean, push, reach  # noqa: E402
 
 STIFFNESS = (4e3, 16e3, 50e3)  # N/m
@@ -63,6 +65,55 @@ class Touch(unittest.TestCase):
                 force, _ = mean(ticks, "command_force_x_N", 2, 3)
                 self.assertAlmostEqual(-force, due, delta=0.25 * due)  # N; MuJoCo's friction creeps below its limit
                 self.assertGreater(moved[-1][0], 0.15)  # m
+
+
+    def test_a_cube_on_a_tray_weighs_what_it_weighs_while_the_loop_stalls(self):
+        mass = 0.3  # kg
+        cube = (f'<body name="cube" pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="{mass}"'
+                '/></body>')
+        scene = session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube)
+        for stall in (0, 0.1):
+            with self.subTest(stall=stall):
+                ticks, moved = session.play(4, scene, reach(1, 0, 0.06) + reach(1.5, 0, 0.1),
+                                            lambda data: np.array(data.xipos[2]), contacts="shapes", stall=stall)
+                weight, deviation = mean(ticks, "command_force_z_N", 3, 3.9)
+                due = (mass + 0.1) * session.GRAVITY
+                self.assertAlmostEqual(-weight, due, delta=0.03 * due)  # N
+                self.assertLess(deviation, 0.1 if stall else 0.02)
+                self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
+
+    def test_a_platform_that_is_moved_by_hand_lifts_the_tool(self):
+        """A mocap body rises by 20 mm at 40 mm/s under a tool of 0.1 kg."""
+        scene = session.SCENE.format(
+            step=1 / 480, height=0.041, tool='type="sphere" size="0.02"',
+            bodies='<body name="platform" mocap="true" pos="0 0 0.01"><geom type="box" size="0.1 0.1 0.01"/></body>')
+        model, data = session.loaded(scene)
+        with hand_session.server(session.SERVER, reach(0.5, 0, 0.041) + push(4, 0, -1)) as server, haptic.mujoco.Session(
+                model, data, tool="tool", binding=mujoco, contacts="shapes", server=server.address) as touch:
+            start = time.monotonic()
+            for frame in range(1, 180):
+                if 90 < frame <= 120:
+                    data.mocap_pos[0][2] += 0.02 / 30
+                for _ in range(touch.drive(data)):
+                    mujoco.mj_step(model, data)
+                touch.send(data)
+                time.sleep(max(0, start + frame / 60 - time.monotonic()))
+            self.assertTrue(touch.touch.has_scene)
+            depth = (1 + 0.1 * session.GRAVITY) / session.STIFFNESS
+            self.assertAlmostEqual(data.qpos[2], 0.06 - depth, delta=1e-4)  # m
+
+    def test_a_server_that_takes_no_shapes_gets_contacts(self):
+        scene = session.SCENE.format(step=1 / 480, height=0.023, tool='type="sphere" size="0.02"', bodies="")
+        model, data = session.loaded(scene)
+        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
+                                   server="127.0.0.1:9") as touch:
+            for message, expected in (("", 0), ("the server takes no scenes", 1)):
+                sent = []
+                touch.touch.send = lambda contacts=None, *_: sent.append(0 if contacts is None else len(contacts))
+                touch.touch._state.connected, touch.touch._state.message = 1, message.encode()
+                touch._frame = 1 / 60
+                touch.send(data)
+                self.assertEqual(sent, [expected])
 
 
 class Geoms(unittest.TestCase):

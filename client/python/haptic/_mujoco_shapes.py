@@ -1,13 +1,14 @@
-"""The geoms of a MuJoCo model for haptic.proximity."""
+"""The geoms of a MuJoCo model as shapes: for the server, or for haptic.proximity."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Iterable, Optional
 
 import numpy as np
 
 import haptic
 import haptic.proximity
+import haptic.shapes
 
 # For each mjtGeom: kind and sizes of haptic.proximity.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
@@ -18,9 +19,11 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
 _EXCLUDED_FROM_0 = (3, 0)
 
 
+_XBODY = 2  # mjOBJ_XBODY: a body's own frame
+
+
 class Shapes:
-    """The model's geoms as haptic.proximity has them. The index of a body is its own, or that of what it is
-    welded to."""
+    """The model's geoms. The index of a body is its own, or that of what it is welded to."""
 
     def __init__(self, model: Any, tool: int, version: tuple[int, ...]):
         self._model, self._version = model, version
@@ -33,13 +36,64 @@ class Shapes:
         if by_pair:
             raise haptic.HapticError(f"geom {by_pair[0]} collides by <pair> alone; use contacts='engine'")
         owners = moving_bodies(model)[own]
-        shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, owners)]
-        self._proximity = haptic.proximity.Proximity(shapes, self._excluded(own, body))
+        self._tool, self._welded = tool, body
+        self._shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, owners)]
+        self._apart = self._excluded(own, body)
+        #: Of each geom what it moves with: a mocap body moves by itself.
+        self._carrier = np.where((owners == 0) & (np.asarray(model.body_mocapid)[body] >= 0), body, owners)
+        self._proximity: Optional[haptic.proximity.Proximity] = None
+        self._mocap: dict[int, np.ndarray] = {}  # Pose of each in the frame before.
+
+    def offer(self, touch: haptic.Session, data: Any) -> None:
+        """Gives them to the server, at the poses that bodies have now."""
+        positions, rotations = self._places(data)
+        for i, carrier in enumerate(self._carrier):
+            if carrier == 0:
+                continue
+            R = np.reshape(data.xmat[carrier], (3, 3))
+            positions[i], rotations[i] = R.T @ (positions[i] - data.xpos[carrier]), R.T @ rotations[i]
+            if carrier != self._tool:
+                self._shapes[i].side, self._shapes[i].index = haptic.MOVABLE_BODY, int(carrier)
+        friction = np.asarray(self._model.geom_friction)[self._geoms, 0]
+        _, priority = np.unique(np.asarray(self._model.geom_priority)[self._geoms], return_inverse=True)
+        touch.offer(self._shapes, positions, _quaternions(rotations), friction, "maximum",
+                    np.minimum(priority, 255), self._apart)
+
+    def _places(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Of the geoms in the world: positions, and rotations as matrices."""
+        return np.array(data.geom_xpos)[self._geoms], np.array(data.geom_xmat)[self._geoms].reshape(-1, 3, 3)
+
+    def gaps(self, data: Any) -> dict[int, float]:
+        """How far each body is from the tool at least, m, those nearest first; by balls around the geoms."""
+        at, around = np.asarray(data.geom_xpos)[self._geoms], np.asarray(self._model.geom_rbound)[self._geoms]
+        of_tool = self._carrier == self._tool
+        moves = np.flatnonzero(~of_tool & (self._carrier != 0))
+        away = np.linalg.norm(at[moves, None] - at[None, of_tool], axis=2) - around[moves, None] - around[None, of_tool]
+        found: dict[int, float] = {}
+        for geom, gap in zip(moves, away.min(axis=1, initial=np.inf)):
+            body = int(self._carrier[geom])
+            found[body] = min(gap, found.get(body, np.inf))
+        return dict(sorted(found.items(), key=lambda each: each[1]))
+
+    def poses(self, data: Any, bodies: Iterable[int], period: float, binding: Any) -> np.ndarray:
+        """Where bodies are, and how they move; period: since the frame before, s."""
+        chosen = list(bodies)[:haptic.MAX_POSES]
+        found, velocity = haptic.poses(len(chosen)), np.zeros(6)
+        for to, body in zip(found, chosen):
+            to["body"], to["position"], to["rotation"] = body, data.xpos[body], data.xquat[body]
+            if self._model.body_mocapid[body] < 0:
+                binding.mj_objectVelocity(self._model, data, _XBODY, body, velocity, 0)
+                to["velocity"] = np.roll(velocity, 3)  # MuJoCo's has the angular part first.
+            else:
+                before = self._mocap.get(body, data.xpos[body])
+                to["velocity"][:3] = (data.xpos[body] - before) / period
+                self._mocap[body] = np.array(data.xpos[body])
+        return found
 
     def find(self, data: Any, epsilon: float) -> np.ndarray:
         """Contacts at the present poses, with the friction of their geoms."""
-        rotations = _quaternions(np.asarray(data.geom_xmat)[self._geoms].reshape(-1, 3, 3))
-        found = self._proximity.find(np.asarray(data.geom_xpos)[self._geoms], rotations, epsilon)
+        positions, rotations = self._places(data)
+        found = self._finder().find(positions, _quaternions(rotations), epsilon)
         friction, priority = np.asarray(self._model.geom_friction)[:, 0], np.asarray(self._model.geom_priority)
         a, b = self.geoms_of_contacts.T
         found["friction"] = np.where(priority[a] == priority[b], np.maximum(friction[a], friction[b]),
@@ -49,9 +103,15 @@ class Shapes:
     @property
     def geoms_of_contacts(self) -> np.ndarray:
         """Geoms of side a and b of each contact of the latest find()."""
-        return self._geoms[self._proximity.shapes]
+        return self._geoms[self._finder().shapes]
 
-    def _shape(self, geom: int, owner: int, tool: int) -> haptic.proximity.Shape:
+    def _finder(self) -> haptic.proximity.Proximity:
+        """For a server that takes no shapes."""
+        if self._proximity is None:
+            self._proximity = haptic.proximity.Proximity(self._shapes, self._apart)
+        return self._proximity
+
+    def _shape(self, geom: int, owner: int, tool: int) -> haptic.shapes.Shape:
         model = self._model
         kind, size = int(model.geom_type[geom]), np.asarray(model.geom_size[geom])
         if kind not in _SHAPES:
@@ -59,7 +119,7 @@ class Shapes:
                                      "(planes, meshes and basic shapes)")
         name, sizes = _SHAPES[kind]
         side = haptic.TOOL_LINK if owner == tool else haptic.WORLD if owner == 0 else haptic.MOVABLE_BODY
-        return haptic.proximity.shape(
+        return haptic.shapes.shape(
             name, sizes(size), side, 0 if owner == tool else owner, int(model.geom_contype[geom]),
             int(model.geom_conaffinity[geom]), self._vertices(geom) if name == "hull" else None)
 

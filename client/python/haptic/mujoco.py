@@ -1,10 +1,10 @@
 """A MuJoCo world in the hand.
 
-    with haptic.mujoco.Session(model, data, tool="peg", epsilon=0.005) as touch:
+    with haptic.mujoco.Session(model, data, tool="peg") as touch:
         while touch.running:
             for _ in range(touch.drive(data)):  # proxy pose onto the tool, impulses onto bodies
                 mujoco.mj_step(model, data)
-            touch.send(data)                    # contacts within epsilon, and what the tool can push
+            touch.send(data)                    # where bodies are, and what the tool can push
 
 drive() returns how many steps bring MuJoCo's time up to the hand's, so the loop may run at any rate and come late; it
 returns 0 where less than a step has passed.
@@ -19,7 +19,7 @@ these pushes are a part of data.xfrc_applied; a force of your own there stays: s
 from __future__ import annotations
 
 import warnings
-from typing import Any, Callable, Sequence
+from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
 
@@ -32,6 +32,9 @@ _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther a
 _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
+# Bodies within this are sent, m, and within what the tool travels until the next update but two has come, up to the
+# farthest, m: one that was not sent is a wall.
+_NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
 # Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
 # some millimetres, more would push it twice.
@@ -50,9 +53,10 @@ class Session:
     server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its functions. Other arguments are those of
     haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
-    contacts: "engine" takes MuJoCo's own, "shapes" those that haptic.proximity finds between the same geoms:
-    exact, with all corners and lasting identities, and MuJoCo's list as it was. There epsilon grows with the tool's speed
-    and the delay up to `largest_epsilon`, m.
+    contacts: "shapes" gives the server the geoms once and their poses in each frame, and it finds the contacts at every step
+    of the hand, exact and however late a frame comes. Where a server takes none haptic.proximity finds them here; then
+    epsilon grows with the tool's speed and the delay up to `largest_epsilon`, m. "engine" takes MuJoCo's own. Default: shapes,
+    or with a warning MuJoCo's own where a geom is none that can be given.
 
     With "engine" this changes the model: geoms are listed `epsilon` before they touch, and have their force where they had
     it. Before MuJoCo 3.12 boxes that do not touch can have deep contacts: take "shapes". A flex is not felt, nor is a geom's
@@ -60,7 +64,7 @@ class Session:
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
-                 period: float = 1 / 60, contacts: str = "engine", largest_epsilon: float = 0.1,
+                 period: float = 1 / 60, contacts: Optional[str] = None, largest_epsilon: float = 0.1,
                  binding: Any = None, **options: Any):
         if binding is None:
             import mujoco as binding
@@ -81,10 +85,10 @@ class Session:
         if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
             model.tree_sleep_policy[model.body_treeid[self._tool]] = _NEVER_SLEEPS
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
-        if contacts not in ("engine", "shapes"):
+        if contacts not in (None, "engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
         self._epsilon, self._largest_epsilon = epsilon, largest_epsilon
-        self._shapes = from_mujoco(model, self._tool, binding) if contacts == "shapes" else None
+        self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
         if self._shapes is None:
             self._list_early(epsilon)
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
@@ -106,6 +110,8 @@ class Session:
         defaults = {"length": self._size, "gravity": model.opt.gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
                                     **{**defaults, **options})
+        if self._shapes is not None:
+            self._shapes.offer(self.touch, data)
 
     def __enter__(self) -> "Session":
         return self
@@ -137,7 +143,7 @@ class Session:
         self._take_back_pushes(data)  # of a frame that was not sent
         self.touch.poll()
         steps = self.touch.steps(self._model.opt.timestep)
-        if not self.touch.connected:
+        if not self.touch.connected or self._waits():
             self._answered = 0
         elif steps > 0 and (self._answered > 0 or self.touch.state.fresh):
             self._answered += 1
@@ -161,8 +167,42 @@ class Session:
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = _rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._frame)
+        if self._shapes is not None and (self.touch.has_scene or self._waits()):
+            self._send_poses(data, v)
+        else:
+            self._send_contacts(data, v)
+
+    def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
+        try:
+            return from_mujoco(self._model, self._tool, self._binding)
+        except haptic.HapticError as error:
+            if needs_them:
+                raise
+            warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as {error}", stacklevel=3)
+            return None
+
+    def _waits(self) -> bool:
+        """Whether the server has the shapes to itself, and says neither that it uses them nor why it does not."""
+        return self._shapes is not None and not self.touch.has_scene and not self.touch.message
+
+    def _send_poses(self, data: Any, v: np.ndarray) -> None:
+        """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
+        speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
+        reach = min(_NEAR_BODIES + 3 * 1.5 * speed * self._delay(), _FARTHEST_BODIES)
+        gaps = self._shapes.gaps(data)
+        near = [body for body, gap in gaps.items() if gap < reach and self._model.body_mocapid[body] < 0]
+        bodies = self._bodies(data, near[:haptic.MAX_BODIES])
+        self._take_back_pushes(data)
+        self.touch.send(None, bodies, self._shapes.poses(data, gaps, self._frame, self._binding))
+
+    def _send_contacts(self, data: Any, v: np.ndarray) -> None:
         contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._reach(v))
-        bodies = self._bodies(data, contacts)
+        # Those first that the tool touches, the nearest before the others: the server moves eight.
+        first = np.argsort(contacts["a_kind"] != haptic.TOOL_LINK, kind="stable")
+        sides = [(each[side + "_kind"], int(each[side + "_index"])) for each in contacts[first] for side in "ba"]
+        near = dict.fromkeys(index for kind, index in sides if kind == haptic.MOVABLE_BODY
+                             and self._model.body_mocapid[index] < 0)
+        bodies = self._bodies(data, list(near)[:haptic.MAX_BODIES])
         self._take_back_pushes(data)
         self._set_velocities(contacts, bodies)
         if self._shapes is None:
@@ -287,12 +327,7 @@ class Session:
         force = sums[np.where(first < 0, 0, first + rows)] - sums[np.maximum(first, 0)]
         return np.where(first < 0, 0, np.maximum(force, 0))
 
-    def _bodies(self, data: Any, contacts: np.ndarray) -> np.ndarray:
-        # Those first that the tool touches, the nearest before the others: the server moves eight.
-        first = np.argsort(contacts["a_kind"] != haptic.TOOL_LINK, kind="stable")
-        sides = [(each[side + "_kind"], int(each[side + "_index"])) for each in contacts[first] for side in "ba"]
-        near = dict.fromkeys(index for kind, index in sides if kind == haptic.MOVABLE_BODY)
-        chosen = list(near)[:haptic.MAX_BODIES]
+    def _bodies(self, data: Any, chosen: list[int]) -> np.ndarray:
         found = haptic.bodies(len(chosen))
         nv = self._model.nv
         J, solved = np.zeros((6, nv)), np.zeros((6, nv))
