@@ -1,6 +1,6 @@
 // The bodies of a Rapier world that a tool can push.
 import RAPIER from '@dimforge/rapier3d-compat';
-import { Roundness, Side } from './haptic.js';
+import { Roundness } from './haptic.js';
 import { add, list, rotate, scale } from './vectors.js';
 
 /** What turning leaves the body's one collider as it is: { round, axis }. */
@@ -40,10 +40,4 @@ export function describe(body, id, gravity) {
 
 function times(W, force) {
   return force.map((_, i) => force.reduce((sum, f, j) => sum + W[6 * i + j] * f, 0));
-}
-
-/** Bodies of the contacts, in their order, each once. */
-export function bodiesOf(contacts) {
-  return [...new Map(contacts.filter(({ b_kind }) => b_kind === Side.MOVABLE_BODY)
-    .map(({ other }) => [other.parent().handle, other.parent()])).values()];
 }

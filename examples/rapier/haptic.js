@@ -11,15 +11,16 @@
 //
 // With server: null one is started where none listens; touch.ownServer says so, touch.hold() is its hand. The library is
 // libhaptic.so.4, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
-import path from 'node:path';
 import koffi from 'koffi';
 
 const ABI = 4;
 const MAX_ERROR = 512;
 export const MAX_CONTACTS = 192;
 export const MAX_BODIES = 16;
+export const MAX_POSES = 64;
 export const Side = { WORLD: 0, TOOL_LINK: 1, MOVABLE_BODY: 2 };
 export const Roundness = { NONE: 0, AXIS: 1, SPHERE: 2 };
+export const FrictionRule = { AVERAGE: 0, MINIMUM: 1, PRODUCT: 2, MAXIMUM: 3 };
 export const ShapeKind = {
   SPHERE: 0, CAPSULE: 1, CYLINDER: 2, BOX: 3, ELLIPSOID: 4, HULL: 5, HALF_SPACE: 6, MESH: 7,
 };
@@ -49,7 +50,8 @@ koffi.struct('haptic_state', {
   connected: 'int32_t', began: 'int32_t', lost: 'int32_t', fresh: 'int32_t', step: 'uint64_t', acknowledged: 'uint64_t',
   q_count: 'int32_t', v_count: 'int32_t', q: doubles(17), v: doubles(16), contact_wrench: doubles(6),
   command: doubles(6), device_position: doubles(3), device_rotation: doubles(4), server: 'int32_t', active: 'int32_t',
-  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', reserved: 'int32_t', gripper: 'double', round_trip: 'double', servo_rate: 'double',
+  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', reserved: 'int32_t', gripper: 'double',
+  round_trip: 'double', servo_rate: 'double',
   message: koffi.array('char', 240, 'String'),
 });
 koffi.struct('haptic_shape', {
@@ -57,14 +59,12 @@ koffi.struct('haptic_shape', {
   size: doubles(3), vertices: 'double*', triangles: 'uint32_t*', triangle_count: 'size_t',
 });
 koffi.struct('haptic_pose', { position: doubles(3), rotation: doubles(4) });
+koffi.struct('haptic_material', { friction: 'double', rule: 'int32_t', priority: 'int32_t' });
+koffi.struct('haptic_body_pose', { body: 'uint32_t', reserved: 'uint32_t', pose: 'haptic_pose', velocity: doubles(6) });
 koffi.opaque('haptic_session');
-koffi.opaque('haptic_proximity');
 
-/** libhaptic.so.4 or libhaptic_proximity.so.4, which is looked for beside the other. */
-function find(stem) {
-  const file = `${stem}.so.${ABI}`;
-  const named = process.env.HAPTIC_LIBRARY;
-  const name = !named || stem === 'libhaptic' ? named ?? file : path.join(path.dirname(named), file);
+function find() {
+  const name = process.env.HAPTIC_LIBRARY ?? `libhaptic.so.${ABI}`;
   try {
     return koffi.load(name);
   } catch (error) {
@@ -73,7 +73,7 @@ function find(stem) {
 }
 
 function load() {
-  const library = find('libhaptic');
+  const library = find();
   const abi = library.func('int haptic_abi()')();
   if (abi !== ABI) throw new Error(`libhaptic.so has the interface ${abi}, this file is for ${ABI}`);
   return {
@@ -92,28 +92,23 @@ function load() {
       'const haptic_body* bodies, size_t body_count)'),
     send: library.func('int64_t haptic_send(haptic_session* session, const haptic_contact* contacts, size_t count, ' +
       'const haptic_body* bodies, size_t body_count)'),
+    offer: library.func('int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses, ' +
+      'const haptic_material* materials, size_t count, const uint32_t* excluded, size_t excluded_count)'),
+    place: library.func('int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count)'),
     hold: library.func('int haptic_hold(haptic_session* session, const double* position, const double* rotation)'),
     release: library.func('void haptic_release(haptic_session* session)'),
     error: library.func('const char* haptic_error(const haptic_session* session)'),
   };
 }
 
-function loadProximity() {
-  const library = find('libhaptic_proximity');
-  return {
-    open: library.func('haptic_proximity* haptic_proximity_open(const haptic_shape* shapes, size_t count, ' +
-      'const uint32_t* excluded, size_t excluded_count, _Out_ char* error, size_t size)'),
-    close: library.func('void haptic_proximity_close(haptic_proximity* proximity)'),
-    find: library.func('size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses, ' +
-      'double epsilon, _Out_ haptic_contact* contacts, _Out_ uint32_t* shapes)'),
-  };
-}
-
-let loadedProximity;
-const proximityLibrary = () => (loadedProximity ??= loadProximity());
-
 let loaded;
 const library = () => (loaded ??= load());
+
+/** Of shapes { kind, side, … } with `vertices` and `triangles` as flat lists. */
+const shapesOf = (shapes) => shapes.map(({ vertices = [], triangles = [], ...shape }) => ({
+  index: 0, group: 1, mask: 1, size: [0, 0, 0], ...shape, vertices: Float64Array.from(vertices),
+  vertex_count: vertices.length / 3, triangles: Uint32Array.from(triangles), triangle_count: triangles.length / 3,
+}));
 
 /** A solid box of that mass (kg) and those edge lengths (m) as a link, free: a start for your own. */
 export function box(mass, size) {
@@ -173,6 +168,21 @@ export class Session {
     tracked.forEach(({ identity }, i) => { contacts[i].identity = identity; });
   }
 
+  /** Gives the server all shapes, fields of haptic_shape each, at these poses in the frames of their bodies, { position,
+   * rotation }, with these materials, { friction, rule, priority }: state.scene is 1 once it finds their contacts itself. `excluded`:
+   * pairs of places that never touch. Again where one comes, goes or changes. Throws where one cannot be used. */
+  offer(shapes, poses, materials, excluded = []) {
+    const pairs = Uint32Array.from(excluded.flat());
+    if (library().offer(this.#session, shapesOf(shapes), poses, materials, shapes.length, pairs, excluded.length) !== 0) {
+      this.#fail();
+    }
+  }
+
+  /** Where the bodies of offered shapes are, for the next send(): a list of { body, pose, velocity }, at most MAX_POSES. */
+  place(bodies) {
+    if (library().place(this.#session, bodies, bodies.length) !== 0) this.#fail();
+  }
+
   /** Sends what is near. Returns the update's sequence, 0 without a session. */
   send(contacts, bodies = []) {
     const sequence = Number(library().send(this.#session, contacts, contacts.length, bodies, bodies.length));
@@ -202,44 +212,5 @@ export class Session {
 
   #fail() {
     throw new Error(library().error(this.#session));
-  }
-}
-
-/** Contacts from shapes and poses (haptic_proximity.h). */
-export class Proximity {
-  #handle;
-  #contacts = Array.from({ length: MAX_CONTACTS }, () => ({}));
-  #shapes = new Uint32Array(2 * MAX_CONTACTS);
-  #count;
-
-  /** `shapes`: fields of haptic_shape, with `vertices` and `triangles` as flat lists. `excluded`: pairs of their places
-   * that never touch. Throws where a shape cannot be used. */
-  constructor(shapes, excluded = []) {
-    const all = shapes.map(({ vertices = [], triangles = [], ...shape }) => ({
-      index: 0, group: 1, mask: 1, size: [0, 0, 0], ...shape, vertices: Float64Array.from(vertices),
-      vertex_count: vertices.length / 3, triangles: Uint32Array.from(triangles), triangle_count: triangles.length / 3,
-    }));
-    const error = ['\0'.repeat(MAX_ERROR)];
-    const pairs = Uint32Array.from(excluded.flat());
-    this.#handle = proximityLibrary().open(all, all.length, pairs, excluded.length, error, MAX_ERROR);
-    if (!this.#handle) throw new Error(error[0]);
-    this.#count = shapes.length;
-  }
-
-  /** With the shapes at these poses, { position, rotation } each: a list of { contact, shapes }, where `shapes` are the
-   * places of both. */
-  find(poses, epsilon) {
-    if (!this.#handle) throw new Error('the shapes are closed');
-    if (poses.length !== this.#count) throw new Error(`${poses.length} poses must be ${this.#count}, one for each shape`);
-    const count = Number(proximityLibrary().find(this.#handle, poses, epsilon, this.#contacts, this.#shapes));
-    return this.#contacts.slice(0, count).map((contact, i) => ({
-      contact: { ...contact, point: [...contact.point], normal: [...contact.normal] },
-      shapes: [this.#shapes[2 * i], this.#shapes[2 * i + 1]],
-    }));
-  }
-
-  close() {
-    proximityLibrary().close(this.#handle);
-    this.#handle = null;
   }
 }

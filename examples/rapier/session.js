@@ -4,18 +4,22 @@
 //   while (running) {
 //     let steps = touch.drive();       // proxy pose onto the tool, impulses onto bodies
 //     while (steps-- > 0) world.step();
-//     touch.send();                    // contacts within epsilon, and what the tool can push
+//     touch.send();                    // where bodies are, and what the tool can push
 //   }
 //   touch.close();
 import RAPIER from '@dimforge/rapier3d-compat';
-import { bodiesOf, describe } from './bodies.js';
+import { describe } from './bodies.js';
 import { MAX_BODIES, Session as Client, box } from './haptic.js';
-import { NearContacts } from './near_contacts.js';
+import { WorldShapes } from './world_shapes.js';
 import { list, object, rotate, scale } from './vectors.js';
 
 /** Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer frames would let them
  * sink in, more would push a body twice. */
 const HAND_OVER = 2;
+/** Bodies within this are sent, m, and within what the tool travels until the next update but two, up to the farthest, m: one
+ * that was not sent is a wall. */
+const NEAR_BODIES = 0.02;
+const FARTHEST_BODIES = 0.3;
 
 /** The virtual tool that a hand holds when it holds this body. */
 function linkOf(body) {
@@ -48,8 +52,9 @@ function configuration(body) {
 export class Session {
   #world;
   #tool;
+  #period;
   #frame = 0; // Length of the present one's steps, s.
-  #near;
+  #shapes;
   #client;
   #q;
   #v = [0, 0, 0, 0, 0, 0];
@@ -60,20 +65,20 @@ export class Session {
   #nextNumber = 1; // The server may know of the bodies before.
   #reported = new Map(); // Bodies by number. The server can push no others, whatever it says.
   #pushes = [];
-  #sent = 0;
 
-  /** `tool`: a dynamic body. `period`: about that of the frames, s. `epsilon`: contacts are sent from this separation on, m. Other
-   * options are those of haptic_options. */
-  constructor(world, tool, { period, epsilon = 0.005, ...options }) {
+  /** `tool`: a dynamic body. `period`: about that of the frames, s. Other options are those of haptic_options. */
+  constructor(world, tool, { period, ...options }) {
     this.#world = world;
     this.#tool = tool;
     const link = linkOf(tool);
     this.#q = configuration(tool);
     this.#client = new Client({
       links: [link], length: sizeOf(link), gravity: scale(tool.gravityScale(), list(world.gravity)), q: this.#q,
-      rate: 1 / period, epsilon, ...options,
+      rate: 1 / period, ...options,
     });
-    this.#near = new NearContacts(world, tool, epsilon, (body) => this.#numberOf(body));
+    this.#period = period;
+    this.#shapes = new WorldShapes(world, tool, (body) => this.#numberOf(body));
+    this.#shapes.offer(this.#client);
     tool.setBodyType(RAPIER.RigidBodyType.KinematicPositionBased, true);
     for (const collider of this.#colliders()) {
       this.#groups.set(collider.handle, collider.solverGroups());
@@ -91,10 +96,10 @@ export class Session {
       this.#q = [...state.q.slice(0, 7)];
       this.#v = [...state.v.slice(0, 6)];
     }
-    if (!state.connected) this.#answered = 0;
+    if (!state.connected || !state.scene) this.#answered = 0;
     const steps = this.#client.takeSteps(this.#world.timestep);
     this.#frame = steps * this.#world.timestep;
-    const handsOver = steps > 0 && (this.#answered > 0 || state.fresh);
+    const handsOver = steps > 0 && state.scene && (this.#answered > 0 || state.fresh);
     if (handsOver) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
     this.#place();
     for (const { body, impulse } of this.#client.takeImpulses(this.#frame)) {
@@ -106,21 +111,20 @@ export class Session {
     return steps;
   }
 
-  /** After a frame: what is near the tool. Throws where something in Rapier's state is out of a server's range. */
+  /** After a frame: where bodies are. Throws where something in Rapier's state is out of a server's range. */
   send() {
     this.#takeBackPushes();
     if (this.#frame === 0) return;
     this.#forgetRemoved();
     this.#client.sample(this.#q, this.#v, this.#frame);
-    const contacts = this.#near.find().map((contact) => this.#withVelocity(contact));
-    const bodies = this.#bodies(contacts);
-    this.#client.send(contacts, bodies);
-    this.#sent = contacts.length;
+    this.#shapes.offer(this.#client);
+    const bodies = this.#shapes.bodies();
+    this.#client.place(this.#shapes.poses(bodies));
+    this.#client.send([], this.#near(bodies));
   }
 
   /** Ends the session. */
   close() {
-    this.#near.close();
     this.#client.close();
   }
 
@@ -132,11 +136,6 @@ export class Session {
   /** Where the tool is: position (m) and quaternion (w, x, y, z). */
   get q() {
     return this.#q;
-  }
-
-  /** How many contacts were sent last. */
-  get sent() {
-    return this.#sent;
   }
 
   #colliders() {
@@ -179,19 +178,16 @@ export class Session {
     }
   }
 
-  /** Those that the tool touches first. All are kept awake, as many as can be are sent. */
-  #bodies(contacts) {
-    const near = bodiesOf(contacts);
+  /** Those that the tool may reach soon, the nearest first. All are kept awake, as many as can be are sent. */
+  #near(bodies) {
+    const delay = (this.#state?.round_trip ?? 0) + 2 * Math.max(this.#frame, this.#period);
+    const reach = Math.min(NEAR_BODIES + 4.5 * delay * Math.hypot(...this.#v.slice(0, 3)), FARTHEST_BODIES);
+    const near = bodies.filter(({ body, gap }) => gap < reach && body.isDynamic()).map(({ body }) => body);
     near.forEach((body) => body.wakeUp());
     return near.slice(0, MAX_BODIES).map((body) => {
       const number = this.#numberOf(body);
       this.#reported.set(number, body);
       return describe(body, number, this.#world.gravity);
     });
-  }
-
-  #withVelocity(contact) {
-    const parent = contact.other.parent();
-    return { ...contact, velocity: parent ? list(parent.velocityAtPoint(object(contact.point))) : [0, 0, 0] };
   }
 }

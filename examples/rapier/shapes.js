@@ -1,4 +1,4 @@
-// The colliders of a Rapier world as haptic_proximity.h has them.
+// The colliders of a Rapier world as haptic.h has them.
 import RAPIER from '@dimforge/rapier3d-compat';
 import { ShapeKind } from './haptic.js';
 import { list } from './vectors.js';
@@ -50,17 +50,38 @@ export function shapeOf(collider) {
   }
 }
 
-/** Where a collider's shape is now: { position, rotation }, w, x, y, z. */
-export function poseOf(collider, turn = NO_TURN) {
-  const a = collider.rotation();
+/** Radius of a ball about the shape's origin that holds it, m; of a half-space none. */
+export function radiusOf({ kind, size, vertices }) {
+  switch (kind) {
+    case ShapeKind.SPHERE:
+      return size[0];
+    case ShapeKind.BOX:
+      return Math.hypot(...size) / 2;
+    case ShapeKind.CAPSULE:
+      return size[0] + size[1] / 2;
+    case ShapeKind.CYLINDER:
+      return Math.hypot(size[0], size[1] / 2);
+    case ShapeKind.HALF_SPACE:
+      return Infinity;
+    default:
+      return Math.sqrt(Math.max(...Array.from({ length: vertices.length / 3 }, (_, i) =>
+        vertices[3 * i] ** 2 + vertices[3 * i + 1] ** 2 + vertices[3 * i + 2] ** 2)));
+  }
+}
+
+/** Where a collider's shape is in its body, or in the world: { position, rotation }, w, x, y, z. */
+export function poseIn(collider, inBody, turn = NO_TURN) {
+  const a = inBody ? collider.rotationWrtParent() : collider.rotation();
   const b = turn;
+  const rotation = [
+    a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+    a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+    a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+    a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+  ];
+  const length = Math.hypot(...rotation);
   return {
-    position: list(collider.translation()),
-    rotation: [
-      a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
-      a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-      a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
-      a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
-    ],
+    position: list(inBody ? collider.translationWrtParent() : collider.translation()),
+    rotation: rotation.map((part) => part / length),
   };
 }

@@ -61,7 +61,7 @@ function report(touch, body) {
   const place = (x, y, z) => `(${[x, y, z].map((each) => each.toFixed(4)).join(', ')}) m`;
   const { x, y, z } = body?.translation() ?? { x: 0, y: 0, z: 0 };
   console.log(`${touch.state.connected ? 'connected' : 'no server'}, tool at ${place(...touch.q.slice(0, 3))}, ` +
-    `body at ${place(x, y, z)}, contacts: ${touch.sent}`);
+    `body at ${place(x, y, z)}, contacts: ${touch.state?.active ?? 0}`);
 }
 
 function simulate(name, server, seconds, rate) {

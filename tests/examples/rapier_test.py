@@ -22,11 +22,6 @@ def run(*command, stall=0):
     return hand_session.run(["node", *command], stall, env={**os.environ, "HAPTIC_LIBRARY": str(LIBRARY)})
 
 
-class Contacts(unittest.TestCase):
-    def test_contacts_of_rapier_s_shapes_are_exact_keep_their_names_and_know_no_seams(self):
-        print(run(pathlib.Path(__file__).with_name("rapier_contacts.mjs")))
-
-
 class Refusal(unittest.TestCase):
     def says(self, reason, *arguments):
         refused = subprocess.run(["node", EXAMPLE, *arguments], capture_output=True, text=True, timeout=60,
