@@ -1,13 +1,11 @@
-// The bodies of a Bullet world that a tool can push, and the loads of their contacts.
+// The bodies of a Bullet world that a tool can push.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <vector>
 
 #include <btBulletDynamicsCommon.h>
 
-#include "hlm/client/bullet/near_contacts.h"
+#include "hlm/client/bullet/world_shapes.h"
 #include "hlm/common/contact.h"
 
 namespace hlm::bullet {
@@ -63,44 +61,6 @@ inline btCollisionObject* find(btCollisionWorld& world, std::uint32_t number) {
     if (number_of(*object) == number) return object;
   }
   return nullptr;
-}
-
-/// Numbers of the bodies of the contacts, in their order, each once.
-inline std::vector<std::uint32_t> bodies_of(const std::vector<ReportedContact>& contacts) {
-  std::vector<std::uint32_t> numbers;
-  for (const ReportedContact& contact : contacts) {
-    for (const ContactSide& side : {contact.b, contact.a}) {
-      const bool is_new = std::ranges::find(numbers, side.index) == numbers.end();
-      if (side.kind == SideKind::kMovableBody && is_new) numbers.push_back(side.index);
-    }
-  }
-  return numbers;
-}
-
-/// Normal forces of the latest step: each goes to the contact, without the tool, of the same two
-/// objects that is nearest to where Bullet had it.
-inline void set_loads(btDynamicsWorld& world, std::vector<ReportedContact>& contacts) {
-  const double rate = 1 / double{world.getSolverInfo().m_timeStep};
-  btDispatcher& dispatcher = *world.getDispatcher();
-  for (int i = 0; i < dispatcher.getNumManifolds(); ++i) {
-    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(i);
-    const std::uint32_t number0 = number_of(*manifold.getBody0());
-    const std::uint32_t number1 = number_of(*manifold.getBody1());
-    for (int j = 0; j < manifold.getNumContacts(); ++j) {
-      const btManifoldPoint& point = manifold.getContactPoint(j);
-      const Vector3 p_W = vector_of(point.m_positionWorldOnB);
-      ReportedContact* nearest = nullptr;
-      for (ReportedContact& contact : contacts) {
-        const bool same =
-            contact.a.kind != SideKind::kToolLink &&
-            std::minmax(contact.a.index, contact.b.index) == std::minmax(number0, number1);
-        const bool nearer =
-            nearest == nullptr || (contact.p_WC - p_W).norm() < (nearest->p_WC - p_W).norm();
-        if (same && nearer) nearest = &contact;
-      }
-      if (nearest != nullptr) nearest->load += std::max(0.0, rate * point.m_appliedImpulse);
-    }
-  }
 }
 
 }  // namespace hlm::bullet

@@ -4,11 +4,10 @@
 //   while (running) {
 //     const int steps = touch.drive();                         // proxy pose onto the tool
 //     world.stepSimulation(steps * step, steps + 1, step);
-//     touch.send();                                            // contacts within epsilon
+//     touch.send();                                            // where bodies are
 //   }
 //
-// Header only, over hlm::client, hlm::proximity and the user's Bullet; examples/bullet is a whole
-// program.
+// Header only, over hlm::client and the user's Bullet; examples/bullet is a whole program.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +19,7 @@
 #include <btBulletDynamicsCommon.h>
 
 #include "hlm/client/bullet/bodies.h"
-#include "hlm/client/bullet/near_contacts.h"
+#include "hlm/client/bullet/world_shapes.h"
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
 #include "hlm/common/steady_seconds.h"
@@ -32,7 +31,6 @@ struct Options {
   protocol::Endpoint server;
   double period = 1.0 / 60;  ///< About that of the frames, s.
   double step = 1.0 / 240;   ///< Bullet's step, the last argument of stepSimulation(), s, > 0.
-  double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
 };
 
 /// The virtual tool that a hand holds when it holds this body: what Bullet has as its mass.
@@ -61,20 +59,21 @@ inline ToolDescription tool_of(btRigidBody& body) {
 class Session {
  public:
   /// All must outlive this. Throws std::invalid_argument if the tool is not a body with mass in the
-  /// world, or the options cannot be used.
+  /// world, the options or a shape cannot be used.
   Session(protocol::DatagramLink& link, btDiscreteDynamicsWorld& world, btRigidBody& tool,
           const Options& options)
       : world_(world),
         tool_(tool),
         step_(options.step),
         model_(tool_of(tool)),
-        near_(world, tool, options.epsilon),
+        shapes_(world, tool),
         q_(configuration(tool.getWorldTransform())),
         client_(link, client_options(options)) {
     tool.setMassProps(0, {0, 0, 0});  // Bullet's solver would move a kinematic body that has mass.
     tool.setCollisionFlags((tool.getCollisionFlags() & ~btCollisionObject::CF_STATIC_OBJECT) |
                            btCollisionObject::CF_KINEMATIC_OBJECT);
     tool.setActivationState(DISABLE_DEACTIVATION);
+    shapes_.offer(client_);
   }
 
   /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for
@@ -85,11 +84,12 @@ class Session {
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
+      contacts_ = proxy->active_contacts;
     }
-    if (!client_.connected()) answered_ = 0;
+    if (!client_.has_scene()) answered_ = 0;
     const int steps = client_.take_steps(step_);
     frame_ = steps * step_;
-    const bool hands_over = steps > 0 && (answered_ > 0 || proxy != nullptr);
+    const bool hands_over = steps > 0 && client_.has_scene() && (answered_ > 0 || proxy != nullptr);
     if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
     place();
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
@@ -104,51 +104,52 @@ class Session {
     return steps;
   }
 
-  /// After a frame: what is near the tool. Throws std::invalid_argument if a shape cannot be used
-  /// (haptic_proximity.h), Bullet's state is not finite, or something in it is out of a server's
-  /// range.
+  /// After a frame: where bodies are. Throws std::invalid_argument if a shape cannot be used,
+  /// Bullet's state is not finite, or something in it is out of a server's range.
   void send() {
     if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     model_.set_configuration(q_);
-    std::vector<ReportedContact> found = near_.find();
-    set_loads(world_, found);
+    shapes_.offer(client_);
+    const std::vector<WorldShapes::Moving> moving = shapes_.moving();
     protocol::ContactUpdate update;
     update.q_VE = q_;
     update.v_VE = v_;
-    for (const std::uint32_t number : bodies_of(found)) {
-      const btRigidBody* body = movable(*find(world_, number));
+    update.poses = WorldShapes::poses_of(moving);
+    for (const auto& [object, gap] : moving) {
+      const btRigidBody* body = movable(*object);
+      if (body == nullptr || gap > reach()) continue;
       body->activate();
       if (update.bodies.size() == kMaxBodies) continue;
       update.bodies.push_back(describe(*body));
-      reported_.insert(number);
-    }
-    for (ReportedContact& contact : found) {
-      const btRigidBody* b = btRigidBody::upcast(find(world_, contact.b.index));
-      if (b != nullptr) {
-        const btVector3 arm = bullet_vector(contact.p_WC) - b->getCenterOfMassPosition();
-        contact.v_WC = vector_of(b->getVelocityInLocalPoint(arm));
-      }
-      update.contacts.push_back(contact);
+      reported_.insert(number_of(*body));
     }
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, q_, v_, frame_);
-    client_.send(steady_seconds(), update.contacts, update.bodies);
-    sent_ = update.contacts.size();
+    client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 
   /// Ends the session.
   void close() { client_.close(steady_seconds()); }
 
   HapticClient& client() { return client_; }
-  /// Where the tool is, and how many contacts were sent last.
+  /// Where the tool is, and how many contacts it has.
   const Configuration& q() const { return q_; }
-  std::size_t contacts() const { return sent_; }
+  std::size_t contacts() const { return contacts_; }
 
  private:
   /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
   /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
+
+  /// Bodies within this are sent, and within what the tool travels until the next update but two
+  /// has come, up to the farthest, m: one that was not sent is a wall.
+  double reach() const {
+    constexpr double kNear = 0.02;
+    constexpr double kFarthest = 0.3;
+    const double delay = client_.round_trip() + 2 * frame_;
+    return std::min(kNear + 4.5 * delay * v_.head<3>().norm(), kFarthest);
+  }
 
   static btVector3 bullet_vector(const Vector3& v) {
     return {static_cast<btScalar>(v.x()), static_cast<btScalar>(v.y()),
@@ -168,7 +169,6 @@ class Session {
     client.tool = model_.description();
     client.q = q_;
     client.ve_rate = 1 / options.period;
-    client.epsilon = options.epsilon;
     return client;
   }
 
@@ -189,13 +189,13 @@ class Session {
   double step_;
   double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel model_;
-  NearContacts near_;
+  WorldShapes shapes_;
   Configuration q_;
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
   int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
   std::set<std::uint32_t> reported_;  ///< Bodies. The server can push no others, whatever it says.
-  std::size_t sent_ = 0;              ///< Contacts.
+  std::size_t contacts_ = 0;          ///< Of the tool, at the server.
 };
 
 }  // namespace hlm::bullet

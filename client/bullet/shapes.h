@@ -1,4 +1,4 @@
-// The shapes of a Bullet world as haptic_proximity.h has them.
+// The shapes of a Bullet world as a server takes them.
 #pragma once
 
 #include <algorithm>
@@ -10,19 +10,18 @@
 
 #include <BulletCollision/CollisionShapes/btConvexPolyhedron.h>
 #include <btBulletCollisionCommon.h>
-#include <haptic_proximity.h>
+
+#include "hlm/protocol/scene_records.h"
 
 namespace hlm::bullet {
 
-/// A shape with the memory that it points to, and where it is in its object.
+/// A shape, and where it is in its object.
 struct PlacedShape {
-  haptic_shape shape{};
-  std::vector<double> vertices;
-  std::vector<std::uint32_t> triangles;
+  protocol::SceneShape shape = {};
   btTransform X_OS = btTransform::getIdentity();
 
   void add(const btVector3& vertex) {
-    for (int i = 0; i < 3; ++i) vertices.push_back(double{vertex[i]});
+    shape.vertices.emplace_back(double{vertex.x()}, double{vertex.y()}, double{vertex.z()});
   }
 };
 
@@ -81,10 +80,9 @@ inline void add_triangles(const btConcaveShape& shape, PlacedShape& to) {
   struct Triangles : btTriangleCallback {
     explicit Triangles(PlacedShape& to) : to_(to) {}
     void processTriangle(btVector3* corners, int, int) override {
-      for (int i = 0; i < 3; ++i) {
-        to_.triangles.push_back(static_cast<std::uint32_t>(to_.vertices.size() / 3));
-        to_.add(corners[i]);
-      }
+      const auto first = static_cast<std::uint32_t>(to_.shape.vertices.size());
+      to_.shape.triangles.push_back({first, first + 1, first + 2});
+      for (int i = 0; i < 3; ++i) to_.add(corners[i]);
     }
     PlacedShape& to_;
   } triangles(to);
@@ -108,24 +106,25 @@ inline void add_shapes(const btCollisionShape& shape, const btTransform& X_OS,
   }
   PlacedShape& made = to.emplace_back();
   made.X_OS = X_OS;
-  haptic_shape& is = made.shape;
+  using Kind = protocol::SceneShapeKind;
+  protocol::SceneShape& is = made.shape;
   const auto turn_to = [&](int axis) {
     made.X_OS.setRotation(X_OS.getRotation() * detail::along(axis));
   };
   switch (shape.getShapeType()) {
     case SPHERE_SHAPE_PROXYTYPE:
-      is.kind = HAPTIC_SPHERE;
+      is.kind = Kind::kSphere;
       is.size[0] = double{static_cast<const btSphereShape&>(shape).getRadius()};
       break;
     case BOX_SHAPE_PROXYTYPE: {
       const btVector3 half = static_cast<const btBoxShape&>(shape).getHalfExtentsWithMargin();
-      is.kind = HAPTIC_BOX;
+      is.kind = Kind::kBox;
       for (int i = 0; i < 3; ++i) is.size[i] = 2 * double{half[i]};
       break;
     }
     case CAPSULE_SHAPE_PROXYTYPE: {
       const auto& capsule = static_cast<const btCapsuleShape&>(shape);
-      is.kind = HAPTIC_CAPSULE;
+      is.kind = Kind::kCapsule;
       is.size[0] = double{capsule.getRadius()};
       is.size[1] = 2 * double{capsule.getHalfHeight()};
       turn_to(capsule.getUpAxis());
@@ -133,7 +132,7 @@ inline void add_shapes(const btCollisionShape& shape, const btTransform& X_OS,
     }
     case CYLINDER_SHAPE_PROXYTYPE: {
       const auto& cylinder = static_cast<const btCylinderShape&>(shape);
-      is.kind = HAPTIC_CYLINDER;
+      is.kind = Kind::kCylinder;
       is.size[0] = double{cylinder.getRadius()};
       is.size[1] = 2 * double{cylinder.getHalfExtentsWithMargin()[cylinder.getUpAxis()]};
       turn_to(cylinder.getUpAxis());
@@ -142,20 +141,20 @@ inline void add_shapes(const btCollisionShape& shape, const btTransform& X_OS,
     case STATIC_PLANE_PROXYTYPE: {
       const auto& plane = static_cast<const btStaticPlaneShape&>(shape);
       const btVector3& n = plane.getPlaneNormal();
-      is.kind = HAPTIC_HALF_SPACE;
+      is.kind = Kind::kHalfSpace;
       made.X_OS = X_OS * btTransform(shortestArcQuat({0, 0, 1}, n), plane.getPlaneConstant() * n);
       break;
     }
     case CONVEX_HULL_SHAPE_PROXYTYPE:
-      is.kind = HAPTIC_HULL;
+      is.kind = Kind::kHull;
       detail::add_hull(static_cast<const btConvexHullShape&>(shape), made);
       break;
     default:
       if (shape.isConvex()) {
-        is.kind = HAPTIC_HULL;
+        is.kind = Kind::kHull;
         detail::add_outermost(static_cast<const btConvexShape&>(shape), made);
       } else if (shape.isConcave()) {
-        is.kind = HAPTIC_MESH;
+        is.kind = Kind::kMesh;
         detail::add_triangles(static_cast<const btConcaveShape&>(shape), made);
       } else {
         throw std::invalid_argument(std::string("a shape of kind ") + shape.getName() +
