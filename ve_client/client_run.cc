@@ -212,8 +212,8 @@ void ClientRun::begin(Asked asked) {
 void ClientRun::offer_scene(std::size_t tool) {
   try {
     sessions_[tool].client().offer_scene(scene_of(environment_->world,
-                                                       environment_->tools[tool].assembly,
-                                                       settings_.frame.report_friction[tool]));
+                                                  environment_->tools[tool].assembly,
+                                                  settings_.frame.report_friction[tool]));
   } catch (const std::invalid_argument& error) {
     spdlog::warn("no shapes, but contacts: {}", error.what());
   }

@@ -14,7 +14,6 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "hlm/client/bullet/near_contacts.h"
 #include "hlm/common/contact.h"
 
 namespace hlm::test {
@@ -94,7 +93,42 @@ class MujocoFloor final : public Floor {
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data_{nullptr, &mj_deleteData};
 };
 
-class BulletFloor final : public Floor {
+/// An engine whose adapter takes its shapes and poses.
+class FloorOfShapes : public Floor {
+ public:
+  FloorOfShapes() {
+    std::array<haptic_shape, 2> shapes{};
+    for (haptic_shape& shape : shapes) shape.group = shape.mask = 1;
+    shapes[0].kind = HAPTIC_SPHERE;
+    shapes[0].side = HAPTIC_TOOL_LINK;
+    shapes[0].size[0] = kBallRadius;
+    shapes[1].kind = HAPTIC_HALF_SPACE;
+    char error[200] = "";
+    proximity_.reset(
+        haptic_proximity_open(shapes.data(), shapes.size(), nullptr, 0, error, sizeof error));
+    if (!proximity_) throw std::runtime_error(error);
+  }
+  ReportedContacts near(const Vector3& p_W) override {
+    std::array<haptic_pose, 2> poses{};
+    std::copy(p_W.begin(), p_W.end(), poses[0].position);
+    for (haptic_pose& pose : poses) pose.rotation[0] = 1;
+    std::array<haptic_contact, HAPTIC_MAX_CONTACTS> listed;
+    const std::size_t count =
+        haptic_proximity_find(proximity_.get(), poses.data(), kEpsilon, listed.data(), nullptr);
+    ReportedContacts found;
+    for (std::size_t i = 0; i < count; ++i) {
+      found.push_back(contact(Eigen::Map<const Vector3>(listed[i].point),
+                              Eigen::Map<const Vector3>(listed[i].normal), listed[i].separation));
+    }
+    return found;
+  }
+
+ private:
+  std::unique_ptr<haptic_proximity, decltype(&haptic_proximity_close)> proximity_{
+      nullptr, &haptic_proximity_close};
+};
+
+class BulletFloor final : public FloorOfShapes {
  public:
   BulletFloor() {
     floor_.setCollisionShape(&plane_);
@@ -120,14 +154,6 @@ class BulletFloor final : public Floor {
     }
     return deepest;
   }
-  ReportedContacts near(const Vector3& p_W) override {
-    place(p_W);
-    ReportedContacts found;
-    for (const ReportedContact& one : near_.find()) {
-      found.push_back(contact(one.p_WC, one.n_W, one.separation));
-    }
-    return found;
-  }
 
  private:
   void place(const Vector3& p_W) {
@@ -143,27 +169,15 @@ class BulletFloor final : public Floor {
   btSphereShape sphere_{btScalar(kBallRadius)};
   btCollisionObject floor_;
   btCollisionObject ball_;
-  bullet::NearContacts near_{world_, ball_, kEpsilon};
 };
 
-/// ODE reports nothing before it touches: its adapter takes the poses.
-class OdeFloor final : public Floor {
+class OdeFloor final : public FloorOfShapes {
  public:
   OdeFloor() {
     static const int initialised = dInitODE2(0);
     (void)initialised;
     plane_ = dCreatePlane(nullptr, 0, 0, 1, 0);
     sphere_ = dCreateSphere(nullptr, kBallRadius);
-    std::array<haptic_shape, 2> shapes{};
-    for (haptic_shape& shape : shapes) shape.group = shape.mask = 1;
-    shapes[0].kind = HAPTIC_SPHERE;
-    shapes[0].side = HAPTIC_TOOL_LINK;
-    shapes[0].size[0] = kBallRadius;
-    shapes[1].kind = HAPTIC_HALF_SPACE;
-    char error[200] = "";
-    proximity_.reset(
-        haptic_proximity_open(shapes.data(), shapes.size(), nullptr, 0, error, sizeof error));
-    if (!proximity_) throw std::runtime_error(error);
   }
   ~OdeFloor() override {
     dGeomDestroy(sphere_);
@@ -176,26 +190,10 @@ class OdeFloor final : public Floor {
     dContactGeom found;
     return dCollide(sphere_, plane_, 1, &found, sizeof found) > 0 ? found.depth : 0;
   }
-  ReportedContacts near(const Vector3& p_W) override {
-    std::array<haptic_pose, 2> poses{};
-    std::copy(p_W.begin(), p_W.end(), poses[0].position);
-    for (haptic_pose& pose : poses) pose.rotation[0] = 1;
-    std::array<haptic_contact, HAPTIC_MAX_CONTACTS> listed;
-    const std::size_t count =
-        haptic_proximity_find(proximity_.get(), poses.data(), kEpsilon, listed.data(), nullptr);
-    ReportedContacts found;
-    for (std::size_t i = 0; i < count; ++i) {
-      found.push_back(contact(Eigen::Map<const Vector3>(listed[i].point),
-                              Eigen::Map<const Vector3>(listed[i].normal), listed[i].separation));
-    }
-    return found;
-  }
 
  private:
   dGeomID plane_;
   dGeomID sphere_;
-  std::unique_ptr<haptic_proximity, decltype(&haptic_proximity_close)> proximity_{
-      nullptr, &haptic_proximity_close};
 };
 
 }  // namespace hlm::test
