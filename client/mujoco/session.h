@@ -4,7 +4,7 @@
 //   while (running) {
 //     const int steps = touch.drive();                        // proxy pose onto the tool
 //     for (int i = 0; i < steps; ++i) mj_step(&model, &data);
-//     touch.send();                                           // contacts within epsilon
+//     touch.send();                                           // where bodies are
 //   }
 //
 // Header only, over hlm::client and the user's MuJoCo; examples/mujoco_cpp is a whole program.
@@ -22,8 +22,8 @@
 
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
-#include "hlm/client/identity_tracker.h"
-#include "hlm/client/mujoco/contacts.h"
+#include "hlm/client/mujoco/bodies.h"
+#include "hlm/client/mujoco/shapes.h"
 #include "hlm/common/steady_seconds.h"
 
 namespace hlm::mujoco {
@@ -31,7 +31,6 @@ namespace hlm::mujoco {
 struct Options {
   protocol::Endpoint server;
   double period = 1.0 / 60;  ///< About that of the frames, s.
-  double epsilon = 0.005;    ///< ε: contacts are sent from this separation on, m.
 };
 
 /// The body of that name, if it can be a tool. Throws std::invalid_argument where there is none, it
@@ -70,16 +69,16 @@ inline ToolDescription tool_of(const mjModel& model, int body) {
   return tool;
 }
 
-/// A client for one model, which it changes: geoms are listed ε before they touch, and the tool
-/// resists nothing between two calls of drive(). A flex is not felt. While the server answers the
+/// A client for one model, which it changes: the tool resists nothing between two calls of drive().
+/// The server has the geoms and finds their contacts; a flex is not felt. While it answers, the
 /// tool's geoms make no force of their own: the tool is where the proxy is, and bodies are pushed
 /// by the impulses that the hand felt. Any body with degrees of freedom can be pushed. From drive()
 /// to send() these pushes are a part of xfrc_applied; a force of your own there stays: set it
 /// before drive().
 class Session {
  public:
-  /// All must outlive this. Throws std::invalid_argument where the tool or the options cannot be
-  /// used.
+  /// All must outlive this. Throws std::invalid_argument where the tool, a geom or the options
+  /// cannot be used.
   Session(protocol::DatagramLink& link, mjModel& model, mjData& data, const std::string& tool,
           const Options& options)
       : model_(model),
@@ -89,14 +88,15 @@ class Session {
         v_at_(model.jnt_dofadr[model.body_jntadr[tool_]]),
         virtual_tool_(tool_of(model, tool_)),
         q_(Eigen::Map<const Configuration>(data.qpos + q_at_, 7)),
-        client_(link, client_options(options)) {
+        client_(link, client_options(options)),
+        shapes_(model, tool_) {
     constexpr double kHeld = 1e6;  // kg and kg·m². Of free joints MuJoCo reads the second alone.
     std::fill_n(model.dof_armature + v_at_, 6, kHeld);
     std::fill_n(model.dof_M0 + v_at_, 6, kHeld);
     keep_awake(model, tool_);
-    list_early(model, options.epsilon);
     of_tool_ = listings(model, [this](int body) { return body == tool_; });
     mj_forward(&model, &data);
+    client_.offer_scene(shapes_.offer(data));
   }
 
   /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches
@@ -108,11 +108,12 @@ class Session {
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
+      contacts_ = proxy->active_contacts;
     }
     const int steps = client_.take_steps(model_.opt.timestep);
     frame_ = steps * model_.opt.timestep;
-    if (!client_.connected()) answered_ = 0;
-    const bool hands_over = steps > 0 && (answered_ > 0 || proxy != nullptr);
+    if (!client_.has_scene()) answered_ = 0;
+    const bool hands_over = steps > 0 && client_.has_scene() && (answered_ > 0 || proxy != nullptr);
     if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
     for (const Listing& listing : of_tool_) listing.set_force(answered_ <= kHandOver);
     std::copy(q_.begin(), q_.end(), data_.qpos + q_at_);
@@ -129,7 +130,7 @@ class Session {
     return steps;
   }
 
-  /// After a frame: what is near the tool, at the pose that the steps led to. Throws
+  /// After a frame: where bodies are, at the pose that the steps led to. Throws
   /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
   /// range.
   void send() {
@@ -141,40 +142,41 @@ class Session {
     update.v_VE = Eigen::Map<const Velocity>(data_.qvel + v_at_, 6);
     update.v_VE.tail<3>() = rotation_of(data_.qpos + q_at_ + 3) * Vector3(update.v_VE.tail<3>());
     virtual_tool_.set_configuration(update.q_VE);
-    std::vector<ReportedContact> found = near_contacts(model_, data_, tool_);
-    for (const int body : bodies_of(found)) {
-      if (update.bodies.size() == kMaxBodies) break;
+    const std::vector<WorldShapes::Moving> moving = shapes_.moving(data_);
+    update.poses = shapes_.poses_of(data_, moving, frame_);
+    for (const auto& [body, gap] : moving) {
+      if (update.bodies.size() == kMaxBodies || gap > reach()) break;
+      if (shapes_.is_mocap(body)) continue;
       update.bodies.push_back(describe(model_, data_, body, push_on(body)));
       reported_.insert(static_cast<std::uint32_t>(body));
     }
     take_back_pushes();
-    for (ReportedContact& contact : found) {
-      for (const MovableBody& body : update.bodies) {
-        if (contact.b != ContactSide{SideKind::kMovableBody, body.id}) continue;
-        const Vector3 arm = contact.p_WC - body.p_WCom;
-        contact.v_WC = body.V_W.head<3>() + Vector3(body.V_W.tail<3>()).cross(arm);
-      }
-      update.contacts.push_back(contact);
-    }
-    tracker_.assign(virtual_tool_, update.bodies, update.contacts);
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, update.q_VE, update.v_VE, frame_);
-    client_.send(steady_seconds(), update.contacts, update.bodies);
-    sent_ = update.contacts.size();
+    client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 
   /// Ends the session.
   void close() { client_.close(steady_seconds()); }
 
   HapticClient& client() { return client_; }
-  /// Where the proxy is, and how many contacts were sent last.
+  /// Where the proxy is, and how many contacts it has.
   const Configuration& q() const { return q_; }
-  std::size_t contacts() const { return sent_; }
+  std::size_t contacts() const { return contacts_; }
 
  private:
   /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
   /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
+
+  /// Bodies within this are sent, and within what the tool travels until the next update but two
+  /// has come, up to the farthest, m: one that was not sent is a wall.
+  double reach() const {
+    constexpr double kNear = 0.02;
+    constexpr double kFarthest = 0.3;
+    const double delay = client_.round_trip() + 2 * frame_;
+    return std::min(kNear + 4.5 * delay * v_.head<3>().norm(), kFarthest);
+  }
 
   /// What the tool does to a body in this frame.
   struct Push {
@@ -188,7 +190,6 @@ class Session {
     client.tool = virtual_tool_.description();
     client.q = q_;
     client.ve_rate = 1 / options.period;
-    client.epsilon = options.epsilon;
     return client;
   }
 
@@ -211,15 +212,15 @@ class Session {
   int v_at_;          ///< and in qvel.
   double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel virtual_tool_;
-  IdentityTracker tracker_;
   Configuration q_;
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
+  WorldShapes shapes_;
   std::vector<Listing> of_tool_;
   int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
   std::vector<Push> pushes_;          ///< What is in xfrc_applied now.
   std::set<std::uint32_t> reported_;  ///< Bodies.
-  std::size_t sent_ = 0;              ///< Contacts.
+  std::size_t contacts_ = 0;          ///< Of the tool, at the server.
 };
 
 }  // namespace hlm::mujoco

@@ -1,11 +1,10 @@
-// MuJoCo's contacts and bodies, as a haptic server wants them.
+// MuJoCo's bodies, as a haptic server wants them.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <set>
 #include <utility>
 #include <vector>
 
@@ -41,23 +40,14 @@ inline bool is_since(int major, int minor) {
 /// Whether a gap lies beyond the margin, where contacts are listed without force. Before, it lay
 /// within.
 inline bool gap_is_beyond() { return is_since(3, 9); }
-/// Whether margins and gaps of two geoms add up. Before, the larger counted.
-inline bool margins_add_up() { return is_since(3, 5); }
 
 /// Margin and gap of a geom or pair.
 struct Listing {
-  bool of_pair;
   mjtNum* margin;
   mjtNum* gap;
   mjtNum own_margin = *margin;
   mjtNum own_gap = *gap;
 
-  /// Contacts are listed by `epsilon` earlier, and have their force where they had it.
-  void widen(double epsilon) {
-    const double early = of_pair || !margins_add_up() ? epsilon : epsilon / 2;
-    *gap = own_gap += early;
-    if (!gap_is_beyond()) *margin = own_margin += early;
-  }
   /// Whether they have MuJoCo's force; they are listed where they were.
   void set_force(bool own) const {
     constexpr double kNone = 1e3;  // m: a depth that none reaches.
@@ -73,29 +63,16 @@ std::vector<Listing> listings(mjModel& model, Takes takes) {
   std::vector<Listing> found;
   for (int geom = 0; geom < model.ngeom; ++geom) {
     if (takes(body_of(model, geom))) {
-      found.push_back({false, model.geom_margin + geom, model.geom_gap + geom});
+      found.push_back({model.geom_margin + geom, model.geom_gap + geom});
     }
   }
   for (int pair = 0; pair < model.npair; ++pair) {
     if (takes(body_of(model, model.pair_geom1[pair])) ||
         takes(body_of(model, model.pair_geom2[pair]))) {
-      found.push_back({true, model.pair_margin + pair, model.pair_gap + pair});
+      found.push_back({model.pair_margin + pair, model.pair_gap + pair});
     }
   }
   return found;
-}
-
-/// Contacts are listed by `epsilon` earlier, those of all geoms, so that it is the same for each
-/// pair of them.
-inline void list_early(mjModel& model, double epsilon) {
-  for (Listing& listing : listings(model, [](int) { return true; })) listing.widen(epsilon);
-#if mjVERSION_HEADER >= 300
-  // For bodies with several geoms it looks only within these margins, which its compiler found.
-  for (int geom = 0; geom < model.ngeom; ++geom) {
-    mjtNum& margin = model.body_margin[model.geom_bodyid[geom]];
-    margin = std::max(margin, model.geom_margin[geom] + model.geom_gap[geom]);
-  }
-#endif
 }
 
 /// A tool that sleeps would have no contacts with what does not move.
@@ -103,81 +80,6 @@ inline void keep_awake([[maybe_unused]] mjModel& model, [[maybe_unused]] int bod
 #if mjVERSION_HEADER >= 340
   model.tree_sleep_policy[model.body_treeid[body]] = mjSLEEP_NEVER;
 #endif
-}
-
-/// Normal force of a contact, N.
-inline double load_of(const mjModel& model, const mjData& data, int contact) {
-  mjtNum force[6] = {};
-  mj_contactForce(&model, &data, contact, force);
-  return std::max(0.0, force[0]);
-}
-
-/// A contact, side a of which is the tool or else a body that moves. Without identity.
-inline ReportedContact describe(const mjModel& model, const mjData& data, int index, int tool) {
-  const mjContact& listed = data.contact[index];
-  const int body1 = body_of(model, listed.geom1);
-  const int body2 = body_of(model, listed.geom2);
-  const bool first = body1 == tool || (body2 != tool && body2 == 0);  // Geom 1 is of side a.
-  const auto side = [tool](int body) -> ContactSide {
-    if (body == tool) return {SideKind::kToolLink, 0};
-    return {body == 0 ? SideKind::kWorld : SideKind::kMovableBody,
-            static_cast<std::uint32_t>(body)};
-  };
-  ReportedContact contact;
-  contact.pair = static_cast<std::uint32_t>(listed.geom1 * model.ngeom + listed.geom2);
-  contact.a = side(first ? body1 : body2);
-  contact.b = side(first ? body2 : body1);
-  contact.n_W = (first ? -1 : 1) * row3(listed.frame, 0);  // MuJoCo's leads from geom 1 to geom 2.
-  contact.p_WC = row3(listed.pos, 0) - 0.5 * listed.dist * contact.n_W;
-  contact.separation = listed.dist;
-  contact.friction = listed.friction[0];
-  if (contact.a.kind != SideKind::kToolLink) contact.load = load_of(model, data, index);
-  return contact;
-}
-
-/// Contacts of the tool, of the bodies that it is near, and of those that these touch, the nearest
-/// first.
-inline std::vector<ReportedContact> near_contacts(const mjModel& model, const mjData& data,
-                                                  int tool) {
-  std::vector<ReportedContact> all;
-  for (int i = 0; i < data.ncon; ++i) {
-    if (data.contact[i].geom1 < 0 || data.contact[i].geom2 < 0) continue;  // A flex.
-    const ReportedContact contact = describe(model, data, i, tool);
-    if (contact.a.kind != SideKind::kWorld && contact.a != contact.b) all.push_back(contact);
-  }
-  std::set<ContactSide> near{{SideKind::kToolLink, 0}};
-  for (int hop = 0; hop < 2; ++hop) {
-    std::set<ContactSide> further = near;
-    for (const ReportedContact& contact : all) {
-      if (contact.b.kind != SideKind::kMovableBody) continue;
-      if (near.contains(contact.a)) further.insert(contact.b);
-      if (near.contains(contact.b)) further.insert(contact.a);
-    }
-    near = std::move(further);
-  }
-  std::erase_if(all, [&](const ReportedContact& contact) {
-    return !near.contains(contact.a) && !near.contains(contact.b);
-  });
-  std::ranges::stable_sort(all, {}, &ReportedContact::separation);
-  all.resize(std::min(all.size(), kMaxContacts));
-  return all;
-}
-
-/// The bodies of contacts, those first that the tool touches.
-inline std::vector<int> bodies_of(std::vector<ReportedContact> contacts) {
-  std::stable_partition(contacts.begin(), contacts.end(), [](const ReportedContact& contact) {
-    return contact.a.kind == SideKind::kToolLink;
-  });
-  std::vector<int> found;
-  for (const ReportedContact& contact : contacts) {
-    for (const ContactSide& side : {contact.b, contact.a}) {
-      const int body = static_cast<int>(side.index);
-      if (side.kind == SideKind::kMovableBody && std::ranges::find(found, body) == found.end()) {
-        found.push_back(body);
-      }
-    }
-  }
-  return found;
 }
 
 /// What turning leaves of the one geom of a body that collides.
