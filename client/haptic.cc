@@ -210,8 +210,9 @@ struct haptic_session {
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
   IdentityTracker tracker;
-  std::set<std::uint32_t> sent;  ///< Bodies that were reported to the server.
-  BodyPoses poses;               ///< Where bodies are, for the next update.
+  std::set<std::uint32_t> sent;     ///< Bodies that were reported to the server.
+  BodyPoses poses;                  ///< Where bodies are, for the next update.
+  std::set<std::uint32_t> offered;  ///< Bodies that have shapes at the server.
   std::string message;
   std::string error;
 };
@@ -370,6 +371,13 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
                      std::to_string(bodies[i].round) + " must be 0, 1 or 2";
     return -1;
   }
+  for (std::size_t i = 0; i < body_count; ++i) {
+    const bool is_placed =
+        std::ranges::find(session->poses, bodies[i].id, &BodyPose::body) != session->poses.end();
+    if (is_placed || !session->offered.contains(bodies[i].id)) continue;
+    session->error = "body " + std::to_string(bodies[i].id) + " must have a pose, too";
+    return -1;
+  }
   protocol::ContactUpdate& update = session->update;
   update.contacts = contacts_of(contacts, count);
   update.bodies = bodies_of(bodies, body_count);
@@ -396,7 +404,15 @@ int haptic_offer(haptic_session* session, const haptic_shape* shapes, const hapt
     for (std::size_t i = 0; i < excluded_count; ++i) {
       offer.apart.emplace_back(excluded[2 * i], excluded[2 * i + 1]);
     }
+    std::set<std::uint32_t> bodies;
+    bool has_tool = false;
+    for (const protocol::OfferedShape& shape : offer.shapes) {
+      if (shape.side.kind == SideKind::kMovableBody) bodies.insert(shape.side.index);
+      has_tool = has_tool || shape.side.kind == SideKind::kToolLink;
+    }
+    if (!has_tool) throw std::invalid_argument("a shape must be of the tool, or nothing is felt");
     session->client->offer_scene(std::move(offer));
+    session->offered = std::move(bodies);
     return 0;
   } catch (const std::exception& failure) {
     session->error = failure.what();
@@ -412,7 +428,11 @@ int haptic_place(haptic_session* session, const haptic_body_pose* bodies, std::s
   }
   BodyPoses poses;
   for (std::size_t i = 0; i < count; ++i) {
-    if (std::string error = find_error(bodies[i]); !error.empty()) {
+    std::string error = find_error(bodies[i]);
+    if (error.empty() && !session->offered.contains(bodies[i].body)) {
+      error = "pose of body " + std::to_string(bodies[i].body) + ": no shape of it was offered";
+    }
+    if (!error.empty()) {
       session->error = std::move(error);
       return -1;
     }

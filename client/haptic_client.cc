@@ -22,6 +22,9 @@ protocol::ClientSessionOptions session_options(const HapticClientOptions& option
 /// Silence time where there is no server, s.
 constexpr double kSilenceAlone = 0.1;
 
+/// How long a world stands still until the server has its shapes, s.
+constexpr double kLongestStandstill = 10;
+
 /// Chunks of a scene that one send() may send: 4 MB/s at 60 Hz.
 constexpr std::size_t kChunksPerSend = 64;
 
@@ -31,12 +34,19 @@ HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptio
     : session_(link, session_options(options)),
       world_time_(1 / options.ve_rate),
       ve_rate_(options.ve_rate),
-      tool_links_(options.tool.links.size()) {}
+      tool_links_(options.tool.links.size()) {
+  update_.q_VE = options.q;
+  update_.v_VE = Velocity::Zero(ToolModel(options.tool).dof());
+}
 
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
   if (inbox.welcomed || inbox.lost) playout_.reset();
-  if (inbox.welcomed) offer();
+  polled_at_ = now;
+  if (inbox.welcomed) {
+    welcomed_at_ = now;
+    offer();
+  }
   if (inbox.scene) {
     const protocol::Text& text = scene_state().text;
     scene_problem_.assign(text.begin(), text.end());
@@ -76,8 +86,20 @@ void HapticClient::offer_scene(protocol::SceneOffer scene) {
   if (connected()) queue_scene();
 }
 
-int HapticClient::take_steps(double step) noexcept {
+bool HapticClient::waits_for_scene() const noexcept {
+  return scene_ && connected() && !scene_in_force_ && scene_problem_.empty() &&
+         polled_at_ - welcomed_at_ < kLongestStandstill;
+}
+
+int HapticClient::take_steps(double step) {
   in_real_time_ = true;
+  if (waits_for_scene()) {
+    world_time_ = WorldTime(1 / ve_rate_);
+    sampled_at_ = polled_at_;
+    update_.ve_period = 1 / ve_rate_;
+    send(polled_at_, {});
+    return 0;
+  }
   if (stood_still_) playout_.skip();
   const double reported = connected() ? playout_.reported() / welcome().servo_rate : kSilenceAlone;
   return world_time_.take_steps(step, reported);

@@ -44,8 +44,9 @@ class HapticClient {
   Inbox poll(double now);
   /// How many steps of `step` seconds an engine in real time has to take in the frame that begins,
   /// after poll(). It makes up for a frame that came late; it may be none, and then there is
-  /// nothing to take, to sample and to send.
-  int take_steps(double step) noexcept;
+  /// nothing to take, to sample and to send. So it is until the server has the shapes that were
+  /// offered, up to 10 s: what lies on the tool would fall.
+  int take_steps(double step);
   /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) for a
   /// step of H = `period` seconds that begins. It must apply them, P/H as a wrench on the body: the
   /// next update says that its bodies contain them. Nothing else of the tool may push those bodies.
@@ -91,6 +92,7 @@ class HapticClient {
   const protocol::ReceiveStatistics& statistics() const noexcept { return session_.statistics(); }
 
  private:
+  bool waits_for_scene() const noexcept;
   void offer();
   void queue_scene();
 
@@ -102,6 +104,8 @@ class HapticClient {
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
   bool stood_still_ = false;   ///< The world does not make up for the time before this frame.
   double sampled_at_ = 0;
+  double polled_at_ = 0;
+  double welcomed_at_ = 0;
   std::size_t tool_links_;
   std::optional<protocol::SceneOffer> scene_;  ///< What is offered.
   protocol::OfferedBefore offered_;            ///< In this session.

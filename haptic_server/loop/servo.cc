@@ -37,12 +37,24 @@ constexpr double kLongestLate = 0.2;
 /// How long the contacts of such a scene stay where they are while a client sends none, s.
 constexpr double kLongestKept = 1;
 
+/// Force on a proxy among shapes, as a share of the largest on the device: where a hand is stronger
+/// than that, the coupling would draw the proxy through what it touches. A plane has no other side.
+constexpr double kLargestPush = 2;
+
 const ReportedContacts kNoContacts;
 
 bool is_finite(const DeviceState& device) noexcept {
   return device.X_WD.p.allFinite() && device.X_WD.R.coeffs().allFinite() &&
          device.V_WD.allFinite() && std::isfinite(device.gripper.value_or(0)) &&
          (!device.F_hand || device.F_hand->allFinite());
+}
+
+/// At most `most`, N, and then as a constant force.
+void saturate(HandInput& hand, double most) noexcept {
+  const double force = hand.F.head<3>().norm();
+  if (!(force > most)) return;
+  hand.F.head<3>() *= most / force;
+  hand.stiffness.head<3>().setZero();
 }
 
 }  // namespace
@@ -59,6 +71,7 @@ Servo::Servo(const ServoOptions& options, std::uint64_t fingerprint,
       limiter_(options.limits, device.ratings(), dt_),
       energy_(device.ratings(),
               ForceBudget::of(options.limits, device.ratings(), dt_).energy.capacity, dt_),
+      largest_force_(ForceBudget::of(options.limits, device.ratings(), dt_).max_force),
       machine_(dt_) {}
 
 const TickRecord& Servo::tick(const Timing& timing) noexcept {
@@ -372,8 +385,9 @@ ContactWrench Servo::move_proxy(const DeviceState& device) noexcept {
 ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const ToolModel& proxy = local_model_->proxy();
   const Pose X_WP = proxy.X_WH();
-  const ContactWrench felt =
-      local_model_->step(controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()}));
+  HandInput hand = controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()});
+  if (has_scene()) saturate(hand, kLargestPush * largest_force_);
+  const ContactWrench felt = local_model_->step(hand);
   const Wrench F_hand = controller_.passes_hand_wrench(device) ? *device.F_hand : Wrench::Zero();
   energy_.step(*local_model_, X_WP, F_hand, device.hand_observed,
                limiter_.explained(environment_power(*local_model_)),

@@ -97,6 +97,7 @@ class Servo {
   Controller controller_;
   Limiter limiter_;
   EnergyAccount energy_;
+  double largest_force_;  ///< That the device gets, N.
   SafetyStateMachine machine_;
 
   std::optional<LocalModel> local_model_;

@@ -116,6 +116,27 @@ TEST_CASE("A wall that comes at 0.2 m/s is felt where its shape is, and pushes t
   CHECK(session.last().F_env[0] < -0.5);
 }
 
+TEST_CASE(
+    "A hand stronger than the device does not push the tool through a wall of several pieces") {
+  VirtualSessionOptions options = before_wall(0.01);
+  std::string wall;
+  for (const char* y : {"-0.1", "0.1"}) {
+    wall += fixed_model(std::string("wall") + y, "0.06 " + std::string(y) + " 0 0 0 0",
+                        box("0.02 0.2 0.2"));
+  }
+  options.world = world_of(wall + model("peg", "0 0 0 0 0 0", box("0.02 0.02 0.02"),
+                                        "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  options.hand = constant_push(force(20, 0));  // The device gives 12 N.
+  double farthest = 0;                         // m
+  VirtualSession session(
+      options, [&](const TickRecord& tick) { farthest = std::max(farthest, tick.X_WP.p.x()); });
+  session.run(0.6);
+  REQUIRE(session.client().has_scene());
+  CHECK(session.last().X_WD.p.x() > 0.1);  // It is past the wall.
+  CHECK(farthest < 0.04 + 0.006);
+  CHECK(session.last().F_env[0] < -10);
+}
+
 TEST_CASE("A client with shapes that falls silent takes the force with it, and may come back") {
   VirtualSessionOptions options = before_wall(0.005);
   options.servo.silence_time.reset();

@@ -90,7 +90,7 @@ def contacts(count: int) -> np.ndarray:
 
 
 def bodies(count: int) -> np.ndarray:
-    """`count` bodies, all zero: fill in each field of BODY."""
+    """`count` bodies, all zero: fill in the fields of BODY. id: as in contacts, shapes and poses."""
     return np.zeros(count, BODY)
 
 
@@ -263,7 +263,8 @@ class Session:
 
     @property
     def force(self) -> np.ndarray:
-        """What the device was given after limits: force (N) and torque (N m)."""
+        """What the device was given after limits: force (N) and torque (N m). That of the contacts alone, with which a due
+        force is compared, is state.contact_wrench: while it moves the hand also feels the coupling's damping."""
         return np.array(self._state.command)
 
     @property
@@ -292,8 +293,9 @@ class Session:
         return count
 
     def impulses(self, period: float) -> dict[int, np.ndarray]:
-        """The tool's impulses on bodies for a step that begins: apply each / period as a wrench at
-        the body's centre of mass during it. The next send() says that its bodies contain them."""
+        """The tool's impulses on bodies for a step that begins, by their numbers, linear then angular: apply each / period
+        as a wrench at the body's centre of mass during it, again before each part of it where the engine clears forces.
+        The next send() says that its bodies contain them."""
         count = self._library.haptic_take_impulses(self._open(), period, self._impulses)
         return {each.body: np.array(each.impulse) for each in self._impulses[:count]}
 

@@ -20,7 +20,8 @@ KINDS = {"sphere": 0, "capsule": 1, "cylinder": 2, "box": 3, "ellipsoid": 4, "hu
 
 def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index: int = 0, group: int = 1,
           mask: int = 1, vertices: Optional[np.ndarray] = None, triangles: Optional[np.ndarray] = None) -> Shape:
-    """kind: one of KINDS; size as haptic.h says. side and index: whose it is.
+    """kind: one of KINDS. size, m: radius of a sphere; radius and length of a capsule's cylindrical part or of a
+    cylinder, along z; edges of a box; semi-axes of an ellipsoid. side and index: whose it is.
 
     vertices: (n, 3), m, of a hull or mesh; triangles: (m, 3), vertices of a mesh, counter-clockwise seen from outside."""
     if kind not in KINDS:

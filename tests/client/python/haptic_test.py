@@ -290,9 +290,10 @@ class Mistakes(unittest.TestCase):
         floor, ball = haptic.shapes.half_space(), haptic.shapes.sphere(0.02, haptic.TOOL_LINK)
         for reason, shapes, more in (
                 ("shape 1: .*link 1 of the tool", [floor, haptic.shapes.sphere(0.02, haptic.TOOL_LINK, 1)], {}),
-                ("shape 0: .*half space", [haptic.shapes.shape("half_space", side=haptic.MOVABLE_BODY)], {}),
-                ("shape 0: .*size 0 m must be above 0", [haptic.shapes.sphere(0)], {}),
-                ("shape 0: .*vertices", [haptic.shapes.shape("hull")], {}),
+                ("a shape must be of the tool", [floor], {}),
+                ("shape 0: .*half space", [haptic.shapes.shape("half_space", side=haptic.MOVABLE_BODY), ball], {}),
+                ("shape 0: .*size 0 m must be above 0", [haptic.shapes.sphere(0), ball], {}),
+                ("shape 0: .*vertices", [haptic.shapes.shape("hull"), ball], {}),
                 ("shape 1: .*(finite|nan)", [floor, ball], {"positions": [[0, 0, 0], [0, 0, float("nan")]]}),
                 ("rotations: shape", [ball], {"rotations": [[1, 0, 0]]}),
                 ("friction must have 1", [ball], {"friction": [0, 1]}),
@@ -305,6 +306,13 @@ class Mistakes(unittest.TestCase):
         lost["position"] = float("inf")
         with self.assertRaisesRegex(haptic.HapticError, "pose of body 0: a number is not finite"):
             touch.send(poses=lost)
+        touch.offer([ball, haptic.shapes.sphere(0.02, haptic.MOVABLE_BODY, 7)])
+        brick, place = haptic.bodies(1), haptic.poses(1)
+        with self.assertRaisesRegex(haptic.HapticError, "pose of body 0: no shape of it was offered"):
+            touch.send(poses=place)
+        brick["id"] = 7
+        with self.assertRaisesRegex(haptic.HapticError, "body 7 must have a pose, too"):
+            touch.send(bodies=brick)
         with self.assertRaisesRegex(haptic.HapticError, "65 poses must be at most 64"):
             touch.send(poses=haptic.poses(65))
 
