@@ -106,7 +106,11 @@ BodyTask lift(double mass) {
   return task;
 }
 
-BodyTask slide(const Brick& brick) { return push(brick, move({0.3, 0, 0}, 4), ""); }
+BodyTask slide(const Brick& brick) {
+  BodyTask task = push(brick, move({brick.stroke, 0, 0}, brick.duration), "");
+  task.duration = 1 + brick.duration;
+  return task;
+}
 
 BodyTask jam(const Brick& brick) {
   return push(brick, force({3, 0, 0}, 4),

@@ -14,8 +14,10 @@ struct Brick {
   double mass = 0.375;    ///< kg.
   double friction = 0.4;  ///< Of all, μ.
   double off_centre = 0;  ///< Of the tool, m.
+  double stroke = 0.3;    ///< m.
+  double duration = 4;    ///< Of the stroke, s.
 };
-/// A brick on a table is pushed sideways at 75 mm/s.
+/// A brick on a table is pushed sideways at 75 mm/s, or as fast as it asks.
 BodyTask slide(const Brick& brick);
 /// The brick is pushed with 3 N against a post.
 BodyTask jam(const Brick& brick);

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,12 +31,15 @@ struct BodyConditions {
       1;  ///< On the friction that updates report, against the environment's own.
   bool by_following = false;
   bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
+  /// When all is lost for kOutage, s of the hand's time.
+  double outage = std::numeric_limits<double>::infinity();
+  std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
 };
 
 /// One tick, and where the body is in the environment.
 struct BodySample {
   double time = 0;
-  Wrench F_env = Wrench::Zero();
+  Wrench F_env = Wrench::Zero();  ///< What is felt, as method.h has it.
   Wrench F_command = Wrench::Zero();
   Pose X_WP;
   Twist V_WP = Twist::Zero();
