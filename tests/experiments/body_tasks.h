@@ -35,6 +35,9 @@ BodyTask tip();
 /// A door of 0.4 kg, 200 mm wide, its hinge at the origin, the leaf along x: the hand knocks
 /// against it so far from the hinge (m), and lets go.
 BodyTask knock(double from_hinge);
+/// A firm hand pushes that door open at up to `speed` (m/s), and stops after kDoorStroke.
+inline constexpr double kDoorStroke = 0.08;  // m
+BodyTask open_door(double from_hinge, double speed);
 /// Moment of inertia of that door about its hinge, kg·m².
 double door_inertia();
 
