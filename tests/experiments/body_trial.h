@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,8 +30,7 @@ struct BodyConditions {
       1;  ///< On the friction that updates report, against the environment's own.
   bool by_following = false;
   bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
-  /// When all is lost for kOutage, s of the hand's time.
-  double outage = std::numeric_limits<double>::infinity();
+  Outage outage{};
   std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
 };
 

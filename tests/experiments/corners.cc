@@ -135,9 +135,11 @@ double wait(const CornerConditions& conditions) {
   return kRest + 8 * conditions.delay + conditions.settling;
 }
 
-/// When an outage begins whose middle the reports of that moment would have been sent in, s.
-double outage_begins(const Path& path, const CornerConditions& conditions) {
-  return path.matters - conditions.delay - kOutage / 2;
+/// In its middle reports of the moment that matters would have been sent.
+Outage outage_of(const Path& path, const CornerConditions& conditions) {
+  Outage outage;
+  if (conditions.outage) outage.begin = path.matters - conditions.delay - outage.duration / 2;
+  return outage;
 }
 
 /// Into a hole with its mouth at y = 0: straight, or from the side, 3 mm above the mouth's edge,
@@ -301,7 +303,7 @@ EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
   const test::VirtualSessionOptions options =
       session_options(path.hand, hole(), conditions, entry.seed);
   test::VirtualSession session(options, [&](const server::TickRecord& record) {
-    if (conditions.outage) cut(outage_begins(path, conditions), record, options.link, *running);
+    cut(outage_of(path, conditions), record, options.link, *running);
     outcome.largest_force =
         std::max(outcome.largest_force, felt(conditions.method, record).head<3>().norm());
     if (record.adopted == 0) return;
@@ -342,7 +344,7 @@ std::vector<Moment> way_to_wall(bool there, double speed, const CornerConditions
   test::VirtualSession* running = nullptr;
   test::VirtualSession session(options, [&](const server::TickRecord& record) {
     if (record.step == 0) return;
-    if (conditions.outage) cut(outage_begins(path, conditions), record, options.link, *running);
+    cut(outage_of(path, conditions), record, options.link, *running);
     moments.push_back({record.X_WP.p.y() - kHalfLength, felt(conditions.method, record).head<3>()});
   });
   running = &session;

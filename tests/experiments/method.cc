@@ -50,12 +50,12 @@ const Wrench& felt(const std::optional<Method>& method, const server::TickRecord
   return method && couples_engine(*method) ? record.F_command : record.F_env;
 }
 
-void cut(double begin, const server::TickRecord& record, const test::LinkConditions& otherwise,
-         test::VirtualSession& session) {
+void cut(const Outage& outage, const server::TickRecord& record,
+         const test::LinkConditions& otherwise, test::VirtualSession& session) {
   const double rate = server::ServoOptions{}.rate;
-  const double since = std::round(static_cast<double>(record.step) - begin * rate);
+  const double since = std::round(static_cast<double>(record.step) - outage.begin * rate);
   if (since == 0) session.network().set_conditions({.delay = otherwise.delay, .loss = 1});
-  if (since == std::round(kOutage * rate)) session.network().set_conditions(otherwise);
+  if (since == std::round(outage.duration * rate)) session.network().set_conditions(otherwise);
 }
 
 }  // namespace hlm::experiments

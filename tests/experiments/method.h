@@ -1,6 +1,7 @@
 // The methods that are compared, by name.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string_view>
 
@@ -30,9 +31,13 @@ void use(const Method& method, double stiffness, double damping,
 /// method: of the contacts.
 const Wrench& felt(const std::optional<Method>& method, const server::TickRecord& record);
 
-/// For kOutage from `begin` on (s, of the hand's time) all that is sent is lost. After each tick.
-inline constexpr double kOutage = 0.3;  // s
-void cut(double begin, const server::TickRecord& record, const test::LinkConditions& otherwise,
-         test::VirtualSession& session);
+/// A time in which all that is sent is lost.
+struct Outage {
+  double begin = std::numeric_limits<double>::infinity();  ///< s, of the hand's time.
+  double duration = 0.3;                                   ///< s.
+};
+/// Begins and ends an outage. After each tick.
+void cut(const Outage& outage, const server::TickRecord& record,
+         const test::LinkConditions& otherwise, test::VirtualSession& session);
 
 }  // namespace hlm::experiments

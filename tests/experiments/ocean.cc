@@ -32,11 +32,11 @@ constexpr std::array kSights{Sight{"shapes", "shapes", 4000, "shapes", true},
 
 struct Network {
   const char* name;
-  double loss;  ///< Share of datagrams.
-  bool outage;  ///< All is lost for 300 ms when it matters most.
+  double loss;    ///< Share of datagrams.
+  double outage;  ///< So long is all lost when it matters most, s.
 };
-constexpr std::array kNetworks{Network{"all arrives", 0, false}, Network{"5 % lost", 0.05, false},
-                               Network{"300 ms lost", 0, true}};
+constexpr std::array kNetworks{Network{"all arrives", 0, 0}, Network{"5 % lost", 0.05, 0},
+                               Network{"300 ms lost", 0, Outage{}.duration}};
 
 /// What lies between hand and engine.
 struct Ocean {
@@ -95,7 +95,7 @@ CornerConditions corner_conditions(const Ocean& ocean, const Sight& sight) {
           .ve_low = ocean.rate,
           .ve_high = ocean.rate,
           .loss = ocean.network->loss,
-          .outage = ocean.network->outage,
+          .outage = ocean.network->outage > 0,
           .settling = settling(ocean),
           .method = method_of(sight.method),
           .stiffness = sight.stiffness};
@@ -166,7 +166,10 @@ BodyConditions body_conditions(const Ocean& ocean, const char* name, double stif
                             .loss = ocean.network->loss,
                             .stiffness = stiffness,
                             .method = method_of(name)};
-  if (ocean.network->outage) conditions.outage = matters - conditions.delay - kOutage / 2;
+  if (ocean.network->outage > 0) {
+    const double duration = ocean.network->outage;
+    conditions.outage = {matters - conditions.delay - duration / 2, duration};
+  }
   return conditions;
 }
 
@@ -315,7 +318,7 @@ constexpr std::array kPromises{Promise{"wall", "shapes", 1, 15, 1, true, true},
 bool covers(const Promise& promise, const Ocean& ocean) {
   return ocean.round_trip <= promise.round_trip && ocean.rate >= promise.rate &&
          ocean.speed <= promise.speed && (promise.loss || ocean.network->loss == 0) &&
-         (promise.outage || !ocean.network->outage);
+         (promise.outage || ocean.network->outage == 0);
 }
 
 std::string words(const Promise& promise) {
@@ -381,6 +384,32 @@ void find_edges(Bench& bench, const std::vector<Row>& rows) {
   }
 }
 
+/// Through which outages a body stays that is held.
+void find_longest_outage(Bench& bench) {
+  const std::vector<double> durations{0.01, 0.02, 0.05, 0.1, 0.2, 0.3};  // s
+  Table& table = bench.table("ocean_outages", "sight,outage_s,value,deviation,right");
+  std::string longest;
+  for (const Sight& sight : kSights) {
+    if (!sight.bodies || bench.methods({sight.method}).empty()) continue;
+    const auto held = bench.map(durations, [&](double duration) {
+      const Network network{"outage", 0, duration};
+      return lifted_weight({.network = &network}, sight, bench.seed());
+    });
+    double through = 0;
+    bool so_far = true;
+    for (std::size_t i = 0; i < held.size(); ++i) {
+      const Perceived& p = held[i];
+      table.row(sight.name, durations[i], p.value, p.deviation, p.right ? 1.0 : 0.0);
+      so_far = so_far && p.right;
+      if (so_far) through = durations[i];
+    }
+    longest +=
+        fmt::format("{}{} {:.0f} ms", longest.empty() ? "" : ", ", sight.name, 1e3 * through);
+  }
+  bench.find("weight: right at 60 Hz and a round trip of 200 ms through outages of up to: " +
+             longest + ".");
+}
+
 }  // namespace
 
 void ocean(Bench& bench) {
@@ -402,6 +431,7 @@ void ocean(Bench& bench) {
   }
   for (const Promise& promise : kPromises) claim(bench, promise, rows);
   find_edges(bench, rows);
+  find_longest_outage(bench);
 }
 
 }  // namespace hlm::experiments
