@@ -802,12 +802,17 @@ DRAW = {
 }
 
 
-def picture(figure, text):
+def drawn(figure):
+    """The bytes of a PNG."""
     figure.tight_layout()
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=110)
     plt.close(figure)
-    encoded = base64.b64encode(data.getvalue()).decode()
+    return data.getvalue()
+
+
+def picture(figure, text):
+    encoded = base64.b64encode(drawn(figure)).decode()
     return f'<img alt="{html.escape(text)}" src="data:image/png;base64,{encoded}">'
 
 
@@ -890,9 +895,13 @@ def main():
     parser = Arguments(__doc__)
     parser.add_argument("folder", type=pathlib.Path, help="folder that the experiments wrote to")
     parser.add_argument("--commit", default="unknown", help="of the sources")
+    parser.add_argument("--picture", choices=DRAW, metavar="EXPERIMENT",
+                        help="also its picture alone, EXPERIMENT.png in the folder")
     arguments = parser.parse_args()
     target = arguments.folder / "report.html"
     try:
+        if arguments.picture:
+            (arguments.folder / f"{arguments.picture}.png").write_bytes(drawn(DRAW[arguments.picture](arguments.folder)))
         target.write_text(page(arguments.folder, arguments.commit), encoding="utf-8")
     except FileNotFoundError as error:
         sys.exit(f"report.py: {error.filename}: no such table; run the experiments first")
