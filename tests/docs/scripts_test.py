@@ -27,7 +27,7 @@ REFUSED = {
     "scripts/fuzz": [(["wrong"], "decoder"), (["all", "wrong"], "SECONDS"), (["all", "1", "wrong"], "TARGET")],
     "scripts/package": [(["wrong"], "--help")],
     "scripts/plot.py": [(["--wrong"], "--world"), (["a.csv", "b.png", "wrong"], "picture")],
-    "scripts/report.py": [(["--wrong"], "--commit"), (["out", "wrong"], "folder")],
+    "scripts/report.py": [(["--wrong"], "--commit"), (["out", "wrong"], "folder"), (["out", "--picture", "wrong"], "ocean")],
     "scripts/reproduce": [(["--wrong"], "--quick"), (["--only", "wrong"], "fig06"), (["--seeds=wrong"], "number"),
                           (["--only", "fig06", "--method", "lm0", "wrong"], "lm5"), (["--quick", "wrong"], "--only")],
     "scripts/run": [(["--wrong"], "--scene"), (["--scene", "wrong"], "testbed"), (["--device", "wrong"], "haply")],

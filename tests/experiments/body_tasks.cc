@@ -6,6 +6,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "tests/experiments/corners.h"
 #include "tests/support/worlds.h"
 
 namespace hlm::experiments {
@@ -106,7 +107,11 @@ BodyTask lift(double mass) {
   return task;
 }
 
-BodyTask slide(const Brick& brick) { return push(brick, move({0.3, 0, 0}, 4), ""); }
+BodyTask slide(const Brick& brick) {
+  BodyTask task = push(brick, move({brick.stroke, 0, 0}, brick.duration), "");
+  task.duration = 1 + brick.duration;
+  return task;
+}
 
 BodyTask jam(const Brick& brick) {
   return push(brick, force({3, 0, 0}, 4),
@@ -173,18 +178,31 @@ BodyTask tip() {
 namespace {
 constexpr double kDoorMass = 0.4;  // kg
 const Vector3 kDoorSize(0.2, 0.012, 0.08);
-}  // namespace
 
-BodyTask knock(double from_hinge) {
-  BodyTask task;
-  task.world = test::world_of(
+ve::WorldDescription door_world(double from_hinge) {
+  return test::world_of(
       body(
           "body", kDoorMass, kDoorSize, {0.1, 0, 0}, 0.3,
           "<joint name='hinge' type='revolute'><parent>world</parent><child>body</child><pose>-0.1 "
           "0 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></joint>") +
       body("tool", 0.5, {0.03, 0.03, 0.03}, {from_hinge, -0.056, 0}, 0.3));
+}
+}  // namespace
+
+BodyTask knock(double from_hinge) {
+  BodyTask task;
+  task.world = door_world(from_hinge);
   task.hand = {{force({0, 0, 0}, 0.5), force({0, 5, 0}, 0.08)}, server::AfterLastSegment::kRelease};
   task.duration = 1.2;
+  return task;
+}
+
+BodyTask open_door(double from_hinge, double speed) {
+  BodyTask task;
+  task.world = door_world(from_hinge);
+  const double duration = duration_of(kDoorStroke, speed);
+  task.hand = script({move({0, 0, 0}, 0.5), move({0, kDoorStroke, 0}, duration)});
+  task.duration = 0.5 + duration + 0.3;
   return task;
 }
 

@@ -14,8 +14,10 @@ struct Brick {
   double mass = 0.375;    ///< kg.
   double friction = 0.4;  ///< Of all, μ.
   double off_centre = 0;  ///< Of the tool, m.
+  double stroke = 0.3;    ///< m.
+  double duration = 4;    ///< Of the stroke, s.
 };
-/// A brick on a table is pushed sideways at 75 mm/s.
+/// A brick on a table is pushed sideways at 75 mm/s, or as fast as it asks.
 BodyTask slide(const Brick& brick);
 /// The brick is pushed with 3 N against a post.
 BodyTask jam(const Brick& brick);
@@ -33,6 +35,9 @@ BodyTask tip();
 /// A door of 0.4 kg, 200 mm wide, its hinge at the origin, the leaf along x: the hand knocks
 /// against it so far from the hinge (m), and lets go.
 BodyTask knock(double from_hinge);
+/// A firm hand pushes that door open at up to `speed` (m/s), and stops after kDoorStroke.
+inline constexpr double kDoorStroke = 0.08;  // m
+BodyTask open_door(double from_hinge, double speed);
 /// Moment of inertia of that door about its hinge, kg·m².
 double door_inertia();
 

@@ -39,6 +39,9 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   options.frame.largest_epsilon = 0;
   options.frame.push_by_following = conditions.by_following;
   options.frame.shapes = conditions.shapes;
+  if (conditions.method) {
+    use(*conditions.method, conditions.stiffness, options.servo.local_model.damping, options);
+  }
   return options;
 }
 
@@ -63,24 +66,25 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
   const int body = index_of(task.world, task.body);
   std::vector<BodySample> samples;
   test::VirtualSession* running = nullptr;
-  test::VirtualSession session(
-      session_options(task, conditions, seed), [&](const server::TickRecord& record) {
-        if (record.step == 0) return;
-        BodySample& sample = samples.emplace_back();
-        sample.time = static_cast<double>(record.step) * 1e-3;
-        sample.F_env = record.F_env;
-        sample.F_command = record.F_command;
-        sample.X_WP = record.X_WP;
-        sample.V_WP = record.V_WP;
-        sample.adopted = record.adopted > 0;
-        sample.colliding = record.contact_state == ProxyContactState::kColliding;
-        sample.limited = record.limit != ForceLimit::kNone;
-        const auto& model = running->servo().local_model();
-        sample.bodies = model ? model->bodies().size() : 0;
-        const ve::World& world = running->environment().world;
-        sample.X_WB = world.X_WB(body);
-        sample.V_WB = world.V_WB(body);
-      });
+  const test::VirtualSessionOptions options = session_options(task, conditions, seed);
+  test::VirtualSession session(options, [&](const server::TickRecord& record) {
+    if (record.step == 0) return;
+    cut(conditions.outage, record, options.link, *running);
+    BodySample& sample = samples.emplace_back();
+    sample.time = static_cast<double>(record.step) * 1e-3;
+    sample.F_env = felt(conditions.method, record);
+    sample.F_command = record.F_command;
+    sample.X_WP = record.X_WP;
+    sample.V_WP = record.V_WP;
+    sample.adopted = record.adopted > 0;
+    sample.colliding = record.contact_state == ProxyContactState::kColliding;
+    sample.limited = record.limit != ForceLimit::kNone;
+    const auto& model = running->servo().local_model();
+    sample.bodies = model ? model->bodies().size() : 0;
+    const ve::World& world = running->environment().world;
+    sample.X_WB = world.X_WB(body);
+    sample.V_WB = world.V_WB(body);
+  });
   running = &session;
   if (conditions.friction_scale != 1) {
     session.network().set_alteration(

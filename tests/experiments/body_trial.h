@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,12 +30,14 @@ struct BodyConditions {
       1;  ///< On the friction that updates report, against the environment's own.
   bool by_following = false;
   bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
+  Outage outage{};
+  std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
 };
 
 /// One tick, and where the body is in the environment.
 struct BodySample {
   double time = 0;
-  Wrench F_env = Wrench::Zero();
+  Wrench F_env = Wrench::Zero();  ///< What is felt, as method.h has it.
   Wrench F_command = Wrench::Zero();
   Pose X_WP;
   Twist V_WP = Twist::Zero();

@@ -127,11 +127,24 @@ struct Path {
   Vector3 start;
   server::HandScript hand;
   double duration = 0;  ///< s.
+  double matters = 0;   ///< When the peg is at the wall, or half in, s.
 };
+
+/// Before the hand begins, s.
+double wait(const CornerConditions& conditions) {
+  return kRest + 8 * conditions.delay + conditions.settling;
+}
+
+/// In its middle reports of the moment that matters would have been sent.
+Outage outage_of(const Path& path, const CornerConditions& conditions) {
+  Outage outage;
+  if (conditions.outage) outage.begin = path.matters - conditions.delay - outage.duration / 2;
+  return outage;
+}
 
 /// Into a hole with its mouth at y = 0: straight, or from the side, 3 mm above the mouth's edge,
 /// and from there across the hole with a tilt.
-Path path_of(const Entry& entry, double delay) {
+Path path_of(const Entry& entry, const CornerConditions& conditions) {
   std::mt19937_64 engine(entry.seed);
   const auto within = [&](double most) { return uniform(engine, -most, most); };
   const double bottom = -0.06;
@@ -145,7 +158,7 @@ Path path_of(const Entry& entry, double delay) {
   } else {
     path.start.y() += 0.05;
   }
-  const server::HandSegment waits = firm_reach(kRest + 8 * delay, path.start);
+  const server::HandSegment waits = firm_reach(wait(conditions), path.start);
   segments.push_back(waits);
   if (entry.wanders) {
     segments.push_back(firm_reach(duration_of((mouth - path.start).norm(), entry.speed), mouth));
@@ -161,6 +174,7 @@ Path path_of(const Entry& entry, double delay) {
   segments.push_back(firm_reach(duration_of((end - from).norm(), entry.speed), end, tilt));
   segments.push_back(firm_reach(kRest, end, tilt));
   for (const auto& segment : segments) path.duration += segment.duration;
+  path.matters = path.duration - kRest - duration_of((end - from).norm(), entry.speed) / 2;
   return path;
 }
 
@@ -204,7 +218,7 @@ test::VirtualSessionOptions session_options(const server::HandScript& hand,
   options.servo.limits.max_torque = 5;
   options.servo.handle = {.max_speed = 1e9, .max_rate = 1e9, .workspace = 1e9};
   options.servo.silence_time = 2;
-  options.link.delay = conditions.delay;
+  options.link = {.delay = conditions.delay, .loss = conditions.loss};
   options.seed = seed;
   options.rate_low = conditions.ve_low;
   options.rate_high = conditions.ve_high;
@@ -212,6 +226,9 @@ test::VirtualSessionOptions session_options(const server::HandScript& hand,
                    .largest_epsilon = conditions.largest_epsilon,
                    .one_axis = conditions.one_axis,
                    .shapes = conditions.shapes};
+  if (conditions.method) {
+    use(*conditions.method, conditions.stiffness, options.servo.local_model.damping, options);
+  }
   return options;
 }
 
@@ -239,13 +256,13 @@ double half_width_of(const Entry& entry) {
 
 }  // namespace
 
-double least_gap(const Entry& entry, double delay) {
-  const Path path = path_of(entry, delay);
+double least_gap(const Entry& entry, const CornerConditions& conditions) {
+  const Path path = path_of(entry, conditions);
   const double half_width = half_width_of(entry);
   const double wall = half_width + entry.clearance;
   double least = std::numeric_limits<double>::infinity();
   test::VirtualSession session(
-      session_options(path.hand, test::world_of(peg(path.start, half_width)), {.delay = delay},
+      session_options(path.hand, test::world_of(peg(path.start, half_width)), conditions,
                       entry.seed),
       [&](const server::TickRecord& record) {
         if (record.step == 0) return;
@@ -253,12 +270,12 @@ double least_gap(const Entry& entry, double delay) {
           least = std::min(least, gap(record.X_WP, half_width, side, wall));
         }
       });
-  session.run(path.duration + kRest + 2 * delay);
+  session.run(path.duration + kRest + 2 * conditions.delay);
   return least;
 }
 
 EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
-  const Path path = path_of(entry, conditions.delay);
+  const Path path = path_of(entry, conditions);
   const double half_width = half_width_of(entry);
   const double wall = half_width + entry.clearance;
   const std::string tool = peg(path.start, half_width);
@@ -282,41 +299,73 @@ EntryOutcome enter(const Entry& entry, const CornerConditions& conditions) {
   };
   double contacts = 0;
   double updates = 0;
-  test::VirtualSession session(session_options(path.hand, hole(), conditions, entry.seed),
-                               [&](const server::TickRecord& record) {
-                                 outcome.largest_force =
-                                     std::max(outcome.largest_force, record.F_env.head<3>().norm());
-                                 if (record.adopted == 0) return;
-                                 contacts += record.active_contacts + record.predicted_contacts;
-                                 ++updates;
-                               });
+  test::VirtualSession* running = nullptr;
+  const test::VirtualSessionOptions options =
+      session_options(path.hand, hole(), conditions, entry.seed);
+  test::VirtualSession session(options, [&](const server::TickRecord& record) {
+    cut(outage_of(path, conditions), record, options.link, *running);
+    outcome.largest_force =
+        std::max(outcome.largest_force, felt(conditions.method, record).head<3>().norm());
+    if (record.adopted == 0) return;
+    contacts += record.active_contacts + record.predicted_contacts;
+    ++updates;
+  });
+  running = &session;
   session.run(path.duration + kRest + 2 * conditions.delay);
   outcome.enters = session.last().X_WP.p.y() < kHalfLength - 0.055;
   outcome.acting_contacts = contacts / std::max(1.0, updates);
   return outcome;
 }
 
-double wall_error(double speed, const CornerConditions& conditions, std::uint64_t seed) {
+namespace {
+
+struct Moment {
+  double ahead;  ///< Of the wall, m.
+  Vector3 felt;  ///< N.
+};
+
+/// Each tick of a way at up to `speed` (m/s) to a wall that is there or not.
+std::vector<Moment> way_to_wall(bool there, double speed, const CornerConditions& conditions,
+                                std::uint64_t seed) {
   // The hand is fastest half way, where the wall is.
   const double length = 0.3;
   Path path{.start = {0, length / 2 + kHalfLength, 0}, .hand = {}, .duration = 0};
   std::mt19937_64 engine(seed);
-  const double waits = kRest + 8 * conditions.delay + uniform(engine, 0, 0.05);
+  const double waits = wait(conditions) + uniform(engine, 0, 0.05);
   const Vector3 end = path.start - Vector3(0, length, 0);
   path.hand = {{firm_reach(waits, path.start), firm_reach(duration_of(length, speed), end)},
                server::AfterLastSegment::kHold};
-  double felt = std::numeric_limits<double>::infinity();
-  test::VirtualSession session(session_options(path.hand,
-                                               test::world_of(block("wall", 0, -0.05, 0.2, 0.1) +
-                                                              peg(path.start, kHalfWidth)),
-                                               conditions, seed),
-                               [&](const server::TickRecord& record) {
-                                 if (std::isfinite(felt) || record.F_env.head<3>().norm() < 0.5)
-                                   return;
-                                 felt = record.X_WP.p.y() - kHalfLength;
-                               });
+  path.matters = waits + duration_of(length, speed) / 2;
+  const std::string tool = peg(path.start, kHalfWidth);
+  const test::VirtualSessionOptions options = session_options(
+      path.hand, test::world_of(there ? block("wall", 0, -0.05, 0.2, 0.1) + tool : tool),
+      conditions, seed);
+  std::vector<Moment> moments;
+  test::VirtualSession* running = nullptr;
+  test::VirtualSession session(options, [&](const server::TickRecord& record) {
+    if (record.step == 0) return;
+    cut(outage_of(path, conditions), record, options.link, *running);
+    moments.push_back({record.X_WP.p.y() - kHalfLength, felt(conditions.method, record).head<3>()});
+  });
+  running = &session;
   session.run(kRest + 2 * conditions.delay + waits + duration_of(length, speed));
-  return std::abs(felt);
+  return moments;
+}
+
+}  // namespace
+
+double wall_error(double speed, const CornerConditions& conditions, std::uint64_t seed) {
+  const std::vector<Moment> moments = way_to_wall(true, speed, conditions, seed);
+  // A spring to an engine's tool is felt in free motion too.
+  std::vector<Moment> free;
+  if (conditions.method && couples_engine(*conditions.method)) {
+    free = way_to_wall(false, speed, conditions, seed);
+  }
+  for (std::size_t i = 0; i < moments.size(); ++i) {
+    const Vector3 without = i < free.size() ? free[i].felt : Vector3::Zero();
+    if ((moments[i].felt - without).norm() >= 0.5) return std::abs(moments[i].ahead);
+  }
+  return std::numeric_limits<double>::infinity();
 }
 
 namespace {
@@ -394,7 +443,8 @@ void entries(Bench& bench) {
       }
     }
   }
-  const auto gaps = bench.map(ways, [](const Way& w) { return least_gap(w.entry, w.delay); });
+  const auto gaps =
+      bench.map(ways, [](const Way& w) { return least_gap(w.entry, {.delay = w.delay}); });
   const auto outcomes =
       bench.map(cases, [&](const Case& c) { return enter(ways[c.way].entry, c.conditions); });
   Table& table =

@@ -2,19 +2,26 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
+#include "tests/experiments/method.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {
 
 struct CornerConditions {
-  double delay = 0;            ///< One way, s.
-  double epsilon = 0.005;      ///< m.
-  bool one_axis = false;       ///< Only the best axis of each pair of shapes is sent.
-  double ve_low = 30;          ///< Hz. The rate of each frame is drawn between these.
-  double ve_high = 60;         ///< Hz.
-  double largest_epsilon = 0;  ///< m; above `epsilon`, ε adapts.
-  bool shapes = false;         ///< The server has the shapes and finds contacts at every tick.
+  double delay = 0;                ///< One way, s.
+  double epsilon = 0.005;          ///< m.
+  bool one_axis = false;           ///< Only the best axis of each pair of shapes is sent.
+  double ve_low = 30;              ///< Hz. The rate of each frame is drawn between these.
+  double ve_high = 60;             ///< Hz.
+  double largest_epsilon = 0;      ///< m; above `epsilon`, ε adapts.
+  bool shapes = false;             ///< The server has the shapes and finds contacts at every tick.
+  double loss = 0;                 ///< Share of datagrams.
+  bool outage = false;             ///< All is lost for 300 ms when it matters most.
+  double settling = 0;             ///< So much longer does the hand wait before it begins, s.
+  std::optional<Method> method{};  ///< Instead of ε, axes and shapes; none: the local model.
+  double stiffness = server::LocalModelParameters{}.stiffness;  ///< With a method, N/m.
 };
 inline constexpr double kLargestEpsilon = ve::FrameOptions{}.largest_epsilon;
 
@@ -54,8 +61,8 @@ inline constexpr double kTouchesNothing = 1e-5;
 /// Force that is felt although nothing is there, N.
 inline constexpr double kGhostForce = 0.5;
 
-/// From the walls on its path, where these are not there, m. delay: one way, s.
-double least_gap(const Entry& entry, double delay);
+/// From the walls on its path, where these are not there, m.
+double least_gap(const Entry& entry, const CornerConditions& conditions);
 
 struct EntryOutcome {
   double largest_force = 0;    ///< Of the contacts on the hand, N.

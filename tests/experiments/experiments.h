@@ -16,6 +16,7 @@ void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.
 void corners(Bench& bench);                ///< Convex edges.
 void near_shapes(Bench& bench);            ///< The geometry near the hand in the server.
+void ocean(Bench& bench);                  ///< What a hand perceives across an ocean.
 void roams(Bench& bench);                  ///< A peg about the testbed's hole.
 void posts(Bench& bench);                  ///< A rod among posts.
 void hand_observer(Bench& bench);          ///< The hand measured, observed, unknown.

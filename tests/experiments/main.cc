@@ -33,6 +33,7 @@ constexpr Experiment kExperiments[] = {
     {"linkages", linkages, true},
     {"corners", corners, true},
     {"shapes", near_shapes, true},
+    {"ocean", ocean, true},
     {"roams", roams, true},
     {"posts", posts, true},
     {"bodies", bodies, true},

@@ -70,7 +70,7 @@ void free_entries(Bench& bench) {
     }
   }
   const auto outcomes = bench.map(cases, [](const FreeEntry& c) {
-    const bool is_free = least_gap(c.entry, c.delay) >= kTouchesNothing;
+    const bool is_free = least_gap(c.entry, {.delay = c.delay}) >= kTouchesNothing;
     return std::pair{is_free, enter(c.entry, conditions(*c.source, c.delay))};
   });
   Table& table = bench.table("shapes_entries",

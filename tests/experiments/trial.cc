@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <random>
 #include <stdexcept>
 
@@ -91,8 +90,6 @@ class ModelObserver {
   server::FramePoses poses_;  ///< At the end of the tick before; empty before the first.
 };
 
-bool couples_engine(const Method& method) { return !traits(method.controller).uses_contacts; }
-
 /// Nobody pushes exactly through the centre of mass.
 server::HandSegment off_centre(server::HandSegment hand, const Vector3& offset) {
   if (auto* push = std::get_if<server::Push>(&hand.action)) {
@@ -132,45 +129,24 @@ test::VirtualSessionOptions session_options(const Trial& trial, const server::Ha
   options.rate_low = conditions.ve_low;
   options.rate_high = conditions.ve_high;
   options.seed = seed;
-  options.frame = {.epsilon = method.epsilon,
-                   .largest_epsilon = method.largest_epsilon,
-                   .delay = conditions.ve_delay,
-                   .report_friction = {},                    // That of the task.
-                   .one_axis = method.largest_epsilon == 0,  // As the paper has it.
-                   .shapes = method.shapes};
+  options.frame.delay = conditions.ve_delay;
+  options.frame.report_friction = {};  // That of the task.
   if (conditions.waits) options.acknowledgement_timeout = 0.5;
 
   server::ServoOptions& servo = options.servo;
   servo.rate = conditions.servo_rate;
-  servo.controller = method.controller;
   servo.limits = no_further_limits();
   servo.handle = {.max_speed = 1e9, .max_rate = 1e9, .workspace = 1e9};
   servo.silence_time = 2;  // Losses must not end a trial.
-  servo.local_model.update_rule = method.update_rule;
   servo.local_model.healing_speed = conditions.healing_speed;
   servo.local_model.max_stiffness_sum =
       std::numeric_limits<double>::infinity();  // Not the paper's.
-  servo.local_model.stiffness = task.stiffness;
-  servo.local_model.damping = task.damping;
   servo.local_model.static_friction = servo.local_model.kinetic_friction = task.friction;
 
   // The tool is carried along with the proxy, so that reported depths are those of the proxy. An
   // engine that is coupled has a tool of its own, drawn by the spring that the hand feels.
   options.follow.mode = ve::FollowMode::kKinematic;
-  if (couples_engine(method)) {
-    // One frequency for translation and rotation: the engine's spring turns with K I / m.
-    constexpr double mass = 1;           // kg, of the tool
-    constexpr double inertia = 6.67e-4;  // kg·m², of the peg about z
-    servo.gains = {.stiffness = task.stiffness,
-                   .damping = task.damping,
-                   .angular_stiffness = task.stiffness * inertia / mass,
-                   .angular_damping = task.damping * inertia / mass};
-    const double w = std::sqrt(task.stiffness / mass);
-    options.follow = {.mode = ve::FollowMode::kImplicit,
-                      .frequency = w / (2 * std::numbers::pi),
-                      .damping_ratio = task.damping / (2 * mass * w),
-                      .max_force = 1e6};
-  }
+  use(method, task.stiffness, task.damping, options);
   return options;
 }
 
