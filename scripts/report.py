@@ -130,8 +130,7 @@ INTRODUCTION = {
     "mm to spare on each side and touches nothing; a cube of 0.3 kg is lifted and held; a brick is pushed "
     "over a table; a door is pushed open, and what is felt is its angular impulse, against that without "
     "delay. IR feels no free hole because it knows only what is touched already, and that is why its walls "
-    "are late. With shapes a body that the engine has not reported yet is a wall: a door 35 mm away that is "
-    "met before the round trip is over.",
+    "are late. With planes the hand passes through a door that it meets before the round trip is over.",
     "roams": "Pegs of 38 and 40 mm are led to and fro before the testbed's hole of 40 mm, into it and out, at up to 0.4 m/s and "
     "5 rad/s, or pushed about the room with up to 7 N, the environment at 30 to 60 Hz. In each tick the force is held "
     "against the walls as they are. Left: the share of ticks with more than 0.5 N where no wall is within 0.3 mm, of led "

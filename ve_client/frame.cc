@@ -60,6 +60,8 @@ constexpr double kFarthestHold = 0.05;
 /// With shapes, bodies within this are sent, m, and within what the tool travels until the next
 /// update but so many has come, at most the third, m: a body that was not sent is a wall.
 constexpr double kNearBodies = 0.02;
+/// A hand at rest may be as fast, m/s, before the client hears of it.
+constexpr double kUsualSpeed = 0.3;
 constexpr double kLosses = 3;
 constexpr double kFarthestBodies = 0.3;
 
@@ -114,7 +116,8 @@ Search search_for(const VirtualTool& tool, const HapticClient& client, double pe
   const double matters_for = lifetime(delay, period);
   if (finds_contacts(client, options)) {
     const double epsilon =
-        std::min(kNearBodies + kLosses * matters_for * tool.target_speed(), kFarthestBodies);
+        std::min(kNearBodies + kLosses * matters_for * std::max(tool.target_speed(), kUsualSpeed),
+                 kFarthestBodies);
     return {.epsilon = epsilon, .smallest = epsilon, .lifetime = matters_for, .all_axes = false};
   }
   // Which axes separate the tool from a shape says nothing of a proxy that is elsewhere, as it is

@@ -174,8 +174,9 @@ class Session {
   double reach() const {
     constexpr double kNear = 0.02;
     constexpr double kFarthest = 0.3;
+    constexpr double kUsualSpeed = 0.3;  // m/s: of a hand that was at rest.
     const double delay = client_.round_trip() + 2 * frame_;
-    return std::min(kNear + 4.5 * delay * v_.head<3>().norm(), kFarthest);
+    return std::min(kNear + 4.5 * delay * std::max(v_.head<3>().norm(), kUsualSpeed), kFarthest);
   }
 
   /// What the tool does to a body in this frame.

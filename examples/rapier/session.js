@@ -16,10 +16,11 @@ import { list, object, rotate, scale } from './vectors.js';
 /** Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer frames would let them
  * sink in, more would push a body twice. */
 const HAND_OVER = 2;
-/** Bodies within this are sent, m, and within what the tool travels until the next update but two, up to the farthest, m: one
- * that was not sent is a wall. */
+/** Bodies within this are sent, m, and within what the tool travels until the next update but two, up to the farthest, m:
+ * one that was not sent is a wall. */
 const NEAR_BODIES = 0.02;
 const FARTHEST_BODIES = 0.3;
+const USUAL_SPEED = 0.3; // m/s: of a hand that was at rest.
 
 /** The virtual tool that a hand holds when it holds this body. */
 function linkOf(body) {
@@ -181,7 +182,8 @@ export class Session {
   /** Those that the tool may reach soon, the nearest first. All are kept awake, as many as can be are sent. */
   #near(bodies) {
     const delay = (this.#state?.round_trip ?? 0) + 2 * Math.max(this.#frame, this.#period);
-    const reach = Math.min(NEAR_BODIES + 4.5 * delay * Math.hypot(...this.#v.slice(0, 3)), FARTHEST_BODIES);
+    const speed = Math.max(Math.hypot(...this.#v.slice(0, 3)), USUAL_SPEED);
+    const reach = Math.min(NEAR_BODIES + 4.5 * delay * speed, FARTHEST_BODIES);
     const near = bodies.filter(({ body, gap }) => gap < reach && body.isDynamic()).map(({ body }) => body);
     near.forEach((body) => body.wakeUp());
     return near.slice(0, MAX_BODIES).map((body) => {

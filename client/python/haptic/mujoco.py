@@ -35,6 +35,7 @@ _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 # Bodies within this are sent, m, and within what the tool travels until the next update but two has come, up to the
 # farthest, m: one that was not sent is a wall.
 _NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
+_USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
 # Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
 # some millimetres, more would push it twice.
@@ -188,7 +189,7 @@ class Session:
     def _send_poses(self, data: Any, v: np.ndarray) -> None:
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
-        reach = min(_NEAR_BODIES + 3 * 1.5 * speed * self._delay(), _FARTHEST_BODIES)
+        reach = min(_NEAR_BODIES + 3 * 1.5 * max(speed, _USUAL_SPEED) * self._delay(), _FARTHEST_BODIES)
         gaps = self._shapes.gaps(data)
         near = [body for body, gap in gaps.items() if gap < reach and self._model.body_mocapid[body] < 0]
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
