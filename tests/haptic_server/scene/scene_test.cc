@@ -138,11 +138,12 @@ TEST_CASE("Two coefficients of friction make that of the contact by their engine
     Friction one, other;
     double due;
   };
-  const Case of = GENERATE(Case{{0.2}, {0.6}, 0.2}, Case{{0.2, Rule::kAverage}, {0.6}, 0.4},
-                           Case{{0.2}, {0.6, Rule::kProduct}, 0.12},
-                           Case{{0.2, Rule::kMaximum}, {0.6, Rule::kProduct}, 0.6},
-                           Case{{0.2, Rule::kMaximum, 1}, {0.6, Rule::kMaximum}, 0.2},
-                           Case{{0.2}, {-1, Rule::kMaximum, 9}, 0.2}, Case{{-1}, {-1}, -1});
+  const Case of =
+      GENERATE(Case{{0.2}, {0.6}, 0.2}, Case{{0.2, Rule::kAverage}, {0.6, Rule::kAverage}, 0.4},
+               Case{{0.2, Rule::kAverage}, {0.6}, 0.2}, Case{{0.2}, {0.6, Rule::kProduct}, 0.12},
+               Case{{0.2, Rule::kMaximum}, {0.6, Rule::kProduct}, 0.6},
+               Case{{0.2, Rule::kMaximum, 1}, {0.6, Rule::kMaximum}, 0.2},
+               Case{{0.2}, {-1, Rule::kMaximum, 9}, 0.2}, Case{{-1}, {-1}, -1});
   Touching touching = ball_before_ball();
   touching.shapes[0].friction = of.one;
   touching.shapes[1].friction = of.other;
