@@ -141,6 +141,26 @@ class WithServer(unittest.TestCase):
             sunk = FLOOR - 0.002 + EDGE / 2 - touch.q[2]
             self.assertAlmostEqual(sunk, touch.force[2] / (4 * STIFFNESS), delta=2e-6)   # m
 
+    def test_no_steps_are_due_until_the_server_has_the_shapes(self):
+        """So the world stands still; nobody else sends anything meanwhile."""
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK), haptic.shapes.half_space()],
+                        positions=[[0, 0, 0], [0, 0, FLOOR]])
+            waited, taken, end = 0, 0, time.monotonic() + PATIENCE
+            while time.monotonic() < end and taken < 30:
+                touch.poll()
+                steps = touch.steps(PERIOD / 8)
+                if touch.connected and not touch.has_scene:
+                    waited += 1
+                    self.assertEqual(steps, 0)
+                elif touch.has_scene and steps > 0:
+                    taken += steps
+                    touch.sample(touch.q, touch.v, steps * PERIOD / 8)
+                    touch.send()
+                time.sleep(PERIOD)
+            self.assertGreaterEqual(taken, 30)
+            self.assertGreater(waited, 0)
+
     def test_a_body_is_where_its_pose_is(self):
         with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
             touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK),
