@@ -386,6 +386,7 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
     return -1;
   }
   for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
+  session->client->follow_accelerations(update.bodies);
   const std::uint64_t sequence =
       session->client->send(steady_seconds(), update.contacts, update.bodies, session->poses);
   session->poses.clear();

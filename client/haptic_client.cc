@@ -126,6 +126,10 @@ void HapticClient::sample(double now, const Configuration& q, const Velocity& v,
   session_.set_initial_configuration(q);
 }
 
+void HapticClient::follow_accelerations(const MovableBodies& bodies) {
+  update_.rates = trend_.rates(bodies, update_.ve_time);
+}
+
 std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
                                  const MovableBodies& bodies, const BodyPoses& poses) {
   update_.compute_time = now - sampled_at_;
@@ -136,6 +140,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.poses = poses;
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
+  update_.rates.clear();
   session_.send_scene(now, kChunksPerSend);
   return sequence;
 }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "hlm/client/acceleration_trend.h"
 #include "hlm/client/impulse_playout.h"
 #include "hlm/client/world_time.h"
 #include "hlm/common/contact.h"
@@ -55,6 +56,9 @@ class HapticClient {
   /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
   /// the contacts of the next send() will be computed.
   void sample(double now, const Configuration& q, const Velocity& v, double period);
+  /// Finds how what accelerates the bodies of the latest sample changes, for the next send(). Once
+  /// for each sample; without what other hands do to the bodies, which answers what this one does.
+  void follow_accelerations(const MovableBodies& bodies);
   /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
   /// body that a contact names and that is not among them moves as the contact's v_WC says. With a
   /// scene (below) the contacts are those that no shape of it stands for, and poses those of its
@@ -99,6 +103,7 @@ class HapticClient {
   protocol::ClientSession session_;
   protocol::ContactUpdate update_;  ///< Update of the latest sample.
   ImpulsePlayout playout_;
+  AccelerationTrend trend_;
   WorldTime world_time_;
   double ve_rate_;             ///< Hz.
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.

@@ -165,6 +165,15 @@ struct MovableBody {
 
 using MovableBodies = StaticVector<MovableBody, kMaxBodies>;
 
+/// How fast the acceleration of a body changes by all forces except contacts, 1/s of it: that of
+/// one on a spring, or that an engine drives to and fro.
+struct AccelerationRate {
+  std::uint32_t body = 0;  ///< Its id.
+  Vector6 A_rate_W = Vector6::Zero();
+};
+
+using AccelerationRates = StaticVector<AccelerationRate, kMaxBodies>;
+
 /// Where a body is whose shapes the server has, and how it moves, at the environment's latest step.
 struct BodyPose {
   std::uint32_t body = 0;     ///< The environment's own number, as in ContactSide::index.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <type_traits>
 
 #include "hlm/protocol/layout.h"
 
@@ -21,7 +22,7 @@ constexpr std::size_t kLengthPosition = 36;
 constexpr std::size_t kBlockPosition = 38;
 /// What a sender fills of a datagram.
 constexpr std::size_t kRoom = kMaxDatagram - kSealRoom;
-constexpr std::size_t kMaxLists = 3;
+constexpr std::size_t kMaxLists = 4;
 
 bool is_known(MessageType type) noexcept {
   return type >= MessageType::kHello && type <= MessageType::kSceneState;
@@ -44,19 +45,24 @@ constexpr std::size_t item_size(const List&) noexcept {
   return layout::kItemSize<typename List::value_type>;
 }
 
-/// Whether a message is sent without it: what older senders do not send costs no room while it is
-/// empty.
-template <class List>
-bool is_left_out(const List& list) noexcept {
-  return layout::kIsAppended<typename List::value_type> && list.empty();
+/// How many of its lists a message is sent with: at its end, what older senders do not send costs
+/// no room while it is empty.
+template <class Message>
+std::size_t count_lists(const Message& message) noexcept {
+  std::size_t count = 0;
+  std::size_t i = 0;
+  layout::lists(message, [&](const auto& list) {
+    using Item = typename std::remove_cvref_t<decltype(list)>::value_type;
+    ++i;
+    if (!layout::kIsAppended<Item> || !list.empty()) count = i;
+  });
+  return count;
 }
 
 /// Puts as many items as fit behind those of the part before; false if none are left.
 template <class Message>
 bool next_shares(const Message& message, std::size_t block, Shares& shares) noexcept {
-  std::size_t used = kHeaderSize + block;
-  layout::lists(message,
-                [&](const auto& list) { used += is_left_out(list) ? 0 : kListHeaderSize; });
+  std::size_t used = kHeaderSize + block + count_lists(message) * kListHeaderSize;
   bool any = false;
   std::size_t i = 0;
   layout::lists(message, [&](const auto& list) {
@@ -102,7 +108,6 @@ void write_at(DatagramBytes& bytes, std::size_t position, std::size_t value) noe
 
 template <class List>
 void write_list(Writer& writer, const List& list, const Share& share) noexcept {
-  if (is_left_out(list)) return;
   writer.u16(static_cast<std::uint16_t>(share.first));
   writer.u16(static_cast<std::uint16_t>(share.count));
   writer.u16(static_cast<std::uint16_t>(list.size()));
@@ -263,8 +268,12 @@ DatagramBytes encode(const Envelope& envelope, const Message& message, std::uint
 
   Shares shares{};
   for (std::size_t i = 0; i <= part; ++i) next_shares(message, block, shares);
+  const std::size_t lists = count_lists(message);
   std::size_t i = 0;
-  layout::lists(message, [&](const auto& list) { write_list(writer, list, shares[i++]); });
+  layout::lists(message, [&](const auto& list) {
+    if (i < lists) write_list(writer, list, shares[i]);
+    ++i;
+  });
   write_at(bytes, kLengthPosition, bytes.size());
   return bytes;
 }

@@ -66,12 +66,16 @@ template <>
 inline constexpr std::size_t kItemSize<BodyImpulse> = 52;
 template <>
 inline constexpr std::size_t kItemSize<BodyPose> = 108;
+template <>
+inline constexpr std::size_t kItemSize<AccelerationRate> = 52;
 
 /// Whether older senders of this version do not send the list of these items.
 template <class Item>
 inline constexpr bool kIsAppended = false;
 template <>
 inline constexpr bool kIsAppended<BodyPose> = true;
+template <>
+inline constexpr bool kIsAppended<AccelerationRate> = true;
 
 /// No list; messages with lists have overloads of their own.
 template <class M, class Visit>
@@ -86,6 +90,7 @@ void lists(M& update, Visit&& visit) requires std::same_as<const M, const Contac
   visit(update.bodies);
   visit(update.contacts);
   visit(update.poses);
+  visit(update.rates);
 }
 template <class M, class Visit>
 void lists(M& ticks, Visit&& visit) requires std::same_as<const M, const Ticks> {
@@ -238,6 +243,12 @@ void fields(Io& io, M& pose) requires std::same_as<const M, const BodyPose> {
   io.u32(pose.body);
   io.near_pose(pose.X_WB);
   io.vector_within(pose.V_W, kLargestSpeed);
+}
+
+template <class Io, class M>
+void fields(Io& io, M& rate) requires std::same_as<const M, const AccelerationRate> {
+  io.u32(rate.body);
+  io.vector_within(rate.A_rate_W, kLargestAccelerationRate);
 }
 
 template <class Io, class M>

@@ -115,7 +115,8 @@ struct ContactUpdate {
   Velocity v_VE;       ///< Generalised velocity of the tool.
   MovableBodies bodies;
   ReportedContacts contacts;
-  BodyPoses poses;  ///< Of bodies whose shapes the server has.
+  BodyPoses poses;          ///< Of bodies whose shapes the server has.
+  AccelerationRates rates;  ///< Of `bodies`; that of others is 0.
   /// 0: the contacts are of all that is near; else of what the scene in force has no shapes of, and
   /// this is the latest commit that had been queued.
   std::uint32_t scene = 0;
@@ -146,8 +147,9 @@ struct Impulses {
 /// Server to client: the acknowledgement of an adopted update.
 struct ProxyState {
   std::uint64_t acknowledged = 0;  ///< Sequence of the adopted update.
-  std::uint64_t step = 0;  ///< Steps of the local model since the session began, this one included.
-  double age = 0;          ///< Age the server attributed to the update's contacts, s.
+  /// Periods of the loop since the session began, this one and missed ones included.
+  std::uint64_t step = 0;
+  double age = 0;               ///< Age the server attributed to the update's contacts, s.
   double update_send_time = 0;  ///< Send time of the acknowledged update, client's clock, s.
   double hold = 0;              ///< Time from the arrival of that update to sending this, s.
   ServerState server = ServerState::kOff;

@@ -30,6 +30,7 @@ namespace hlm::protocol {
 inline constexpr double kLargestLength = 1e4;
 inline constexpr double kLargestSpeed = 1e3;
 inline constexpr double kLargestAcceleration = 1e6;
+inline constexpr double kLargestAccelerationRate = 1e8;
 /// Mobility of a body, 1/kg and 1/(kg·m²): a body of a milligram, and what it turns by.
 inline constexpr double kLargestMobility = 1e12;
 /// Impulse of the tool on a body in a session, N·s and N·m·s.

@@ -276,6 +276,7 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
     HeldTool& held = environment.tools[i];
     clients[i]->sample(sampled_at, held.tool.q(), held.tool.v(), period);
     reports.push_back(find_contacts(environment, i, *clients[i], period, options, results[i]));
+    clients[i]->follow_accelerations(reports.back().bodies);
     environment.shared.add_others(i, reports.back().bodies);
   }
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);

@@ -126,6 +126,7 @@ class Session {
     }
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, q_, v_, frame_);
+    client_.follow_accelerations(update.bodies);
     client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 

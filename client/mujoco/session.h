@@ -153,6 +153,7 @@ class Session {
     take_back_pushes();
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, update.q_VE, update.v_VE, frame_);
+    client_.follow_accelerations(update.bodies);
     client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 

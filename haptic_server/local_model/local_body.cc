@@ -50,7 +50,7 @@ LocalBody::LocalBody(const MovableBody& reported) noexcept
 }
 
 Twist LocalBody::free_twist(double dt) const noexcept {
-  Twist V = V_W + dt * A_W;
+  Twist V = V_W + dt * (A_W + dt / 2 * A_rate_W);
   if (correction_steps > 0) V += correction / correction_steps;
   return V;
 }
@@ -72,6 +72,7 @@ void LocalBody::hold(const Pose& X_WHeld) noexcept {
   X_WB = X_WHeld;
   V_W.setZero();
   A_W.setZero();
+  A_rate_W.setZero();
   correction.setZero();
   B.resize(6, 0);
 }
@@ -83,6 +84,7 @@ void LocalBody::advance(const Twist& V, double dt) noexcept {
   }
   const Pose X_WBefore = X_WB;
   V_W = V;
+  A_W += dt * A_rate_W;
   X_WB.p += dt * V_W.head<3>();
   X_WB.R = (rotation_from_vector(dt * turning_W()) * X_WB.R).normalized();
   if (!is_plausible()) hold(X_WBefore);

@@ -32,7 +32,8 @@ struct LocalBody {
   /// 6×n: W = B Bᵀ, so that an impulse P changes the velocity by B (Bᵀ P): in these coordinates the
   /// body has unit mass, and moves only as its joints allow.
   Jacobian B;
-  Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts.
+  Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts, m/s², rad/s²,
+  Vector6 A_rate_W = Vector6::Zero();  ///< and how fast it changes, 1/s.
   /// Impulse of the tool that the environment had yet to apply in the step that the update is
   /// about.
   Vector6 pending_W = Vector6::Zero();

@@ -41,6 +41,7 @@ struct ContactWrench {
 
 inline const MovableBodies kNoBodies;
 inline const BodyPoses kNoPoses;
+inline const AccelerationRates kNoRates;
 
 /// What the environment reports.
 struct ModelUpdate {
@@ -51,6 +52,7 @@ struct ModelUpdate {
   double impulse_step = 0;  ///< The bodies' state is that of this step, or part of one; 0: unknown.
   double period = 0;        ///< Period of the environment's frames, s.
   const BodyPoses& poses = kNoPoses;  ///< Where the scene's bodies are; others are not there.
+  const AccelerationRates& rates = kNoRates;  ///< Of bodies.
 };
 
 class LocalModel {

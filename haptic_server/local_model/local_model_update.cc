@@ -37,6 +37,8 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
     if (!slot || std::any_of(bodies.begin(), bodies.end(), has_id)) continue;
     LocalBody& body = bodies.emplace_back(reported);
     body.slot = *slot;
+    const auto rate = std::ranges::find(update.rates, reported.id, &AccelerationRate::body);
+    if (rate != update.rates.end()) body.A_rate_W = rate->A_rate_W;
     body.pending_W = impulses_.total(*slot) - reported.P_W -
                      impulses_.between(*slot, whole_steps(state_step), impulses_.world_step());
   }

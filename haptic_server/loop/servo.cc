@@ -307,7 +307,8 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
                        .bodies = moves_bodies ? update.bodies : kNoBodies,
                        .impulse_step = update.impulse_step,
                        .period = update.ve_period,
-                       .poses = uses_contacts ? update.poses : kNoPoses});
+                       .poses = uses_contacts ? update.poses : kNoPoses,
+                       .rates = update.rates});
   energy_.adopted(stored, stored_energy(*local_model_, stiffness));
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();

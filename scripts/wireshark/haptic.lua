@@ -265,6 +265,7 @@ local TABLES = {
     list("bodies", "body", 16),
     list("contacts", "contact", 192),
     optional(list("poses", "pose", 64)),
+    optional(list("rates", "rate", 16)),
   },
   body = {
     field(U32, "id", "the VE's number for it, the same in every update"),
@@ -292,6 +293,10 @@ local TABLES = {
     field(F32, "load [N]", "present normal force, N, of a contact without the tool", between(0, 1e6)),
     code("plane", nil, {[0] = "b", [1] = "a"}),
   },
+  rate = {
+    field(U32, "body", "id of the body"),
+    numbers(F64, "A_rate", TWIST, "how fast its A changes, m/s³, rad/s³", between(-1e8, 1e8)),
+  },
   pose = {
     field(U32, "body", "the VE's number for it, as in the side of a placement"),
     numbers(F64, "X_WB", POSE, "pose of the body's frame in the world", LENGTH, UNIT_QUATERNION),
@@ -299,7 +304,7 @@ local TABLES = {
   },
   proxy_state = {
     field(U64, "acknowledged", "sequence of the update that was taken"),
-    field(U64, "step", "steps of the local model since the session began, this one included"),
+    field(U64, "step", "periods of the loop since the session began, this one and missed ones included"),
     field(F64, "age [s]", "age that the server attributed to the update's contacts, s", NOT_NEGATIVE),
     field(F64, "update_send_time", "send_time of that update, client's clock, converted to s"),
     field(F64, "hold [s]", "from the arrival of the update to sending this, server's clock, s", NOT_NEGATIVE),
@@ -402,7 +407,7 @@ local TABLES = {
     field(U64, "count", "updates refused as a whole in this session"),
   },
   impulses = {
-    field(U64, "step", "of the local model"),
+    field(U64, "step", "period of the loop as in the proxy state"),
     list("bodies", "impulse", 16),
   },
   impulse = {

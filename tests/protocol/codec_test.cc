@@ -99,6 +99,10 @@ ContactUpdate documented_update() {
   pose.X_WB = {{0.03, 0.05, 0}, {0.6, 0, 0, 0.8}};
   pose.V_W << 0.5, 0, 0, 0, 0, 0.1;
   update.poses.push_back(pose);
+  AccelerationRate rate;
+  rate.body = 5;
+  rate.A_rate_W << -25, 0, 0, 0, 0, 2;
+  update.rates.push_back(rate);
   return update;
 }
 
@@ -319,6 +323,7 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   update.contacts.resize(kMaxContacts, ReportedContact{});
   update.bodies.resize(kMaxBodies, MovableBody{});
   update.poses.resize(kMaxPoses, BodyPose{});
+  update.rates.resize(kMaxBodies, AccelerationRate{});
   SceneChunk chunk;
   chunk.data.resize(kChunkSize);
   SceneState scene = test::random_scene_state(random);
@@ -363,6 +368,7 @@ TEST_CASE("Every item has the bytes that its table says") {
   CHECK(size(LocalContactReport{}) == layout::kItemSize<LocalContactReport>);
   CHECK(size(BodyImpulse{}) == layout::kItemSize<BodyImpulse>);
   CHECK(size(BodyPose{}) == layout::kItemSize<BodyPose>);
+  CHECK(size(AccelerationRate{}) == layout::kItemSize<AccelerationRate>);
 }
 
 /// Calls `check` with one datagram of each type (of lists, one part of several).
@@ -429,17 +435,22 @@ void set_length(DatagramBytes& bytes) {
   bytes[37] = static_cast<std::byte>(bytes.size() >> 8);
 }
 
-/// Where the poses of documented_update() begin: with one item behind their list's header.
+/// Where the rates of documented_update() begin, and its poses: with one item behind their list's
+/// header.
+std::size_t end_without_rates(const DatagramBytes& update) {
+  return update.size() - layout::kItemSize<AccelerationRate> - layout::kListHeaderSize;
+}
 std::size_t end_without_poses(const DatagramBytes& update) {
-  return update.size() - layout::kItemSize<BodyPose> - layout::kListHeaderSize;
+  return end_without_rates(update) - layout::kItemSize<BodyPose> - layout::kListHeaderSize;
 }
 
-TEST_CASE("Every truncation of every message is refused, but the one that an older client sends") {
+TEST_CASE("Every truncation of every message is refused, but those that older clients send") {
   for_each_type([](DatagramBytes bytes) {
     Header header;
     REQUIRE_FALSE(decode_header(view(bytes), header));
     const bool is_update = header.type == MessageType::kContactUpdate;
-    const std::size_t older = is_update ? end_without_poses(bytes) : 0;
+    const std::size_t older = is_update ? end_without_rates(bytes) : 0;
+    const std::size_t oldest = is_update ? end_without_poses(bytes) : 0;
     while (!bytes.empty()) {
       bytes.pop_back();
       CHECK(decode_whatever(bytes) == DropReason::kTruncated);
@@ -447,7 +458,7 @@ TEST_CASE("Every truncation of every message is refused, but the one that an old
       DatagramBytes consistent = bytes;
       set_length(consistent);
       const bool is_whole = decode_whatever(consistent) != DropReason::kMalformed;
-      CHECK(is_whole == (bytes.size() == older));
+      CHECK(is_whole == (bytes.size() == older || bytes.size() == oldest));
     }
   });
 }
@@ -509,7 +520,7 @@ TEST_CASE("What an older server of this version does not send has its default") 
   CHECK(older.v == state.v);
 }
 
-TEST_CASE("An update of an older client has no scene and no poses, whatever was there before") {
+TEST_CASE("An update of an older client has no scene, poses and rates, whatever was there before") {
   const ContactUpdate update = documented_update();
   DatagramBytes bytes = encode(envelope_for<ContactUpdate>(), update);
   Header header;
@@ -524,9 +535,26 @@ TEST_CASE("An update of an older client has no scene and no poses, whatever was 
   REQUIRE_FALSE(decode_part(view(bytes), decoded));
   CHECK(decoded.scene == 0);
   CHECK(decoded.poses.empty());
+  CHECK(decoded.rates.empty());
   CHECK(decoded.contacts.size() == update.contacts.size());
   CHECK(decoded.v_VE == update.v_VE);
   CHECK(decode(view(bytes), decoded) == std::nullopt);
+}
+
+TEST_CASE(
+    "Rates of bodies come whole where there are no poses, and cost nothing where there are none") {
+  ContactUpdate update = documented_update();
+  update.poses.clear();
+  ContactUpdate decoded;
+  REQUIRE_FALSE(decode(view(encode(envelope_for<ContactUpdate>(), update)), decoded));
+  CHECK(decoded.poses.empty());
+  REQUIRE(decoded.rates.size() == 1);
+  CHECK(decoded.rates[0].body == 5);
+  CHECK(decoded.rates[0].A_rate_W == update.rates[0].A_rate_W);
+  const std::size_t with_rates = encode(envelope_for<ContactUpdate>(), update).size();
+  update.rates.clear();
+  CHECK(with_rates - encode(envelope_for<ContactUpdate>(), update).size() ==
+        layout::kItemSize<AccelerationRate> + 2 * layout::kListHeaderSize);
 }
 
 TEST_CASE("A pose that is wrong refuses its update, and the refusal says which") {

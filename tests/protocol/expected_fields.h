@@ -49,6 +49,8 @@ template <>
 inline const std::string kTable<protocol::BodyImpulse> = "impulse";
 template <>
 inline const std::string kTable<BodyPose> = "pose";
+template <>
+inline const std::string kTable<AccelerationRate> = "rate";
 
 /// All that is shown of one part of a message.
 template <class Message>

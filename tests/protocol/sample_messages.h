@@ -115,6 +115,9 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     update.poses.push_back(
         {static_cast<std::uint32_t>(i), random.pose(1), random_vector6(random, 1)});
   }
+  for (int i = 0; i < bodies; i += 2) {
+    update.rates.push_back({static_cast<std::uint32_t>(i), random_vector6(random, 10)});
+  }
   return update;
 }
 
