@@ -26,8 +26,37 @@ void BodyImpulses::add(std::size_t slot, const Vector6& P_W) noexcept {
 }
 
 void BodyImpulses::report() noexcept {
+  even_out();
   for (Total& total : totals_) total.reported_W = total.P_W;
   reported_ = step_;
+}
+
+/// Spreads what came since the report before over its steps. A body's first impulses, of which that
+/// report knows nothing, are played out at once.
+void BodyImpulses::even_out() noexcept {
+  const std::uint64_t first = std::max(reported_ + 1, oldest());
+  Step sums;
+  for (std::uint64_t step = first; step <= step_; ++step) {
+    for (const Impulse& impulse : at(step)) {
+      const auto known = std::ranges::find(sums, impulse.slot, &Impulse::slot);
+      if (known != sums.end()) {
+        known->P_W += impulse.P_W;
+      } else if (sums.size() < sums.capacity()) {
+        sums.push_back(impulse);
+      } else {
+        return;  // More bodies than a step has room for.
+      }
+    }
+  }
+  for (std::uint64_t step = first; step <= step_; ++step) {
+    at(step).clear();
+    const auto steps = static_cast<double>(step_ + 1 - first);
+    for (const auto& [slot, P_W] : sums) {
+      const bool at_once = totals_[slot].reported_W.isZero(0);
+      if (at_once && step > first) continue;
+      at(step).push_back({slot, at_once ? P_W : Vector6(P_W / steps)});
+    }
+  }
 }
 
 void BodyImpulses::begin_silence() noexcept {
@@ -37,6 +66,16 @@ void BodyImpulses::begin_silence() noexcept {
   step_ = silence_ = reported_;
   at(step_ + 1).clear();
   silent_ = true;
+}
+
+void BodyImpulses::miss(std::uint64_t steps, bool holds) noexcept {
+  const Step latest = at(step_);
+  for (; steps > 0; --steps) {
+    if (holds && !silent_) {
+      for (const auto& [slot, P_W] : latest) add(slot, P_W);
+    }
+    end_step();
+  }
 }
 
 double BodyImpulses::world_step(double step) const noexcept {

@@ -38,8 +38,11 @@ class BodyImpulses {
   /// Adds an impulse in the step that has begun, for at most kMaxMovedBodies bodies in a step.
   void add(std::size_t slot, const Vector6& P_W) noexcept;
   void end_step() noexcept;
+  /// So many steps are missed; `holds`: bodies get in each what they got in the one before.
+  void miss(std::uint64_t steps, bool holds) noexcept;
 
-  /// The totals are reported to the environment.
+  /// The totals are reported to the environment, which plays out at an even rate what came since
+  /// the report before: between() tells it so from here on.
   void report() noexcept;
   void begin_silence() noexcept;
   void end_silence() noexcept { silent_ = false; }
@@ -50,7 +53,8 @@ class BodyImpulses {
   std::uint64_t world_step() const noexcept { return step_; }
   /// A step in world steps; may lie between two.
   double world_step(double step) const noexcept;
-  /// Sum over the world steps in (from, to], as far as they are remembered.
+  /// What the environment gives the body in the world steps (from, to], as far as they are
+  /// remembered.
   Vector6 between(std::size_t slot, std::uint64_t from, std::uint64_t to) const noexcept;
   /// First world step from which between() is complete.
   std::uint64_t oldest() const noexcept { return step_ < kHistory ? 0 : step_ - kHistory + 1; }
@@ -67,6 +71,7 @@ class BodyImpulses {
     Vector6 P_W;
   };
   using Step = StaticVector<Impulse, kMaxMovedBodies>;
+  void even_out() noexcept;
   Step& at(std::uint64_t step) noexcept { return history_[step % kHistory]; }
   const Step& at(std::uint64_t step) const noexcept { return history_[step % kHistory]; }
 
