@@ -80,6 +80,7 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
   exchange_ = {};
   scene_exchange_ = {};
   had_session_ = machine_.simulates();
+  if (machine_.simulates() && step_ > 0) miss(timing.missed);
   advance_session(inbox, timing);
   if (scenes_ != nullptr) load_scene(inbox, timing);
   if (inbox.control != nullptr && machine_.simulates()) apply(*inbox.control);
@@ -106,6 +107,14 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
                     session_);
   }
   return record_;
+}
+
+/// Periods went by without a tick. The device has held its force, unless its guard has taken the
+/// motors off, and the environment's time went on.
+void Servo::miss(std::uint64_t periods) noexcept {
+  if (static_cast<double>(periods) * dt_ > options_.max_gap) return;  // A fault.
+  step_ += periods;
+  local_model_->miss(periods, !halted_);
 }
 
 void Servo::obey(Intervention intervention) noexcept {

@@ -76,6 +76,7 @@ class Servo {
   double age_of(const protocol::ContactUpdate& update) const noexcept;
   double oldest_of(const protocol::ContactUpdate& update) noexcept;
   void adopt(const protocol::ContactUpdate& update) noexcept;
+  void miss(std::uint64_t periods) noexcept;
   void simulate() noexcept;
   bool observe(const DeviceState& device) noexcept;
   ContactWrench move_proxy(const DeviceState& device) noexcept;
@@ -110,7 +111,7 @@ class Servo {
   Telemetry telemetry_;
   std::optional<double> shortest_travel_;  ///< Round trip of the session, s.
   double period_ = 0;                      ///< Period of the client's frames, as its hello says, s.
-  std::uint64_t step_ = 0;                 ///< Steps of the session so far.
+  std::uint64_t step_ = 0;                 ///< Periods of the session so far, missed ones, too.
   std::uint64_t updates_ = 0;              ///< Adopted in the session.
   Freedoms missing_freedoms_ = 0;  ///< Freedoms of the session's tool that the device lacks.
   double contained_impulses_ = 0;  ///< Step of the impulses in the state of the latest update.

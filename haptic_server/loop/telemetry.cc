@@ -42,9 +42,15 @@ void Telemetry::tick(double now, const TickRecord& record, double previous_execu
                      ForceLimit limit, protocol::ServerSession& session) noexcept {
   if (!on_) return;
   if (record.adopted > 0) age_ = record.age;
+  const std::uint64_t next = batch_.first_step + batch_.ticks.size();
+  if (!batch_.ticks.empty() && record.step != next) send(now, session);
   if (batch_.ticks.empty()) batch_.first_step = record.step;
   batch_.ticks.push_back(signals(record, previous_execution, age_, limit));
   if (batch_.ticks.size() < protocol::kTicksPerMessage) return;
+  send(now, session);
+}
+
+void Telemetry::send(double now, protocol::ServerSession& session) noexcept {
   session.inform(now, batch_);
   batch_.ticks.clear();
 }

@@ -23,7 +23,8 @@ class Telemetry {
   }
 
   /// One step with its signals. previous_execution: of the step before, s. limit: of the wrench
-  /// commanded in it. Sends when a batch is full.
+  /// commanded in it. Sends when a batch is full, or a step
+  /// was missed.
   void tick(double now, const TickRecord& record, double previous_execution, ForceLimit limit,
             protocol::ServerSession& session) noexcept;
   /// The contacts of this step.
@@ -31,6 +32,8 @@ class Telemetry {
                 protocol::ServerSession& session) noexcept;
 
  private:
+  void send(double now, protocol::ServerSession& session) noexcept;
+
   bool on_ = false;
   double age_ = 0;  ///< Age of the latest contacts, s.
   protocol::Ticks batch_;

@@ -84,6 +84,36 @@ Largest largest_steps(const std::vector<TickRecord>& ticks) {
   return largest;
 }
 
+TEST_CASE("A loop that stands still for 25 ms four times a second lets no body fall") {
+  const double delay = GENERATE(0.005, 0.02);  // s each way
+  CAPTURE(delay);
+  VirtualSessionOptions options;
+  options.world = cube_and_tray();
+  options.tool = "tray";
+  options.hand = {{move_up(0, 0.4), move_up(0.1, 1), move_up(0.1, 3)},
+                  server::AfterLastSegment::kHold};
+  options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.link = {.delay = delay};
+  options.rate_low = options.rate_high = 60;
+  constexpr std::uint64_t kMissed = 25;
+  std::uint64_t steps = 0;
+  std::vector<TickRecord> ticks;
+  VirtualSession* running = nullptr;
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    if (tick.step == 0) return;
+    // Periods that are missed count, too.
+    if (!ticks.empty()) CHECK(tick.step - ticks.back().step == 1 + steps);
+    ticks.push_back(tick);
+    steps = ticks.size() % 250 == 0 ? kMissed : 0;
+    running->server(0).stall(steps);
+  });
+  running = &session;
+  session.run(4);
+  for (const TickRecord& tick : ticks) {
+    if (tick.step > 2000) CHECK(tick.F_env[2] == Approx(-kWeight).margin(0.05));
+  }
+}
+
 TEST_CASE("A client falls silent while a body is held: without a jump the force goes, and comes") {
   const double silence = GENERATE(0.2, 1.0, 5.0);  // s
   const double delay = GENERATE(0.0, 0.02);        // s each way
