@@ -142,6 +142,48 @@ BodyTask rest_on_tower(double mass) {
   return task;
 }
 
+BodyTask carry_on_plate(double plate, double load) {
+  const Vector3 rail(0.01, 0.1, 0.02);
+  BodyTask task;
+  task.world = test::world_of(fixed("rails", collision("left", rail, {-0.02, 0, -0.01}, 0.4) +
+                                                 collision("right", rail, {0.02, 0, -0.01}, 0.4)) +
+                                  body("plate", plate, {0.08, 0.08, 0.01}, {0, 0, 0.005}, 0.4) +
+                                  body("body", load, {0.05, 0.05, 0.05}, {0, 0, 0.035}, 0.4) +
+                                  body("tool", 0.5, {0.026, 0.06, 0.01}, {0, 0, -0.01}, 0.4),
+                              kDown);
+  task.hand = script({move({0, 0, 0}, 0.4), move({0, 0, 0.1}, 1.0), move({0, 0, 0.1}, 5)});
+  task.duration = 5;
+  return task;
+}
+
+BodyTask rest_on_cubes(int count, double lowest, double highest) {
+  const Vector3 cube(0.05, 0.05, 0.05);
+  std::string models = table(0.4);
+  for (int i = 0; i < count; ++i) {
+    const double mass = lowest * std::pow(highest / lowest, i / (count - 1.0));
+    models += body(i == count - 1 ? "body" : fmt::format("cube{}", i), mass, cube,
+                   {0, 0, 0.025 + 0.05 * i}, 0.4);
+  }
+  BodyTask task;
+  task.world = test::world_of(models + finger({0.005, 0.005, 0.05 * count + 0.014}, 0.4), kDown);
+  task.hand = script({force({0, 0, 0}, 0.5), force({0, 0, -2}, 4)});
+  task.duration = 5;
+  return task;
+}
+
+BodyTask press_swinging_wall() {
+  const std::string spring =
+      "<joint name='slide' type='prismatic'><parent>world</parent><child>body</child><axis>"
+      "<xyz>1 0 0</xyz><dynamics><spring_stiffness>1500</spring_stiffness>"
+      "<spring_reference>0.04</spring_reference></dynamics></axis></joint>";
+  BodyTask task;
+  task.world = test::world_of(body("body", 60, {0.05, 0.3, 0.3}, {0, 0, 0}, 0.3, spring) +
+                              finger({-0.09, 0, 0}, 0.3));
+  task.hand = script({force({0, 0, 0}, 0.5), force({2, 0, 0}, 8)});
+  task.duration = 8;
+  return task;
+}
+
 BodyTask hit(double off_centre) {
   BodyTask task;
   task.world = test::world_of(body("body", 0.3, {0.06, 0.06, 0.06}, {0, 0, 0}, 0.3) +

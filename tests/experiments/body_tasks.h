@@ -38,6 +38,14 @@ BodyTask knock(double from_hinge);
 /// A firm hand pushes that door open at up to `speed` (m/s), and stops after kDoorStroke.
 inline constexpr double kDoorStroke = 0.08;  // m
 BodyTask open_door(double from_hinge, double speed);
+/// A plate is lifted by the tray of lift(), with a load on it. Masses in kg; the load is watched.
+BodyTask carry_on_plate(double plate, double load);
+/// The hand rests with 2 N on so many cubes on each other, the masses, kg, going evenly (as their
+/// logarithms do) from the lowest to the highest, which is watched.
+BodyTask rest_on_cubes(int count, double lowest, double highest);
+/// A wall of 60 kg swings on a spring, 0.2 m/s and 1 m/s^2 at most; the hand presses on it with 2
+/// N.
+BodyTask press_swinging_wall();
 /// Moment of inertia of that door about its hinge, kg·m².
 double door_inertia();
 

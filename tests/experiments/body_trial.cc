@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 #include <span>
 #include <stdexcept>
 
+#include "hlm/common/uniform.h"
 #include "hlm/protocol/codec.h"
 #include "tests/support/virtual_session.h"
 
@@ -67,9 +69,15 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
   std::vector<BodySample> samples;
   test::VirtualSession* running = nullptr;
   const test::VirtualSessionOptions options = session_options(task, conditions, seed);
+  std::mt19937_64 random(seed);
   test::VirtualSession session(options, [&](const server::TickRecord& record) {
     if (record.step == 0) return;
     cut(conditions.outage, record, options.link, *running);
+    const Stalls& stalls = conditions.stalls;
+    if (stalls.longest > 0 && uniform(random, 0, 1) < 1e-3 / stalls.every) {
+      const double stall = uniform(random, stalls.shortest, stalls.longest);
+      running->server(0).stall(static_cast<std::uint64_t>(std::round(1e3 * stall)));
+    }
     BodySample& sample = samples.emplace_back();
     sample.time = static_cast<double>(record.step) * 1e-3;
     sample.F_env = felt(conditions.method, record);
@@ -107,6 +115,8 @@ ForceStatistics force_along(const std::vector<BodySample>& samples, const Vector
     const Vector3 change = sample.F_env.head<3>() - samples[i - 1].F_env.head<3>();
     sum += f;
     squares += f * f;
+    result.least = count == 0 ? f : std::min(result.least, f);
+    result.most = count == 0 ? f : std::max(result.most, f);
     ++count;
     result.largest = std::max(result.largest, sample.F_env.head<3>().norm());
     result.step = std::max(result.step, change.norm());

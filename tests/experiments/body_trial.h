@@ -20,6 +20,13 @@ struct BodyTask {
   double duration = 4;  ///< s.
 };
 
+/// The server's loop stands still now and then, as on a busy machine.
+struct Stalls {
+  double shortest = 0;  ///< s.
+  double longest = 0;   ///< s; 0: none.
+  double every = 0.25;  ///< s, on average.
+};
+
 struct BodyConditions {
   double ve_rate = 60;      ///< Hz.
   double delay = 0;         ///< One way, s.
@@ -31,6 +38,7 @@ struct BodyConditions {
   bool by_following = false;
   bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
   Outage outage{};
+  Stalls stalls{};
   std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
 };
 
@@ -55,8 +63,10 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
 /// Of the samples from a time on.
 struct ForceStatistics {
   double mean = 0;
-  double deviation = 0;    ///< Standard deviation, N.
-  double largest = 0;      ///< |F|, N.
+  double deviation = 0;  ///< Standard deviation, N.
+  double largest = 0;    ///< |F|, N.
+  double least = 0;      ///< Along the axis, N.
+  double most = 0;
   double update_step = 0;  ///< Largest change in the tick of an update that is no collision, N.
   double step = 0;         ///< Largest change from any tick to the next, N.
   int collisions = 0;

@@ -25,6 +25,7 @@ void linkages(Bench& bench);               ///< Tools of several links.
 void collisions(Bench& bench);             ///< Collisions and friction.
 void bodies(Bench& bench);                 ///< Bodies that move when pushed.
 void body_limits(Bench& bench);            ///< Where their forces are right.
+void holding(Bench& bench);                ///< Bodies that hold each other.
 void two_tools(Bench& bench);              ///< Bodies that two tools hold.
 void scenes(Bench& bench);                 ///< The scenes of scripts/run.
 

@@ -38,6 +38,7 @@ constexpr Experiment kExperiments[] = {
     {"posts", posts, true},
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
+    {"holding", holding, true},
     {"twotools", two_tools, true},
     {"scenes", scenes, true},
     {"approach", approach_map, true},
