@@ -1,20 +1,17 @@
 // The bodies of a Bullet world that a tool can push.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <vector>
 
 #include <btBulletDynamicsCommon.h>
 
+#include "hlm/client/bullet/joints.h"
 #include "hlm/client/bullet/world_shapes.h"
 #include "hlm/common/contact.h"
 
 namespace hlm::bullet {
-
-inline Matrix3 matrix_of(const btMatrix3x3& m) {
-  Matrix3 result;
-  for (int i = 0; i < 3; ++i) result.row(i) = vector_of(m[i]);
-  return result;
-}
 
 /// What turning leaves the body's one shape as it is.
 inline void set_roundness(const btRigidBody& body, MovableBody& to) {
@@ -37,21 +34,36 @@ inline void set_roundness(const btRigidBody& body, MovableBody& to) {
   to.axis_W = matrix_of(body.getWorldTransform().getBasis()).col(axis).normalized();
 }
 
-/// The body in its present state, as if no joint held it.
-inline MovableBody describe(const btRigidBody& body) {
+/// The body in its present state, with what its joints leave of its mobility.
+inline MovableBody describe(btDynamicsWorld& world, btRigidBody& body) {
   MovableBody found;
   found.id = number_of(body);
   found.p_WCom = vector_of(body.getCenterOfMassPosition());
   found.V_W << vector_of(body.getLinearVelocity()), vector_of(body.getAngularVelocity());
-  const Vector3 moves = vector_of(body.getLinearFactor());
-  const Vector3 turns = vector_of(body.getAngularFactor());
-  const Matrix3 inverse_inertia = matrix_of(body.getInvInertiaTensorWorld());
-  found.W.topLeftCorner<3, 3>() = (double{body.getInvMass()} * moves.cwiseAbs2()).asDiagonal();
-  found.W.bottomRightCorner<3, 3>() = turns.asDiagonal() * inverse_inertia * turns.asDiagonal();
-  found.W = 0.5 * (found.W + found.W.transpose().eval());  // Single precision leaves it askew.
-  found.A_W.head<3>() = vector_of(body.getGravity()).cwiseProduct(moves);
-  if (body.getNumConstraintRefs() == 0) set_roundness(body, found);
+  const JointedBodies jointed(world, body);
+  found.W = jointed.inverse_inertia();
+  found.A_W = jointed.acceleration();
+  if (!jointed.has_joints()) set_roundness(body, found);
   return found;
+}
+
+/// Adds what touches one of the bodies, and what touches that, and so on, but for the tool: what
+/// lies on a body moves with it.
+inline void add_touching(btDynamicsWorld& world, const btRigidBody& tool,
+                         std::vector<btRigidBody*>& bodies) {
+  btDispatcher& pairs = *world.getDispatcher();
+  for (std::size_t known = 0; known < bodies.size(); ++known) {
+    for (int i = 0; i < pairs.getNumManifolds(); ++i) {
+      const btPersistentManifold& pair = *pairs.getManifoldByIndexInternal(i);
+      const bool first = pair.getBody0() == bodies[known];
+      if (pair.getNumContacts() == 0 || (!first && pair.getBody1() != bodies[known])) continue;
+      btCollisionObject* other = const_cast<btCollisionObject*>(first ? pair.getBody1()  // NOLINT
+                                                                      : pair.getBody0());
+      btRigidBody* body = movable(*other);
+      if (body == nullptr || body == &tool) continue;
+      if (std::ranges::find(bodies, body) == bodies.end()) bodies.push_back(body);
+    }
+  }
 }
 
 /// The object of that number; null if it is not in the world.

@@ -116,12 +116,16 @@ class Session {
     update.q_VE = q_;
     update.v_VE = v_;
     update.poses = WorldShapes::poses_of(moving);
+    std::vector<btRigidBody*> near;
     for (const auto& [object, gap] : moving) {
-      const btRigidBody* body = movable(*object);
-      if (body == nullptr || gap > reach()) continue;
+      btRigidBody* body = movable(*object);
+      if (body != nullptr && gap <= reach()) near.push_back(body);
+    }
+    add_touching(world_, tool_, near);
+    for (btRigidBody* body : near) {
       body->activate();
       if (update.bodies.size() == kMaxBodies) continue;
-      update.bodies.push_back(describe(*body));
+      update.bodies.push_back(describe(world_, *body));
       reported_.insert(number_of(*body));
     }
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);

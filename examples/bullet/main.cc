@@ -32,6 +32,7 @@ class World {
   }
   World(const World&) = delete;
   ~World() {
+    for (const auto& joint : joints_) world_.removeConstraint(joint.get());
     for (const auto& body : bodies_) world_.removeRigidBody(body.get());
   }
 
@@ -53,6 +54,11 @@ class World {
     return add(std::make_unique<btBoxShape>(size / 2), centre, mass, friction);
   }
 
+  void join(std::unique_ptr<btTypedConstraint> joint) {
+    joints_.push_back(std::move(joint));
+    world_.addConstraint(joints_.back().get(), true);
+  }
+
   btDiscreteDynamicsWorld& bullet() { return world_; }
 
  private:
@@ -62,6 +68,7 @@ class World {
   btSequentialImpulseConstraintSolver solver_;
   std::vector<std::unique_ptr<btCollisionShape>> shapes_;
   std::vector<std::unique_ptr<btRigidBody>> bodies_;
+  std::vector<std::unique_ptr<btTypedConstraint>> joints_;
   btDiscreteDynamicsWorld world_;
 };
 
@@ -92,14 +99,31 @@ Scene make(std::string_view name, World& world) {
     btRigidBody* tool = make_tool({10 * cm, 10 * cm, cm}, btScalar(4.5) * cm, btScalar(0.7));
     return {tool, &world.add_box({4 * cm, 14 * cm, 4 * cm}, {0, 0, 8 * cm}, btScalar(0.3))};
   }
+  if (name == "seesaw") {  // A plank on a hinge; a cube on its right end, which lies on a post.
+    btRigidBody& plank = world.add_box({40 * cm, 6 * cm, cm}, {0, 0, 10 * cm}, btScalar(0.4));
+    const btVector3 middle(0, 0, 0);
+    world.join(std::make_unique<btHingeConstraint>(plank, middle, btVector3(0, 1, 0)));
+    world.add_box({2 * cm, 6 * cm, 9 * cm}, {19 * cm, 0, 5 * cm});
+    btRigidBody* tool = make_tool({cm, 4 * cm, 3 * cm}, 13 * cm, btScalar(0.5));
+    tool->translate({-15 * cm, 0, 0});
+    const btScalar height = btScalar(12.5) * cm;
+    return {tool, &world.add_box({4 * cm, 4 * cm, 4 * cm}, {15 * cm, 0, height}, btScalar(0.3))};
+  }
+  if (name == "drawer") {  // It slides along x.
+    btRigidBody* tool = make_tool({4 * cm, 4 * cm, 3 * cm}, 3 * cm, 0);
+    const btVector3 at(8 * cm, 0, 4 * cm);
+    btRigidBody& drawer = world.add_box({4 * cm, 8 * cm, 4 * cm}, at, btScalar(0.3), 0);
+    world.join(std::make_unique<btSliderConstraint>(drawer, btTransform::getIdentity(), true));
+    return {tool, &drawer};
+  }
   if (name == "hole") {
     for (const btScalar x : {btScalar(-3.01), btScalar(3.01)}) {
       world.add_box({4 * cm, 8 * cm, 6 * cm}, {x * cm, 0, 3 * cm});
     }
     return {make_tool({2 * cm, 2 * cm, 6 * cm}, 10 * cm, 0), nullptr};
   }
-  throw std::invalid_argument("scene must be table, brick, puck, tray or hole, not " +
-                              std::string(name));
+  throw std::invalid_argument(
+      "scene must be table, brick, puck, tray, seesaw, drawer or hole, not " + std::string(name));
 }
 
 void simulate(std::string_view name, const char* server, double seconds, double rate) {

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The Bullet example: a box presses, slides, pushes, lifts and enters a hole.
+"""The Bullet example: a box presses, slides, pushes, lifts, enters a hole, and pushes what joints hold.
 
 Usage: bullet_test.py HAPTIC_SERVER EXAMPLE
 """
@@ -12,7 +12,13 @@ SERVER, EXAMPLE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
 
 import hand_session  # noqa: E402
-from touch_tasks import TouchTasks  # noqa: E402
+from hand_session import mean, on_time, reach  # noqa: E402
+from touch_tasks import PRINTED, SERVO_RATE, TouchTasks  # noqa: E402
+
+
+def down(duration, z):
+    """A segment of a hand over the left end of the seesaw."""
+    return reach(duration, -0.15, z)
 
 
 class Touch(TouchTasks, unittest.TestCase):
@@ -20,6 +26,22 @@ class Touch(TouchTasks, unittest.TestCase):
     def play(scene, seconds, hand, *options, rate=60, stall=0):
         return hand_session.play(SERVER, hand, options, lambda address: hand_session.run(
             [EXAMPLE, scene, address, str(seconds), str(rate)], stall))
+
+    def test_one_end_of_a_seesaw_bears_what_lies_on_the_other(self):
+        # The tool's inner edge is 145 mm from the hinge, the cube's centre 150.
+        due = 0.3 * 9.81 * 150 / 145  # N
+        ticks, track = on_time(self.play, "seesaw", 4, down(0.5, 0.121) + down(2, 0.11))
+        force, deviation = mean(ticks, "env_force_z_N", 2.7, 3.3)
+        self.assertAlmostEqual(force, due, delta=0.05 * due)
+        self.assertLess(deviation, 0.01)
+        self.assertGreater(track[-1][2], 0.126)  # m: the cube has been lifted
+
+    def test_a_drawer_on_a_slider_gains_the_momentum_that_the_hand_felt(self):
+        ticks, track = on_time(self.play, "drawer", 3, reach(0.5, 0, 0.03) + reach(0.8, 0.08, 0.03))
+        gained = 0.3 * (track[-1][0] - track[-2][0]) / PRINTED  # N·s
+        felt = -sum(float(row["env_force_x_N"]) for row in ticks) / SERVO_RATE
+        self.assertGreater(felt, 0.02)
+        self.assertAlmostEqual(gained, felt, delta=0.05 * felt)
 
 
 if __name__ == "__main__":
