@@ -144,9 +144,13 @@ class Session {
     virtual_tool_.set_configuration(update.q_VE);
     const std::vector<WorldShapes::Moving> moving = shapes_.moving(data_);
     update.poses = shapes_.poses_of(data_, moving, frame_);
+    std::vector<int> near;
     for (const auto& [body, gap] : moving) {
-      if (update.bodies.size() == kMaxBodies || gap > reach()) break;
-      if (shapes_.is_mocap(body)) continue;
+      if (gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
+    }
+    shapes_.add_touching(data_, near);
+    for (const int body : near) {
+      if (update.bodies.size() == kMaxBodies) break;
       update.bodies.push_back(describe(model_, data_, body, push_on(body)));
       reported_.insert(static_cast<std::uint32_t>(body));
     }

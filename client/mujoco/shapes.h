@@ -128,6 +128,24 @@ class WorldShapes {
     return found;
   }
 
+  /// Adds what touches one of the bodies, and what touches that, and so on, but for the tool: what
+  /// lies on a body moves with it.
+  void add_touching(const mjData& data, std::vector<int>& bodies) const {
+    for (std::size_t known = 0; known < bodies.size(); ++known) {
+      for (int i = 0; i < data.ncon; ++i) {
+        const int geom1 = data.contact[i].geom1;
+        const int geom2 = data.contact[i].geom2;
+        if (geom1 < 0 || geom2 < 0) continue;  // A flex.
+        const int first = body_of(model_, geom1);
+        const int second = body_of(model_, geom2);
+        if (first != bodies[known] && second != bodies[known]) continue;
+        const int other = first == bodies[known] ? second : first;
+        if (other == 0 || other == tool_) continue;
+        if (std::ranges::find(bodies, other) == bodies.end()) bodies.push_back(other);
+      }
+    }
+  }
+
   bool is_mocap(int body) const { return model_.body_mocapid[body] >= 0; }
 
   /// Where they are, and how they move. period: since the frame before, s.

@@ -66,6 +66,18 @@ class Touch(unittest.TestCase):
                 self.assertAlmostEqual(-force, due, delta=0.25 * due)  # N; MuJoCo's friction creeps below its limit
                 self.assertGreater(moved[-1][0], 0.15)  # m
 
+    def test_one_end_of_a_seesaw_bears_what_lies_on_the_other(self):
+        plank = ('<body pos="0.15 0 0.1"><joint axis="0 1 0"/><geom type="box" size="0.2 0.03 0.005" mass="0.4"/></body>'
+                 '<geom type="box" size="0.01 0.03 0.0475" pos="0.34 0 0.0475"/>'
+                 '<body pos="0.3 0 0.125"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>')
+        scene = session.SCENE.format(step=1 / 960, height=0.13, tool='type="sphere" size="0.01"', bodies=plank)
+        due = 0.3 * session.GRAVITY  # N, beside the tool's own weight
+        ticks, moved = session.play(4, scene, reach(0.5, 0, 0.116) + reach(1.5, 0, 0.1),
+                                    lambda data: np.array(data.xipos[3]), contacts="shapes")
+        force, deviation = mean(ticks, "env_force_z_N", 2.7, 3.5)
+        self.assertAlmostEqual(force + 0.1 * session.GRAVITY, due, delta=0.05 * due)
+        self.assertLess(deviation, 0.05)
+        self.assertGreater(moved[-1][2], 0.126)  # m: the cube was lifted
 
     def test_a_cube_on_a_tray_weighs_what_it_weighs_while_the_loop_stalls(self):
         mass = 0.3  # kg

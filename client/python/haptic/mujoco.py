@@ -191,7 +191,8 @@ class Session:
         speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
         reach = min(_NEAR_BODIES + 3 * 1.5 * max(speed, _USUAL_SPEED) * self._delay(), _FARTHEST_BODIES)
         gaps = self._shapes.gaps(data)
-        near = [body for body, gap in gaps.items() if gap < reach and self._model.body_mocapid[body] < 0]
+        pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
+        near = self._with_touching(data, [body for body, gap in pushable.items() if gap < reach], pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         self._take_back_pushes(data)
         self.touch.send(None, bodies, self._shapes.poses(data, gaps, self._frame, self._binding))
@@ -220,6 +221,18 @@ class Session:
             self._warned = True
             warnings.warn(f"drive() returned {due} steps, and {taken} were taken: bodies move as if time went at "
                           "another rate. Take as many as it returns", stacklevel=3)
+
+    def _with_touching(self, data: Any, bodies: list, pushable: Any) -> list:
+        """Those bodies, what touches one of them, what touches that, and so on: what lies on a body moves with it."""
+        found = list(bodies)
+        listed, n = data.contact, data.ncon
+        geoms = np.column_stack([listed.geom1, listed.geom2])[:n]
+        pairs = self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
+        for body in found:
+            for other in pairs[(pairs == body).any(axis=1)].ravel().tolist():
+                if other in pushable and other not in found:
+                    found.append(other)
+        return found
 
     def _reach(self, v: np.ndarray) -> float:
         """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
