@@ -68,10 +68,10 @@ void BodyImpulses::begin_silence() noexcept {
   silent_ = true;
 }
 
-void BodyImpulses::miss(std::uint64_t steps, bool holds) noexcept {
+void BodyImpulses::repeat(std::uint64_t steps) noexcept {
   const Step latest = at(step_);
   for (; steps > 0; --steps) {
-    if (holds && !silent_) {
+    if (!silent_) {
       for (const auto& [slot, P_W] : latest) add(slot, P_W);
     }
     end_step();

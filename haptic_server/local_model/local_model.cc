@@ -157,6 +157,15 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   return tau.head(d);
 }
 
+void LocalModel::miss(std::uint64_t steps, bool holds) noexcept {
+  if (steps == 0) return;
+  for (const LocalContact& contact : contacts()) {
+    if (holds && contact.latest.loaded) add_impulse(contact, dt_ * contact.latest.f_W);
+  }
+  impulses_.end_step();
+  impulses_.repeat(steps - 1);
+}
+
 /// Impulses are kept, bodies and constraints go on.
 void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcept {
   double taken = 0;

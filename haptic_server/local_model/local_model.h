@@ -77,9 +77,9 @@ class LocalModel {
 
   void adopt(const ModelUpdate& update) noexcept;
 
-  /// So many steps of the loop were missed. While the device `holds` its force, bodies go on
-  /// getting what they got in the step before; the proxy waits with them.
-  void miss(std::uint64_t steps, bool holds) noexcept { impulses_.miss(steps, holds); }
+  /// So many steps of the loop were missed. While the device `holds` its force, contacts go on with
+  /// what they had in the step before, less its impulses, and bodies get that; the proxy waits.
+  void miss(std::uint64_t steps, bool holds) noexcept;
   /// What bodies have received so far is reported to the environment.
   void report_impulses() noexcept { impulses_.report(); }
   /// The environment is silent: the tool lets go of the bodies. The next update brings them back as

@@ -14,7 +14,7 @@ MovableBodies accelerating(double a) {
   return bodies;
 }
 
-TEST_CASE("The rate of a body that swings is told within a tenth of its largest") {
+TEST_CASE("The rate of a body that swings is told within a fifth of its largest") {
   constexpr double kOmega = 5;         // rad/s
   constexpr double kFrame = 1 / 60.0;  // s
   AccelerationTrend trend;
@@ -22,7 +22,7 @@ TEST_CASE("The rate of a body that swings is told within a tenth of its largest"
     const double time = i * kFrame;
     const AccelerationRates rates = trend.rates(accelerating(std::sin(kOmega * time)), time);
     const double told = rates.empty() ? 0 : rates[0].A_rate_W[0];
-    if (i > 1) CHECK(told == Approx(kOmega * std::cos(kOmega * time)).margin(0.1 * kOmega));
+    if (i > 1) CHECK(told == Approx(kOmega * std::cos(kOmega * time)).margin(0.2 * kOmega));
   }
 }
 
@@ -34,7 +34,7 @@ TEST_CASE(
   CHECK(trend.rates(accelerating(10), 2).empty());  // A motor is switched on.
   CHECK(trend.rates(accelerating(10), 3).empty());
   for (int i = 4; i < 20; ++i) {
-    CHECK(trend.rates(accelerating(i % 2 == 0 ? 1 : -1), i).empty());
+    CHECK(trend.rates(accelerating(i % 2 == 0 ? 10 : 11), i).empty());
   }
   CHECK(trend.rates({}, 20).empty());
   CHECK(trend.rates(accelerating(5), 21).empty());

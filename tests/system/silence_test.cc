@@ -114,6 +114,37 @@ TEST_CASE("A loop that stands still for 25 ms four times a second lets no body f
   }
 }
 
+TEST_CASE("A loop that stands still as a body is hit multiplies no impulse") {
+  VirtualSessionOptions options;
+  options.world = world_of(model("body", "0 0 0 0 0 0", test::box("0.06 0.06 0.06")) +
+                           model("tool", "-0.08 0 0 0 0 0", test::box("0.03 0.03 0.03")));
+  options.tool = "tool";
+  server::Push push;
+  push.constant = force(5, 0);
+  options.hand = {{{0.5, server::Push{}}, {0.08, push}}, server::AfterLastSegment::kRelease};
+  options.device.freedom = server::DeviceFreedom::kSpatial;
+  options.device.max_force = options.servo.limits.max_force = 100;
+  options.link = {.delay = 0.005};
+  options.rate_low = options.rate_high = 60;
+  const bool stalls = GENERATE(false, true);
+  CAPTURE(stalls);
+  bool hit = false;
+  double felt = 0;  // N·s
+  VirtualSession* running = nullptr;
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    felt -= 1e-3 * tick.F_env[0];
+    if (hit || tick.contact_state != ProxyContactState::kColliding) return;
+    hit = true;
+    if (stalls) running->server(0).stall(25);
+  });
+  running = &session;
+  session.run(1.5);
+  REQUIRE(hit);
+  REQUIRE(felt > 0.1);
+  const double gained = session.environment().world.V_WB(0)[0];  // N·s, of 1 kg
+  CHECK(gained == Approx(felt).epsilon(0.3));
+}
+
 TEST_CASE("A client falls silent while a body is held: without a jump the force goes, and comes") {
   const double silence = GENERATE(0.2, 1.0, 5.0);  // s
   const double delay = GENERATE(0.0, 0.02);        // s each way

@@ -45,18 +45,18 @@ TEST_CASE("A body's first impulses are played out at once") {
   CHECK(total_z(*impulses, slot, 1, 4) == Approx(0).margin(1e-12));
 }
 
-TEST_CASE(
-    "In steps that are missed bodies get what they got before, as the device holds its force") {
+TEST_CASE("Steps like the latest give bodies as much, to the totals and to what is repeated") {
   const auto impulses = std::make_unique<BodyImpulses>();
   const std::size_t slot = *impulses->enrol(7);
   impulses->add(slot, along_z(2));
   impulses->end_step();
-  impulses->miss(12, true);
+  impulses->repeat(12);
   CHECK(impulses->step() == 13);
   CHECK(impulses->total(slot)[2] == Approx(26));
   CHECK(total_z(*impulses, slot, 1, 13) == Approx(24));
-  impulses->miss(10, false);  // Its motors were off.
-  CHECK(impulses->step() == 23);
+  impulses->end_step();
+  impulses->repeat(10);
+  CHECK(impulses->step() == 24);
   CHECK(impulses->total(slot)[2] == Approx(26));
 }
 
