@@ -50,7 +50,7 @@ LocalBody::LocalBody(const MovableBody& reported) noexcept
 }
 
 Twist LocalBody::free_twist(double dt) const noexcept {
-  Twist V = V_W + dt * (A_W + dt / 2 * A_rate_W);
+  Twist V = V_W + dt * (A_W + std::min(dt, A_changes_for) / 2 * A_rate_W);
   if (correction_steps > 0) V += correction / correction_steps;
   return V;
 }
@@ -84,7 +84,9 @@ void LocalBody::advance(const Twist& V, double dt) noexcept {
   }
   const Pose X_WBefore = X_WB;
   V_W = V;
-  A_W += dt * A_rate_W;
+  const double changes = std::min(dt, A_changes_for);
+  A_W += changes * A_rate_W;
+  A_changes_for -= changes;
   X_WB.p += dt * V_W.head<3>();
   X_WB.R = (rotation_from_vector(dt * turning_W()) * X_WB.R).normalized();
   if (!is_plausible()) hold(X_WBefore);

@@ -15,6 +15,10 @@ inline Twist shifted(const Twist& V, const Vector3& arm) noexcept {
   return moved;
 }
 
+/// How long after its report the acceleration of a body is taken to change as it did, s. Longer,
+/// what turns comes back, and is farther off than with the acceleration as it was.
+inline constexpr double kLongestTrend = 0.2;
+
 /// Twists and wrenches about the centre of mass, world axes.
 struct LocalBody {
   LocalBody() = default;
@@ -33,7 +37,8 @@ struct LocalBody {
   /// body has unit mass, and moves only as its joints allow.
   Jacobian B;
   Vector6 A_W = Vector6::Zero();  ///< Acceleration by all forces except contacts, m/s², rad/s²,
-  Vector6 A_rate_W = Vector6::Zero();  ///< and how fast it changes, 1/s.
+  Vector6 A_rate_W = Vector6::Zero();    ///< and how fast it changes, 1/s,
+  double A_changes_for = kLongestTrend;  ///< still so long, s.
   /// Impulse of the tool that the environment had yet to apply in the step that the update is
   /// about.
   Vector6 pending_W = Vector6::Zero();
