@@ -34,7 +34,7 @@ void BodyImpulses::report() noexcept {
 /// Spreads what came since the report before over its steps. A body's first impulses, of which that
 /// report knows nothing, are played out at once.
 void BodyImpulses::even_out() noexcept {
-  const std::uint64_t first = std::max(reported_ + 1, oldest());
+  const std::uint64_t first = std::max(reported_, oldest()) + 1;
   Step sums;
   for (std::uint64_t step = first; step <= step_; ++step) {
     for (const Impulse& impulse : at(step)) {
