@@ -6,6 +6,9 @@
 namespace hlm {
 namespace {
 
+/// Of what the protocol takes, 1/s of m/s² and rad/s².
+constexpr double kLargestRate = 1e8;
+
 /// Of each component the smaller one; none where they differ in sign.
 Vector6 common_part(const Vector6& a, const Vector6& b) {
   Vector6 common = Vector6::Zero();
@@ -26,7 +29,8 @@ AccelerationRates AccelerationTrend::rates(const MovableBodies& bodies, double t
     if (past != past_.end() && time > past->second.time) {
       const Past& before = past->second;
       now.rate_W = (now.A_W - before.A_W) / (time - before.time);
-      const Vector6 rate_W = common_part(now.rate_W, before.rate_W);
+      const Vector6 rate_W =
+          common_part(now.rate_W, before.rate_W).cwiseMax(-kLargestRate).cwiseMin(kLargestRate);
       if (!rate_W.isZero(0)) rates.push_back({body.id, rate_W});
     }
     present[body.id] = now;

@@ -25,36 +25,31 @@ void BodyImpulses::add(std::size_t slot, const Vector6& P_W) noexcept {
   present.push_back({slot, P_W});
 }
 
-void BodyImpulses::report() noexcept {
-  even_out();
+void BodyImpulses::report(const Slots& evenly) noexcept {
+  if (!evenly.empty()) even_out(evenly);
   for (Total& total : totals_) total.reported_W = total.P_W;
   reported_ = step_;
 }
 
-/// Spreads what came since the report before over its steps. A body's first impulses, of which that
-/// report knows nothing, are played out at once.
-void BodyImpulses::even_out() noexcept {
+/// Spreads what these bodies got since the report before over its steps. A body's first impulses,
+/// of which that report knows nothing, are played out at once.
+void BodyImpulses::even_out(const Slots& slots) noexcept {
   const std::uint64_t first = std::max(reported_, oldest()) + 1;
-  Step sums;
-  for (std::uint64_t step = first; step <= step_; ++step) {
-    for (const Impulse& impulse : at(step)) {
-      const auto known = std::ranges::find(sums, impulse.slot, &Impulse::slot);
-      if (known != sums.end()) {
-        known->P_W += impulse.P_W;
-      } else if (sums.size() < sums.capacity()) {
-        sums.push_back(impulse);
-      } else {
-        return;  // More bodies than a step has room for.
-      }
-    }
-  }
-  for (std::uint64_t step = first; step <= step_; ++step) {
-    at(step).clear();
-    const auto steps = static_cast<double>(step_ + 1 - first);
-    for (const auto& [slot, P_W] : sums) {
-      const bool at_once = totals_[slot].reported_W.isZero(0);
+  const auto steps = static_cast<double>(step_ + 1 - first);
+  for (const std::size_t slot : slots) {
+    const auto is_of_slot = [slot](const Impulse& impulse) { return impulse.slot == slot; };
+    const auto has_room = [&](std::uint64_t step) {
+      return at(step).size() < at(step).capacity() || std::ranges::any_of(at(step), is_of_slot);
+    };
+    bool fits = true;
+    for (std::uint64_t step = first; step <= step_; ++step) fits = fits && has_room(step);
+    if (!fits) continue;  // Other bodies have all places of a step.
+    const Vector6 sum = between(slot, first - 1, step_);
+    const bool at_once = totals_[slot].reported_W.isZero(0);
+    for (std::uint64_t step = first; step <= step_; ++step) {
+      erase_if(at(step), is_of_slot);
       if (at_once && step > first) continue;
-      at(step).push_back({slot, at_once ? P_W : Vector6(P_W / steps)});
+      at(step).push_back({slot, at_once ? sum : Vector6(sum / steps)});
     }
   }
 }
@@ -69,13 +64,19 @@ void BodyImpulses::begin_silence() noexcept {
 }
 
 void BodyImpulses::repeat(std::uint64_t steps) noexcept {
-  const Step latest = at(step_);
-  for (; steps > 0; --steps) {
-    if (!silent_) {
-      for (const auto& [slot, P_W] : latest) add(slot, P_W);
-    }
-    end_step();
+  if (silent_) {
+    left_out_ += steps;
+    return;
   }
+  const Step latest = at(step_);
+  step_ += steps;
+  for (const auto& [slot, P_W] : latest) {
+    totals_[slot].P_W += static_cast<double>(steps) * P_W;
+    totals_[slot].last_step = step();
+  }
+  const std::uint64_t remembered = std::min(steps, kHistory - 1);
+  for (std::uint64_t i = 0; i < remembered; ++i) at(step_ - i) = latest;
+  at(step_ + 1).clear();
 }
 
 double BodyImpulses::world_step(double step) const noexcept {

@@ -33,6 +33,8 @@ class BodyImpulses {
     Vector6 reported_W = Vector6::Zero();
   };
 
+  using Slots = StaticVector<std::size_t, kMaxMovedBodies>;
+
   /// The slot of a body, the same for the whole session. Empty if there is no room for another.
   std::optional<std::size_t> enrol(std::uint32_t body) noexcept;
   /// Adds an impulse in the step that has begun, for at most kMaxMovedBodies bodies in a step.
@@ -42,8 +44,8 @@ class BodyImpulses {
   void repeat(std::uint64_t steps) noexcept;
 
   /// The totals are reported to the environment, which plays out at an even rate what came since
-  /// the report before: between() tells it so from here on.
-  void report() noexcept;
+  /// the report before: between() tells it so of these bodies from here on.
+  void report(const Slots& evenly = {}) noexcept;
   void begin_silence() noexcept;
   void end_silence() noexcept { silent_ = false; }
 
@@ -71,7 +73,7 @@ class BodyImpulses {
     Vector6 P_W;
   };
   using Step = StaticVector<Impulse, kMaxMovedBodies>;
-  void even_out() noexcept;
+  void even_out(const Slots& slots) noexcept;
   Step& at(std::uint64_t step) noexcept { return history_[step % kHistory]; }
   const Step& at(std::uint64_t step) const noexcept { return history_[step % kHistory]; }
 

@@ -157,6 +157,22 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   return tau.head(d);
 }
 
+/// Where a body leans on another, when it is pushed counts; of others it moves positions alone,
+/// away from where they are here.
+void LocalModel::report_impulses() noexcept {
+  BodyImpulses::Slots evenly;
+  const FrameIndex first = frame_of_body(proxy_, 0);
+  for (const LocalBody& body : bodies_) {
+    const ContactSide side{SideKind::kMovableBody, body.id};
+    const auto leans = [&](const LocalContact& contact) {
+      return contact.latest.loaded && contact.frame_a >= first && contact.frame_b >= first &&
+             (contact.a == side || contact.b == side);
+    };
+    if (std::ranges::any_of(supports(), leans)) evenly.push_back(body.slot);
+  }
+  impulses_.report(evenly);
+}
+
 void LocalModel::miss(std::uint64_t steps, bool holds) noexcept {
   if (steps == 0) return;
   for (const LocalContact& contact : contacts()) {

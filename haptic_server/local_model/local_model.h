@@ -81,7 +81,7 @@ class LocalModel {
   /// what they had in the step before, less its impulses, and bodies get that; the proxy waits.
   void miss(std::uint64_t steps, bool holds) noexcept;
   /// What bodies have received so far is reported to the environment.
-  void report_impulses() noexcept { impulses_.report(); }
+  void report_impulses() noexcept;
   /// The environment is silent: the tool lets go of the bodies. The next update brings them back as
   /// they are then.
   void release_bodies() noexcept;

@@ -5,6 +5,9 @@
 namespace hlm::server {
 namespace {
 
+/// Most missed periods that are filled, as many as in 32 ms at 1 kHz: longer, the motors are off.
+constexpr std::uint64_t kMostHeld = 32;
+
 protocol::TickSignals signals(const TickRecord& record, double previous_execution, double age,
                               ForceLimit limit) noexcept {
   return {.F_env = record.F_env.head<3>(),
@@ -42,12 +45,23 @@ void Telemetry::tick(double now, const TickRecord& record, double previous_execu
                      ForceLimit limit, protocol::ServerSession& session) noexcept {
   if (!on_) return;
   if (record.adopted > 0) age_ = record.age;
-  const std::uint64_t next = batch_.first_step + batch_.ticks.size();
-  if (!batch_.ticks.empty() && record.step != next) send(now, session);
-  if (batch_.ticks.empty()) batch_.first_step = record.step;
-  batch_.ticks.push_back(signals(record, previous_execution, age_, limit));
-  if (batch_.ticks.size() < protocol::kTicksPerMessage) return;
-  send(now, session);
+  // A period that was missed shows what the device held in it.
+  const std::uint64_t missed = next_step_ > 0 ? record.step - next_step_ : kMostHeld + 1;
+  if (missed <= kMostHeld) {
+    for (std::uint64_t i = 0; i < missed; ++i) add(now, next_step_, latest_, session);
+  } else if (!batch_.ticks.empty()) {
+    send(now, session);
+  }
+  latest_ = signals(record, previous_execution, age_, limit);
+  add(now, record.step, latest_, session);
+}
+
+void Telemetry::add(double now, std::uint64_t step, const protocol::TickSignals& signals,
+                    protocol::ServerSession& session) noexcept {
+  if (batch_.ticks.empty()) batch_.first_step = step;
+  batch_.ticks.push_back(signals);
+  next_step_ = step + 1;
+  if (batch_.ticks.size() == protocol::kTicksPerMessage) send(now, session);
 }
 
 void Telemetry::send(double now, protocol::ServerSession& session) noexcept {

@@ -218,9 +218,9 @@ void two_tools(Bench& bench) {
   count_held("for 5 s");
   bench.claim({.what = "Two tools, squeeze aside",
                .criterion = "hands that press the cube 4 mm off each other's line hold it for 5 s, "
-                            "sd < 1 N, in all of these conditions but 30 Hz with 20 ms",
+                            "sd < 1 N, in all of these conditions but 30 Hz, 20 ms, 16 kN/m",
                .measured = fmt::format("{} of {}", held, conditions.size()),
-               .holds = held + 2 >= static_cast<int>(conditions.size())});
+               .holds = held + 1 >= static_cast<int>(conditions.size())});
   aside.name = "squeeze aside 20 s";
   aside.begin = 15;
   aside.end = 20;

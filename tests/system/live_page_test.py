@@ -283,7 +283,7 @@ class LivePage(PageTest):
 
     def test_every_tick_arrives(self):
         wait_for(lambda: self.ask("haptic.ticks.received") > 3000, "three seconds of ticks")
-        self.assertLess(self.ask("haptic.ticks.lost"), 0.05 * self.ask("haptic.ticks.received"))
+        self.assertEqual(self.ask("haptic.ticks.lost"), 0)
 
     def test_a_method_acts_and_a_value_out_of_range_is_refused_with_the_range(self):
         self.send({"type": "method", "name": "ir"})
@@ -329,7 +329,7 @@ class LivePage(PageTest):
             time.sleep(1)
             self.assertLess(time.monotonic() - began, 6)
             self.assertGreater(self.ask("haptic.ticks.received"), ticks + 1000)
-            self.assertLess(self.ask("haptic.ticks.lost"), 0.05 * self.ask("haptic.ticks.received"))
+            self.assertEqual(self.ask("haptic.ticks.lost"), 0)
         finally:
             hanging.quit()
 
@@ -342,7 +342,7 @@ class LivePage(PageTest):
         wait_for(lambda: self.frame()["settings"]["stiffness"] == 4000, "the first stiffness")
         wait_for(lambda: abs(self.frame().get("device", [1])[0]) < 1e-3, "the start")
         wait_for(lambda: self.ask("haptic.ticks.received") > 1000, "a second of ticks")
-        self.assertLess(self.ask("haptic.ticks.lost"), 0.05 * self.ask("haptic.ticks.received"))
+        self.assertEqual(self.ask("haptic.ticks.lost"), 0)
 
     def test_the_peg_starts_in_the_hole_when_asked(self):
         begin(self.driver, "hole")
@@ -594,7 +594,7 @@ class Scenes(PageTest):
         self.driver.execute_script("haptic.hand.release()")
         marks = wait_for(lambda: self.ask("haptic.charts().marks")[before:], "the mark")
         self.assertEqual([name for _, name in marks], ["push"])
-        self.assertLess(self.ask("haptic.ticks.lost"), 0.05 * self.ask("haptic.ticks.received"))
+        self.assertEqual(self.ask("haptic.ticks.lost"), 0)
         self.assertGreater(marks[0][0], 500)   # ticks: what was before is still there
 
     def test_one_page_chooses_for_all(self):
@@ -611,7 +611,7 @@ class Scenes(PageTest):
         received = self.ask("haptic.ticks.received")
         wait_for(lambda: self.ask("haptic.ticks.received") > received + 500, "more ticks")
         self.assertTrue(self.ask("haptic.world === earlier"))
-        self.assertLess(self.ask("haptic.ticks.lost"), 0.05 * self.ask("haptic.ticks.received"))
+        self.assertEqual(self.ask("haptic.ticks.lost"), 0)
         outside = self.send({"type": "scene", "name": "../worlds/push"})
         self.assertIn("must be broken, push, testbed", outside["text"])
 

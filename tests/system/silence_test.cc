@@ -232,7 +232,7 @@ TEST_CASE("A client that stalls for up to 0.1 s drops nothing that is carried, n
   CHECK(force < 3 * kWeight);
   CHECK(session.last().F_env[2] == Approx(-kWeight).epsilon(0.03));
   CHECK(session.environment().world.X_WB(kCube).p.z() ==
-        Approx(session.environment().tools.front().tool.q().z() + 0.03).margin(2e-3));
+        Approx(session.environment().tools.front().tool.q().z() + 0.03).margin(1.5e-3));
 }
 
 /// A shipped scene with its script's hand, whose client stalls once.

@@ -25,7 +25,7 @@ TEST_CASE("What is reported counts as the environment plays it: evenly since the
   impulses->report();
   for (const double P : {0.0, 0.0, 8.0, 0.0}) push(P);
   CHECK(total_z(*impulses, slot, 1, 3) == Approx(0).margin(1e-12));
-  impulses->report();
+  impulses->report({slot});
   CHECK(total_z(*impulses, slot, 1, 3) == Approx(4));
   CHECK(total_z(*impulses, slot, 1, 5) == Approx(8));
   CHECK(impulses->total(slot)[2] == Approx(9));
@@ -40,7 +40,7 @@ TEST_CASE("A body's first impulses are played out at once") {
     impulses->add(slot, along_z(1));
     impulses->end_step();
   }
-  impulses->report();
+  impulses->report({slot});
   CHECK(total_z(*impulses, slot, 0, 1) == Approx(4));
   CHECK(total_z(*impulses, slot, 1, 4) == Approx(0).margin(1e-12));
 }
@@ -60,16 +60,48 @@ TEST_CASE("Steps like the latest give bodies as much, to the totals and to what 
   CHECK(impulses->total(slot)[2] == Approx(26));
 }
 
-TEST_CASE("More bodies between two reports than a step has room for keep their steps") {
+TEST_CASE(
+    "Only where it is asked for, and where steps have room, are impulses spread; none is lost") {
+  constexpr std::uint32_t kBodies = 2 * kMaxMovedBodies;
   const auto impulses = std::make_unique<BodyImpulses>();
-  for (std::uint32_t body = 0; body < 2 * kMaxMovedBodies; ++body) {
-    impulses->add(*impulses->enrol(body), along_z(body + 1.0));
+  BodyImpulses::Slots evenly;
+  const auto push_all = [&] {  // One after another.
+    for (std::uint32_t body = 0; body < kBodies; ++body) {
+      impulses->add(*impulses->enrol(body), along_z(body + 1.0));
+      impulses->end_step();
+    }
+  };
+  push_all();
+  impulses->report();
+  for (std::size_t slot = 0; slot < kMaxMovedBodies; ++slot) evenly.push_back(slot);
+  push_all();
+  impulses->report(evenly);
+  for (std::size_t slot = 0; slot < kBodies; ++slot) {
+    const double due = static_cast<double>(slot) + 1;
+    CHECK(total_z(*impulses, slot, slot, slot + 1) == Approx(due));  // Before.
+    CHECK(total_z(*impulses, slot, kBodies, 2 * kBodies) == Approx(due));
+    const double at_its_step = total_z(*impulses, slot, kBodies + slot, kBodies + slot + 1);
+    // The last of them finds steps full.
+    CHECK(at_its_step == Approx(slot + 1 < kMaxMovedBodies ? due / kBodies : due));
+  }
+}
+
+TEST_CASE("A long time without a report leaves the step that has begun alone") {
+  const auto impulses = std::make_unique<BodyImpulses>();
+  const std::size_t slot = *impulses->enrol(7);
+  impulses->add(slot, along_z(1));
+  impulses->end_step();
+  impulses->report({slot});
+  for (std::uint64_t i = 0; i < BodyImpulses::kHistory + 10; ++i) {
+    impulses->add(slot, along_z(1));
     impulses->end_step();
   }
-  impulses->report();
-  for (std::uint32_t body = 0; body < 2 * kMaxMovedBodies; ++body) {
-    CHECK(total_z(*impulses, *impulses->enrol(body), body, body + 1) == Approx(body + 1.0));
-  }
+  impulses->report({slot});
+  const std::uint64_t now = impulses->world_step();
+  impulses->end_step();  // In which it got nothing.
+  CHECK(total_z(*impulses, slot, now, now + 1) == Approx(0).margin(1e-12));
+  impulses->repeat(100'000'000);
+  CHECK(impulses->world_step() == now + 1 + 100'000'000);
 }
 
 }  // namespace
