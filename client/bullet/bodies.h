@@ -34,15 +34,14 @@ inline void set_roundness(const btRigidBody& body, MovableBody& to) {
   to.axis_W = matrix_of(body.getWorldTransform().getBasis()).col(axis).normalized();
 }
 
-/// The body in its present state, with what its joints leave of its mobility.
-inline MovableBody describe(btDynamicsWorld& world, btRigidBody& body) {
+/// The body, one of `jointed`, in its present state, with what its joints leave of its mobility.
+inline MovableBody describe(const btRigidBody& body, const JointedBodies& jointed) {
   MovableBody found;
   found.id = number_of(body);
   found.p_WCom = vector_of(body.getCenterOfMassPosition());
   found.V_W << vector_of(body.getLinearVelocity()), vector_of(body.getAngularVelocity());
-  const JointedBodies jointed(world, body);
-  found.W = jointed.inverse_inertia();
-  found.A_W = jointed.acceleration();
+  found.W = jointed.inverse_inertia(body);
+  found.A_W = jointed.acceleration(body);
   if (!jointed.has_joints()) set_roundness(body, found);
   return found;
 }

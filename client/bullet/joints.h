@@ -2,7 +2,8 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
+#include <cstddef>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -22,9 +23,11 @@ inline Matrix3 matrix_of(const btMatrix3x3& m) {
 
 /// The bodies that joints connect with one, and the directions that these forbid, as Bullet's
 /// solver has them: any btTypedConstraint. Motors, friction, springs and limits of joints take no
-/// part.
+/// part. Of longer chains the farther bodies are taken to stand still.
 class JointedBodies {
  public:
+  static constexpr std::size_t kMostBodies = 32;
+
   JointedBodies(btDynamicsWorld& world, btRigidBody& body) : bodies_{&body} {
     for (std::size_t i = 0; i < bodies_.size(); ++i) add_joints_of(world, *bodies_[i]);
     Eigen::MatrixXd S = Eigen::MatrixXd::Zero(size(), size());  // S S = M⁻¹.
@@ -34,35 +37,29 @@ class JointedBodies {
                                       mobility.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
                                       mobility.eigenvectors().transpose();
     }
-    const Eigen::MatrixXd J = jacobian();
     root_ = S;
-    to_bias_ = Eigen::MatrixXd::Zero(size(), J.rows());
-    if (J.rows() == 0) return;
-    // Joints that close a loop are redundant, up to Bullet's single precision.
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-    decomposition.setThreshold(1e-5);
-    const Eigen::MatrixXd A = J * S;
-    decomposition.compute(A);
-    const Eigen::MatrixXd A_plus = decomposition.pseudoInverse();
-    root_ -= S * A_plus * A;
-    to_bias_ = S * A_plus;
+    acceleration_ = Eigen::VectorXd::Zero(size());
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      acceleration_.segment<3>(row(i)) =
+          vector_of(bodies_[i]->getGravity())
+              .cwiseProduct(vector_of(bodies_[i]->getLinearFactor()));
+    }
+    if (!joints_.empty()) hold_by_joints(S);
   }
 
   bool has_joints() const { return !joints_.empty(); }
+  bool has(const btRigidBody& body) const { return find(body) < bodies_.size(); }
 
-  /// Of the body itself, about its centre of mass, world axes: M⁻¹ − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁺ J M⁻¹.
-  Matrix6 inverse_inertia() const { return root_.topRows<6>() * root_.topRows<6>().transpose(); }
+  /// Of one of the bodies, about its centre of mass, world axes: its block of
+  /// M⁻¹ − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁺ J M⁻¹.
+  Matrix6 inverse_inertia(const btRigidBody& body) const {
+    const auto rows = root_.middleRows<6>(row(find(body)));
+    return rows * rows.transpose();
+  }
 
   /// Its acceleration by weight, and by what its joints make of it and of its velocity.
-  Vector6 acceleration() const {
-    Eigen::VectorXd g = Eigen::VectorXd::Zero(size());
-    for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      g.segment<3>(row(i)) = vector_of(bodies_[i]->getGravity())
-                                 .cwiseProduct(vector_of(bodies_[i]->getLinearFactor()));
-    }
-    if (joints_.empty()) return g.head<6>();
-    const Eigen::VectorXd free = g - to_bias_ * (jacobian() * g);
-    return (free - to_bias_ * bias()).head<6>();
+  Vector6 acceleration(const btRigidBody& body) const {
+    return acceleration_.segment<6>(row(find(body)));
   }
 
  private:
@@ -71,6 +68,40 @@ class JointedBodies {
     btVector3 linear_a, angular_a, linear_b, angular_b;
     btScalar error = 0, softness = 0, lower = -SIMD_INFINITY, upper = SIMD_INFINITY;
   };
+
+  /// Takes from mobility and acceleration what the joints forbid: J a = -J̇ v.
+  void hold_by_joints(const Eigen::MatrixXd& S) {
+    constexpr double kAhead = 5e-3;  // s: less is lost in single precision.
+    Eigen::VectorXd v(size());
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      v.segment<6>(row(i)) << vector_of(bodies_[i]->getLinearVelocity()),
+          vector_of(bodies_[i]->getAngularVelocity());
+    }
+    const Eigen::MatrixXd J = jacobian(0);
+    if (J.rows() == 0) return;
+    const Eigen::MatrixXd after = jacobian(kAhead);
+    const Eigen::MatrixXd before = jacobian(-kAhead);
+    Eigen::VectorXd bias = Eigen::VectorXd::Zero(J.rows());  // J̇ v
+    if (after.rows() == J.rows() && before.rows() == J.rows()) {
+      bias = (after - before) * v / (2 * kAhead);
+    }
+    // What is heavy counts as much as what is light: rows of length 1.
+    const Eigen::MatrixXd JS = J * S;
+    const Eigen::VectorXd scale =
+        JS.rowwise().norm().cwiseMax(std::numeric_limits<double>::min()).cwiseInverse();
+    const Eigen::MatrixXd A = scale.asDiagonal() * JS;
+    // Joints that close a loop are redundant, up to Bullet's single precision.
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+    decomposition.setThreshold(1e-5);
+    decomposition.compute(A);
+    const Eigen::MatrixXd A_plus = decomposition.pseudoInverse();
+    root_ -= S * A_plus * A;
+    acceleration_ -= S * (A_plus * (scale.asDiagonal() * (J * acceleration_ + bias)));
+  }
+
+  std::size_t find(const btRigidBody& body) const {
+    return static_cast<std::size_t>(std::ranges::find(bodies_, &body) - bodies_.begin());
+  }
 
   static bool moves(const btRigidBody& body) { return body.getInvMass() > 0; }
   static Matrix6 free_mobility(const btRigidBody& body) {
@@ -94,28 +125,48 @@ class JointedBodies {
       if (std::ranges::find(joints_, joint) != joints_.end()) continue;
       joints_.push_back(joint);
       for (btRigidBody* other : {&joint->getRigidBodyA(), &joint->getRigidBodyB()}) {
-        if (moves(*other) && std::ranges::find(bodies_, other) == bodies_.end()) {
-          bodies_.push_back(other);
-        }
+        if (moves(*other) && !has(*other) && bodies_.size() < kMostBodies) bodies_.push_back(other);
       }
     }
   }
 
-  /// What the joints forbid in the present poses: J v = 0.
-  Eigen::MatrixXd jacobian() const {
-    std::vector<Eigen::RowVectorXd> rows;
-    for (btTypedConstraint* const joint : joints_) {
-      for (const Row& row : rows_of(*joint)) {
-        // Limits bear one way only, motors and friction up to a force.
-        if (row.lower > -SIMD_INFINITY || row.upper < SIMD_INFINITY) continue;
-        Eigen::RowVectorXd& J = rows.emplace_back(Eigen::RowVectorXd::Zero(size()));
-        add(joint->getRigidBodyA(), row.linear_a, row.angular_a, J);
-        add(joint->getRigidBodyB(), row.linear_b, row.angular_b, J);
-      }
+  /// What the joints forbid, J v = 0, with the bodies where they are so much later, s; they are
+  /// where they were again.
+  Eigen::MatrixXd jacobian(double ahead) const {
+    std::vector<btTransform> present;
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      present.push_back(bodies_[i]->getWorldTransform());
+      bodies_[i]->setWorldTransform(moved(*bodies_[i], ahead, i + 1));
     }
+    std::vector<Eigen::RowVectorXd> rows;
+    for (btTypedConstraint* const joint : joints_) add_rows(*joint, rows);
+    for (std::size_t i = 0; i < bodies_.size(); ++i) bodies_[i]->setWorldTransform(present[i]);
+    for (btTypedConstraint* const joint : joints_) rows_of(*joint);  // They keep what they found.
     Eigen::MatrixXd J(static_cast<Eigen::Index>(rows.size()), size());
     for (std::size_t i = 0; i < rows.size(); ++i) J.row(static_cast<Eigen::Index>(i)) = rows[i];
     return J;
+  }
+
+  /// Each body a little off: an axis of a btGeneric6DofConstraint that is locked has a row only
+  /// where it has an error.
+  static btTransform moved(const btRigidBody& body, double ahead, std::size_t number) {
+    const btScalar off = btScalar(1e-5) * static_cast<btScalar>(number);  // m, rad
+    btTransform X;
+    btTransformUtil::integrateTransform(body.getWorldTransform(), body.getLinearVelocity(),
+                                        body.getAngularVelocity(), btScalar(ahead), X);
+    X.setOrigin(X.getOrigin() + btVector3(off, off, off));
+    X.setRotation(btQuaternion(btVector3(1, 1, 1), off) * X.getRotation());
+    return X;
+  }
+
+  void add_rows(btTypedConstraint& joint, std::vector<Eigen::RowVectorXd>& rows) const {
+    for (const Row& row : rows_of(joint)) {
+      // Limits bear one way only, motors and friction up to a force.
+      if (row.lower > -SIMD_INFINITY || row.upper < SIMD_INFINITY) continue;
+      Eigen::RowVectorXd& J = rows.emplace_back(Eigen::RowVectorXd::Zero(size()));
+      add(joint.getRigidBodyA(), row.linear_a, row.angular_a, J);
+      add(joint.getRigidBodyB(), row.linear_b, row.angular_b, J);
+    }
   }
 
   static std::vector<Row> rows_of(btTypedConstraint& joint) {
@@ -149,40 +200,16 @@ class JointedBodies {
 
   void add(const btRigidBody& body, const btVector3& linear, const btVector3& angular,
            Eigen::RowVectorXd& J) const {
-    const auto found = std::ranges::find(bodies_, &body);
-    if (found == bodies_.end()) return;
-    const Eigen::Index first = row(static_cast<std::size_t>(found - bodies_.begin()));
+    if (!has(body)) return;
+    const Eigen::Index first = row(find(body));
     J.segment<3>(first) += vector_of(linear).transpose();
     J.segment<3>(first + 3) += vector_of(angular).transpose();
   }
 
-  /// J̇ v, by the rows a little later; the bodies are where they were again.
-  Eigen::VectorXd bias() const {
-    constexpr double kAhead = 1e-2;  // s: less is lost in single precision.
-    Eigen::VectorXd v(size());
-    std::vector<btTransform> before;
-    const Eigen::MatrixXd J = jacobian();
-    for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      btRigidBody& body = *bodies_[i];
-      v.segment<6>(row(i)) << vector_of(body.getLinearVelocity()),
-          vector_of(body.getAngularVelocity());
-      before.push_back(body.getWorldTransform());
-      btTransform ahead;
-      btTransformUtil::integrateTransform(before.back(), body.getLinearVelocity(),
-                                          body.getAngularVelocity(), btScalar(kAhead), ahead);
-      body.setWorldTransform(ahead);
-    }
-    const Eigen::MatrixXd J_ahead = jacobian();
-    for (std::size_t i = 0; i < bodies_.size(); ++i) bodies_[i]->setWorldTransform(before[i]);
-    jacobian();  // Joints keep what they found where they are.
-    if (J_ahead.rows() != J.rows()) return Eigen::VectorXd::Zero(J.rows());  // A limit comes near.
-    return (J_ahead - J) * v / kAhead;
-  }
-
-  std::vector<btRigidBody*> bodies_;  ///< That move; the first one is the one in question.
+  std::vector<btRigidBody*> bodies_;  ///< That move.
   std::vector<btTypedConstraint*> joints_;
-  Eigen::MatrixXd root_;     ///< root_ root_ᵀ is M⁻¹ as the joints leave it.
-  Eigen::MatrixXd to_bias_;  ///< From J̇ v to the acceleration that it takes.
+  Eigen::MatrixXd root_;          ///< root_ root_ᵀ is M⁻¹ as the joints leave it.
+  Eigen::VectorXd acceleration_;  ///< m/s², rad/s², of each body, world axes.
 };
 
 }  // namespace hlm::bullet

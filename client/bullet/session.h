@@ -116,16 +116,23 @@ class Session {
     update.q_VE = q_;
     update.v_VE = v_;
     update.poses = WorldShapes::poses_of(moving);
+    const auto has_pose = [&](const btRigidBody& body) {
+      return std::ranges::find(update.poses, number_of(body), &BodyPose::body) !=
+             update.poses.end();
+    };
     std::vector<btRigidBody*> near;
     for (const auto& [object, gap] : moving) {
       btRigidBody* body = movable(*object);
       if (body != nullptr && gap <= reach()) near.push_back(body);
     }
     add_touching(world_, tool_, near);
+    std::vector<JointedBodies> groups;
     for (btRigidBody* body : near) {
       body->activate();
-      if (update.bodies.size() == kMaxBodies) continue;
-      update.bodies.push_back(describe(world_, *body));
+      if (update.bodies.size() == kMaxBodies || !has_pose(*body)) continue;
+      auto group = std::ranges::find_if(groups, [&](const auto& g) { return g.has(*body); });
+      if (group == groups.end()) group = groups.emplace(group, world_, *body);
+      update.bodies.push_back(describe(*body, *group));
       reported_.insert(number_of(*body));
     }
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);

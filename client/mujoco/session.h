@@ -151,8 +151,10 @@ class Session {
     shapes_.add_touching(data_, near);
     for (const int body : near) {
       if (update.bodies.size() == kMaxBodies) break;
+      const auto number = static_cast<std::uint32_t>(body);
+      if (std::ranges::find(update.poses, number, &BodyPose::body) == update.poses.end()) continue;
       update.bodies.push_back(describe(model_, data_, body, push_on(body)));
-      reported_.insert(static_cast<std::uint32_t>(body));
+      reported_.insert(number);
     }
     take_back_pushes();
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);

@@ -36,7 +36,10 @@ class World {
   }
   template <class Joint, class... Arguments>
   void join(Arguments&&... arguments) {
-    joints_.push_back(std::make_unique<Joint>(std::forward<Arguments>(arguments)...));
+    keep(std::make_unique<Joint>(std::forward<Arguments>(arguments)...));
+  }
+  void keep(std::unique_ptr<btTypedConstraint> joint) {
+    joints_.push_back(std::move(joint));
     world_.addConstraint(joints_.back().get());
   }
   btDiscreteDynamicsWorld& bullet() { return world_; }
@@ -77,13 +80,13 @@ TEST_CASE("A plank on a hinge answers a push as Bullet's solver makes it answer"
   world.join<btHingeConstraint>(plank, btVector3(btScalar(-0.15), 0, 0), btVector3(0, 1, 0));
   const JointedBodies jointed(world.bullet(), plank);
   REQUIRE(jointed.has_joints());
-  const Vector6 due = jointed.inverse_inertia() * kPush + jointed.acceleration();
+  const Vector6 due = jointed.inverse_inertia(plank) * kPush + jointed.acceleration(plank);
   const Vector6 got = push(world, plank, kPush);
   CAPTURE(due.transpose(), got.transpose());
   CHECK((due - got).norm() < 0.01 * got.norm());
   // By hand: it falls about the hinge.
   const double I = 0.4 / 12 * (0.4 * 0.4 + 0.01 * 0.01) + 0.4 * 0.15 * 0.15;
-  CHECK(jointed.acceleration()[4] == Approx(0.4 * 9.81 * 0.15 / I).epsilon(1e-3));
+  CHECK(jointed.acceleration(plank)[4] == Approx(0.4 * 9.81 * 0.15 / I).epsilon(1e-3));
 }
 
 TEST_CASE("A drawer on a slider moves along it alone") {
@@ -95,9 +98,9 @@ TEST_CASE("A drawer on a slider moves along it alone") {
   const JointedBodies jointed(world.bullet(), drawer);
   Matrix6 due = Matrix6::Zero();
   due(0, 0) = 0.5;
-  const Matrix6 W = jointed.inverse_inertia();
+  const Matrix6 W = jointed.inverse_inertia(drawer);
   CHECK((W - due).topLeftCorner<3, 3>().norm() < 1e-4);
-  CHECK(jointed.acceleration().norm() < 1e-3);
+  CHECK(jointed.acceleration(drawer).norm() < 1e-3);
 }
 
 TEST_CASE(
@@ -121,11 +124,58 @@ TEST_CASE(
   // A step turns the velocities as the joints ask in the poses before it.
   world.step();
   const JointedBodies jointed(world.bullet(), lower);
-  const Vector6 due = jointed.inverse_inertia() * kPush + jointed.acceleration();
+  const Vector6 due = jointed.inverse_inertia(lower) * kPush + jointed.acceleration(lower);
   const Vector6 got = push(world, lower, kPush);
   CAPTURE(due.transpose(), got.transpose());
   CHECK((due - got).head<3>().norm() < 0.02 * got.head<3>().norm());
   CHECK((due - got).tail<3>().norm() < 0.02 * got.tail<3>().norm());
+}
+
+TEST_CASE("Axes that a joint of six degrees locks are locked where nothing is off, too") {
+  World world({0, 0, btScalar(-9.81)});
+  btRigidBody& drawer = world.add({btScalar(0.1), btScalar(0.1), btScalar(0.05)}, {0, 0, 0}, 2);
+  auto joint = std::make_unique<btGeneric6DofConstraint>(drawer, btTransform::getIdentity(), true);
+  joint->setLinearLowerLimit({1, 0, 0});  // Free along x: the lower one above the upper.
+  joint->setLinearUpperLimit({-1, 0, 0});
+  joint->setAngularLowerLimit({0, 0, 0});
+  joint->setAngularUpperLimit({0, 0, 0});
+  world.keep(std::move(joint));
+  const JointedBodies jointed(world.bullet(), drawer);
+  Matrix6 due = Matrix6::Zero();
+  due(0, 0) = 0.5;
+  CHECK((jointed.inverse_inertia(drawer) - due).norm() < 1e-3);
+  CHECK(jointed.acceleration(drawer).norm() < 1e-2);
+}
+
+TEST_CASE("A heavy door keeps its hinge though a tiny knob is on it") {
+  World world({0, 0, 0});
+  btRigidBody& door = world.add({1, btScalar(0.05), 1}, {1, 0, 0}, 200);
+  btRigidBody& knob = world.add({btScalar(0.001), btScalar(0.001), btScalar(0.001)},
+                                {2, btScalar(-0.05), 0}, btScalar(0.0003));
+  world.join<btHingeConstraint>(door, btVector3(-1, 0, 0), btVector3(0, 0, 1));
+  world.join<btPoint2PointConstraint>(door, knob, btVector3(1, btScalar(-0.05), 0),
+                                      btVector3(0, 0, 0));
+  const JointedBodies jointed(world.bullet(), door);
+  REQUIRE(jointed.has(knob));
+  const Matrix6 W = jointed.inverse_inertia(door);
+  CHECK(W(0, 0) < 1e-6);  // 1/kg, along the door; free it has 5e-3.
+  CHECK(W(2, 2) < 1e-6);
+  const double I = 200.0 / 12 * (2 * 2 + 0.1 * 0.1) + 200 * 1 * 1;
+  CHECK(W(5, 5) == Approx(1 / I).epsilon(1e-3));
+}
+
+TEST_CASE("A fast hinge turns its body's velocity, and brakes nothing") {
+  World world({0, 0, 0});
+  btRigidBody& rod =
+      world.add({btScalar(0.5), btScalar(0.02), btScalar(0.02)}, {btScalar(0.5), 0, 0}, 1);
+  world.join<btHingeConstraint>(rod, btVector3(btScalar(-0.5), 0, 0), btVector3(0, 0, 1));
+  rod.setAngularVelocity({0, 0, 10});
+  rod.setLinearVelocity({0, 5, 0});
+  const JointedBodies jointed(world.bullet(), rod);
+  const Vector6 A = jointed.acceleration(rod);
+  CHECK(A[0] == Approx(-50).epsilon(0.01));  // m/s², ω² r
+  CHECK(A[1] == Approx(0).margin(0.1));
+  CHECK(A[5] == Approx(0).margin(0.2));  // rad/s²
 }
 
 }  // namespace

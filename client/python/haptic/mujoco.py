@@ -190,7 +190,7 @@ class Session:
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
         reach = min(_NEAR_BODIES + 3 * 1.5 * max(speed, _USUAL_SPEED) * self._delay(), _FARTHEST_BODIES)
-        gaps = self._shapes.gaps(data)
+        gaps = dict(list(self._shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
         near = self._with_touching(data, [body for body, gap in pushable.items() if gap < reach], pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])

@@ -61,7 +61,7 @@ TEST_CASE("Steps like the latest give bodies as much, to the totals and to what 
 }
 
 TEST_CASE(
-    "Only where it is asked for, and where steps have room, are impulses spread; none is lost") {
+    "Impulses are spread only where that is asked for and steps have room, and none is lost") {
   constexpr std::uint32_t kBodies = 2 * kMaxMovedBodies;
   const auto impulses = std::make_unique<BodyImpulses>();
   BodyImpulses::Slots evenly;
