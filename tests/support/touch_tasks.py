@@ -54,12 +54,16 @@ class TouchTasks:
         self.assertLess(largest_jump(ticks, 2, 4.2), self.largest_jump_of_bodies)
         self.assertAlmostEqual(track[-1][0], 0.19, delta=0.01)    # m: tool's and brick's halves farther
 
-    def test_a_free_body_gains_the_momentum_that_the_hand_felt(self):
-        ticks, track = on_time(self.play, "puck", 3, reach(0.5, 0, 0.021) + reach(0.8, 0.08, 0.021))
+    def gains_the_momentum_that_the_hand_felt(self, scene, height):
+        """The body of that scene, 0.3 kg, met by a tool at that height, m."""
+        ticks, track = on_time(self.play, scene, 3, reach(0.5, 0, height) + reach(0.8, 0.08, height))
         gained = 0.3 * (track[-1][0] - track[-2][0]) / PRINTED  # N·s
         felt = -sum(float(row["env_force_x_N"]) for row in ticks) / SERVO_RATE
         self.assertGreater(felt, 0.02)
         self.assertAlmostEqual(gained, felt, delta=0.05 * felt)
+
+    def test_a_free_body_gains_the_momentum_that_the_hand_felt(self):
+        self.gains_the_momentum_that_the_hand_felt("puck", 0.021)
 
     def test_a_body_that_is_lifted_weighs_what_it_weighs(self):
         weight = 0.3 * GRAVITY  # N
