@@ -68,7 +68,6 @@ SECTIONS = {
     "linkages": "Linkages",
     "bodies": "Bodies that move when pushed",
     "bodylimits": "Where bodies that move end",
-    "holding": "Bodies that hold each other, and a loop that stalls",
     "scenes": "The shipped scenes",
 }
 
