@@ -9,6 +9,7 @@ import io
 import math
 import pathlib
 import sys
+import textwrap
 
 import matplotlib
 
@@ -68,6 +69,7 @@ SECTIONS = {
     "linkages": "Linkages",
     "bodies": "Bodies that move when pushed",
     "bodylimits": "Where bodies that move end",
+    "holding": "Bodies that hold each other, and a loop that stalls",
     "scenes": "The shipped scenes",
 }
 
@@ -160,6 +162,9 @@ INTRODUCTION = {
     "bodylimits": "The same tasks, and a rest on a tower of three cubes, over delay and mass. Colour: how far the "
     "mean force is from what is expected; crosses: more than 10 %, or a standard deviation of more than 6 % of it "
     "(and 0.05 N): the hand feels another body there, or a chatter.",
+    "holding": "3 kg on a plate that is carried; two to ten cubes on each other that are pressed with 2 N, of which the "
+    "device's dry friction may bear 0.2 N; a wall of 60 kg that swings, pressed with 2 N, whose bar is its own "
+    "acceleration; a cube of 0.4 kg that is held while the server's loop stands still for 5 to 25 ms four times a second.",
     "scenes": "Each scene of scripts/run is played in virtual time by its own hand: the largest command, its limit, "
     "and the largest step of the contact force at an update that no collision explains.",
 }
@@ -679,29 +684,42 @@ def draw_linkages(folder):
     return figure
 
 
-def draw_bodies(folder):
-    rows = [row for row in read_table(folder / "bodies.csv") if row["contacts"] == "planes"]
+def draw_forces(rows, limits):
+    """The mean force of each run against what is due, its bar the standard deviation."""
     tasks = list(collections.OrderedDict.fromkeys(row["task"] for row in rows))
     figure, axes = panels(1, 12)
     axis = axes[0]
-    rates = {30.0: "o", 60.0: "s"}
-    colours = {0.0: "#1f77b4", 0.02: "#d62728"}
+    markers = {30.0: "o", 60.0: "s", 240.0: "^"}
+    colours = {0.0: "#1f77b4", 0.005: "#1f77b4", 0.02: "#d62728", 0.05: "#999999"}
+    rates, delays = (sorted({float(row[name]) for row in rows}) for name in ("ve_rate_Hz", "delay_s"))
     for place, task in enumerate(tasks):
         points = [row for row in rows if row["task"] == task]
         for i, row in enumerate(points):
             rate, delay, due = (float(row[n]) for n in ("ve_rate_Hz", "delay_s", "due_N"))
-            axis.errorbar(place + 0.8 * (i + 0.5) / len(points) - 0.4, float(row["mean_N"]) / due,
-                          yerr=float(row["sd_N"]) / due, marker=rates[rate], markersize=3,
+            felt = float(row["mean_N"]) / due
+            axis.errorbar(place + 0.8 * (i + 0.5) / len(points) - 0.4, min(max(felt, limits[0]), limits[1]),
+                          yerr=float(row["sd_N"]) / due, marker=markers[rate], markersize=3,
                           color=colours[delay], linewidth=1)
-    for rate, marker in rates.items():
-        axis.plot([], [], marker=marker, linestyle="", color="#555555", label=f"{rate:.0f} Hz")
-    for delay, colour in colours.items():
-        axis.plot([], [], color=colour, label=f"{1e3 * delay:.0f} ms each way")
+    for rate in rates:
+        axis.plot([], [], marker=markers[rate], linestyle="", color="#555555", label=f"{rate:.0f} Hz")
+    for delay in delays:
+        axis.plot([], [], color=colours[delay], label=f"{1e3 * delay:.0f} ms each way")
     axis.axhline(1, color="#999999", linewidth=0.8)
-    axis.set_ylim(0.9, 1.1)
-    axis.set_xticks(range(len(tasks)), tasks)
+    axis.set_ylim(*limits)
+    axis.set_xticks(range(len(tasks)), [textwrap.fill(task, 12) for task in tasks])
     axis.legend(fontsize=7, ncols=4)
-    label(axis, "in each group: k = 4, 16, 50 kN/m", "force felt / force due")
+    return figure
+
+
+def draw_bodies(folder):
+    figure = draw_forces([row for row in read_table(folder / "bodies.csv") if row["contacts"] == "planes"], (0.9, 1.1))
+    label(figure.axes[0], "in each group: k = 4, 16, 50 kN/m", "force felt / force due")
+    return figure
+
+
+def draw_holding(folder):
+    figure = draw_forces(read_table(folder / "holding.csv"), (0.85, 1.15))
+    label(figure.axes[0], "in each group: planes, then shapes; what is lost lies on the edge", "force felt / force due")
     return figure
 
 
@@ -797,6 +815,7 @@ DRAW = {
     "linkages": draw_linkages,
     "bodies": draw_bodies,
     "bodylimits": draw_bodylimits,
+    "holding": draw_holding,
     "scenes": draw_scenes,
 }
 
