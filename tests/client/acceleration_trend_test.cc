@@ -40,5 +40,13 @@ TEST_CASE(
   CHECK(trend.rates(accelerating(5), 21).empty());
 }
 
+TEST_CASE("A rate is told no larger than the protocol takes it") {
+  AccelerationTrend trend;
+  for (int i = 0; i < 3; ++i) {
+    const AccelerationRates rates = trend.rates(accelerating(4e5 * i), 1e-3 * i);
+    if (i == 2) CHECK((rates.size() == 1 && rates[0].A_rate_W[0] == 1e8));
+  }
+}
+
 }  // namespace
 }  // namespace hlm

@@ -581,6 +581,24 @@ TEST_CASE("A pose that is wrong refuses its update, and the refusal says which")
   check(UpdateError::kNonFinite, [](BodyPose& pose) { pose.X_WB.R.y() = std::nan(""); });
 }
 
+TEST_CASE("A rate that is out of range refuses its update, and the refusal says which") {
+  ContactUpdate update = test::planar_update(2);
+  update.rates.resize(3);
+  const auto refusal = [&](double rate) {
+    update.rates[1].A_rate_W[4] = rate;
+    ContactUpdate decoded;
+    return decode_part(view(encode(envelope_for<ContactUpdate>(), update)), decoded);
+  };
+  CHECK_FALSE(refusal(-1e8));
+  for (const auto& [rate, error] :
+       {std::pair(1.1e8, UpdateError::kRange), std::pair(std::nan(""), UpdateError::kNonFinite)}) {
+    const auto found = refusal(rate);
+    REQUIRE(found);
+    CHECK(found->error == error);
+    CHECK((found->in_item && found->item == 1));
+  }
+}
+
 TEST_CASE("Of two poses of one body the first counts") {
   BodyPoses poses(5);
   for (std::size_t i = 0; i < poses.size(); ++i) poses[i].body = static_cast<std::uint32_t>(i);
