@@ -393,6 +393,25 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
   return static_cast<std::int64_t>(sequence);
 }
 
+int haptic_external_wrench(haptic_session* session, std::int32_t link, const double wrench[6]) {
+  const int links = session->tool.links();
+  if (link < 0 || link >= links) {
+    session->error = "link " + std::to_string(link) + " of an external wrench must be 0 to " +
+                     std::to_string(links - 1);
+    return -1;
+  }
+  const Wrench F_W = Eigen::Map<const Wrench>(wrench);
+  const Range range{-protocol::kLargestForce, protocol::kLargestForce, "N or N·m"};
+  for (const double x : F_W) {
+    const auto error = find_error("external wrench", x, range);
+    if (!error) continue;
+    session->error = *error;
+    return -1;
+  }
+  session->client->add_external(static_cast<std::uint8_t>(link), F_W);
+  return 0;
+}
+
 int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses,
                  const haptic_material* materials, std::size_t count, const std::uint32_t* excluded,
                  std::size_t excluded_count) {

@@ -1,5 +1,6 @@
 #include "hlm/client/haptic_client.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -130,6 +131,15 @@ void HapticClient::follow_accelerations(const MovableBodies& bodies) {
   update_.rates = trend_.rates(bodies, update_.ve_time);
 }
 
+void HapticClient::add_external(std::uint8_t link, const Wrench& F_W) {
+  const auto known = std::ranges::find(update_.external, link, &ExternalWrench::link);
+  if (known == update_.external.end()) {
+    update_.external.push_back({.link = link, .F_W = F_W});
+  } else {
+    known->F_W += F_W;
+  }
+}
+
 std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
                                  const MovableBodies& bodies, const BodyPoses& poses) {
   update_.compute_time = now - sampled_at_;
@@ -141,6 +151,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
   update_.rates.clear();
+  update_.external.clear();
   session_.send_scene(now, kChunksPerSend);
   return sequence;
 }

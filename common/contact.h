@@ -8,6 +8,7 @@
 
 #include "hlm/common/spatial.h"
 #include "hlm/common/static_vector.h"
+#include "hlm/common/tool_description.h"
 #include "hlm/common/vocabulary.h"
 
 namespace hlm {
@@ -173,6 +174,15 @@ struct AccelerationRate {
 };
 
 using AccelerationRates = StaticVector<AccelerationRate, kMaxBodies>;
+
+/// What else than contacts and the weight of the tool pushes one of its links: a weld, a tendon, a
+/// payload, drag, or a robot's force sensor.
+struct ExternalWrench {
+  std::uint8_t link = 0;        ///< Index of the link.
+  Wrench F_W = Wrench::Zero();  ///< About the origin of its frame, world axes, N and N·m.
+};
+
+using ExternalWrenches = StaticVector<ExternalWrench, kMaxLinks>;
 
 /// Where a body is whose shapes the server has, and how it moves, at the environment's latest step.
 struct BodyPose {

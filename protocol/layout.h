@@ -68,6 +68,8 @@ template <>
 inline constexpr std::size_t kItemSize<BodyPose> = 108;
 template <>
 inline constexpr std::size_t kItemSize<AccelerationRate> = 52;
+template <>
+inline constexpr std::size_t kItemSize<ExternalWrench> = 49;
 
 /// Whether older senders of this version do not send the list of these items.
 template <class Item>
@@ -76,6 +78,8 @@ template <>
 inline constexpr bool kIsAppended<BodyPose> = true;
 template <>
 inline constexpr bool kIsAppended<AccelerationRate> = true;
+template <>
+inline constexpr bool kIsAppended<ExternalWrench> = true;
 
 /// No list; messages with lists have overloads of their own.
 template <class M, class Visit>
@@ -91,6 +95,7 @@ void lists(M& update, Visit&& visit) requires std::same_as<const M, const Contac
   visit(update.contacts);
   visit(update.poses);
   visit(update.rates);
+  visit(update.external);
 }
 template <class M, class Visit>
 void lists(M& ticks, Visit&& visit) requires std::same_as<const M, const Ticks> {
@@ -243,6 +248,12 @@ void fields(Io& io, M& pose) requires std::same_as<const M, const BodyPose> {
   io.u32(pose.body);
   io.near_pose(pose.X_WB);
   io.vector_within(pose.V_W, kLargestSpeed);
+}
+
+template <class Io, class M>
+void fields(Io& io, M& wrench) requires std::same_as<const M, const ExternalWrench> {
+  io.u8(wrench.link);
+  io.vector_within(wrench.F_W, kLargestForce);
 }
 
 template <class Io, class M>

@@ -117,6 +117,8 @@ struct ContactUpdate {
   ReportedContacts contacts;
   BodyPoses poses;          ///< Of bodies whose shapes the server has.
   AccelerationRates rates;  ///< Of `bodies`; that of others is 0.
+  /// What else pushes the tool; several on one link add up.
+  ExternalWrenches external;
   /// 0: the contacts are of all that is near; else of what the scene in force has no shapes of, and
   /// this is the latest commit that had been queued.
   std::uint32_t scene = 0;

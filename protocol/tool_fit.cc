@@ -75,6 +75,10 @@ std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
     if (has_known_sides(tool, update.contacts[i])) continue;
     return UpdateMisfit{UpdateError::kSide, false, i};
   }
+  for (std::size_t i = 0; i < update.external.size(); ++i) {
+    if (update.external[i].link < tool.links.size()) continue;
+    return UpdateMisfit{UpdateError::kSide, false, i};
+  }
   const auto identity = [](const ReportedContact& contact) { return contact.identity; };
   const auto id = [](const MovableBody& body) { return body.id; };
   if (const auto duplicate = find_duplicate(update.contacts, identity)) {

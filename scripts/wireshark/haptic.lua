@@ -266,6 +266,7 @@ local TABLES = {
     list("contacts", "contact", 192),
     optional(list("poses", "pose", 64)),
     optional(list("rates", "rate", 16)),
+    optional(list("external", "wrench", 16)),
   },
   body = {
     field(U32, "id", "the VE's number for it, the same in every update"),
@@ -296,6 +297,10 @@ local TABLES = {
   rate = {
     field(U32, "body", "id of the body"),
     numbers(F64, "A_rate", TWIST, "how fast its A changes, m/s³, rad/s³", between(-1e8, 1e8)),
+  },
+  wrench = {
+    field(U8, "link", "index of the link"),
+    numbers(F64, "F [N]", WRENCH, "force, N, and torque, N·m, about the origin of the link's frame, world axes", between(-1e6, 1e6)),
   },
   pose = {
     field(U32, "body", "the VE's number for it, as in the side of a placement"),

@@ -103,6 +103,9 @@ ContactUpdate documented_update() {
   rate.body = 5;
   rate.A_rate_W << -25, 0, 0, 0, 0, 2;
   update.rates.push_back(rate);
+  ExternalWrench wrench;
+  wrench.F_W << 0, 0, -2.5, 0.01, 0, 0;
+  update.external.push_back(wrench);
   return update;
 }
 
@@ -324,6 +327,7 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   update.bodies.resize(kMaxBodies, MovableBody{});
   update.poses.resize(kMaxPoses, BodyPose{});
   update.rates.resize(kMaxBodies, AccelerationRate{});
+  update.external.resize(kMaxLinks, ExternalWrench{});
   SceneChunk chunk;
   chunk.data.resize(kChunkSize);
   SceneState scene = test::random_scene_state(random);
@@ -369,6 +373,7 @@ TEST_CASE("Every item has the bytes that its table says") {
   CHECK(size(BodyImpulse{}) == layout::kItemSize<BodyImpulse>);
   CHECK(size(BodyPose{}) == layout::kItemSize<BodyPose>);
   CHECK(size(AccelerationRate{}) == layout::kItemSize<AccelerationRate>);
+  CHECK(size(ExternalWrench{}) == layout::kItemSize<ExternalWrench>);
 }
 
 /// Calls `check` with one datagram of each type (of lists, one part of several).
@@ -435,10 +440,14 @@ void set_length(DatagramBytes& bytes) {
   bytes[37] = static_cast<std::byte>(bytes.size() >> 8);
 }
 
-/// Where the rates of documented_update() begin, and its poses: with one item behind their list's
-/// header.
+/// Where the lists of documented_update() that older clients do not send begin, each with one item
+/// behind its header.
+std::size_t end_without_external(const DatagramBytes& update) {
+  return update.size() - layout::kItemSize<ExternalWrench> - layout::kListHeaderSize;
+}
 std::size_t end_without_rates(const DatagramBytes& update) {
-  return update.size() - layout::kItemSize<AccelerationRate> - layout::kListHeaderSize;
+  return end_without_external(update) - layout::kItemSize<AccelerationRate> -
+         layout::kListHeaderSize;
 }
 std::size_t end_without_poses(const DatagramBytes& update) {
   return end_without_rates(update) - layout::kItemSize<BodyPose> - layout::kListHeaderSize;
@@ -449,8 +458,9 @@ TEST_CASE("Every truncation of every message is refused, but those that older cl
     Header header;
     REQUIRE_FALSE(decode_header(view(bytes), header));
     const bool is_update = header.type == MessageType::kContactUpdate;
-    const std::size_t older = is_update ? end_without_rates(bytes) : 0;
-    const std::size_t oldest = is_update ? end_without_poses(bytes) : 0;
+    const std::array<std::size_t, 3> older{is_update ? end_without_external(bytes) : 0,
+                                           is_update ? end_without_rates(bytes) : 0,
+                                           is_update ? end_without_poses(bytes) : 0};
     while (!bytes.empty()) {
       bytes.pop_back();
       CHECK(decode_whatever(bytes) == DropReason::kTruncated);
@@ -458,7 +468,7 @@ TEST_CASE("Every truncation of every message is refused, but those that older cl
       DatagramBytes consistent = bytes;
       set_length(consistent);
       const bool is_whole = decode_whatever(consistent) != DropReason::kMalformed;
-      CHECK(is_whole == (bytes.size() == older || bytes.size() == oldest));
+      CHECK(is_whole == (std::ranges::find(older, bytes.size()) != older.end()));
     }
   });
 }
@@ -520,7 +530,7 @@ TEST_CASE("What an older server of this version does not send has its default") 
   CHECK(older.v == state.v);
 }
 
-TEST_CASE("An update of an older client has no scene, poses and rates, whatever was there before") {
+TEST_CASE("An update of an older client has no lists of newer ones, whatever was there before") {
   const ContactUpdate update = documented_update();
   DatagramBytes bytes = encode(envelope_for<ContactUpdate>(), update);
   Header header;
@@ -536,6 +546,7 @@ TEST_CASE("An update of an older client has no scene, poses and rates, whatever 
   CHECK(decoded.scene == 0);
   CHECK(decoded.poses.empty());
   CHECK(decoded.rates.empty());
+  CHECK(decoded.external.empty());
   CHECK(decoded.contacts.size() == update.contacts.size());
   CHECK(decoded.v_VE == update.v_VE);
   CHECK(decode(view(bytes), decoded) == std::nullopt);
@@ -544,6 +555,7 @@ TEST_CASE("An update of an older client has no scene, poses and rates, whatever 
 TEST_CASE(
     "Rates of bodies come whole where there are no poses, and cost nothing where there are none") {
   ContactUpdate update = documented_update();
+  update.external.clear();
   update.poses.clear();
   ContactUpdate decoded;
   REQUIRE_FALSE(decode(view(encode(envelope_for<ContactUpdate>(), update)), decoded));
@@ -579,6 +591,24 @@ TEST_CASE("A pose that is wrong refuses its update, and the refusal says which")
   check(UpdateError::kRange, [](BodyPose& pose) { pose.V_W[5] = 1001; });
   check(UpdateError::kNonFinite, [](BodyPose& pose) { pose.X_WB.p.z() = std::nan(""); });
   check(UpdateError::kNonFinite, [](BodyPose& pose) { pose.X_WB.R.y() = std::nan(""); });
+}
+
+TEST_CASE("An external wrench that is out of range refuses its update, and the refusal says which") {
+  ContactUpdate update = test::planar_update(2);
+  update.external.resize(3);
+  const auto refusal = [&](double force) {
+    update.external[1].F_W[2] = force;
+    ContactUpdate decoded;
+    return decode_part(view(encode(envelope_for<ContactUpdate>(), update)), decoded);
+  };
+  CHECK_FALSE(refusal(-1e6));
+  for (const auto& [force, error] :
+       {std::pair(1.1e6, UpdateError::kRange), std::pair(std::nan(""), UpdateError::kNonFinite)}) {
+    const auto found = refusal(force);
+    REQUIRE(found);
+    CHECK(found->error == error);
+    CHECK((found->in_item && found->item == 1));
+  }
 }
 
 TEST_CASE("A rate that is out of range refuses its update, and the refusal says which") {
@@ -848,6 +878,13 @@ TEST_CASE("A message that does not belong to the session's tool is recognised") 
   const auto duplicate = find_misfit(planar, update);
   REQUIRE(duplicate);
   CHECK((duplicate->error == UpdateError::kDuplicate && duplicate->contact == 2));
+  update = test::planar_update(3);
+  update.external.resize(2);
+  CHECK_FALSE(find_misfit(planar, update));
+  update.external[1].link = 1;
+  const auto link = find_misfit(planar, update);
+  REQUIRE(link);
+  CHECK((link->error == UpdateError::kSide && !link->whole && link->contact == 1));
 
   ProxyState state = test::planar_state();
   CHECK(fits(planar, state));

@@ -51,6 +51,8 @@ template <>
 inline const std::string kTable<BodyPose> = "pose";
 template <>
 inline const std::string kTable<AccelerationRate> = "rate";
+template <>
+inline const std::string kTable<ExternalWrench> = "wrench";
 
 /// All that is shown of one part of a message.
 template <class Message>

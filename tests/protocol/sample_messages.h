@@ -118,6 +118,9 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
   for (int i = 0; i < bodies; i += 2) {
     update.rates.push_back({static_cast<std::uint32_t>(i), random_vector6(random, 10)});
   }
+  for (int link = 0; link < model.links(); link += 2) {
+    update.external.push_back({static_cast<std::uint8_t>(link), random_vector6(random, 10)});
+  }
   return update;
 }
 

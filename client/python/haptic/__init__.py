@@ -313,6 +313,15 @@ class Session:
         self._library.haptic_track(self._open(), at, count, *_records(bodies, BODY, "bodies"))
         return contacts
 
+    def external_wrench(self, wrench: Sequence[float], link: int = 0) -> None:
+        """What else than contacts and its weight pushes the tool: a weld, a tendon, a payload, drag, or what a force sensor
+        reads; force (N) and torque (N m) about the origin of the link's frame, world axes. After sample(), for the next send():
+        without this there is none. The server finds how it depends on the tool's motion, so that the hand feels a load, a
+        spring or a wall between frames, too. Several on one link add up. Raises HapticError where it cannot be used."""
+        given = _array(wrench, 6, "wrench")
+        if self._library.haptic_external_wrench(self._open(), link, given.ctypes.data) != 0:
+            self._fail()
+
     def send(self, contacts: Optional[np.ndarray] = None, bodies: Optional[np.ndarray] = None,
              poses: Optional[np.ndarray] = None) -> int:
         """Sends what is near; poses: of the bodies whose shapes were offered, those near the tool, at most MAX_POSES. Returns

@@ -106,6 +106,7 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
             ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
             ("haptic_sample", ctypes.c_int, session, address, address, _double),
             ("haptic_track", None, session, address, _size, address, _size),
+            ("haptic_external_wrench", ctypes.c_int, session, ctypes.c_int32, address),
             ("haptic_send", ctypes.c_int64, session, address, _size, address, _size),
             ("haptic_hold", ctypes.c_int, session, address, address),
             ("haptic_release", None, session),
