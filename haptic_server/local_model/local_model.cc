@@ -59,7 +59,9 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
       proxy_(tool),
       ve_tool_(tool),
       v_(Velocity::Zero(tool.dof())),
-      limits_(tool, q) {
+      limits_(tool, q),
+      external_(tool.links.size(), WrenchField(tool.length)),
+      load_(GeneralisedForce::Zero(tool.dof())) {
   proxy_.set_configuration(q);
   ve_tool_.set_configuration(q);
 }
@@ -80,7 +82,8 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     frames = FrameMotions(proxy_, &v_, bodies_, dt_);
   }
 
-  // E x = r + Δt Σ J_iᵀ f_i: Eq. 7 with the hand's wrench at the end of the step, and the bodies.
+  // E x = r + Δt Σ J_iᵀ f_i: Eq. 7 with the hand's and external wrenches at the end of the step,
+  // and the bodies.
   const ContactLaw law = contact_law(parameters_.contact_step);
   const bool implicit = law.step == ContactStep::kImplicit;
   const int d = proxy_.dof();
@@ -93,6 +96,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     E += dt_ * (J_h.transpose() * impedance.asDiagonal() * J_h);
     r += dt_ * J_h.transpose().lazyProduct(Vector6(hand.damping.cwiseProduct(V)));
   }
+  begin_external(E, r);
   GeneralisedForce tau;
   Unknowns x;
   if (implicit) {
@@ -111,8 +115,9 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     tau = apply_explicitly(frames, law, x);
   }
   v_ = E.llt().solve(r + dt_ * tau);
+  load_ = end_external() - weight;
   move_freely(proxy_, v_, dt_);
-  felt.weight = -H.lazyProduct(weight);
+  felt.weight = H.lazyProduct(load_);
   felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;
@@ -133,8 +138,12 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   ContactLaw law = contact_law(ContactStep::kExplicit);
   law.rendered = rendered_;
   const GeneralisedForce tau = apply_explicitly(frames, law, x);
+  GeneralisedForce r = GeneralisedForce::Zero(proxy_.dof());
+  MassMatrix E = proxy_.mass_matrix();
+  begin_external(E, r);
+  load_ = end_external() - proxy_.gravity();
   ContactWrench felt;
-  felt.weight = -H.lazyProduct(proxy_.gravity());
+  felt.weight = H.lazyProduct(load_);
   felt.F = H.lazyProduct(tau) + felt.weight;
   end_step(frames, x);
   return felt;

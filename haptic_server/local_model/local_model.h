@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "hlm/common/tool_model.h"
@@ -21,6 +22,7 @@
 #include "hlm/local_model/parameters.h"
 #include "hlm/local_model/scene_contacts.h"
 #include "hlm/local_model/stiffness_limit.h"
+#include "hlm/local_model/wrench_field.h"
 
 namespace hlm::server {
 
@@ -34,14 +36,16 @@ struct HandInput {
 
 /// What contacts and weight do to the hand in one step, world axes, at the hand's frame.
 struct ContactWrench {
-  Wrench F = Wrench::Zero();        ///< Eq. 8: penalty, friction and the tool's weight, N and N·m.
-  Wrench weight = Wrench::Zero();   ///< The part of F that is the tool's weight, N and N·m.
+  /// Eq. 8: penalty, friction, the tool's weight and external wrenches, N and N·m.
+  Wrench F = Wrench::Zero();
+  Wrench weight = Wrench::Zero();   ///< The part of F that is no contact's, N and N·m.
   Wrench impulse = Wrench::Zero();  ///< Eq. 12 before division by Δt: N·s and N·m·s.
 };
 
 inline const MovableBodies kNoBodies;
 inline const BodyPoses kNoPoses;
 inline const AccelerationRates kNoRates;
+inline const ExternalWrenches kNoWrenches;
 
 /// What the environment reports.
 struct ModelUpdate {
@@ -53,6 +57,10 @@ struct ModelUpdate {
   double period = 0;        ///< Period of the environment's frames, s.
   const BodyPoses& poses = kNoPoses;  ///< Where the scene's bodies are; others are not there.
   const AccelerationRates& rates = kNoRates;  ///< Of bodies.
+  double time = 0;                            ///< The environment's, s.
+  const Velocity* v_VE = nullptr;             ///< Of the tool at q_VE; needed with `external`.
+  /// Several on one link add up; of a link that is not named there is none.
+  const ExternalWrenches& external = kNoWrenches;
 };
 
 class LocalModel {
@@ -74,6 +82,9 @@ class LocalModel {
   /// update or set_scene().
   void keep_contacts() noexcept;
   bool keeps_contacts() const noexcept { return keeps_contacts_; }
+
+  /// External wrenches act with this force at most, N.
+  void bound_external(double most) noexcept { most_external_ = most; }
 
   void adopt(const ModelUpdate& update) noexcept;
 
@@ -110,6 +121,8 @@ class LocalModel {
   /// Limits of the tool's joints.
   const LocalContacts& limits() const noexcept { return limits_.contacts(); }
   const LocalBodies& bodies() const noexcept { return bodies_; }
+  /// τ of weight and external wrenches in the latest step, N or N·m.
+  const GeneralisedForce& load() const noexcept { return load_; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
@@ -126,6 +139,9 @@ class LocalModel {
   ContactLaw contact_law(ContactStep step) const noexcept;
   ContactLaw support_law(double dt, double friction_scale) const noexcept;
 
+  void adopt_external(const ModelUpdate& update) noexcept;
+  void begin_external(MassMatrix& E, GeneralisedForce& r) noexcept;
+  GeneralisedForce end_external() noexcept;
   void adopt_poses(const ModelUpdate& update, const LocalBodies& reported) noexcept;
   void adopt_supports_of_scene(const LocalContacts& existing, UpdateFrames& frames,
                                const LocalBodies& bodies) noexcept;
@@ -166,6 +182,10 @@ class LocalModel {
   std::array<LocalContacts, 2> supports_;  ///< Supports, in the same two places.
   std::size_t current_ = 0;
   JointLimits limits_;
+  StaticVector<WrenchField, kMaxLinks> external_;  ///< Of each link.
+  bool has_external_ = false;                      ///< The environment has stated some.
+  double most_external_ = std::numeric_limits<double>::infinity();  ///< N.
+  GeneralisedForce load_;
   LocalBodies bodies_;
   double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;

@@ -23,6 +23,7 @@ std::uint64_t whole_steps(double steps) noexcept {
 
 void LocalModel::adopt(const ModelUpdate& update) noexcept {
   ve_tool_.set_configuration(update.q_VE);
+  adopt_external(update);
   impulses_.end_silence();
   const auto now = static_cast<double>(impulses_.world_step());
   // An environment that does not say which step its bodies are at has them as old as its contacts.

@@ -39,6 +39,7 @@ constexpr double kLongestKept = 1;
 
 /// Force on a proxy among shapes, as a share of the largest on the device: where a hand is stronger
 /// than that, the coupling would draw the proxy through what it touches. A plane has no other side.
+/// The same for external wrenches: beyond, they are not felt, and would throw the proxy.
 constexpr double kLargestPush = 2;
 
 const ReportedContacts kNoContacts;
@@ -166,6 +167,7 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
     return;
   }
   local_model_.emplace(hello.tool, hello.q, options_.local_model, dt_);
+  local_model_->bound_external(kLargestPush * largest_force_);
   if (scenes_ != nullptr) scenes_->begin(hello.tool);
   scene_ = nullptr;
   counts_on_scene_ = false;
@@ -317,7 +319,10 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
                        .impulse_step = update.impulse_step,
                        .period = update.ve_period,
                        .poses = uses_contacts ? update.poses : kNoPoses,
-                       .rates = update.rates});
+                       .rates = update.rates,
+                       .time = update.ve_time,
+                       .v_VE = &update.v_VE,
+                       .external = update.external});
   energy_.adopted(stored, stored_energy(*local_model_, stiffness));
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();

@@ -16,8 +16,8 @@ void EnergyAccount::step(const LocalModel& model, const Pose& X_WP, const Wrench
   const ToolModel& proxy = model.proxy();
   double hand = work_at_handle(F_hand, displacement(X_WP, proxy.X_WH()), scale_);
   if (observed) hand = hand_work_.credited(hand);
-  const double weight = -proxy.gravity().dot(model.velocity()) * dt_ / scale_;
-  in_proxy_ += hand + weight + (twice ? 2 : 1) * moved;
+  const double load = model.load().dot(model.velocity()) * dt_ / scale_;
+  in_proxy_ += hand + load + (twice ? 2 : 1) * moved;
   const double kept = std::clamp(in_proxy_, 0.0, kinetic_energy(model) / scale_);
   supply_ = in_proxy_ - kept;
   in_proxy_ = kept;

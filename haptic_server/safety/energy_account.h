@@ -10,7 +10,7 @@
 
 namespace hlm::server {
 
-/// The work of the hand, of weight and of moving constraints, less what the proxy keeps of it as
+/// The work of the hand, of weight, external wrenches and moving constraints, less what the proxy keeps of it as
 /// motion: so much may the port give to the hand. All in J at the handle.
 class EnergyAccount {
  public:

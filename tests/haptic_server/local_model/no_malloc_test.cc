@@ -58,6 +58,9 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
   MovableBodies bodies;
   crowd(contacts, bodies, 1e-4);
   const Configuration q = model->proxy().configuration();
+  const Velocity v = Velocity::Constant(6, 0.01);
+  ExternalWrenches external(1);
+  external[0].F_W[2] = -1;
   HandInput hand;
   hand.F[2] = -5;
   const test::NoMalloc guard;
@@ -68,7 +71,10 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
                     .age = 0.02,
                     .bodies = bodies,
                     .impulse_step = std::max(0.0, i - 20.5),
-                    .period = 0.017});
+                    .period = 0.017,
+                    .time = 1e-3 * i,
+                    .v_VE = &v,
+                    .external = external});
     }
     model->step(hand);
   }
