@@ -39,6 +39,7 @@ constexpr Experiment kExperiments[] = {
     {"bodies", bodies, true},
     {"bodylimits", body_limits, false},
     {"holding", holding, true},
+    {"external", external, true},
     {"twotools", two_tools, true},
     {"scenes", scenes, true},
     {"approach", approach_map, true},
