@@ -132,6 +132,7 @@ void HapticClient::follow_accelerations(const MovableBodies& bodies) {
 }
 
 void HapticClient::add_external(std::uint8_t link, const Wrench& F_W) {
+  if (F_W.isZero(0)) return;
   const auto known = std::ranges::find(update_.external, link, &ExternalWrench::link);
   if (known == update_.external.end()) {
     update_.external.push_back({.link = link, .F_W = F_W});

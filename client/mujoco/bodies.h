@@ -128,4 +128,29 @@ inline MovableBody describe(const mjModel& model, mjData& data, int body, const 
   return found;
 }
 
+/// What pushes a body with a free joint besides contacts and its weight: equalities, tendons,
+/// actuators, springs, fluids, and what the program applies. About the body's origin, world axes, N
+/// and N·m. The body resists as MuJoCo has it.
+inline Wrench external_wrench(const mjModel& model, mjData& data, int body) {
+  Eigen::VectorXd rows = Eigen::VectorXd::Zero(data.nefc);
+  for (int i = 0; i < data.nefc; ++i) {
+    const int type = data.efc_type[i];
+    const bool is_no_contact =
+        type == mjCNSTR_EQUALITY || type == mjCNSTR_FRICTION_TENDON || type == mjCNSTR_LIMIT_TENDON;
+    if (is_no_contact) rows[i] = data.efc_force[i];
+  }
+  Eigen::VectorXd generalised = Eigen::VectorXd::Zero(model.nv);
+  if (!rows.isZero(0)) mj_mulJacTVec(&model, &data, generalised.data(), rows.data());
+  for (const mjtNum* other : {data.qfrc_passive, data.qfrc_actuator, data.qfrc_applied}) {
+    generalised += Eigen::Map<const Eigen::VectorXd>(other, model.nv);
+  }
+  Wrench F_W = generalised.segment<6>(model.body_dofadr[body]);
+  F_W.tail<3>() = rotation_of(data.xquat + std::ptrdiff_t{4} * body) * Vector3(F_W.tail<3>());
+  const Eigen::Map<const Wrench> applied(data.xfrc_applied + std::ptrdiff_t{6} * body);
+  F_W += applied;
+  F_W.tail<3>() +=
+      (row3(data.xipos, body) - row3(data.xpos, body)).cross(Vector3(applied.head<3>()));
+  return F_W;
+}
+
 }  // namespace hlm::mujoco

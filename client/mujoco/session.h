@@ -74,7 +74,7 @@ inline ToolDescription tool_of(const mjModel& model, int body) {
 /// tool's geoms make no force of their own: the tool is where the proxy is, and bodies are pushed
 /// by the impulses that the hand felt. Any body with degrees of freedom can be pushed. From drive()
 /// to send() these pushes are a part of xfrc_applied; a force of your own there stays: set it
-/// before drive().
+/// before drive(). The hand also feels what else pushes the tool: external_wrench().
 class Session {
  public:
   /// All must outlive this. Throws std::invalid_argument where the tool, a geom or the options
@@ -160,6 +160,7 @@ class Session {
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, update.q_VE, update.v_VE, frame_);
     client_.follow_accelerations(update.bodies);
+    client_.add_external(0, external_wrench(model_, data_, tool_));
     client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 

@@ -27,6 +27,7 @@ SCENE = """<mujoco>
     <body name="tool" pos="0 0 {height}"><freejoint/><geom {tool} mass="0.1"/></body>
     {body}
   </worldbody>
+  {held}
 </mujoco>"""
 BALL = 'type="sphere" size="0.02"'
 BRICK = ('<body pos="0.08 0 0.02"><freejoint/><geom type="box" size="0.02 0.04 0.02" mass="0.3" friction="0.4 0 0"'
@@ -38,7 +39,7 @@ def play(seconds, hand, **scene):
     """Runs server and example. Returns the ticks with force on, and where the last body was at the end, m."""
     with tempfile.TemporaryDirectory() as folder, hand_session.server(SERVER, hand) as server:
         path = pathlib.Path(folder) / "scene.xml"
-        path.write_text(SCENE.format(**scene))
+        path.write_text(SCENE.format(**{"held": "", **scene}))
         printed = subprocess.run([EXAMPLE, path, server.address, str(seconds)], stdout=subprocess.PIPE, text=True,
                                  check=True, timeout=60).stdout
         places = re.findall(r"body at \((\S+), (\S+), (\S+)\)", printed)
@@ -70,6 +71,14 @@ class Touch(unittest.TestCase):
         self.assertAlmostEqual(-weight - TOOL_MASS * GRAVITY, MASS * GRAVITY, delta=0.03 * MASS * GRAVITY)  # N
         self.assertLess(deviation, 0.06 * MASS * GRAVITY)
         self.assertGreater(cube[2], 0.1)  # m: it was lifted
+
+    def test_a_cube_that_is_welded_to_the_tool_weighs_what_it_weighs(self):
+        ticks, _ = play(3.5, reach(1, 0, 0.2), height=0.2, tool='type="box" size="0.02 0.02 0.02"',
+                        body=CUBE.replace("<body", '<body name="cube"').replace("0 0 0.0751", "0 0 0.1"),
+                        held='<equality><weld body1="tool" body2="cube"/></equality>')
+        weight, deviation = mean(ticks, "command_force_z_N", 2.5, 3.4)
+        self.assertAlmostEqual(-weight, (MASS + TOOL_MASS) * GRAVITY, delta=0.01 * MASS * GRAVITY)  # N
+        self.assertLess(deviation, 0.01)
 
 
 class Mistakes(unittest.TestCase):

@@ -114,6 +114,35 @@ class Touch(unittest.TestCase):
             depth = (1 + 0.1 * session.GRAVITY) / session.STIFFNESS
             self.assertAlmostEqual(data.qpos[2], 0.06 - depth, delta=1e-4)  # m
 
+    def test_what_is_no_contact_is_felt_too(self):
+        """A cube that an equality ties to the tool, and a rope that a motor pulls."""
+        cube = '<body name="cube" pos="0 0 0.1"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
+        rope = ('<tendon><spatial name="rope"><site site="on"/><site site="up"/></spatial></tendon>'
+                '<actuator><motor tendon="rope"/></actuator>')
+        weight = 0.3 * session.GRAVITY
+        for held, due in (('<equality><weld body1="tool" body2="cube"/></equality>', -weight),
+                          ('<equality><connect body1="tool" body2="cube" anchor="0 0 -0.05"/></equality>', -weight),
+                          (rope, 5)):
+            with self.subTest(held=held):
+                scene = session.SCENE.format(step=1 / 480, height=0.2, tool=BOX, bodies=(
+                    cube if due < 0 else '<site name="up" pos="0 0 1"/>')).replace(
+                        "<freejoint/>", '<freejoint/><site name="on"/>', 1).replace("</mujoco>", held + "</mujoco>")
+                model, data = session.loaded(scene)
+                if model.nu > 0:
+                    data.ctrl[0] = -5
+                with hand_session.server(session.SERVER, reach(1, 0, 0.2)) as server:
+                    with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
+                                               server=server.address) as touch:
+                        start = time.monotonic()
+                        for frame in range(1, 180):
+                            for _ in range(touch.drive(data)):
+                                mujoco.mj_step(model, data)
+                            touch.send(data)
+                            time.sleep(max(0, start + frame / 60 - time.monotonic()))
+                    force, deviation = mean(server.ticks(), "command_force_z_N", 2.2, 2.9)
+                self.assertAlmostEqual(force, due - 0.1 * session.GRAVITY, delta=0.03)  # N
+                self.assertLess(deviation, 0.02)
+
     def test_a_server_that_takes_no_shapes_gets_contacts(self):
         scene = session.SCENE.format(step=1 / 480, height=0.023, tool='type="sphere" size="0.02"', bodies="")
         model, data = session.loaded(scene)

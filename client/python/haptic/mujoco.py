@@ -14,6 +14,9 @@ answers, its geoms make no force of their own: the tool is where the proxy is, a
 the impulses that the hand felt. Any body with degrees of freedom can be pushed; what its joints leave of
 its mobility is computed at the present pose, without the centripetal part of its acceleration. From drive() to send()
 these pushes are a part of data.xfrc_applied; a force of your own there stays: set it before drive().
+
+The hand also feels what else pushes the tool: equalities (weld, connect), tendons, actuators, springs, fluids, and what you
+put into qfrc_applied and xfrc_applied.
 """
 
 from __future__ import annotations
@@ -32,6 +35,7 @@ _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther a
 _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
+_NOT_CONTACTS = (0, 2, 4)  # mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
 # Bodies within this are sent, m, and within what the tool travels until the next update but two has come, up to the
 # farthest, m: one that was not sent is a wall.
 _NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
@@ -168,6 +172,7 @@ class Session:
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = _rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._frame)
+        self.touch.external_wrench(self._external_wrench(data))
         if self._shapes is not None and (self.touch.has_scene or self._waits()):
             self._send_poses(data, v)
         else:
@@ -196,6 +201,20 @@ class Session:
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         self._take_back_pushes(data)
         self.touch.send(None, bodies, self._shapes.poses(data, gaps, self._frame, self._binding))
+
+    def _external_wrench(self, data: Any) -> np.ndarray:
+        """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""
+        rows = np.where(np.isin(np.asarray(data.efc_type)[:data.nefc], _NOT_CONTACTS), np.asarray(data.efc_force)[:data.nefc], 0)
+        of_constraints = np.zeros(self._model.nv)
+        if rows.any():
+            self._binding.mj_mulJacTVec(self._model, data, of_constraints, rows)
+        generalised = of_constraints + data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied
+        wrench = np.array(generalised[self._v])
+        wrench[3:] = _rotation(data.qpos[self._q][3:]) @ wrench[3:]
+        applied = data.xfrc_applied[self._tool]
+        wrench[:3] += applied[:3]
+        wrench[3:] += applied[3:] + np.cross(data.xipos[self._tool] - data.xpos[self._tool], applied[:3])
+        return wrench
 
     def _send_contacts(self, data: Any, v: np.ndarray) -> None:
         contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._reach(v))
