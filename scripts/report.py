@@ -70,6 +70,7 @@ SECTIONS = {
     "bodies": "Bodies that move when pushed",
     "bodylimits": "Where bodies that move end",
     "holding": "Bodies that hold each other, and a loop that stalls",
+    "external": "Loads and walls that are stated as a wrench",
     "scenes": "The shipped scenes",
 }
 
@@ -165,6 +166,9 @@ INTRODUCTION = {
     "holding": "3 kg on a plate that is carried; two to ten cubes on each other that are pressed with 2 N, of which the "
     "device's dry friction may bear 0.2 N; a wall of 60 kg that swings, pressed with 2 N, whose bar is its own "
     "acceleration; a cube of 0.4 kg that is held while the server's loop stands still for 5 to 25 ms four times a second.",
+    "external": "An environment states in each frame what pushes the tool, and no contact: a force, a payload that is welded "
+    "to it, a wall whose force it measures. The tool has 0.3 kg. Walls are pressed by a hand of 200 N/m; a payload also "
+    "moved to and fro, where the bar is its inertia.",
     "scenes": "Each scene of scripts/run is played in virtual time by its own hand: the largest command, its limit, "
     "and the largest step of the contact force at an update that no collision explains.",
 }
@@ -698,7 +702,7 @@ def draw_forces(rows, limits):
             rate, delay, due = (float(row[n]) for n in ("ve_rate_Hz", "delay_s", "due_N"))
             felt = float(row["mean_N"]) / due
             axis.errorbar(place + 0.8 * (i + 0.5) / len(points) - 0.4, min(max(felt, limits[0]), limits[1]),
-                          yerr=float(row["sd_N"]) / due, marker=markers[rate], markersize=3,
+                          yerr=float(row["sd_N"]) / abs(due), marker=markers[rate], markersize=3,
                           color=colours[delay], linewidth=1)
     for rate in rates:
         axis.plot([], [], marker=markers[rate], linestyle="", color="#555555", label=f"{rate:.0f} Hz")
@@ -720,6 +724,12 @@ def draw_bodies(folder):
 def draw_holding(folder):
     figure = draw_forces(read_table(folder / "holding.csv"), (0.85, 1.15))
     label(figure.axes[0], "in each group: planes, then shapes; what is lost lies on the edge", "force felt / force due")
+    return figure
+
+
+def draw_external(folder):
+    figure = draw_forces([row for row in read_table(folder / "external.csv") if float(row["due_N"]) != 0], (0.9, 1.1))
+    label(figure.axes[0], "in each group: the hand's wrench unknown, then measured", "force felt / force due")
     return figure
 
 
@@ -816,6 +826,7 @@ DRAW = {
     "bodies": draw_bodies,
     "bodylimits": draw_bodylimits,
     "holding": draw_holding,
+    "external": draw_external,
     "scenes": draw_scenes,
 }
 

@@ -45,6 +45,7 @@ const MENU = {
     ['docs/method/limits.md', 'Where it stops'],
     ['docs/method/prior.md', 'Prior local models'],
     ['docs/method/scene.md', 'The geometry near the hand'],
+    ['docs/method/external.md', 'External wrenches'],
   ],
   'Reference': [
     ['protocol/PROTOCOL.md', 'Protocol'],

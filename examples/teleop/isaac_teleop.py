@@ -15,16 +15,13 @@ from isaacteleop.haptic_devices import IHapticDevice
 from isaacteleop.retargeting_engine.tensor_types import EndEffectorForce
 
 import haptic
-from force_as_contact import send_force
 
 ENDPOINT = "device"  # IsaacTeleop's name for a single grounded one
 
 
 class ServerHapticDevice(IHapticDevice):
-    """stiffness: of a contact of the server (haptic_server --stiffness), N/m."""
-
-    def __init__(self, touch: haptic.Session, stiffness: float = 4000):
-        self._touch, self._stiffness = touch, stiffness
+    def __init__(self, touch: haptic.Session):
+        self._touch = touch
         self._force = np.zeros(3)
         self._flushed_at = time.monotonic()
         self._warned = False
@@ -55,13 +52,15 @@ class ServerHapticDevice(IHapticDevice):
         now = time.monotonic()
         period, self._flushed_at = max(now - self._flushed_at, 1e-4), now
         try:
-            send_force(self._touch, self._touch.q, self._touch.v, self._force, period, self._stiffness)
+            self._touch.sample(self._touch.q, self._touch.v, period)
+            self._touch.external_wrench([*self._force, 0, 0, 0])
+            self._touch.send()
             self._touch.poll()
         except haptic.HapticError as error:
             if not self._warned:
                 logging.getLogger(__name__).warning("no force is sent to the haptic server: %s", error)
             self._warned = True
-        self._force = np.zeros(3)  # Where no force comes in the next frame, nothing touches.
+        self._force = np.zeros(3)  # Where none comes in the next frame, there is none.
 
     def get_tracker(self):
         return None

@@ -14,8 +14,6 @@ is when control starts. Button 0 closes the gripper, button 1 resets.
 import numpy as np
 from robosuite.devices import Device
 
-from force_as_contact import send_force
-
 # OSC_POSE at its default scales moves so far in a step when the action is 1.
 STEP, TURN = 0.05, 0.5  # m, rad
 DOWN = np.diag([-1.0, 1.0, -1.0])  # How robosuite's grippers point when control starts.
@@ -23,11 +21,9 @@ GRASP, RESET = 1, 2  # Masks of the buttons
 
 
 class HapticDevice(Device):
-    """stiffness: of a contact of the server (haptic_server --stiffness), N/m."""
-
-    def __init__(self, env, touch, stiffness=4000):
+    def __init__(self, env, touch):
         super().__init__(env)
-        self._touch, self._stiffness = touch, stiffness
+        self._touch = touch
         self._reset_internal_state()
 
     def _reset_internal_state(self):
@@ -58,7 +54,9 @@ class HapticDevice(Device):
 
     def feel(self, force, period=1 / 20):
         """After env.step(): the world's force on the end effector, N, world axes. period: of the steps, s."""
-        send_force(self._touch, self._touch.q, self._touch.v, force, period, self._stiffness)
+        self._touch.sample(self._touch.q, self._touch.v, period)
+        self._touch.external_wrench([*force, 0, 0, 0])
+        self._touch.send()
 
 
 def _at_most(vector, length):

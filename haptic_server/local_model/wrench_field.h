@@ -1,5 +1,5 @@
 // A wrench on a link of the tool that the environment states and no contact explains: of a weld, a
-// tendon, a payload, drag, or a robot's force sensor (docs/method.md, external wrenches).
+// tendon, a payload, drag, or a robot's force sensor (docs/method.md 19).
 #pragma once
 
 #include "hlm/common/contact.h"

@@ -10,8 +10,8 @@
 
 namespace hlm::server {
 
-/// The work of the hand, of weight, external wrenches and moving constraints, less what the proxy keeps of it as
-/// motion: so much may the port give to the hand. All in J at the handle.
+/// The work of the hand, of weight, external wrenches and moving constraints, less what the proxy
+/// keeps of it as motion: so much may the port give to the hand. All in J at the handle.
 class EnergyAccount {
  public:
   /// capacity: of an observed hand's work that waits to be credited, J. dt: servo period, s.

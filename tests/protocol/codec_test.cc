@@ -593,7 +593,8 @@ TEST_CASE("A pose that is wrong refuses its update, and the refusal says which")
   check(UpdateError::kNonFinite, [](BodyPose& pose) { pose.X_WB.R.y() = std::nan(""); });
 }
 
-TEST_CASE("An external wrench that is out of range refuses its update, and the refusal says which") {
+TEST_CASE(
+    "An external wrench that is out of range refuses its update, and the refusal says which") {
   ContactUpdate update = test::planar_update(2);
   update.external.resize(3);
   const auto refusal = [&](double force) {

@@ -289,6 +289,14 @@ class Mistakes(unittest.TestCase):
     def test_a_plane_of_neither_side_is_named(self):
         self.refused("contact 0: plane 2 must be 0 or 1", plane=2)
 
+    def test_an_external_wrench_that_cannot_be_used_is_named(self):
+        for text, wrench, link in (("link 1 of an external wrench must be 0 to 0", np.zeros(6), 1),
+                                   ("external wrench nan N or N·m must be -1000000 to 1000000", [0, 0, np.nan, 0, 0, 0], 0),
+                                   ("wrench must have 6 numbers, not the shape (3,)", [0, 0, 1], 0)):
+            with haptic.Session("127.0.0.1:9", box()) as touch, self.assertRaises(haptic.HapticError) as caught:
+                touch.external_wrench(wrench, link)
+            self.assertIn(text, str(caught.exception))
+
     def test_options_that_cannot_be_used_are_named(self):
         for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
                               ("epsilon", {"epsilon": -1}), ("rate", {"rate": 0}),

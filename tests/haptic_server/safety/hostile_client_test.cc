@@ -109,6 +109,15 @@ class HostileSession {
       if (moves_) contact.v_WC = random_.uniform(-1, 1) * contact.n_W;
       update.contacts.push_back(contact);
     }
+    // A wrench that pushes, and says that it resists, or that it does not.
+    update.ve_time = ve_time_ += random_.uniform(0, 0.03);
+    if (moves_ && random_.integer(0, 1) == 0) {
+      ExternalWrench& wrench = update.external.emplace_back();
+      const double size = std::pow(10, random_.uniform(-1, 4));
+      wrench.F_W << random_.vector(size), random_.vector(0.1 * size);
+      if (random_.integer(0, 1) == 0) wrench.F_W = -size * displacement(Pose{}, X_WD_);
+      update.v_VE = Vector3(random_.vector(1));
+    }
     link_.deliver(kClient, {.session = session_.id(), .sequence = ++sequence_}, update);
     ++updates_;
   }
@@ -192,6 +201,7 @@ class HostileSession {
   Timing timing_;
   std::uint64_t hellos_ = 0;
   std::uint64_t sequence_ = 0;
+  double ve_time_ = 0;      ///< s.
   std::uint64_t step_ = 0;  ///< Of the latest tick.
   int updates_ = 0;
   int quiet_ = 0;  ///< Ticks left of a stall.
