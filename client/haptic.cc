@@ -197,6 +197,7 @@ struct haptic_session {
       }
     }
     if (message.empty() && client->connected()) message = client->scene_problem();
+    if (message.empty()) message = client->body_problem();
     if (own && !client->connected() && own->status()) message = end_of(*own->status());
   }
 

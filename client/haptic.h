@@ -208,8 +208,9 @@ typedef struct haptic_state {
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
   char message[HAPTIC_MAX_TEXT]; /* why a session, an update, a contact or the offered shapes were
-                                    refused last, or that the session's own server has ended; ""
-                                    when one begins */
+                                    refused last, what a body does otherwise than it was reported
+                                    to, or that the session's own server has ended; "" when one
+                                    begins */
 } haptic_state;
 
 HAPTIC_API int haptic_abi(void);

@@ -55,6 +55,8 @@ HapticClient::Inbox HapticClient::poll(double now) {
   if (inbox.state != nullptr) {
     playout_.hear(inbox.state->step);
     scene_in_force_ = inbox.state->scene > 0;
+    doubt_ = inbox.state->doubt;
+    doubted_ = inbox.state->doubted;
   }
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
@@ -124,11 +126,18 @@ void HapticClient::sample(double now, const Configuration& q, const Velocity& v,
   update_.ve_period = period;
   update_.q_VE = q;
   update_.v_VE = v;
+  update_.external.clear();
   session_.set_initial_configuration(q);
 }
 
 void HapticClient::follow_accelerations(const MovableBodies& bodies) {
   update_.rates = trend_.rates(bodies, update_.ve_time);
+}
+
+std::string HapticClient::body_problem() const {
+  if (!connected() || doubt_ == BodyDoubt::kNone) return {};
+  return "body " + std::to_string(doubted_) + ": " + std::string(meaning_of(doubt_)) + "; " +
+         std::string(remedy_of(doubt_));
 }
 
 void HapticClient::add_external(std::uint8_t link, const Wrench& F_W) {
@@ -152,7 +161,6 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
   update_.rates.clear();
-  update_.external.clear();
   session_.send_scene(now, kChunksPerSend);
   return sequence;
 }

@@ -82,6 +82,9 @@ class HapticClient {
   /// Why the server does not find contacts in the scene that is offered, for a person; empty as
   /// long as nothing is known against it.
   const std::string& scene_problem() const noexcept { return scene_problem_; }
+  /// What a body does otherwise than its reports say, and what to do about that, for a person;
+  /// empty if nothing. A server needs some seconds in which the tool moves the body.
+  std::string body_problem() const;
   /// What the server says of the scene.
   const protocol::SceneState& scene_state() const noexcept { return session_.scene_state(); }
 
@@ -121,6 +124,8 @@ class HapticClient {
   protocol::OfferedBefore offered_;            ///< In this session.
   bool scene_in_force_ = false;
   std::string scene_problem_;
+  BodyDoubt doubt_ = BodyDoubt::kNone;  ///< Of the latest proxy state.
+  std::uint32_t doubted_ = 0;
 };
 
 }  // namespace hlm

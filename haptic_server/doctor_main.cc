@@ -7,6 +7,7 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "hlm/doctor/body_examination.h"
 #include "hlm/doctor/contact_examination.h"
 #include "hlm/doctor/device_check.h"
 #include "hlm/doctor/device_examination.h"
@@ -22,14 +23,14 @@
 namespace hlm::server {
 
 /// What is examined.
-enum class Part { kAll, kMachine, kNetwork, kDevice, kForce, kContacts };
+enum class Part { kAll, kMachine, kNetwork, kDevice, kForce, kContacts, kBodies };
 
 }  // namespace hlm::server
 
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<server::Part>, 6> kWords<server::Part>{{
+inline constexpr std::array<Word<server::Part>, 7> kWords<server::Part>{{
     {server::Part::kAll, "all", "everything"},
     {server::Part::kMachine, "machine", "rights, kernel, clocks, the loop"},
     {server::Part::kNetwork, "network", "round trip, jitter, loss, order"},
@@ -37,6 +38,7 @@ inline constexpr std::array<Word<server::Part>, 6> kWords<server::Part>{{
     {server::Part::kForce, "force", "the chain from contact to force"},
     {server::Part::kContacts, "contacts",
      "whether the client's contacts can be trusted: of a capture, or where the server records"},
+    {server::Part::kBodies, "bodies", "whether its bodies do what it says of them: the same"},
 }};
 
 }  // namespace hlm
@@ -96,22 +98,23 @@ std::vector<Examination> examine_capture(const DoctorOptions& options) {
   for (const RecordedSession& session : read_sessions(options.subject)) {
     if (wanted(Part::kForce)) examinations.push_back(examine_force(session));
     if (wanted(Part::kContacts)) examinations.push_back(examine_contacts(session));
+    if (wanted(Part::kBodies)) examinations.push_back(examine_bodies(session));
   }
   if (examinations.empty()) {
     throw settings::UsageError("--check " + std::string(name_of(options.part)) +
-                               " must be all, force or contacts for a capture");
+                               " must be all, force, contacts or bodies for a capture");
   }
   return examinations;
 }
 
-/// The examination of the latest session in what the server records.
-Examination examine_contacts(const std::optional<RunningServer>& running) {
+/// The latest session in what the server records.
+RecordedSession latest_session(const std::optional<RunningServer>& running, Part part) {
   if (!running || running->capture.empty()) {
     throw settings::UsageError(
-        "--check contacts needs a capture, or a server on this machine that records: "
-        "haptic_server --record FILE");
+        "--check " + std::string(name_of(part)) +
+        " needs a capture, or a server on this machine that records: haptic_server --record FILE");
   }
-  return examine_contacts(read_sessions(running->capture).back());
+  return read_sessions(running->capture).back();
 }
 
 std::vector<Examination> examine_present(const DoctorOptions& options) {
@@ -124,7 +127,10 @@ std::vector<Examination> examine_present(const DoctorOptions& options) {
   };
   const std::optional<RunningServer> running = find_running(server);
   // A recording may be long: it is read where a person asks for it.
-  if (options.part == Part::kContacts) return {examine_contacts(running)};
+  if (options.part == Part::kContacts) {
+    return {examine_contacts(latest_session(running, options.part))};
+  }
+  if (options.part == Part::kBodies) return {examine_bodies(latest_session(running, options.part))};
   std::vector<Examination> examinations;
   if (wanted(Part::kMachine)) {
     MachineOptions machine = options.machine;
@@ -196,6 +202,7 @@ const char* const kFooter =
                                                  small pushes its force; before the first session
   haptic_doctor --check contacts                 whether a client's contacts can be trusted, while
                                                  a session goes on that the server records
+  haptic_doctor --check bodies                   whether its bodies do what it says of them
   haptic_doctor clear                            whoever stopped the force, or saw to a fault of the
                                                  device or the loop, lets it go on
   haptic_doctor run.pcap                         a session recorded with --record

@@ -188,7 +188,9 @@ struct ProxyState {
   /// because the device does not support it: of the coupling, or of all contacts together where the
   /// controller does not couple translation.
   double lowered = 0;
-  std::uint32_t scene = 0;  ///< Number of the scene in force, 0 none.
+  std::uint32_t scene = 0;             ///< Number of the scene in force, 0 none.
+  BodyDoubt doubt = BodyDoubt::kNone;  ///< What a body does otherwise than its reports say,
+  std::uint32_t doubted = 0;           ///< and which one.
 };
 
 /// How the hand's wrench is known, as status line, state file and page say it.

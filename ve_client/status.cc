@@ -137,6 +137,9 @@ void Status::report(double now, const HapticClient& client, const ProximityStati
       protocol::describe_drops(client.statistics().dropped));
   if (refusal_) spdlog::warn("{}{}", prefix_, describe(*refusal_));
   refusal_.reset();
+  const std::string doubt = client.body_problem();
+  if (doubt != doubt_ && !doubt.empty()) spdlog::warn("{}{}", prefix_, doubt);
+  doubt_ = doubt;
   if (refused_ > warned_refused_)
     spdlog::warn("{}{} proxy states could not be followed", prefix_, refused_);
   if (proximity.failures > warned_failures_) {

@@ -13,6 +13,7 @@
 
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
+#include "hlm/local_model/body_audit.h"
 #include "hlm/local_model/body_impulses.h"
 #include "hlm/local_model/contact_forces.h"
 #include "hlm/local_model/contact_update.h"
@@ -124,6 +125,8 @@ class LocalModel {
   /// τ of weight and external wrenches in the latest step, N or N·m.
   const GeneralisedForce& load() const noexcept { return load_; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
+  /// Whether the bodies do what their reports say.
+  const BodyAudit& audit() const noexcept { return audit_; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
   double stiffness_scale() const noexcept { return stiffness_scale_; }
@@ -161,6 +164,7 @@ class LocalModel {
   double margin(double speed, const LocalContacts& contacts) const noexcept;
   void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
+  void compare_with_reports(const LocalBodies& updated, double time) noexcept;
   double damping_on(const LocalBody& body) const noexcept;
   void evaluate(const FrameMotions& frames) noexcept;
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
@@ -187,8 +191,10 @@ class LocalModel {
   double most_external_ = std::numeric_limits<double>::infinity();  ///< N.
   GeneralisedForce load_;
   LocalBodies bodies_;
+  double adopted_time_ = 0;  ///< Of the latest update, the environment's, s.
   double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;
+  BodyAudit audit_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   StiffnessLimit stiffness_limit_;
   double stiffness_scale_ = 1;

@@ -15,6 +15,19 @@ constexpr double kLongestCorrection = 0.1;
 /// steps, and so do more bodies: the time of a tick bounds both.
 constexpr std::uint64_t kReplaySteps = 40;
 
+/// What gravity accelerates a body by, as its joints let it, m/s². Of a body that is as heavy in
+/// all directions the whole of it.
+Vector3 gravity_on(const LocalBody& body, const Vector3& g_W) noexcept {
+  if (g_W.isZero(0) || body.B.cols() == 0) return Vector3::Zero();
+  const Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 6> B = body.B.topRows<3>();
+  const Vector3 Wg = B * B.transpose().lazyProduct(g_W);
+  const double mobility = (B * B.transpose()).trace() / 3;
+  return mobility > 0 ? Vector3(Wg / mobility) : Vector3(Vector3::Zero());
+}
+
+/// Periods from one update to the next up to which none between is lost.
+constexpr double kWithoutLoss = 1.5;
+
 std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));
 }
@@ -63,6 +76,9 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   fill_tank(
       adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
   adopt_contacts_of_scene(existing, frames, bodies);
+  if (update.time - adopted_time_ < kWithoutLoss * update.period) {
+    compare_with_reports(bodies, update.time - adopted_time_);
+  }
   correct_gradually(bodies, update.period);
   const FrictionReport report{.contacts = update.contacts,
                               .kinetic_friction = parameters_.kinetic_friction,
@@ -73,6 +89,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
     learn_friction(bodies[i], reported[i].X_WB, reported[i].V_W, report);
   }
   adopted_step_ = state_step;
+  adopted_time_ = update.time;
   bodies_ = bodies;
 }
 
@@ -120,6 +137,27 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
     advance_bodies(bodies, proxy_, frames, x, dt);
     advance_constraints(supports, dt);
     done = next;
+  }
+}
+
+/// What a body is found to do from its report on, against what it was found to do from the one
+/// before. time: between them, s.
+void LocalModel::compare_with_reports(const LocalBodies& updated, double time) noexcept {
+  for (const LocalBody& body : updated) {
+    const auto known = std::ranges::find(bodies_, body.id, &LocalBody::id);
+    if (known == bodies_.end() || !known->is_plausible() || !body.is_plausible()) continue;
+    const Vector6 P = body.P_reported_W - known->P_reported_W;
+    const Vector6 given = known->B * known->B.transpose().lazyProduct(P);
+    audit_.add({.id = body.id,
+                .time = time,
+                .moved_W = body.p_reported_W - known->p_reported_W,
+                .V_W = (body.V_reported_W + known->V_reported_W).head<3>() / 2,
+                .change_W = (body.V_reported_W - known->V_reported_W).head<3>(),
+                .error_W = (body.V_W - known->V_W - known->correction).head<3>(),
+                .given_W = given.head<3>(),
+                .A_W = known->A_W.head<3>(),
+                .A_change_W = (body.A_W - known->A_W).head<3>(),
+                .gravity_W = gravity_on(*known, proxy_.description().gravity_W)});
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "hlm/common/uniform.h"
 #include "hlm/protocol/codec.h"
+#include "hlm/protocol/layout.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {
@@ -47,18 +48,40 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   return options;
 }
 
-/// Multiplies the friction of all contacts in a part of an update.
-void scale_friction(std::span<std::byte> bytes, double scale) {
+/// Changes a message, if the bytes are one of its kind or a part of it, and leaves its size.
+template <class Message, class Change>
+void alter(std::span<std::byte> bytes, const Change& change) {
   protocol::Header header;
-  protocol::ContactUpdate update;
-  if (protocol::decode_header(bytes, header) ||
-      header.type != protocol::MessageType::kContactUpdate ||
-      protocol::decode_part(bytes, update)) {
+  Message message;
+  if (protocol::decode_header(bytes, header) || header.type != protocol::kTypeOf<Message> ||
+      protocol::decode_part(bytes, message)) {
     return;
   }
-  for (ReportedContact& contact : update.contacts) contact.friction *= scale;
-  const auto altered = protocol::encode(header.envelope, update, header.part);
+  change(message);
+  const auto altered = protocol::encode(header.envelope, message, header.part);
   std::copy(altered.begin(), altered.end(), bytes.begin());
+}
+
+/// The client, and what it says and hears, as the conditions have it.
+void mislead(test::MemoryNetwork& network, const BodyConditions& conditions) {
+  if (conditions.friction_scale == 1 && !conditions.fault.report &&
+      conditions.fault.impulses == 1) {
+    return;
+  }
+  network.set_alteration([&conditions](std::span<std::byte> bytes) {
+    alter<protocol::ContactUpdate>(bytes, [&](protocol::ContactUpdate& update) {
+      for (ReportedContact& contact : update.contacts) {
+        contact.friction *= conditions.friction_scale;
+      }
+      for (MovableBody& body : update.bodies) body.P_W /= conditions.fault.impulses;
+      if (conditions.fault.report) conditions.fault.report(update);
+    });
+  });
+  network.set_reply_alteration([&conditions](std::span<std::byte> bytes) {
+    alter<protocol::Impulses>(bytes, [&](protocol::Impulses& impulses) {
+      for (protocol::BodyImpulse& each : impulses.bodies) each.P_W *= conditions.fault.impulses;
+    });
+  });
 }
 
 }  // namespace
@@ -89,15 +112,13 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
     sample.limited = record.limit != ForceLimit::kNone;
     const auto& model = running->servo().local_model();
     sample.bodies = model ? model->bodies().size() : 0;
+    if (model) sample.doubt = model->audit().finding().doubt;
     const ve::World& world = running->environment().world;
     sample.X_WB = world.X_WB(body);
     sample.V_WB = world.V_WB(body);
   });
   running = &session;
-  if (conditions.friction_scale != 1) {
-    session.network().set_alteration(
-        [&](std::span<std::byte> bytes) { scale_friction(bytes, conditions.friction_scale); });
-  }
+  mislead(session.network(), conditions);
   session.run(task.duration + 0.3 + 4 * conditions.delay);
   return samples;
 }

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "hlm/device/hand.h"
+#include "hlm/protocol/messages.h"
 #include "tests/experiments/trial.h"
 
 namespace hlm::experiments {
@@ -27,6 +29,12 @@ struct Stalls {
   double every = 0.25;  ///< s, on average.
 };
 
+/// What an adapter does wrongly with bodies.
+struct AdapterFault {
+  std::function<void(protocol::ContactUpdate&)> report{};  ///< As it is, and as it is sent.
+  double impulses = 1;  ///< So many times they are applied; not 0.
+};
+
 struct BodyConditions {
   double ve_rate = 60;      ///< Hz.
   double delay = 0;         ///< One way, s.
@@ -39,6 +47,7 @@ struct BodyConditions {
   bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
   Outage outage{};
   Stalls stalls{};
+  AdapterFault fault{};
   std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
 };
 
@@ -53,7 +62,8 @@ struct BodySample {
   bool colliding = false;
   bool limited = false;
   std::size_t bodies = 0;  ///< In the local model.
-  Pose X_WB;               ///< Of the body after the latest frame.
+  BodyDoubt doubt = BodyDoubt::kNone;
+  Pose X_WB;  ///< Of the body after the latest frame.
   Twist V_WB = Twist::Zero();
 };
 

@@ -40,6 +40,7 @@ constexpr Experiment kExperiments[] = {
     {"bodylimits", body_limits, false},
     {"holding", holding, true},
     {"external", external, true},
+    {"audit", audit, true},
     {"twotools", two_tools, true},
     {"scenes", scenes, true},
     {"approach", approach_map, true},

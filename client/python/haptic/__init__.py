@@ -269,8 +269,8 @@ class Session:
 
     @property
     def message(self) -> str:
-        """Why the server refused a session, an update or a contact last, or that a server of the session's own has
-        ended; empty when a session begins."""
+        """Why the server refused a session, an update or a contact last, what a body does otherwise than it was reported to, or
+        that a server of the session's own has ended; empty when a session begins."""
         return _text(self._state.message)
 
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
