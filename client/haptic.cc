@@ -401,15 +401,17 @@ int haptic_external_wrench(haptic_session* session, std::int32_t link, const dou
                      std::to_string(links - 1);
     return -1;
   }
+  const auto index = static_cast<std::uint8_t>(link);
   const Wrench F_W = Eigen::Map<const Wrench>(wrench);
+  const Wrench sum = session->client->external(index) + F_W;
   const Range range{-protocol::kLargestForce, protocol::kLargestForce, "N or N·m"};
-  for (const double x : F_W) {
+  for (const double x : sum) {
     const auto error = find_error("external wrench", x, range);
     if (!error) continue;
     session->error = *error;
     return -1;
   }
-  session->client->add_external(static_cast<std::uint8_t>(link), F_W);
+  session->client->add_external(index, F_W);
   return 0;
 }
 

@@ -276,7 +276,7 @@ HAPTIC_API int haptic_sample(haptic_session* session, const double* q, const dou
 HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, size_t count,
                              const haptic_body* bodies, size_t body_count);
 /* What else than contacts and its weight pushes the tool: a weld, a tendon, a payload, drag, or
- * what a force sensor reads; of the latest haptic_sample(), for the next haptic_send(). The server
+ * what a force sensor reads; after haptic_sample(), for the next haptic_send(). The server
  * finds how it depends on the tool's motion, so that the hand feels a load, a spring or a wall
  * between frames, too. wrench: N and N m about the origin of the link's frame. Several on one link
  * add up; without this there is none. 0, or -1 with haptic_error(). */

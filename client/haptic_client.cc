@@ -1,6 +1,7 @@
 #include "hlm/client/haptic_client.h"
 
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -140,7 +141,17 @@ std::string HapticClient::body_problem() const {
          std::string(remedy_of(doubt_));
 }
 
+Wrench HapticClient::external(std::uint8_t link) const {
+  const auto known = std::ranges::find(update_.external, link, &ExternalWrench::link);
+  return known == update_.external.end() ? Wrench(Wrench::Zero()) : known->F_W;
+}
+
 void HapticClient::add_external(std::uint8_t link, const Wrench& F_W) {
+  if (link >= tool_links_) {
+    throw std::invalid_argument("link " + std::to_string(link) +
+                                " of an external wrench must be 0 to " +
+                                std::to_string(tool_links_ - 1));
+  }
   if (F_W.isZero(0)) return;
   const auto known = std::ranges::find(update_.external, link, &ExternalWrench::link);
   if (known == update_.external.end()) {

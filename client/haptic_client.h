@@ -62,8 +62,10 @@ class HapticClient {
   /// What else than contacts and its weight pushes the tool of the latest sample, for the next
   /// send(): a weld, a tendon, a payload, drag, a force sensor. The server finds how it depends on
   /// the tool's motion. F_W: about the origin of the link's frame; several on one link add up, and
-  /// zero is none.
+  /// zero is none. After sample(). Throws std::invalid_argument if the tool has no such link.
   void add_external(std::uint8_t link, const Wrench& F_W);
+  /// The sum of those of the latest sample on a link.
+  Wrench external(std::uint8_t link) const;
   /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
   /// body that a contact names and that is not among them moves as the contact's v_WC says. With a
   /// scene (below) the contacts are those that no shape of it stands for, and poses those of its

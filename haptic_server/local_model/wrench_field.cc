@@ -27,6 +27,13 @@ constexpr double kLeastChange = 0.1;
 /// Largest stiffness that is found, N/m, and damping for its sake, s: without that a wall rings.
 constexpr double kLargestStiffness = 5e4;
 constexpr double kStiffnessTime = 0.002;
+/// Time between two reports that are compared, at least, s: what changes in less is more noise than
+/// motion.
+constexpr double kLeastPeriod = 0.012;
+/// What acts is at most so many times what was reported of late, and so much, N. More of a
+/// stiffness that is none would be felt: of friction that turns, or of a sensor's noise.
+constexpr double kExcess = 2;
+constexpr double kLeastBound = 0.2;
 /// Below this it is no wrench, N.
 constexpr double kNone = 1e-6;
 
@@ -51,20 +58,25 @@ Vector6 WrenchField::diagonal(double Response::*part) const noexcept {
 }
 
 void WrenchField::report(const WrenchReport& report) noexcept {
-  const double period = report.time - latest_.time;
   // The first has no velocity before it, the second no acceleration.
-  if (reports_ > 0 && period > 0) {
-    const Vector6 change_V = scaled(report.V_W - latest_.V_W);
-    const Vector6 A = change_V / period;
-    if (reports_ > 1) {
-      learn(scaled(displacement(latest_.X_WL, report.X_WL)), change_V, A - A_,
-            scaled_force(report.F_W - latest_.F_W));
+  const double period = report.time - learned_.time;
+  const bool due = reports_ == 0 || period > kLeastPeriod || period < 0;
+  if (due) {
+    if (reports_ > 0 && period > 0) {
+      const Vector6 change_V = scaled(report.V_W - learned_.V_W);
+      const Vector6 A = change_V / period;
+      if (reports_ > 1) {
+        learn(scaled(displacement(learned_.X_WL, report.X_WL)), change_V, A - A_,
+              scaled_force(report.F_W - learned_.F_W));
+      }
+      A_ = A;
     }
-    A_ = A;
+    reports_ = std::min(reports_ + 1, 2);
+    learned_ = report;
   }
-  reports_ = std::min(reports_ + 1, 2);
   latest_ = report;
   jumps_ = true;
+  if (!acts_) A_step_.setZero();
   acts_ = acts_ || !report.F_W.isZero(0);
 }
 
@@ -113,14 +125,14 @@ void WrenchField::Response::learn(const Vector3& change_V, const Vector3& change
 /// BFGS: along the way that the link moved K becomes what was seen, across it K stays.
 void WrenchField::learn_stiffness(const Vector6& moved, const Vector6& resisted) noexcept {
   const Vector6 expected = K_ * moved;
-  const double significant = std::max(expected.norm(), resisted.norm());
-  if (!(significant > kLeastChange)) return;
+  if (!(std::max(expected.norm(), resisted.norm()) > kLeastChange)) return;
   const double curvature = moved.dot(expected);
   if (curvature > 0) K_ -= expected * expected.transpose() / curvature;
   const double work = moved.dot(resisted);
   if (work > 0) {
+    const Vector6 way = resisted.normalized();
     const double stiffness = std::min(resisted.squaredNorm() / work, kLargestStiffness);
-    K_ += stiffness / resisted.squaredNorm() * resisted * resisted.transpose();
+    K_ += stiffness * way * way.transpose();
   }
   // Rounding leaves negative ones.
   const Eigen::SelfAdjointEigenSolver<Matrix6> parts(K_);
@@ -128,13 +140,27 @@ void WrenchField::learn_stiffness(const Vector6& moved, const Vector6& resisted)
   K_ = parts.eigenvectors() * values.asDiagonal() * parts.eigenvectors().transpose();
 }
 
+/// Makes a part of what acts a constant, where it is larger than that.
+template <int first, int count>
+void WrenchField::bound(double most) noexcept {
+  auto part = step_.F_W.segment<count>(first);
+  const double size = part.norm();
+  if (!(size > most)) return;
+  part *= most / size;
+  step_.stiffness.middleRows<count>(first).setZero();
+  step_.stiffness.middleCols<count>(first).setZero();
+}
+
 WrenchField::Step WrenchField::begin_step(const Pose& X_WL, const Twist& V_W, double dt,
                                           double most) noexcept {
   V_ = scaled(V_W);
   const Vector6 b = diagonal(&Response::damping);
   const Vector6 m = diagonal(&Response::inertia);
+  reported_ = std::max(reported_ * std::exp(-dt / kRise), scaled_force(latest_.F_W).norm());
+  const double believed = kExcess * reported_ + kLeastBound;
   step_.stiffness = K_;
-  step_.damping = kStiffnessTime * K_;
+  const double damps = kStiffnessTime * (K_ * V_).norm();
+  step_.damping = kStiffnessTime * std::min(1.0, believed / std::max(damps, kNone)) * K_;
   step_.damping.diagonal() += b;
   step_.inertia = m.asDiagonal();
   step_.F_W = scaled_force(latest_.F_W) - K_ * scaled(displacement(latest_.X_WL, X_WL)) +
@@ -145,10 +171,9 @@ WrenchField::Step WrenchField::begin_step(const Pose& X_WL, const Twist& V_W, do
   }
   gap_ *= std::exp(-dt / kRise);
   step_.F_W += gap_;
-  if (const double force = step_.F_W.norm(); force > most) {
-    step_.F_W *= most / force;
-    step_.stiffness.setZero();
-  }
+  bound<0, 6>(believed);
+  bound<0, 3>(most);
+  bound<3, 3>(most);
   const double ended = std::max({step_.F_W.norm(), F_.norm(), gap_.norm()});
   acts_ = ended > kNone || !latest_.F_W.isZero(0);
 

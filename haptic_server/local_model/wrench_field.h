@@ -25,7 +25,7 @@ struct WrenchReport {
 /// B are one number each for translation and for rotation, from a fit with forgetting; K is found
 /// from report to report (BFGS), so that a wall is there from its second report on. All are
 /// positive semidefinite, so that what is found can only resist. What they do not explain enters
-/// over `kRise`.
+/// over `kRise`. It is never much more than what was reported of late.
 ///
 /// Rotations are scaled by a length: metres and newtons throughout.
 class WrenchField {
@@ -68,16 +68,20 @@ class WrenchField {
   void learn(const Vector6& moved, const Vector6& change_V, const Vector6& change_A,
              const Vector6& change_F) noexcept;
   void learn_stiffness(const Vector6& moved, const Vector6& resisted) noexcept;
+  template <int first, int count>
+  void bound(double most) noexcept;
 
   double length_;
   bool acts_ = false;
-  int reports_ = 0;  ///< Up to two.
+  int reports_ = 0;  ///< That were compared, up to two.
   WrenchReport latest_;
-  Vector6 A_ = Vector6::Zero();  ///< Mean acceleration before the latest report.
+  WrenchReport learned_;         ///< The latest that was compared with the one before.
+  Vector6 A_ = Vector6::Zero();  ///< Mean acceleration before that.
   Response linear_, angular_;
   Matrix6 K_ = Matrix6::Zero();
 
   bool jumps_ = false;                ///< A report has come since the latest step.
+  double reported_ = 0;               ///< Largest of late, N.
   Vector6 gap_ = Vector6::Zero();     ///< From what is found to what acts: goes to zero.
   Step step_;                         ///< The present one, scaled.
   Vector6 V_ = Vector6::Zero();       ///< At its start.

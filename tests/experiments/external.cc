@@ -5,6 +5,7 @@
 #include <deque>
 #include <functional>
 #include <limits>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,40 @@ Load drag(double damping) {
     Wrench F = Wrench::Zero();
     F.head<3>() = -damping * V_W.head<3>();
     return F;
+  };
+}
+
+/// Coulomb's, that holds below 10 mm/s.
+Vector3 friction(const Twist& V_W, double force) {
+  const Vector3 v = V_W.head<3>();
+  return -force / std::max(v.norm(), 0.01) * v;
+}
+
+Load dry_friction(double force) {
+  return [force](const Pose&, const Twist& V_W, double) {
+    const Vector3 F = friction(V_W, force);
+    return test::force(F.x(), F.y(), F.z());
+  };
+}
+
+/// wall() that is rough.
+Load rough_wall(double stiffness, double mu) {
+  return [stiffness, mu](const Pose& X_WT, const Twist& V_W, double) {
+    const double load = stiffness * std::max(0.0, -X_WT.p.z());
+    Twist along = V_W;
+    along[2] = 0;
+    const Vector3 F = friction(along, mu * load);
+    return test::force(F.x(), F.y(), load);
+  };
+}
+
+/// A sensor's noise of that standard deviation on each axis, N.
+Load noise(double deviation) {
+  return [deviation, random = std::mt19937_64(1)](const Pose&, const Twist&, double) mutable {
+    std::normal_distribution<double> normal(0, deviation);
+    const double x = normal(random);
+    const double y = normal(random);
+    return test::force(x, y, normal(random));
   };
 }
 
@@ -181,6 +216,8 @@ struct Outcome {
   bool whole = false;
   double mean = std::numeric_limits<double>::quiet_NaN();  ///< Force on the hand along z, N.
   double deviation = 0;
+  double largest = 0;  ///< |F| along z, N.
+  double smallest = 0;
   double step = 0;   ///< Largest change from tick to tick, N.
   double least = 0;  ///< Of the proxy along z, m.
   double most = 0;
@@ -197,6 +234,8 @@ Outcome play(const Task& task, const Conditions& conditions, std::uint64_t seed)
     if (samples[i].time < task.begin) continue;
     const double f = samples[i].F_command.z();
     const double z = samples[i].p_WP.z();
+    outcome.largest = std::max(outcome.largest, std::abs(f));
+    outcome.smallest = count == 0 ? std::abs(f) : std::min(outcome.smallest, std::abs(f));
     outcome.least = count == 0 ? z : std::min(outcome.least, z);
     outcome.most = count == 0 ? z : std::max(outcome.most, z);
     outcome.step = std::max(outcome.step, (samples[i].F_command - samples[i - 1].F_command).norm());
@@ -239,7 +278,7 @@ std::vector<Outcome> play_all(Bench& bench, Table& table, const Task& task, doub
     const Outcome& o = outcomes[i];
     const Conditions& c = conditions[i];
     table.row(task.name, c.measures_hand ? "measured" : "unknown", c.ve_rate, c.delay, due, o.mean,
-              o.deviation, o.step, o.least, o.most);
+              o.deviation, o.step, o.least, o.most, o.smallest, o.largest);
     if (c.delay <= 0.02) near.push_back(o);
   }
   return near;
@@ -309,6 +348,25 @@ void moved(Bench& bench, Table& table) {
                    "of more than 0.1 N, in the same conditions",
                .measured = fmt::format("{:.2g} N off at most, steps up to {:.2g} N", off, step),
                .holds = off <= 0.1 && step <= 0.1});
+  // What has nothing to do with where the tool is, and with a wall that is rough.
+  play_all(bench, table, {"friction 2 N", [] { return dry_friction(2); }, lifted, 3, 7}, 0);
+  double heard = 0;
+  for (const Outcome& o :
+       play_all(bench, table, {"noise 0.2 N", [] { return noise(0.2); }, lifted, 3, 7}, 0)) {
+    heard = std::max(heard, o.deviation);
+  }
+  bench.claim({.what = "External wrenches, noise",
+               .criterion =
+                   "of a sensor's noise of 0.2 N a hand that moves feels at most 0.6 N, as a "
+                   "standard deviation with its own acceleration, in the same conditions",
+               .measured = fmt::format("{:.2g} N", heard),
+               .holds = heard <= 0.6});
+  const auto slid = shuttles({-0.05, 0, -0.02}, {0.05, 0, -0.02}, 0.5);
+  play_all(bench, table, {"wall 20 kN/m, slid", [] { return wall(2e4); }, slid, 3, 7}, 0);
+  play_all(bench, table, {"wall 20 kN/m, mu 0.3", [] { return rough_wall(2e4, 0.3); }, slid, 3, 7},
+           0);
+  play_all(bench, table, {"wall 4 kN/m, mu 0.3", [] { return rough_wall(4e3, 0.3); }, slid, 3, 7},
+           0);
   const auto taps = shuttles({0, 0, 0.02}, {0, 0, -0.02}, 0.6);
   play_all(bench, table, {"wall 20 kN/m, taps", [] { return wall(2e4); }, taps, 3, 7}, 0);
 }
@@ -318,7 +376,8 @@ void moved(Bench& bench, Table& table) {
 
 void external(Bench& bench) {
   Table& table = bench.table(
-      "external", "task,hand,ve_rate_Hz,delay_s,due_N,mean_N,sd_N,step_N,least_m,most_m");
+      "external",
+      "task,hand,ve_rate_Hz,delay_s,due_N,mean_N,sd_N,step_N,least_m,most_m,smallest_N,largest_N");
   wrenches::steady(bench, table);
   wrenches::moved(bench, table);
 }

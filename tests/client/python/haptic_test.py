@@ -297,6 +297,14 @@ class Mistakes(unittest.TestCase):
                 touch.external_wrench(wrench, link)
             self.assertIn(text, str(caught.exception))
 
+    def test_external_wrenches_of_one_sample_add_up(self):
+        with haptic.Session("127.0.0.1:9", box()) as touch:
+            for _ in range(3):
+                touch.sample([0, 0, 0.05, 1, 0, 0, 0], np.zeros(6), PERIOD)
+                touch.external_wrench([6e5, 0, 0, 0, 0, 0])  # Nothing is left of one that was not sent.
+            with self.assertRaisesRegex(haptic.HapticError, "external wrench 1200000"):
+                touch.external_wrench([6e5, 0, 0, 0, 0, 0])
+
     def test_options_that_cannot_be_used_are_named(self):
         for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
                               ("epsilon", {"epsilon": -1}), ("rate", {"rate": 0}),

@@ -140,6 +140,26 @@ TEST_CASE("A wrench that is not stated any more goes") {
   CHECK_FALSE(field.acts());
 }
 
+TEST_CASE("What has nothing to do with the link's motion is never much more than it was reported") {
+  const bool dry = GENERATE(false, true);  // Friction that turns with the motion, or noise.
+  test::Random random;
+  WrenchField field(kLength);
+  double most = 0;
+  for (int i = 0; i < 1200; ++i) {
+    const double time = i / 240.0;
+    const Motion motion = swing(time);
+    const double force = dry ? (motion.V_W[2] > 0 ? -2 : 2) : random.uniform(-0.5, 0.5);
+    field.report({time, motion.X_WL, motion.V_W, along_z(force)});
+    for (int step = 0; step < 4; ++step) {
+      const Motion now = swing(time + 1e-3 * step);
+      const auto begun = field.begin_step(now.X_WL, now.V_W, kStep, kUnbounded);
+      most = std::max({most, std::abs(begun.F_W[2]), (begun.damping * now.V_W).norm()});
+      field.end_step(now.V_W, kStep);
+    }
+  }
+  CHECK(most < (dry ? 4.5 : 1.5));  // N
+}
+
 TEST_CASE("A wrench beyond the bound is constant, and no larger than that") {
   WrenchField field =
       learned([](const Motion& motion) { return along_z(-2e4 * motion.X_WL.p.z()); });
