@@ -95,7 +95,7 @@ void ContactAudit::add(const ContactUpdate& update) {
 
 void ContactAudit::compare(std::vector<Seen>& now, const MovableBodies& bodies, double dt) {
   std::vector<const Seen*> unknown;
-  for (const Seen& one : now) {
+  for (Seen& one : now) {
     const auto known = std::ranges::find_if(before_, [&](const Seen& before) {
       return before.contact.identity == one.contact.identity;
     });
@@ -131,13 +131,41 @@ void ContactAudit::compare(std::vector<Seen>& now, const MovableBodies& bodies, 
   }
 }
 
-void ContactAudit::compare(const Seen& before, const Seen& now, double dt) {
+/// What tells of contacts that are late, and of tilted normals.
+void ContactAudit::count_errors(const Seen& before, Seen& now, const Vector3& travel) {
+  const Vector3& n = before.contact.n_W;
+  const double motion = n.dot(travel);
+  const double change = now.contact.separation - before.contact.separation;
+  if (before.moved_for == before.motions.size()) {
+    counts_.motion2 += motion * motion;
+    counts_.off_by_age[0] += (change - motion) * (change - motion);
+    for (std::size_t age = 1; age < counts_.off_by_age.size(); ++age) {
+      const double off = change - before.motions[age - 1];
+      counts_.off_by_age[age] += off * off;
+    }
+  }
+  now.motions[0] = motion;
+  std::copy_n(before.motions.begin(), now.motions.size() - 1, now.motions.begin() + 1);
+  now.moved_for = std::min(before.moved_for + 1, now.motions.size());
+  const Vector3 along = travel - motion * n;
+  counts_.ways += along * along.transpose();
+  counts_.off_along += (change - motion) * along;
+  counts_.off2 += (change - motion) * (change - motion);
+}
+
+void ContactAudit::compare(const Seen& before, Seen& now, double dt) {
   const ReportedContact& was = before.contact;
   const ReportedContact& is = now.contact;
   // A body that is hit gets its new velocity at any time in between.
   const Vector3 relative = tool_point(before) - (was.p_WC + 0.5 * dt * (was.v_WC + is.v_WC));
   const double unknown = std::min(kBlow, 0.5 * dt * (is.v_WC - was.v_WC).norm());
   const Vector3 travel = relative - was.separation * was.n_W;
+  const bool is_as_it_was = is.p_WC == was.p_WC && is.separation == was.separation;
+  if (is_as_it_was && std::abs(was.n_W.dot(travel)) > kNoticeable + unknown) {
+    ++counts_.moved;
+    ++counts_.frozen;
+    return;
+  }
   if (!same_sides(was, is) || (before.p_A - now.p_A).norm() > kOtherPlace + 2 * travel.norm()) {
     ++counts_.wandered;
     return;
@@ -151,6 +179,7 @@ void ContactAudit::compare(const Seen& before, const Seen& now, double dt) {
   const double change = is.separation - was.separation;
   const bool moves = std::abs(motion) > kNoticeable + unknown;
   counts_.moved += moves;
+  if (unknown < kNoticeable) count_errors(before, now, travel);
   if (moves && std::abs(change + motion) < 0.3 * std::abs(motion)) {
     ++counts_.reversed;
     return;

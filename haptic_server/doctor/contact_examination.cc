@@ -1,7 +1,10 @@
 #include "hlm/doctor/contact_examination.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
+#include <Eigen/QR>
 #include <spdlog/fmt/fmt.h>
 
 #include "hlm/protocol/codec.h"
@@ -16,6 +19,13 @@ constexpr double kOdd = 0.005;
 constexpr double kWrong = 0.05;
 /// Share of the contacts that appear: corners of edges do so late with good reason.
 constexpr double kOddLate = 0.6;
+/// Share of the error that contacts of another age leave, and of the motion that it must be to
+/// tell.
+constexpr double kSameAge = 0.3;
+constexpr double kOff = 1e-3;
+/// Angle of normals that are wrong, degrees, and share of the error that they explain.
+constexpr double kTilted = 3;
+constexpr double kByTilt = 0.6;
 /// Fewer tell nothing.
 constexpr std::uint64_t kEnough = 20;
 
@@ -53,6 +63,30 @@ void judge_prediction(std::vector<Finding>& findings, const ContactCounts& count
   }
 }
 
+/// Contacts of an earlier configuration change as the tool moved then.
+void judge_age(std::vector<Finding>& findings, const ContactCounts& counts) {
+  const auto& off = counts.off_by_age;
+  const auto least = std::min_element(off.begin(), off.end());
+  if (least == off.begin() || *least > kSameAge * off[0] || off[0] < kOff * counts.motion2) return;
+  findings.push_back(
+      {Verdict::kProblem, "age",
+       fmt::format("separations change as the tool moved {} updates before", least - off.begin()),
+       "find the contacts for the configuration that is sampled, after the step"});
+}
+
+/// Along a surface a separation does not change, unless the normal is not the surface's.
+void judge_tilt(std::vector<Finding>& findings, const ContactCounts& counts) {
+  const Vector3 tilt = counts.ways.completeOrthogonalDecomposition().solve(counts.off_along);
+  const double angle = std::atan(tilt.norm()) * 180 / std::numbers::pi;
+  if (!(angle > kTilted) || tilt.dot(counts.off_along) < kByTilt * counts.off2) return;
+  findings.push_back({Verdict::kProblem, "normal",
+                      fmt::format("separations change along the surface as if normals were {:.2g} "
+                                  "degrees off",
+                                  angle),
+                      "send the normal of the contact, not of an edge, a triangle nearby or a "
+                      "rounded one; in double precision"});
+}
+
 }  // namespace
 
 std::vector<Finding> findings_on(const ContactCounts& counts, double epsilon) {
@@ -67,6 +101,10 @@ std::vector<Finding> findings_on(const ContactCounts& counts, double epsilon) {
   judge(findings, share(counts.far, counts.contacts), "units",
         "of the contacts are farther from the tool than it is large",
         "give lengths in metres, and contacts for the configuration that is sampled");
+  judge(findings, share(counts.frozen, counts.moved), "age",
+        "of the contacts of a tool that moves are sent again as they were",
+        "find the contacts in every frame, for the configuration that is sampled");
+  judge_age(findings, counts);
   judge(findings, share(counts.duplicates, counts.contacts), "identity",
         "of the contacts share the identity of another one, and are lost",
         "an identity is of one contact: not of the pair of geoms, but of the pair of features");
@@ -83,6 +121,7 @@ std::vector<Finding> findings_on(const ContactCounts& counts, double epsilon) {
   judge(findings, share(counts.renamed, followed + counts.renamed), "identity",
         "of the contacts go on under another identity, and begin anew with it",
         "derive identities from features, or track contacts: haptic_track(), IdentityTracker");
+  judge_tilt(findings, counts);
   judge_prediction(findings, counts, epsilon);
   judge(findings, share(counts.vanished, counts.contacts), "missing",
         "of the contacts are left out of an update while their place is still near",

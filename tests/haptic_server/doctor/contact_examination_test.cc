@@ -169,6 +169,39 @@ TEST_CASE("Separations that are not those of the sampled pose are named") {
   CHECK(first.subject == "separation");
 }
 
+TEST_CASE("Contacts of some updates before, and contacts that stand still, are named") {
+  const int late = GENERATE(1, 3, 5);
+  std::vector<ReportedContacts> sent;
+  const Finding stale = first_of([&](ContactUpdate& update) {
+    sent.push_back(update.contacts);
+    if (sent.size() > static_cast<std::size_t>(late)) {
+      update.contacts = sent[sent.size() - 1 - static_cast<std::size_t>(late)];
+    }
+  });
+  CHECK(stale.subject == "age");
+  CHECK_THAT(stale.text, ContainsSubstring("moved " + std::to_string(late) + " updates before"));
+
+  int frame = 0;
+  ReportedContacts kept;
+  const Finding frozen = first_of([&](ContactUpdate& update) {
+    if (frame++ % 10 == 0) kept = update.contacts;
+    update.contacts = kept;
+  });
+  CHECK(frozen.subject == "age");
+  CHECK_THAT(frozen.text, ContainsSubstring("sent again as they were"));
+}
+
+TEST_CASE("Normals that are some degrees off are named") {
+  for (const Vector3& axis : {Vector3(1, 0, 0), Vector3(0.6, -0.8, 0)}) {
+    const Finding first = first_of([&](ContactUpdate& update) {
+      const auto R = rotation_from_vector(6 * std::numbers::pi / 180 * axis);
+      for (ReportedContact& contact : update.contacts) contact.n_W = R * contact.n_W;
+    });
+    CHECK(first.subject == "normal");
+    CHECK_THAT(first.text, ContainsSubstring("6 degrees off"));
+  }
+}
+
 TEST_CASE("A body that is hit between two updates moves as its velocities say") {
   const auto findings = findings_of([](ContactUpdate& update) {
     constexpr double kTurn = 0.027;  // s: between two blows
