@@ -197,7 +197,6 @@ struct haptic_session {
       }
     }
     if (message.empty() && client->connected()) message = client->scene_problem();
-    if (message.empty()) message = client->body_problem();
     if (own && !client->connected() && own->status()) message = end_of(*own->status());
   }
 
@@ -282,7 +281,8 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
   state->servo_rate = client.connected() ? client.welcome().servo_rate : 0;
   state->scene = client.has_scene() ? 1 : 0;
   session->hear(inbox);
-  copy(session->message, state->message, HAPTIC_MAX_TEXT);
+  copy(session->message.empty() ? client.body_problem() : session->message, state->message,
+       HAPTIC_MAX_TEXT);
   if (!state->connected) {
     state->server = HAPTIC_SERVER_OFF;
     state->active = state->predicted = 0;

@@ -43,7 +43,10 @@ HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptio
 
 HapticClient::Inbox HapticClient::poll(double now) {
   const Inbox inbox = session_.poll(now);
-  if (inbox.welcomed || inbox.lost) playout_.reset();
+  if (inbox.welcomed || inbox.lost) {
+    playout_.reset();
+    doubt_ = BodyDoubt::kNone;
+  }
   polled_at_ = now;
   if (inbox.welcomed) {
     welcomed_at_ = now;

@@ -25,6 +25,7 @@ struct BodyEvidence {
   Vector3 A_W = Vector3::Zero();         ///< Acceleration that it was to have without contacts.
   Vector3 A_change_W = Vector3::Zero();  ///< What it changed by, that of a spring.
   Vector3 gravity_W = Vector3::Zero();   ///< As far as its joints leave it.
+  bool jointed = false;  ///< Limits, friction and motors of joints may hold it, as nobody says.
 };
 
 /// Compares each report of a body with what the local model expected from the one before. A report
@@ -32,6 +33,9 @@ struct BodyEvidence {
 /// or a fall that the local model does not know makes one vote at most. Votes fade in some seconds.
 class BodyAudit {
  public:
+  /// An update comes so long after the one before, s: votes fade, and who was away for long is
+  /// forgotten.
+  void begin(double time) noexcept;
   void add(const BodyEvidence& evidence) noexcept;
 
   struct Finding {
@@ -47,12 +51,17 @@ class BodyAudit {
 
   struct Record {
     std::uint32_t id = 0;
-    double time = 0;     ///< s.
-    double moved2 = 0;   ///< m².
-    double astray2 = 0;  ///< Of what moved otherwise than the velocity says, m².
+    double away = 0;  ///< Since it was reported, s.
     std::array<double, kDoubts> votes{};
+    double kept_way = 0;  ///< Votes that its velocity is right.
+    /// Since the latest vote on that.
+    double time = 0;                       ///< s.
+    Vector3 moved_W = Vector3::Zero();     ///< m.
+    Vector3 expected_W = Vector3::Zero();  ///< m, by its velocity;
+    double unknown = 0;                    ///< what blows may have made of it, m.
   };
 
+  static void judge_way(const BodyEvidence& evidence, Record& record) noexcept;
   /// None of what tells nothing.
   static std::optional<BodyDoubt> vote(const BodyEvidence& evidence) noexcept;
   static BodyDoubt judge(const Record& record) noexcept;

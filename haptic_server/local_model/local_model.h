@@ -191,6 +191,7 @@ class LocalModel {
   double most_external_ = std::numeric_limits<double>::infinity();  ///< N.
   GeneralisedForce load_;
   LocalBodies bodies_;
+  double usual_time_ = 1;    ///< From one update to the next, s.
   double adopted_time_ = 0;  ///< Of the latest update, the environment's, s.
   double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;

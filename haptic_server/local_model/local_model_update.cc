@@ -25,8 +25,10 @@ Vector3 gravity_on(const LocalBody& body, const Vector3& g_W) noexcept {
   return mobility > 0 ? Vector3(Wg / mobility) : Vector3(Vector3::Zero());
 }
 
-/// Periods from one update to the next up to which none between is lost.
+/// Time from one update to the next, as a multiple of what is usual, up to which none between is
+/// lost; what is usual may rise by so much in each.
 constexpr double kWithoutLoss = 1.5;
+constexpr double kMoreUsual = 1.05;
 
 std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));
@@ -76,9 +78,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   fill_tank(
       adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
   adopt_contacts_of_scene(existing, frames, bodies);
-  if (update.time - adopted_time_ < kWithoutLoss * update.period) {
-    compare_with_reports(bodies, update.time - adopted_time_);
-  }
+  compare_with_reports(bodies, update.time - adopted_time_);
   correct_gradually(bodies, update.period);
   const FrictionReport report{.contacts = update.contacts,
                               .kinetic_friction = parameters_.kinetic_friction,
@@ -143,9 +143,14 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
 /// What a body is found to do from its report on, against what it was found to do from the one
 /// before. time: between them, s.
 void LocalModel::compare_with_reports(const LocalBodies& updated, double time) noexcept {
+  audit_.begin(time);
+  const bool follows = time > 0 && time < kWithoutLoss * usual_time_;
+  if (time > 0) usual_time_ = std::min(time, kMoreUsual * usual_time_);
+  if (!follows) return;
   for (const LocalBody& body : updated) {
     const auto known = std::ranges::find(bodies_, body.id, &LocalBody::id);
     if (known == bodies_.end() || !known->is_plausible() || !body.is_plausible()) continue;
+    if (known->B.cols() == 0 || body.B.cols() == 0) continue;  // Held.
     const Vector6 P = body.P_reported_W - known->P_reported_W;
     const Vector6 given = known->B * known->B.transpose().lazyProduct(P);
     audit_.add({.id = body.id,
@@ -157,7 +162,8 @@ void LocalModel::compare_with_reports(const LocalBodies& updated, double time) n
                 .given_W = given.head<3>(),
                 .A_W = known->A_W.head<3>(),
                 .A_change_W = (body.A_W - known->A_W).head<3>(),
-                .gravity_W = gravity_on(*known, proxy_.description().gravity_W)});
+                .gravity_W = gravity_on(*known, proxy_.description().gravity_W),
+                .jointed = known->B.cols() < 6});
   }
 }
 

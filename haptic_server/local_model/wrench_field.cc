@@ -163,15 +163,16 @@ WrenchField::Step WrenchField::begin_step(const Pose& X_WL, const Twist& V_W, do
   step_.damping = kStiffnessTime * std::min(1.0, believed / std::max(damps, kNone)) * K_;
   step_.damping.diagonal() += b;
   step_.inertia = m.asDiagonal();
-  step_.F_W = scaled_force(latest_.F_W) - K_ * scaled(displacement(latest_.X_WL, X_WL)) +
-              b.cwiseProduct(scaled(latest_.V_W)) + m.cwiseProduct(A_);
+  const Vector6 follows = b.cwiseProduct(scaled(latest_.V_W)) + m.cwiseProduct(A_);
+  step_.F_W = scaled_force(latest_.F_W) - K_ * scaled(displacement(latest_.X_WL, X_WL));
   if (jumps_) {
     jumps_ = false;
-    gap_ = F_ - (step_.F_W - step_.damping * V_ - m.cwiseProduct(A_step_));
+    gap_ = F_ - (step_.F_W + follows - step_.damping * V_ - m.cwiseProduct(A_step_));
   }
   gap_ *= std::exp(-dt / kRise);
   step_.F_W += gap_;
   bound<0, 6>(believed);
+  step_.F_W += follows;
   bound<0, 3>(most);
   bound<3, 3>(most);
   const double ended = std::max({step_.F_W.norm(), F_.norm(), gap_.norm()});
