@@ -120,8 +120,9 @@ void BodyAudit::judge_way(const BodyEvidence& e, Record& record) noexcept {
   record.expected_W += e.time * e.V_W;
   record.unknown += e.time * e.change_W.norm() / 2;
   if (record.time < kWayTime) return;
-  const double way = std::max(record.moved_W.norm(), record.expected_W.norm());
-  const double astray = (record.moved_W - record.expected_W).norm() - record.unknown;
+  const double way = record.moved_W.norm();
+  const double along = record.expected_W.dot(record.moved_W) / std::max(way, kTiny);
+  const double astray = way - along - record.unknown;
   if (way > kLeastWay) {
     ++(astray > kAstray * way ? record.votes[at(BodyDoubt::kVelocity)] : record.kept_way);
   }

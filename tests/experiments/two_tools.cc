@@ -99,6 +99,7 @@ struct Held {
   Vector3 mean = Vector3::Zero();  ///< N, of F_env.
   double deviation = 0;            ///< Of its component that is judged, N.
   double step = 0;                 ///< Largest change in the tick of an update, N.
+  int doubts = 0;                  ///< Ticks in which something is said against a body.
 };
 
 struct Outcome {
@@ -129,6 +130,8 @@ Outcome play(const Hold& hold, const BodyConditions& conditions, int judged, std
   std::array<std::vector<double>, 2> forces;
   for (std::size_t i = 0; i < 2; ++i) {
     session.observe(i, [&, i, before = Vector3(0, 0, 0)](const server::TickRecord& tick) mutable {
+      const auto& model = session.server(i).servo().local_model();
+      held[i].doubts += model && model->audit().finding().doubt != BodyDoubt::kNone;
       const Vector3 f = tick.F_env.head<3>();
       const double time = 1e-3 * static_cast<double>(tick.step);
       if (time > begin && time <= end) {
@@ -171,6 +174,7 @@ void two_tools(Bench& bench) {
                              "task,ve_rate_Hz,delay_s,stiffness,left_x_N,left_z_N,right_x_N,"
                              "right_z_N,sd_left_N,sd_right_N,update_step_N");
   const std::vector<BodyConditions> conditions = grid();
+  int doubts = 0;
   const auto run_all = [&](const Hold& hold, int judged) {
     const auto outcomes = bench.map(
         conditions, [&](const BodyConditions& c) { return play(hold, c, judged, bench.seed()); });
@@ -180,6 +184,7 @@ void two_tools(Bench& bench) {
       table.row(hold.name, c.ve_rate, c.delay, c.stiffness, left.mean.x(), left.mean.z(),
                 right.mean.x(), right.mean.z(), left.deviation, right.deviation,
                 std::max(left.step, right.step));
+      doubts += left.doubts + right.doubts > 0;
     }
     return outcomes;
   };
@@ -248,6 +253,7 @@ void two_tools(Bench& bench) {
                .measured = fmt::format("weight {:.2g} % off at most, share {:.2g} %, sd {:.2g} N",
                                        100 * off, 100 * share_off, deviation),
                .holds = whole && off <= 0.03 && share_off <= 0.06 && deviation <= 0.5});
+  bench.find(fmt::format("The audit doubts the body that two hands hold in {} runs.", doubts));
 }
 
 }  // namespace hlm::experiments
