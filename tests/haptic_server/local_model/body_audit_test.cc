@@ -98,6 +98,22 @@ TEST_CASE("What was wrong is forgotten, and the body that is wrong is the one th
   CHECK(audit.doubt(3) == BodyDoubt::kNone);
 }
 
+TEST_CASE("A body that was away is another one, and one that is put elsewhere has one vote") {
+  BodyAudit audit = play(2, [](BodyEvidence& e) { e.error_W += e.given_W; });
+  REQUIRE(audit.doubt(7) == BodyDoubt::kTwice);
+  audit.begin(0.3);
+  CHECK(audit.doubt(7) == BodyDoubt::kTwice);
+  audit.begin(0.3);
+  CHECK(audit.doubt(7) == BodyDoubt::kNone);
+  CHECK(audit.finding().doubt == BodyDoubt::kNone);
+
+  int report = 0;
+  const auto put_elsewhere = [&](BodyEvidence& e) {
+    if (++report == 30) e.moved_W += Vector3(1, 0, 0);
+  };
+  CHECK(play(2, put_elsewhere).doubt(7) == BodyDoubt::kNone);
+}
+
 TEST_CASE("More bodies than there is room for, and reports without time, do no harm") {
   BodyAudit audit;
   for (std::uint32_t i = 0; i < 200; ++i) {
