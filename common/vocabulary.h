@@ -335,8 +335,7 @@ inline constexpr std::array<Word<BodyDoubt>, 8> kWords<BodyDoubt>{{
      "was simulated"},
     {BodyDoubt::kIgnored, "ignored", "it does not gain what the tool's impulses give it",
      "apply each impulse / period as a wrench at its centre of mass, with its sign and in every "
-     "step "
-     "of the frame, and report gravity and what else holds it"},
+     "step of the frame, and report gravity and what else holds it"},
     {BodyDoubt::kReversed, "reversed", "it goes against the tool's impulses",
      "apply the impulses with the sign that they come with"},
     {BodyDoubt::kTwice, "twice", "it gains twice what the tool's impulses give it",

@@ -75,9 +75,9 @@ std::optional<UpdateMisfit> find_misfit(const ToolDescription& tool,
     if (has_known_sides(tool, update.contacts[i])) continue;
     return UpdateMisfit{UpdateError::kSide, false, i};
   }
-  for (std::size_t i = 0; i < update.external.size(); ++i) {
-    if (update.external[i].link < tool.links.size()) continue;
-    return UpdateMisfit{UpdateError::kSide, false, i};
+  const auto has_link = [&](const ExternalWrench& each) { return each.link < tool.links.size(); };
+  if (!std::ranges::all_of(update.external, has_link)) {
+    return UpdateMisfit{.error = UpdateError::kSide};
   }
   const auto identity = [](const ReportedContact& contact) { return contact.identity; };
   const auto id = [](const MovableBody& body) { return body.id; };

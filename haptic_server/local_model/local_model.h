@@ -59,7 +59,7 @@ struct ModelUpdate {
   const BodyPoses& poses = kNoPoses;  ///< Where the scene's bodies are; others are not there.
   const AccelerationRates& rates = kNoRates;  ///< Of bodies.
   double time = 0;                            ///< The environment's, s.
-  const Velocity* v_VE = nullptr;             ///< Of the tool at q_VE; needed with `external`.
+  const Velocity* v_VE = nullptr;             ///< Of the tool at q_VE; null: nothing is external.
   /// Several on one link add up; of a link that is not named there is none.
   const ExternalWrenches& external = kNoWrenches;
 };
@@ -186,8 +186,7 @@ class LocalModel {
   std::array<LocalContacts, 2> supports_;  ///< Supports, in the same two places.
   std::size_t current_ = 0;
   JointLimits limits_;
-  StaticVector<WrenchField, kMaxLinks> external_;  ///< Of each link.
-  bool has_external_ = false;                      ///< The environment has stated some.
+  StaticVector<WrenchField, kMaxLinks> external_;                   ///< Of each link.
   double most_external_ = std::numeric_limits<double>::infinity();  ///< N.
   GeneralisedForce load_;
   LocalBodies bodies_;

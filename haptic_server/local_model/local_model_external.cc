@@ -3,10 +3,10 @@
 
 namespace hlm::server {
 
-/// With ve_tool_ at the update's configuration.
+/// With ve_tool_ at the update's configuration. Of a link without a wrench, too: what the first one
+/// changes by tells how it depends on the motion.
 void LocalModel::adopt_external(const ModelUpdate& update) noexcept {
-  has_external_ = has_external_ || !update.external.empty();
-  if (!has_external_) return;
+  if (update.v_VE == nullptr) return;
   for (std::size_t i = 0; i < external_.size(); ++i) {
     Wrench F_W = Wrench::Zero();
     for (const ExternalWrench& each : update.external) {

@@ -15,6 +15,11 @@ constexpr double kLongestCorrection = 0.1;
 /// steps, and so do more bodies: the time of a tick bounds both.
 constexpr std::uint64_t kReplaySteps = 40;
 
+/// Time from one update to the next, as a multiple of what is usual, up to which none between is
+/// lost; what is usual may rise by so much in each.
+constexpr double kWithoutLoss = 1.5;
+constexpr double kMoreUsual = 1.05;
+
 /// What gravity accelerates a body by, as its joints let it, m/s². Of a body that is as heavy in
 /// all directions the whole of it.
 Vector3 gravity_on(const LocalBody& body, const Vector3& g_W) noexcept {
@@ -24,11 +29,6 @@ Vector3 gravity_on(const LocalBody& body, const Vector3& g_W) noexcept {
   const double mobility = (B * B.transpose()).trace() / 3;
   return mobility > 0 ? Vector3(Wg / mobility) : Vector3(Vector3::Zero());
 }
-
-/// Time from one update to the next, as a multiple of what is usual, up to which none between is
-/// lost; what is usual may rise by so much in each.
-constexpr double kWithoutLoss = 1.5;
-constexpr double kMoreUsual = 1.05;
 
 std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));

@@ -11,8 +11,8 @@ namespace hlm::server {
 struct WrenchReport {
   double time = 0;  ///< The environment's, s.
   Pose X_WL;
-  Twist V_W = Twist::Zero();  ///< At the link's origin, as the wrench.
-  Wrench F_W = Wrench::Zero();
+  Twist V_W = Twist::Zero();    ///< At the link's origin, as the wrench.
+  Wrench F_W = Wrench::Zero();  ///< World axes, N and N·m.
 };
 
 /// A wrench that is held from report to report reacts a frame and a delay late, and what depends on
@@ -23,7 +23,7 @@ struct WrenchReport {
 ///
 /// with δ, V, A the link's displacement, twist and acceleration, and r at the latest report. M and
 /// B are one number each for translation and for rotation, from a fit with forgetting; K is found
-/// from report to report (BFGS), so that a wall is there from its second report on. All are
+/// from report to report (BFGS), so that a wall is there from its first report on. All are
 /// positive semidefinite, so that what is found can only resist. What they do not explain enters
 /// over `kRise`. It is never much more than what was reported of late.
 ///
@@ -41,10 +41,10 @@ class WrenchField {
   /// the twist V⁺ at its end: F = F - Δt K V⁺ - B V⁺ - M (V⁺ - V) / Δt.
   /// most: force, N, beyond which it is constant.
   struct Step {
-    Wrench F_W = Wrench::Zero();
-    Matrix6 stiffness = Matrix6::Zero();
-    Matrix6 damping = Matrix6::Zero();
-    Matrix6 inertia = Matrix6::Zero();
+    Wrench F_W = Wrench::Zero();          ///< N, N·m about the link's origin.
+    Matrix6 stiffness = Matrix6::Zero();  ///< K, world axes: N/m, N·m/rad on its diagonal.
+    Matrix6 damping = Matrix6::Zero();    ///< B: N·s/m, N·m·s/rad.
+    Matrix6 inertia = Matrix6::Zero();    ///< M: kg, kg·m².
   };
   Step begin_step(const Pose& X_WL, const Twist& V_W, double dt, double most) noexcept;
   /// The step has led to that twist. Returns the wrench that acted in it, N and N·m.

@@ -322,7 +322,7 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
                        .rates = update.rates,
                        .time = update.ve_time,
                        .v_VE = &update.v_VE,
-                       .external = update.external});
+                       .external = young ? update.external : kNoWrenches});
   energy_.adopted(stored, stored_energy(*local_model_, stiffness));
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();

@@ -76,6 +76,25 @@ void tick(benchmark::State& state, bool adopts) {
   }
 }
 
+/// A rigid tool of four contacts, without and with an external wrench, which each update changes.
+void TickWithExternalWrench(benchmark::State& state) {
+  const ToolDescription tool = tool_with(6);
+  const ToolModel start(tool);
+  const ReportedContacts contacts = contacts_of(start, 4);
+  LocalModel model(tool, start.configuration(), {}, kStep);
+  ExternalWrenches external(static_cast<std::size_t>(state.range(0)));
+  Configuration q = start.configuration();
+  const Velocity v = Velocity::Zero(6);
+  double time = 0;
+  for (auto _ : state) {
+    time += 0.017;
+    q[2] = 0.001 * std::sin(30 * time);
+    for (ExternalWrench& each : external) each.F_W[2] = -2e4 * q[2];
+    model.adopt({.contacts = contacts, .q_VE = q, .time = time, .v_VE = &v, .external = external});
+    benchmark::DoNotOptimize(model.step({}));
+  }
+}
+
 void Tick(benchmark::State& state) { tick(state, false); }
 void TickWithUpdate(benchmark::State& state) { tick(state, true); }
 
@@ -190,6 +209,7 @@ BENCHMARK(TickThatRepeats60Steps)
 
 const std::vector<std::vector<std::int64_t>> kCases{{3, 6, 12}, {1, 4, 16, 64}};
 BENCHMARK(Tick)->ArgNames({"d", "contacts"})->ArgsProduct(kCases)->Unit(benchmark::kMicrosecond);
+BENCHMARK(TickWithExternalWrench)->ArgName("wrenches")->Arg(0)->Arg(1);
 BENCHMARK(TickWithUpdate)
     ->ArgNames({"d", "contacts"})
     ->ArgsProduct(kCases)

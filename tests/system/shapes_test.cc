@@ -58,6 +58,40 @@ TEST_CASE("More than half a second each way a wall is felt where it is, and forc
   CHECK(session.last().F_env[0] == Approx(-2).epsilon(0.01));
 }
 
+TEST_CASE("An external wrench that is older than contacts may be gives no force, shapes or not") {
+  const VirtualSessionOptions options = before_wall(0.1);
+  server::Reach reach;
+  reach.position = Vector3::Zero();
+  VirtualServer server(options, {{{1.0, reach}}, server::AfterLastSegment::kHold}, 1);
+  const ve::VirtualEnvironment environment(options.world, {options.tool}, {});
+  const ve::ToolAssembly& assembly = environment.tools[0].assembly;
+  HapticClient client(server.network().client(), {.server = MemoryNetwork::kServer,
+                                                  .tool = assembly.description,
+                                                  .q = assembly.q,
+                                                  .nonce = 1});
+  client.offer_scene(ve::scene_of(environment.world, assembly, false));
+  double felt = 0;  // N
+  VirtualClock clock([&](double now) {
+    if (const TickRecord* tick = server.tick(now)) felt = tick->F_env[0];
+  });
+  const auto run = [&](double duration) {
+    for (const double end = clock.now() + duration; clock.now() < end;) {
+      client.poll(clock.now());
+      client.sample(clock.now(), assembly.q, Velocity::Zero(3), 1.0 / 60);
+      client.add_external(0, force(-2, 0));
+      client.send(clock.now(), {});
+      clock.sleep_until(clock.now() + 1.0 / 60);
+    }
+  };
+  run(3);
+  REQUIRE(client.has_scene());
+  CHECK(felt == Approx(-2).epsilon(0.01));
+  server.network().set_conditions({.delay = 0.5});
+  run(4);
+  CHECK(server.last().server == ServerState::kActive);
+  CHECK(std::abs(felt) < 0.01);
+}
+
 TEST_CASE("A scene that comes under load steps no force, and the wall stays where it is") {
   VirtualSessionOptions options = before_wall(0.01, 0.012);
   options.hand = constant_push(force(8, 0));
