@@ -44,6 +44,9 @@ class IdentityTracker {
     int unseen = 0;  ///< Frames.
   };
 
+  /// Gives contacts the identities of those that they go on, and takes these from them.
+  void carry_over(std::vector<Known>& present);
+
   IdentityTrackerOptions options_;
   std::vector<Known> known_;
   std::uint64_t next_ = 1;

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""What a frame of the Python package costs beside the engine's own, with 16 contacts, on a real session.
+"""What a frame of the Python package costs beside the engine's own, with 16 contacts, on a real session;
+and track() with 192 contacts of one pair.
 
 Usage: python_loop.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER
 """
@@ -61,3 +62,13 @@ with hand_session.server(SERVER, hand_session.push(60, 0, -2)) as server, \
     whole = statistics.median(sum(row) - row[1] for row in costs)
     print(f"{len(costs)} frames, µs: {whole:.1f} (poll {columns[0]:.1f}, sample {columns[1]:.1f}, "
           f"track {columns[2]:.1f}, send {columns[3]:.1f}); medians")
+
+    many, places, costs = haptic.contacts(haptic.MAX_CONTACTS), np.random.default_rng(1), []
+    many["point"][:, :2] = places.uniform(-0.02, 0.02, (len(many), 2))
+    many["normal"] = 0, 0, 1
+    for frame in range(200):
+        many["point"][:, :2] += places.normal(0, 0.0005, (len(many), 2))
+        begin = time.perf_counter()
+        touch.track(many)
+        costs.append(1e3 * (time.perf_counter() - begin))
+    print(f"track() of {len(many)}, ms: median {statistics.median(costs):.2f}, largest {max(costs):.2f}")
