@@ -20,6 +20,7 @@
 #include "hlm/client/haptic_shape.h"
 #include "hlm/client/identity_tracker.h"
 #include "hlm/client/own_server.h"
+#include "hlm/client/session_news.h"
 #include "hlm/common/range.h"
 #include "hlm/common/steady_seconds.h"
 #include "hlm/protocol/scene_offer.h"
@@ -165,6 +166,8 @@ struct haptic_session {
     if (key) sealed.emplace(socket, client_options_.server, *key);
     client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : socket,
                    client_options_);
+    news.emplace(to_string(client_options_.server),
+                 options.key_file == nullptr ? "" : options.key_file);
     tool.set_configuration(client_options_.q);
     update.q_VE = client_options_.q;
     update.v_VE = Velocity::Zero(tool.dof());
@@ -185,19 +188,12 @@ struct haptic_session {
               std::to_string(own->process());
   }
 
-  /// Keeps the latest refusal until a session begins.
-  void hear(const HapticClient::Inbox& inbox) {
-    if (inbox.welcomed) message.clear();
-    if (inbox.reject) {
-      message.assign(inbox.reject->text.data(), inbox.reject->text.size());
-    } else if (inbox.refusal) {
-      message = meaning_of(inbox.refusal->error);
-      if (!inbox.refusal->whole) {
-        message = "contact " + std::to_string(inbox.refusal->item) + ": " + message;
-      }
+  /// What is to be said to a person.
+  std::string message() const {
+    if (own && !client->connected()) {
+      if (const auto status = own->status()) return end_of(*status);
     }
-    if (message.empty() && client->connected()) message = client->scene_problem();
-    if (own && !client->connected() && own->status()) message = end_of(*own->status());
+    return news->text().empty() ? client->body_problem() : news->text();
   }
 
   pid_t process = getpid();  ///< Process of the session.
@@ -205,15 +201,15 @@ struct haptic_session {
   ToolModel tool;                  ///< Tool at the latest sample.
   protocol::ContactUpdate update;  ///< Update of the latest sample, to be checked.
   UdpSocket socket;
-  std::optional<OwnServer> own;
-  std::string started;  ///< What was; empty if nothing was.
+  mutable std::optional<OwnServer> own;  ///< It is asked whether it has ended.
+  std::string started;                   ///< What was; empty if nothing was.
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
   IdentityTracker tracker;
   std::set<std::uint32_t> sent;     ///< Bodies that were reported to the server.
   BodyPoses poses;                  ///< Where bodies are, for the next update.
   std::set<std::uint32_t> offered;  ///< Bodies that have shapes at the server.
-  std::string message;
+  std::optional<SessionNews> news;
   std::string error;
 };
 
@@ -240,9 +236,7 @@ haptic_options haptic_default_options(void) {
   constexpr double kEdge = 0.1;  // m
   static const double size[3] = {kEdge, kEdge, kEdge};
   static const haptic_link link = haptic_box(1, size);
-  static const std::string server = usual_server();
   haptic_options options{};
-  options.server = server.c_str();
   options.links = &link;
   options.link_count = 1;
   options.hand_rotation[0] = 1;
@@ -272,7 +266,8 @@ void haptic_close(haptic_session* session) {
 
 void haptic_poll(haptic_session* session, haptic_state* state) {
   HapticClient& client = *session->client;
-  const HapticClient::Inbox inbox = client.poll(steady_seconds());
+  const double now = steady_seconds();
+  const HapticClient::Inbox inbox = client.poll(now);
   state->connected = client.connected();
   state->began = inbox.welcomed;
   state->lost = inbox.lost;
@@ -280,9 +275,8 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
   state->round_trip = client.round_trip();
   state->servo_rate = client.connected() ? client.welcome().servo_rate : 0;
   state->scene = client.has_scene() ? 1 : 0;
-  session->hear(inbox);
-  copy(session->message.empty() ? client.body_problem() : session->message, state->message,
-       HAPTIC_MAX_TEXT);
+  session->news->hear(now, client, inbox);
+  copy(session->message(), state->message, HAPTIC_MAX_TEXT);
   if (!state->connected) {
     state->server = HAPTIC_SERVER_OFF;
     state->active = state->predicted = 0;
@@ -337,6 +331,15 @@ int haptic_sample(haptic_session* session, const double* q, const double* v, dou
   if (!configuration.allFinite() || !velocity.allFinite() || !(period > 0 && period < 1e6)) {
     session->error = "q and v must be finite, the period (s) > 0";
     return -1;
+  }
+  if (tool.links[0].joint == JointType::kFree) {
+    auto rotation = configuration.segment<4>(3);
+    const double length = rotation.norm();
+    if (!(std::abs(length - 1) <= kUnitTolerance)) {
+      session->error = "q: its quaternion must be of length 1, not " + shortest_text(length);
+      return -1;
+    }
+    rotation /= length;
   }
   session->tool.set_configuration(configuration);
   session->update.q_VE = configuration;

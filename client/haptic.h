@@ -207,15 +207,16 @@ typedef struct haptic_state {
   double gripper;                /* 0 closed to 1 open */
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
-  char message[HAPTIC_MAX_TEXT]; /* why a session, an update, a contact or the offered shapes were
-                                    refused last, what a body does otherwise than it was reported
-                                    to, or that the session's own server has ended; "" when one
-                                    begins */
+  char message[HAPTIC_MAX_TEXT]; /* that nobody answers, why a session, an update, a contact or the
+                                    offered shapes were refused last, what a body does otherwise
+                                    than it was reported to, or that the session's own server has
+                                    ended; "" when one begins */
 } haptic_state;
 
 HAPTIC_API int haptic_abi(void);
-/* The usual server, which is what the environment variable HAPTIC_SERVER names or 127.0.0.1:47800;
- * a free rigid tool of 1 kg and 0.1 m at the origin, 60 Hz, epsilon 5 mm. */
+/* The usual server, which is what the environment variable HAPTIC_SERVER names or 127.0.0.1:47800,
+ * or where nobody listens there one of this session's own (server: NULL); a free rigid tool of 1 kg
+ * and 0.1 m at the origin, 60 Hz, epsilon 5 mm. */
 HAPTIC_API haptic_options haptic_default_options(void);
 /* A solid box of that mass and those edge lengths as a link, free: a start for your own. */
 HAPTIC_API haptic_link haptic_box(double mass, const double size[3]);
@@ -267,7 +268,8 @@ HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
 HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,
                                        haptic_impulse* impulses);
 /* After the step: the tool's configuration and velocity, for which the contacts are found. 0, or
- * -1 with haptic_error() if a number is not finite. */
+ * -1 with haptic_error() if a number is not finite, or the quaternion of a free tool not of
+ * length 1. */
 HAPTIC_API int haptic_sample(haptic_session* session, const double* q, const double* v,
                              double period);
 /* Gives contacts lasting identities where the engine has none: by pair, place on side a and normal.

@@ -20,10 +20,12 @@ import contextlib
 import ctypes
 import os
 import sys
-from typing import Optional, Sequence
+from typing import NoReturn, Optional, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from haptic import _interrupt
 from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, MAX_POSES, NO_LIMIT, Impulse, Link, Options, Shape, State,
                              load)
 
@@ -131,16 +133,16 @@ class Session:
 
     tool: the root link, or all links, parents before children. q: where the tool is now (default: all
     zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
-    on, m. Raises HapticError where something cannot be used or there is no haptic_server to
+    on, m. In a `with` statement Ctrl-C sets `running` to False; the second one raises KeyboardInterrupt. Raises HapticError where something cannot be used or there is no haptic_server to
     start, OSError where there is no library.
     """
 
     def __init__(self, server: Optional[str] = None, tool: Link | Sequence[Link] | None = None, *,
-                 q: Optional[Sequence[float]] = None, key_file: Optional[str] = None, rate: float = 60,
+                 q: Optional[ArrayLike] = None, key_file: Optional[str] = None, rate: float = 60,
                  epsilon: float = 0.005, length: Optional[float] = None,
                  gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
                  start_server: bool = True):
-        self._session = None
+        self._session: Optional[ctypes.c_void_p] = None
         self._library = load()
         options = self._library.haptic_default_options()
         links = [tool] if isinstance(tool, Link) else list(tool or [])
@@ -154,10 +156,9 @@ class Session:
         if q is not None:
             start = _array(q, count, "q").copy()
         options.q[:count] = start
-        if server is not None:
-            options.server = server.encode()
-        elif start_server:
-            options.server = None
+        if server is None and not start_server:
+            server = os.environ.get("HAPTIC_SERVER") or "127.0.0.1:47800"
+        options.server = server.encode() if server is not None else None
         options.key_file = os.fsencode(key_file) if key_file is not None else None
         options.rate, options.epsilon = rate, epsilon
         options.gravity[:] = tuple(gravity)
@@ -182,9 +183,10 @@ class Session:
         self.running = True                                #: Set to False to end `while touch.poll()`.
 
     def __enter__(self) -> "Session":
+        _interrupt.watch(self)
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __del__(self) -> None:
@@ -192,15 +194,16 @@ class Session:
 
     def close(self) -> None:
         """Says goodbye, and ends a server that the session started. What follows raises HapticError."""
+        _interrupt.forget(self)
         if self._session:
             self._library.haptic_close(self._session)
         self._session = None
         self.running = False
 
-    def offer(self, shapes: Sequence[Shape], positions: Optional[np.ndarray] = None,
-              rotations: Optional[np.ndarray] = None, friction: Optional[Sequence[float]] = None,
-              rule: str = "minimum", priority: Optional[Sequence[int]] = None,
-              excluded: Sequence[tuple[int, int]] = ()) -> None:
+    def offer(self, shapes: Sequence[Shape], positions: Optional[ArrayLike] = None,
+              rotations: Optional[ArrayLike] = None, friction: Optional[ArrayLike] = None,
+              rule: str = "minimum", priority: Optional[ArrayLike] = None,
+              excluded: ArrayLike = ()) -> None:
         """Gives the server the shapes (haptic.shapes) of the world, the tool and bodies: it then finds their contacts itself,
         at every step of the hand, and send() needs none of them: see has_scene. Best before the first poll(). Where shapes
         come, go or change, all are offered again: those before stay until the server has these.
@@ -273,7 +276,7 @@ class Session:
         that a server of the session's own has ended; empty when a session begins."""
         return _text(self._state.message)
 
-    def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
+    def hold(self, position: ArrayLike, rotation: ArrayLike = (1, 0, 0, 0)) -> None:
         """Where the device is a simulated one, its hand draws the handle there (m; w, x, y, z) with 200 N/m, 1 N m/rad
         and at most 10 N, from the next send() on and until release()."""
         p, R = _array(position, 3, "position"), _array(rotation, 4, "rotation")
@@ -290,7 +293,7 @@ class Session:
         count = self._library.haptic_take_steps(self._open(), step)
         if count < 0:
             self._fail()
-        return count
+        return int(count)
 
     def impulses(self, period: float) -> dict[int, np.ndarray]:
         """The tool's impulses on bodies for a step that begins, by their numbers, linear then angular: apply each / period
@@ -299,11 +302,10 @@ class Session:
         count = self._library.haptic_take_impulses(self._open(), period, self._impulses)
         return {each.body: np.array(each.impulse) for each in self._impulses[:count]}
 
-    def sample(self, q: Sequence[float], v: Sequence[float], period: float) -> None:
+    def sample(self, q: ArrayLike, v: ArrayLike, period: float) -> None:
         """After a step of `period` seconds: where the tool is, for which contacts are found."""
-        q = _array(q, self._q_count, "q")
-        v = _array(v, self._v_count, "v")
-        if self._library.haptic_sample(self._open(), q.ctypes.data, v.ctypes.data, period) != 0:
+        q_now, v_now = _array(q, self._q_count, "q"), _array(v, self._v_count, "v")
+        if self._library.haptic_sample(self._open(), q_now.ctypes.data, v_now.ctypes.data, period) != 0:
             self._fail()
 
     def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
@@ -313,7 +315,7 @@ class Session:
         self._library.haptic_track(self._open(), at, count, *_records(bodies, BODY, "bodies"))
         return contacts
 
-    def external_wrench(self, wrench: Sequence[float], link: int = 0) -> None:
+    def external_wrench(self, wrench: ArrayLike, link: int = 0) -> None:
         """What else than contacts and its weight pushes the tool: a weld, a tendon, a payload, drag, or what a force sensor
         reads; force (N) and torque (N m) about the origin of the link's frame, world axes. After sample(), for the next send():
         without this there is none. The server finds how it depends on the tool's motion, so that the hand feels a load, a
@@ -333,14 +335,14 @@ class Session:
                                              *_records(bodies, BODY, "bodies"))
         if sequence < 0:
             self._fail()
-        return sequence
+        return int(sequence)
 
     def _open(self) -> ctypes.c_void_p:
         if not self._session:
             raise HapticError("the session is closed")
         return self._session
 
-    def _fail(self) -> None:
+    def _fail(self) -> NoReturn:
         raise HapticError(_text(self._library.haptic_error(self._open())))
 
 
@@ -356,7 +358,7 @@ def _tell(sentence: str) -> None:
             print(sentence, file=sys.stderr, flush=True)
 
 
-def _array(values: Sequence[float], count: int, name: str) -> np.ndarray:
+def _array(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.shape != (count,):
         raise HapticError(f"{name} must have {count} numbers, not the shape {array.shape}")

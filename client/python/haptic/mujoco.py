@@ -119,6 +119,7 @@ class Session:
             self._shapes.offer(self.touch, data)
 
     def __enter__(self) -> "Session":
+        self.touch.__enter__()
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -189,7 +190,8 @@ class Session:
 
     def _waits(self) -> bool:
         """Whether the server has the shapes to itself, and says neither that it uses them nor why it does not."""
-        return self._shapes is not None and not self.touch.has_scene and not self.touch.message
+        told = self.touch.connected and self.touch.message
+        return self._shapes is not None and not self.touch.has_scene and not told
 
     def _send_poses(self, data: Any, v: np.ndarray) -> None:
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""

@@ -253,6 +253,82 @@ class WithServer(unittest.TestCase):
         np.testing.assert_allclose(gained[:2], 0, atol=0.01)
 
 
+class Silence(unittest.TestCase):
+    def hear(self, session, holds):
+        """The message as soon as it holds."""
+        end = time.monotonic() + PATIENCE
+        while not holds(session.message):
+            self.assertLess(time.monotonic(), end, f"message: {session.message!r}")
+            play(session, PERIOD)
+        return session.message
+
+    def test_where_nobody_answers_the_message_says_so_within_two_seconds(self):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
+            deaf.bind(("127.0.0.1", 0))
+            address = "127.0.0.1:%d" % deaf.getsockname()[1]
+            with haptic.Session(address, box()) as session:
+                begin = time.monotonic()
+                message = self.hear(session, bool)
+                self.assertLess(time.monotonic() - begin, 2)
+            self.assertIn(f"no server answers at {address}: haptic_server does not run there", message)
+
+    def test_a_server_that_has_gone_is_missed(self):
+        with server(patient=False) as (address, process), haptic.Session(address, box()) as session:
+            until(session, lambda: session.connected)
+            process.kill()
+            message = self.hear(session, bool)
+            self.assertIn(f"no server answers at {address} any more", message)
+            self.assertFalse(session.connected)
+
+    def test_another_client_is_named_as_the_reason(self):
+        with server() as (address, _), haptic.Session(address, box()) as first:
+            until(first, lambda: first.connected)
+            with haptic.Session(address, box()) as second:
+                end = time.monotonic() + PATIENCE
+                while not second.message and time.monotonic() < end:
+                    for session in (first, second):
+                        session.poll()
+                    first.sample(first.q, first.v, PERIOD)
+                    first.send()
+                    time.sleep(0.01)
+                self.assertEqual(second.message, "the server gives no session: another session is alive")
+
+
+class Interrupted(unittest.TestCase):
+    PROGRAM = """
+import signal, sys, time
+import haptic
+with haptic.Session("127.0.0.1:9", haptic.box(0.1, (0.04, 0.04, 0.04))) as first, \\
+        haptic.Session("127.0.0.1:9", haptic.box(0.1, (0.04, 0.04, 0.04))) as second:
+    print("begun", flush=True)
+    while first.poll():
+        time.sleep(0.01)
+    print("ended", second.poll(), flush=True)
+    if "twice" in sys.argv:
+        time.sleep(60)
+print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+"""
+
+    def interrupted(self, *arguments):
+        process = subprocess.Popen([sys.executable, "-c", self.PROGRAM, *arguments], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(PACKAGE)})
+        self.assertEqual(process.stdout.readline(), "begun\n")
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.stdout.readline(), "ended False\n")
+        if arguments:
+            process.send_signal(signal.SIGINT)
+        with process:
+            return process.stdout.read(), process.stderr.read(), process.wait(PATIENCE)
+
+    def test_ctrl_c_ends_the_loops_of_all_sessions_without_a_traceback(self):
+        self.assertEqual(self.interrupted(), ("True\n", "", 0))
+
+    def test_the_second_one_is_an_interrupt(self):
+        _, errors, status = self.interrupted("twice")
+        self.assertIn("KeyboardInterrupt", errors)
+        self.assertNotEqual(status, 0)
+
+
 class Mistakes(unittest.TestCase):
     def refused(self, text, **changes):
         contacts = corners([0, 0, 0.05, 1, 0, 0, 0])
@@ -304,6 +380,13 @@ class Mistakes(unittest.TestCase):
                 touch.external_wrench([6e5, 0, 0, 0, 0, 0])  # Nothing is left of one that was not sent.
             with self.assertRaisesRegex(haptic.HapticError, "external wrench 1200000"):
                 touch.external_wrench([6e5, 0, 0, 0, 0, 0])
+
+    def test_a_quaternion_that_is_none_is_named(self):
+        with haptic.Session("127.0.0.1:9", box()) as session:
+            for q, length in ((np.zeros(7), "0"), ([0, 0, 0, 2, 0, 0, 0], "2")):
+                with self.assertRaisesRegex(haptic.HapticError, f"q: its quaternion must be of length 1, not {length}"):
+                    session.sample(q, np.zeros(6), PERIOD)
+            session.sample([0, 0, 0, 1.0005, 0, 0, 0], np.zeros(6), PERIOD)  # What an engine's drifts by.
 
     def test_options_that_cannot_be_used_are_named(self):
         for text, options in (("mass", {"tool": haptic.box(mass=-1)}), ('"nowhere" must be HOST:PORT', {"server": "nowhere"}),
