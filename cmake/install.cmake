@@ -1,6 +1,7 @@
 # What `cmake --install` puts where.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
+include(cmake/shared_files.cmake)
 set(headers ${CMAKE_INSTALL_INCLUDEDIR}/haptic_local_model)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/haptic_local_model)
 set(share ${CMAKE_INSTALL_DATADIR}/haptic_local_model)
@@ -24,7 +25,7 @@ if(HLM_SEALING)
   configure_file(cmake/haptic.pc.in haptic.pc @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/haptic.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
   install(DIRECTORY client/python/haptic DESTINATION lib/python3/dist-packages
-    FILES_MATCHING PATTERN "*.py")
+    FILES_MATCHING PATTERN "*.py" PATTERN "py.typed")
 endif()
 if(HLM_VE_CLIENT)
   set_target_properties(hlm_proximity PROPERTIES EXPORT_NAME proximity)
@@ -53,29 +54,8 @@ if(HLM_SERVER)
 endif()
 if(HLM_VE_CLIENT)
   install(TARGETS ve_client)
-  set(page ${PROJECT_SOURCE_DIR}/ve_client/page)
-  install(CODE "
-    if(NOT EXISTS \"${page}/node_modules/three\" OR NOT EXISTS \"${page}/node_modules/uplot\")
-      message(FATAL_ERROR \"${page}/node_modules lacks three or uplot: run scripts/setup run\")
-    endif()")
-  install(DIRECTORY ve_client/page DESTINATION ${share} FILES_MATCHING
-    PATTERN "node_modules" EXCLUDE
-    PATTERN "*.html" PATTERN "*.css" PATTERN "*.js")
-  set(modules ${share}/page/node_modules)
-  install(FILES ${page}/node_modules/three/LICENSE DESTINATION ${modules}/three)
-  install(FILES ${page}/node_modules/uplot/LICENSE DESTINATION ${modules}/uplot)
-  install(FILES
-    ${page}/node_modules/three/build/three.core.js
-    ${page}/node_modules/three/build/three.module.js
-    DESTINATION ${modules}/three/build)
-  install(DIRECTORY ${page}/node_modules/three/examples/jsm/controls
-    DESTINATION ${modules}/three/examples/jsm)
-  install(FILES
-    ${page}/node_modules/uplot/dist/uPlot.esm.js
-    ${page}/node_modules/uplot/dist/uPlot.min.css
-    DESTINATION ${modules}/uplot/dist)
 endif()
-install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
+hlm_install_shared_files(${share})
 
 # bash-completion asks the programs for their options.
 foreach(program haptic_doctor haptic_keygen haptic_replay haptic_server ve_client)
