@@ -150,7 +150,7 @@ std::string find_error(const haptic_body_pose& body) {
 /// A sentence on the end of a session's own server.
 std::string end_of(int status) {
   std::string ended = "the server that this session started has ended";
-  if (status != OwnServer::kUnknown) ended += ", with status " + std::to_string(status);
+  if (status != OwnProgram::kUnknown) ended += ", with status " + std::to_string(status);
   if (status == 0) ended += ": it was stopped, or the thread that opened the session ended";
   return ended;
 }

@@ -4,8 +4,7 @@
 #include <optional>
 #include <string>
 
-#include <sys/types.h>
-
+#include "hlm/client/own_program.h"
 #include "hlm/protocol/datagram_link.h"
 
 namespace hlm {
@@ -30,25 +29,17 @@ class OwnServer {
   /// haptic_server next to this library or in PATH. Throws std::runtime_error that says where it
   /// was looked for, or why it cannot be started.
   explicit OwnServer(const OwnServerOptions& options = {});
-  /// Waits up to 2 s until it has let go of the device.
-  ~OwnServer();
-  OwnServer(const OwnServer&) = delete;
-  OwnServer& operator=(const OwnServer&) = delete;
-
   /// Where it listens.
   const protocol::Endpoint& endpoint() const noexcept { return endpoint_; }
   const std::string& program() const noexcept { return program_; }
-  pid_t process() const noexcept { return process_; }
-  /// Where the program, or the system for it, has waited for it elsewhere.
-  static constexpr int kUnknown = -1;
-  /// What it ended with, 128 + the signal that ended it, or kUnknown; empty while it runs.
-  std::optional<int> status() noexcept;
+  pid_t process() const noexcept { return running_.process(); }
+  /// As OwnProgram::status().
+  std::optional<int> status() noexcept { return running_.status(); }
 
  private:
   std::string program_;
   protocol::Endpoint endpoint_;
-  pid_t process_ = -1;
-  std::optional<int> status_;
+  OwnProgram running_;  ///< It lets go of the device before it ends.
 };
 
 }  // namespace hlm
