@@ -25,7 +25,7 @@ REFUSED = {
     "scripts/energy_receipt.py": [(["--wrong"], "TICKS.csv"), (["a.csv", "b.csv", "--scale", "wrong"], "--scale"),
                                   (["wrong.csv"], "--bound")],
     "scripts/fuzz": [(["wrong"], "decoder"), (["all", "wrong"], "SECONDS"), (["all", "1", "wrong"], "TARGET")],
-    "scripts/package": [(["wrong"], "--help")],
+    "scripts/package": [(["wrong"], "wheel"), (["deb", "wrong"], "stands alone")],
     "scripts/plot.py": [(["--wrong"], "--world"), (["a.csv", "b.png", "wrong"], "picture")],
     "scripts/report.py": [(["--wrong"], "--commit"), (["out", "wrong"], "folder"), (["out", "--picture", "wrong"], "ocean")],
     "scripts/reproduce": [(["--wrong"], "--quick"), (["--only", "wrong"], "fig06"), (["--seeds=wrong"], "number"),
