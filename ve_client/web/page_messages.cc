@@ -1,6 +1,8 @@
 #include "hlm/web/page_messages.h"
 
+#include <algorithm>
 #include <bit>
+#include <limits>
 
 #include <boost/endian/conversion.hpp>
 #include <nlohmann/json.hpp>
@@ -243,6 +245,21 @@ std::string refusal_of(const FrameView& view) {
   return "haptic_server gives no session: " + std::string(meaning_of(view.rejected->reason));
 }
 
+/// What the hand has to do with: contacts of bodies with each other and the world give it no force.
+void count_contacts_of_tool(const protocol::LocalState& local, protocol::ForceFacts& facts) {
+  facts.reported = 0;
+  facts.active = 0;
+  facts.penalty = 0;
+  facts.smallest_separation = std::numeric_limits<double>::infinity();
+  for (const protocol::LocalContactReport& c : local.contacts) {
+    if (c.a.kind != SideKind::kToolLink) continue;
+    ++facts.reported;
+    if (c.s <= 0) ++facts.active;
+    *facts.penalty += c.f_W.norm();
+    facts.smallest_separation = std::min(facts.smallest_separation, c.s);
+  }
+}
+
 protocol::ForceFacts facts_of(const FrameView& view) {
   protocol::ForceFacts facts;
   facts.session = view.client.connected() && view.state != nullptr;
@@ -251,12 +268,6 @@ protocol::ForceFacts facts_of(const FrameView& view) {
   facts.reported = view.result.active + view.result.predicted;
   facts.epsilon = view.result.epsilon;
   facts.stiffness = view.settings.tuning.stiffness;
-  if (view.contacts != nullptr) {
-    facts.penalty = 0;
-    for (const protocol::LocalContactReport& c : view.contacts->contacts) {
-      *facts.penalty += c.f_W.norm();
-    }
-  }
   if (view.state == nullptr) return facts;
   const protocol::ProxyState& state = *view.state;
   facts.server = state.server;
@@ -269,6 +280,7 @@ protocol::ForceFacts facts_of(const FrameView& view) {
   facts.F_env = state.F_env.head<3>();
   facts.F_command = state.F_command.head<3>();
   facts.limit = state.limit;
+  if (view.contacts != nullptr) count_contacts_of_tool(*view.contacts, facts);
   return facts;
 }
 

@@ -238,6 +238,36 @@ TEST_CASE("Each message to a page has the documented fields and types") {
   check_messages("refused", {refused_message("stiffness", "-1", "must be")});
 }
 
+TEST_CASE("The chain of force counts the contacts of the tool alone") {
+  const Stage stage("stack", "finger");
+  protocol::ProxyState state = stage.state();
+  state.active_contacts = 9;
+  state.smallest_separation = -0.002;
+  const auto value_of = [&](const char* link, const protocol::LocalState& contacts) {
+    const json frame = json::parse(stage.frame_message(&state, &contacts));
+    for (const json& one : frame["chain"]) {
+      if (one["name"] == link) return one["value"].get<std::string>();
+    }
+    return std::string();
+  };
+  protocol::LocalState contacts;
+  const auto add = [&](SideKind of, double s, const Vector3& f) {
+    protocol::LocalContactReport& contact = contacts.contacts.emplace_back();
+    contact.a.kind = of;
+    contact.s = s;
+    contact.f_W = f;
+  };
+  add(SideKind::kMovableBody, -0.002, {0, 0, 61.8});
+  CHECK(value_of("contacts", contacts) == "0");
+  CHECK(value_of("separation", contacts) == "–");
+  CHECK(value_of("penalty", contacts) == "0.00 N\n0 active");
+  add(SideKind::kToolLink, -0.001, {0, 3, 4});
+  add(SideKind::kToolLink, 0.003, {0, 0, 0});
+  CHECK(value_of("contacts", contacts) == "2");
+  CHECK(value_of("separation", contacts) == "-1.00 mm");
+  CHECK(value_of("penalty", contacts) == "5.00 N\n1 active");
+}
+
 TEST_CASE("A coupling that the device does not bear is shown as it is in effect") {
   Stage stage("testbed", "peg");
   stage.settings.tuning.controller = ControllerKind::kVirtualCoupler;
