@@ -11,6 +11,7 @@
 #include "hlm/settings/directories.h"
 #include "hlm/settings/table.h"
 #include "hlm/web/page_token.h"
+#include "hlm/web/world_view.h"
 #include "hlm/world/scene_shapes.h"
 
 namespace hlm::ve {
@@ -289,11 +290,11 @@ void ClientRun::change_scene() {
 }
 
 void ClientRun::show_world(const protocol::Welcome* welcome) {
-  page_->show_world({.environment = *environment_,
-                     .scene = scene_,
-                     .scenes = scenes_,
-                     .start = tools_.front().start,
-                     .welcome = welcome});
+  page_->show_world(page_world({.environment = *environment_,
+                                .scene = scene_,
+                                .scenes = scenes_,
+                                .start = tools_.front().start,
+                                .welcome = welcome}));
 }
 
 void ClientRun::show(const FrameResult& result) {
@@ -306,11 +307,10 @@ void ClientRun::show(const FrameResult& result) {
     show_world(&first_client().welcome());
   }
   if (result.inbox.lost) page_->forget_session();
-  page_->show_frame({.environment = *environment_,
-                     .client = first_client(),
-                     .state = result.inbox.state,
-                     .result = result,
-                     .settings = live_});
+  PageFrame frame = page_frame(*environment_, first_client(), result);
+  frame.rejected = result.inbox.reject;
+  frame.settings = live_;
+  page_->show_frame(std::move(frame));
 }
 
 FramePeriods& ClientRun::periods() {

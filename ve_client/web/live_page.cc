@@ -81,31 +81,32 @@ protocol::Control LivePage::control(const LiveSettings& settings, const Tuning& 
   return control;
 }
 
-void LivePage::show_world(const WorldView& view) {
-  world_ = {.links = view.environment.tools.front().assembly.description.links.size(),
-            .starts = {},
-            .scenes = {}};
-  const ModelDescription& tool = find_model(view.scene.world, view.scene.tools.front());
-  for (const StartDescription& start : tool.starts) world_.starts.push_back(start.name);
-  for (const SceneSummary& scene : view.scenes) world_.scenes.push_back(scene.name);
-  server_.set_greeting(std::make_shared<const std::string>(world_message(view)));
+void LivePage::show_world(const PageWorld& world) {
+  world_ = {.links = world.tool.description.links.size(),
+            .starts = world.starts,
+            .scenes = {},
+            .environment = world.environment};
+  for (const SceneSummary& scene : world.scenes) world_.scenes.push_back(scene.name);
+  tool_ = world.tool;
+  server_.set_greeting(std::make_shared<const std::string>(world_message(world)));
 }
 
-void LivePage::show_frame(FrameView view) {
-  if (view.state != nullptr) state_ = *view.state;
-  if (view.result.inbox.reject) rejected_ = view.result.inbox.reject;
-  if (view.client.connected()) rejected_.reset();
+void LivePage::show_frame(PageFrame frame) {
+  if (frame.state != nullptr) state_ = *frame.state;
+  if (frame.rejected) rejected_ = frame.rejected;
+  if (frame.connected) rejected_.reset();
   if (server_.pages() == 0) {
     if (!ticks_.empty()) ticks_.take();
     return;
   }
-  view.state = state_ ? &*state_ : nullptr;
+  frame.tool = &tool_;
+  frame.state = state_ ? &*state_ : nullptr;
   if (!server_.telemetry_wanted()) contacts_.reset();  // or old ones would be shown later
-  view.contacts = contacts_ ? &*contacts_ : nullptr;
-  view.held = holding_page_.has_value();
-  view.rejected = rejected_;
-  view.recording = recording_;
-  server_.publish(std::make_shared<const std::string>(frame_message(view)));
+  frame.contacts = contacts_ ? &*contacts_ : nullptr;
+  frame.held = holding_page_.has_value();
+  frame.rejected = rejected_;
+  frame.recording = recording_;
+  server_.publish(std::make_shared<const std::string>(frame_message(frame)));
   if (!ticks_.empty()) server_.publish_binary(std::make_shared<const std::string>(ticks_.take()));
 }
 

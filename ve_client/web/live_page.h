@@ -36,9 +36,10 @@ class LivePage final : public protocol::TelemetryObserver {
   protocol::Control control(const LiveSettings& settings, const Tuning& own) const;
 
   /// The world as built, for all pages, now and later.
-  void show_world(const WorldView& view);
-  /// Shows a frame that has ended. `view.state` may be null: the latest of the session is kept.
-  void show_frame(FrameView view);
+  void show_world(const PageWorld& world);
+  /// Shows a frame that has ended. `state` may be null: the latest of the session is kept, as is
+  /// what `rejected` says. `tool` and what is the page's own are filled in here.
+  void show_frame(PageFrame frame);
   /// The session is over, or another began. Whoever held the hand has to grab it again.
   void forget_session();
 
@@ -60,6 +61,7 @@ class LivePage final : public protocol::TelemetryObserver {
   std::string recording_;                          ///< Name of the latest; empty: none.
   double looked_at_ = -1e9;                        ///< Time of the latest look for recordings, s.
   WorldTraits world_;
+  PageTool tool_;
   std::optional<SceneRequest> chosen_;
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   double held_at_ = 0;                         ///< When it last repeated the hold, s.

@@ -72,30 +72,29 @@ json to_json(const Shape& shape) {
   return std::visit(Describe{}, shape);
 }
 
-json to_json(const BodyDescription& body, bool is_tool) {
+json to_json(const std::shared_ptr<const Mesh>& mesh) { return to_json(*mesh); }
+
+json to_json(const PageBody& body) {
   json shapes = json::array();
-  const Mesh* latest = nullptr;
-  for (const CollisionDescription& collision : body.collisions) {
-    const Mesh* mesh = collision.mesh.get();
-    if (mesh != nullptr && mesh == latest) continue;  // The pieces of a skin are shown as one.
-    latest = mesh;
-    json shape = mesh != nullptr ? to_json(*mesh) : to_json(collision.shape);
-    shape["pose"] = to_json(collision.X_BG);
+  for (const PageShape& each : body.shapes) {
+    json shape = std::visit([](const auto& geometry) { return to_json(geometry); }, each.geometry);
+    shape["pose"] = to_json(each.X_BG);
     shapes.push_back(std::move(shape));
   }
   return {{"name", body.name},
           {"fixed", body.fixed},
-          {"tool", is_tool},
+          {"tool", body.is_tool},
           {"pose", to_json(body.X_WB)},
           {"shapes", std::move(shapes)}};
 }
 
-json ranges() {
+json ranges(bool environment) {
   json all;
   const auto add = [&](const char* name, double least, double most, const char* unit) {
     all[name] = {{"least", least}, {"most", most}, {"unit", unit}};
   };
   for (const auto& r : kTuningRanges) add(r.name, r.least, r.most, r.unit);
+  if (!environment) return all;
   for (const auto& r : kEnvironmentRanges) add(r.name, r.least, r.most, r.unit);
   return all;
 }
@@ -207,14 +206,12 @@ std::string_view remedy_of(const protocol::ProxyState& state) {
   return state.fade != Fade::kNone ? hlm::remedy_of(state.fade) : std::string_view();
 }
 
-void add_state(json& frame, const VirtualEnvironment& environment,
-               const protocol::ProxyState& state) {
-  const ToolAssembly& assembly = environment.tools.front().assembly;
-  ToolModel proxy(assembly.description);
+void add_state(json& frame, const PageTool& tool, const protocol::ProxyState& state) {
+  ToolModel proxy(tool.description);
   proxy.set_configuration(state.q);
   json links = json::array();
   for (int link = 0; link < proxy.links(); ++link) {
-    links.push_back(to_json(proxy.X_WL(link) * assembly.X_LB[static_cast<std::size_t>(link)]));
+    links.push_back(to_json(proxy.X_WL(link) * tool.X_LB[static_cast<std::size_t>(link)]));
   }
   const bool any = state.active_contacts + state.predicted_contacts > 0;
   frame["proxy"] = std::move(links);
@@ -235,12 +232,12 @@ void add_state(json& frame, const VirtualEnvironment& environment,
 }
 
 /// What the server says to a tool that it cannot use; to other refusals the page has its own words.
-std::string rejection_of(const FrameView& view) {
+std::string rejection_of(const PageFrame& view) {
   if (!view.rejected || view.rejected->reason != protocol::RejectReason::kTool) return {};
   return {view.rejected->text.begin(), view.rejected->text.end()};
 }
 
-std::string refusal_of(const FrameView& view) {
+std::string refusal_of(const PageFrame& view) {
   if (!view.rejected) return "haptic_server does not answer";
   return "haptic_server gives no session: " + std::string(meaning_of(view.rejected->reason));
 }
@@ -260,13 +257,13 @@ void count_contacts_of_tool(const protocol::LocalState& local, protocol::ForceFa
   }
 }
 
-protocol::ForceFacts facts_of(const FrameView& view) {
+protocol::ForceFacts facts_of(const PageFrame& view) {
   protocol::ForceFacts facts;
-  facts.session = view.client.connected() && view.state != nullptr;
-  if (!view.client.connected()) facts.refused = refusal_of(view);
+  facts.session = view.connected && view.state != nullptr;
+  if (!view.connected) facts.refused = refusal_of(view);
   facts.uses_contacts = traits(view.settings.tuning.controller).uses_contacts;
-  facts.reported = view.result.active + view.result.predicted;
-  facts.epsilon = view.result.epsilon;
+  facts.reported = view.reported;
+  facts.epsilon = view.epsilon;
   facts.stiffness = view.settings.tuning.stiffness;
   if (view.state == nullptr) return facts;
   const protocol::ProxyState& state = *view.state;
@@ -284,7 +281,7 @@ protocol::ForceFacts facts_of(const FrameView& view) {
   return facts;
 }
 
-json chain_json(const FrameView& view) {
+json chain_json(const PageFrame& view) {
   json chain = json::array();
   for (const protocol::ChainLink& link : force_chain(facts_of(view))) {
     chain.push_back({{"name", link.name},
@@ -306,62 +303,45 @@ void append(std::string& bytes, double value) {
 
 }  // namespace
 
-std::string world_message(const WorldView& view) {
-  const ToolAssembly& assembly = view.environment.tools.front().assembly;
-  const auto& bodies = view.environment.world.description().bodies;
+std::string world_message(const PageWorld& world) {
   json described = json::array();
-  for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
-    described.push_back(
-        to_json(bodies[static_cast<std::size_t>(i)], view.environment.world.is_tool(i)));
-  }
-  const std::size_t links = assembly.description.links.size();
-  json starts = json::array();
-  for (const StartDescription& start :
-       find_model(view.scene.world, view.scene.tools.front()).starts) {
-    starts.push_back(start.name);
-  }
-  ToolModel tool(assembly.description);
-  tool.set_configuration(assembly.q);
+  for (const PageBody& body : world.bodies) described.push_back(to_json(body));
+  const std::size_t links = world.tool.description.links.size();
+  ToolModel tool(world.tool.description);
+  tool.set_configuration(world.tool.q);
   return json{{"type", "world"},
-              {"scenes", scenes_json(view.scenes)},
-              {"scene", scene_name(view.scene.file)},
+              {"scenes", scenes_json(world.scenes)},
+              {"scene", world.scene},
               {"planar", missing_freedoms(tool, kPlanarFreedoms) == 0},
-              {"mismatch", mismatch_of(tool, view.welcome)},
+              {"mismatch", mismatch_of(tool, world.welcome)},
               {"bodies", std::move(described)},
-              {"tool_links", assembly.bodies},
-              {"starts", std::move(starts)},
-              {"start", view.start},
-              {"ranges", ranges()},
-              {"methods", methods(links)},
+              {"tool_links", world.tool.bodies},
+              {"starts", world.starts},
+              {"start", world.start},
+              {"ranges", ranges(world.environment)},
+              {"methods", world.environment ? methods(links) : json::array()},
               {"update_rules", names<UpdateRule>()},
               {"controllers", controllers(links)},
               {"limits", names<ForceLimit>()},
               {"tick_columns", tick_columns()},
-              {"servo_rate", view.welcome != nullptr ? view.welcome->servo_rate : 0},
-              {"guidable", view.welcome == nullptr || view.welcome->device.guidable}}
+              {"servo_rate", world.welcome != nullptr ? world.welcome->servo_rate : 0},
+              {"guidable", world.welcome == nullptr || world.welcome->device.guidable}}
       .dump(-1, ' ', false, json::error_handler_t::replace);  // Names may be any bytes.
 }
 
-std::string frame_message(const FrameView& view) {
-  const VirtualEnvironment& environment = view.environment;
-  const auto& described = environment.world.description().bodies;
+std::string frame_message(const PageFrame& view) {
   json bodies = json::array();
-  for (int i = 0; i < static_cast<int>(described.size()); ++i) {
-    if (!described[static_cast<std::size_t>(i)].fixed) {
-      bodies.push_back(to_json(environment.world.X_WB(i)));
-    }
-  }
-
+  for (const Pose& X_WB : view.X_WB) bodies.push_back(to_json(X_WB));
   const Method* const method = method_in_effect(view.settings);
   json frame{{"type", "frame"},
-             {"connected", view.client.connected()},
+             {"connected", view.connected},
              {"rejected", view.rejected ? name_of(view.rejected->reason) : ""},
              {"rejection", rejection_of(view)},
              {"bodies", std::move(bodies)},
              {"held", view.held},
-             {"reported", view.result.active + view.result.predicted},
-             {"round_trip", view.client.round_trip()},
-             {"epsilon", view.result.epsilon},
+             {"reported", view.reported},
+             {"round_trip", view.round_trip},
+             {"epsilon", view.epsilon},
              {"limit", view.state ? name_of(view.state->limit) : name_of(ForceLimit::kNone)},
              {"contacts", contacts_json(view.contacts)},
              {"settings", settings_json(in_effect(view.settings.tuning, view.state))},
@@ -369,7 +349,7 @@ std::string frame_message(const FrameView& view) {
              {"method", method != nullptr ? json(method->name) : json(nullptr)},
              {"chain", chain_json(view)},
              {"recording", view.recording}};
-  if (view.state != nullptr) add_state(frame, environment, *view.state);
+  if (view.state != nullptr) add_state(frame, *view.tool, *view.state);
   return frame.dump(-1, ' ', false, json::error_handler_t::replace);  // A server's text, too.
 }
 

@@ -156,10 +156,16 @@ SceneRequest scene(const json& name, const WorldTraits& world) {
   refuse("scene", name, known);
 }
 
+/// Another engine's session keeps its frames and its ε.
+void require_environment(const std::string& type, const WorldTraits& world) {
+  if (!world.environment) refuse("type", type, "of a session of ve_client");
+}
+
 ParsedRequest parse(const json& message, const LiveSettings& present, const WorldTraits& world) {
   const json type = message.is_object() ? message.value("type", json()) : json();
   if (type == "hand") return hand(message);
   if (type == "settings") return SettingsRequest{with_tuning(message, present, world)};
+  if (type == "environment" || type == "method") require_environment(type, world);
   if (type == "environment") return SettingsRequest{with_environment(message, present)};
   if (type == "method") {
     return SettingsRequest{with_method(message.value("name", json()), present, world)};

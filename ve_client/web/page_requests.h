@@ -46,6 +46,7 @@ struct WorldTraits {
   std::size_t links = 1;            ///< Links of the session's tool.
   std::vector<std::string> starts;  ///< Starts of the tool besides the world's own place.
   std::vector<std::string> scenes;  ///< Worlds that may be played.
+  bool environment = true;          ///< What is the client's may be set.
 };
 
 /// Never throws: a malformed request or a value out of range becomes a Refusal. present: the

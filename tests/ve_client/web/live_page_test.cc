@@ -5,6 +5,7 @@
 #include <functional>
 #include <thread>
 
+#include "hlm/web/world_view.h"
 #include "tests/support/catch.h"
 #include "tests/ve_client/web/page_client.h"
 #include "tests/ve_client/web/web_root.h"
@@ -131,7 +132,7 @@ TEST_CASE("Any page may choose a scene, the last choice counts, and only its pag
   Scene scene = load_scene(std::string(HLM_WORLDS) + "/push.sdf");
   const std::vector<SceneSummary> scenes = scenes_beside(scene.file);
   const VirtualEnvironment environment(scene.world, scene.tools, {});
-  desk.page.show_world({environment, scene, scenes, "", nullptr});
+  desk.page.show_world(page_world({environment, scene, scenes, "", nullptr}));
   PageClient first(desk.page.port());
   PageClient second(desk.page.port());
   for (PageClient* page : {&first, &second}) {

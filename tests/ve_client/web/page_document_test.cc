@@ -12,6 +12,7 @@
 #include "hlm/web/methods.h"
 #include "hlm/web/page_messages.h"
 #include "hlm/web/page_requests.h"
+#include "hlm/web/world_view.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
 
@@ -186,19 +187,21 @@ struct Stage {
                                   .q = environment.tools.front().assembly.q}) {}
 
   std::string world_message(const protocol::Welcome* welcome) const {
-    return ve::world_message({environment, scene, scenes, start, welcome});
+    return ve::world_message(page_world({environment, scene, scenes, start, welcome}));
   }
   std::string frame_message(const protocol::ProxyState* state,
                             const protocol::LocalState* contacts) const {
     protocol::Reject reject;
     reject.reason = protocol::RejectReason::kFault;
-    return ve::frame_message({.environment = environment,
-                              .client = client,
-                              .state = state,
-                              .contacts = contacts,
-                              .result = {},
-                              .settings = settings,
-                              .rejected = reject});
+    const ToolAssembly& assembly = environment.tools.front().assembly;
+    const PageTool tool{assembly.description, assembly.q, assembly.bodies, assembly.X_LB};
+    PageFrame frame = page_frame(environment, client, {});
+    frame.tool = &tool;
+    frame.state = state;
+    frame.contacts = contacts;
+    frame.settings = settings;
+    frame.rejected = reject;
+    return ve::frame_message(frame);
   }
   protocol::ProxyState state() const {
     protocol::ProxyState state;
