@@ -210,6 +210,7 @@ struct haptic_session {
   BodyPoses poses;                  ///< Where bodies are, for the next update.
   std::set<std::uint32_t> offered;  ///< Bodies that have shapes at the server.
   std::optional<SessionNews> news;
+  std::string page;  ///< Its address.
   std::string error;
 };
 
@@ -495,6 +496,17 @@ int haptic_hold(haptic_session* session, const double position[3], const double 
 }
 
 void haptic_release(haptic_session* session) { session->client->control({}); }
+
+const char* haptic_show(haptic_session* session, std::uint16_t port, int open) {
+  try {
+    session->page = session->client->show(
+        {.port = port, .open = open != 0, .token = session->sealed.has_value()});
+    return session->page.c_str();
+  } catch (const std::exception& failure) {
+    session->error = failure.what();
+    return nullptr;
+  }
+}
 
 const char* haptic_own_server(const haptic_session* session) { return session->started.c_str(); }
 

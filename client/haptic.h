@@ -232,6 +232,14 @@ HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* erro
  * program, which should wait for others by their ids. The program is what HAPTIC_SERVER_PROGRAM
  * names, or haptic_server beside this library or in PATH. */
 HAPTIC_API const char* haptic_own_server(const haptic_session* session);
+/* Starts a program that serves the page of this session to browsers of this machine, with the
+ * shapes that were offered, contacts, forces and charts; the mouse is the hand of a simulated
+ * device. It ends with the session, or with the program. port: of 127.0.0.1; 0: any free one. open:
+ * 1 shows it in a browser. Waits until it is there, some tenths of a second; a second call says
+ * where it is. With a key the page asks for a token, which its address has. Returns the address,
+ * valid as long as the session, or NULL with haptic_error(). The program is what
+ * HAPTIC_PAGE_PROGRAM names, or haptic_page beside this library or in PATH. */
+HAPTIC_API const char* haptic_show(haptic_session* session, uint16_t port, int open);
 /* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.
  * NULL is ignored. */
 HAPTIC_API void haptic_close(haptic_session* session);

@@ -8,16 +8,23 @@
 namespace hlm {
 namespace {
 
-protocol::ClientSessionOptions session_options(const HapticClientOptions& options) {
+protocol::Hello hello_of(const HapticClientOptions& options) {
+  protocol::Hello hello;
+  hello.nonce = options.nonce;
+  hello.tool = options.tool;
+  hello.q = options.q;
+  hello.ve_rate = options.ve_rate;
+  hello.epsilon = options.epsilon;
+  return hello;
+}
+
+protocol::ClientSessionOptions session_options(const HapticClientOptions& options,
+                                               protocol::TelemetryObserver& telemetry) {
   protocol::ClientSessionOptions session;
   session.server = options.server;
-  session.hello.nonce = options.nonce;
-  session.hello.tool = options.tool;
-  session.hello.q = options.q;
-  session.hello.ve_rate = options.ve_rate;
-  session.hello.epsilon = options.epsilon;
+  session.hello = hello_of(options);
   session.clears_fault = options.clears_fault;
-  session.telemetry = options.telemetry;
+  session.telemetry = &telemetry;
   return session;
 }
 
@@ -33,12 +40,52 @@ constexpr std::size_t kChunksPerSend = 64;
 }  // namespace
 
 HapticClient::HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options)
-    : session_(link, session_options(options)),
+    : options_(options),
+      session_(link, session_options(options, telemetry_)),
       world_time_(1 / options.ve_rate),
       ve_rate_(options.ve_rate),
       tool_links_(options.tool.links.size()) {
+  telemetry_.own = options.telemetry;
   update_.q_VE = options.q;
   update_.v_VE = Velocity::Zero(ToolModel(options.tool).dof());
+}
+
+void HapticClient::Telemetry::observe(const protocol::Ticks& ticks) {
+  if (own != nullptr) own->observe(ticks);
+  if (page) page->observe(ticks);
+}
+void HapticClient::Telemetry::observe(const protocol::LocalState& state) {
+  if (own != nullptr) own->observe(state);
+  if (page) page->observe(state);
+}
+
+std::string HapticClient::show(const SessionPageOptions& options) {
+  if (!telemetry_.page) {
+    protocol::Hello hello = hello_of(options_);
+    hello.q = update_.q_VE;
+    telemetry_.page = std::make_unique<SessionPage>(hello, options);
+    show_scene();
+    if (connected()) telemetry_.page->show_welcome(welcome());
+  }
+  return telemetry_.page->address();
+}
+
+void HapticClient::show_scene() {
+  if (!telemetry_.page || !scene_) return;
+  protocol::OfferedBefore nothing;
+  telemetry_.page->show_scene(protocol::scene_of(*scene_, tool_links_, nothing));
+}
+
+void HapticClient::tell_page(double now, const Inbox& inbox) {
+  SessionPage& page = *telemetry_.page;
+  if (inbox.welcomed) page.show_welcome(welcome());
+  page.show_news(now, {.connected = connected(), .round_trip = round_trip()}, inbox);
+  if (page.listen()) session_.set_control(page.control(control_));
+}
+
+void HapticClient::control(const protocol::Control& control) {
+  control_ = control;
+  session_.set_control(telemetry_.page ? telemetry_.page->control(control) : control);
 }
 
 HapticClient::Inbox HapticClient::poll(double now) {
@@ -65,6 +112,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
+  if (telemetry_.page) tell_page(now, inbox);
   return inbox;
 }
 
@@ -90,6 +138,7 @@ void HapticClient::offer_scene(protocol::SceneOffer scene) {
   protocol::OfferedBefore nothing;
   protocol::scene_of(scene, tool_links_, nothing);  // Throws.
   scene_ = std::move(scene);
+  show_scene();
   if (connected()) queue_scene();
 }
 
@@ -174,6 +223,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.poses = poses;
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
+  if (telemetry_.page) telemetry_.page->show_update(now, update_);
   update_.rates.clear();
   session_.send_scene(now, kChunksPerSend);
   return sequence;

@@ -4,11 +4,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "hlm/client/acceleration_trend.h"
 #include "hlm/client/impulse_playout.h"
+#include "hlm/client/session_page.h"
 #include "hlm/client/world_time.h"
 #include "hlm/common/contact.h"
 #include "hlm/common/tool_description.h"
@@ -91,8 +93,14 @@ class HapticClient {
   const protocol::SceneState& scene_state() const noexcept { return session_.scene_state(); }
 
   /// What the person here asks of the server, from the next send() on: telemetry, the hand of a
-  /// simulated device, other physics.
-  void control(const protocol::Control& control) { session_.set_control(control); }
+  /// simulated device, other physics. People at the page ask, too, and before this.
+  void control(const protocol::Control& control);
+
+  /// Starts a program that serves the page of this session to browsers of this machine: the shapes
+  /// that were offered, contacts and forces, charts; the mouse is the hand of a simulated device.
+  /// It ends with the client. Waits until it is there; a second call only says where that is.
+  /// Returns its address. Throws std::runtime_error that says why there is no page.
+  std::string show(const SessionPageOptions& options = {});
   /// Ends the session.
   void close(double now) { session_.close(now); }
 
@@ -106,11 +114,25 @@ class HapticClient {
   const protocol::ReceiveStatistics& statistics() const noexcept { return session_.statistics(); }
 
  private:
+  /// Hands telemetry on to whoever asked for it.
+  struct Telemetry final : protocol::TelemetryObserver {
+    void observe(const protocol::Ticks& ticks) override;
+    void observe(const protocol::LocalState& state) override;
+
+    TelemetryObserver* own = nullptr;
+    std::unique_ptr<SessionPage> page;
+  };
+
   bool waits_for_scene() const noexcept;
   void offer();
   void queue_scene();
+  void show_scene();
+  void tell_page(double now, const Inbox& inbox);
 
+  HapticClientOptions options_;
+  Telemetry telemetry_;
   protocol::ClientSession session_;
+  protocol::Control control_;       ///< What the program asks for.
   protocol::ContactUpdate update_;  ///< Update of the latest sample.
   ImpulsePlayout playout_;
   AccelerationTrend trend_;

@@ -53,7 +53,7 @@ if(HLM_SERVER)
   install(FILES packaging/60-haptic_server.rules DESTINATION lib/udev/rules.d)
 endif()
 if(HLM_VE_CLIENT)
-  install(TARGETS ve_client)
+  install(TARGETS haptic_page ve_client)
 endif()
 hlm_install_shared_files(${share})
 
@@ -76,10 +76,14 @@ function(manual_page program purpose)
     return()
   endif()
   set(page ${PROJECT_BINARY_DIR}/man/${program}.1)
+  set(help --help-all)
+  if(program MATCHES "keygen|page")
+    set(help --help)
+  endif()
   add_custom_command(OUTPUT ${page}.gz
     COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
     COMMAND ${HELP2MAN} --no-info --locale C.UTF-8 --name ${purpose} --output ${page}
-      --help-option $<IF:$<STREQUAL:${program},haptic_keygen>,--help,--help-all> $<TARGET_FILE:${program}>
+      --help-option ${help} $<TARGET_FILE:${program}>
     COMMAND gzip -9nf ${page}
     DEPENDS ${program} VERBATIM)
   add_custom_target(${program}_man ALL DEPENDS ${page}.gz)
@@ -89,6 +93,7 @@ function(manual_page program purpose)
   endif()
 endfunction()
 manual_page(haptic_keygen "makes the key that haptic server and client share")
+manual_page(haptic_page "serves the live page of a session of another program")
 manual_page(haptic_server "runs the local model of interaction with a haptic device")
 manual_page(haptic_doctor "finds out why no force is felt")
 manual_page(haptic_replay "plays a recorded session of the haptic server")

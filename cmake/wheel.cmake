@@ -1,7 +1,8 @@
 # What a wheel holds besides the Python package, for scikit-build-core: below haptic/, so that programs,
 # libraries and what they read find one another by their places.
 include(cmake/shared_files.cmake)
-install(TARGETS haptic_doctor haptic_keygen haptic_replay haptic_server ve_client RUNTIME DESTINATION haptic/bin)
+install(TARGETS haptic_doctor haptic_keygen haptic_page haptic_replay haptic_server ve_client
+  RUNTIME DESTINATION haptic/bin)
 # Wheels have no symbolic links: the file itself has the name that is looked for.
 foreach(library hlm_haptic hlm_proximity)
   get_target_property(abi ${library} SOVERSION)

@@ -10,6 +10,7 @@
 #include "hlm/sealing/key_file.h"
 #include "hlm/settings/directories.h"
 #include "hlm/settings/table.h"
+#include "hlm/web/page_root.h"
 #include "hlm/web/page_token.h"
 #include "hlm/web/world_view.h"
 #include "hlm/world/scene_shapes.h"
@@ -58,11 +59,6 @@ std::optional<protocol::noise::Key> read_key(const Settings& settings) {
   } catch (const std::runtime_error& error) {
     throw settings::UsageError(error.what());
   }
-}
-
-/// The page's files stand at a fixed place next to the program, built or installed.
-std::filesystem::path page_beside_program() {
-  return std::filesystem::read_symlink("/proc/self/exe").parent_path() / HLM_PAGE;
 }
 
 std::vector<protocol::Endpoint> endpoints(const Settings& settings) {

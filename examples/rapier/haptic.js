@@ -80,6 +80,7 @@ function load() {
     defaultOptions: library.func('haptic_options haptic_default_options()'),
     box: library.func('haptic_link haptic_box(double mass, const double* size)'),
     open: library.func('haptic_session* haptic_open(const haptic_options* options, _Out_ char* error, size_t size)'),
+    show: library.func('const char* haptic_show(haptic_session* session, uint16_t port, int open)'),
     ownServer: library.func('const char* haptic_own_server(const haptic_session* session)'),
     close: library.func('void haptic_close(haptic_session* session)'),
     poll: library.func('void haptic_poll(haptic_session* session, _Inout_ haptic_state* state)'),
@@ -134,6 +135,14 @@ export class Session {
   /** A sentence on the server that this session started; empty if it started none. */
   get ownServer() {
     return library().ownServer(this.#session);
+  }
+
+  /** Serves the page of this session to browsers of this machine; the mouse is the hand of a simulated device. Returns its
+   * address. */
+  show(port = 0, open = true) {
+    const address = library().show(this.#session, port, open ? 1 : 0);
+    if (!address) throw new Error(library().error(this.#session));
+    return address;
   }
 
   /** Once per step, before it: the newest news of the server, as haptic_state. */

@@ -200,6 +200,19 @@ class Session:
         self._session = None
         self.running = False
 
+    def show(self, port: int = 0, open_browser: bool = True) -> str:
+        """Serves the page of this session to browsers of this machine, with the shapes that were offered, contacts, forces
+        and charts; the mouse is the hand of a simulated device. It ends with the session. port: 0 is any free one. Returns
+        its address, which is also said on standard error; a second call says it again. Raises HapticError where there
+        can be none."""
+        if not 0 <= port <= 65535:
+            raise HapticError(f"port {port} must be 0 to 65535")
+        address = self._library.haptic_show(self._open(), port, open_browser)
+        if address is None:
+            self._fail()
+        _tell("haptic: the page of this session is " + _text(address))
+        return _text(address)
+
     def offer(self, shapes: Sequence[Shape], positions: Optional[ArrayLike] = None,
               rotations: Optional[ArrayLike] = None, friction: Optional[ArrayLike] = None,
               rule: str = "minimum", priority: Optional[ArrayLike] = None,

@@ -101,6 +101,7 @@ def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
             ("haptic_default_options", Options),
             ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
             ("haptic_own_server", ctypes.c_char_p, session),
+            ("haptic_show", ctypes.c_char_p, session, ctypes.c_uint16, ctypes.c_int),
             ("haptic_close", None, session),
             ("haptic_offer", ctypes.c_int, session, ctypes.POINTER(Shape), address, address, _size, address, _size),
             ("haptic_place", ctypes.c_int, session, address, _size),

@@ -134,6 +134,10 @@ class Session:
         """As haptic.Session.running: set `touch.touch.running` to False to end a loop."""
         return self.touch.running
 
+    def show(self, port: int = 0, open_browser: bool = True) -> str:
+        """As haptic.Session.show()."""
+        return self.touch.show(port, open_browser)
+
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
         """As haptic.Session.hold(). With data.mocap_pos and data.mocap_quat of a mocap body in each frame, the mouse in
         MuJoCo's viewer is the hand."""

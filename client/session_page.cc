@@ -1,0 +1,156 @@
+#include "hlm/client/session_page.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <stdexcept>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+namespace hlm {
+namespace {
+
+using page_wire::Kind;
+
+constexpr int kAddressWithin = 5000;                       // ms
+constexpr timeval kRoomWithin{.tv_sec = 2, .tv_usec = 0};  // In the socket.
+/// Between two frames of a page, s: no screen shows more.
+constexpr double kFrame = 0.015;
+constexpr std::size_t kPiece = std::size_t{64} * 1024;  // Of a scene.
+
+std::vector<std::string> command(const SessionPageOptions& options) {
+  std::vector<std::string> arguments{find_program("haptic_page", "HAPTIC_PAGE_PROGRAM"),
+                                     "--session", std::to_string(OwnProgram::kInherited), "--port",
+                                     std::to_string(options.port)};
+  if (options.open) arguments.emplace_back("--open");
+  if (options.token) arguments.emplace_back("--token");
+  return arguments;
+}
+
+/// A packet that has come, with its first byte; empty: none has, or the other side has ended.
+page_wire::Packet receive(int socket) {
+  page_wire::Packet packet(page_wire::kMost);
+  const ssize_t size = recv(socket, packet.data(), packet.size(), MSG_DONTWAIT);
+  packet.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
+  return packet;
+}
+
+std::string text_of(const page_wire::Packet& packet) {
+  return {reinterpret_cast<const char*>(packet.data()) + 1, packet.size() - 1};
+}
+
+}  // namespace
+
+SessionPage::SessionPage(const protocol::Hello& hello, const SessionPageOptions& options) {
+  std::vector<std::string> arguments = command(options);
+  std::array<int, 2> ends{};
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
+    throw std::runtime_error("no socket for the page: " + std::generic_category().message(errno));
+  }
+  socket_ = ends[0];
+  setsockopt(socket_, SOL_SOCKET, SO_SNDTIMEO, &kRoomWithin, sizeof kRoomWithin);
+  try {
+    running_.emplace(std::move(arguments), ends[1]);
+    close(std::exchange(ends[1], -1));
+    await_address();
+  } catch (...) {
+    if (ends[1] >= 0) close(ends[1]);
+    close(socket_);
+    throw;
+  }
+  tell(hello);
+}
+
+SessionPage::~SessionPage() { close(socket_); }
+
+void SessionPage::await_address() {
+  pollfd waiting{.fd = socket_, .events = POLLIN, .revents = 0};
+  const bool came = ::poll(&waiting, 1, kAddressWithin) > 0;
+  const page_wire::Packet packet = receive(socket_);
+  if (!packet.empty() && packet.front() == static_cast<std::byte>(Kind::kAddress)) {
+    address_ = text_of(packet);
+    return;
+  }
+  throw std::runtime_error("no page: " + (packet.empty() ? std::string("haptic_page ") +
+                                                               (came ? "has ended" : "says nothing")
+                                                         : text_of(packet)));
+}
+
+void SessionPage::send(std::span<const std::byte> packet) noexcept {
+  ::send(socket_, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+template <class Message>
+void SessionPage::tell(const Message& message) {
+  constexpr bool kBeforeSession =
+      std::is_same_v<Message, protocol::Hello> || std::is_same_v<Message, protocol::Reject>;
+  send(page_wire::packet(message, {.session = kBeforeSession ? 0u : 1u, .sequence = ++told_}));
+}
+
+void SessionPage::show_scene(std::span<const std::uint8_t> records) {
+  const auto tell_all = [this](const page_wire::Packet& packet) {
+    ::send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL);
+  };
+  for (std::size_t begin = 0; begin < records.size(); begin += kPiece) {
+    const auto piece = records.subspan(begin, std::min(kPiece, records.size() - begin));
+    tell_all(page_wire::packet(Kind::kScene, std::as_bytes(piece)));
+  }
+  tell_all(page_wire::packet(Kind::kSceneEnd));
+}
+
+void SessionPage::show_welcome(const protocol::Welcome& welcome) { tell(welcome); }
+
+void SessionPage::show_news(double now, const page_wire::Status& status,
+                            const protocol::ClientSession::Inbox& inbox) {
+  if (inbox.reject) tell(*inbox.reject);
+  if (now - news_at_ < kFrame) return;
+  news_at_ = now;
+  send(page_wire::packet(Kind::kStatus, std::as_bytes(std::span(&status, 1))));
+  if (inbox.state != nullptr) tell(*inbox.state);
+}
+
+void SessionPage::show_update(double now, const protocol::ContactUpdate& update) {
+  if (now - update_at_ < kFrame) return;
+  update_at_ = now;
+  tell(update);
+}
+
+void SessionPage::observe(const protocol::Ticks& ticks) { tell(ticks); }
+void SessionPage::observe(const protocol::LocalState& state) { tell(state); }
+
+bool SessionPage::listen() {
+  const protocol::Control before = asked_;
+  for (;;) {
+    const page_wire::Packet packet = receive(socket_);
+    if (packet.empty() || packet.front() != static_cast<std::byte>(Kind::kMessage)) break;
+    const auto parts = page_wire::parts_of(std::span(packet).subspan(1));
+    protocol::Control control;
+    if (!parts.empty() && !protocol::decode(protocol::view(parts.front()), control)) {
+      asked_ = control;
+    }
+  }
+  if (running_->status()) asked_ = {};  // Nobody holds the hand any more.
+  return !(asked_ == before);
+}
+
+protocol::Control SessionPage::control(protocol::Control own) const {
+  own.telemetry = own.telemetry || asked_.telemetry;
+  if (asked_.holds) {
+    own.holds = true;
+    own.X_WTarget = asked_.X_WTarget;
+  }
+  if (asked_.tuned) {
+    own.tuned = true;
+    own.tuning = asked_.tuning;
+  }
+  return own;
+}
+
+}  // namespace hlm

@@ -1,0 +1,67 @@
+// The page of a session: a program of its own serves it to browsers, and is told what the session
+// does.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "hlm/client/own_program.h"
+#include "hlm/client/page_wire.h"
+#include "hlm/protocol/client_session.h"
+
+namespace hlm {
+
+struct SessionPageOptions {
+  std::uint16_t port = 0;  ///< Of 127.0.0.1; 0: any free one.
+  bool open = false;       ///< Shows it in a browser.
+  bool token = false;      ///< The page asks for a token, which its address has.
+};
+
+/// Ends with this object, or with the program. It is told no more often than a page can show; what
+/// it cannot take in time is left out. Nothing waits but the constructor and show_scene().
+class SessionPage final : public protocol::TelemetryObserver {
+ public:
+  /// hello: of the session. Starts haptic_page: what HAPTIC_PAGE_PROGRAM names, or the one next to
+  /// this library or in PATH. Throws std::runtime_error that says why there is no page.
+  SessionPage(const protocol::Hello& hello, const SessionPageOptions& options);
+  ~SessionPage() override;
+  SessionPage(const SessionPage&) = delete;
+  SessionPage& operator=(const SessionPage&) = delete;
+
+  /// http://127.0.0.1:PORT/, with the token.
+  const std::string& address() const noexcept { return address_; }
+
+  /// The scene that is offered, as records without what came before. Waits until the page has it, 2
+  /// s at most.
+  void show_scene(std::span<const std::uint8_t> records);
+  void show_welcome(const protocol::Welcome& welcome);
+  /// After each poll.
+  void show_news(double now, const page_wire::Status& status,
+                 const protocol::ClientSession::Inbox& inbox);
+  void show_update(double now, const protocol::ContactUpdate& update);
+  void observe(const protocol::Ticks& ticks) override;
+  void observe(const protocol::LocalState& state) override;
+
+  /// `own`, and what people at the page ask for: telemetry, the hand, other physics.
+  protocol::Control control(protocol::Control own) const;
+  /// Hears what they ask for. Whether that has changed.
+  bool listen();
+
+ private:
+  template <class Message>
+  void tell(const Message& message);
+  void send(std::span<const std::byte> packet) noexcept;
+  void await_address();
+
+  int socket_ = -1;
+  std::optional<OwnProgram> running_;
+  std::string address_;
+  std::uint64_t told_ = 0;  ///< Sequence of the latest message.
+  double news_at_ = -1;     ///< s: when news and updates were told last.
+  double update_at_ = -1;
+  protocol::Control asked_;
+};
+
+}  // namespace hlm
