@@ -125,6 +125,7 @@ std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::En
   const std::string resolved = protocol::to_string(at);
   options.address = resolved.substr(0, resolved.rfind(':'));
   options.port = at.port;
+  options.partner = settings.page_partner;
   options.root = settings.page_root;
   if (options.root.empty()) options.root = page_beside_program();
   options.recordings = recordings_of(server, settings.recordings);

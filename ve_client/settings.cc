@@ -127,6 +127,9 @@ class CommandLine {
     table.flag("insecure", settings_.insecure,
                "Serve the page at any address, without a token: whoever reaches it can move the "
                "device. For closed networks");
+    table.whole("page-partner", settings_.page_partner, {0, 65535},
+                "Port of this machine whose pages may look on and set here, too, as one that shows "
+                "two clients side by side does; 0 is none");
     table.text("page-root", settings_.page_root, "FOLDER", "Folder of the page's files");
     table.text(
         "recordings", settings_.recordings, "DIRECTORY",

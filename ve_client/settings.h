@@ -26,14 +26,15 @@ struct Settings {
   std::vector<ToolSettings> tools;  ///< 1 to kMostTools.
   FrameOptions frame;
   FollowOptions follow;
-  double rate_low = 60;        ///< Hz. The rate of each frame is drawn between these.
-  double rate_high = 60;       ///< Hz.
-  std::uint64_t seed = 1;      ///< Seed of the drawn rates.
-  double duration = 0;         ///< s; 0: until stopped.
-  double connect_timeout = 0;  ///< s; 0: wait for ever.
-  std::string page;            ///< ADDRESS:PORT of the live page; empty: none.
-  bool insecure = false;       ///< The page asks nobody for a token.
-  std::string page_root;       ///< Folder of its files; empty: where they were built.
+  double rate_low = 60;            ///< Hz. The rate of each frame is drawn between these.
+  double rate_high = 60;           ///< Hz.
+  std::uint64_t seed = 1;          ///< Seed of the drawn rates.
+  double duration = 0;             ///< s; 0: until stopped.
+  double connect_timeout = 0;      ///< s; 0: wait for ever.
+  std::string page;                ///< ADDRESS:PORT of the live page; empty: none.
+  bool insecure = false;           ///< The page asks nobody for a token.
+  std::uint16_t page_partner = 0;  ///< Port whose pages are taken, too; 0: none.
+  std::string page_root;           ///< Folder of its files; empty: where they were built.
   std::string recordings;  ///< Server's recordings on this machine; empty: where they usually are.
   NetworkConditions network;
   std::string log_level = "info";

@@ -11,14 +11,20 @@ bool equal_but_for_case(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, lower, lower);
 }
 
+std::vector<std::string> names_of(const std::string& address, std::uint16_t port) {
+  std::vector<std::string> names{"localhost", "127.0.0.1"};
+  if (address != names[1]) names.push_back(address);
+  constexpr std::uint16_t kHttp = 80;
+  if (port == kHttp) return names;
+  for (std::string& name : names) name.append(":").append(std::to_string(port));
+  return names;
+}
+
 }  // namespace
 
-HostNames::HostNames(const std::string& address, std::uint16_t port)
-    : names_{"localhost", "127.0.0.1"} {
-  if (address != names_[1]) names_.push_back(address);
-  constexpr std::uint16_t kHttp = 80;
-  if (port == kHttp) return;
-  for (std::string& name : names_) name.append(":").append(std::to_string(port));
+HostNames::HostNames(const std::string& address, std::uint16_t port, std::uint16_t partner)
+    : names_(names_of(address, port)) {
+  if (partner != 0) partners_ = names_of(address, partner);
 }
 
 bool HostNames::is_host(std::string_view host) const {
@@ -28,8 +34,14 @@ bool HostNames::is_host(std::string_view host) const {
 
 bool HostNames::is_origin(std::string_view origin, std::string_view host) const {
   constexpr std::string_view kScheme = "http://";
-  return is_host(host) && origin.starts_with(kScheme) &&
-         equal_but_for_case(origin.substr(kScheme.size()), host);
+  if (!origin.starts_with(kScheme)) return false;
+  const std::string_view from = origin.substr(kScheme.size());
+  for (std::size_t i = 0; i < names_.size(); ++i) {
+    if (!equal_but_for_case(names_[i], host)) continue;
+    return equal_but_for_case(from, host) ||
+           (!partners_.empty() && equal_but_for_case(from, partners_[i]));
+  }
+  return false;
 }
 
 std::string HostNames::list() const {

@@ -44,10 +44,10 @@ beast::string_view to_beast(std::string_view text) { return {text.data(), text.s
 
 std::string_view path_of(std::string_view target) { return target.substr(0, target.find('?')); }
 
-HostNames names_of(const tcp::socket& socket) {
+HostNames names_of(const tcp::socket& socket, std::uint16_t partner) {
   error_code ignored;
   const tcp::endpoint local = socket.local_endpoint(ignored);
-  return {local.address().to_string(), local.port()};
+  return {local.address().to_string(), local.port(), partner};
 }
 
 /// The only header of that name; empty if there is none or more than one.
@@ -60,7 +60,7 @@ std::string_view only(const HttpRequest& request, http::field name) {
 HttpConnection::HttpConnection(const ServedFiles& files, PageHub& hub, tcp::socket socket)
     : files_(files),
       hub_(hub),
-      hosts_(names_of(socket)),
+      hosts_(names_of(socket, files.partner)),
       stream_(std::move(socket)),
       buffer_(2 * kMaxHeader) {}
 

@@ -1,6 +1,7 @@
 // A connection of a browser: requests for files, one after the other, until it becomes a page.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -24,6 +25,7 @@ struct ServedFiles {
   std::filesystem::path root;                     ///< Without symbolic links.
   std::vector<std::filesystem::path> recordings;  ///< Where flight recordings may be.
   PageToken token;
+  std::uint16_t partner = 0;  ///< Port of this machine whose pages are taken, too; 0: none.
 };
 
 /// Kept alive by its pending operation alone. Of the server's thread.

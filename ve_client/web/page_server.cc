@@ -97,7 +97,10 @@ struct PageServer::Server {
   explicit Server(const PageServerOptions& options)
       : acceptor(listen(context, options)),
         port(acceptor.local_endpoint().port()),
-        files{checked_root(options), options.recordings, {options.token, std::to_string(port)}},
+        files{checked_root(options),
+              options.recordings,
+              {options.token, std::to_string(port)},
+              options.partner},
         hub(options.max_pages) {
     accept();
     const SignalsBlocked blocked;

@@ -33,6 +33,9 @@ struct PageServerOptions {
   /// Every request must show it, as ?token=… or by the cookie that the answer to such a one sets;
   /// empty: none is needed.
   std::string token = {};
+  /// Port of the one other server of this machine whose pages may open a WebSocket here, too; 0:
+  /// none.
+  std::uint16_t partner = 0;
   std::size_t max_pages = 4;  ///< WebSocket pages at once; further ones get status 503.
 };
 
@@ -41,8 +44,8 @@ struct PageServerOptions {
 ///
 /// Files: GET and HEAD of what find_static_file() allows, and of /recording. WebSocket: at
 /// /session, with a Host header of localhost:PORT, 127.0.0.1:PORT or the address of this machine
-/// that the request came to, with PORT, and an Origin of http:// and that Host. A refusal is a line
-/// of plain text that says why.
+/// that the request came to, with PORT, and an Origin of http:// and that Host, with PORT or
+/// the partner's. A refusal is a line of plain text that says why.
 ///
 /// A request has 5 s to come. Of more than 64 connections that are no pages the oldest is closed:
 /// what stalls shuts nobody out.

@@ -225,6 +225,25 @@ TEST_CASE("A WebSocket must come from a page of this server") {
   }
 }
 
+TEST_CASE("A page of the partner opens a WebSocket, and gets no file that others do not") {
+  const test::WebRoot root;
+  root.write("index.html", "<!doctype html>hello");
+  const PageServer first({.port = 0, .root = root.path()});
+  const PageServer second({.port = 0, .root = root.path(), .partner = first.port()});
+  const std::string here = "localhost:" + std::to_string(second.port());
+  const std::string there = "http://localhost:" + std::to_string(first.port());
+  CHECK(PageClient(second.port(), {.host = here, .origin = there}).status() == 101);
+  CHECK(PageClient(second.port(), {.host = here, .origin = "http://" + here}).status() == 101);
+  // The other way round nothing was opened, and the partner's name is no name of this server.
+  CHECK(PageClient(first.port(), {.host = there.substr(7), .origin = "http://" + here}).status() ==
+        403);
+  CHECK(PageClient(second.port(), {.host = there.substr(7), .origin = there}).status() == 403);
+  CHECK(PageClient(
+            second.port(),
+            {.host = here, .origin = "http://attacker.example:" + std::to_string(first.port())})
+            .status() == 403);
+}
+
 TEST_CASE("WebSockets are at one path only") {
   Site site;
   for (const char* path : {"/", "/session/", "/sessions", "/sessions?x=1", "/index.html"}) {
