@@ -83,8 +83,8 @@ TEST_CASE("A scene for two hands has two tools: those that are asked for, or els
 TEST_CASE(
     "Every world of the repository is a scene that says what is to be felt, in 80 characters") {
   const auto scenes = scenes_beside(fs::path(HLM_WORLDS) / "testbed.sdf");
-  CHECK(names(scenes) == std::vector<std::string>{"assembly", "bimanual", "clutter", "corner",
-                                                  "door", "lift", "linkage", "mesh",
+  CHECK(names(scenes) == std::vector<std::string>{"assembly", "bimanual", "clutter", "contrast",
+                                                  "corner", "door", "lift", "linkage", "mesh",
                                                   "peg_in_hole_3d", "playground", "push", "scale",
                                                   "scissors", "stack", "testbed"});
   for (const SceneSummary& scene : scenes) {
