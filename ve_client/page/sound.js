@@ -4,6 +4,11 @@ const FULL_FORCE = 8;    // N
 const LOUDEST = 0.12;
 
 export class Sound {
+  /** `pan`: from -1, the left ear, to 1. */
+  constructor(pan = 0) {
+    this.pan = pan;
+  }
+
   setOn(on) {
     if (on && !this.context) this.#start();
     if (on) this.context.resume();
@@ -23,7 +28,8 @@ export class Sound {
     this.context = new AudioContext();
     this.gain = new GainNode(this.context, { gain: 0 });
     this.tone = new OscillatorNode(this.context, { type: 'triangle', frequency: 90 });
-    this.tone.connect(this.gain).connect(this.context.destination);
+    const place = new StereoPannerNode(this.context, { pan: this.pan });
+    this.tone.connect(this.gain).connect(place).connect(this.context.destination);
     this.tone.start();
   }
 }
