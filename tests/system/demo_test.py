@@ -8,10 +8,12 @@ import contextlib
 import os
 import pathlib
 import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import unittest
 
 SKIPPED = 77
@@ -118,8 +120,8 @@ class Contrast(unittest.TestCase):
         wait_for(lambda: self.do("return contrast.left.shakes && !contrast.right.shakes"), "the words for it")
         self.assertIn("shakes by", self.driver.find_element("css selector", "#left .state").text)
         self.assertIn("steady within", self.driver.find_element("css selector", "#right .state").text)
-        # Both press with what a hand of 200 N/m gives 25 mm above its target.
-        self.assertAlmostEqual(self.do("return contrast.right.figures.now"), 4.9, delta=0.2)
+        # A hand of 200 N/m, 25 mm above its target. Where the machine stalls as they meet, the floor stays some mm lower.
+        self.assertTrue(3 < self.do("return contrast.right.figures.now") < 5.1)
         for name in ("left", "right"):
             forces = self.do("return contrast.forces(arguments[0]).filter((force) => !Number.isNaN(force))", name)
             self.assertLess(max(forces), 12.001)
@@ -129,11 +131,24 @@ class Contrast(unittest.TestCase):
         self.do("contrast.setStiffness(500)")
         wait_for(lambda: self.do("return contrast.hand.held") and max(self.changes()) < 0.3, "two that are steady")
 
+    def test_a_slider_that_moves_does_not_make_the_right_one_shake(self):
+        wait_for(lambda: self.do("return contrast.hand.held") and self.changes()[1] < 0.05, "a steady hand")
+        shook = self.driver.execute_async_script(
+            """const done = arguments[0], slider = document.getElementById('stiffness'), began = performance.now();
+            let shook = false;
+            const timer = setInterval(() => {
+              const seconds = (performance.now() - began) / 1000;
+              slider.value = 50 + 50 * Math.sin(3 * seconds);
+              slider.dispatchEvent(new Event('input'));
+              shook ||= contrast.right.shakes;
+              if (seconds > 6) { clearInterval(timer); done(shook); }
+            }, 30);""")
+        self.assertFalse(shook)
+
     def test_a_late_network_changes_nothing_on_the_right(self):
         self.do("const slider = document.getElementById('delay'); slider.value = 100; slider.dispatchEvent(new Event('input'))")
         wait_for(lambda: self.do("return contrast.right.frame.round_trip") > 0.18, "a late network")
         wait_for(lambda: self.changes()[1] < 0.2 and self.changes()[0] > 5, "one that shakes and one that is steady")
-        self.do("contrast.wanted.delay = 0; contrast.setStiffness(10000)")
 
     def test_a_person_takes_both_handles_and_the_script_comes_back(self):
         wait_for(lambda: self.do("return contrast.right.shakes === false && contrast.hand.held"), "the script")
@@ -149,6 +164,24 @@ class Contrast(unittest.TestCase):
         pointer.perform()
         self.assertFalse(self.do("return contrast.hand.personal"))
         wait_for(lambda: self.do("return contrast.hand.held"), "the script again")
+
+    def test_what_another_page_changes_is_said_and_can_be_undone(self):
+        expert = self.do("return document.getElementById('expert').href")
+        here = self.driver.current_window_handle
+        self.driver.switch_to.new_window("tab")
+        try:
+            self.driver.get(expert)
+            wait_for(lambda: self.do("return window.haptic && haptic.frame && haptic.frame.device"), "the live page")
+            self.assertEqual(self.do("return [haptic.world.scene, haptic.frame.settings.controller]"), ["contrast", "direct"])
+            self.do("haptic.send({type: 'method', name: 'ir'}); haptic.send({type: 'settings', controller: 'virtual_coupler'})")
+            wait_for(lambda: self.do("return haptic.frame.settings.controller") == "virtual_coupler", "another controller")
+        finally:
+            self.driver.close()
+            self.driver.switch_to.window(here)
+        wait_for(lambda: "changed the settings" in self.driver.find_element("id", "banner").text, "the word of it")
+        self.do("document.getElementById('again').click()")
+        wait_for(lambda: self.do("return contrast.right.frame.settings.controller === 'direct'"), "the contrast again")
+        wait_for(lambda: not self.driver.find_element("id", "banner").is_displayed(), "no word of it")
 
     def test_nothing_is_cut_at_any_size(self):
         for width, height in SIZES:
@@ -235,7 +268,7 @@ class Begin(unittest.TestCase):
         self.assertEqual((status, said), (1, "haptic: --worlds /nowhere has no contrast.sdf\n"))
         status, said = refusal(HAPTIC_PROGRAMS="/nowhere", PATH="/nowhere")
         self.assertEqual(status, 1)
-        self.assertRegex(said, r"^haptic: there is no program \w+: looked in /nowhere, .*HAPTIC_PROGRAMS.*\n$")
+        self.assertRegex(said, r"^haptic: there is no \w+: looked in /nowhere\..*HAPTIC_PROGRAMS.*\n$")
         self.assertEqual(said.count("\n"), 1)
         status, said = refusal("/nowhere/world.sdf")
         self.assertEqual((status, said.count("\n")), (1, 1))
@@ -243,6 +276,38 @@ class Begin(unittest.TestCase):
         status, said = refusal("--port", "70000")
         self.assertEqual(status, 2)
         self.assertIn("'70000' must be 1 to 65535", said)
+
+
+class Programs(unittest.TestCase):
+    """Where programs and worlds are found, in a tree as it is installed."""
+
+    def setUp(self):
+        folder = self.enterContext(tempfile.TemporaryDirectory())
+        self.prefix = pathlib.Path(folder).resolve()
+        self.package = self.prefix / "lib/python3/dist-packages/haptic"
+        shutil.copytree(pathlib.Path(PACKAGE) / "haptic", self.package)
+
+    def put(self, name):
+        """A program that does nothing."""
+        file = self.prefix / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("#!/bin/sh\n")
+        file.chmod(0o755)
+        return str(file)
+
+    def found(self, what, **changes):
+        code = f"from haptic._programs import program; from haptic.demo import worlds_folder; print({what})"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE,
+                              env={"PATH": str(self.prefix / "path"), "PYTHONPATH": str(self.package.parent), **changes})
+        return done.stdout.strip() or done.stderr.strip().splitlines()[-1]
+
+    def test_worlds_are_found_beside_the_programs(self):
+        self.put("bin/ve_client")
+        self.assertRegex(self.found("worlds_folder('contrast.sdf')"), r"there is no world contrast.sdf: looked in .* --worlds")
+        worlds = self.prefix / "share/haptic_local_model/worlds"
+        worlds.mkdir(parents=True)
+        shutil.copy(pathlib.Path(WORLDS) / "contrast.sdf", worlds)
+        self.assertEqual(self.found("worlds_folder('contrast.sdf')"), str(worlds))
 
 
 if __name__ == "__main__":

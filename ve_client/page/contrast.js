@@ -14,8 +14,9 @@ const TEXT_MS = 150;
 const STALE_MS = 2000;
 const KEPT_SECONDS = 5;
 const STIFFNESS = { least: 500, most: 60000, first: 10000 };   // N/m
+const STEP_MS = 20, STEP = 1.05;   // a floor under load becomes stiffer by this ratio at once, at most: each step is a push
 const SHAKES_FROM = 4;      // swings in two seconds
-const STILL_MS = 2000;      // a target that neither rose nor sank for so long made no swings,
+const STILL_MS = 2000;      // a hand and a floor that have not changed for so long made no swings,
 const STEADY_MS = 1200;     // and for so long no change of the last second
 const WORLD = 'contrast';
 /** What the two couplings are, for a floor of stiffness k, N/m. */
@@ -24,10 +25,11 @@ const COUPLINGS = {
                   coupling_angular_stiffness: 0, coupling_angular_damping: 0 }),
   right: (k) => ({ controller: 'direct', update_rule: 'retain', stiffness: k, damping: 100 }),
 };
-const EPSILONS = { left: { epsilon: 0, largest_epsilon: 0 }, right: { epsilon: 0.005, largest_epsilon: 0.2 } };
+const EPSILONS = { left: { epsilon: 0, largest_epsilon: 0 }, right: { epsilon: 0.02, largest_epsilon: 0.2 } };
 
 const byId = (id) => document.getElementById(id);
 const wanted = { stiffness: STIFFNESS.first, delay: 0 };
+const present = { stiffness: STIFFNESS.first, delay: 0, changedAt: -Infinity };   // of the floors now; ms
 
 class Side {
   constructor(name, host, pan) {
@@ -59,8 +61,8 @@ class Side {
 
   /** Makes it what the page says. */
   set() {
-    this.send({ type: 'environment', rate: 60, delay: wanted.delay, jitter: 0, loss: 0, ...EPSILONS[this.name] });
-    this.send({ type: 'settings', ...COUPLINGS[this.name](wanted.stiffness) });
+    this.send({ type: 'environment', rate: 60, delay: present.delay, jitter: 0, loss: 0, ...EPSILONS[this.name] });
+    this.send({ type: 'settings', ...COUPLINGS[this.name](present.stiffness) });
   }
 
   /** Whether another page has changed what makes the two comparable. */
@@ -94,7 +96,8 @@ class Side {
   judge(reference) {
     this.figures = figures(this.store);
     const { swings, change } = this.figures ?? { swings: 0, change: 0 };
-    const still = performance.now() - hand.movedAt > (swings > 0 ? STILL_MS : STEADY_MS);
+    const changedAt = Math.max(hand.movedAt, present.changedAt);
+    const still = performance.now() - changedAt > (swings > 0 ? STILL_MS : STEADY_MS);
     const least = still ? SHAKES_FROM : SHAKES_FROM + (reference?.figures?.swings ?? Infinity);
     this.shakes = swings >= least && change > SWING;
     this.#showFigures(still);
@@ -110,7 +113,7 @@ class Side {
     const { now, change } = this.figures;
     if (this.shakes) return `shakes by ${fixed(change)} N`;
     if (change < 0.05 && now < 0.05) return 'free';
-    return still ? `steady within ${fixed(change)} N` : 'follows the hand';
+    return `${still ? 'steady within' : 'changes by'} ${fixed(change)} N`;
   }
 
   #takeWorld(world) {
@@ -142,6 +145,7 @@ wire();
 exposeForTests();
 requestAnimationFrame(draw);
 setInterval(showText, TEXT_MS);
+setInterval(step, STEP_MS);
 
 function leftPort() {
   const port = Number(new URLSearchParams(location.search).get('left'));
@@ -187,6 +191,14 @@ function setStiffness(stiffness) {
   const share = Math.log(stiffness / STIFFNESS.least) / Math.log(STIFFNESS.most / STIFFNESS.least);
   byId('stiffness').value = String(Math.round(100 * share));
   showSettings();
+}
+
+/** Brings the floors nearer to what is wanted. */
+function step() {
+  const ratio = Math.min(STEP, Math.max(1 / STEP, wanted.stiffness / present.stiffness));
+  if (ratio === 1 && wanted.delay === present.delay) return;
+  Object.assign(present, { stiffness: ratio === STEP || ratio === 1 / STEP ? present.stiffness * ratio : wanted.stiffness,
+                           delay: wanted.delay, changedAt: performance.now() });
   for (const side of sides) side.set();
 }
 
@@ -204,7 +216,7 @@ function wire() {
   };
   byId('delay').oninput = ({ target }) => {
     wanted.delay = Number(target.value) / 1000;
-    setStiffness(wanted.stiffness);
+    showSettings();
   };
   setStiffness(wanted.stiffness);
   toggle('press', (on) => hand.setPresses(on));
@@ -212,7 +224,7 @@ function wire() {
   toggle('sound', (on) => sides.forEach(({ sound }) => sound.setOn(on)));
   byId('about-open').onclick = () => byId('about').showModal();
   byId('again').onclick = () => sides.forEach((side) => side.again());
-  byId('search').onclick = () => search({ left, right, hand, wanted, setStiffness, range: STIFFNESS,
+  byId('search').onclick = () => search({ left, right, hand, wanted, present, setStiffness, range: STIFFNESS,
                                           button: byId('search'), output: byId('found') });
 }
 

@@ -3,15 +3,17 @@
 const STEP = 1.2;           // ratio of one stiffness to the next
 const SETTLE_MS = 1500;     // what was there before has died out, or has grown
 const CALM_MS = 2500;       // the same where it shook before
+const LOOK_MS = 50;
 const SHAKES = 0.5;         // N, change in the last second
 
 /** Raises the floor until the left one shakes, then shows the right one the stiffest. The slider goes back at the end.
  *  Ends early where a person takes the hand. */
-export async function search({ left, right, hand, wanted, setStiffness, range, button, output }) {
+export async function search({ left, right, hand, wanted, present, setStiffness, range, button, output }) {
   const before = wanted.stiffness;
   const shakes = async (side, stiffness, ms) => {
     setStiffness(stiffness);
     output.textContent = `Measuring at ${kilo(stiffness)} …`;
+    while (present.stiffness !== stiffness) await pause(LOOK_MS);
     await pause(ms + 1000);
     return side.figures?.change > SHAKES;
   };

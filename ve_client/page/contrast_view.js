@@ -3,10 +3,10 @@
 
 import { Vector3 } from 'three';
 
-const SHOWN = { left: -0.075, right: 0.075, top: -0.09, bottom: 0.062 };   // m, of worlds/contrast.sdf; y points down
+const SHOWN = { left: -0.075, right: 0.075, top: -0.09, bottom: 0.052 };   // m, of worlds/contrast.sdf; y points down
 const KNOB = [0, -0.072];          // m, in the stylus: what the hand holds
 const KNOB_RADIUS = 0.011;         // m
-const METRES_PER_NEWTON = 0.0032;
+const METRES_PER_NEWTON = 0.004;
 const TRAIL = 14;                  // frames that are still seen
 const PICK_PIXELS = { mouse: 30, touch: 48 };
 const NARROW = 520;                // pixels: there the stylus stands beside the figures
