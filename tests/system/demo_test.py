@@ -117,9 +117,8 @@ class Contrast(unittest.TestCase):
             left, right = self.changes()
             return left > 5 and right < 0.2 and left > 25 * right
         wait_for(told_apart, "one that shakes and one that is steady")
-        wait_for(lambda: self.do("return contrast.left.shakes && !contrast.right.shakes"), "the words for it")
-        self.assertIn("shakes by", self.driver.find_element("css selector", "#left .state").text)
-        self.assertIn("steady within", self.driver.find_element("css selector", "#right .state").text)
+        words = "return ['left', 'right'].map((side) => document.querySelector(`#${side} .state`).textContent).join()"
+        wait_for(lambda: re.fullmatch(r"shakes by \S+ N,steady within 0\.\d+ N", self.do(words)), "the words for it")
         # A hand of 200 N/m, 25 mm above its target. Where the machine stalls as they meet, the floor stays some mm lower.
         self.assertTrue(3 < self.do("return contrast.right.figures.now") < 5.1)
         for name in ("left", "right"):
@@ -130,6 +129,17 @@ class Contrast(unittest.TestCase):
     def test_a_soft_floor_is_steady_on_both_sides(self):
         self.do("contrast.setStiffness(500)")
         wait_for(lambda: self.do("return contrast.hand.held") and max(self.changes()) < 0.3, "two that are steady")
+
+    def test_the_limit_of_the_held_force_is_found(self):
+        # Measured: 1.5 to 2.1 kN/m.
+        self.do("document.getElementById('search').click()")
+        said = wait_for(lambda: self.do("return !document.getElementById('search').disabled && "
+                                        "document.getElementById('found').textContent"), "the end of the search", 90)
+        self.assertRegex(said, r"the held force is steady at [0-9.]+ kN/m and shakes at [0-9.]+ kN/m")
+        steady, shaking = (float(each) for each in re.findall(r"at ([0-9.]+) kN/m", said)[:2])
+        self.assertTrue(0.7 < steady < shaking < 4, said)
+        self.assertIn("The local model is steady at 60 kN/m", said)
+        wait_for(lambda: self.do("return contrast.right.frame.settings.stiffness") == 10000, "the slider's place again")
 
     def test_a_slider_that_moves_does_not_make_the_right_one_shake(self):
         wait_for(lambda: self.do("return contrast.hand.held") and self.changes()[1] < 0.05, "a steady hand")

@@ -9,11 +9,12 @@ const SHAKES = 0.5;         // N, change in the last second
 /** Raises the floor until the left one shakes, then shows the right one the stiffest. The slider goes back at the end.
  *  Ends early where a person takes the hand. */
 export async function search({ left, right, hand, wanted, present, setStiffness, range, button, output }) {
-  const before = wanted.stiffness;
+  const before = wanted.stiffness, tried = new Set();
   const shakes = async (side, stiffness, ms) => {
+    tried.add(stiffness);
     setStiffness(stiffness);
     output.textContent = `Measuring at ${kilo(stiffness)} …`;
-    while (present.stiffness !== stiffness) await pause(LOOK_MS);
+    while (present.stiffness !== stiffness && wanted.stiffness === stiffness) await pause(LOOK_MS);
     await pause(ms + 1000);
     return side.figures?.change > SHAKES;
   };
@@ -21,13 +22,13 @@ export async function search({ left, right, hand, wanted, present, setStiffness,
   if (!hand.presses) document.getElementById('press').click();
   output.textContent = await found();
   button.disabled = false;
-  setStiffness(before);
+  if (tried.has(wanted.stiffness)) setStiffness(before);
 
   async function found() {
     let steady = null;
     for (let k = range.least; k <= range.most; k *= STEP) {
       const shook = await shakes(left, k, k === range.least ? CALM_MS : SETTLE_MS);
-      if (hand.personal || !hand.held) return 'Not measured: the hand did not press all the time.';
+      if (hand.personal || !hand.held || wanted.stiffness !== k) return 'Not measured: somebody moved the hand or the slider.';
       if (shook && steady === null) return `The held force shakes already at ${kilo(k)}.`;
       if (shook) return compared(steady, k, await shakes(right, range.most, SETTLE_MS));
       steady = k;
