@@ -22,7 +22,7 @@ import sys
 import tempfile
 import time
 import webbrowser
-from typing import Iterator, Optional, Sequence
+from typing import IO, Callable, Iterator, Optional, Sequence
 
 from haptic import HapticError
 from haptic._programs import program
@@ -52,12 +52,12 @@ class Programs:
     """What was started; ends with the block, and with this process if that is killed."""
 
     def __init__(self) -> None:
-        self._running: list[tuple[str, subprocess.Popen, tempfile.TemporaryFile]] = []
+        self._running: list[tuple[str, subprocess.Popen[bytes], IO[bytes]]] = []
 
     def __enter__(self) -> "Programs":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *reason: object) -> None:
         for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(each, signal.SIG_IGN)
         for _, process, _ in self._running:
@@ -89,7 +89,7 @@ class Programs:
             raise HapticError(lines[-1] if lines and process.returncode > 0 else f"{name} {how}")
 
 
-def _ends_with(parent: int):
+def _ends_with(parent: int) -> Callable[[], None]:
     """What a child does before it becomes a program: asks to be ended with its parent."""
     libc = ctypes.CDLL(None)
     set_parent_death_signal = 1
@@ -216,7 +216,7 @@ def _has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _end(*_) -> None:
+def _end(*_: object) -> None:
     raise _Ended(0)
 
 
