@@ -22,6 +22,11 @@ if(HLM_SEALING)
   install(TARGETS hlm_haptic EXPORT haptic_local_model FILE_SET HEADERS
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   file(RELATIVE_PATH from_pkgconfig /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
+  # Where the system looks for no libraries, what is linked knows where they are.
+  set(rpath "-Wl,-rpath,\${libdir} ")
+  if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+    set(rpath "")
+  endif()
   configure_file(cmake/haptic.pc.in haptic.pc @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/haptic.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
   install(DIRECTORY client/python/haptic DESTINATION lib/python3/dist-packages
@@ -56,6 +61,11 @@ if(HLM_VE_CLIENT)
   install(TARGETS haptic_page ve_client)
 endif()
 hlm_install_shared_files(${share})
+if(HLM_SERVER AND HLM_VE_CLIENT)
+  install(PROGRAMS packaging/haptic_demo DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(FILES packaging/haptic_demo.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications)
+  install(FILES packaging/haptic_demo.svg DESTINATION ${CMAKE_INSTALL_DATADIR}/icons/hicolor/scalable/apps)
+endif()
 
 # bash-completion asks the programs for their options.
 foreach(program haptic_doctor haptic_keygen haptic_replay haptic_server ve_client)
@@ -71,36 +81,49 @@ endforeach()
 
 # Manual pages, from the programs' own --help.
 find_program(HELP2MAN help2man)
-function(manual_page program purpose)
-  if(NOT HELP2MAN OR HLM_SANITIZE OR NOT TARGET ${program})
+function(manual_page program purpose file)
+  if(NOT HELP2MAN OR HLM_SANITIZE)
     return()
   endif()
   set(page ${PROJECT_BINARY_DIR}/man/${program}.1)
   set(help --help-all)
-  if(program MATCHES "keygen|page")
+  if(program MATCHES "keygen|page|demo")
     set(help --help)
   endif()
   add_custom_command(OUTPUT ${page}.gz
     COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
-    COMMAND ${HELP2MAN} --no-info --locale C.UTF-8 --name ${purpose} --output ${page}
-      --help-option ${help} $<TARGET_FILE:${program}>
+    COMMAND ${CMAKE_COMMAND} -E env PYTHONPATH=${PROJECT_SOURCE_DIR}/client/python
+      ${HELP2MAN} --no-info --locale C.UTF-8 --name ${purpose} --output ${page} --help-option ${help} ${file}
     COMMAND gzip -9nf ${page}
-    DEPENDS ${program} VERBATIM)
+    DEPENDS ${file} VERBATIM)
   add_custom_target(${program}_man ALL DEPENDS ${page}.gz)
   install(FILES ${page}.gz DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
   if(TARGET optimised_tests)
     add_dependencies(optimised_tests ${program}_man)
   endif()
 endfunction()
-manual_page(haptic_keygen "makes the key that haptic server and client share")
-manual_page(haptic_page "serves the live page of a session of another program")
-manual_page(haptic_server "runs the local model of interaction with a haptic device")
-manual_page(haptic_doctor "finds out why no force is felt")
-manual_page(haptic_replay "plays a recorded session of the haptic server")
-manual_page(ve_client "simulates a virtual environment for the haptic server")
+foreach(each
+  "haptic_keygen|makes the key that haptic server and client share"
+  "haptic_page|serves the live page of a session of another program"
+  "haptic_server|runs the local model of interaction with a haptic device"
+  "haptic_doctor|finds out why no force is felt"
+  "haptic_replay|plays a recorded session of the haptic server"
+  "ve_client|simulates a virtual environment for the haptic server")
+  string(REPLACE "|" ";" each "${each}")
+  list(GET each 0 program)
+  list(GET each 1 purpose)
+  if(TARGET ${program})
+    manual_page(${program} ${purpose} $<TARGET_FILE:${program}>)
+  endif()
+endforeach()
+if(HLM_SERVER AND HLM_VE_CLIENT)
+  manual_page(haptic_demo "shows in a browser what the local model does" ${PROJECT_SOURCE_DIR}/packaging/haptic_demo)
+endif()
 
-# The README's links hold between these, too.
-install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
-install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
-install(DIRECTORY docs examples DESTINATION ${documents} PATTERN site EXCLUDE PATTERN __pycache__ EXCLUDE
-  PATTERN node_modules EXCLUDE PATTERN .npmrc EXCLUDE)
+install(DIRECTORY examples DESTINATION ${documents} PATTERN __pycache__ EXCLUDE PATTERN node_modules EXCLUDE
+  PATTERN .npmrc EXCLUDE)
+if(NOT HLM_PACKAGE)  # Packages have the site.
+  install(FILES README.md CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE DESTINATION ${documents})
+  install(FILES protocol/PROTOCOL.md DESTINATION ${documents}/protocol)
+  install(DIRECTORY docs DESTINATION ${documents} PATTERN site EXCLUDE)
+endif()

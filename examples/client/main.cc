@@ -61,6 +61,7 @@ hlm::protocol::Control press() {
 void simulate(const char* named) {
   hlm::Configuration q = hlm::Configuration::Zero(3);
   hlm::Velocity v = hlm::Velocity::Zero(3);
+  double force = 0;                                            // N
   hlm::protocol::UdpSocket socket(hlm::protocol::Endpoint{});  // any free port
   hlm::HapticClientOptions options;
   options.server = hlm::protocol::resolve(named != nullptr ? named : hlm::usual_server());
@@ -82,13 +83,14 @@ void simulate(const char* named) {
     if (const hlm::protocol::ProxyState* proxy = haptic.poll(now()).state) {
       q = proxy->q;
       v = proxy->v;
+      force = proxy->F_env.head<3>().norm();
     }
     haptic.sample(now(), q, v, kPeriod);
     const hlm::ReportedContacts near = contacts(q);
     haptic.send(now(), near);
     if (step % 30 == 0) {
-      std::printf("%s, ball at (%.4f, %.4f) m, contacts: %zu\n",
-                  haptic.connected() ? "connected" : "no server", q[0], q[1], near.size());
+      std::printf("%s, ball at (%.4f, %.4f) m, contacts: %zu, force on the hand: %.2f N\n",
+                  haptic.connected() ? "connected" : "no server", q[0], q[1], near.size(), force);
     }
     std::this_thread::sleep_until(start + step * std::chrono::duration<double>(kPeriod));
   }

@@ -46,7 +46,7 @@ done
 inside() { nsenter --all --target "$first" "${environment[@]}" "$@"; }
 state=$(inside timeout 60 systemctl is-system-running --wait) || fail "systemd is $state"
 files() { inside find / -xdev -not -path '/tmp/*' -not -path '/var/tmp/*' -not -path '/var/cache/*' \
-  -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' -not -path '*/__pycache__*' -not -path '*/.cache/*' | sort; }
+  -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' -not -path '*/.cache/*' | sort; }
 before=$(files)
 inside dpkg -i /root/package.deb >/dev/null
 
@@ -89,6 +89,8 @@ done
 [ "$(inside pgrep -c haptic_server)" -le 2 ] || fail "processes were left: $(inside pgrep -a haptic)"
 play
 
+inside cc -D_POSIX_C_SOURCE=199309L /usr/share/doc/haptic-local-model/examples/c/touch.c -o /tmp/touch -lhaptic
+inside env HAPTIC_SERVER=127.0.0.1:47810 timeout 30 /tmp/touch | tee /dev/stderr | grep -q '^3\.9. N' || fail "the C example has no force"
 for program in haptic_server haptic_replay haptic_doctor haptic_keygen ve_client; do
   inside "$program" --version
 done

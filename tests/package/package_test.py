@@ -147,12 +147,13 @@ class Package(unittest.TestCase):
                      "--status", "false"):
             lines = run(build / "simulator", server).splitlines()
         # The hand wants to be 35 mm below where the ball meets the floor.
-        last = re.fullmatch(r"connected, ball at \(\S+, (\S+)\) m, contacts: 1", lines[-1])
+        last = re.fullmatch(r"connected, ball at \(\S+, (\S+)\) m, contacts: 1, force on the hand: (\S+) N", lines[-1])
         self.assertTrue(last, lines)
+        self.assertGreater(float(last.group(2)), 1)
         self.assertAlmostEqual(float(last.group(1)), 0.015, delta=0.005)
         # By itself it starts a server, whose hand leads the ball 10 mm into the floor with 200 N/m, against 4 kN/m.
         lines = run(build / "simulator", HAPTIC_SERVER=server, PATH=f"{self.programs}:{os.environ['PATH']}").splitlines()
-        self.assertRegex(lines[-1], r"connected, ball at \(0\.0000, 0\.015[45]\) m, contacts: 1")
+        self.assertRegex(lines[-1], r"connected, ball at \(0\.0000, 0\.015[45]\) m, contacts: 1, force on the hand: 1\.9\d N")
 
     def test_an_installed_sealing_library_serves_a_users_project(self):
         cmake_lists = (EXAMPLE / "CMakeLists.txt").read_text().replace("hlm::client", "hlm::client hlm::sealing")
@@ -162,16 +163,17 @@ class Package(unittest.TestCase):
         paths = {**os.environ, "PKG_CONFIG_PATH": next(self.prefix.rglob("pkgconfig")).as_posix()}
         flags = subprocess.run(["pkg-config", "--cflags", "--libs", "haptic"], env=paths, text=True, check=True,
                                stdout=subprocess.PIPE).stdout.split()
-        library = next(flag[2:] for flag in flags if flag.startswith("-L"))
-        program = self.folder / "abi"
-        (self.folder / "abi.c").write_text("#include <haptic.h>\n"
-                                           "int main(void) { return haptic_abi() != HAPTIC_ABI; }\n")
-        run("cc", "-std=c99", "-Wall", "-Werror", self.folder / "abi.c", "-o", program, f"-Wl,-rpath,{library}", *flags)
-        run(program)
+        program = self.folder / "touch"
+        run("cc", "-std=c99", "-D_POSIX_C_SOURCE=199309L", "-Wall", "-Wextra", "-Werror", SOURCE / "examples/c/touch.c",
+            "-o", program, *flags)
+        nobody = f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
+        lines = run(program, HAPTIC_SERVER=nobody, HAPTIC_PAGE_PROGRAM="/bin/true").splitlines()
+        self.assertIn("page: no page: haptic_page has ended", lines)
+        # 200 N/m against four corners of 4 kN/m, 20 mm.
+        self.assertRegex(lines[-1], r"3\.9\d N")
         found = subprocess.run(["/usr/bin/python3", "-c", "import haptic; haptic.Session(); print(haptic.__file__)"],
                                text=True, check=True, stdout=subprocess.PIPE, cwd=self.folder,
-                               env={"PYTHONPATH": str(self.prefix / "lib/python3/dist-packages"),
-                                    "LD_LIBRARY_PATH": library}).stdout
+                               env={"PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}).stdout
         self.assertIn(str(self.prefix), found)
 
     def test_a_subdirectory_builds_the_client_library_with_eigen_and_boost_alone(self):

@@ -7,6 +7,7 @@
 #include <string>
 
 #include <CLI/CLI.hpp>
+#include <fcntl.h>
 #include <poll.h>
 #include <spawn.h>
 #include <sys/socket.h>
@@ -44,8 +45,13 @@ void say(int session, Kind kind, const std::string& text) {
 void open_in_browser(std::string address) {
   std::string program = "xdg-open";
   char* words[] = {program.data(), address.data(), nullptr};
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
   pid_t process = -1;
-  posix_spawnp(&process, program.c_str(), nullptr, nullptr, words, environ);
+  posix_spawnp(&process, program.c_str(), &files, nullptr, words, environ);
+  posix_spawn_file_actions_destroy(&files);
 }
 
 class Viewer {
@@ -153,6 +159,7 @@ int main(int argc, char** argv) {
   app.add_flag("--open", options.open, "Show the page in a browser");
   app.add_flag("--token", options.token,
                "Ask whoever opens the page for a token, which its address has");
+  app.set_version_flag("--version", "haptic_page " HLM_VERSION);
   CLI11_PARSE(app, argc, argv);
   return hlm::ve::serve(options);
 }

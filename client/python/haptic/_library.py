@@ -58,7 +58,7 @@ def _candidates(stem: str, variable: str) -> list[str]:
         return [str(pathlib.Path(named).with_name(f"{stem}.so.{ABI}"))]
     here = pathlib.Path(__file__).resolve().parent
     # Next to this package, in a wheel, and in PREFIX/lib or PREFIX/lib/ARCHITECTURE of PREFIX/lib/python3/dist-packages.
-    near = [here, here / "lib", *(here.parents[2].glob("lib*") if len(here.parents) > 2 else ())]
+    near = [here, here / "lib", *(here.parents[3].glob("lib*") if len(here.parents) > 3 else ())]
     found = [path for folder in near for path in (folder / f"{stem}.so.{ABI}", *folder.glob(f"*-linux-gnu/{stem}.so.{ABI}"))]
     return [str(path) for path in found if path.exists()] + [f"{stem}.so.{ABI}"]
 

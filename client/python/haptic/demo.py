@@ -24,7 +24,7 @@ import time
 import webbrowser
 from typing import IO, Callable, Iterator, Optional, Sequence
 
-from haptic import HapticError
+from haptic import HapticError, __version__
 from haptic._programs import program
 
 HERE = "127.0.0.1"
@@ -208,6 +208,7 @@ def _arguments(given: Optional[Sequence[str]]) -> argparse.Namespace:
                         help=f"serve the page there (default: {USUAL_PORT}, or a free port where that is taken)")
     parser.add_argument("--no-browser", action="store_true", help="only say the page's address")
     parser.add_argument("--worlds", metavar="FOLDER", help="where the worlds are (default: where they are installed)")
+    parser.add_argument("--version", action="version", version=f"haptic_demo {__version__}")
     return parser.parse_args(given)
 
 
