@@ -15,9 +15,10 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "python3, python3-numpy")
-# What hlm::client is compiled with, and what shows the live page.
-set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "libeigen3-dev, libboost-dev, xdg-utils, firefox-esr | chromium | www-browser")
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "wireshark")
+# What hlm::client is compiled with.
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "libeigen3-dev, libboost-dev")
+# What shows the live page, which a server in a cellar need not.
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "firefox-esr | chromium | www-browser, xdg-utils, wireshark")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(debian ${PROJECT_SOURCE_DIR}/packaging/debian)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${debian}/postinst ${debian}/prerm ${debian}/postrm ${debian}/triggers)
