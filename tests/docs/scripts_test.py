@@ -20,7 +20,7 @@ REFUSED = {
     ".ci/run": [(["wrong"], "--help")],
     "scripts/bench-realtime": [(["--wrong"], "--seconds"), (["wrong"], "--seconds")],
     "scripts/build": [(["wrong"], "release"), (["release", "--wrong"], "target")],
-    "scripts/check": [(["wrong"], "format"), (["format", "wrong"], "threads")],
+    "scripts/check": [(["wrong"], "format"), (["format", "wrong"], "threads"), (["packages:wrong"], "pybullet")],
     "scripts/compile-times": [(["wrong"], "release"), (["release", "wrong"], "COUNT"), (["--wrong"], "VARIANT")],
     "scripts/energy_receipt.py": [(["--wrong"], "TICKS.csv"), (["a.csv", "b.csv", "--scale", "wrong"], "--scale"),
                                   (["wrong.csv"], "--bound")],
@@ -37,7 +37,7 @@ REFUSED = {
     "scripts/test": [(["--wrong"], "-R"), (["-R", "codec", "wrong"], "--repeat")],
 }
 # Sourced or imported by the others.
-PARTS = {"arguments.py", "plot_input.py", "progress.sh", "stages.sh", "usage.sh"}
+PARTS = {"arguments.py", "environments.sh", "plot_input.py", "progress.sh", "stages.sh", "usage.sh"}
 
 wrong = []
 

@@ -152,7 +152,7 @@ class Touch(unittest.TestCase):
                 sent = []
                 touch.touch.send = lambda contacts=None, *_: sent.append(0 if contacts is None else len(contacts))
                 touch.touch._state.connected, touch.touch._state.message = 1, message.encode()
-                touch._frame = 1 / 60
+                touch._frames.length = 1 / 60
                 touch.send(data)
                 self.assertEqual(sent, [expected])
 

@@ -23,7 +23,8 @@ max_torque = 0.3
 """
 PATIENCE = 10  # s
 ATTEMPTS = 3
-LATE = 0.04  # s between two updates: more than two frames
+LATE = 2.4  # frames between two updates
+SOON = 0.02  # s, which no machine is asked to keep below
 BETWEEN_STALLS = 0.5  # s
 
 
@@ -139,11 +140,11 @@ def longest_wait(ticks):
     return max(after - before for before, after in zip(taken, taken[1:]))
 
 
-def on_time(play, *arguments):
+def on_time(play, *arguments, rate=60):
     """What `play` returns, its ticks first; once more where the machine stalled: a body that gets its impulses late moves late."""
     for _ in range(ATTEMPTS):
-        played = play(*arguments)
-        if longest_wait(played[0]) < LATE:
+        played = play(*arguments, rate=rate)
+        if longest_wait(played[0]) < max(LATE / rate, SOON):
             break
     return played
 

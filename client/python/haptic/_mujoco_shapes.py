@@ -9,6 +9,7 @@ import numpy as np
 import haptic
 import haptic.proximity
 import haptic.shapes
+from haptic._world import gaps, quaternions
 
 # For each mjtGeom: kind and sizes of haptic.proximity.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
@@ -56,7 +57,7 @@ class Shapes:
                 self._shapes[i].side, self._shapes[i].index = haptic.MOVABLE_BODY, int(carrier)
         friction = np.asarray(self._model.geom_friction)[self._geoms, 0]
         _, priority = np.unique(np.asarray(self._model.geom_priority)[self._geoms], return_inverse=True)
-        touch.offer(self._shapes, positions, _quaternions(rotations), friction, "maximum",
+        touch.offer(self._shapes, positions, quaternions(rotations), friction, "maximum",
                     np.minimum(priority, 255), self._apart)
 
     def _places(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -66,14 +67,7 @@ class Shapes:
     def gaps(self, data: Any) -> dict[int, float]:
         """How far each body is from the tool at least, m, those nearest first; by balls around the geoms."""
         at, around = np.asarray(data.geom_xpos)[self._geoms], np.asarray(self._model.geom_rbound)[self._geoms]
-        of_tool = self._carrier == self._tool
-        moves = np.flatnonzero(~of_tool & (self._carrier != 0))
-        away = np.linalg.norm(at[moves, None] - at[None, of_tool], axis=2) - around[moves, None] - around[None, of_tool]
-        found: dict[int, float] = {}
-        for geom, gap in zip(moves, away.min(axis=1, initial=np.inf)):
-            body = int(self._carrier[geom])
-            found[body] = min(gap, found.get(body, np.inf))
-        return dict(sorted(found.items(), key=lambda each: each[1]))
+        return gaps(at, around, self._carrier, self._tool)
 
     def poses(self, data: Any, bodies: Iterable[int], period: float, binding: Any) -> np.ndarray:
         """Where bodies are, and how they move; period: since the frame before, s."""
@@ -93,7 +87,7 @@ class Shapes:
     def find(self, data: Any, epsilon: float) -> np.ndarray:
         """Contacts at the present poses, with the friction of their geoms."""
         positions, rotations = self._places(data)
-        found = self._finder().find(positions, _quaternions(rotations), epsilon)
+        found = self._finder().find(positions, quaternions(rotations), epsilon)
         friction, priority = np.asarray(self._model.geom_friction)[:, 0], np.asarray(self._model.geom_priority)
         a, b = self.geoms_of_contacts.T
         found["friction"] = np.where(priority[a] == priority[b], np.maximum(friction[a], friction[b]),
@@ -152,17 +146,3 @@ def moving_bodies(model: Any) -> np.ndarray:
     """Of each body the one that it moves with by joints: 0, the world, where there are none, and so for a mocap body."""
     welded = np.asarray(model.body_weldid)
     return np.where(np.asarray(model.body_dofnum)[welded] == 0, 0, welded)
-
-
-def _quaternions(matrices: np.ndarray) -> np.ndarray:
-    """(w, x, y, z) of each: of four ways the one without a small divisor."""
-    m = matrices
-    d0, d1, d2 = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
-    yz, zy, zx, xz, xy, yx = m[:, 2, 1], m[:, 1, 2], m[:, 0, 2], m[:, 2, 0], m[:, 1, 0], m[:, 0, 1]
-    ways = np.array([[1 + d0 + d1 + d2, yz - zy, zx - xz, xy - yx],
-                     [yz - zy, 1 + d0 - d1 - d2, xy + yx, zx + xz],
-                     [zx - xz, xy + yx, 1 - d0 + d1 - d2, yz + zy],
-                     [xy - yx, zx + xz, yz + zy, 1 - d0 - d1 + d2]])
-    best = np.argmax([1 + d0 + d1 + d2, 1 + d0 - d1 - d2, 1 - d0 + d1 - d2, 1 - d0 - d1 + d2], axis=0)
-    chosen = ways[best, :, np.arange(len(m))]
-    return chosen / np.linalg.norm(chosen, axis=1, keepdims=True)

@@ -28,6 +28,7 @@ import numpy as np
 
 import haptic
 from haptic._mujoco_shapes import Shapes, moving_bodies, version_of
+from haptic._world import Frames, rotation, with_touching
 
 _FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
@@ -36,14 +37,7 @@ _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _NOT_CONTACTS = (0, 2, 4)  # mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
-# Bodies within this are sent, m, and within what the tool travels until the next update but two has come, up to the
-# farthest, m: one that was not sent is a wall.
-_NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
-_USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
-# Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
-# some millimetres, more would push it twice.
-_HAND_OVER = 2
 _NO_FORCE = 1e3  # m: a depth that none reaches
 # Versions from which on margins and gaps of a pair's geoms add up, before the larger counts; and a gap lies beyond the
 # margin, where contacts have no force, before within it.
@@ -82,8 +76,7 @@ class Session:
             raise haptic.HapticError(f"body {tool!r} must have a free joint, as the tool moves freely in the hand")
         self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self._begin, self._frame = 0.0, 0.0  # s: of the present frame, MuJoCo's time and the steps' length
-        self._period = period
+        self._begin = 0.0  # s: MuJoCo's time when the present frame began
         self._warned = False
         for inertia in (model.dof_armature, model.dof_M0):  # For free joints MuJoCo reads the second alone.
             inertia[self._v] = _HELD
@@ -103,18 +96,17 @@ class Session:
                                      "it; put their geoms into it")
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
-        #: From the body's origin to the tool's farthest point, m.
-        self._arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
         pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
         #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
         self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
                         ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, pairs))]
-        self._answered = 0  # frames since the first proxy state of the session
         binding.mj_forward(model, data)
         self._size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
         defaults = {"length": self._size, "gravity": model.opt.gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
                                     **{**defaults, **options})
+        arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
+        self._frames = Frames(self.touch, period, arm, has_shapes=self._shapes is not None)
         if self._shapes is not None:
             self._shapes.offer(self.touch, data)
 
@@ -151,19 +143,14 @@ class Session:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
         steps. Returns how many steps to take."""
         self._take_back_pushes(data)  # of a frame that was not sent
-        self.touch.poll()
-        steps = self.touch.steps(self._model.opt.timestep)
-        if not self.touch.connected or self._waits():
-            self._answered = 0
-        elif steps > 0 and (self._answered > 0 or self.touch.state.fresh):
-            self._answered += 1
-        self._set_force(self._answered <= _HAND_OVER)
+        steps = self._frames.begin(self._model.opt.timestep)
+        self._set_force(self._frames.tool_collides)
         data.qpos[self._q] = self.touch.q
         data.qvel[self._v] = self.touch.v
-        data.qvel[self._v][3:] = _rotation(self.touch.q[3:]).T @ self.touch.v[3:]
-        self._begin, self._frame = data.time, steps * self._model.opt.timestep
+        data.qvel[self._v][3:] = rotation(self.touch.q[3:]).T @ self.touch.v[3:]
+        self._begin, frame = data.time, self._frames.length
         if steps > 0:
-            self._pushes = {body: impulse / self._frame for body, impulse in self.touch.impulses(self._frame).items()}
+            self._pushes = {body: impulse / frame for body, impulse in self.touch.impulses(frame).items()}
         for body, push in self._pushes.items():
             data.xfrc_applied[body] += push
         return steps
@@ -171,14 +158,14 @@ class Session:
     def send(self, data: Any) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to."""
         self._warn_of_steps(data)
-        if self._frame == 0:
+        if self._frames.length == 0:
             return
         self._binding.mj_forward(self._model, data)
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
-        v[3:] = _rotation(q[3:]) @ v[3:]
-        self.touch.sample(q, v, self._frame)
+        v[3:] = rotation(q[3:]) @ v[3:]
+        self.touch.sample(q, v, self._frames.length)
         self.touch.external_wrench(self._external_wrench(data))
-        if self._shapes is not None and (self.touch.has_scene or self._waits()):
+        if self._shapes is not None and (self.touch.has_scene or self._frames.waits()):
             self._send_poses(data, v)
         else:
             self._send_contacts(data, v)
@@ -192,21 +179,15 @@ class Session:
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as {error}", stacklevel=3)
             return None
 
-    def _waits(self) -> bool:
-        """Whether the server has the shapes to itself, and says neither that it uses them nor why it does not."""
-        told = self.touch.connected and self.touch.message
-        return self._shapes is not None and not self.touch.has_scene and not told
-
     def _send_poses(self, data: Any, v: np.ndarray) -> None:
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
-        speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
-        reach = min(_NEAR_BODIES + 3 * 1.5 * max(speed, _USUAL_SPEED) * self._delay(), _FARTHEST_BODIES)
+        reach = self._frames.reach(v)
         gaps = dict(list(self._shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
-        near = self._with_touching(data, [body for body, gap in pushable.items() if gap < reach], pushable)
+        near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         self._take_back_pushes(data)
-        self.touch.send(None, bodies, self._shapes.poses(data, gaps, self._frame, self._binding))
+        self.touch.send(None, bodies, self._shapes.poses(data, gaps, self._frames.length, self._binding))
 
     def _external_wrench(self, data: Any) -> np.ndarray:
         """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""
@@ -216,7 +197,7 @@ class Session:
             self._binding.mj_mulJacTVec(self._model, data, of_constraints, rows)
         generalised = of_constraints + data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied
         wrench = np.array(generalised[self._v])
-        wrench[3:] = _rotation(data.qpos[self._q][3:]) @ wrench[3:]
+        wrench[3:] = rotation(data.qpos[self._q][3:]) @ wrench[3:]
         applied = data.xfrc_applied[self._tool]
         wrench[:3] += applied[:3]
         wrench[3:] += applied[3:] + np.cross(data.xipos[self._tool] - data.xpos[self._tool], applied[:3])
@@ -241,33 +222,22 @@ class Session:
     def _warn_of_steps(self, data: Any) -> None:
         """Once, where MuJoCo's time is not the hand's. It may stand still, and begin again."""
         step = self._model.opt.timestep
-        due, taken = round(self._frame / step), round((data.time - self._begin) / step)
+        due, taken = round(self._frames.length / step), round((data.time - self._begin) / step)
         if taken > 0 and taken != due and not self._warned:
             self._warned = True
             warnings.warn(f"drive() returned {due} steps, and {taken} were taken: bodies move as if time went at "
                           "another rate. Take as many as it returns", stacklevel=3)
 
-    def _with_touching(self, data: Any, bodies: list, pushable: Any) -> list:
-        """Those bodies, what touches one of them, what touches that, and so on: what lies on a body moves with it."""
-        found = list(bodies)
+    def _touching(self, data: Any) -> np.ndarray:
+        """Bodies that touch each other, in pairs."""
         listed, n = data.contact, data.ncon
         geoms = np.column_stack([listed.geom1, listed.geom2])[:n]
-        pairs = self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
-        for body in found:
-            for other in pairs[(pairs == body).any(axis=1)].ravel().tolist():
-                if other in pushable and other not in found:
-                    found.append(other)
-        return found
+        return self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
 
     def _reach(self, v: np.ndarray) -> float:
         """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
         and half of that for what it may accelerate."""
-        speed = np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
-        return max(self._epsilon, min(1.5 * speed * self._delay(), self._largest_epsilon))
-
-    def _delay(self) -> float:
-        """From the state that is known until what is sent now is replaced, s."""
-        return self.touch.state.round_trip + 2 * max(self._frame, self._period)
+        return max(self._epsilon, min(1.5 * self._frames.speed(v) * self._frames.delay(), self._largest_epsilon))
 
     def _take_back_pushes(self, data: Any) -> None:
         for body, push in self._pushes.items():
@@ -278,7 +248,7 @@ class Session:
         model, body = self._model, self._tool
         link = haptic.box(mass=float(model.body_mass[body]), size=(0, 0, 0))
         link.centre[:] = model.body_ipos[body]
-        R = _rotation(model.body_iquat[body])
+        R = rotation(model.body_iquat[body])
         link.inertia[:] = ((R * model.body_inertia[body]) @ R.T).ravel()
         return link
 
@@ -401,7 +371,7 @@ class Session:
         unit, solved = np.zeros((len(damped), model.nv)), np.zeros((len(damped), model.nv))
         unit[np.arange(len(damped)), damped] = 1
         self._binding.mj_solveM(model, data, solved, unit)
-        slowing = np.linalg.solve(np.diag(1 / (self._delay() * damping[damped])) + solved[:, damped], solved)
+        slowing = np.linalg.solve(np.diag(1 / (self._frames.delay() * damping[damped])) + solved[:, damped], solved)
         return lambda rows: rows - rows[..., damped] @ slowing
 
     def _round_geoms(self) -> dict[int, int]:
@@ -445,11 +415,3 @@ def from_mujoco(model: Any, tool: int, binding: Any = None) -> Shapes:
     if binding is None:
         import mujoco as binding
     return Shapes(model, tool, version_of(binding))
-
-
-def _rotation(quaternion: np.ndarray) -> np.ndarray:
-    """The matrix of (w, x, y, z)."""
-    w, x, y, z = quaternion
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])

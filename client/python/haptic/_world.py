@@ -1,0 +1,280 @@
+"""What the sessions of engines have in common: shapes once, poses in each frame, and the tool's impulses on bodies."""
+
+from __future__ import annotations
+
+import abc
+import warnings
+from typing import Any, Iterable, Optional, Sequence
+
+import numpy as np
+
+import haptic
+import haptic.shapes
+
+# Bodies within this are sent, m, and within what the tool travels until the next update but two has come, up to the
+# farthest, m: one that was not sent is a wall.
+_NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
+_USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
+# Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
+# some millimetres, more would push it twice.
+_HAND_OVER = 2
+_TOOL = -1  # the carrier of the tool's shapes
+
+
+class Frames:
+    """The frames of a session."""
+
+    def __init__(self, touch: haptic.Session, period: float, arm: float, has_shapes: bool = True):
+        """period: about that of the frames, s. arm: from the tool's origin to its farthest point, m. has_shapes: whether
+        the server was offered them."""
+        self._touch, self._period, self._arm, self._has_shapes = touch, period, arm, has_shapes
+        self.length = 0.0  #: Of the steps of the present frame, s.
+        self._answered = 0  # frames since the first proxy state of the session
+
+    def begin(self, step: float) -> int:
+        """Takes what arrived. Returns how many steps, of `step` seconds, are due."""
+        self._touch.poll()
+        steps = self._touch.steps(step)
+        if not self._touch.connected or self.waits():
+            self._answered = 0
+        elif steps > 0 and (self._answered > 0 or self._touch.state.fresh):
+            self._answered += 1
+        self.length = steps * step
+        return steps
+
+    def waits(self) -> bool:
+        """Whether the server has the shapes to itself, and says neither that it uses them nor why it does not."""
+        told = self._touch.connected and self._touch.message
+        return self._has_shapes and not self._touch.has_scene and not told
+
+    @property
+    def tool_collides(self) -> bool:
+        """Whether the tool's contacts in the engine have their force: until the server's impulses come."""
+        return self._answered <= _HAND_OVER
+
+    def delay(self) -> float:
+        """From the state that is known until what is sent now is replaced, s."""
+        return self._touch.state.round_trip + 2 * max(self.length, self._period)
+
+    def speed(self, v: np.ndarray) -> float:
+        """Of the fastest point of a tool of that velocity, at most, m/s."""
+        return np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
+
+    def reach(self, v: np.ndarray) -> float:
+        """How far bodies are, m, that a tool of that velocity may push before the next frame's are there, or those after it if
+        these get lost."""
+        return min(_NEAR_BODIES + 3 * 1.5 * max(self.speed(v), _USUAL_SPEED) * self.delay(), _FARTHEST_BODIES)
+
+
+class Placed:
+    """Shapes, each in the frame of what carries it: the world, the tool or a body."""
+
+    def __init__(self) -> None:
+        self.shapes: list[haptic.shapes.Shape] = []
+        self.positions: list[np.ndarray] = []
+        self.rotations: list[np.ndarray] = []  # w, x, y, z
+        self.friction: list[float] = []
+        self.carriers: list[int] = []
+        self.radii: list[float] = []  # m, of balls around them
+        self.excluded: list[tuple[int, int]] = []
+
+    def add(self, carrier: int, kind: str, size: Sequence[float], position: Any, rotation: Any, friction: float,
+            vertices: Optional[np.ndarray] = None, triangles: Optional[np.ndarray] = None) -> None:
+        """carrier: haptic.WORLD, 0, a body's number, or what of_tool() gives."""
+        side = haptic.TOOL_LINK if carrier == _TOOL else haptic.MOVABLE_BODY if carrier else haptic.WORLD
+        self.shapes.append(haptic.shapes.shape(kind, size, side, max(carrier, 0), vertices=vertices, triangles=triangles))
+        self.positions.append(np.array(position, dtype=float))
+        self.rotations.append(np.array(rotation, dtype=float))
+        self.friction.append(friction)
+        self.carriers.append(carrier)
+        self.radii.append(_radius(kind, np.asarray(size), vertices))
+
+    @property
+    def bodies(self) -> list[int]:
+        """Numbers of those that have shapes."""
+        return sorted(set(self.carriers) - {haptic.WORLD, _TOOL})
+
+    @property
+    def arm(self) -> float:
+        """From the tool's origin to its farthest point, m."""
+        return max((np.linalg.norm(at) + radius for at, radius, carrier in zip(self.positions, self.radii, self.carriers)
+                    if carrier == _TOOL), default=0.01)
+
+
+class WorldSession(abc.ABC):
+    """A client for one world of an engine, of which a subclass says what it has."""
+
+    def __init__(self, link: haptic.Link, q: np.ndarray, gravity: Sequence[float], rule: str, period: float,
+                 options: dict[str, Any]):
+        """link, q: the tool and where it is. rule: that of friction, one of haptic.FRICTION_RULES."""
+        self._placed, self._rule, self._pushes, self._warned = self._shapes(), rule, {}, False
+        arm = self._placed.arm
+        defaults = {"length": 2 * arm, "gravity": gravity, "rate": 1 / period}
+        self.touch = haptic.Session(tool=link, q=q, **{**defaults, **options})
+        self._frames = Frames(self.touch, period, arm)
+        self._q, self._v = q, np.zeros(6)
+        self._give()
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Says goodbye, and ends a server that the session started."""
+        self.touch.close()
+
+    @property
+    def running(self) -> bool:
+        """As haptic.Session.running: set `touch.touch.running` to False to end a loop."""
+        return self.touch.running
+
+    def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
+        """As haptic.Session.hold()."""
+        self.touch.hold(position, rotation)
+
+    def release(self) -> None:
+        """The hand of hold() lets go."""
+        self.touch.release()
+
+    def offer(self) -> None:
+        """Where shapes or friction have changed, or what stands still was moved."""
+        self._placed = self._shapes()
+        self._give()
+
+    def _give(self) -> None:
+        placed = self._placed
+        self.touch.offer(placed.shapes, np.reshape(placed.positions, (-1, 3)), np.reshape(placed.rotations, (-1, 4)),
+                         placed.friction, self._rule, None, placed.excluded)
+
+    def _begin_frame(self, step: float) -> int:
+        """The proxy's pose, the tool's impulses on bodies, and how many steps of the engine are due."""
+        steps = self._frames.begin(step)
+        self._q, self._v = self.touch.q, self.touch.v
+        length = self._frames.length
+        self._pushes = {body: impulse / length for body, impulse in self.touch.impulses(length).items()} if steps else {}
+        return steps
+
+    def _end_frame(self) -> None:
+        """Sends where bodies are, and what the tool may push."""
+        if self._frames.length == 0:
+            return
+        self._warn_of_shapes()
+        self.touch.sample(self._q, self._v, self._frames.length)
+        placed = {body: self._pose(body) for body in self._placed.bodies}
+        gaps = dict(list(self._gaps(placed).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
+        poses = haptic.poses(len(gaps))
+        for to, body in zip(poses, gaps):
+            to["body"], (to["position"], to["rotation"], to["velocity"]) = body, placed[body]
+        pushable = {body: gap for body, gap in gaps.items() if self._can_be_pushed(body)}
+        reach = self._frames.reach(self._v)
+        near = with_touching([body for body, gap in pushable.items() if gap < reach], self._touching, pushable)
+        bodies = haptic.bodies(min(len(near), haptic.MAX_BODIES))
+        for to, body in zip(bodies, near):
+            to["id"] = body
+            self._describe(body, to)
+        self.touch.send(None, bodies, poses)
+
+    def _warn_of_shapes(self) -> None:
+        if self.touch.connected and not self.touch.has_scene and self.touch.message and not self._warned:
+            self._warned = True
+            warnings.warn(f"nothing is felt: {self.touch.message}", stacklevel=4)
+
+    def _gaps(self, poses: dict[int, tuple]) -> dict[int, float]:
+        placed = self._placed
+        frames = {_TOOL: (self._q[:3], self._q[3:]), haptic.WORLD: (np.zeros(3), np.array((1.0, 0, 0, 0))),
+                  **{body: pose[:2] for body, pose in poses.items()}}
+        turns = {carrier: rotation(turn) for carrier, (_, turn) in frames.items()}
+        at = np.array([frames[carrier][0] + turns[carrier] @ place
+                       for carrier, place in zip(placed.carriers, placed.positions)]).reshape(-1, 3)
+        return gaps(at, np.array(placed.radii), np.array(placed.carriers), _TOOL)
+
+    @abc.abstractmethod
+    def _shapes(self) -> Placed:
+        """Of the world."""
+
+    @abc.abstractmethod
+    def _pose(self, body: int) -> tuple[Any, Any, Any]:
+        """Position, rotation and velocity of a body's frame."""
+
+    @abc.abstractmethod
+    def _can_be_pushed(self, body: int) -> bool:
+        """Or is it a wall that moves by itself?"""
+
+    @abc.abstractmethod
+    def _describe(self, body: int, to: np.ndarray) -> None:
+        """Fills a record of haptic.BODY."""
+
+    @abc.abstractmethod
+    def _touching(self) -> Iterable[tuple[int, int]]:
+        """Numbers of bodies that touch each other."""
+
+
+def of_tool() -> int:
+    """The carrier of the tool's shapes."""
+    return _TOOL
+
+
+def gaps(at: np.ndarray, around: np.ndarray, carriers: np.ndarray, tool: int) -> dict[int, float]:
+    """How far each body is from the tool at least, m, those nearest first; by balls around shapes: their centres, radii
+    and carriers, of which 0 is the world."""
+    of_tool = carriers == tool
+    moves = np.flatnonzero(~of_tool & (carriers != 0))
+    away = np.linalg.norm(at[moves, None] - at[None, of_tool], axis=2) - around[moves, None] - around[None, of_tool]
+    found: dict[int, float] = {}
+    for shape, gap in zip(moves, away.min(axis=1, initial=np.inf)):
+        body = int(carriers[shape])
+        found[body] = min(gap, found.get(body, np.inf))
+    return dict(sorted(found.items(), key=lambda each: each[1]))
+
+
+def with_touching(bodies: list[int], pairs: Any, pushable: Any) -> list[int]:
+    """Those bodies, what touches one of them, what touches that, and so on: what lies on a body moves with it. pairs(): of
+    bodies that touch, asked for where there are bodies."""
+    found = list(bodies)
+    touching = np.array(list(pairs()), dtype=np.int64).reshape(-1, 2) if found else None
+    for body in found:
+        for other in touching[(touching == body).any(axis=1)].ravel().tolist():
+            if other in pushable and other not in found:
+                found.append(other)
+    return found
+
+
+def rotation(quaternion: Sequence[float]) -> np.ndarray:
+    """The matrix of (w, x, y, z)."""
+    w, x, y, z = quaternion
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def quaternions(matrices: np.ndarray) -> np.ndarray:
+    """(w, x, y, z) of each: of four ways the one without a small divisor."""
+    m = matrices
+    d0, d1, d2 = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    yz, zy, zx, xz, xy, yx = m[:, 2, 1], m[:, 1, 2], m[:, 0, 2], m[:, 2, 0], m[:, 1, 0], m[:, 0, 1]
+    ways = np.array([[1 + d0 + d1 + d2, yz - zy, zx - xz, xy - yx],
+                     [yz - zy, 1 + d0 - d1 - d2, xy + yx, zx + xz],
+                     [zx - xz, xy + yx, 1 - d0 + d1 - d2, yz + zy],
+                     [xy - yx, zx + xz, yz + zy, 1 - d0 - d1 + d2]])
+    best = np.argmax([1 + d0 + d1 + d2, 1 + d0 - d1 - d2, 1 - d0 + d1 - d2, 1 - d0 - d1 + d2], axis=0)
+    chosen = ways[best, :, np.arange(len(m))]
+    return chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
+
+
+def upright(normal: Sequence[float]) -> np.ndarray:
+    """(w, x, y, z) of a frame whose z axis is that unit vector."""
+    z = np.asarray(normal, dtype=float)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    return quaternions(np.column_stack([x, np.cross(z, x), z])[None])[0]
+
+
+def _radius(kind: str, size: np.ndarray, vertices: Optional[np.ndarray]) -> float:
+    if kind == "half_space":
+        return np.inf
+    if vertices is not None:
+        return float(np.linalg.norm(vertices, axis=1).max())
+    return float({"sphere": lambda: size[0], "capsule": lambda: size[0] + size[1] / 2, "ellipsoid": lambda: max(size),
+                  "cylinder": lambda: np.hypot(size[0], size[1] / 2), "box": lambda: np.linalg.norm(size) / 2}[kind]())
