@@ -271,6 +271,14 @@ def upright(normal: Sequence[float]) -> np.ndarray:
     return quaternions(np.column_stack([x, np.cross(z, x), z])[None])[0]
 
 
+def rotation_vector(quaternion: Sequence[float]) -> np.ndarray:
+    """Of (w, x, y, z): axis times angle, rad, from 0 to pi."""
+    q = np.asarray(quaternion, dtype=float)
+    q = q if q[0] >= 0 else -q
+    sine = np.linalg.norm(q[1:])
+    return q[1:] * (2 * np.arctan2(sine, q[0]) / sine if sine > 1e-12 else 2)
+
+
 def _radius(kind: str, size: np.ndarray, vertices: Optional[np.ndarray]) -> float:
     if kind == "half_space":
         return np.inf
