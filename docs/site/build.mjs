@@ -18,6 +18,7 @@ const MENU = {
   ],
   'Connect': [
     ['docs/adapter.md', 'Adapters'],
+    ['docs/packages.md', 'Python packages'],
     ['docs/devices.md', 'Devices'],
     ['docs/safety.md', 'Safety case'],
     ['docs/worlds.md', 'Worlds'],

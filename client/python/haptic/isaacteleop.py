@@ -1,14 +1,19 @@
 """The seat that IsaacTeleop has for a grounded force device, filled by a haptic server.
 
     with haptic.Session(tool=haptic.box(mass=0.3, size=(0.04, 0.04, 0.04))) as touch:
-        sink = HapticSink("haptics", ServerHapticDevice(touch))     # HapticSink is IsaacTeleop's
+        sink = HapticSink("haptics", haptic.isaacteleop.HapticDevice(touch))    # HapticSink is IsaacTeleop's
+        config = TeleopSessionConfig(..., sinks=[sink.connect({"device": force.output("value")})])
 
-Takes its EndEffectorForce: fx, fy, fz, N. The device's frame is the world of the session. `position` and `rotation` are
-where the simulator's tool belongs in the next frame. Call nothing else of the session: flush() polls and sends.
+Takes IsaacTeleop's EndEffectorForce: fx, fy, fz, N. The device's frame is the world of the session. `position` and `rotation`
+are where the simulator's tool belongs in the next frame, and the force is what it meets there. Call nothing else of the session:
+flush() polls and sends.
 """
+
+from __future__ import annotations
 
 import logging
 import time
+from typing import Any, Optional
 
 import numpy as np
 from isaacteleop.haptic_devices import IHapticDevice
@@ -16,11 +21,15 @@ from isaacteleop.retargeting_engine.tensor_types import EndEffectorForce
 
 import haptic
 
+__all__ = ["ENDPOINT", "HapticDevice"]
+
 ENDPOINT = "device"  # IsaacTeleop's name for a single grounded one
 
 
-class ServerHapticDevice(IHapticDevice):
-    def __init__(self, touch: haptic.Session):
+class HapticDevice(IHapticDevice):
+    """touch: a session of one link."""
+
+    def __init__(self, touch: haptic.Session) -> None:
         self._touch = touch
         self._force = np.zeros(3)
         self._flushed_at = time.monotonic()
@@ -36,18 +45,18 @@ class ServerHapticDevice(IHapticDevice):
         """w, x, y, z."""
         return self._touch.q[3:]
 
-    def accepted_type(self):
+    def accepted_type(self) -> Any:
         return EndEffectorForce()
 
-    def endpoints(self):
+    def endpoints(self) -> tuple[str, ...]:
         return (ENDPOINT,)
 
-    def apply(self, endpoint, values):
+    def apply(self, endpoint: str, values: np.ndarray) -> None:
         if endpoint != ENDPOINT or np.shape(values) != (3,):
             raise ValueError(f"endpoint {endpoint!r} with the shape {np.shape(values)} must be {ENDPOINT!r} with (3,)")
         self._force = np.array(values, dtype=np.float64)
 
-    def flush(self, deviceio_session):
+    def flush(self, deviceio_session: Any) -> None:
         """Never raises, as IsaacTeleop asks: what is wrong is logged, once."""
         now = time.monotonic()
         period, self._flushed_at = max(now - self._flushed_at, 1e-4), now
@@ -62,5 +71,5 @@ class ServerHapticDevice(IHapticDevice):
             self._warned = True
         self._force = np.zeros(3)  # Where none comes in the next frame, there is none.
 
-    def get_tracker(self):
+    def get_tracker(self) -> Optional[Any]:
         return None
