@@ -5,7 +5,7 @@ const STALE_MS = 2000;
 const CLIENTS_FAULTS = ['non_finite', 'implausible'];
 
 /**
- * `link`: open, frameAt (ms, of the last frame). Returns {kind, text, cut}, or null if all is well;
+ * `link`: open, frameAt (ms, of the last frame), loading (a scene that was chosen, or null). Returns {kind, text, cut}, or null if all is well;
  * `cut` says in a few words why no force can reach the hand and the last frame is out of date, if so.
  */
 export function troubleOf(link, frame, now) {
@@ -16,7 +16,8 @@ export function troubleOf(link, frame, now) {
   }
   if (now - link.frameAt > STALE_MS) {
     return { kind: 'stale', cut: 've_client sends no frames',
-             text: 've_client answers but sends no frames: its world stands still. See its terminal.' };
+             text: link.loading ? `ve_client sends no frames while it loads scene ${link.loading}.`
+               : 've_client answers but sends no frames: its world stands still. See its terminal.' };
   }
   if (!frame) return null;
   if (frame.rejected === 'fault') {

@@ -17,6 +17,7 @@ export class Chain {
   /** `situation`: trouble (see troubleOf), holder ('me', 'another' or null), verdict (see judge). */
   show(frame, { trouble, holder, verdict }) {
     const chain = frame?.chain ?? [];
+    this.list.hidden = this.sentence.hidden = Boolean(frame && !frame.chain);
     const known = Boolean(frame?.device && !trouble?.cut);
     const complaint = complaintOf(verdict);
     const reasonOf = ({ name, reason }, i) => {

@@ -1,9 +1,9 @@
 // What the servo did over the last 60 s: strip charts of every tick, with pause, scroll and export.
 
 import uPlot from 'uplot';
+import { COLORS, onColors } from './colors.js';
 import { decimate } from './decimate.js';
 import { fixed, niceAbove } from './format.js';
-import { COLORS } from './overlays.js';
 import { csvParts } from './ticks.js';
 import { scaleOf } from './units.js';
 
@@ -13,31 +13,30 @@ const BUSY_BELOW_FPS = 38;
 const STRIPS_PER_PICTURE = 2;    // so that no picture of the scene waits for all charts
 const VALUES_MS = 200;
 const HEIGHT = 104;
-const DIM = '#59636c';
 
-// `column` is the name of a tick's column; `least` the smallest range shown; `floor` makes the axis
+// `column` is the name of a tick's column; `color` one of COLORS; `least` the smallest range shown; `floor` makes the axis
 // logarithmic; `write` says how values are written.
 const CHARTS = [
   { title: 'Force', unit: 'N', least: 0.5, series: [
-    { column: 'F_hand', label: 'hand', color: COLORS.F_hand, width: 2.5 },
-    { column: 'F_env', label: 'F_env', color: COLORS.F_env },
-    { column: 'F_command', label: 'command', color: COLORS.F_command }] },
+    { column: 'F_hand', label: 'hand', color: 'F_hand', width: 2.5 },
+    { column: 'F_env', label: 'F_env', color: 'F_env' },
+    { column: 'F_command', label: 'command', color: 'F_command' }] },
   { title: 'Smallest separation', unit: 'mm', least: 0.2, series: [
-    { column: 'smallest_separation', label: 'separation', color: '#7b5ea7' }] },
+    { column: 'smallest_separation', label: 'separation', color: 'separation' }] },
   { title: 'Drift', unit: 'mm', least: 0.1, series: [
-    { column: 'proxy_tool', label: 'proxy–tool', color: COLORS.toolLine },
-    { column: 'device_proxy', label: 'device–proxy', color: COLORS.device }] },
+    { column: 'proxy_tool', label: 'proxy–tool', color: 'toolLine' },
+    { column: 'device_proxy', label: 'device–proxy', color: 'device' }] },
   { title: 'Contacts', unit: '', least: 2, write: String, series: [
-    { column: 'predicted_contacts', label: 'predicted', color: COLORS.predicted, stepped: true },
-    { column: 'active_contacts', label: 'active', color: COLORS.active, stepped: true }] },
+    { column: 'predicted_contacts', label: 'predicted', color: 'predicted', stepped: true },
+    { column: 'active_contacts', label: 'active', color: 'active', stepped: true }] },
   { title: 'Torque', unit: 'mN·m', least: 5, series: [
-    { column: 'torque', label: 'command', color: COLORS.F_command }] },
+    { column: 'torque', label: 'command', color: 'F_command' }] },
   { title: 'Tick', unit: 'µs', least: 10, series: [
-    { column: 'lateness', label: 'lateness', color: '#457b9d', floor: 1 },
-    { column: 'execution', label: 'execution', color: COLORS.proxy, floor: 1 }] },
+    { column: 'lateness', label: 'lateness', color: 'lateness', floor: 1 },
+    { column: 'execution', label: 'execution', color: 'proxy', floor: 1 }] },
   { title: 'Network', unit: 'ms', least: 1, series: [
-    { column: 'age', label: 'age of contacts', color: '#bc6c25' },
-    { column: 'round_trip', label: 'round trip', color: '#606c38' }] },
+    { column: 'age', label: 'age of contacts', color: 'age' },
+    { column: 'round_trip', label: 'round trip', color: 'roundTrip' }] },
 ];
 
 export class Charts {
@@ -51,6 +50,7 @@ export class Charts {
     this.redraws = 0;
     this.strips = [];
     this.strips = CHARTS.map((chart) => new Strip(list, chart, this));
+    onColors(() => this.#redrawAll());
     tools.pause.onclick = () => (this.held ? this.resume() : this.pause());
     tools.window.onchange = () => this.#setSeconds(Number(tools.window.value));
     tools.back.oninput = () => this.scrollTo(Number(tools.back.value));
@@ -201,7 +201,7 @@ class Strip {
     unit.textContent = this.chart.unit;
     this.values = this.chart.series.map(({ label, color }) => {
       const entry = heading.appendChild(document.createElement('span'));
-      entry.style.setProperty('--color', color);
+      entry.style.setProperty('--color', `var(--color-${color})`);
       entry.append(`${label} `);
       return entry.appendChild(document.createElement('output'));
     });
@@ -222,7 +222,7 @@ class Strip {
   }
 
   #options() {
-    const axis = { stroke: DIM, font: '10px system-ui', grid: { stroke: '#e9ecef', width: 1 },
+    const axis = { stroke: () => COLORS.axis, font: '10px system-ui', grid: { stroke: () => COLORS.grid, width: 1 },
                    ticks: { show: false } };
     const logarithmic = this.chart.series[0].floor !== undefined;
     return {
@@ -270,7 +270,7 @@ class Strip {
 function drawMarks(plot, store) {
   const { ctx, bbox: { left, top, width, height } } = plot;
   ctx.save();
-  ctx.fillStyle = DIM;
+  ctx.fillStyle = COLORS.axis;
   ctx.font = `${10 * devicePixelRatio}px system-ui`;
   ctx.textAlign = 'left';
   ctx.textBaseline = 'top';
@@ -298,7 +298,7 @@ function drawnByProcessor(make) {
 }
 
 function lineOf({ color, width = 1.25, stepped }) {
-  return { stroke: color, width, points: { show: false }, spanGaps: false,
+  return { stroke: () => COLORS[color], width, points: { show: false }, spanGaps: false,
            paths: stepped ? uPlot.paths.stepped({ align: 1 }) : uPlot.paths.linear() };
 }
 

@@ -36,25 +36,40 @@ export class Controls {
   constructor(panel, methodBar, send) {
     this.send = send;
     this.fields = new Map();
-    panel.append(this.#situations());
-    for (const [kind, title, fields] of GROUPS) panel.append(this.#group(kind, title, fields));
+    this.situations = this.#situations();
+    this.groups = GROUPS.map(([kind, title, fields]) => this.#group(kind, title, fields));
+    panel.append(this.situations, ...this.groups);
     this.methodBar = methodBar;
     this.methods = [];
   }
 
-  /** Ranges, words and methods of a `world` message. */
-  setWorld(world) {
-    for (const [name, range] of Object.entries(world.ranges)) this.fields.get(name)?.setRange(range);
-    this.fields.get('controller').setChoices(world.controllers);
-    this.fields.get('update_rule').setChoices(world.update_rules.map((name) => ({ name })));
-    this.methods = world.methods.map((method) => this.#methodButton(method));
+  /** Ranges, words and methods of a `world` message; what it does not have is hidden. */
+  setWorld({ ranges = {}, controllers = [], update_rules: rules = [], methods = [] }) {
+    for (const [name, field] of this.fields) {
+      if (ranges[name]) field.setRange(ranges[name]);
+      field.element.hidden = !ranges[name];
+    }
+    this.fields.get('controller').setChoices(controllers);
+    this.fields.get('update_rule').setChoices(rules.map((name) => ({ name })));
+    for (const group of this.groups) group.hidden = !group.querySelector('.field:not([hidden])');
+    for (const [i, button] of [...this.situations.children].entries()) {
+      button.hidden = !namesOf(SITUATIONS[i][2]).every((name) => ranges[name]);
+    }
+    this.situations.hidden = !this.situations.querySelector('button:not([hidden])');
+    this.methods = methods.map((method) => this.#methodButton(method));
     this.methodBar.replaceChildren(...this.methods.map(({ button }) => button));
+    this.methodBar.hidden = methods.length === 0;
+  }
+
+  /** Whether there is anything to set. */
+  get offered() {
+    return this.groups.some((group) => !group.hidden);
   }
 
   /** Shows what is in effect, except where the user is at work. */
-  show({ settings = {}, environment = {}, method }) {
+  show({ settings, environment, method }) {
     for (const [name, field] of this.fields) {
-      const value = settings[name] ?? environment[name];
+      const value = settings?.[name] ?? environment?.[name];
       field.forgetOldRefusal();
       if (value !== undefined && value !== null) field.show(value);
     }
@@ -161,6 +176,7 @@ class ChoiceField extends Field {
   }
 
   setChoices(choices) {
+    this.element.hidden = choices.length === 0;
     this.select.replaceChildren(...choices.map(({ name, suits_tool }) => {
       const option = new Option(name.replaceAll('_', ' '), name);
       option.disabled = suits_tool === false;
@@ -244,6 +260,9 @@ class NumberField extends Field {
     this.send(value);
   }
 }
+
+/** What messages set. */
+const namesOf = (messages) => messages.flatMap(({ type, ...values }) => Object.keys(values));
 
 /** After a choice with the pointer, keys move the tool again; after one with keys, the focus stays. */
 export function leaveToKeys(select) {

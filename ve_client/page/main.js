@@ -8,6 +8,7 @@ import { Controls, leaveToKeys } from './controls.js';
 import { Meter, showLegend, showRecording, showSpring, showStatus } from './display.js';
 import { magnitude } from './format.js';
 import { Hand } from './hand.js';
+import { Loading } from './loading.js';
 import { Scene, graphics } from './scene.js';
 import { Sound } from './sound.js';
 import { TickStore } from './ticks.js';
@@ -17,18 +18,26 @@ const TEXT_MS = 150;      // how often words and numbers change
 const NARROW = window.matchMedia('(max-width: 1100px)');
 const REFUSAL_MS = 6000;
 
+// A `world` message may lack what its sender does not offer.
+const UNOFFERED = { scenes: [], starts: [], start: '', bodies: [], tool_links: [], tick_columns: [], limits: [],
+                    servo_rate: 0 };
+
 const byId = (id) => document.getElementById(id);
 const state = { world: null, frame: null, store: new TickStore(1000, []), frameAt: 0, notice: null };
 const meters = { page: new Meter(), ticks: new Meter(), frames: new Meter() };
 
+const loading = new Loading(byId('loading'));
 const connection = new Connection(sessionUrl(), {
   world: takeWorld,
   frame: takeFrame,
   refused: takeRefusal,
   ticks: takeTicks,
   telemetry: () => state.store.expectAnything(),
-  opened: () => { state.frameAt = performance.now(); },
-  closed: () => { hand?.release(); sound.update(0, false); },
+  opened: () => {
+    state.frameAt = performance.now();
+    loading.opened();
+  },
+  closed: takeLoss,
 });
 const send = (message) => connection.send(message);
 
@@ -69,13 +78,26 @@ function makeScene() {
   return null;
 }
 
-function takeWorld(world) {
+function takeLoss() {
+  hand?.release();
+  sound.update(0, false);
+  loading.closed();
+  if (state.world) showScenes(state.world);
+}
+
+function takeWorld(message) {
+  const world = { ...UNOFFERED, ...message };
+  loading.take(world);
   hand?.release();
   state.store.expectAnything();
   renewStore(world);
   state.world = world;
-  document.body.classList.toggle('planar', world.planar);
+  document.body.classList.toggle('planar', Boolean(world.planar));
   controls.setWorld(world);
+  byId('panel-toggle').hidden = !controls.offered;
+  byId('panel').hidden = !controls.offered;
+  byId('hand-tools').hidden = !scene || !world.guidable;
+  byId('reset').hidden = world.resets === false;
   scene?.setWorld(world);
   showViewMode();
   showStarts(world);
@@ -108,7 +130,10 @@ function takeTicks(firstStep, count, rows) {
 
 function takeRefusal({ field, text }) {
   if (field === 'hand') hand?.release();
-  if (field === 'scene') showScenes(state.world);
+  if (field === 'scene') {
+    loading.fail(text);
+    showScenes(state.world);
+  }
   if (!controls.refuse(field, text)) state.notice = { text, until: performance.now() + REFUSAL_MS };
 }
 
@@ -123,7 +148,7 @@ function drawPicture(now) {
 }
 
 function trouble(now = performance.now()) {
-  return troubleOf({ open: connection.open, frameAt: state.frameAt }, state.frame, now);
+  return troubleOf({ open: connection.open, frameAt: state.frameAt, loading: loading.chosen }, state.frame, now);
 }
 
 function showText() {
@@ -131,6 +156,8 @@ function showText() {
   const present = trouble();
   if (present?.cut) hand?.release();
   showBanner(present);
+  loading.show(connection.open);
+  byId('scene').classList.toggle('cut', !connection.open);
   showStatus(byId('status'), { open: connection.open, trouble: present, frame, meters, store });
   showRecording(byId('recording'), frame?.recording);
   chain.show(frame, { trouble: present, holder: holder(), verdict: judge(store, state.world?.limits ?? []) });
@@ -170,21 +197,29 @@ function showStarts({ starts, start }) {
   byId('start').value = start;
 }
 
-function showScenes({ scenes, scene: present }) {
+/** The menu, with the scene that is played or will be. */
+function showScenes({ scenes, scene }) {
+  const present = loading.chosen ?? scene;
+  byId('scene-choice').hidden = scenes.length === 0;
   const options = scenes.map(({ name, description }) => (
     new Option(description ? `${name}: ${description}` : name, name)));
   byId('scenes').replaceChildren(...options);
   byId('scenes').value = present;
+  byId('scene-about').textContent = scenes.find(({ name }) => name === present)?.description ?? '';
 }
 
 function wireButtons() {
+  byId('skip').onclick = (event) => {   // The address stays as it is.
+    event.preventDefault();
+    byId('scene').focus();
+  };
   byId('reset').onclick = () => send({ type: 'reset' });
   byId('start').onchange = ({ target }) => {
     send({ type: 'reset', start: target.value });
     leaveToKeys(target);
   };
   byId('scenes').onchange = ({ target }) => {
-    send({ type: 'scene', name: target.value });
+    chooseScene(target.value);
     leaveToKeys(target);
   };
   byId('fit').onclick = () => scene.fit();
@@ -192,10 +227,7 @@ function wireButtons() {
   byId('bodies-contacts').onchange = ({ target }) => { if (scene) scene.showsBodies = target.checked; };
   byId('sound').onchange = ({ target }) => sound.setOn(target.checked);
   byId('latch').onchange = ({ target }) => hand.setLatching(target.checked);
-  byId('panel-toggle').onclick = () => byId('panel').classList.toggle('folded');
-  const foldIfNarrow = () => byId('panel').classList.toggle('folded', NARROW.matches);
-  NARROW.onchange = foldIfNarrow;
-  foldIfNarrow();
+  wirePanel();
   byId('view-toggle').onclick = () => {
     scene.view?.show(scene.view.mode === 'plan' ? 'space' : 'plan');
     showViewMode();
@@ -203,6 +235,28 @@ function wireButtons() {
   for (const button of document.querySelectorAll('[data-move]')) {
     hand?.listenToButton(button, button.dataset.move);
   }
+}
+
+function chooseScene(name) {
+  loading.choose(name);
+  if (!send({ type: 'scene', name })) loading.fail('ve_client takes no messages now');
+  showScenes(state.world);
+}
+
+function wirePanel() {
+  const fold = (folded) => {
+    byId('panel').classList.toggle('folded', folded);
+    byId('panel-toggle').setAttribute('aria-expanded', String(!folded));
+  };
+  const close = () => {
+    fold(true);
+    byId('panel-toggle').focus();
+  };
+  byId('panel-toggle').onclick = () => fold(!byId('panel').classList.contains('folded'));
+  byId('panel-close').onclick = close;
+  byId('panel').onkeydown = ({ key }) => { if (key === 'Escape' && NARROW.matches) close(); };
+  NARROW.onchange = () => fold(NARROW.matches);
+  fold(NARROW.matches);
 }
 
 /**

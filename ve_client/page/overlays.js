@@ -1,12 +1,9 @@
 // What is drawn over the bodies: contacts and deformation, force arrows, the hand's spring.
 
 import * as THREE from 'three';
+import { COLORS } from './colors.js';
 
-export const COLORS = {
-  tool: '#f4a261', toolLine: '#b8651b', proxy: '#23897d', device: '#1d3557',
-  F_env: '#d9532f', F_hand: '#6c7a96', F_command: '#1d3557',
-  predicted: '#9b7fc4', active: '#d1495b', ofBodies: '#737d87', onBody: '#2a6f97',
-};
+export { COLORS };
 
 const FLASH_MS = 300;
 const MAGNIFIED = 20;
@@ -24,7 +21,7 @@ export class Contacts {
     this.group = new THREE.Group();
     this.geometry = new THREE.CylinderGeometry(0.19 * size, 0.19 * size, 0.04 * size, 20);
     this.materials = { predicted: flat(COLORS.predicted, 0.4), active: flat(COLORS.active),
-                       ofBodies: flat(COLORS.ofBodies, 0.5), flash: flat('#ffd166') };
+                       ofBodies: flat(COLORS.ofBodies, 0.5), flash: flat(COLORS.flash) };
     this.discs = [];
     this.flashes = [];
     this.lines = new Lines();
@@ -61,7 +58,7 @@ export class Contacts {
     const c = vector(contact.c), n = vector(contact.n), p = vector(contact.p);
     this.lines.add(c, c.clone().addScaledVector(n, 0.5 * this.size), color);
     const shown = active && magnify ? c.clone().lerp(p, MAGNIFIED) : p;
-    this.lines.add(c, shown, active ? '#000000' : color);
+    this.lines.add(c, shown, active ? COLORS.local : color);
     if (active) this.points.add(shown);
   }
 
@@ -166,7 +163,7 @@ export class Spring {
     this.size = size;
     this.object = new THREE.Group();
     this.line = new Lines();
-    this.target = new THREE.Mesh(new THREE.TorusGeometry(0.16 * size, 0.025 * size, 6, 24), flat('#6c757d'));
+    this.target = new THREE.Mesh(new THREE.TorusGeometry(0.16 * size, 0.025 * size, 6, 24), flat(COLORS.spring));
     this.target.renderOrder = 24;
     this.object.add(this.line.object, this.target);
     this.object.visible = false;
@@ -185,7 +182,7 @@ export class Spring {
     for (let i = 1; i <= turns; ++i) {
       const point = begin.clone().addScaledVector(along, i / turns);
       if (i < turns) point.addScaledVector(across, i % 2 ? 1 : -1);
-      this.line.add(last, point, '#495057');
+      this.line.add(last, point, COLORS.spring);
       last = point;
     }
     this.line.commit();
@@ -199,7 +196,7 @@ export function handleObject(size) {
   const group = new THREE.Group();
   const ball = new THREE.Mesh(new THREE.SphereGeometry(0.13 * size, 20, 12), flat(COLORS.device));
   const bar = new THREE.Mesh(new THREE.BoxGeometry(0.5 * size, 0.05 * size, 0.05 * size), flat(COLORS.device));
-  const dot = new THREE.Mesh(new THREE.SphereGeometry(0.05 * size, 12, 8), flat('#ffffff'));
+  const dot = new THREE.Mesh(new THREE.SphereGeometry(0.05 * size, 12, 8), flat(COLORS.handleDot));
   group.add(ball, bar, dot);
   group.children.forEach((part, i) => { part.renderOrder = 21 + i; });
   return group;

@@ -1,8 +1,9 @@
 // What the scene shows: world, tool, proxy, handle, contacts and forces, drawn with three.js.
 
 import * as THREE from 'three';
+import { COLORS, onColors } from './colors.js';
 import { magnitude, niceAbove } from './format.js';
-import { Arrow, COLORS, Contacts, ForcePairs, Spring, handleObject } from './overlays.js';
+import { Arrow, Contacts, ForcePairs, Spring, handleObject } from './overlays.js';
 import { boundsOf, bodyObject, dispose, look, place } from './shapes.js';
 import { View } from './view.js';
 
@@ -28,6 +29,11 @@ function radiusOf(objects) {
   return boundsOf(objects).getSize(new THREE.Vector3()).length() / 2;
 }
 
+/** What two worlds have in common that are seen in the same view. */
+function outlineOf({ scene, bodies }) {
+  return JSON.stringify([scene, bodies.map(({ name, fixed, shapes }) => [name, fixed, shapes.length])]);
+}
+
 export class Scene {
   /** `hardware`: whether a graphics card draws; without one, pixels are dear. */
   constructor(container, hardware) {
@@ -36,11 +42,8 @@ export class Scene {
     this.renderer.setPixelRatio(hardware ? Math.min(window.devicePixelRatio, 2) : 1);
     container.prepend(this.renderer.domElement);
     this.root = new THREE.Scene();
-    this.root.background = new THREE.Color('#fbfbfa');
-    this.looks = {
-      fixed: look('#d9d9d9'), movable: look('#b8c7d6'), tool: look(COLORS.tool, { order: 1 }),
-      proxy: look(COLORS.proxy, { opacity: 0.25, ghost: true, order: 10 }),
-    };
+    this.#paint();
+    onColors(() => this.#paintAgain());
     this.raycaster = new THREE.Raycaster();
     this.magnify = false;
     this.showsBodies = true;   // the contacts of bodies without the tool
@@ -53,8 +56,7 @@ export class Scene {
 
   /** Builds the bodies of a `world` message; the view stays if the world is the same. */
   setWorld(world) {
-    const same = this.world && JSON.stringify(this.world.bodies.map((b) => b.name))
-      === JSON.stringify(world.bodies.map((b) => b.name));
+    const same = this.world && outlineOf(this.world) === outlineOf(world);
     for (const object of this.content?.children.slice() ?? []) dispose(object);
     this.content?.removeFromParent();
     this.world = world;
@@ -179,6 +181,23 @@ export class Scene {
 
   get aspect() {
     return this.width / this.height;
+  }
+
+  /** Background and materials, in the colours in effect. */
+  #paint() {
+    this.root.background = new THREE.Color(COLORS.background);
+    this.looks = {
+      fixed: look(COLORS.fixed), movable: look(COLORS.movable), tool: look(COLORS.tool, { order: 1 }),
+      proxy: look(COLORS.proxy, { opacity: 0.25, ghost: true, order: 10 }),
+    };
+  }
+
+  #paintAgain() {
+    const { frame } = this;
+    this.#paint();
+    if (!this.world) return;
+    this.setWorld(this.world);
+    if (frame) this.setFrame(frame);
   }
 
   #aim(clientX, clientY) {
