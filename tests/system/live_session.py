@@ -97,6 +97,13 @@ def browser():
     return driver
 
 
+def resize(driver, width, height, phone=False):
+    """The page's size in pixels, also below what a window can have; a phone has fingers instead of a mouse."""
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+        "width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone})
+    driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": phone})
+
+
 def hang(driver, seconds):
     """The page does nothing else for so long, beginning when this has returned."""
     driver.execute_script(

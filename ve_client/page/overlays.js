@@ -5,6 +5,7 @@ import { COLORS } from './colors.js';
 
 export { COLORS };
 
+const calm = window.matchMedia('(prefers-reduced-motion: reduce)');
 const FLASH_MS = 300;
 const MAGNIFIED = 20;
 const SAME_SIDE = 0.5;   // cosine between the normals of contacts that count as one
@@ -36,7 +37,7 @@ export class Contacts {
       if (collides) this.flashes.push({ ...contact, until: now + FLASH_MS });
     }
     this.flashes = this.flashes.filter((flash) => flash.until > now).slice(-16);
-    const bright = Math.floor(now / 60) % 2 === 0;
+    const bright = calm.matches || Math.floor(now / 60) % 2 === 0;
     this.drawn = 0;
     this.lines.clear();
     this.points.clear();
