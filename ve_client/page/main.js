@@ -9,6 +9,7 @@ import { Meter, showLegend, showRecording, showSpring, showStatus } from './disp
 import { magnitude } from './format.js';
 import { Hand } from './hand.js';
 import { Loading } from './loading.js';
+import { TRACE_POINTS } from './overlays.js';
 import { Scene, graphics } from './scene.js';
 import { Sound } from './sound.js';
 import { TickStore } from './ticks.js';
@@ -16,6 +17,8 @@ import { judge } from './verdict.js';
 
 const TEXT_MS = 150;      // how often words and numbers change
 const NARROW = window.matchMedia('(max-width: 1100px)');
+const TRACE_SECONDS = 0.3;
+const FORCE_COLUMNS = ['F_env_x', 'F_env_y', 'F_env_z'];
 const REFUSAL_MS = 6000;
 
 // A `world` message may lack what its sender does not offer.
@@ -141,10 +144,22 @@ function drawPicture(now) {
   requestAnimationFrame(drawPicture);
   meters.page.count();
   if (scene) {
+    scene.forces = latestForces(state.store);
     scene.draw(hand.target, !trouble(now)?.cut);
     showSpring(scene, hand, byId('spring-force'), byId('hint'));
   }
   charts.redraw(now, meters.page.rate());
+}
+
+/** F_env of the ticks of the last TRACE_SECONDS, N. */
+function latestForces(store) {
+  const step = Math.max(1, Math.ceil((TRACE_SECONDS * store.rate) / TRACE_POINTS));
+  const forces = [];
+  for (let at = store.next - Math.round(TRACE_SECONDS * store.rate); at < store.next; at += step) {
+    const force = FORCE_COLUMNS.map((name) => store.at(name, at));
+    if (!force.some(Number.isNaN)) forces.push(force);
+  }
+  return forces;
 }
 
 function trouble(now = performance.now()) {
@@ -232,6 +247,12 @@ function wireButtons() {
     scene.view?.show(scene.view.mode === 'plan' ? 'space' : 'plan');
     showViewMode();
   };
+  byId('full-screen').hidden = !document.fullscreenEnabled;
+  byId('full-screen').onclick = () => (
+    document.fullscreenElement ? document.exitFullscreen() : byId('stage').requestFullscreen());
+  document.addEventListener('fullscreenchange', () => {
+    byId('full-screen').setAttribute('aria-pressed', String(Boolean(document.fullscreenElement)));
+  });
   for (const button of document.querySelectorAll('[data-move]')) {
     hand?.listenToButton(button, button.dataset.move);
   }
@@ -267,7 +288,8 @@ function wirePanel() {
  *   fps(), drawn            frames/s of the page; scene frames drawn so far
  *   project([x,y,z])        [clientX, clientY] of a point of the world
  *   charts()                {count, visible, paused, seconds, from, to, redraws, marks}
- *   scene()                 {mode, live, discs, pairs, proxyVisible, metresPerNewton}, or null without WebGL
+ *   scene()                 {mode, quality, live, discs, pairs, proxyVisible, metresPerNewton}, or null without WebGL
+ *   quality(name)           keeps to one of LEVELS; without a name it goes by the time again
  *   hand                    {held, target, grab(), moveBy(dx,dy,dz), turnBy(rad, axis), release()}
  *   chain()                 {link, reason} of the first link that stops the force, or null
  *   verdict()               {kind, swings, clipped, ticks} of the last second, or null
@@ -288,6 +310,7 @@ function exposeForTests() {
     project: (point) => scene?.project(point) ?? null,
     charts: () => charts.info(),
     scene: () => scene && scene.info(),
+    quality: (name) => scene?.quality.keep(name),
     hand,
     chain: () => chain.stops,
     verdict: () => judge(state.store, state.world?.limits ?? []),

@@ -7,6 +7,11 @@ export { COLORS };
 
 const calm = window.matchMedia('(prefers-reduced-motion: reduce)');
 const FLASH_MS = 300;
+const MOST_GLOWS = 12;
+const GLARING = 12;        // N
+const QUIET_SWING = 1;     // N
+const WILD_SWING = 25;     // N
+export const TRACE_POINTS = 300;
 const MAGNIFIED = 20;
 const SAME_SIDE = 0.5;   // cosine between the normals of contacts that count as one
 const UP = new THREE.Vector3(0, 1, 0);
@@ -81,6 +86,83 @@ export class Contacts {
     return disc;
   }
 }
+
+/** A light at each contact of the tool, as bright as its force, in a halo that grows as the force shakes. */
+export class Glows {
+  constructor(size) {
+    this.size = size;
+    this.group = new THREE.Group();
+    this.map = glowTexture();
+    this.lights = Array.from({ length: MOST_GLOWS }, () => [this.#light(COLORS.flash, 18), this.#light(COLORS.glow, 19)]);
+    this.shaking = 0;
+  }
+
+  /** `swing`: by how much the force of all went to and fro lately, N. */
+  update(contacts, swing) {
+    this.shaking = calm.matches ? 0.95 * this.shaking + 0.05 * swing : swing;
+    const pressed = contacts.filter(({ of, f }) => of === 'tool_link' && vector(f).length() > 0);
+    this.lights.forEach(([halo, core], i) => {
+      const contact = pressed[i];
+      halo.visible = Boolean(contact) && this.shaking > QUIET_SWING;
+      core.visible = Boolean(contact);
+      if (!contact) return;
+      const strength = Math.min(1, Math.sqrt(vector(contact.f).length() / GLARING));
+      const shaking = Math.min(1, this.shaking / WILD_SWING);
+      this.#set(core, contact.p, 0.6 + 1.2 * strength, 0.35 + 0.6 * strength);
+      this.#set(halo, contact.p, 1.5 + 2.5 * shaking, 0.25 + 0.65 * shaking);
+    });
+  }
+
+  #set(light, at, radius, opacity) {
+    light.position.set(...at);
+    light.scale.setScalar(2 * radius * this.size);
+    light.material.opacity = opacity;
+  }
+
+  #light(color, order) {
+    const light = new THREE.Sprite(new THREE.SpriteMaterial({ map: this.map, color, depthTest: false, depthWrite: false }));
+    light.renderOrder = order;
+    light.visible = false;
+    this.group.add(light);
+    return light;
+  }
+}
+
+/** White in the middle, nothing at the edge. */
+function glowTexture(pixels = 64) {
+  const canvas = document.createElement('canvas');
+  canvas.width = canvas.height = pixels;
+  const context = canvas.getContext('2d');
+  const middle = pixels / 2;
+  const gradient = context.createRadialGradient(middle, middle, 0, middle, middle, middle);
+  gradient.addColorStop(0, '#ffff');
+  gradient.addColorStop(0.35, '#fffa');
+  gradient.addColorStop(1, '#fff0');
+  context.fillStyle = gradient;
+  context.fillRect(0, 0, pixels, pixels);
+  return new THREE.CanvasTexture(canvas);
+}
+
+/** Where the tip of the force was in the last ticks: a point where it rests, a scribble where it shakes. */
+export class Trace {
+  constructor() {
+    this.lines = new Lines(TRACE_POINTS);
+    this.object = this.lines.object;
+    this.swing = 0;      // N, of the component that changed most
+  }
+
+  /** `forces`: of consecutive ticks, N; drawn from the point `at`, none longer than `longest`, m. */
+  update(at, forces, metresPerNewton, longest) {
+    const origin = vector(at);
+    const tips = forces.map((force) => vector(force).multiplyScalar(metresPerNewton).clampLength(0, longest).add(origin));
+    this.lines.clear();
+    for (let i = 1; i < tips.length; ++i) this.lines.add(tips[i - 1], tips[i], COLORS.trace);
+    this.lines.commit();
+    this.swing = Math.max(0, ...[0, 1, 2].map((axis) => rangeOf(forces.map((force) => force[axis]))));
+  }
+}
+
+const rangeOf = (values) => (values.length ? Math.max(...values) - Math.min(...values) : 0);
 
 /** The force on the tool and its opposite on the body, at each side of a body that the tool presses. */
 export class ForcePairs {

@@ -3,7 +3,9 @@
 import * as THREE from 'three';
 import { COLORS, onColors } from './colors.js';
 import { magnitude, niceAbove } from './format.js';
-import { Arrow, Contacts, ForcePairs, Spring, handleObject } from './overlays.js';
+import { Arrow, Contacts, ForcePairs, Glows, Spring, Trace, handleObject } from './overlays.js';
+import { Light } from './light.js';
+import { Quality } from './quality.js';
 import { boundsOf, bodyObject, dispose, look, place } from './shapes.js';
 import { View } from './view.js';
 
@@ -12,6 +14,8 @@ const PICK_PIXELS = { mouse: 26, touch: 44 };
 const OVERLAY_SHARE = 0.12;   // of the world's radius that handle, contacts and arrows are sized by, at most
 const MOST_BODIES = 1000;     // that are all drawn
 const NEARBY = 8;             // of more, those so near to the tool, in radii of it
+const LONGEST_TRACE = 4.5;     // sizes of the overlays
+const FLOOR_COSINE = 0.9;     // of the angle between a floor's normal and up
 const FORCES = ['F_env', 'F_hand', 'F_command'];
 
 /** What draws WebGL here: 'none', 'software' or 'hardware'. */
@@ -24,6 +28,8 @@ export function graphics() {
   gl.getExtension('WEBGL_lose_context')?.loseContext();
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name) ? 'software' : 'hardware';
 }
+
+const differ = (a, b) => a.some((value, i) => value !== b[i]);
 
 function radiusOf(objects) {
   return boundsOf(objects).getSize(new THREE.Vector3()).length() / 2;
@@ -39,14 +45,17 @@ export class Scene {
   constructor(container, hardware) {
     this.container = container;
     this.renderer = new THREE.WebGLRenderer({ antialias: hardware });
-    this.renderer.setPixelRatio(hardware ? Math.min(window.devicePixelRatio, 2) : 1);
+    this.pixelRatio = hardware ? Math.min(window.devicePixelRatio, 2) : 1;
     container.prepend(this.renderer.domElement);
     this.root = new THREE.Scene();
+    this.light = new Light(this.root, hardware);
+    this.quality = new Quality(() => this.#paintAgain());
     this.#paint();
     onColors(() => this.#paintAgain());
     this.raycaster = new THREE.Raycaster();
     this.magnify = false;
     this.showsBodies = true;   // the contacts of bodies without the tool
+    this.forces = [];          // N, of the latest ticks, oldest first: their trace is drawn
     this.drawn = 0;
     this.peakForce = 1;
     this.world = null;
@@ -72,13 +81,20 @@ export class Scene {
     this.overlays.visible = false;
     this.#addOverlays();
     this.root.add(this.content);
-    if (!same) this.#newView(world.planar);
+    this.poses = null;
+    this.moved = true;
+    this.#fitLight();
+    if (same) return;
+    this.#newView(Boolean(world.planar));
+    this.quality.renew();
   }
 
   setFrame(frame) {
     if (!this.world || frame.bodies.length !== this.moving.length) return;
     this.frame = frame;
     this.changed = true;
+    this.moved ||= !this.poses || frame.bodies.some((pose, i) => differ(pose, this.poses[i]));
+    this.poses = frame.bodies;
     frame.bodies.forEach((pose, i) => place(this.moving[i], pose));
     if (this.nearby < Infinity) this.#showNear();
     frame.proxy?.forEach((pose, i) => this.#placeProxy(i, pose));
@@ -94,7 +110,9 @@ export class Scene {
    *  the last frame is up to date. */
   draw(target, live) {
     if (this.world) this.#showOverlays(live && Boolean(this.frame?.device));
-    if (!this.world || !(this.changed || target || this.view.moved || this.contacts.flashes.length)) return;
+    const due = Boolean(this.world) && Boolean(this.changed || target || this.view.moved || this.contacts.flashes.length);
+    this.quality.count(performance.now(), due);
+    if (!due) return;
     this.changed = this.view.moved = false;
     const { camera } = this.view;
     if (this.live) {
@@ -104,13 +122,18 @@ export class Scene {
       this.#drawForces(this.frame);
       this.pairs.update(contacts, this.metresPerNewton);
       this.spring.update(this.frame.device, target, camera);
+      this.trace.update(this.frame.device, this.forces, this.metresPerNewton, LONGEST_TRACE * this.overlaySize);
+      this.glows.update(contacts, this.trace.swing);
+      if (target) this.view.follow(this.frame.device);
     }
+    if (this.moved) this.light.drawShadows(this.renderer);
+    this.moved = false;
     this.renderer.render(this.root, camera);
     ++this.drawn;
   }
 
   fit() {
-    if (this.view) this.view.fit(boundsOf(this.bodies.filter((body) => body.visible)), this.aspect);
+    if (this.view) this.view.fit(this.#action(), this.aspect);
   }
 
   /** Where a point of the world is on the page, [clientX, clientY]. */
@@ -168,7 +191,7 @@ export class Scene {
   }
 
   info() {
-    return { mode: this.view?.mode, live: this.live, discs: this.contacts?.drawn ?? 0,
+    return { mode: this.view?.mode, quality: this.quality.level.name, live: this.live, discs: this.contacts?.drawn ?? 0,
              pairs: this.pairs?.drawn ?? 0,
              metresPerNewton: this.metresPerNewton,
              proxyVisible: Boolean(this.proxies?.some((proxy) => proxy.visible)) };
@@ -183,17 +206,22 @@ export class Scene {
     return this.width / this.height;
   }
 
-  /** Background and materials, in the colours in effect. */
+  /** Background, light and materials, in the colours and the quality in effect. */
   #paint() {
+    const { shadows, scale } = this.quality.level;
     this.root.background = new THREE.Color(COLORS.background);
+    this.renderer.setPixelRatio(this.pixelRatio * scale);
+    this.light.setShadows(shadows);
     this.looks = {
-      fixed: look(COLORS.fixed), movable: look(COLORS.movable), tool: look(COLORS.tool, { order: 1 }),
-      proxy: look(COLORS.proxy, { opacity: 0.25, ghost: true, order: 10 }),
+      fixed: look(this.light, COLORS.fixed), movable: look(this.light, COLORS.movable),
+      tool: look(this.light, COLORS.tool, { order: 1 }),
+      proxy: look(this.light, COLORS.proxy, { opacity: 0.25, ghost: true, order: 10 }),
     };
   }
 
   #paintAgain() {
     const { frame } = this;
+    if (!this.looks) return;     // the first time
     this.#paint();
     if (!this.world) return;
     this.setWorld(this.world);
@@ -215,10 +243,33 @@ export class Scene {
   #addBody(body) {
     const kind = body.tool ? 'tool' : body.fixed ? 'fixed' : 'movable';
     const object = this.#add(new THREE.Group());
-    object.userData.draw = () => object.add(...bodyObject(body.shapes, this.looks[kind]).children);
+    const isFloor = (shape) => this.#isFloor(body, shape);
+    object.userData.draw = () => object.add(...bodyObject(body.shapes, this.looks[kind], isFloor).children);
     object.visible = false;
     place(object, body.pose);
     return object;
+  }
+
+  /** 1: seen from above; -1: a planar world, seen from below. */
+  get #above() {
+    return this.world.planar ? -1 : 1;
+  }
+
+  #isFloor(body, shape) {
+    if (!body.fixed || shape.kind !== 'plane') return false;
+    const normal = new THREE.Vector3(0, 0, 1);
+    for (const { pose } of [shape, body]) normal.applyQuaternion(new THREE.Quaternion(pose[4], pose[5], pose[6], pose[3]));
+    return normal.z * this.#above > FLOOR_COSINE;
+  }
+
+  #fitLight() {
+    const bare = !this.world.bodies.some((body) => body.shapes.some((shape) => this.#isFloor(body, shape)));
+    this.light.fit(this.#action(), this.#above, bare);
+  }
+
+  /** What there is to see: bodies that are drawn. */
+  #action() {
+    return boundsOf(this.bodies.filter((body) => body.visible));
   }
 
   /** Where there are very many bodies, those near the tool and infinite ones are drawn; each is made when it first is. */
@@ -243,8 +294,10 @@ export class Scene {
     this.contacts = new Contacts(size);
     this.pairs = new ForcePairs(size);
     this.spring = new Spring(size);
+    this.glows = new Glows(size);
+    this.trace = new Trace();
     this.arrows = FORCES.map((name, i) => new Arrow(COLORS[name], size * [0.05, 0.05, 0.024][i], 15 + i));
-    this.overlays.add(...this.proxies, this.handle, this.contacts.group, this.pairs.group, this.spring.object,
+    this.overlays.add(...this.proxies, this.handle, this.glows.group, this.trace.object, this.contacts.group, this.pairs.group, this.spring.object,
                       ...this.arrows.map((arrow) => arrow.object));
   }
 

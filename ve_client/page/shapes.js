@@ -1,8 +1,10 @@
 // What a body looks like: meshes of the shapes of docs/page_messages.md.
 
 import * as THREE from 'three';
+import { COLORS } from './colors.js';
 
-const PLANE_SIZE = 1.2;
+const PANE_SIZE = 1.2;      // m, of a plane that is no floor
+const FLOOR_RADIUS = 14;    // m; it fades before
 
 /** Puts `object` at the pose [x,y,z, w,x,y,z]. */
 export function place(object, pose) {
@@ -10,17 +12,19 @@ export function place(object, pose) {
   object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
 }
 
-/** A group with one mesh (and its edges) per shape. */
-export function bodyObject(shapes, look) {
+/** A group with one mesh (and its edges) per shape; `isFloor(shape)`: a plane on which the world stands. */
+export function bodyObject(shapes, look, isFloor = () => false) {
   const group = new THREE.Group();
   for (const shape of shapes) {
-    const geometry = geometryOf(shape);
+    const floor = shape.kind === 'plane' && isFloor(shape);
+    const geometry = floor ? new THREE.CircleGeometry(FLOOR_RADIUS, 64) : geometryOf(shape);
     if (!geometry) continue;
-    shadeByNormals(geometry);
     const part = new THREE.Group();
     place(part, shape.pose);
-    part.add(new THREE.Mesh(geometry, shape.kind === 'plane' ? look.ground : look.surface));
-    part.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), look.edges));
+    const mesh = new THREE.Mesh(geometry, floor ? look.floor : shape.kind === 'plane' ? look.pane : look.surface);
+    if (look.casts && shape.kind !== 'plane') look.light.cast(mesh);
+    part.add(mesh);
+    if (!floor) part.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), look.edges));
     part.userData.infinite = shape.kind === 'plane';
     group.add(part);
   }
@@ -28,27 +32,17 @@ export function bodyObject(shapes, look) {
   return group;
 }
 
-/** Light that depends on the normal in the body's frame: lamps cost too much without a GPU. */
-function shadeByNormals(geometry) {
-  const normals = geometry.getAttribute('normal');
-  const colors = new Float32Array(normals.count * 3);
-  for (let i = 0; i < normals.count; ++i) {
-    const x = normals.getX(i), y = normals.getY(i), z = normals.getZ(i);
-    colors.fill(z * z + 0.62 * y * y + 0.48 * x * x, 3 * i, 3 * i + 3);
-  }
-  geometry.setAttribute('color', new THREE.BufferAttribute(colors, 3));
-}
-
-/** How bodies of one kind are painted. Ghosts are drawn over everything. */
-export function look(color, { opacity = 1, ghost = false, order = 0 } = {}) {
-  const common = { transparent: opacity < 1, opacity, depthTest: !ghost, depthWrite: opacity === 1 };
+/** How bodies of one kind are painted under `light`. Ghosts are drawn over everything. */
+export function look(light, color, { opacity = 1, ghost = false, order = 0 } = {}) {
   const edge = new THREE.Color(color).multiplyScalar(ghost ? 1 : 0.35);
   return {
-    surface: new THREE.MeshBasicMaterial({
-      color, ...common, vertexColors: true, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }),
-    ground: new THREE.MeshBasicMaterial({
-      color, transparent: true, opacity: 0.35, side: THREE.DoubleSide, depthWrite: false }),
+    light,
+    surface: light.material(color, { opacity, depthTest: !ghost, depthWrite: opacity === 1, polygonOffset: true,
+                                     polygonOffsetFactor: 1, polygonOffsetUnits: 1 }),
+    floor: light.material(COLORS.ground, { ground: true }),
+    pane: new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.35, side: THREE.DoubleSide, depthWrite: false }),
     edges: new THREE.LineBasicMaterial({ color: edge, depthTest: !ghost, transparent: ghost }),
+    casts: !ghost,
     order,
   };
 }
@@ -81,7 +75,7 @@ function geometryOf(shape) {
     case 'capsule': return upright(new THREE.CapsuleGeometry(shape.radius, shape.length, 6, 18));
     case 'ellipsoid': return new THREE.SphereGeometry(1, 24, 14).scale(...shape.radii);
     case 'mesh': return meshOf(shape);
-    case 'plane': return new THREE.PlaneGeometry(PLANE_SIZE, PLANE_SIZE, 12, 12);
+    case 'plane': return new THREE.PlaneGeometry(PANE_SIZE, PANE_SIZE);
     default: return null;
   }
 }
