@@ -127,7 +127,7 @@ class PageTest(unittest.TestCase):
         """A message of a page of its own; what is answered with refused, or None."""
         return self.driver.execute_async_script(
             """const done = arguments[arguments.length - 1];
-            const socket = new WebSocket(location.href.replace('http', 'ws') + 'session');
+            const socket = new WebSocket(location.origin.replace('http', 'ws') + '/session');
             socket.onmessage = ({data}) => {
               if (typeof data !== 'string') return;
               const message = JSON.parse(data);
@@ -449,6 +449,105 @@ class LivePage(PageTest):
         finally:
             self.driver.set_window_size(before["width"], before["height"])
 
+    def watch_downloads(self):
+        """From now on files are kept in window.saved, as {name, blob}, and not saved."""
+        self.driver.execute_script(
+            """window.saved = [];
+            let latest;
+            URL.createObjectURL = (blob) => { latest = blob; return '#'; };
+            HTMLAnchorElement.prototype.click = function () { saved.push({ name: this.download, blob: latest }); };""")
+
+    def saved(self):
+        """Name, type and the first bytes of the latest file."""
+        wait_for(lambda: self.ask("saved.length > 0"), "the file")
+        return self.driver.execute_async_script(
+            """const done = arguments[0], { name, blob } = saved.pop();
+            blob.arrayBuffer().then((bytes) => done([name, blob.type, blob.size, ...new Uint8Array(bytes, 0, 4)]));""")
+
+    def test_a_picture_and_a_film_can_be_saved(self):
+        self.watch_downloads()
+        self.driver.find_element("id", "picture").click()
+        name, kind, size, *begin_of_it = self.saved()
+        self.assertEqual((name, kind, bytes(begin_of_it)), ("testbed.png", "image/png", b"\x89PNG"))
+        self.assertGreater(size, 3000)   # an empty one has some hundred bytes
+        film = self.driver.find_element("id", "film")
+        film.click()
+        self.drag(0.05, 0.0)
+        time.sleep(1.5)
+        self.assertEqual(film.get_attribute("aria-pressed"), "true")
+        film.click()
+        name, kind, size, *begin_of_it = self.saved()
+        self.assertEqual((name, kind, bytes(begin_of_it)), ("testbed.webm", "video/webm", b"\x1aE\xdf\xa3"))
+        self.assertGreater(size, 5000)
+        self.assertEqual(film.get_attribute("aria-pressed"), "false")
+
+    def plug_in(self, identity):
+        """A gamepad whose axes and buttons are window.pad's."""
+        self.driver.execute_script(
+            """window.pad = { id: arguments[0], connected: true, axes: [0, 0, 0, 0, 0, 0],
+                           buttons: Array.from({ length: 8 }, () => ({ pressed: false, value: 0 })) };
+            navigator.getGamepads = () => [null, pad];""", identity)
+
+    def test_a_gamepad_is_the_hand_while_it_is_moved(self):
+        for identity, turning in (("Some gamepad (STANDARD GAMEPAD)", 2), ("3Dconnexion SpaceMouse Pro", 5)):
+            with self.subTest(identity):
+                begin(self.driver)
+                self.plug_in(identity)
+                self.driver.execute_script("pad.axes[0] = 1; pad.axes[1] = -0.05")   # right; the other one does not rest at 0
+                wait_for(lambda: self.frame()["device"][0] > 0.02, "the tool to go right")
+                self.assertLess(abs(self.frame()["device"][1]), 1e-3)
+                self.driver.execute_script(f"pad.axes[0] = 0; pad.axes[{turning}] = 1")
+                wait_for(lambda: self.frame()["device"][6] > 0.1, "the tool to turn clockwise")   # y points down
+                self.driver.execute_script(f"pad.axes[{turning}] = 0; pad.buttons[0].pressed = true")
+                time.sleep(0.3)
+                self.assertTrue(self.ask("haptic.hand.held"))
+                self.driver.execute_script("pad.buttons[0].pressed = false")
+                wait_for(lambda: not self.ask("haptic.hand.held"), "the hand to let go")
+                # What Escape has taken from it must be let go before it holds again.
+                self.driver.execute_script("pad.axes[0] = 1")
+                wait_for(lambda: self.ask("haptic.hand.held"), "the hand to hold")
+                ActionChains(self.driver).send_keys(Keys.ESCAPE).perform()
+                time.sleep(0.3)
+                self.assertFalse(self.ask("haptic.hand.held"))
+
+    def test_the_address_keeps_what_was_chosen_and_brings_it_back(self):
+        self.assertEqual(self.ask("location.hash"), "")
+        Select(self.driver.find_element("id", "start")).select_by_value("hole")
+        wait_for(lambda: self.ask("haptic.world.start") == "hole", "the start")
+        self.driver.find_element("css selector", "[data-method=ir]").click()
+        self.driver.find_element("css selector", ".situations button").click()   # stiff and late
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 15000, "a stiff wall")
+        address = self.ask("location.href")
+        self.assertIn("#scene=testbed&start=hole&method=ir&stiffness=15000&damping=100&delay=0.02", address)
+        begin(self.driver)
+        self.assertEqual(self.frame()["settings"]["stiffness"], 4000)
+        self.driver.get("about:blank")
+        show(self.driver, address)
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 15000 and self.frame()["method"] == "ir", "the settings")
+        self.assertEqual(self.ask("haptic.world.start"), "hole")
+        self.assertEqual(self.frame()["environment"]["delay"], 0.02)
+        self.assertEqual(self.ask("location.href"), address)
+        self.driver.find_element("id", "reset").click()
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 4000, "the first stiffness")
+        self.assertEqual(self.ask("location.hash"), "#scene=testbed&start=hole")
+        self.driver.get("about:blank")
+        show(self.driver, self.url + "#scene=moon&stiffness=9000&nonsense=1")
+        wait_for(lambda: "scene moon" in self.ask("haptic.banner()"), "the complaint")
+        self.assertEqual(self.frame()["settings"]["stiffness"], 4000)
+
+    def test_the_picture_is_made_cheaper_where_it_takes_too_long(self):
+        def quality():
+            return self.ask("haptic.scene().quality")
+
+        self.driver.execute_script("haptic.quality('shadows')")
+        self.assertEqual(quality(), "shadows")
+        dear = """const wait = () => { const end = performance.now() + 60; while (performance.now() < end); requestAnimationFrame(wait); };
+                  haptic.quality(); wait();"""
+        self.driver.execute_script(dear)
+        wait_for(lambda: quality() == "coarse", "fewer pixels")
+        wait_for(lambda: self.ask("document.querySelector('canvas').width / document.querySelector('canvas').clientWidth") < 0.7,
+                 "fewer pixels")
+
     def test_a_second_page_is_told_that_another_holds_the_handle(self):
         self.assertEqual(self.text("hint"), "Drag the handle")
         holder = browser()
@@ -602,12 +701,27 @@ class Scenes(PageTest):
         self.wait_for_scene("push")
         self.assertIn("push: ", self.shown())
 
+    def test_the_chosen_scene_stays_in_the_menu_while_it_loads_and_the_page_says_so(self):
+        choice = self.driver.execute_script(
+            """const menu = document.getElementById('scenes');
+            menu.value = 'push';
+            menu.dispatchEvent(new Event('change'));
+            return new Promise((resolve) => setTimeout(() => resolve([menu.value, document.getElementById('loading').innerText,
+              haptic.world.scene]), 160));""")
+        if choice[2] != "push":   # It has come within 160 ms otherwise.
+            self.assertEqual(choice[:2], ["push", "Loading scene push …"])
+        self.wait_for_scene("push")
+        wait_for(lambda: self.ask("document.getElementById('loading').hidden"), "no more waiting")
+        self.assertTrue(self.ask("location.hash === '#scene=push'"))
+
     def test_a_world_that_cannot_be_played_says_so_and_the_present_one_goes_on(self):
         self.driver.execute_script("window.earlier = haptic.world")
         self.choose("broken")
         wait_for(lambda: "broken.sdf" in self.ask("haptic.banner()"), "the reason")
         self.assertIn("<haptic:tool>", self.ask("haptic.banner()"))
         self.assertIn("testbed: ", self.shown())
+        self.assertIn("Scene broken was not loaded: ", self.text("loading"))
+        self.assertNotIn("broken", self.ask("location.hash"))
         received = self.ask("haptic.ticks.received")
         wait_for(lambda: self.ask("haptic.ticks.received") > received + 500, "more ticks")
         self.assertTrue(self.ask("haptic.world === earlier"))
@@ -732,6 +846,39 @@ class Linkage(PageTest):
         self.assertEqual(self.ask(
             "[...document.querySelectorAll('#methods button:disabled')].map((b) => b.dataset.method)"),
             ["ir", "coupler", "engine"])
+
+
+class OfferedLittle(PageTest):
+    """A session of another program: no menu, no methods, no starts, no settings of the client, no chain, no names."""
+
+    BARE = """
+      const parse = JSON.parse;
+      JSON.parse = (text) => {
+        const message = parse(text);
+        if (message.type === 'world') {
+          for (const name of ['scenes', 'starts', 'start', 'methods', 'controllers', 'update_rules']) delete message[name];
+          for (const name of ['epsilon', 'largest_epsilon', 'rate', 'delay', 'jitter', 'loss']) delete message.ranges[name];
+          for (const body of message.bodies) body.name = '';
+        }
+        for (const name of ['environment', 'method', 'chain', 'recording']) if (message.type === 'frame') delete message[name];
+        return message;
+      };"""
+
+    def test_what_a_world_does_not_offer_is_hidden_and_the_rest_works(self):
+        self.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": self.BARE})
+        show(self.driver, self.url + "#scene=push&method=ir&delay=0.1&stiffness=5000")
+        wait_for(lambda: self.ask("haptic.scene().live"), "the scene")
+        hidden = ("methods", "start-choice", "scene-choice", "chain", "chain-reason", "recording", "loading")
+        self.assertEqual([name for name in hidden if self.driver.find_element("id", name).is_displayed()], [])
+        self.assertEqual(self.ask("[...document.querySelectorAll('.field')].filter((field) => field.offsetWidth)"
+                                  ".map((field) => field.dataset.field)"),
+                         ["stiffness", "damping", "friction", "restitution", "coupling_stiffness", "coupling_damping",
+                          "coupling_angular_stiffness", "coupling_angular_damping"])
+        self.assertEqual(self.ask("[...document.querySelectorAll('#panel summary')].filter((title) => title.offsetWidth)"
+                                  ".map((title) => title.textContent)"), ["Contact", "Controller"])
+        self.assertIn("which is not offered here", self.ask("haptic.banner()"))
+        self.pull(0.0, WALL + 0.03)
+        wait_for(lambda: self.frame()["F_env"][1] < -0.5, "a force on the wall")
 
 
 class WithAKey(unittest.TestCase):

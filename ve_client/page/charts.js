@@ -3,6 +3,7 @@
 import uPlot from 'uplot';
 import { COLORS, onColors } from './colors.js';
 import { decimate } from './decimate.js';
+import { download } from './download.js';
 import { fixed, niceAbove } from './format.js';
 import { csvParts } from './ticks.js';
 import { scaleOf } from './units.js';
@@ -114,11 +115,7 @@ export class Charts {
   async export() {
     if (!this.live) return;
     const parts = await csvParts(this.held ?? this.live.snapshot());
-    const link = document.createElement('a');
-    link.href = URL.createObjectURL(new Blob(parts, { type: 'text/csv' }));
-    link.download = 'ticks.csv';
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    download(new Blob(parts, { type: 'text/csv' }), 'ticks.csv');
   }
 
   info() {

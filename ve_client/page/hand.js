@@ -22,7 +22,7 @@ export class Hand {
   /** `send(message)` says whether it could; `changed()` is called when held or let go. */
   constructor(surface, scene, send, changed) {
     Object.assign(this, { surface, scene, send, changed });
-    this.holders = new Set();    // what holds: pointer, keys, latch
+    this.holders = new Set();    // what holds: pointer, keys, pad, latch
     this.moves = new Set();      // of KEYS' values
     this.position = null;
     this.rotation = new THREE.Quaternion();
@@ -103,7 +103,7 @@ export class Hand {
     if (on && this.#isPossible(move) && this.grab('keys')) this.moves.add(move);
     if (!on) {
       this.moves.delete(move);
-      if (this.moves.size === 0) this.#letGo('keys');
+      if (this.moves.size === 0) this.letGo('keys');
     }
   }
 
@@ -111,7 +111,8 @@ export class Hand {
     return !this.scene.world?.planar || !SPATIAL.includes(move);
   }
 
-  #letGo(holder) {
+  /** A holder lets go; where the hand keeps holding, it stays. */
+  letGo(holder) {
     if (this.latching && this.held) this.holders.add('latch');
     this.release(holder);
   }
@@ -182,7 +183,7 @@ export class Hand {
   #pointerEnd(event) {
     if (event.pointerId !== this.pointer) return;
     this.pointer = this.under = undefined;
-    this.#letGo('pointer');
+    this.letGo('pointer');
   }
 
   #showCursor(event) {

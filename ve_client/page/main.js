@@ -1,6 +1,8 @@
 // How the parts of the page hang together: what comes in, what is drawn when, what goes out.
 
+import { Address } from './address.js';
 import { troubleOf } from './banner.js';
+import { Film, savePicture } from './capture.js';
 import { Chain } from './chain.js';
 import { Charts } from './charts.js';
 import { Connection } from './connection.js';
@@ -10,6 +12,7 @@ import { magnitude } from './format.js';
 import { Hand } from './hand.js';
 import { Loading } from './loading.js';
 import { TRACE_POINTS } from './overlays.js';
+import { Pad } from './pad.js';
 import { Scene, graphics } from './scene.js';
 import { Sound } from './sound.js';
 import { TickStore } from './ticks.js';
@@ -43,10 +46,12 @@ const connection = new Connection(sessionUrl(), {
   closed: takeLoss,
 });
 const send = (message) => connection.send(message);
+const address = new Address(request, notify);
 
 const scene = makeScene();
 const hand = scene && new Hand(byId('scene'), scene, send, showHold);
-const controls = new Controls(byId('panel'), byId('methods'), send);
+const pad = scene && new Pad(hand, scene);
+const controls = new Controls(byId('panel'), byId('methods'), request);
 const chain = new Chain(byId('chain'), byId('chain-reason'), byId('verdict'));
 const charts = new Charts(byId('strips'), {
   pause: byId('pause'), window: byId('window'), back: byId('back'), export: byId('export') });
@@ -56,6 +61,20 @@ wireButtons();
 exposeForTests();
 requestAnimationFrame(drawPicture);
 setInterval(showText, TEXT_MS);
+
+/** Sends what a person asked for; the address keeps it. */
+function request(message) {
+  if (message.type === 'scene') loading.choose(message.name);
+  const sent = send(message);
+  if (sent) address.note(message);
+  else if (message.type === 'scene') loading.fail('ve_client takes no messages now');
+  if (message.type === 'scene') showScenes(state.world);
+  return sent;
+}
+
+function notify(text) {
+  state.notice = { text, until: performance.now() + REFUSAL_MS };
+}
 
 function sessionUrl() {
   return `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/session${token()}`;
@@ -77,7 +96,7 @@ function makeScene() {
     return made;
   }
   byId('no-webgl').hidden = false;
-  for (const id of ['view-toggle', 'fit', 'hand-tools', 'legend', 'hint', 'spring-force']) byId(id).hidden = true;
+  for (const id of ['view-toggle', 'fit', 'picture', 'film', 'hand-tools', 'legend', 'hint', 'spring-force']) byId(id).hidden = true;
   return null;
 }
 
@@ -106,6 +125,7 @@ function takeWorld(message) {
   showStarts(world);
   showScenes(world);
   state.store.session = world.scene;
+  address.take(world, loading.chosen);
 }
 
 /** Another store where the ticks are of another kind than those that are kept. */
@@ -137,13 +157,15 @@ function takeRefusal({ field, text }) {
     loading.fail(text);
     showScenes(state.world);
   }
-  if (!controls.refuse(field, text)) state.notice = { text, until: performance.now() + REFUSAL_MS };
+  if (field !== 'hand') address.forget(field);
+  if (!controls.refuse(field, text)) notify(text);
 }
 
 function drawPicture(now) {
   requestAnimationFrame(drawPicture);
   meters.page.count();
   if (scene) {
+    pad.step(now);
     scene.forces = latestForces(state.store);
     scene.draw(hand.target, !trouble(now)?.cut);
     showSpring(scene, hand, byId('spring-force'), byId('hint'));
@@ -228,13 +250,13 @@ function wireButtons() {
     event.preventDefault();
     byId('scene').focus();
   };
-  byId('reset').onclick = () => send({ type: 'reset' });
+  byId('reset').onclick = () => request({ type: 'reset' });
   byId('start').onchange = ({ target }) => {
-    send({ type: 'reset', start: target.value });
+    request({ type: 'reset', start: target.value });
     leaveToKeys(target);
   };
   byId('scenes').onchange = ({ target }) => {
-    chooseScene(target.value);
+    request({ type: 'scene', name: target.value });
     leaveToKeys(target);
   };
   byId('fit').onclick = () => scene.fit();
@@ -247,6 +269,7 @@ function wireButtons() {
     scene.view?.show(scene.view.mode === 'plan' ? 'space' : 'plan');
     showViewMode();
   };
+  if (scene) wireCapture();
   byId('full-screen').hidden = !document.fullscreenEnabled;
   byId('full-screen').onclick = () => (
     document.fullscreenElement ? document.exitFullscreen() : byId('stage').requestFullscreen());
@@ -258,10 +281,11 @@ function wireButtons() {
   }
 }
 
-function chooseScene(name) {
-  loading.choose(name);
-  if (!send({ type: 'scene', name })) loading.fail('ve_client takes no messages now');
-  showScenes(state.world);
+function wireCapture() {
+  const film = new Film(scene.renderer.domElement, (on) => byId('film').setAttribute('aria-pressed', String(on)));
+  byId('picture').onclick = () => savePicture(scene, state.world?.scene);
+  byId('film').onclick = () => film.toggle(state.world?.scene);
+  byId('film').hidden = !Film.possible;
 }
 
 function wirePanel() {

@@ -132,6 +132,12 @@ export class Scene {
     ++this.drawn;
   }
 
+  /** What is to be seen, as a PNG. */
+  picture() {
+    if (this.view) this.renderer.render(this.root, this.view.camera);   // Its pixels are kept for this turn alone.
+    return new Promise((resolve) => this.renderer.domElement.toBlob(resolve, 'image/png'));
+  }
+
   fit() {
     if (this.view) this.view.fit(this.#action(), this.aspect);
   }
