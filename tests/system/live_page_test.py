@@ -5,6 +5,7 @@ Usage: live_page_test.py SERVER CLIENT WORLDS [TEST…]
 """
 
 import contextlib
+import gzip
 import json
 import math
 import pathlib
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 import unittest
+import urllib.request
 
 SKIPPED = 77
 try:
@@ -547,6 +549,13 @@ class LivePage(PageTest):
         wait_for(lambda: quality() == "coarse", "fewer pixels")
         wait_for(lambda: self.ask("document.querySelector('canvas').width / document.querySelector('canvas').clientWidth") < 0.7,
                  "fewer pixels")
+
+    def test_the_whole_page_is_small(self):
+        files = [self.url, *self.ask("performance.getEntriesByType('resource').map(({ name }) => name)"
+                                     ".filter((name) => /[.](js|css)$/.test(name))")]
+        self.assertGreater(len(files), 20)
+        sizes = [len(gzip.compress(urllib.request.urlopen(file).read())) for file in files]
+        self.assertLess(sum(sizes), 0.6e6)   # bytes, compressed
 
     def test_a_second_page_is_told_that_another_holds_the_handle(self):
         self.assertEqual(self.text("hint"), "Drag the handle")
