@@ -35,9 +35,9 @@ function radiusOf(objects) {
   return boundsOf(objects).getSize(new THREE.Vector3()).length() / 2;
 }
 
-/** What two worlds have in common that are seen in the same view. */
-function outlineOf({ scene, bodies }) {
-  return JSON.stringify([scene, bodies.map(({ name, fixed, shapes }) => [name, fixed, shapes.length])]);
+/** What there is in a world, without where it is. */
+function contentsOf({ bodies }) {
+  return JSON.stringify(bodies.map(({ name, fixed, shapes }) => [name, fixed, shapes.length]));
 }
 
 export class Scene {
@@ -63,9 +63,11 @@ export class Scene {
     new ResizeObserver(() => this.#resize()).observe(container);
   }
 
-  /** Builds the bodies of a `world` message; the view stays if the world is the same. */
+  /** Builds the bodies of a `world` message. The view stays in the same scene, but for more bodies than there were, where
+   *  nobody has moved it. */
   setWorld(world) {
-    const same = this.world && outlineOf(this.world) === outlineOf(world);
+    const same = this.world !== null && this.world.scene === world.scene && Boolean(this.world.planar) === Boolean(world.planar);
+    const more = !same || contentsOf(this.world) !== contentsOf(world);
     for (const object of this.content?.children.slice() ?? []) dispose(object);
     this.content?.removeFromParent();
     this.world = world;
@@ -84,9 +86,12 @@ export class Scene {
     this.poses = null;
     this.moved = true;
     this.#fitLight();
-    if (same) return;
-    this.#newView(Boolean(world.planar));
-    this.quality.renew();
+    if (!same) {
+      this.#newView(Boolean(world.planar));
+      this.quality.renew();
+    } else if (more && !this.view.touched) {
+      this.fit();
+    }
   }
 
   setFrame(frame) {
@@ -230,7 +235,9 @@ export class Scene {
     if (!this.looks) return;     // the first time
     this.#paint();
     if (!this.world) return;
+    const { visible } = this.overlays;
     this.setWorld(this.world);
+    this.overlays.visible = visible;
     if (frame) this.setFrame(frame);
   }
 

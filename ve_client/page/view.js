@@ -25,6 +25,7 @@ export class View {
     this.spaceOrbit = new OrbitControls(this.space, element);
     for (const orbit of [this.planOrbit, this.spaceOrbit]) {
       orbit.addEventListener('change', () => { this.moved = true; });
+      orbit.addEventListener('start', () => { this.touched = true; });
     }
     this.show(planar ? 'plan' : 'space');
   }
@@ -58,6 +59,7 @@ export class View {
   fit(bounds, aspect) {
     const center = bounds.getCenter(new THREE.Vector3());
     this.size = bounds.getSize(new THREE.Vector3());
+    this.touched = false;     // by a person
     const radius = this.size.length() / 2;
     this.plan.position.copy(center).addScaledVector(this.planFrom, 4 * radius);
     this.plan.near = 0;
