@@ -64,6 +64,7 @@ export class Light {
     this.root = root;
     this.shadow = SHADOW[hardware ? 'hardware' : 'software'];
     this.shadows = true;
+    this.receivers = [];       // materials with shadows on them
     this.camera = new THREE.OrthographicCamera();
     this.camera.layers.set(CASTER_LAYER);
     this.map = shadowMap(this.shadow.size);
@@ -77,20 +78,34 @@ export class Light {
     root.add(this.ground);
   }
 
-  /** What is made from now on has shadows on it, or not. */
-  setShadows(on) {
-    this.shadows = on;
+  /** In the colours in effect; what was made before is not painted any more. */
+  paint() {
+    this.receivers = [];
     this.shared.haze.value = asWritten(COLORS.background);
     this.ground.material = this.material(COLORS.ground, { ground: true });
   }
 
+  setShadows(on) {
+    this.shadows = on;
+    for (const material of this.receivers) {
+      material.defines.LOOKS = this.#looks;
+      material.needsUpdate = true;
+    }
+  }
+
+  get #looks() {
+    return this.shadows ? this.shadow.looks : 0;
+  }
+
   /** Of bodies; `ground`: of a floor whose centre is its frame's, and which fades with the distance in its unit. */
   material(color, { opacity = 1, ground = false, ...others } = {}) {
-    return new THREE.ShaderMaterial({
+    const made = new THREE.ShaderMaterial({
       ...others, transparent: opacity < 1, vertexShader: VERTEX, fragmentShader: FRAGMENT,
-      defines: { LOOKS: this.shadows && opacity === 1 ? this.shadow.looks : 0, GROUND: Number(ground) },
+      defines: { LOOKS: opacity === 1 ? this.#looks : 0, GROUND: Number(ground) },
       uniforms: { ...this.shared, color: { value: new THREE.Color(color) }, opacity: { value: opacity } },
     });
+    if (opacity === 1) this.receivers.push(made);
+    return made;
   }
 
   /** `mesh` throws a shadow. */

@@ -297,7 +297,10 @@ function wirePanel() {
     fold(true);
     byId('panel-toggle').focus();
   };
-  byId('panel-toggle').onclick = () => fold(!byId('panel').classList.contains('folded'));
+  byId('panel-toggle').onclick = () => {
+    fold(!byId('panel').classList.contains('folded'));
+    if (NARROW.matches) byId('panel-close').focus();    // It lies over the scene.
+  };
   byId('panel-close').onclick = close;
   byId('panel').onkeydown = ({ key }) => { if (key === 'Escape' && NARROW.matches) close(); };
   NARROW.onchange = () => fold(NARROW.matches);

@@ -49,7 +49,7 @@ export class Scene {
     container.prepend(this.renderer.domElement);
     this.root = new THREE.Scene();
     this.light = new Light(this.root, hardware);
-    this.quality = new Quality(() => this.#paintAgain());
+    this.quality = new Quality((level) => this.#take(level));
     this.#paint();
     onColors(() => this.#paintAgain());
     this.raycaster = new THREE.Raycaster();
@@ -217,12 +217,17 @@ export class Scene {
     return this.width / this.height;
   }
 
-  /** Background, light and materials, in the colours and the quality in effect. */
-  #paint() {
-    const { shadows, scale } = this.quality.level;
-    this.root.background = new THREE.Color(COLORS.background);
+  /** One of LEVELS. */
+  #take({ shadows, scale }) {
     this.renderer.setPixelRatio(this.pixelRatio * scale);
     this.light.setShadows(shadows);
+    this.changed = this.moved = true;
+  }
+
+  /** Background, light and materials, in the colours in effect. */
+  #paint() {
+    this.root.background = new THREE.Color(COLORS.background);
+    this.light.paint();
     this.looks = {
       fixed: look(this.light, COLORS.fixed), movable: look(this.light, COLORS.movable),
       tool: look(this.light, COLORS.tool, { order: 1 }),
@@ -232,7 +237,6 @@ export class Scene {
 
   #paintAgain() {
     const { frame } = this;
-    if (!this.looks) return;     // the first time
     this.#paint();
     if (!this.world) return;
     const { visible } = this.overlays;
