@@ -95,6 +95,7 @@ def main():
         try:
             show(driver, session.url)
             page = Page(driver, folder)
+            page.do("haptic.quality('shadows')")   # however busy the machine is
             free_motion(page)
             on_the_wall(page)
             in_the_hole(page)
