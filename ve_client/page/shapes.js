@@ -5,6 +5,8 @@ import { COLORS } from './colors.js';
 
 const PANE_SIZE = 1.2;      // m, of a plane that is no floor
 const FLOOR_RADIUS = 14;    // m; it fades before
+const GRID = 1;             // m, on a floor: what says without shadows where it is
+const CELL = 0.05;          // m
 
 /** Puts `object` at the pose [x,y,z, w,x,y,z]. */
 export function place(object, pose) {
@@ -24,12 +26,25 @@ export function bodyObject(shapes, look, isFloor = () => false) {
     const mesh = new THREE.Mesh(geometry, floor ? look.floor : shape.kind === 'plane' ? look.pane : look.surface);
     if (look.casts && shape.kind !== 'plane') look.light.cast(mesh);
     part.add(mesh);
-    if (!floor) part.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), look.edges));
+    if (floor) part.add(grid(look.lines));
+    else part.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), look.edges));
     part.userData.infinite = shape.kind === 'plane';
     group.add(part);
   }
   group.traverse((object) => { object.renderOrder = look.order; });
   return group;
+}
+
+/** In the floor's plane, z = 0, and a little above it. */
+function grid(material) {
+  const points = [];
+  const half = GRID / 2;
+  for (let at = -half; at <= half + CELL / 2; at += CELL) points.push(at, -half, 0, at, half, 0, -half, at, 0, half, at, 0);
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.Float32BufferAttribute(points, 3));
+  const lines = new THREE.LineSegments(geometry, material);
+  lines.position.z = 2e-4;
+  return lines;
 }
 
 /** How bodies of one kind are painted under `light`. Ghosts are drawn over everything. */
@@ -42,6 +57,7 @@ export function look(light, color, { opacity = 1, ghost = false, order = 0 } = {
     floor: light.material(COLORS.ground, { ground: true }),
     pane: new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.35, side: THREE.DoubleSide, depthWrite: false }),
     edges: new THREE.LineBasicMaterial({ color: edge, depthTest: !ghost, transparent: ghost }),
+    lines: new THREE.LineBasicMaterial({ color: COLORS.fixed }),
     casts: !ghost,
     order,
   };
