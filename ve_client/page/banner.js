@@ -10,14 +10,14 @@ const CLIENTS_FAULTS = ['non_finite', 'implausible'];
  */
 export function troubleOf(link, frame, now) {
   if (!link.open) {
-    return { kind: 'disconnected', cut: 've_client does not answer',
-             text: 'No ve_client: start it (scripts/run), or close one of the pages that it already serves '
-               + '(four at most). Trying again …' };
+    return { kind: 'disconnected', cut: 'the program that serves this page does not answer',
+             text: 'The program that serves this page has ended: start it again. Or it serves four pages already: close one. '
+               + 'Trying again …' };
   }
   if (now - link.frameAt > STALE_MS) {
-    return { kind: 'stale', cut: 've_client sends no frames',
-             text: link.loading ? `ve_client sends no frames while it loads scene ${link.loading}.`
-               : 've_client answers but sends no frames: its world stands still. See its terminal.' };
+    return { kind: 'stale', cut: 'the program that serves this page sends no frames',
+             text: link.loading ? `No frames come while scene ${link.loading} is loaded.`
+               : 'The program that serves this page answers but sends no frames: its world stands still. See its terminal.' };
   }
   if (!frame) return null;
   if (frame.rejected === 'fault') {

@@ -64,7 +64,7 @@ export class Loading {
   }
 
   #waiting(open) {
-    if (!open) return this.lost ? 'The connection is lost. Trying again …' : 'Connecting to ve_client …';
+    if (!open) return this.lost ? 'The connection is lost. Trying again …' : 'Connecting …';
     if (!this.world) return 'Waiting for the world …';
     return this.chosen === null ? null : `Loading scene ${this.chosen} …`;
   }
