@@ -77,7 +77,7 @@ class Shapes:
             to["body"], to["position"], to["rotation"] = body, data.xpos[body], data.xquat[body]
             if self._model.body_mocapid[body] < 0:
                 binding.mj_objectVelocity(self._model, data, _XBODY, body, velocity, 0)
-                to["velocity"] = np.roll(velocity, 3)  # MuJoCo's has the angular part first.
+                to["velocity"][:3], to["velocity"][3:] = velocity[3:], velocity[:3]  # MuJoCo's has the angular part first.
             else:
                 before = self._mocap.get(body, data.xpos[body])
                 to["velocity"][:3] = (data.xpos[body] - before) / period

@@ -36,7 +36,7 @@ _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther a
 _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
-_NOT_CONTACTS = (0, 2, 4)  # mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
+_NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
 _HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
 _NO_FORCE = 1e3  # m: a depth that none reaches
 # Versions from which on margins and gaps of a pair's geoms add up, before the larger counts; and a gap lies beyond the
@@ -97,6 +97,7 @@ class Session:
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
         pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
+        self._own_force: Optional[bool] = None
         #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
         self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
                         ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, pairs))]
@@ -191,16 +192,19 @@ class Session:
 
     def _external_wrench(self, data: Any) -> np.ndarray:
         """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""
-        rows = np.where(np.isin(np.asarray(data.efc_type)[:data.nefc], _NOT_CONTACTS), np.asarray(data.efc_force)[:data.nefc], 0)
-        of_constraints = np.zeros(self._model.nv)
+        wrench = np.array(data.qfrc_passive[self._v])
+        wrench += data.qfrc_actuator[self._v]
+        wrench += data.qfrc_applied[self._v]
+        rows = np.asarray(data.efc_force)[:data.nefc] * _NO_CONTACT[np.asarray(data.efc_type)[:data.nefc]]
         if rows.any():
+            of_constraints = np.zeros(self._model.nv)
             self._binding.mj_mulJacTVec(self._model, data, of_constraints, rows)
-        generalised = of_constraints + data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied
-        wrench = np.array(generalised[self._v])
+            wrench += of_constraints[self._v]
         wrench[3:] = rotation(data.qpos[self._q][3:]) @ wrench[3:]
         applied = data.xfrc_applied[self._tool]
-        wrench[:3] += applied[:3]
-        wrench[3:] += applied[3:] + np.cross(data.xipos[self._tool] - data.xpos[self._tool], applied[:3])
+        if applied.any():
+            wrench[:3] += applied[:3]
+            wrench[3:] += applied[3:] + np.cross(data.xipos[self._tool] - data.xpos[self._tool], applied[:3])
         return wrench
 
     def _send_contacts(self, data: Any, v: np.ndarray) -> None:
@@ -254,6 +258,9 @@ class Session:
 
     def _set_force(self, own: bool) -> None:
         """Whether the tool's contacts have MuJoCo's force; they are listed where they were."""
+        if own == self._own_force:
+            return
+        self._own_force = own
         for margin, gap, which, own_margin, own_gap in self._listed:
             if own:
                 margin[which], gap[which] = own_margin, own_gap
