@@ -1,0 +1,100 @@
+#!/usr/bin/python3
+"""haptic.newton: a box presses, slides, pushes, lifts and enters a hole, with SolverXPBD on the CPU.
+
+Usage: newton_test.py HAPTIC_SERVER LIBHAPTIC [TEST …]
+"""
+
+import unittest
+
+from given import SERVER, last_line_of, main
+
+import haptic
+import haptic.newton
+import hand_session
+import newton
+import numpy as np
+import warp
+from scenes import GRAVITY, play, scenes
+from touch_tasks import TouchTasks
+
+STEP = 1 / 120  # s: a step takes the CPU some milliseconds
+warp.config.quiet = True
+
+
+class World:
+    def __init__(self, scene=None, step=STEP):
+        self.builder, self.step = newton.ModelBuilder(gravity=(0, 0, -GRAVITY)), step
+        if scene is not None:
+            self.builder.add_ground_plane(cfg=newton.ModelBuilder.ShapeConfig(mu=scene.floor))
+            self.tool, self.body = self.box(scene.tool), None if scene.body is None else self.box(scene.body)
+            for wall in scene.walls:
+                self.box(wall)
+            self.finish()
+
+    def finish(self):
+        self.model = self.builder.finalize(device="cpu")
+        self.state, self.after = self.model.state(), self.model.state()
+        self.pipeline = newton.CollisionPipeline(self.model)
+        self.contacts, self.control = self.pipeline.contacts(), self.model.control()
+
+    def box(self, box):
+        cfg = newton.ModelBuilder.ShapeConfig(density=0, mu=box.friction)
+        place = warp.transform(box.centre, warp.quat_identity())
+        x, y, z = (edge * edge * box.mass / 12 for edge in box.size)
+        body = -1 if box.mass == 0 else self.builder.add_body(
+            xform=place, mass=box.mass, inertia=warp.mat33(*np.diag((y + z, z + x, x + y)).ravel().tolist()))
+        self.builder.add_shape_box(body, xform=place if body < 0 else None, cfg=cfg,
+                                   **dict(zip(("hx", "hy", "hz"), (edge / 2 for edge in box.size))))
+        return body
+
+    def advance(self, solver, push=lambda state: None):
+        self.state.clear_forces()
+        push(self.state)
+        self.pipeline.collide(self.state, self.contacts)
+        solver.step(self.state, self.after, self.control, self.contacts, self.step)
+        self.state, self.after = self.after, self.state
+
+    def play(self, address, seconds, rate, stall=0):
+        """Returns what an example prints."""
+        with haptic.newton.Session(self.model, self.state, self.tool, step=self.step, period=1 / rate, gravity=(0, 0, 0),
+                                   server=address) as touch:
+            solver = newton.solvers.SolverXPBD(self.model, iterations=10)
+            start = [array.numpy().copy() for array in (self.state.body_q, self.state.body_qd)]
+            self.advance(solver)  # It is compiled now.
+            for array, kept in zip((self.state.body_q, self.state.body_qd), start):
+                array.assign(kept)
+
+            def frame():
+                for _ in range(touch.drive(self.state)):
+                    self.advance(solver, touch.push)
+                touch.send(self.state, self.contacts)
+            return play(seconds, rate, frame, lambda: self.state.body_q.numpy()[self.body or 0][:3], stall)
+
+
+class Touch(TouchTasks, unittest.TestCase):
+    rates = (30, 60)
+    @staticmethod
+    def play(scene, seconds, hand, *options, rate=60, stall=0):
+        # SolverXPBD takes the average of two coefficients: that of the box with the floor is 0.4, 0.5 or, of the puck, 0.
+        made = scenes()[scene]
+        floor = 0 if scene == "puck" else made.body.friction if made.body else 0.5
+        world = World(made._replace(floor=floor), min(STEP, 1 / rate))
+        return hand_session.play(SERVER, hand, options, lambda address: world.play(address, seconds, rate, stall))
+
+    # Not yet claimed: with a processor that others use too, steps of some milliseconds come so late that bodies fall or jump.
+    late = unittest.skip("needs a processor of its own")
+    test_a_brick_is_pushed_at_its_friction = late(TouchTasks.test_a_brick_is_pushed_at_its_friction)
+    test_a_free_body_gains_the_momentum_that_the_hand_felt = late(
+        TouchTasks.test_a_free_body_gains_the_momentum_that_the_hand_felt)
+    test_a_body_that_is_lifted_weighs_what_it_weighs = late(TouchTasks.test_a_body_that_is_lifted_weighs_what_it_weighs)
+    test_a_body_that_is_lifted_stays_on_the_tool_while_its_world_stalls = late(
+        TouchTasks.test_a_body_that_is_lifted_stays_on_the_tool_while_its_world_stalls)
+
+
+class Example(unittest.TestCase):
+    def test_it_presses_and_pushes(self):
+        self.assertRegex(last_line_of("newton/touch.py"), r" N, brick at 0\.1\d\d m$")
+
+
+if __name__ == "__main__":
+    main()
