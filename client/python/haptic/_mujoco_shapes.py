@@ -9,7 +9,7 @@ import numpy as np
 import haptic
 import haptic.proximity
 import haptic.shapes
-from haptic._world import gaps, quaternions
+from haptic._world import Gaps, quaternions
 
 # For each mjtGeom: kind and sizes of haptic.proximity.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
@@ -42,6 +42,7 @@ class Shapes:
         self._apart = self._excluded(own, body)
         #: Of each geom what it moves with: a mocap body moves by itself.
         self._carrier = np.where((owners == 0) & (np.asarray(model.body_mocapid)[body] >= 0), body, owners)
+        self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms], self._carrier, tool)
         self._proximity: Optional[haptic.proximity.Proximity] = None
         self._mocap: dict[int, np.ndarray] = {}  # Pose of each in the frame before.
 
@@ -66,8 +67,7 @@ class Shapes:
 
     def gaps(self, data: Any) -> dict[int, float]:
         """How far each body is from the tool at least, m, those nearest first; by balls around the geoms."""
-        at, around = np.asarray(data.geom_xpos)[self._geoms], np.asarray(self._model.geom_rbound)[self._geoms]
-        return gaps(at, around, self._carrier, self._tool)
+        return self._gaps.find(np.asarray(data.geom_xpos)[self._geoms])
 
     def poses(self, data: Any, bodies: Iterable[int], period: float, binding: Any) -> np.ndarray:
         """Where bodies are, and how they move; period: since the frame before, s."""

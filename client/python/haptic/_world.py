@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import abc
+import functools
+import math
 import warnings
 from typing import Any, Iterable, Optional, Sequence
 
@@ -58,7 +60,8 @@ class Frames:
 
     def speed(self, v: np.ndarray) -> float:
         """Of the fastest point of a tool of that velocity, at most, m/s."""
-        return np.linalg.norm(v[:3]) + self._arm * np.linalg.norm(v[3:])
+        x, y, z, *turning = v.tolist()
+        return math.hypot(x, y, z) + self._arm * math.hypot(*turning)
 
     def reach(self, v: np.ndarray) -> float:
         """How far bodies are, m, that a tool of that velocity may push before the next frame's are there, or those after it if
@@ -88,6 +91,14 @@ class Placed:
         self.friction.append(friction)
         self.carriers.append(carrier)
         self.radii.append(_radius(kind, np.asarray(size), vertices))
+
+    @functools.cached_property
+    def _finder(self) -> "Gaps":
+        return Gaps(np.array(self.radii), np.array(self.carriers), _TOOL)
+
+    def gaps(self, at: np.ndarray) -> dict[int, float]:
+        """As Gaps.find(), once all shapes have been added."""
+        return self._finder.find(at)
 
     @property
     def bodies(self) -> list[int]:
@@ -188,7 +199,7 @@ class WorldSession(abc.ABC):
         turns = {carrier: rotation(turn) for carrier, (_, turn) in frames.items()}
         at = np.array([frames[carrier][0] + turns[carrier] @ place
                        for carrier, place in zip(placed.carriers, placed.positions)]).reshape(-1, 3)
-        return gaps(at, np.array(placed.radii), np.array(placed.carriers), _TOOL)
+        return placed.gaps(at)
 
     @abc.abstractmethod
     def _shapes(self) -> Placed:
@@ -216,17 +227,24 @@ def of_tool() -> int:
     return _TOOL
 
 
-def gaps(at: np.ndarray, around: np.ndarray, carriers: np.ndarray, tool: int) -> dict[int, float]:
-    """How far each body is from the tool at least, m, those nearest first; by balls around shapes: their centres, radii
-    and carriers, of which 0 is the world."""
-    of_tool = carriers == tool
-    moves = np.flatnonzero(~of_tool & (carriers != 0))
-    away = np.linalg.norm(at[moves, None] - at[None, of_tool], axis=2) - around[moves, None] - around[None, of_tool]
-    found: dict[int, float] = {}
-    for shape, gap in zip(moves, away.min(axis=1, initial=np.inf)):
-        body = int(carriers[shape])
-        found[body] = min(gap, found.get(body, np.inf))
-    return dict(sorted(found.items(), key=lambda each: each[1]))
+class Gaps:
+    """How far bodies are from the tool at least, by balls around shapes."""
+
+    def __init__(self, radii: np.ndarray, carriers: np.ndarray, tool: int):
+        """radii: of the balls, m. carriers: of the shapes: bodies, 0 for the world, or `tool`."""
+        self._of_tool = np.flatnonzero(carriers == tool)
+        self._moves = np.flatnonzero((carriers != tool) & (carriers != 0))
+        self._bodies, self._place = np.unique(carriers[self._moves], return_inverse=True)
+        self._around = radii[self._moves, None] + radii[None, self._of_tool]
+
+    def find(self, at: np.ndarray) -> dict[int, float]:
+        """The bodies' gaps, m, nearest first. at: the balls' centres."""
+        between = at[self._moves, None] - at[None, self._of_tool]
+        away = np.sqrt(np.einsum("ijk,ijk->ij", between, between)) - self._around
+        nearest = np.full(len(self._bodies), np.inf)
+        np.minimum.at(nearest, self._place, away.min(axis=1, initial=np.inf))
+        order = np.argsort(nearest)
+        return dict(zip(self._bodies[order].tolist(), nearest[order].tolist()))
 
 
 def with_touching(bodies: list[int], pairs: Any, pushable: Any) -> list[int]:
@@ -243,7 +261,7 @@ def with_touching(bodies: list[int], pairs: Any, pushable: Any) -> list[int]:
 
 def rotation(quaternion: Sequence[float]) -> np.ndarray:
     """The matrix of (w, x, y, z)."""
-    w, x, y, z = quaternion
+    w, x, y, z = map(float, quaternion)
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
                      [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
                      [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])

@@ -365,13 +365,14 @@ class Session:
         joints and of servos on them, acts faster than that, a body that the server thinks free would chatter."""
         model = self._model
         damping = np.array(model.dof_damping)
-        servo = np.flatnonzero((np.asarray(model.actuator_trntype) == _OF_JOINT)
-                               & (np.asarray(model.actuator_biastype) == _AFFINE))
-        joints = np.asarray(model.actuator_trnid)[servo, 0]
-        # Since 3.11 an actuator may have several outputs, each with its gear.
-        output = np.asarray(model.actuator_outadr)[servo] if hasattr(model, "actuator_outadr") else servo
-        gear, gain = np.asarray(model.actuator_gear)[output, 0], -np.asarray(model.actuator_biasprm)[servo, 2]
-        np.add.at(damping, np.asarray(model.jnt_dofadr)[joints], gear**2 * np.maximum(gain, 0))
+        if model.nu > 0:
+            servo = np.flatnonzero((np.asarray(model.actuator_trntype) == _OF_JOINT)
+                                   & (np.asarray(model.actuator_biastype) == _AFFINE))
+            joints = np.asarray(model.actuator_trnid)[servo, 0]
+            # Since 3.11 an actuator may have several outputs, each with its gear.
+            output = np.asarray(model.actuator_outadr)[servo] if hasattr(model, "actuator_outadr") else servo
+            gear, gain = np.asarray(model.actuator_gear)[output, 0], -np.asarray(model.actuator_biasprm)[servo, 2]
+            np.add.at(damping, np.asarray(model.jnt_dofadr)[joints], gear**2 * np.maximum(gain, 0))
         damped = np.flatnonzero(damping)
         if len(damped) == 0:
             return lambda rows: rows
