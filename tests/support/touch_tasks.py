@@ -14,6 +14,7 @@ PRINTED = 0.5  # s, from line to line of an example
 
 class TouchTasks:
     rates = (60,)  # Hz, of frames, at which it slides, pushes and lifts
+    stalls = (0.03, 0.1, 0.3)  # s, of its world
     largest_jump = 0.15  # N, at rest
     largest_jump_of_bodies = 0.15  # N
     largest_deviation_of_brick = 0.1  # N
@@ -107,7 +108,7 @@ class TouchTasks:
         self.assertGreater(track[-1][2], 0.095)     # m: 15 mm above the rails
 
     def test_a_body_that_is_lifted_stays_on_the_tool_while_its_world_stalls(self):
-        for stall in (0.03, 0.1, 0.3):
+        for stall in self.stalls:
             with self.subTest(stall=stall):
                 in_some_attempt(self.bears_a_body_while_its_world_stalls, stall)
 
