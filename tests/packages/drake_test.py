@@ -72,7 +72,7 @@ class World:
 
 
 class Touch(TouchTasks, unittest.TestCase):
-    rates = (30, 60)
+    rates = (30, 60, 500)
     largest_jump_of_bodies = 0.3      # N
     largest_deviation_of_load = 0.1   # N
 
