@@ -1,6 +1,8 @@
 #include "haptic.h"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -9,10 +11,11 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
-#include <unistd.h>
+#include <pthread.h>
 
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
@@ -42,6 +45,45 @@ namespace {
 using namespace hlm;
 using protocol::SealedClientLink;
 using protocol::UdpSocket;
+
+constexpr Range kDuration{0, 1e6, "s", true};  // Of a step, or of a frame's steps.
+constexpr Range kEpsilon{0, 1, "m"};           // More are millimetres.
+constexpr Range kPlace{-protocol::kLargestLength, protocol::kLargestLength, "m"};
+
+/// How often the program was forked until it was this one.
+std::atomic<int> forks{0};
+[[maybe_unused]] const int watches_forks = pthread_atfork(nullptr, nullptr, [] { ++forks; });
+
+template <class Error>
+void refuse(const std::optional<Error>& error) {
+  if (error) throw std::invalid_argument(std::string(*error));
+}
+
+void require(const void* given, const char* name) {
+  if (given == nullptr) throw std::invalid_argument(std::string(name) + " must not be NULL");
+}
+
+/// A list that there is and that has at most so many.
+void require_list(const void* given, std::size_t count, std::size_t most, const char* name) {
+  require_at_most(most, count, name);
+  if (count > 0 && given == nullptr) {
+    throw std::invalid_argument(std::to_string(count) + " " + name + " must not be NULL");
+  }
+}
+
+void require_unit(const char* name, double length) {
+  if (std::abs(length - 1) <= kUnitTolerance) return;
+  throw std::invalid_argument(std::string(name) + " must be of length 1, not " +
+                              shortest_text(length));
+}
+
+void require_finite(const char* name, const double* values, Eigen::Index count) {
+  for (Eigen::Index i = 0; i < count; ++i) {
+    if (std::isfinite(values[i])) continue;
+    throw std::invalid_argument(std::string(name) + "[" + std::to_string(i) + "] " +
+                                shortest_text(values[i]) + " must be finite");
+  }
+}
 
 void copy(std::string_view text, char* to, std::size_t size) {
   if (size == 0) return;
@@ -73,10 +115,11 @@ Link link_of(const haptic_link& from) {
 }
 
 ToolDescription tool_of(const haptic_options& options) {
-  if (options.links == nullptr || options.link_count < 1 || options.link_count > kMaxLinks) {
+  if (options.link_count < 1 || options.link_count > kMaxLinks) {
     throw std::invalid_argument("link_count " + std::to_string(options.link_count) +
                                 " must be 1 to " + std::to_string(kMaxLinks));
   }
+  require(options.links, "links");
   ToolDescription tool;
   for (std::size_t i = 0; i < options.link_count; ++i) {
     const haptic_link& link = options.links[i];
@@ -90,7 +133,7 @@ ToolDescription tool_of(const haptic_options& options) {
   tool.X_LH = pose_of(options.hand_position, options.hand_rotation);
   tool.gravity_W = vector_of(options.gravity);
   tool.length = options.length;
-  if (const auto error = find_error(tool)) throw std::invalid_argument(*error);
+  refuse(find_error(tool));
   return tool;
 }
 
@@ -101,6 +144,7 @@ HapticClientOptions client_options(const haptic_options& options) {
   client.q = Eigen::Map<const Configuration>(options.q, client.tool.configuration_size());
   client.ve_rate = options.rate;
   client.epsilon = options.epsilon;
+  refuse(find_error("epsilon", options.epsilon, kEpsilon));
   client.clears_fault = options.clears_fault != 0;
   return client;
 }
@@ -136,15 +180,42 @@ MovableBodies bodies_of(const haptic_body* from, std::size_t count) {
 
 constexpr haptic_material kNoMaterial{.friction = -1, .rule = HAPTIC_MINIMUM, .priority = 0};
 
-/// What is wrong with where a body is said to be; empty if nothing is.
-std::string find_error(const haptic_body_pose& body) {
-  const Pose X_WB = pose_of(body.pose);
-  const bool finite = X_WB.p.allFinite() && vector_of(body.velocity).allFinite();
-  const double length = X_WB.R.norm();
-  const std::string name = "pose of body " + std::to_string(body.body) + ": ";
-  if (!finite) return name + "a number is not finite";
-  if (std::abs(length - 1) <= kUnitTolerance) return "";
-  return name + "its rotation must be of length 1, not " + shortest_text(length);
+/// Throws what is wrong with where the body is said to be.
+BodyPose body_pose_of(const haptic_body_pose& from) {
+  BodyPose made{.body = from.body, .X_WB = pose_of(from.pose), .V_W = vector_of(from.velocity)};
+  if (!made.X_WB.p.allFinite() || !made.V_W.allFinite()) {
+    throw std::invalid_argument("a number is not finite");
+  }
+  require_unit("its rotation", made.X_WB.R.norm());
+  made.X_WB.R.normalize();
+  return made;
+}
+
+/// There is no session, and no force.
+void set_off(haptic_state& state) {
+  state.server = HAPTIC_SERVER_OFF;
+  state.active = state.predicted = 0;
+  std::fill_n(state.command, 6, 0.0);
+  std::fill_n(state.contact_wrench, 6, 0.0);
+}
+
+void store(const protocol::ProxyState& proxy, haptic_state& state) {
+  state.step = proxy.step;
+  state.acknowledged = proxy.acknowledged;
+  state.q_count = static_cast<std::int32_t>(proxy.q.size());
+  state.v_count = static_cast<std::int32_t>(proxy.v.size());
+  store(proxy.q, state.q);
+  store(proxy.v, state.v);
+  store(proxy.F_env, state.contact_wrench);
+  store(proxy.F_command, state.command);
+  store(proxy.X_WD.p, state.device_position);
+  const Quaternion& R = proxy.X_WD.R;
+  store(Eigen::Vector4d(R.w(), R.x(), R.y(), R.z()), state.device_rotation);
+  state.server = static_cast<std::int32_t>(proxy.server);
+  state.active = proxy.active_contacts;
+  state.predicted = proxy.predicted_contacts;
+  state.buttons = proxy.buttons;
+  state.gripper = proxy.gripper;
 }
 
 /// A sentence on the end of a session's own server.
@@ -196,7 +267,11 @@ struct haptic_session {
     return news->text().empty() ? client->body_problem() : news->text();
   }
 
-  pid_t process = getpid();  ///< Process of the session.
+  /// Whether this is what a fork copied: the session goes on in the process that opened it.
+  bool is_copy() const { return process != forks.load(std::memory_order_relaxed); }
+
+  int process = forks;    ///< Of which it is.
+  std::atomic_flag busy;  ///< While a thread is in a call.
   HapticClientOptions client_options_;
   ToolModel tool;                  ///< Tool at the latest sample.
   protocol::ContactUpdate update;  ///< Update of the latest sample, to be checked.
@@ -210,9 +285,37 @@ struct haptic_session {
   BodyPoses poses;                  ///< Where bodies are, for the next update.
   std::set<std::uint32_t> offered;  ///< Bodies that have shapes at the server.
   std::optional<SessionNews> news;
-  std::string page;  ///< Its address.
-  std::string error;
+  std::string page;      ///< Its address.
+  std::string error;     ///< Of the latest call that failed.
+  bool sampled = false;  ///< There is a configuration that contacts are of.
 };
+
+namespace {
+
+/// The session that another thread was in when this one called it, until a call fails otherwise.
+thread_local const haptic_session* found_busy = nullptr;
+
+/// What `call` returns; or `refusal`, with haptic_error(), if it throws or the session cannot be
+/// used here.
+template <class Result, class Call>
+Result in_session(haptic_session* session, Result refusal, Call call) noexcept {
+  if (session == nullptr || session->is_copy()) return refusal;
+  if (session->busy.test_and_set(std::memory_order_acquire)) {
+    found_busy = session;
+    return refusal;
+  }
+  Result result = refusal;
+  try {
+    result = call();
+  } catch (const std::exception& failure) {
+    session->error = failure.what();
+    found_busy = nullptr;
+  }
+  session->busy.clear(std::memory_order_release);
+  return result;
+}
+
+}  // namespace
 
 int haptic_abi(void) { return HAPTIC_ABI; }
 
@@ -223,7 +326,7 @@ haptic_link haptic_box(double mass, const double size[3]) {
   link.rotation[0] = 1;
   link.axis[2] = 1;
   link.mass = mass;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < 3 && size != nullptr; ++i) {
     const double b = size[(i + 1) % 3];
     const double c = size[(i + 2) % 3];
     link.inertia[4 * i] = mass * (b * b + c * c) / 12;
@@ -251,6 +354,7 @@ haptic_options haptic_default_options(void) {
 
 haptic_session* haptic_open(const haptic_options* options, char* error, std::size_t error_size) {
   try {
+    require(options, "options");
     return new haptic_session(*options);
   } catch (const std::exception& failure) {
     if (error != nullptr) copy(failure.what(), error, error_size);
@@ -260,169 +364,185 @@ haptic_session* haptic_open(const haptic_options* options, char* error, std::siz
 
 void haptic_close(haptic_session* session) {
   if (session == nullptr) return;
-  // A child that was forked has a copy of what is still the parent's.
-  if (getpid() == session->process) session->client->close(steady_seconds());
+  if (!session->is_copy()) {
+    while (session->busy.test_and_set(std::memory_order_acquire)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    session->client->close(steady_seconds());
+  } else if (session->busy.test_and_set()) {
+    return;  // It was copied amid a call of a thread that is not here.
+  }
   delete session;
 }
 
-void haptic_poll(haptic_session* session, haptic_state* state) {
-  HapticClient& client = *session->client;
+namespace {
+
+void take_news(haptic_session& session, haptic_state& state) {
+  HapticClient& client = *session.client;
   const double now = steady_seconds();
   const HapticClient::Inbox inbox = client.poll(now);
-  state->connected = client.connected();
-  state->began = inbox.welcomed;
-  state->lost = inbox.lost;
-  state->fresh = inbox.state != nullptr;
-  state->round_trip = client.round_trip();
-  state->servo_rate = client.connected() ? client.welcome().servo_rate : 0;
-  state->scene = client.has_scene() ? 1 : 0;
-  session->news->hear(now, client, inbox);
-  copy(session->message(), state->message, HAPTIC_MAX_TEXT);
-  if (!state->connected) {
-    state->server = HAPTIC_SERVER_OFF;
-    state->active = state->predicted = 0;
-    std::fill_n(state->command, 6, 0.0);
-    std::fill_n(state->contact_wrench, 6, 0.0);
-  }
-  if (inbox.state == nullptr) return;
-  const protocol::ProxyState& proxy = *inbox.state;
-  state->step = proxy.step;
-  state->acknowledged = proxy.acknowledged;
-  state->q_count = static_cast<std::int32_t>(proxy.q.size());
-  state->v_count = static_cast<std::int32_t>(proxy.v.size());
-  store(proxy.q, state->q);
-  store(proxy.v, state->v);
-  store(proxy.F_env, state->contact_wrench);
-  store(proxy.F_command, state->command);
-  store(proxy.X_WD.p, state->device_position);
-  const Quaternion& R = proxy.X_WD.R;
-  store(Eigen::Vector4d(R.w(), R.x(), R.y(), R.z()), state->device_rotation);
-  state->server = static_cast<std::int32_t>(proxy.server);
-  state->active = proxy.active_contacts;
-  state->predicted = proxy.predicted_contacts;
-  state->buttons = proxy.buttons;
-  state->gripper = proxy.gripper;
+  state.connected = client.connected();
+  state.began = inbox.welcomed;
+  state.lost = inbox.lost;
+  state.fresh = inbox.state != nullptr;
+  state.round_trip = client.round_trip();
+  state.servo_rate = client.connected() ? client.welcome().servo_rate : 0;
+  state.scene = client.has_scene() ? 1 : 0;
+  session.news->hear(now, client, inbox);
+  copy(session.message(), state.message, HAPTIC_MAX_TEXT);
+  if (!state.connected) set_off(state);
+  if (inbox.state != nullptr) store(*inbox.state, state);
+}
+
+}  // namespace
+
+void haptic_poll(haptic_session* session, haptic_state* state) {
+  const bool polled = in_session(session, false, [&] {
+    require(state, "state");
+    take_news(*session, *state);
+    return true;
+  });
+  if (polled || state == nullptr) return;
+  *state = {};
+  copy(haptic_error(session), state->message, HAPTIC_MAX_TEXT);
 }
 
 int haptic_take_steps(haptic_session* session, double step) {
-  if (!(step > 0 && step < 1e6)) {
-    session->error = "step (s) must be > 0";
-    return -1;
-  }
-  return session->client->take_steps(step);
+  return in_session(session, -1, [&] {
+    refuse(find_error("step", step, kDuration));
+    return session->client->take_steps(step);
+  });
 }
 
 std::size_t haptic_take_impulses(haptic_session* session, double period, haptic_impulse* impulses) {
-  std::size_t count = 0;
-  if (!(period > 0 && period < 1e6)) return 0;
-  for (const protocol::BodyImpulse& due : session->client->take_impulses(period)) {
-    // Whatever a server says, it can push no body that was not reported to it.
-    if (!session->sent.contains(due.body)) continue;
-    impulses[count] = {.body = due.body, .reserved = 0, .impulse = {}};
-    store(due.P_W, impulses[count].impulse);
-    ++count;
-  }
-  return count;
+  return in_session(session, std::size_t{0}, [&] {
+    refuse(find_error("period", period, kDuration));
+    require(impulses, "impulses");
+    std::size_t count = 0;
+    for (const protocol::BodyImpulse& due : session->client->take_impulses(period)) {
+      // Whatever a server says, it can push no body that was not reported to it.
+      if (!session->sent.contains(due.body)) continue;
+      impulses[count] = {.body = due.body, .reserved = 0, .impulse = {}};
+      store(due.P_W, impulses[count].impulse);
+      ++count;
+    }
+    return count;
+  });
 }
 
 int haptic_sample(haptic_session* session, const double* q, const double* v, double period) {
-  const ToolDescription& tool = session->tool.description();
-  Configuration configuration = Eigen::Map<const Configuration>(q, tool.configuration_size());
-  const Velocity velocity = Eigen::Map<const Velocity>(v, tool.dof());
-  if (!configuration.allFinite() || !velocity.allFinite() || !(period > 0 && period < 1e6)) {
-    session->error = "q and v must be finite, the period (s) > 0";
-    return -1;
-  }
-  if (tool.links[0].joint == JointType::kFree) {
-    auto rotation = configuration.segment<4>(3);
-    const double length = rotation.norm();
-    if (!(std::abs(length - 1) <= kUnitTolerance)) {
-      session->error = "q: its quaternion must be of length 1, not " + shortest_text(length);
-      return -1;
+  return in_session(session, -1, [&] {
+    const ToolDescription& tool = session->tool.description();
+    require(q, "q");
+    require(v, "v");
+    require_finite("q", q, tool.configuration_size());
+    require_finite("v", v, tool.dof());
+    refuse(find_error("period", period, kDuration));
+    Configuration configuration = Eigen::Map<const Configuration>(q, tool.configuration_size());
+    const Velocity velocity = Eigen::Map<const Velocity>(v, tool.dof());
+    if (tool.links[0].joint == JointType::kFree) {
+      auto rotation = configuration.segment<4>(3);
+      require_unit("q: its quaternion", rotation.norm());
+      rotation.normalize();
     }
-    rotation /= length;
-  }
-  session->tool.set_configuration(configuration);
-  session->update.q_VE = configuration;
-  session->update.v_VE = velocity;
-  session->client->sample(steady_seconds(), configuration, velocity, period);
-  return 0;
+    session->tool.set_configuration(configuration);
+    session->update.q_VE = configuration;
+    session->update.v_VE = velocity;
+    session->client->sample(steady_seconds(), configuration, velocity, period);
+    session->sampled = true;
+    return 0;
+  });
 }
 
 void haptic_track(haptic_session* session, haptic_contact* contacts, std::size_t count,
                   const haptic_body* bodies, std::size_t body_count) {
-  ReportedContacts reported = contacts_of(contacts, count);
-  session->tracker.assign(session->tool, bodies_of(bodies, body_count), reported);
-  for (std::size_t i = 0; i < reported.size(); ++i) contacts[i].identity = reported[i].identity;
+  in_session(session, false, [&] {
+    require_list(contacts, std::min(count, kMaxContacts), kMaxContacts, "contacts");
+    require_list(bodies, body_count, kMaxBodies, "bodies");
+    ReportedContacts reported = contacts_of(contacts, count);
+    session->tracker.assign(session->tool, bodies_of(bodies, body_count), reported);
+    for (std::size_t i = 0; i < reported.size(); ++i) contacts[i].identity = reported[i].identity;
+    return true;
+  });
 }
+
+namespace {
+
+/// Throws what a list of bodies says in no known way, or leaves out.
+void check(const haptic_session& session, const haptic_body& body) {
+  if (body.round >= kWords<Roundness>.size()) {
+    throw std::invalid_argument("body " + std::to_string(body.id) + ": round " +
+                                std::to_string(body.round) + " must be 0, 1 or 2");
+  }
+  const bool is_placed =
+      std::ranges::find(session.poses, body.id, &BodyPose::body) != session.poses.end();
+  if (!is_placed && session.offered.contains(body.id)) {
+    throw std::invalid_argument("body " + std::to_string(body.id) + " must have a pose, too");
+  }
+}
+
+void check_planes(const haptic_contact* contacts, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    if (contacts[i].plane < kWords<PlaneOwner>.size()) continue;
+    throw std::invalid_argument("contact " + std::to_string(i) + ": plane " +
+                                std::to_string(contacts[i].plane) + " must be 0 or 1");
+  }
+}
+
+}  // namespace
 
 std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts, std::size_t count,
                          const haptic_body* bodies, std::size_t body_count) {
-  if (count > HAPTIC_MAX_CONTACTS || body_count > HAPTIC_MAX_BODIES) {
-    session->error = std::to_string(count) + " contacts and " + std::to_string(body_count) +
-                     " bodies must be at most " + std::to_string(HAPTIC_MAX_CONTACTS) + " and " +
-                     std::to_string(HAPTIC_MAX_BODIES);
-    return -1;
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (contacts[i].plane < kWords<PlaneOwner>.size()) continue;
-    session->error = "contact " + std::to_string(i) + ": plane " +
-                     std::to_string(contacts[i].plane) + " must be 0 or 1";
-    return -1;
-  }
-  for (std::size_t i = 0; i < body_count; ++i) {
-    if (bodies[i].round < kWords<Roundness>.size()) continue;
-    session->error = "body " + std::to_string(bodies[i].id) + ": round " +
-                     std::to_string(bodies[i].round) + " must be 0, 1 or 2";
-    return -1;
-  }
-  for (std::size_t i = 0; i < body_count; ++i) {
-    const bool is_placed =
-        std::ranges::find(session->poses, bodies[i].id, &BodyPose::body) != session->poses.end();
-    if (is_placed || !session->offered.contains(bodies[i].id)) continue;
-    session->error = "body " + std::to_string(bodies[i].id) + " must have a pose, too";
-    return -1;
-  }
-  protocol::ContactUpdate& update = session->update;
-  update.contacts = contacts_of(contacts, count);
-  update.bodies = bodies_of(bodies, body_count);
-  if (auto error = find_error(update, session->tool)) {
-    session->error = std::move(*error);
-    return -1;
-  }
-  for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
-  session->client->follow_accelerations(update.bodies);
-  const std::uint64_t sequence =
-      session->client->send(steady_seconds(), update.contacts, update.bodies, session->poses);
-  session->poses.clear();
-  return static_cast<std::int64_t>(sequence);
+  return in_session(session, std::int64_t{-1}, [&] {
+    require_list(contacts, count, kMaxContacts, "contacts");
+    require_list(bodies, body_count, kMaxBodies, "bodies");
+    check_planes(contacts, count);
+    for (std::size_t i = 0; i < body_count; ++i) check(*session, bodies[i]);
+    protocol::ContactUpdate& update = session->update;
+    update.contacts = contacts_of(contacts, count);
+    update.bodies = bodies_of(bodies, body_count);
+    refuse(find_error(update, session->tool));
+    if (!session->sampled) {
+      throw std::logic_error(
+          "before the first send there must be a sample: the tool's q and v, for "
+          "which contacts are found");
+    }
+    for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
+    session->client->follow_accelerations(update.bodies);
+    const std::uint64_t sequence =
+        session->client->send(steady_seconds(), update.contacts, update.bodies, session->poses);
+    session->poses.clear();
+    return static_cast<std::int64_t>(sequence);
+  });
 }
 
 int haptic_external_wrench(haptic_session* session, std::int32_t link, const double wrench[6]) {
-  const int links = session->tool.links();
-  if (link < 0 || link >= links) {
-    session->error = "link " + std::to_string(link) + " of an external wrench must be 0 to " +
-                     std::to_string(links - 1);
-    return -1;
-  }
-  const auto index = static_cast<std::uint8_t>(link);
-  const Wrench F_W = Eigen::Map<const Wrench>(wrench);
-  const Wrench sum = session->client->external(index) + F_W;
-  const Range range{-protocol::kLargestForce, protocol::kLargestForce, "N or N·m"};
-  for (const double x : sum) {
-    const auto error = find_error("external wrench", x, range);
-    if (!error) continue;
-    session->error = *error;
-    return -1;
-  }
-  session->client->add_external(index, F_W);
-  return 0;
+  return in_session(session, -1, [&] {
+    const int links = session->tool.links();
+    if (link < 0 || link >= links) {
+      throw std::invalid_argument("link " + std::to_string(link) +
+                                  " of an external wrench must be 0 to " +
+                                  std::to_string(links - 1));
+    }
+    require(wrench, "wrench");
+    const auto index = static_cast<std::uint8_t>(link);
+    const Wrench F_W = Eigen::Map<const Wrench>(wrench);
+    const Wrench sum = session->client->external(index) + F_W;
+    const Range range{-protocol::kLargestForce, protocol::kLargestForce, "N or N·m"};
+    for (const double x : sum) refuse(find_error("external wrench", x, range));
+    session->client->add_external(index, F_W);
+    return 0;
+  });
 }
 
 int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses,
                  const haptic_material* materials, std::size_t count, const std::uint32_t* excluded,
                  std::size_t excluded_count) {
-  try {
+  return in_session(session, -1, [&] {
+    constexpr protocol::SceneLimits kLimits;
+    require_list(shapes, count, kLimits.placements, "shapes");
+    require_list(poses, count, count, "poses of shapes");
+    require_list(excluded, excluded_count, kLimits.apart, "excluded pairs");
     protocol::SceneOffer offer;
     for (std::size_t i = 0; i < count; ++i) {
       const haptic_material material = materials == nullptr ? kNoMaterial : materials[i];
@@ -441,73 +561,80 @@ int haptic_offer(haptic_session* session, const haptic_shape* shapes, const hapt
     session->client->offer_scene(std::move(offer));
     session->offered = std::move(bodies);
     return 0;
-  } catch (const std::exception& failure) {
-    session->error = failure.what();
-    return -1;
-  }
+  });
 }
 
+namespace {
+
+void add(const haptic_session& session, const BodyPose& pose, BodyPoses& poses) {
+  if (!session.offered.contains(pose.body)) {
+    throw std::invalid_argument("no shape of it was offered");
+  }
+  if (std::ranges::find(poses, pose.body, &BodyPose::body) != poses.end()) {
+    throw std::invalid_argument("it has an earlier one, too");
+  }
+  poses.push_back(pose);
+}
+
+}  // namespace
+
 int haptic_place(haptic_session* session, const haptic_body_pose* bodies, std::size_t count) {
-  if (count > HAPTIC_MAX_POSES) {
-    session->error = std::to_string(count) + " poses must be at most " +
-                     std::to_string(HAPTIC_MAX_POSES) + ": give those near the tool";
-    return -1;
-  }
-  BodyPoses poses;
-  for (std::size_t i = 0; i < count; ++i) {
-    std::string error = find_error(bodies[i]);
-    if (error.empty() && !session->offered.contains(bodies[i].body)) {
-      error = "pose of body " + std::to_string(bodies[i].body) + ": no shape of it was offered";
+  return in_session(session, -1, [&] {
+    require_list(bodies, count, kMaxPoses, "poses");
+    BodyPoses poses;
+    for (std::size_t i = 0; i < count; ++i) {
+      try {
+        add(*session, body_pose_of(bodies[i]), poses);
+      } catch (const std::invalid_argument& error) {
+        throw std::invalid_argument("pose of body " + std::to_string(bodies[i].body) + ": " +
+                                    error.what());
+      }
     }
-    if (!error.empty()) {
-      session->error = std::move(error);
-      return -1;
-    }
-    BodyPose& pose = poses.emplace_back();
-    pose.body = bodies[i].body;
-    pose.X_WB = pose_of(bodies[i].pose);
-    pose.X_WB.R.normalize();
-    pose.V_W = vector_of(bodies[i].velocity);
-  }
-  session->poses = poses;
-  return 0;
+    session->poses = poses;
+    return 0;
+  });
 }
 
 int haptic_hold(haptic_session* session, const double position[3], const double rotation[4]) {
-  protocol::Control control;
-  control.holds = true;
-  control.X_WTarget.p = Eigen::Map<const Vector3>(position);
-  control.X_WTarget.R = Quaternion(rotation[0], rotation[1], rotation[2], rotation[3]);
-  const double length = control.X_WTarget.R.norm();
-  const Range place{-protocol::kLargestLength, protocol::kLargestLength, "m"};
-  for (const double x : control.X_WTarget.p) {
-    const auto error = find_error("position of the hand", x, place);
-    if (!error) continue;
-    session->error = *error;
-    return -1;
-  }
-  if (!(std::abs(length - 1) <= kUnitTolerance)) {
-    session->error = "rotation of the hand must be of length 1, not " + shortest_text(length);
-    return -1;
-  }
-  control.X_WTarget.R.normalize();
-  session->client->control(control);
-  return 0;
+  return in_session(session, -1, [&] {
+    require(position, "position of the hand");
+    require(rotation, "rotation of the hand");
+    protocol::Control control;
+    control.holds = true;
+    control.X_WTarget.p = Eigen::Map<const Vector3>(position);
+    control.X_WTarget.R = Quaternion(rotation[0], rotation[1], rotation[2], rotation[3]);
+    for (const double x : control.X_WTarget.p) {
+      refuse(find_error("position of the hand", x, kPlace));
+    }
+    require_unit("rotation of the hand", control.X_WTarget.R.norm());
+    control.X_WTarget.R.normalize();
+    session->client->control(control);
+    return 0;
+  });
 }
 
-void haptic_release(haptic_session* session) { session->client->control({}); }
+void haptic_release(haptic_session* session) {
+  in_session(session, false, [&] {
+    session->client->control({});
+    return true;
+  });
+}
 
 const char* haptic_show(haptic_session* session, std::uint16_t port, int open) {
-  try {
+  return in_session(session, static_cast<const char*>(nullptr), [&] {
     session->page = session->client->show(
         {.port = port, .open = open != 0, .token = session->sealed.has_value()});
     return session->page.c_str();
-  } catch (const std::exception& failure) {
-    session->error = failure.what();
-    return nullptr;
-  }
+  });
 }
 
-const char* haptic_own_server(const haptic_session* session) { return session->started.c_str(); }
+const char* haptic_own_server(const haptic_session* session) {
+  return session == nullptr ? "" : session->started.c_str();
+}
 
-const char* haptic_error(const haptic_session* session) { return session->error.c_str(); }
+const char* haptic_error(const haptic_session* session) {
+  if (session == nullptr) return "session must not be NULL";
+  if (session->is_copy()) return "the session is of the process that was forked: open another here";
+  if (found_busy == session) return "another thread is in a call of the session: one at a time";
+  return session->error.c_str();
+}

@@ -11,7 +11,12 @@
  *   haptic_close(touch);
  *
  * SI units, world axes, right-handed. Quaternions are (w, x, y, z). No call waits for the network
- * or throws; a session is used by one thread at a time. What a field means in full: PROTOCOL.md.
+ * or throws; a session is used by one thread at a time, in the process that opened it. What a
+ * field means in full: PROTOCOL.md.
+ *
+ * A call fails, and does nothing, where the session or what it is to read is NULL, where another
+ * thread is in a call of that session, and in a process that was forked off that of the session:
+ * haptic_error() says so. haptic_close() waits for the other thread.
  */
 #ifndef HAPTIC_H
 #define HAPTIC_H
@@ -75,7 +80,7 @@ typedef struct haptic_options {
   double length;                      /* size of the tool, m, > 0 */
   double q[HAPTIC_MAX_CONFIGURATION]; /* where the tool is now */
   double rate;                        /* of the simulator's steps, Hz */
-  double epsilon;                     /* contacts are sent up to this separation, m, >= 0 */
+  double epsilon;                     /* contacts are sent up to this separation, m, 0 to 1 */
   int32_t clears_fault;               /* 1: a person asks for this session: ends a released fault */
 } haptic_options;
 
@@ -265,13 +270,13 @@ HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
  * haptic_error(). */
 HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
-/* Once per step, before it. */
+/* Once per step, before it. Where it fails the state is zero, and its message says why. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
 /* How many steps, of `step` seconds, an engine in real time has to take in the frame that begins,
  * after haptic_poll(). It makes up for a frame that came late. 0: nothing to take, to sample
  * and to send in this one; -1 with haptic_error() if `step` is not > 0. */
 HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
-/* The impulses for a step of `period` seconds that begins. Returns how many, at most
+/* The impulses for a step of `period` seconds, > 0, that begins. Returns how many, at most
  * HAPTIC_MAX_BODIES, which `impulses` must hold. */
 HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,
                                        haptic_impulse* impulses);
@@ -293,7 +298,7 @@ HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, 
 HAPTIC_API int haptic_external_wrench(haptic_session* session, int32_t link,
                                       const double wrench[6]);
 /* Sends what is near. Returns the update's sequence, 0 without a session, -1 if something given is
- * wrong: nothing is sent then, and haptic_error() names it. */
+ * wrong, or nothing was sampled yet: nothing is sent then, and haptic_error() names it. */
 HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* contacts,
                                size_t count, const haptic_body* bodies, size_t body_count);
 /* Where the server's device is a simulated one, its hand draws the handle there, in the world: with
@@ -303,7 +308,8 @@ HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* co
 HAPTIC_API int haptic_hold(haptic_session* session, const double position[3],
                            const double rotation[4]);
 HAPTIC_API void haptic_release(haptic_session* session);
-/* What was wrong with the latest call that failed. Valid until the next call. */
+/* What was wrong with the latest call that failed. Valid until the next call. Of
+ * NULL that it is. */
 HAPTIC_API const char* haptic_error(const haptic_session* session);
 
 #ifdef __cplusplus

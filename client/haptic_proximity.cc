@@ -98,6 +98,12 @@ class Filter {
          std::size_t excluded_count) {
     for (std::size_t i = 0; i < count; ++i) groups_.push_back({shapes[i].group, shapes[i].mask});
     for (std::size_t i = 0; i < excluded_count; ++i) {
+      if (std::max(excluded[2 * i], excluded[2 * i + 1]) >= count) {
+        throw std::invalid_argument("excluded pair " + std::to_string(i) + " of shapes " +
+                                    std::to_string(excluded[2 * i]) + " and " +
+                                    std::to_string(excluded[2 * i + 1]) + " must be below " +
+                                    std::to_string(count) + ", their count");
+      }
       excluded_.insert(std::minmax(excluded[2 * i], excluded[2 * i + 1]));
     }
   }
@@ -129,6 +135,10 @@ haptic_proximity* haptic_proximity_open(const haptic_shape* shapes, std::size_t 
                                         const std::uint32_t* excluded, std::size_t excluded_count,
                                         char* error, std::size_t error_size) {
   try {
+    if (shapes == nullptr && count > 0) throw std::invalid_argument("shapes must not be NULL");
+    if (excluded == nullptr && excluded_count > 0) {
+      throw std::invalid_argument("excluded must not be NULL");
+    }
     std::vector<BodyShape> made;
     for (std::size_t i = 0; i < count; ++i) {
       try {
@@ -152,6 +162,7 @@ void haptic_proximity_close(haptic_proximity* proximity) { delete proximity; }
 
 std::size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses,
                                   double epsilon, haptic_contact* contacts, std::uint32_t* shapes) {
+  if (proximity == nullptr || poses == nullptr || contacts == nullptr) return 0;
   for (std::size_t i = 0; i < proximity->poses.size(); ++i) {
     const double* R = poses[i].rotation;
     proximity->poses[i] = {Eigen::Map<const Vector3>(poses[i].position),

@@ -41,7 +41,7 @@ HAPTIC_API void haptic_proximity_close(haptic_proximity* proximity);
  * Velocities and loads are 0, friction is the server's. Returns how many, at most
  * HAPTIC_MAX_CONTACTS, which `contacts` must hold; `shapes`, if not NULL, gets the places of both
  * shapes of each, twice as many. Shapes whose pose is not finite,
- * farther than 1e7 m, or whose rotation is of length 0 have no contacts. */
+ * farther than 1e7 m, or whose rotation is of length 0 have no contacts; nor has what is NULL. */
 HAPTIC_API size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses,
                                         double epsilon, haptic_contact* contacts, uint32_t* shapes);
 

@@ -36,6 +36,12 @@ inline std::ptrdiff_t sizes_of(protocol::SceneShapeKind kind) {
   return 0;
 }
 
+inline void require_at_most(std::size_t most, std::size_t count, const char* name) {
+  if (count <= most) return;
+  throw std::invalid_argument(std::to_string(count) + " " + name + " must be at most " +
+                              std::to_string(most));
+}
+
 inline protocol::SceneShape shape_of(const haptic_shape& from) {
   if (from.kind < HAPTIC_SPHERE || from.kind > HAPTIC_MESH) {
     throw std::invalid_argument("kind " + std::to_string(from.kind) + " must be 0 to 7");
@@ -45,11 +51,18 @@ inline protocol::SceneShape shape_of(const haptic_shape& from) {
   shape.size.head(sizes) = Eigen::Map<const Vector3>(from.size).head(sizes);
   const bool has_triangles = from.kind == HAPTIC_MESH;
   if (!has_triangles && from.kind != HAPTIC_HULL) return shape;
+  constexpr protocol::SceneLimits kLimits;
+  require_at_most(kLimits.vertices, from.vertex_count, "vertices");
   if (from.vertices == nullptr) throw std::invalid_argument("it must have vertices");
   for (std::size_t i = 0; i < from.vertex_count; ++i) {
     shape.vertices.emplace_back(Eigen::Map<const Vector3>(from.vertices + 3 * i));
   }
-  if (!has_triangles) return shape;
+  if (!has_triangles) {
+    if (from.vertex_count >= 4) return shape;
+    throw std::invalid_argument("a hull of " + std::to_string(from.vertex_count) +
+                                " points; at least 4 are needed");
+  }
+  require_at_most(kLimits.triangles, from.triangle_count, "triangles");
   if (from.triangles == nullptr) throw std::invalid_argument("a mesh must have triangles");
   for (std::size_t i = 0; i < from.triangle_count; ++i) {
     const std::uint32_t* corners = from.triangles + 3 * i;

@@ -142,7 +142,8 @@ OwnProgram::OwnProgram(std::vector<std::string> arguments, int inherited)
 
 OwnProgram::~OwnProgram() {
   if (status()) return;
-  kill(process_, SIGTERM);
+  // A program that gave up its rights since may not end it, and must not wait for it.
+  if (kill(process_, SIGTERM) != 0) return;
   const auto end = std::chrono::steady_clock::now() + kPatience;
   while (!status()) {
     if (std::chrono::steady_clock::now() > end) kill(process_, SIGKILL);

@@ -441,14 +441,14 @@ class Mistakes(unittest.TestCase):
         with haptic.Session("127.0.0.1:9", box()) as touch:
             touch.track(contacts)
             self.assertEqual(contacts["identity"][-1], 7)  # as it was
-            with self.assertRaisesRegex(haptic.HapticError, "193 contacts and 0 bodies must be at most 192 and 16"):
+            with self.assertRaisesRegex(haptic.HapticError, "193 contacts must be at most 192"):
                 touch.send(contacts)
 
     def test_a_step_without_length_is_named(self):
         with haptic.Session("127.0.0.1:9", box()) as touch:
             touch.poll()
             for step in (0, -1, float("nan")):
-                with self.assertRaisesRegex(haptic.HapticError, r"step \(s\) must be > 0"):
+                with self.assertRaisesRegex(haptic.HapticError, "step .* must be above 0"):
                     touch.steps(step)
 
     def test_a_place_where_no_hand_can_be_is_named(self):
