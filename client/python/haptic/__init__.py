@@ -11,7 +11,8 @@
 
 SI units, world axes. No call waits for the network; there are no threads. Needs numpy and the
 library libhaptic.so, which is found next to this package, where HAPTIC_LIBRARY names it, or where the
-system keeps its libraries.
+system keeps its libraries. A session is used by one thread at a time, in the process that made it. What is given wrongly
+raises HapticError, whose text is one line that names it, its value and what is allowed.
 """
 
 from __future__ import annotations
@@ -23,11 +24,12 @@ import sys
 from typing import NoReturn, Optional, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from haptic import _interrupt
-from haptic._library import (ABI, MAX_BODIES, MAX_CONTACTS, MAX_POSES, NO_LIMIT, Impulse, Link, Options, Shape, State,
-                             load)
+from haptic import _arguments, _interrupt
+from haptic._arguments import HapticError
+from haptic._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Impulse,
+                             Link, Options, Shape, State, load)
 
 __all__ = ["BODY", "CONTACT", "FRICTION_RULES", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "poses", "sphere"]
@@ -79,13 +81,9 @@ POSE = np.dtype([
 ], align=True)
 
 
-class HapticError(ValueError):
-    """What was given cannot be used; the text names it, its value and what is allowed."""
-
-
 def contacts(count: int) -> np.ndarray:
     """`count` contacts of the tool's first link with the world, all else zero, friction the server's."""
-    made = np.zeros(count, CONTACT)
+    made = np.zeros(_arguments.integer(count, "count"), CONTACT)
     made["a_kind"] = TOOL_LINK
     made["friction"] = -1
     return made
@@ -93,20 +91,18 @@ def contacts(count: int) -> np.ndarray:
 
 def bodies(count: int) -> np.ndarray:
     """`count` bodies, all zero: fill in the fields of BODY. id: as in contacts, shapes and poses."""
-    return np.zeros(count, BODY)
+    return np.zeros(_arguments.integer(count, "count"), BODY)
 
 
 def poses(count: int) -> np.ndarray:
     """`count` poses at the origin."""
-    made = np.zeros(count, POSE)
+    made = np.zeros(_arguments.integer(count, "count"), POSE)
     made["rotation"][:, 0] = 1
     return made
 
 
 def _link(mass: float, inertia: Sequence[float], joint: str) -> Link:
-    if joint not in JOINTS:
-        raise HapticError(f"joint {joint!r} must be one of {', '.join(JOINTS)}")
-    link = Link(parent=-1, joint=JOINTS[joint], mass=mass, lower=-NO_LIMIT, upper=NO_LIMIT)
+    link = Link(parent=-1, joint=JOINTS[_arguments.choice(joint, JOINTS, "joint")], mass=mass, lower=-NO_LIMIT, upper=NO_LIMIT)
     link.rotation[0] = link.axis[2] = 1
     for i, value in enumerate(inertia):
         link.inertia[4 * i] = value
@@ -115,12 +111,15 @@ def _link(mass: float, inertia: Sequence[float], joint: str) -> Link:
 
 def box(mass: float = 1, size: Sequence[float] = (0.1, 0.1, 0.1), joint: str = "free") -> Link:
     """A solid box (kg, edge lengths in m) about its centre, as the root of a tool."""
-    x, y, z = (edge * edge * mass / 12 for edge in size)
+    mass = _arguments.number(mass, "mass")
+    edges = [_arguments.number(edge, "edge", 0, unit="m") for edge in _arguments.array(size, (3,), "size")]
+    x, y, z = (edge * edge * mass / 12 for edge in edges)
     return _link(mass, (y + z, z + x, x + y), joint)
 
 
 def sphere(mass: float = 1, radius: float = 0.05, joint: str = "free") -> Link:
     """A solid sphere (kg, m) about its centre, as the root of a tool."""
+    mass, radius = _arguments.number(mass, "mass"), _arguments.number(radius, "radius", 0, unit="m")
     return _link(mass, (0.4 * mass * radius * radius,) * 3, joint)
 
 
@@ -133,7 +132,7 @@ class Session:
 
     tool: the root link, or all links, parents before children. q: where the tool is now (default: all
     zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
-    on, m. In a `with` statement Ctrl-C sets `running` to False; the second one raises KeyboardInterrupt. Raises HapticError where something cannot be used or there is no haptic_server to
+    on, m, 0 to 1. In a `with` statement Ctrl-C sets `running` to False; the second one raises KeyboardInterrupt. Raises HapticError where something cannot be used or there is no haptic_server to
     start, OSError where there is no library.
     """
 
@@ -145,26 +144,29 @@ class Session:
         self._session: Optional[ctypes.c_void_p] = None
         self._library = load()
         options = self._library.haptic_default_options()
-        links = [tool] if isinstance(tool, Link) else list(tool or [])
-        if links:
+        links = [tool] if isinstance(tool, Link) else _arguments.items(() if tool is None else tool, Link, "link")
+        if tool is not None:
             kept = (Link * len(links))(*links)
             options.links, options.link_count = kept, len(links)
-        count = sum((0, 1, 1, 3, 7)[link.joint] for link in links) if links else 7
+        # The library names a joint that there is not, and links that are too many.
+        count = sum({1: 1, 2: 1, 3: 3, 4: 7}.get(link.joint, 0) for link in links[:MAX_DOF]) if links else 7
+        count = min(count, MAX_CONFIGURATION)
         start = np.zeros(count)
         if not links or links[0].joint == JOINTS["free"]:
             start[3] = 1
         if q is not None:
-            start = _array(q, count, "q").copy()
+            start = _arguments.array(q, (count,), "q").copy()
         options.q[:count] = start
         if server is None and not start_server:
             server = os.environ.get("HAPTIC_SERVER") or "127.0.0.1:47800"
-        options.server = server.encode() if server is not None else None
-        options.key_file = os.fsencode(key_file) if key_file is not None else None
-        options.rate, options.epsilon = rate, epsilon
-        options.gravity[:] = tuple(gravity)
-        options.hand_link, options.clears_fault = hand_link, clears_fault
+        options.server = _arguments.text(server, "server") if server is not None else None
+        options.key_file = _arguments.text(key_file, "key_file") if key_file is not None else None
+        options.rate, options.epsilon = _arguments.number(rate, "rate"), _arguments.number(epsilon, "epsilon")
+        options.gravity[:] = _arguments.array(gravity, (3,), "gravity")
+        options.hand_link = _arguments.integer(hand_link, "hand_link", 0, MAX_DOF)
+        options.clears_fault = bool(clears_fault)
         if length is not None:
-            options.length = length
+            options.length = _arguments.number(length, "length")
         error = ctypes.create_string_buffer(512)
         self._session = self._library.haptic_open(ctypes.byref(options), error, len(error))
         if not self._session:
@@ -175,11 +177,11 @@ class Session:
         self._q_now = np.frombuffer(self._state.q)[:count]
         self._address = ctypes.addressof(self._state)
         self._impulses = (Impulse * MAX_BODIES)()
-        self._q_count = count
-        self._v_count = count - 1 if count and (not links or links[0].joint == JOINTS["free"]) else count
-        self._v_now = np.frombuffer(self._state.v)[:self._v_count]
+        v_count = count - 1 if count and (not links or links[0].joint == JOINTS["free"]) else count
+        self._v_now = np.frombuffer(self._state.v)[:v_count]
+        self._q_shape, self._v_shape = self._q_now.shape, self._v_now.shape
         self.q: np.ndarray = start                         #: Of the proxy: move the tool there.
-        self.v: np.ndarray = np.zeros(self._v_count)       #: Its velocity.
+        self.v: np.ndarray = np.zeros(v_count)             #: Its velocity.
         self.running = True                                #: Set to False to end `while touch.poll()`.
 
     def __enter__(self) -> "Session":
@@ -205,9 +207,8 @@ class Session:
         and charts; the mouse is the hand of a simulated device. It ends with the session. port: 0 is any free one. Returns
         its address, which is also said on standard error; a second call says it again. Raises HapticError where there
         can be none."""
-        if not 0 <= port <= 65535:
-            raise HapticError(f"port {port} must be 0 to 65535")
-        address = self._library.haptic_show(self._open(), port, open_browser)
+        port = _arguments.integer(port, "port", 0, 65535)
+        address = self._library.haptic_show(self._open(), port, bool(open_browser))
         if address is None:
             self._fail()
         _tell("haptic: the page of this session is " + _text(address))
@@ -225,24 +226,19 @@ class Session:
         default: there. friction: of each; negative: that of the other, of two such the server's own. rule: what two
         coefficients make of a contact, one of FRICTION_RULES. priority: of each, 0 to 255: of two the higher one's friction counts alone. excluded: pairs that never touch, by their places.
         Raises HapticError that names the shape."""
-        shapes = list(shapes)
-        count = len(shapes)
+        listed = _arguments.items(shapes, Shape, "shape")
+        count = len(listed)
         at = np.zeros((count, 7))
         at[:, 3] = 1
         for given, name, columns in ((positions, "positions", slice(0, 3)), (rotations, "rotations", slice(3, 7))):
-            if given is None:
-                continue
-            if np.shape(given) != at[:, columns].shape:
-                raise HapticError(f"{name}: shape {np.shape(given)} must be {at[:, columns].shape}, one row for each shape")
-            at[:, columns] = given
-        if rule not in FRICTION_RULES:
-            raise HapticError(f"rule {rule!r} must be one of {', '.join(FRICTION_RULES)}")
+            if given is not None:
+                at[:, columns] = _arguments.array(given, (count, columns.stop - columns.start), name)
         materials = np.zeros(count, _MATERIAL)
-        materials["friction"] = -1 if friction is None else _array(friction, count, "friction")
-        materials["rule"] = FRICTION_RULES.index(rule)
-        materials["priority"] = 0 if priority is None else _array(priority, count, "priority")
-        pairs = np.ascontiguousarray(excluded, dtype=np.uint32).reshape(-1, 2)
-        if self._library.haptic_offer(self._open(), (Shape * count)(*shapes), at.ctypes.data,
+        materials["friction"] = -1 if friction is None else _arguments.array(friction, (count,), "friction")
+        materials["rule"] = FRICTION_RULES.index(_arguments.choice(rule, FRICTION_RULES, "rule"))
+        materials["priority"] = 0 if priority is None else _arguments.array(priority, (count,), "priority", np.uint8)
+        pairs = _arguments.array(excluded, (None, 2), "excluded", np.uint32)
+        if self._library.haptic_offer(self._open(), (Shape * count)(*listed), at.ctypes.data,
                                       materials.ctypes.data, count, pairs.ctypes.data, len(pairs)) != 0:
             self._fail()
 
@@ -292,7 +288,7 @@ class Session:
     def hold(self, position: ArrayLike, rotation: ArrayLike = (1, 0, 0, 0)) -> None:
         """Where the device is a simulated one, its hand draws the handle there (m; w, x, y, z) with 200 N/m, 1 N m/rad
         and at most 10 N, from the next send() on and until release()."""
-        p, R = _array(position, 3, "position"), _array(rotation, 4, "rotation")
+        p, R = _arguments.array(position, (3,), "position"), _arguments.array(rotation, (4,), "rotation")
         if self._library.haptic_hold(self._open(), p.ctypes.data, R.ctypes.data) != 0:
             self._fail()
 
@@ -303,7 +299,7 @@ class Session:
     def steps(self, step: float) -> int:
         """How many steps, of `step` seconds, an engine in real time has to take in the frame that begins. After
         poll(), once per frame. It makes up for a frame that came late. With 0 there is nothing to do in this one."""
-        count = self._library.haptic_take_steps(self._open(), step)
+        count = self._library.haptic_take_steps(self._open(), _arguments.number(step, "step"))
         if count < 0:
             self._fail()
         return int(count)
@@ -312,20 +308,24 @@ class Session:
         """The tool's impulses on bodies for a step that begins, by their numbers, linear then angular: apply each / period
         as a wrench at the body's centre of mass during it, again before each part of it where the engine clears forces.
         The next send() says that its bodies contain them."""
+        period = _arguments.number(period, "period")
+        if not 0 < period < 1e6:
+            raise HapticError(f"period {period:g} s must be above 0")
         count = self._library.haptic_take_impulses(self._open(), period, self._impulses)
         return {each.body: np.array(each.impulse) for each in self._impulses[:count]}
 
     def sample(self, q: ArrayLike, v: ArrayLike, period: float) -> None:
-        """After a step of `period` seconds: where the tool is, for which contacts are found."""
-        q_now, v_now = _array(q, self._q_count, "q"), _array(v, self._v_count, "v")
+        """After a step of `period` seconds: where the tool is, for which contacts are found. Before the first send()."""
+        q_now, v_now = _arguments.array(q, self._q_shape, "q"), _arguments.array(v, self._v_shape, "v")
+        period = _arguments.number(period, "period")
         if self._library.haptic_sample(self._open(), q_now.ctypes.data, v_now.ctypes.data, period) != 0:
             self._fail()
 
     def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
         """Sets lasting identities, by pair, place on side a and normal, for an engine that has none.
         After sample(), once per step. Returns the same array."""
-        at, count = _records(contacts, CONTACT, "contacts")
-        self._library.haptic_track(self._open(), at, count, *_records(bodies, BODY, "bodies"))
+        at, count = _arguments.records(contacts, CONTACT, "contacts")
+        self._library.haptic_track(self._open(), at, count, *_arguments.records(bodies, BODY, "bodies"))
         return contacts
 
     def external_wrench(self, wrench: ArrayLike, link: int = 0) -> None:
@@ -333,7 +333,8 @@ class Session:
         reads; force (N) and torque (N m) about the origin of the link's frame, world axes. After sample(), for the next send():
         without this there is none. The server finds how it depends on the tool's motion, so that the hand feels a load, a
         spring or a wall between frames, too. Several on one link add up. Raises HapticError where it cannot be used."""
-        given = _array(wrench, 6, "wrench")
+        given = _arguments.array(wrench, (6,), "wrench")
+        link = _arguments.integer(link, "link", -1)
         if self._library.haptic_external_wrench(self._open(), link, given.ctypes.data) != 0:
             self._fail()
 
@@ -342,10 +343,10 @@ class Session:
         """Sends what is near; poses: of the bodies whose shapes were offered, those near the tool, at most MAX_POSES. Returns
         the update's sequence, 0 without a session. Raises HapticError where something is wrong with a contact, a body or a
         pose; nothing is sent then."""
-        if poses is not None and self._library.haptic_place(self._open(), *_records(poses, POSE, "poses")) != 0:
+        if poses is not None and self._library.haptic_place(self._open(), *_arguments.records(poses, POSE, "poses")) != 0:
             self._fail()
-        sequence = self._library.haptic_send(self._open(), *_records(contacts, CONTACT, "contacts"),
-                                             *_records(bodies, BODY, "bodies"))
+        sequence = self._library.haptic_send(self._open(), *_arguments.records(contacts, CONTACT, "contacts"),
+                                             *_arguments.records(bodies, BODY, "bodies"))
         if sequence < 0:
             self._fail()
         return int(sequence)
@@ -369,20 +370,3 @@ def _tell(sentence: str) -> None:
     with contextlib.suppress(OSError, ValueError):
         if sys.stderr is not None:
             print(sentence, file=sys.stderr, flush=True)
-
-
-def _array(values: ArrayLike, count: int, name: str) -> NDArray[np.float64]:
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.shape != (count,):
-        raise HapticError(f"{name} must have {count} numbers, not the shape {array.shape}")
-    return array
-
-
-def _records(array: Optional[np.ndarray], dtype: np.dtype, name: str) -> tuple[Optional[int], int]:
-    """(address, count)"""
-    if array is None:
-        return None, 0
-    if (not isinstance(array, np.ndarray) or array.dtype != dtype or array.ndim != 1
-            or not array.flags.c_contiguous):
-        raise HapticError(f"{name} must be a contiguous one-dimensional array, as haptic.{name}(count) makes it")
-    return array.ctypes.data, len(array)

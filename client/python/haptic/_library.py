@@ -6,6 +6,7 @@ import ctypes
 import functools
 import os
 import pathlib
+from typing import Any, Iterable
 
 ABI = 4
 MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_POSES, MAX_TEXT = 16, 17, 192, 16, 64, 240
@@ -16,6 +17,7 @@ _double, _int, _size = ctypes.c_double, ctypes.c_int32, ctypes.c_size_t
 
 class Link(ctypes.Structure):
     """A link of the virtual tool, as haptic_link in haptic.h. haptic.box() and haptic.sphere() make one."""
+    __slots__ = ()  # A field that is misspelt is an error.
     _fields_ = [("parent", _int), ("joint", _int), ("position", _double * 3), ("rotation", _double * 4),
                 ("axis", _double * 3), ("mass", _double), ("centre", _double * 3), ("inertia", _double * 9),
                 ("lower", _double), ("upper", _double)]
@@ -76,47 +78,51 @@ def _found(stem: str, variable: str) -> tuple[ctypes.CDLL, str]:
 @functools.lru_cache(maxsize=None)
 def load() -> ctypes.CDLL:
     """The library. Raises OSError that says where it was looked for."""
-    return _declared(*_found("libhaptic", "HAPTIC_LIBRARY"))
+    library, name = _found("libhaptic", "HAPTIC_LIBRARY")
+    abi = _declared(library, name, [("haptic_abi", ctypes.c_int)]).haptic_abi()
+    if abi != ABI:
+        raise OSError(f"{name} has the interface {abi}, this package needs {ABI}")
+    return _declared(library, name, _functions())
 
 
 @functools.lru_cache(maxsize=None)
 def load_proximity() -> ctypes.CDLL:
     """libhaptic_proximity.so, found the same way."""
     load()  # It needs this one.
-    library, _ = _found("libhaptic_proximity", "HAPTIC_PROXIMITY_LIBRARY")
     address = ctypes.c_void_p
-    library.haptic_proximity_open.restype = address
-    library.haptic_proximity_open.argtypes = (ctypes.POINTER(Shape), _size, address, _size, ctypes.c_char_p, _size)
-    library.haptic_proximity_close.restype, library.haptic_proximity_close.argtypes = None, (address,)
-    library.haptic_proximity_find.restype = _size
-    library.haptic_proximity_find.argtypes = (address, address, _double, address, address)
-    return library
+    return _declared(*_found("libhaptic_proximity", "HAPTIC_PROXIMITY_LIBRARY"), (
+        ("haptic_proximity_open", address, ctypes.POINTER(Shape), _size, address, _size, ctypes.c_char_p, _size),
+        ("haptic_proximity_close", None, address),
+        ("haptic_proximity_find", _size, address, address, _double, address, address)))
 
 
-def _declared(library: ctypes.CDLL, name: str) -> ctypes.CDLL:
-    if library.haptic_abi() != ABI:
-        raise OSError(f"{name} has the interface {library.haptic_abi()}, this package needs {ABI}")
+def _functions() -> Iterable[tuple[Any, ...]]:
+    """Of libhaptic.so: name, type of the result, types of the arguments."""
     session, address = ctypes.c_void_p, ctypes.c_void_p
-    for function, result, *arguments in (
-            ("haptic_default_options", Options),
-            ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
-            ("haptic_own_server", ctypes.c_char_p, session),
-            ("haptic_show", ctypes.c_char_p, session, ctypes.c_uint16, ctypes.c_int),
-            ("haptic_close", None, session),
-            ("haptic_offer", ctypes.c_int, session, ctypes.POINTER(Shape), address, address, _size, address, _size),
-            ("haptic_place", ctypes.c_int, session, address, _size),
-            ("haptic_poll", None, session, address),
-            ("haptic_take_steps", ctypes.c_int, session, _double),
-            ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
-            ("haptic_sample", ctypes.c_int, session, address, address, _double),
-            ("haptic_track", None, session, address, _size, address, _size),
-            ("haptic_external_wrench", ctypes.c_int, session, ctypes.c_int32, address),
-            ("haptic_send", ctypes.c_int64, session, address, _size, address, _size),
-            ("haptic_hold", ctypes.c_int, session, address, address),
-            ("haptic_release", None, session),
-            ("haptic_error", ctypes.c_char_p, session)):
+    return (
+        ("haptic_default_options", Options),
+        ("haptic_open", session, ctypes.POINTER(Options), ctypes.c_char_p, _size),
+        ("haptic_own_server", ctypes.c_char_p, session),
+        ("haptic_show", ctypes.c_char_p, session, ctypes.c_uint16, ctypes.c_int),
+        ("haptic_close", None, session),
+        ("haptic_offer", ctypes.c_int, session, ctypes.POINTER(Shape), address, address, _size, address, _size),
+        ("haptic_place", ctypes.c_int, session, address, _size),
+        ("haptic_poll", None, session, address),
+        ("haptic_take_steps", ctypes.c_int, session, _double),
+        ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
+        ("haptic_sample", ctypes.c_int, session, address, address, _double),
+        ("haptic_track", None, session, address, _size, address, _size),
+        ("haptic_external_wrench", ctypes.c_int, session, ctypes.c_int32, address),
+        ("haptic_send", ctypes.c_int64, session, address, _size, address, _size),
+        ("haptic_hold", ctypes.c_int, session, address, address),
+        ("haptic_release", None, session),
+        ("haptic_error", ctypes.c_char_p, session))
+
+
+def _declared(library: ctypes.CDLL, name: str, functions: Iterable[tuple[Any, ...]]) -> ctypes.CDLL:
+    for function, result, *arguments in functions:
         declared = getattr(library, function, None)
         if declared is None:
-            raise OSError(f"{name} has no {function}(): it is older than this package")
+            raise OSError(f"{name} has no {function}(): it is another library, or older than this package")
         declared.restype, declared.argtypes = result, arguments
     return library

@@ -27,6 +27,7 @@ from typing import Any, Callable, Optional, Sequence
 import numpy as np
 
 import haptic
+from haptic import _arguments
 from haptic._mujoco_shapes import Shapes, moving_bodies, version_of
 from haptic._world import Frames, rotation, with_touching
 
@@ -67,6 +68,16 @@ class Session:
                  binding: Any = None, **options: Any):
         if binding is None:
             import mujoco as binding
+        if contacts not in (None, "engine", "shapes"):
+            raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
+        if not isinstance(tool, str):
+            raise haptic.HapticError(f"tool {_arguments.brief(tool)} must be the name of a body")
+        for rows, count in (("qpos", "nq"), ("qvel", "nv"), ("xpos", "nbody"), ("geom_xpos", "ngeom")):
+            found, due = len(getattr(data, rows, ())), getattr(model, count)
+            if found != due:
+                raise haptic.HapticError(f"data must be of this model: it has {found} rows in {rows}, not the model's {count}, {due}")
+        epsilon = _arguments.number(epsilon, "epsilon", 0, 1, "m")
+        period = _arguments.number(period, "period", 1e-5, 100, "s")
         self._binding, self._model, self._version = binding, model, version_of(binding)
         self._tool = binding.mj_name2id(model, _BODY, tool)
         if self._tool < 0:
@@ -83,8 +94,6 @@ class Session:
         if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
             model.tree_sleep_policy[model.body_treeid[self._tool]] = _NEVER_SLEEPS
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
-        if contacts not in (None, "engine", "shapes"):
-            raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
         self._epsilon, self._largest_epsilon = epsilon, largest_epsilon
         self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
         if self._shapes is None:

@@ -16,6 +16,7 @@ from typing import Iterable, Sequence
 import numpy as np
 
 import haptic
+from haptic import _arguments
 from haptic._library import load_proximity
 from haptic.shapes import Shape, box, half_space, shape, sphere
 
@@ -30,14 +31,14 @@ class Proximity:
     def __init__(self, shapes: Iterable[Shape], excluded: Sequence[tuple[int, int]] = ()):
         self._proximity = None
         self._library = load_proximity()
-        shapes = list(shapes)
-        pairs = np.ascontiguousarray(excluded, dtype=np.uint32).reshape(-1, 2)
+        listed = _arguments.items(shapes, Shape, "shape")
+        pairs = _arguments.array(excluded, (None, 2), "excluded", np.uint32)
         error = ctypes.create_string_buffer(512)
-        self._proximity = self._library.haptic_proximity_open((Shape * len(shapes))(*shapes), len(shapes),
+        self._proximity = self._library.haptic_proximity_open((Shape * len(listed))(*listed), len(listed),
                                                               pairs.ctypes.data, len(pairs), error, len(error))
         if not self._proximity:
             raise haptic.HapticError(error.value.decode())
-        self._poses = np.zeros(len(shapes), _POSE)
+        self._poses = np.zeros(len(listed), _POSE)
         self._contacts = haptic.contacts(haptic.MAX_CONTACTS)
         self._shapes = np.zeros((haptic.MAX_CONTACTS, 2), np.uint32)
         self.shapes = self._shapes[:0]
@@ -52,11 +53,9 @@ class Proximity:
 
         Raises haptic.HapticError where there is not one position and one rotation for each shape, or a rotation is zero.
         """
-        for name, given, width in (("positions", positions, 3), ("rotations", rotations, 4)):
-            if np.shape(given) != (len(self._poses), width):
-                raise haptic.HapticError(f"{name}: shape {np.shape(given)} must be {(len(self._poses), width)}, "
-                                         "one row for each shape")
-        self._poses["position"], self._poses["rotation"] = positions, rotations
+        for name, given, width in (("position", positions, 3), ("rotation", rotations, 4)):
+            self._poses[name] = _arguments.array(given, (len(self._poses), width), name + "s")
+        epsilon = _arguments.number(epsilon, "epsilon", 0, 1, "m")
         zero = np.flatnonzero(~self._poses["rotation"].any(axis=1))
         if zero.size:
             raise haptic.HapticError(f"the rotation of shape {zero[0]} must not be zero")

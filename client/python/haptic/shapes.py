@@ -10,12 +10,14 @@ from typing import Optional, Sequence
 import numpy as np
 
 import haptic
+from haptic import _arguments
 from haptic._library import Shape
 
 __all__ = ["KINDS", "Shape", "box", "half_space", "shape", "sphere"]
 
 KINDS = {"sphere": 0, "capsule": 1, "cylinder": 2, "box": 3, "ellipsoid": 4, "hull": 5, "half_space": 6,
          "mesh": 7}
+_SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "hull": 0, "half_space": 0, "mesh": 0}
 
 
 def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index: int = 0, group: int = 1,
@@ -24,15 +26,15 @@ def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index
     cylinder, along z; edges of a box; semi-axes of an ellipsoid. side and index: whose it is.
 
     vertices: (n, 3), m, of a hull or mesh; triangles: (m, 3), vertices of a mesh, counter-clockwise seen from outside."""
-    if kind not in KINDS:
-        raise haptic.HapticError(f"kind {kind!r} must be one of {', '.join(KINDS)}")
-    made = Shape(kind=KINDS[kind], side=side, index=index, group=group, mask=mask)
-    made.size[:len(size)] = tuple(size)
+    made = Shape(kind=KINDS[_arguments.choice(kind, KINDS, "kind")], side=_arguments.integer(side, "side", 0, 2),
+                 index=_arguments.integer(index, "index"), group=_arguments.integer(group, "group", -2**31),
+                 mask=_arguments.integer(mask, "mask", -2**31))
+    made.size[:_SIZES[kind]] = _arguments.array(size, (_SIZES[kind],), f"size of a {kind}")
     if vertices is not None:
-        made.kept = np.ascontiguousarray(vertices, dtype=np.float64).reshape(-1, 3)
+        made.kept = _arguments.array(vertices, (None, 3), "vertices")
         made.vertices, made.vertex_count = made.kept.ctypes.data, len(made.kept)
     if triangles is not None:
-        made.corners = np.ascontiguousarray(triangles, dtype=np.uint32).reshape(-1, 3)
+        made.corners = _arguments.array(triangles, (None, 3), "triangles", np.uint32)
         made.triangles, made.triangle_count = made.corners.ctypes.data, len(made.corners)
     return made
 
