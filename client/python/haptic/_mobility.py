@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import NamedTuple, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class Freedom(NamedTuple):
     """A direction in which a body moves against its parent, and with it all that it carries: with the velocity `linear` +
     `angular` × (x - point) of a point x; world axes."""
     body: int
-    linear: Sequence[float]
-    angular: Sequence[float]
-    point: Sequence[float]
+    linear: ArrayLike
+    angular: ArrayLike
+    point: ArrayLike
     damping: float = 0.0  # N s/m or N m s
 
 
@@ -23,8 +24,8 @@ class Tree:
     Of all forces gravity alone is known. Its acceleration is without the centripetal part. Damping acts as an implicit step
     over `delay`, s, has it: faster than that it would chatter."""
 
-    def __init__(self, parents: Sequence[int], masses: Sequence[float], inertias: np.ndarray, centres: np.ndarray,
-                 freedoms: Sequence[Freedom], gravity: Sequence[float], delay: float = 0.0):
+    def __init__(self, parents: Sequence[int], masses: Sequence[float], inertias: Sequence[ArrayLike] | np.ndarray, centres: ArrayLike,
+                 freedoms: Sequence[Freedom], gravity: ArrayLike, delay: float = 0.0):
         n, count = len(parents), len(freedoms)
         self._J = np.zeros((n, 6, count))
         centres = np.asarray(centres, dtype=float)
@@ -34,7 +35,7 @@ class Tree:
                 carried[:, body] |= carried[:, parent]
         for column, (body, linear, angular, point, _) in enumerate(freedoms):
             for other in np.flatnonzero(carried[body]):
-                self._J[other, :3, column] = linear + np.cross(angular, centres[other] - point)
+                self._J[other, :3, column] = linear + np.cross(np.asarray(angular), centres[other] - point)
                 self._J[other, 3:, column] = angular
         M = np.diag([delay * freedom.damping for freedom in freedoms]) if freedoms else np.zeros((0, 0))
         of_weight = np.zeros(count)
@@ -52,12 +53,12 @@ class Tree:
         """Of its centre of mass, linear and angular, by all that is known."""
         return self._J[body] @ self._acceleration
 
-    def velocity(self, body: int, speeds: Sequence[float]) -> np.ndarray:
+    def velocity(self, body: int, speeds: ArrayLike) -> np.ndarray:
         """Of its centre of mass, linear and angular; speeds: along the freedoms."""
         return self._J[body] @ np.asarray(speeds, dtype=float)
 
 
-def free(body: int, centre: Sequence[float]) -> list[Freedom]:
+def free(body: int, centre: ArrayLike) -> list[Freedom]:
     """The six directions of a body that nothing holds; their speeds are its velocity, linear and angular."""
     axes, none = np.eye(3), np.zeros(3)
     return [Freedom(body, axis, none, centre) for axis in axes] + [Freedom(body, none, axis, centre) for axis in axes]

@@ -9,6 +9,7 @@ import warnings
 from typing import Any, Iterable, Optional, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import haptic
 import haptic.shapes
@@ -108,7 +109,7 @@ class Placed:
     @property
     def arm(self) -> float:
         """From the tool's origin to its farthest point, m."""
-        return max((np.linalg.norm(at) + radius for at, radius, carrier in zip(self.positions, self.radii, self.carriers)
+        return max((float(np.linalg.norm(at)) + radius for at, radius, carrier in zip(self.positions, self.radii, self.carriers)
                     if carrier == _TOOL), default=0.01)
 
 
@@ -118,7 +119,8 @@ class WorldSession(abc.ABC):
     def __init__(self, link: haptic.Link, q: np.ndarray, gravity: Sequence[float], rule: str, period: float,
                  options: dict[str, Any]):
         """link, q: the tool and where it is. rule: that of friction, one of haptic.FRICTION_RULES."""
-        self._placed, self._rule, self._pushes, self._warned = self._shapes(), rule, {}, False
+        self._placed, self._rule, self._warned = self._shapes(), rule, False
+        self._pushes: dict[int, np.ndarray] = {}
         arm = self._placed.arm
         defaults = {"length": 2 * arm, "gravity": gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=link, q=q, **{**defaults, **options})
@@ -251,7 +253,9 @@ def with_touching(bodies: list[int], pairs: Any, pushable: Any) -> list[int]:
     """Those bodies, what touches one of them, what touches that, and so on: what lies on a body moves with it. pairs(): of
     bodies that touch, asked for where there are bodies."""
     found = list(bodies)
-    touching = np.array(list(pairs()), dtype=np.int64).reshape(-1, 2) if found else None
+    if not found:
+        return found
+    touching = np.array(list(pairs()), dtype=np.int64).reshape(-1, 2)
     for body in found:
         for other in touching[(touching == body).any(axis=1)].ravel().tolist():
             if other in pushable and other not in found:
@@ -259,9 +263,9 @@ def with_touching(bodies: list[int], pairs: Any, pushable: Any) -> list[int]:
     return found
 
 
-def rotation(quaternion: Sequence[float]) -> np.ndarray:
+def rotation(quaternion: ArrayLike) -> np.ndarray:
     """The matrix of (w, x, y, z)."""
-    w, x, y, z = map(float, quaternion)
+    w, x, y, z = map(float, np.asarray(quaternion))
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
                      [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
                      [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
@@ -281,7 +285,7 @@ def quaternions(matrices: np.ndarray) -> np.ndarray:
     return chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
 
 
-def upright(normal: Sequence[float]) -> np.ndarray:
+def upright(normal: ArrayLike) -> np.ndarray:
     """(w, x, y, z) of a frame whose z axis is that unit vector."""
     z = np.asarray(normal, dtype=float)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
@@ -289,7 +293,7 @@ def upright(normal: Sequence[float]) -> np.ndarray:
     return quaternions(np.column_stack([x, np.cross(z, x), z])[None])[0]
 
 
-def rotation_vector(quaternion: Sequence[float]) -> np.ndarray:
+def rotation_vector(quaternion: ArrayLike) -> np.ndarray:
     """Of (w, x, y, z): axis times angle, rad, from 0 to pi."""
     q = np.asarray(quaternion, dtype=float)
     q = q if q[0] >= 0 else -q

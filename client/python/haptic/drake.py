@@ -174,7 +174,8 @@ class Session(WorldSession):
         surfaces = map(results.hydroelastic_contact_info, range(results.num_hydroelastic_contacts()))
         found = [(int(each.bodyA_index()), int(each.bodyB_index())) for each in points]
         for surface in (each.contact_surface() for each in surfaces):
-            frames = (inspector.GetFrameId(surface.id_M()), inspector.GetFrameId(surface.id_N()))
-            found.append(tuple(int(self._plant.GetBodyFromFrameId(frame).index()) for frame in frames))
+            one, other = (int(self._plant.GetBodyFromFrameId(inspector.GetFrameId(surface_id)).index())
+                          for surface_id in (surface.id_M(), surface.id_N()))
+            found.append((one, other))
         return found
 

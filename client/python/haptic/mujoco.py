@@ -21,6 +21,7 @@ put into qfrc_applied and xfrc_applied.
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from typing import Any, Callable, Optional, Sequence
 
@@ -66,8 +67,7 @@ class Session:
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
                  period: float = 1 / 60, contacts: Optional[str] = None, largest_epsilon: float = 0.1,
                  binding: Any = None, **options: Any):
-        if binding is None:
-            import mujoco as binding
+        binding = _binding(binding)
         if contacts not in (None, "engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
         if not isinstance(tool, str):
@@ -176,7 +176,7 @@ class Session:
         self.touch.sample(q, v, self._frames.length)
         self.touch.external_wrench(self._external_wrench(data))
         if self._shapes is not None and (self.touch.has_scene or self._frames.waits()):
-            self._send_poses(data, v)
+            self._send_poses(data, v, self._shapes)
         else:
             self._send_contacts(data, v)
 
@@ -189,15 +189,15 @@ class Session:
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as {error}", stacklevel=3)
             return None
 
-    def _send_poses(self, data: Any, v: np.ndarray) -> None:
+    def _send_poses(self, data: Any, v: np.ndarray, shapes: Shapes) -> None:
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         reach = self._frames.reach(v)
-        gaps = dict(list(self._shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
+        gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
         near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         self._take_back_pushes(data)
-        self.touch.send(None, bodies, self._shapes.poses(data, gaps, self._frames.length, self._binding))
+        self.touch.send(None, bodies, shapes.poses(data, gaps, self._frames.length, self._binding))
 
     def _external_wrench(self, data: Any) -> np.ndarray:
         """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""
@@ -229,7 +229,7 @@ class Session:
         if self._shapes is None:
             self.touch.track(contacts, bodies)
         else:
-            self._set_loads(data, contacts)
+            self._set_loads(data, contacts, self._shapes)
         self.touch.send(contacts, bodies)
 
     def _warn_of_steps(self, data: Any) -> None:
@@ -329,10 +329,10 @@ class Session:
         order = np.argsort(kept["separation"], kind="stable")
         return kept[order[:haptic.MAX_CONTACTS]]
 
-    def _set_loads(self, data: Any, contacts: np.ndarray) -> None:
+    def _set_loads(self, data: Any, contacts: np.ndarray, shapes: Shapes) -> None:
         """MuJoCo's normal forces, each on the nearest contact of the same two geoms without the tool."""
         listed, n = data.contact, data.ncon
-        geoms = np.sort(self._shapes.geoms_of_contacts, axis=1)
+        geoms = np.sort(shapes.geoms_of_contacts, axis=1)
         pairs = np.sort(np.column_stack([listed.geom1, listed.geom2])[:n], axis=1)
         points, loads = np.asarray(listed.pos)[:n], self._loads(data)
         others = contacts["a_kind"] != haptic.TOOL_LINK
@@ -356,7 +356,9 @@ class Session:
         found = haptic.bodies(len(chosen))
         nv = self._model.nv
         J, solved = np.zeros((6, nv)), np.zeros((6, nv))
-        slowed = self._damping(data) if chosen else None
+        if not chosen:
+            return found
+        slowed = self._damping(data)
         for to, body in zip(found, chosen):
             self._binding.mj_jacBodyCom(self._model, data, J[:3], J[3:], body)
             self._binding.mj_solveM(self._model, data, solved, J)
@@ -429,6 +431,9 @@ class Session:
 def from_mujoco(model: Any, tool: int, binding: Any = None) -> Shapes:
     """tool: number of the body that the hand holds. binding: as of Session. Raises haptic.HapticError at a geom that cannot
     be used."""
-    if binding is None:
-        import mujoco as binding
-    return Shapes(model, tool, version_of(binding))
+    return Shapes(model, tool, version_of(_binding(binding)))
+
+
+def _binding(given: Any) -> Any:
+    """MuJoCo's official one, unless another is given."""
+    return importlib.import_module("mujoco") if given is None else given

@@ -85,7 +85,8 @@ class Session(WorldSession):
 
     def send(self, state: Any, contacts: Any) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to. contacts: of the latest step."""
-        self._state, self._contacts, self._trees = state, contacts, {}
+        self._state, self._contacts = state, contacts
+        self._trees: dict[int, Tree] = {}
         self._end_frame()
 
     def _place(self, state: Any) -> None:
@@ -111,7 +112,7 @@ class Session(WorldSession):
             placed.add(of_tool() if body == self._tool else body + 1, name, size(sizes[shape]), pose[:3], np.roll(pose[3:], 1),
                        float(model.shape_material_mu.numpy()[shape]),
                        None if source is None else np.asarray(source.vertices) * sizes[shape],
-                       np.reshape(source.indices, (-1, 3)) if name == "mesh" else None)
+                       np.reshape(source.indices, (-1, 3)) if source is not None and name == "mesh" else None)
         placed.excluded += [(places[i], places[j]) for i, j in map(tuple, model.shape_collision_filter_pairs)
                             if i in places and j in places and bodies[i] != bodies[j]]
         return placed
@@ -174,7 +175,8 @@ class Session(WorldSession):
         first, none = model.joint_qd_start.numpy()[joint], np.zeros(3)
         axes = [R @ axis for axis in model.joint_axis.numpy()[first:first + linear + angular].astype(float)]
         point = position + rotation(turn) @ of_child[:3]
-        return [Freedom(place, *((axis, none) if i < linear else (none, axis)), point) for i, axis in enumerate(axes)]
+        return [Freedom(place, axis if i < linear else none, none if i < linear else axis, point)
+                for i, axis in enumerate(axes)]
 
     def _touching(self) -> Iterable[tuple[int, int]]:
         count = int(self._contacts.rigid_contact_count.numpy()[0])

@@ -184,8 +184,8 @@ class Session(WorldSession):
             axis, none = rotation(_w_first(turn)) @ joint[13], np.zeros(3)
             parents.append(joint[16] + 1)
             if joint[2] in _MOVES:
-                along = (axis, none) if joint[2] == pybullet.JOINT_PRISMATIC else (none, axis)
-                freedoms.append(Freedom(link + 1, *along, point, joint[6]))
+                linear, angular = (axis, none) if joint[2] == pybullet.JOINT_PRISMATIC else (none, axis)
+                freedoms.append(Freedom(link + 1, linear, angular, point, joint[6]))
         return Tree(parents, [each[0] for each in dynamics], inertias, [place for place, _ in frames], freedoms,
                     self._gravity(), self._frames.delay())
 
@@ -232,7 +232,8 @@ def _w_first(quaternion: Any) -> np.ndarray:
 
 def _read_obj(file: pathlib.Path) -> tuple[np.ndarray, list[np.ndarray]]:
     """Vertices, and of each object its triangles."""
-    vertices, objects = [], [[]]
+    vertices: list[list[float]] = []
+    objects: list[list[tuple[int, int, int]]] = [[]]
     for words in map(str.split, file.read_text(errors="replace").splitlines()):
         if words[:1] == ["v"]:
             vertices.append([float(word) for word in words[1:4]])
