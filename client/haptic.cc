@@ -285,7 +285,6 @@ struct haptic_session {
   BodyPoses poses;                  ///< Where bodies are, for the next update.
   std::set<std::uint32_t> offered;  ///< Bodies that have shapes at the server.
   std::optional<SessionNews> news;
-  std::string page;      ///< Its address.
   std::string error;     ///< Of the latest call that failed.
   bool sampled = false;  ///< There is a configuration that contacts are of.
 };
@@ -622,9 +621,10 @@ void haptic_release(haptic_session* session) {
 
 const char* haptic_show(haptic_session* session, std::uint16_t port, int open) {
   return in_session(session, static_cast<const char*>(nullptr), [&] {
-    session->page = session->client->show(
-        {.port = port, .open = open != 0, .token = session->sealed.has_value()});
-    return session->page.c_str();
+    // An address with a token is not for the list of processes, where a browser's arguments are.
+    const bool sealed = session->sealed.has_value();
+    return session->client->show({.port = port, .open = open != 0 && !sealed, .token = sealed})
+        .c_str();
   });
 }
 

@@ -59,10 +59,11 @@ void HapticClient::Telemetry::observe(const protocol::LocalState& state) {
   if (page) page->observe(state);
 }
 
-std::string HapticClient::show(const SessionPageOptions& options) {
-  if (!telemetry_.page) {
+const std::string& HapticClient::show(const SessionPageOptions& options) {
+  if (!telemetry_.page || telemetry_.page->ended()) {
     protocol::Hello hello = hello_of(options_);
     hello.q = update_.q_VE;
+    telemetry_.page.reset();
     telemetry_.page = std::make_unique<SessionPage>(hello, options);
     show_scene();
     if (connected()) telemetry_.page->show_welcome(welcome());
@@ -78,9 +79,10 @@ void HapticClient::show_scene() {
 
 void HapticClient::tell_page(double now, const Inbox& inbox) {
   SessionPage& page = *telemetry_.page;
+  if (inbox.lost) page.let_go();
   if (inbox.welcomed) page.show_welcome(welcome());
   page.show_news(now, {.connected = connected(), .round_trip = round_trip()}, inbox);
-  if (page.listen()) session_.set_control(page.control(control_));
+  if (page.listen(now)) session_.set_control(page.control(control_));
 }
 
 void HapticClient::control(const protocol::Control& control) {

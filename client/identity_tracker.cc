@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <queue>
 #include <utility>
 
@@ -56,16 +57,19 @@ void IdentityTracker::assign(const ToolModel& tool, const MovableBodies& bodies,
 
 void IdentityTracker::carry_over(std::vector<Known>& present) {
   const double cosine = std::cos(options_.cone);
+  const double reach = options_.reach * options_.reach;
   // The nearest pair of all first; a contact whose nearest is taken looks for its next.
   std::priority_queue<Match, std::vector<Match>, std::greater<>> matches;
   const auto look = [&](std::size_t contact) {
     const Known& now = present[contact];
-    double nearest = std::nextafter(options_.reach * options_.reach, 1.0);
+    double nearest = std::numeric_limits<double>::infinity();
     std::size_t found = known_.size();
     for (std::size_t k = 0; k < known_.size(); ++k) {
       const Known& before = known_[k];
       const double distance = (before.p_A - now.p_A).squaredNorm();
-      if (distance >= nearest || before.identity == 0 || before.n_A.dot(now.n_A) < cosine) continue;
+      if (!(distance <= reach && distance < nearest) || before.identity == 0 ||
+          before.n_A.dot(now.n_A) < cosine)
+        continue;
       if (before.a != now.a || before.b != now.b || before.pair != now.pair) continue;
       nearest = distance;
       found = k;

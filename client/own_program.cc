@@ -90,12 +90,12 @@ pid_t start(std::vector<std::string>& arguments, int inherited) {
                            POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
   posix_spawn_file_actions_t files;
   posix_spawn_file_actions_init(&files);
+  if (inherited >= 0) posix_spawn_file_actions_adddup2(&files, inherited, OwnProgram::kInherited);
   posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
   if (fcntl(STDERR_FILENO, F_GETFD) < 0) {
     posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
   }
-  if (inherited >= 0) posix_spawn_file_actions_adddup2(&files, inherited, OwnProgram::kInherited);
   posix_spawn_file_actions_addclosefrom_np(
       &files, inherited >= 0 ? OwnProgram::kInherited + 1 : OwnProgram::kInherited);
   pid_t process = -1;

@@ -15,12 +15,14 @@ namespace hlm::page_wire {
 
 /// First byte of each packet.
 enum class Kind : std::uint8_t {
-  kMessage = 1,   ///< A message of the protocol: its parts, each after its length in two bytes.
-  kScene = 2,     ///< More records of the scene that is offered (scene_records.h).
-  kSceneEnd = 3,  ///< They are all there; those of another scene follow.
-  kStatus = 4,    ///< A Status.
-  kAddress = 5,   ///< To the session: where the page is, as text.
-  kTrouble = 6,   ///< To the session: why there is no page, as text.
+  kMessage = 1,  ///< A message of the protocol: its parts, each after its length in two bytes.
+  kSceneBegin =
+      2,          ///< Records of a scene that is offered follow, in place of any that came in part.
+  kScene = 3,     ///< Records (scene_records.h), or a part of one.
+  kSceneEnd = 4,  ///< They are all there.
+  kStatus = 5,    ///< A Status.
+  kAddress = 6,   ///< To the session: where the page is, as text.
+  kTrouble = 7,   ///< To the session: why there is no page, as text.
 };
 
 struct Status {

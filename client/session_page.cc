@@ -23,26 +23,23 @@ constexpr int kAddressWithin = 5000;                       // ms
 constexpr timeval kRoomWithin{.tv_sec = 2, .tv_usec = 0};  // In the socket.
 /// Between two frames of a page, s: no screen shows more.
 constexpr double kFrame = 0.015;
+constexpr double kLease = 0.5;                          // s, of a hold; haptic_page repeats it
 constexpr std::size_t kPiece = std::size_t{64} * 1024;  // Of a scene.
 
 std::vector<std::string> command(const SessionPageOptions& options) {
   std::vector<std::string> arguments{find_program("haptic_page", "HAPTIC_PAGE_PROGRAM"),
-                                     "--session", std::to_string(OwnProgram::kInherited), "--port",
-                                     std::to_string(options.port)};
+                                     "--session",
+                                     std::to_string(OwnProgram::kInherited),
+                                     "--port",
+                                     std::to_string(options.port),
+                                     "--parent",
+                                     std::to_string(getpid())};
   if (options.open) arguments.emplace_back("--open");
   if (options.token) arguments.emplace_back("--token");
   return arguments;
 }
 
-/// A packet that has come, with its first byte; empty: none has, or the other side has ended.
-page_wire::Packet receive(int socket) {
-  page_wire::Packet packet(page_wire::kMost);
-  const ssize_t size = recv(socket, packet.data(), packet.size(), MSG_DONTWAIT);
-  packet.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
-  return packet;
-}
-
-std::string text_of(const page_wire::Packet& packet) {
+std::string text_of(std::span<const std::byte> packet) {
   return {reinterpret_cast<const char*>(packet.data()) + 1, packet.size() - 1};
 }
 
@@ -73,7 +70,7 @@ SessionPage::~SessionPage() { close(socket_); }
 void SessionPage::await_address() {
   pollfd waiting{.fd = socket_, .events = POLLIN, .revents = 0};
   const bool came = ::poll(&waiting, 1, kAddressWithin) > 0;
-  const page_wire::Packet packet = receive(socket_);
+  const std::span<const std::byte> packet = receive();
   if (!packet.empty() && packet.front() == static_cast<std::byte>(Kind::kAddress)) {
     address_ = text_of(packet);
     return;
@@ -83,32 +80,38 @@ void SessionPage::await_address() {
                                                          : text_of(packet)));
 }
 
-void SessionPage::send(std::span<const std::byte> packet) noexcept {
-  ::send(socket_, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+bool SessionPage::send(std::span<const std::byte> packet) noexcept {
+  return ::send(socket_, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
+}
+
+std::span<const std::byte> SessionPage::receive() {
+  const ssize_t size = recv(socket_, packet_.data(), packet_.size(), MSG_DONTWAIT);
+  return std::span(packet_).first(size > 0 ? static_cast<std::size_t>(size) : 0);
 }
 
 template <class Message>
-void SessionPage::tell(const Message& message) {
+bool SessionPage::tell(const Message& message) {
   constexpr bool kBeforeSession =
       std::is_same_v<Message, protocol::Hello> || std::is_same_v<Message, protocol::Reject>;
-  send(page_wire::packet(message, {.session = kBeforeSession ? 0u : 1u, .sequence = ++told_}));
+  return send(
+      page_wire::packet(message, {.session = kBeforeSession ? 0u : 1u, .sequence = ++told_}));
 }
 
 void SessionPage::show_scene(std::span<const std::uint8_t> records) {
-  const auto tell_all = [this](const page_wire::Packet& packet) {
-    ::send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL);
+  const auto is_told = [this](const page_wire::Packet& packet) {
+    return ::send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL) >= 0;
   };
+  if (!is_told(page_wire::packet(Kind::kSceneBegin))) return;
   for (std::size_t begin = 0; begin < records.size(); begin += kPiece) {
     const auto piece = records.subspan(begin, std::min(kPiece, records.size() - begin));
-    tell_all(page_wire::packet(Kind::kScene, std::as_bytes(piece)));
+    if (!is_told(page_wire::packet(Kind::kScene, std::as_bytes(piece)))) return;
   }
-  tell_all(page_wire::packet(Kind::kSceneEnd));
+  is_told(page_wire::packet(Kind::kSceneEnd));
 }
-
-void SessionPage::show_welcome(const protocol::Welcome& welcome) { tell(welcome); }
 
 void SessionPage::show_news(double now, const page_wire::Status& status,
                             const protocol::ClientSession::Inbox& inbox) {
+  if (untold_ && tell(*untold_)) untold_.reset();
   if (inbox.reject) tell(*inbox.reject);
   if (now - news_at_ < kFrame) return;
   news_at_ = now;
@@ -125,18 +128,20 @@ void SessionPage::show_update(double now, const protocol::ContactUpdate& update)
 void SessionPage::observe(const protocol::Ticks& ticks) { tell(ticks); }
 void SessionPage::observe(const protocol::LocalState& state) { tell(state); }
 
-bool SessionPage::listen() {
+bool SessionPage::listen(double now) {
   const protocol::Control before = asked_;
   for (;;) {
-    const page_wire::Packet packet = receive(socket_);
+    const std::span<const std::byte> packet = receive();
     if (packet.empty() || packet.front() != static_cast<std::byte>(Kind::kMessage)) break;
-    const auto parts = page_wire::parts_of(std::span(packet).subspan(1));
+    const auto parts = page_wire::parts_of(packet.subspan(1));
     protocol::Control control;
     if (!parts.empty() && !protocol::decode(protocol::view(parts.front()), control)) {
       asked_ = control;
+      asked_at_ = now;
     }
   }
-  if (running_->status()) asked_ = {};  // Nobody holds the hand any more.
+  if (ended()) asked_ = {};
+  if (now - asked_at_ > kLease) asked_.holds = false;
   return !(asked_ == before);
 }
 

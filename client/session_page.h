@@ -33,10 +33,13 @@ class SessionPage final : public protocol::TelemetryObserver {
   /// http://127.0.0.1:PORT/, with the token.
   const std::string& address() const noexcept { return address_; }
 
-  /// The scene that is offered, as records without what came before. Waits until the page has it, 2
-  /// s at most.
+  /// Whether its program has ended.
+  bool ended() { return running_->status().has_value(); }
+  /// The scene that is offered, as records without what came before. Waits until the page has it; a
+  /// page that hangs for 2 s goes without.
   void show_scene(std::span<const std::uint8_t> records);
-  void show_welcome(const protocol::Welcome& welcome);
+  /// A session has begun.
+  void show_welcome(const protocol::Welcome& welcome) { untold_ = welcome; }
   /// After each poll.
   void show_news(double now, const page_wire::Status& status,
                  const protocol::ClientSession::Inbox& inbox);
@@ -46,22 +49,31 @@ class SessionPage final : public protocol::TelemetryObserver {
 
   /// `own`, and what people at the page ask for: telemetry, the hand, other physics.
   protocol::Control control(protocol::Control own) const;
-  /// Hears what they ask for. Whether that has changed.
-  bool listen();
+  /// Hears what they ask for. Whether that has changed. A hand that is not held again within half a
+  /// second, at a page that hangs, is let go.
+  bool listen(double now);
+  /// The session is over: the hand is let go.
+  void let_go() { asked_.holds = false; }
 
  private:
+  /// Whether there was room for it.
   template <class Message>
-  void tell(const Message& message);
-  void send(std::span<const std::byte> packet) noexcept;
+  bool tell(const Message& message);
+  bool send(std::span<const std::byte> packet) noexcept;
+  /// A packet that has come, with its first byte; empty: none has, or the other side has ended.
+  std::span<const std::byte> receive();
   void await_address();
 
   int socket_ = -1;
   std::optional<OwnProgram> running_;
   std::string address_;
+  page_wire::Packet packet_ = page_wire::Packet(page_wire::kMost);  ///< What has come.
+  std::optional<protocol::Welcome> untold_;
   std::uint64_t told_ = 0;  ///< Sequence of the latest message.
   double news_at_ = -1;     ///< s: when news and updates were told last.
   double update_at_ = -1;
   protocol::Control asked_;
+  double asked_at_ = 0;  ///< When it was heard last, s.
 };
 
 }  // namespace hlm

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "hlm/client/contact_check.h"
 #include "hlm/client/identity_tracker.h"
@@ -59,6 +60,19 @@ TEST_CASE("Corners keep their identities while the box moves, turns and is liste
     }
   }
   CHECK(tracker.given() == 4);
+}
+
+TEST_CASE("A contact whose place is no number takes nobody's identity") {
+  const ToolModel tool = box_tool();
+  IdentityTracker tracker;
+  ReportedContacts contacts{contact_at({0, 0, 0}), contact_at({0.001, 0, 0})};
+  tracker.assign(tool, {}, contacts);
+  const std::uint64_t second = contacts[1].identity;
+  contacts[0].p_WC.x() = std::numeric_limits<double>::quiet_NaN();
+  tracker.assign(tool, {}, contacts);
+  CHECK(contacts[1].identity == second);
+  CHECK(contacts[0].identity != second);
+  CHECK(tracker.given() == 3);
 }
 
 TEST_CASE("A contact that is left out for three frames keeps its identity, for four it does not") {

@@ -91,7 +91,7 @@ play
 
 inside cc -D_POSIX_C_SOURCE=199309L /usr/share/doc/haptic-local-model/examples/c/touch.c -o /tmp/touch -lhaptic
 inside env HAPTIC_SERVER=127.0.0.1:47810 timeout 30 /tmp/touch | tee /dev/stderr | grep -q '^3\.9. N' || fail "the C example has no force"
-for program in haptic_server haptic_replay haptic_doctor haptic_keygen ve_client; do
+for program in haptic_server haptic_replay haptic_doctor haptic_keygen haptic_page haptic_demo ve_client; do
   inside "$program" --version
 done
 inside cp -r /usr/share/doc/haptic-local-model/examples/client /tmp/client

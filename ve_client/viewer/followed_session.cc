@@ -53,6 +53,8 @@ void FollowedSession::take(std::span<const std::byte> packet) {
   switch (static_cast<Kind>(packet.front())) {
     case Kind::kMessage:
       return take_message(bytes);
+    case Kind::kSceneBegin:
+      return begin_scene();
     case Kind::kScene:
       return take_scene(bytes);
     case Kind::kSceneEnd:
@@ -138,11 +140,17 @@ void FollowedSession::take(protocol::LocalState state) {
   telemetry_.observe(state);
 }
 
+void FollowedSession::begin_scene() {
+  reader_ = protocol::SceneRecordReader();
+  coming_.clear();
+  coming_geometries_.clear();
+}
+
 void FollowedSession::take_scene(std::span<const std::byte> records) {
   reader_.feed(records);
   while (auto record = reader_.next()) {
     if (const auto* const shape = std::get_if<SceneShape>(&*record)) {
-      geometries_.insert_or_assign(shape->hash, shape_of(*shape));
+      coming_geometries_.insert_or_assign(shape->hash, shape_of(*shape));
     } else if (const auto* const placement = std::get_if<protocol::ScenePlacement>(&*record)) {
       coming_.push_back(*placement);
     }
@@ -151,7 +159,7 @@ void FollowedSession::take_scene(std::span<const std::byte> records) {
 
 void FollowedSession::end_scene() {
   placements_ = std::exchange(coming_, {});
-  reader_ = protocol::SceneRecordReader();
+  geometries_ = std::exchange(coming_geometries_, {});
   X_WB_.clear();
   world_changed_ = true;
 }

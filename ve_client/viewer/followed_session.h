@@ -46,6 +46,7 @@ class FollowedSession {
   void take(const protocol::ContactUpdate& update);
   void take(const protocol::Ticks& ticks) { telemetry_.observe(ticks); }
   void take(protocol::LocalState state);
+  void begin_scene();
   void take_scene(std::span<const std::byte> records);
   void end_scene();
 
@@ -68,6 +69,7 @@ class FollowedSession {
   protocol::SceneRecordReader reader_;             ///< Of the scene that is coming.
   std::map<std::uint64_t, PageShape> geometries_;  ///< By their hashes.
   std::vector<protocol::ScenePlacement> coming_;
+  std::map<std::uint64_t, PageShape> coming_geometries_;
   std::vector<protocol::ScenePlacement> placements_;
   bool world_changed_ = false;
 };

@@ -1,6 +1,7 @@
 // haptic_page: serves the page of a session of another program, which starts this one and tells it
 // what the session does (client/session_page.h).
 #include <cerrno>
+#include <csignal>
 #include <exception>
 #include <iostream>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <spawn.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -25,16 +27,19 @@ namespace {
 using page_wire::Kind;
 
 constexpr double kFrame = 1.0 / 60;  // s
+constexpr double kRepeat = 0.1;      // s: the session lets go of a hand that is not held again
 
 struct Options {
   int session = -1;
+  pid_t parent = 0;
   std::uint16_t port = 0;
   bool open = false;
   bool token = false;
 };
 
-void send(int session, const page_wire::Packet& packet) {
-  ::send(session, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+/// Whether there was room for it.
+bool send(int session, const page_wire::Packet& packet) {
+  return ::send(session, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
 }
 
 void say(int session, Kind kind, const std::string& text) {
@@ -109,13 +114,17 @@ class Viewer {
     at_start.tuning = own_;
     page_.take_requests(steady_seconds(), settings_, at_start);
     const protocol::Control control = page_.control(settings_, own_);
-    if (control == told_) return;
+    const double now = steady_seconds();
+    if (control == told_ && now - told_at_ < kRepeat) return;
+    if (!send(session_, page_wire::packet(control, {.session = 1, .sequence = ++sent_}))) return;
     told_ = control;
-    send(session_, page_wire::packet(control, {.session = 1, .sequence = ++sent_}));
+    told_at_ = now;
   }
 
   void show() {
     PageFrame frame = followed_.frame();
+    if (!frame.connected && connected_) page_.forget_session();
+    connected_ = frame.connected;
     frame.settings = settings_;
     page_.show_frame(std::move(frame));
   }
@@ -127,10 +136,15 @@ class Viewer {
   LiveSettings settings_;
   Tuning own_;  ///< What the server was started with.
   protocol::Control told_;
+  double told_at_ = 0;  ///< s
   std::uint64_t sent_ = 0;
+  bool connected_ = false;
 };
 
 int serve(const Options& options) {
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  std::signal(SIGCHLD, SIG_IGN);  // Nobody waits for the browser.
+  if (options.parent != 0 && getppid() != options.parent) return EXIT_FAILURE;  // It has ended.
   try {
     Viewer viewer(options);
     say(options.session, Kind::kAddress, viewer.address());
@@ -155,6 +169,7 @@ int main(int argc, char** argv) {
   app.add_option("--session", options.session,
                  "Open socket over which the session tells what it does")
       ->required();
+  app.add_option("--parent", options.parent, "Process of the session: it ends with that");
   app.add_option("--port", options.port, "Of 127.0.0.1; 0: any free one");
   app.add_flag("--open", options.open, "Show the page in a browser");
   app.add_flag("--token", options.token,

@@ -22,9 +22,12 @@ using boost::system::error_code;
 /// occupy more memory: PageRegister::kMaxRequests times as much.
 constexpr std::size_t kMaxMessage = 4096;
 
-/// Messages waiting for one page, bytes: some 10 s of frames. Less drops a page that stalled
-/// briefly; more shows a slow page older frames before it is dropped.
+/// Messages waiting for one page behind the one being sent, bytes: some 10 s of frames. Less drops
+/// a page that stalled briefly; more shows a slow page older frames before it is dropped.
 constexpr std::size_t kMaxBacklog = 2 * 1024 * 1024;
+
+/// Largest message to a page, bytes: a world of many meshes.
+constexpr std::size_t kMostAtOnce = 64 * 1024 * 1024;
 
 /// What a waiting message counts besides its bytes, so that empty ones are bounded too, bytes.
 constexpr std::size_t kMessageOverhead = 64;
@@ -110,7 +113,8 @@ void Page::on_read(error_code error) {
 
 void Page::send(const PageMessage& message) {
   if (state_ != State::kOpen) return;
-  if (backlog_bytes_ + cost(message) > kMaxBacklog) return abort();
+  const std::size_t waiting = backlog_.empty() ? 0 : backlog_bytes_ - cost(backlog_.front());
+  if (waiting > kMaxBacklog || cost(message) > kMostAtOnce) return abort();
   backlog_bytes_ += cost(message);
   backlog_.push_back(message);
   if (backlog_.size() == 1) write();

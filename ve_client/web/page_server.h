@@ -51,8 +51,9 @@ struct PageServerOptions {
 /// what stalls shuts nobody out.
 ///
 /// A page is closed when it sends a message above 4096 bytes or a binary one, when it is silent for
-/// 10 s (a browser answers our pings by itself), and when it reads so slowly that messages of 2 MiB
-/// in all wait for it. Hence no message, and no greeting, may be larger than 2 MiB.
+/// 10 s (a browser answers our pings by itself), and when it reads so slowly that messages of more
+/// than 2 MiB wait behind the one that is being sent. No message, and no greeting, may be larger
+/// than 64 MiB.
 class PageServer {
  public:
   using Request = PageRequest;

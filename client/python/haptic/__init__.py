@@ -205,7 +205,8 @@ class Session:
     def show(self, port: int = 0, open_browser: bool = True) -> str:
         """Serves the page of this session to browsers of this machine, with the shapes that were offered, contacts, forces
         and charts; the mouse is the hand of a simulated device. It ends with the session. port: 0 is any free one. Returns
-        its address, which is also said on standard error; a second call says it again. Raises HapticError where there
+        its address, which is also said on standard error; a second call says it again. With a key the page asks for a token,
+        which that address has: no browser is opened, and whoever reads it can move the tool. Raises HapticError where there
         can be none."""
         port = _arguments.integer(port, "port", 0, 65535)
         address = self._library.haptic_show(self._open(), port, bool(open_browser))

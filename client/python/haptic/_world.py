@@ -129,6 +129,7 @@ class WorldSession(abc.ABC):
         self._give()
 
     def __enter__(self) -> Any:
+        self.touch.__enter__()
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -142,6 +143,10 @@ class WorldSession(abc.ABC):
     def running(self) -> bool:
         """As haptic.Session.running: set `touch.touch.running` to False to end a loop."""
         return self.touch.running
+
+    def show(self, port: int = 0, open_browser: bool = True) -> str:
+        """As haptic.Session.show()."""
+        return self.touch.show(port, open_browser)
 
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
         """As haptic.Session.hold()."""

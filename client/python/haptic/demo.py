@@ -31,6 +31,7 @@ HERE = "127.0.0.1"
 USUAL_PORT = 8080
 CONTRAST = "contrast"
 PATIENCE = 20    # s, for the page to answer
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 LOOK = 0.05      # s, between two looks at what was started
 
 # Of both servers alike, so that left and right differ in the coupling alone. Force stays within 12 N. The guards that would damp
@@ -58,7 +59,7 @@ class Programs:
         return self
 
     def __exit__(self, *reason: object) -> None:
-        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for each in _SIGNALS:
             signal.signal(each, signal.SIG_IGN)
         for _, process, _ in self._running:
             process.terminate()
@@ -224,8 +225,7 @@ def _end(*_: object) -> None:
 def main(given: Optional[Sequence[str]] = None) -> int:
     """Returns an exit status: 0 ended by a person, 1 something failed, which is said in one line."""
     arguments = _arguments(given)
-    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(each, _end)
+    before = {each: signal.signal(each, _end) for each in _SIGNALS}
     try:
         with Programs() as programs:
             begin = start_live_page if arguments.world else start_contrast
@@ -239,3 +239,6 @@ def main(given: Optional[Sequence[str]] = None) -> int:
     except HapticError as error:
         print(f"haptic: {error}", file=sys.stderr)
         return 1
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)

@@ -52,6 +52,7 @@ struct Told {
                     offered(SceneShapeKind::kBox, {0.04, 0.08, 0.04}, {SideKind::kMovableBody, 7})};
     protocol::OfferedBefore nothing;
     const std::vector<std::uint8_t> records = protocol::scene_of(offer, 1, nothing);
+    followed.take(page_wire::packet(Kind::kSceneBegin));
     followed.take(page_wire::packet(Kind::kScene, std::as_bytes(std::span(records))));
     followed.take(page_wire::packet(Kind::kSceneEnd));
   }
@@ -86,6 +87,15 @@ TEST_CASE("Tool, world and bodies have the shapes that the session offered") {
   REQUIRE(world.bodies[1].shapes.size() == 1);
   CHECK(std::holds_alternative<HalfSpace>(std::get<Shape>(world.bodies[1].shapes[0].geometry)));
   CHECK_FALSE(world.environment);
+}
+
+TEST_CASE("Of a scene that came in part nothing is left when it comes again") {
+  Told told;
+  told.followed.take(page_wire::packet(Kind::kSceneBegin));
+  const std::array<std::byte, 3> part{};
+  told.followed.take(page_wire::packet(Kind::kScene, part));
+  told.tell_scene();
+  CHECK(told.followed.world().bodies[0].shapes.size() == 1);
 }
 
 TEST_CASE("A body is there once the session has said where, and then moves") {

@@ -474,11 +474,21 @@ TEST_CASE("Publishing returns though no page reads") {
   CHECK(site.next_request().closed);
 }
 
+TEST_CASE("A world of many meshes, which is larger than what may wait, reaches the page") {
+  Site site;
+  PageClient page(site.server->port());
+  REQUIRE(page.status() == 101);
+  site.server->set_greeting(shared(std::string(3 * 1024 * 1024, 'x')));
+  site.server->publish(shared("after it"));
+  CHECK(page.text().size() == 3 * 1024 * 1024);
+  CHECK(page.text() == "after it");
+}
+
 TEST_CASE("A message that can never fit closes the page") {
   Site site;
   PageClient page(site.port);
   REQUIRE(soon([&] { return site.server->pages() == 1; }));
-  site.server->publish(shared(std::string(2 * 1024 * 1024, 'x')));
+  site.server->publish(shared(std::string(64 * 1024 * 1024, 'x')));
   CHECK_FALSE(page.read());
 }
 
