@@ -243,8 +243,8 @@ HAPTIC_API const char* haptic_own_server(const haptic_session* session);
  * 1 shows it in a browser. Waits until it is there, some tenths of a second; a second call says
  * where it is. With a key the page asks for a token, which its address has: then no browser
  * is opened. Returns the address, valid until the next call of this or haptic_close(), or NULL with
- * haptic_error(). It ends also with the thread that called this, which should last. The program is what
- * HAPTIC_PAGE_PROGRAM names, or haptic_page beside this library or in PATH. */
+ * haptic_error(). It ends also with the thread that called this, which should last. The program is
+ * what HAPTIC_PAGE_PROGRAM names, or haptic_page beside this library or in PATH. */
 HAPTIC_API const char* haptic_show(haptic_session* session, uint16_t port, int open);
 /* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.
  * NULL is ignored. */
@@ -309,8 +309,8 @@ HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* co
 HAPTIC_API int haptic_hold(haptic_session* session, const double position[3],
                            const double rotation[4]);
 HAPTIC_API void haptic_release(haptic_session* session);
-/* What was wrong with the latest call that failed. Valid until the next call. Of
- * NULL that it is. */
+/* What was wrong with the latest call that failed, valid until the next call; for NULL, that the
+ * session must not be NULL. */
 HAPTIC_API const char* haptic_error(const haptic_session* session);
 
 #ifdef __cplusplus
