@@ -243,7 +243,7 @@ HAPTIC_API const char* haptic_own_server(const haptic_session* session);
  * 1 shows it in a browser. Waits until it is there, some tenths of a second; a second call says
  * where it is. With a key the page asks for a token, which its address has: then no browser
  * is opened. Returns the address, valid until the next call of this or haptic_close(), or NULL with
- * haptic_error(). It ends also with the thread that called this, which should last. The program is
+ * haptic_error(). The page also ends with the thread that called this, which should last. It is
  * what HAPTIC_PAGE_PROGRAM names, or haptic_page beside this library or in PATH. */
 HAPTIC_API const char* haptic_show(haptic_session* session, uint16_t port, int open);
 /* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.

@@ -99,7 +99,8 @@ class HapticClient {
   /// Starts a program that serves the page of this session to browsers of this machine: the shapes
   /// that were offered, contacts and forces, charts; the mouse is the hand of a simulated device.
   /// It ends with the client. Waits until it is there; a second call only says where that is,
-  /// or starts another where it has ended. Returns its address. Throws std::runtime_error that says why there is no page.
+  /// or starts another where it has ended. Returns its address. Throws std::runtime_error that says
+  /// why there is no page.
   const std::string& show(const SessionPageOptions& options = {});
   /// Ends the session.
   void close(double now) { session_.close(now); }
