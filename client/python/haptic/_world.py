@@ -6,7 +6,7 @@ import abc
 import functools
 import math
 import warnings
-from typing import Any, Iterable, Optional, Sequence
+from typing import Any, Iterable, Optional, Sequence, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ _USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
 # Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
 # some millimetres, more would push it twice.
 _HAND_OVER = 2
+_Session = TypeVar("_Session", bound="EngineSession")
 _TOOL = -1  # the carrier of the tool's shapes
 
 
@@ -113,22 +114,12 @@ class Placed:
                     if carrier == _TOOL), default=0.01)
 
 
-class WorldSession(abc.ABC):
-    """A client for one world of an engine, of which a subclass says what it has."""
+class EngineSession:
+    """What every engine's session hands on to the session that it holds."""
 
-    def __init__(self, link: haptic.Link, q: np.ndarray, gravity: Sequence[float], rule: str, period: float,
-                 options: dict[str, Any]):
-        """link, q: the tool and where it is. rule: that of friction, one of haptic.FRICTION_RULES."""
-        self._placed, self._rule, self._warned = self._shapes(), rule, False
-        self._pushes: dict[int, np.ndarray] = {}
-        arm = self._placed.arm
-        defaults = {"length": 2 * arm, "gravity": gravity, "rate": 1 / period}
-        self.touch = haptic.Session(tool=link, q=q, **{**defaults, **options})
-        self._frames = Frames(self.touch, period, arm)
-        self._q, self._v = q, np.zeros(6)
-        self._give()
+    touch: haptic.Session
 
-    def __enter__(self) -> Any:
+    def __enter__(self: _Session) -> _Session:
         self.touch.__enter__()
         return self
 
@@ -149,12 +140,28 @@ class WorldSession(abc.ABC):
         return self.touch.show(port, open_browser)
 
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
-        """As haptic.Session.hold()."""
+        """As haptic.Session.hold(): m; w, x, y, z; world axes."""
         self.touch.hold(position, rotation)
 
     def release(self) -> None:
         """The hand of hold() lets go."""
         self.touch.release()
+
+
+class WorldSession(EngineSession, abc.ABC):
+    """A client for one world of an engine, of which a subclass says what it has."""
+
+    def __init__(self, link: haptic.Link, q: np.ndarray, gravity: Sequence[float], rule: str, period: float,
+                 options: dict[str, Any]):
+        """link, q: the tool and where it is. rule: that of friction, one of haptic.FRICTION_RULES."""
+        self._placed, self._rule, self._warned = self._shapes(), rule, False
+        self._pushes: dict[int, np.ndarray] = {}
+        arm = self._placed.arm
+        defaults = {"length": 2 * arm, "gravity": gravity, "rate": 1 / period}
+        self.touch = haptic.Session(tool=link, q=q, **{**defaults, **options})
+        self._frames = Frames(self.touch, period, arm)
+        self._q, self._v = q, np.zeros(6)
+        self._give()
 
     def offer(self) -> None:
         """Where shapes or friction have changed, or what stands still was moved."""

@@ -15,6 +15,8 @@ the impulses that the hand felt. Any body with degrees of freedom can be pushed;
 its mobility is computed at the present pose, without the centripetal part of its acceleration. From drive() to send()
 these pushes are a part of data.xfrc_applied; a force of your own there stays: set it before drive().
 
+With data.mocap_pos and data.mocap_quat of a mocap body given to hold() in each frame, the mouse in MuJoCo's viewer is the hand.
+
 The hand also feels what else pushes the tool: equalities (weld, connect), tendons, actuators, springs, fluids, and what you
 put into qfrc_applied and xfrc_applied.
 """
@@ -30,7 +32,7 @@ import numpy as np
 import haptic
 from haptic import _arguments
 from haptic._mujoco_shapes import Shapes, moving_bodies, version_of
-from haptic._world import Frames, rotation, with_touching
+from haptic._world import EngineSession, Frames, rotation, with_touching
 
 _FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
@@ -47,7 +49,7 @@ _ADDED_UP, _GAP_BEYOND = (3, 5), (3, 9)
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 
 
-class Session:
+class Session(EngineSession):
     """A client for one model.
 
     tool: name of a body with a free joint. period: about that of your frames, s. After a silence of four and a half of them the
@@ -119,35 +121,6 @@ class Session:
         self._frames = Frames(self.touch, period, arm, has_shapes=self._shapes is not None)
         if self._shapes is not None:
             self._shapes.offer(self.touch, data)
-
-    def __enter__(self) -> "Session":
-        self.touch.__enter__()
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Says goodbye, and ends a server that the session started."""
-        self.touch.close()
-
-    @property
-    def running(self) -> bool:
-        """As haptic.Session.running: set `touch.touch.running` to False to end a loop."""
-        return self.touch.running
-
-    def show(self, port: int = 0, open_browser: bool = True) -> str:
-        """As haptic.Session.show()."""
-        return self.touch.show(port, open_browser)
-
-    def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
-        """As haptic.Session.hold(). With data.mocap_pos and data.mocap_quat of a mocap body in each frame, the mouse in
-        MuJoCo's viewer is the hand."""
-        self.touch.hold(position, rotation)
-
-    def release(self) -> None:
-        """The hand of hold() lets go."""
-        self.touch.release()
 
     def drive(self, data: Any) -> int:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
