@@ -141,6 +141,12 @@ class Viewer {
   bool connected_ = false;
 };
 
+bool is_socket(int file) {
+  int type = 0;
+  socklen_t size = sizeof type;
+  return getsockopt(file, SOL_SOCKET, SO_TYPE, &type, &size) == 0;
+}
+
 int serve(const Options& options) {
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   std::signal(SIGCHLD, SIG_IGN);  // Nobody waits for the browser.
@@ -176,5 +182,10 @@ int main(int argc, char** argv) {
                "Ask whoever opens the page for a token, which its address has");
   app.set_version_flag("--version", "haptic_page " HLM_VERSION);
   CLI11_PARSE(app, argc, argv);
+  if (!hlm::ve::is_socket(options.session)) {
+    std::cerr << "haptic_page: --session " << options.session
+              << " must be an open socket: the client library starts this program\n";
+    return 2;
+  }
   return hlm::ve::serve(options);
 }

@@ -44,8 +44,8 @@ struct Told {
     const std::uint64_t session = std::is_same_v<Message, protocol::Hello> ? 0 : 1;
     followed.take(page_wire::packet(message, {.session = session, .sequence = ++sequence}));
   }
-  /// A ball as tool, a floor, and a box of body 7.
-  void tell_scene() {
+  /// A ball as tool, a floor, and a box of body 7; or as many bytes less of that, and no end.
+  void tell_scene(std::size_t missing = 0) {
     protocol::SceneOffer offer;
     offer.shapes = {offered(SceneShapeKind::kSphere, {0.02, 0, 0}, {SideKind::kToolLink, 0}),
                     offered(SceneShapeKind::kHalfSpace, {0, 0, 0}, {SideKind::kWorld, 0}),
@@ -53,8 +53,9 @@ struct Told {
     protocol::OfferedBefore nothing;
     const std::vector<std::uint8_t> records = protocol::scene_of(offer, 1, nothing);
     followed.take(page_wire::packet(Kind::kSceneBegin));
-    followed.take(page_wire::packet(Kind::kScene, std::as_bytes(std::span(records))));
-    followed.take(page_wire::packet(Kind::kSceneEnd));
+    const auto bytes = std::as_bytes(std::span(records));
+    followed.take(page_wire::packet(Kind::kScene, bytes.first(bytes.size() - missing)));
+    if (missing == 0) followed.take(page_wire::packet(Kind::kSceneEnd));
   }
   void tell_body_at(const Vector3& place) {
     protocol::ContactUpdate update;
@@ -91,11 +92,11 @@ TEST_CASE("Tool, world and bodies have the shapes that the session offered") {
 
 TEST_CASE("Of a scene that came in part nothing is left when it comes again") {
   Told told;
-  told.followed.take(page_wire::packet(Kind::kSceneBegin));
-  const std::array<std::byte, 3> part{};
-  told.followed.take(page_wire::packet(Kind::kScene, part));
+  told.tell_scene(10);
   told.tell_scene();
-  CHECK(told.followed.world().bodies[0].shapes.size() == 1);
+  const PageWorld world = told.followed.world();
+  CHECK(world.bodies[0].shapes.size() == 1);
+  CHECK(world.bodies[1].shapes.size() == 1);
 }
 
 TEST_CASE("A body is there once the session has said where, and then moves") {
