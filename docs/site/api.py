@@ -87,7 +87,9 @@ def python_reference(root):
            "[First ten minutes](first_ten_minutes.md#your-first-client) has a whole client, "
            "[Adapters](adapter.md) say what to send.\n"]
     library = (root / PACKAGE / "_library.py").read_text()
-    imported = {node.name: node for node in ast.parse(library).body if isinstance(node, ast.ClassDef)}
+    arguments = (root / PACKAGE / "_arguments.py").read_text()
+    imported = {node.name: (text, node) for text in (library, arguments) for node in ast.parse(text).body
+                if isinstance(node, ast.ClassDef)}
     for module, file in MODULES.items():
         source = (root / PACKAGE / file).read_text()
         tree = ast.parse(source)
@@ -106,7 +108,7 @@ def python_reference(root):
                 out += class_of(source, node, 3)
         if listed:
             for name in sorted(listed & imported.keys() | {"State"}):
-                out += class_of(library, imported[name], 3)
+                out += class_of(*imported[name], 3)
     return "\n".join(out)
 
 
