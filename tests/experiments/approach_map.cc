@@ -44,13 +44,14 @@ Task task(const ve::WorldDescription& world, const Method& method, double speed)
   return task;
 }
 
-struct Outcome {
+struct Rested {
   double arrival = 0;    ///< Speed 5 mm before the wall, m/s.
   double error = 0;      ///< Where the handle rests, from where it should, m.
   double overshoot = 0;  ///< Farthest beyond the wall, m.
   double drift = 0;      ///< Largest distance of the handle from the environment's tool, m.
   double sway = 0;       ///< Peak to peak of the last second, m.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Rested, arrival, error, overshoot, drift, sway)
 
 /// A method with which the handle does not arrive, and the lowest speed at which it does not.
 struct Stuck {
@@ -58,8 +59,8 @@ struct Stuck {
   double speed;  ///< m/s.
 };
 
-Outcome outcome(const Trace& trace) {
-  Outcome result;
+Rested rested(const Trace& trace) {
+  Rested result;
   const double end = trace.ticks.back().time;
   const auto y = [](const server::TickRecord& t) { return t.X_WD.p.y(); };
   result.error = std::abs(mean(window(trace, y, end - 1, end)));
@@ -100,8 +101,11 @@ void approach_map(Bench& bench) {
   }
   Conditions conditions;
   conditions.link.delay = 0.02;
-  const std::vector<Outcome> outcomes = bench.map(jobs, [&](const Approach& job) {
-    return outcome(run({task(wall, job.method, job.speed), job.method, conditions, job.seed}));
+  const auto inputs_of = [](const Approach& job) {
+    return Inputs{{"method", job.method.name}, {"speed_m_s", job.speed}, {"seed", job.seed}};
+  };
+  const std::vector<Rested> outcomes = bench.map(jobs, inputs_of, [&](const Approach& job) {
+    return rested(run({task(wall, job.method, job.speed), job.method, conditions, job.seed}));
   });
 
   Table& table = bench.table(
@@ -112,7 +116,7 @@ void approach_map(Bench& bench) {
   std::vector<Stuck> stuck;
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [method, speed, seed] = jobs[i];
-    const Outcome& o = outcomes[i];
+    const Rested& o = outcomes[i];
     table.row(method.label, speed, static_cast<double>(seed), o.arrival, o.error, o.overshoot,
               o.drift, o.sway);
     if (o.arrival == 0 && seed == bench.seed()) {

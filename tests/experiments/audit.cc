@@ -66,6 +66,7 @@ struct Said {
   double first = -1;  ///< s.
   std::string all;
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Said, doubt, first, all)
 
 Said listen(const Misled& play) {
   const std::vector<BodySample> samples = experiments::run(play.task, play.conditions, play.seed);
@@ -142,7 +143,11 @@ void audit(Bench& bench) {
   }
   for (const auto& [name, task] : hard_tasks()) add(all.front(), name, task, 0);
   for (const auto& [name, task] : tasks) add(all.front(), name + ", 20 % lost", task, 0.2);
-  const auto said = bench.map(runs, listen);
+  const auto inputs = [](const Misled& r) {
+    return Inputs{{"adapter", r.adapter->name}, {"task", r.name}, {"seed", r.seed}} +
+           inputs_of(r.conditions);
+  };
+  const auto said = bench.map(runs, inputs, listen);
   int right = 0;
   int alarms = 0;
   std::map<std::string, int> named;

@@ -1,28 +1,27 @@
 #include "tests/experiments/bench.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <exception>
-#include <mutex>
 #include <numeric>
 #include <stdexcept>
 
 #include <spdlog/fmt/fmt.h>
-#include <unistd.h>
 
 namespace hlm::experiments {
 
-Table::Table(const std::filesystem::path& file, std::string_view header)
-    : name_(file.string()), file_(file) {
+Table::Table(const std::filesystem::path& file, std::string_view header) : name_(file.string()) {
+  if (name_.empty()) return;
+  file_.open(file);
   write(std::string(header));
 }
 
 void Table::write(const std::string& line) {
+  if (name_.empty()) return;
   if (!(file_ << line << '\n')) throw std::runtime_error(name_ + ": cannot be written");
 }
 
 void Table::close() {
+  if (name_.empty()) return;
   file_.close();
   if (!file_) throw std::runtime_error(name_ + ": cannot be written");
 }
@@ -39,10 +38,11 @@ std::string Table::cell(std::string_view value) {
 
 std::string Table::cell(double value) { return fmt::format("{:.9g}", value); }
 
-Bench::Bench(const BenchOptions& options) : options_(options) {
-  if (options_.jobs == 0) options_.jobs = std::max(1u, std::thread::hardware_concurrency());
+Inputs inputs_of(const Job& job) { return {{"method", job.method.name}, {"seed", job.seed}}; }
+
+Bench::Bench(const BenchOptions& options, std::filesystem::path out, Visit visit)
+    : options_(options), out_(std::move(out)), visit_(std::move(visit)) {
   if (options_.seeds == 0) options_.seeds = options_.quick ? 5 : 20;
-  std::filesystem::create_directories(options_.out);
 }
 
 std::vector<Method> Bench::methods(const std::vector<std::string>& names) const {
@@ -69,14 +69,20 @@ std::vector<Job> Bench::jobs(const std::vector<std::string>& names, int count) c
   return jobs;
 }
 
-void Bench::begin(const std::string& experiment, std::size_t number, std::size_t count) {
+void Bench::begin(const std::string& experiment, double cost, bool reports) {
   experiment_ = experiment;
-  place_ = fmt::format("{} of {}", number, count);
-  if (!isatty(STDERR_FILENO)) fmt::print(stderr, "Experiment {}: {}\n", place_, experiment_);
+  cost_ = cost;
+  reports_ = reports;
+  cells_ = 0;
+}
+
+Cell Bench::next_cell(Inputs inputs) {
+  if (text_of(inputs, "seed").empty()) inputs.emplace_back("seed", seed());
+  return {fmt::format("{}-{:05}", experiment_, ++cells_), experiment_, std::move(inputs), cost_};
 }
 
 Table& Bench::table(const std::string& name, std::string_view header) {
-  return tables_.emplace_back(options_.out / (name + ".csv"), header);
+  return tables_.emplace_back(reports_ ? out_ / (name + ".csv") : std::filesystem::path{}, header);
 }
 
 void Bench::close_tables() {
@@ -85,52 +91,15 @@ void Bench::close_tables() {
 }
 
 void Bench::claim(Claim claim) {
+  if (!reports_) return;
   claim.experiment = experiment_;
   fmt::print("{} {:<14} {}: {} [{}]\n", claim.holds ? "holds " : "FAILS ", claim.experiment,
              claim.what, claim.measured, claim.criterion);
   claims_.push_back(std::move(claim));
 }
 
-void Bench::find(const std::string& text) { findings_.push_back({experiment_, text}); }
-
-void Bench::parallel(std::size_t count, const std::function<void(std::size_t)>& work) {
-  std::atomic<std::size_t> next = 0;
-  std::atomic<std::size_t> done = 0;
-  std::mutex mutex;
-  std::exception_ptr failure;
-  const auto began = std::chrono::steady_clock::now();
-  const auto worker = [&] {
-    for (std::size_t i = next++; i < count; i = next++) {
-      try {
-        work(i);
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        failure = std::current_exception();
-        return;
-      }
-      const std::lock_guard lock(mutex);
-      const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - began;
-      show_progress(++done, count, passed.count());
-    }
-  };
-  std::vector<std::jthread> threads;
-  for (unsigned i = 0; i < options_.jobs; ++i) threads.emplace_back(worker);
-  threads.clear();
-  if (failure) std::rethrow_exception(failure);
-}
-
-void Bench::show_progress(std::size_t done, std::size_t count, double passed) const {
-  if (!isatty(STDERR_FILENO)) return;
-  std::string left;
-  if (passed > 3) {  // The first few say little about the rest.
-    const double rest = passed * static_cast<double>(count - done) / static_cast<double>(done);
-    left = rest < 90 ? fmt::format(", about {:.0f} s left", rest)
-                     : fmt::format(", about {:.0f} min left", rest / 60);
-  }
-  fmt::print(stderr, "\r\x1b[KExperiment {}, {}: {} of {} runs done{}", place_, experiment_, done,
-             count, left);
-  if (done == count) fmt::print(stderr, "\r\x1b[K");
-  std::fflush(stderr);
+void Bench::find(const std::string& text) {
+  if (reports_) findings_.push_back({experiment_, text});
 }
 
 std::string spread(const std::vector<double>& values, double scale) {

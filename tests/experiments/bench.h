@@ -1,8 +1,7 @@
-// What an experiment is given: cores to run trials on, a folder for its tables, and the list of
+// What an experiment is given: results of its cells, a folder for its tables, and the list of
 // claims that it makes.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <filesystem>
@@ -10,9 +9,9 @@
 #include <functional>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <vector>
 
+#include "tests/experiments/cell.h"
 #include "tests/experiments/measures.h"
 #include "tests/experiments/trial.h"
 
@@ -24,8 +23,6 @@ struct BenchOptions {
   std::vector<std::string> methods;  ///< Methods; empty: all.
   std::uint64_t seed = 1;            ///< The first one.
   int seeds = 0;                     ///< Of planar figures; 0: 20, with `quick` 5.
-  unsigned jobs = 0;                 ///< Threads; 0: as many as cores.
-  std::filesystem::path out = "out/reproduce";
 };
 
 /// A criterion, and whether it holds.
@@ -43,6 +40,7 @@ struct Job {
   Method method;
   std::uint64_t seed = 1;
 };
+Inputs inputs_of(const Job& job);
 
 /// Something seen that no criterion asks for, in words.
 struct Finding {
@@ -54,6 +52,7 @@ struct Finding {
 /// file if it cannot be written.
 class Table {
  public:
+  /// Without a file's name all is lost that is written.
   Table(const std::filesystem::path& file, std::string_view header);
   template <class... Values>
   void row(const Values&... values) {
@@ -74,9 +73,17 @@ class Table {
   std::ofstream file_;
 };
 
+/// An experiment asks map() for what its cells give, and makes tables and claims of it. It also
+/// runs with results that are all as their types begin, to list its cells or to run some of them:
+/// so it asks for the same cells whatever they give, and computes nothing that takes long outside
+/// of them.
 class Bench {
  public:
-  explicit Bench(const BenchOptions& options);
+  /// What a cell gives, of which `work` computes it; none: nothing now.
+  using Visit = std::function<std::optional<nlohmann::json>(
+      const Cell&, const std::function<nlohmann::json()>& work)>;
+  /// out: for tables; empty: none are written, and no claims heard.
+  Bench(const BenchOptions& options, std::filesystem::path out, Visit visit);
 
   bool quick() const { return options_.quick; }
   std::uint64_t seed() const { return options_.seed; }
@@ -90,8 +97,8 @@ class Bench {
   /// Whether no method was left out: claims that compare methods need them all.
   bool complete() const { return options_.methods.empty(); }
 
-  /// The first one is number 1.
-  void begin(const std::string& experiment, std::size_t number, std::size_t count);
+  /// cost: of a cell, expected, s. reports: its tables are written, and its claims heard.
+  void begin(const std::string& experiment, double cost, bool reports);
   /// Until close_tables().
   Table& table(const std::string& name, std::string_view header);
   /// All tables are complete.
@@ -101,23 +108,43 @@ class Bench {
   const std::vector<Claim>& claims() const { return claims_; }
   const std::vector<Finding>& findings() const { return findings_; }
 
-  /// What `work` gives for each item, on all cores, in the order of the items.
-  template <class Item, class Work>
-  auto map(const std::vector<Item>& items, const Work& work) {
+  /// What `work` gives for each item, in their order, each one a cell that inputs_of(item) tells
+  /// from the others. JSON has to know the result's type.
+  template <class Item, class InputsOf, class Work>
+  auto map(const std::vector<Item>& items, const InputsOf& inputs_of, const Work& work) {
     using Result = decltype(work(items.front()));
     std::vector<Result> results(items.size());
-    parallel(items.size(), [&](std::size_t i) { results[i] = work(items[i]); });
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      const auto given =
+          visit_(next_cell(inputs_of(items[i])), [&] { return nlohmann::json(work(items[i])); });
+      if (given) results[i] = given->template get<Result>();
+    }
     return results;
+  }
+  /// The same of each method and seed.
+  template <class Work>
+  auto map(const std::vector<Job>& jobs, const Work& work) {
+    return map(
+        jobs, [](const Job& job) { return inputs_of(job); }, work);
+  }
+  /// What one cell gives.
+  template <class Work>
+  auto run(const Inputs& inputs, const Work& work) {
+    return map(
+               std::vector{0}, [&](int) { return inputs; }, [&](int) { return work(); })
+        .front();
   }
 
  private:
-  void parallel(std::size_t count, const std::function<void(std::size_t)>& work);
-  /// On a terminal, one line that is rewritten. passed: since the runs began, s.
-  void show_progress(std::size_t done, std::size_t count, double passed) const;
+  Cell next_cell(Inputs inputs);
 
   BenchOptions options_;
+  std::filesystem::path out_;
+  Visit visit_;
   std::string experiment_;
-  std::string place_;  ///< "3 of 19": which experiment it is.
+  double cost_ = 1;
+  bool reports_ = false;
+  std::size_t cells_ = 0;  ///< Of the experiment, so far.
   std::vector<Claim> claims_;
   std::vector<Finding> findings_;
   std::deque<Table> tables_;

@@ -71,11 +71,15 @@ std::vector<BodyConditions> grid(const Bench& bench, bool shapes) {
   return all;
 }
 
+auto of_task(const std::string& task) {
+  return [task](const BodyConditions& c) { return Inputs{{"task", task}} + inputs_of(c); };
+}
+
 /// Forces that bodies must show, over the grid.
 void steady_forces(Bench& bench, bool shapes, Table& table) {
   const std::vector<BodyConditions> conditions = grid(bench, shapes);
   for (const Steady& steady : steady_tasks(bench)) {
-    const auto forces = bench.map(conditions, [&](const BodyConditions& c) {
+    const auto forces = bench.map(conditions, of_task(steady.name), [&](const BodyConditions& c) {
       ForceStatistics f =
           force_along(run(steady.task, c, bench.seed()), steady.axis, steady.begin, steady.end);
       f.mean -= steady.other;
@@ -127,7 +131,7 @@ void wrong_friction(Bench& bench, bool shapes) {
     }
   }
   const double due = 0.4 * 0.375 * kGravity;
-  const auto forces = bench.map(conditions, [&](const BodyConditions& c) {
+  const auto forces = bench.map(conditions, of_task("slide"), [&](const BodyConditions& c) {
     return force_along(run(slide({}), c, bench.seed()), -Vector3::UnitX(), 1.5, 3.5);
   });
   double low = forces[0].mean;
@@ -168,20 +172,17 @@ std::vector<BodyConditions> lossy_grid(const Bench& bench, bool shapes) {
   return all;
 }
 
-/// The task under each of the conditions.
-std::vector<std::vector<BodySample>> run_all(Bench& bench, const BodyTask& task,
-                                             const std::vector<BodyConditions>& conditions) {
-  return bench.map(conditions, [&](const BodyConditions& c) { return run(task, c, bench.seed()); });
-}
-
 /// What a body gains is what the hand felt, with datagrams lost too.
 void momentum(Bench& bench, bool shapes) {
-  double worst = 0;
-  for (const std::vector<BodySample>& samples :
-       run_all(bench, hit(0.01), lossy_grid(bench, shapes))) {
+  const auto gain = [&](const BodyConditions& c) {
+    const std::vector<BodySample> samples = run(hit(0.01), c, bench.seed());
     double felt = 0;
     for (const BodySample& sample : samples) felt -= 1e-3 * sample.F_env[0];
-    grow(worst, std::abs(0.3 * samples.back().V_WB[0] / felt - 1));
+    return std::abs(0.3 * samples.back().V_WB[0] / felt - 1);
+  };
+  double worst = 0;
+  for (const double off : bench.map(lossy_grid(bench, shapes), of_task("hit"), gain)) {
+    grow(worst, off);
   }
   bench.claim({.what = named("momentum", shapes),
                .criterion = "a free body that is hit gains the momentum that the hand felt, within "
@@ -194,15 +195,17 @@ void momentum(Bench& bench, bool shapes) {
 void door(Bench& bench, bool shapes) {
   double worst = 0;
   for (const double from_hinge : {0.08, 0.17}) {
-    for (const std::vector<BodySample>& samples :
-         run_all(bench, knock(from_hinge), lossy_grid(bench, shapes))) {
+    const auto gain = [&](const BodyConditions& c) {
+      const std::vector<BodySample> samples = run(knock(from_hinge), c, bench.seed());
       double felt = 0;  // N·m·s about the hinge
       for (const BodySample& sample : samples) {
         const Vector3 torque = sample.F_env.tail<3>() + sample.X_WP.p.cross(sample.F_env.head<3>());
         felt -= 1e-3 * torque.z();
       }
-      grow(worst, std::abs(door_inertia() * samples.back().V_WB[5] / felt - 1));
-    }
+      return std::abs(door_inertia() * samples.back().V_WB[5] / felt - 1);
+    };
+    const auto inputs = of_task(fmt::format("door knocked at {} m", from_hinge));
+    for (const double off : bench.map(lossy_grid(bench, shapes), inputs, gain)) grow(worst, off);
   }
   bench.claim({.what = named("door", shapes),
                .criterion = "a door that is knocked at gains about its hinge the angular momentum "
@@ -213,28 +216,33 @@ void door(Bench& bench, bool shapes) {
 
 /// Largest difference of the body's velocities to those in a world without delay, with contacts of
 /// the same stiffness, as shares of these: of the linear (0) or the angular ones (3).
-double largest_difference(Bench& bench, bool shapes, const BodyTask& task,
+double largest_difference(Bench& bench, bool shapes, const std::string& name, const BodyTask& task,
                           std::initializer_list<int> parts) {
-  double worst = 0;
-  for (BodyConditions c : grid(bench, shapes)) {
-    c.epsilon = 0.03;  // m: what the tool makes in the time from the environment to here.
+  const auto difference = [&](const BodyConditions& c) {
     BodyConditions undelayed = c;
     undelayed.ve_rate = 480;
     undelayed.delay = 0;
-    const auto runs = run_all(bench, task, {c, undelayed});
-    const Twist due = runs[1].back().V_WB;
-    const Twist difference = runs[0].back().V_WB - due;
+    const Twist due = run(task, undelayed, bench.seed()).back().V_WB;
+    const Twist off = run(task, c, bench.seed()).back().V_WB - due;
+    double worst = 0;
     for (const int part : parts) {
-      grow(worst, difference.segment<3>(part).norm() / due.segment<3>(part).norm());
+      grow(worst, off.segment<3>(part).norm() / due.segment<3>(part).norm());
     }
-  }
+    return worst;
+  };
+  std::vector<BodyConditions> conditions = grid(bench, shapes);
+  // m: what the tool makes in the time from the environment to here.
+  for (BodyConditions& c : conditions) c.epsilon = 0.03;
+  double worst = 0;
+  for (const double off : bench.map(conditions, of_task(name), difference)) grow(worst, off);
   return worst;
 }
 
 /// Hits off the centre turn bodies as in a world without delay.
 void turning(Bench& bench, bool shapes) {
-  const double free = largest_difference(bench, shapes, hit(0.01), {0, 3});
-  const double hinged = largest_difference(bench, shapes, knock(0.17), {3});
+  const double free = largest_difference(bench, shapes, "hit against undelayed", hit(0.01), {0, 3});
+  const double hinged =
+      largest_difference(bench, shapes, "door against undelayed", knock(0.17), {3});
   bench.claim(
       {.what = named("hits off centre", shapes),
        .criterion = "a free body and a door move on and turn as after the same hit in a "
@@ -257,10 +265,11 @@ void geometry(Bench& bench) {
   const BodyConditions undelayed{.ve_rate = 480, .epsilon = 0.03, .shapes = true};
   std::vector<BodyConditions> delayed;
   for (const double delay : {0.0, 0.02, 0.1}) delayed.push_back({.delay = delay, .shapes = true});
-  const double due = tips_at(run(tip(), undelayed, bench.seed()));
+  const auto tips = [&](const BodyConditions& c) { return tips_at(run(tip(), c, bench.seed())); };
+  const double due = bench.map(std::vector{undelayed}, of_task("tip"), tips).front();
   double worst = 0;
-  for (const auto& samples : run_all(bench, tip(), delayed)) {
-    grow(worst, std::abs(tips_at(samples) - due));
+  for (const double at : bench.map(delayed, of_task("tip"), tips)) {
+    grow(worst, std::abs(at - due));
   }
   // Of the way to the edge.
   bench.claim({.what = "Bodies, a brick over the table's edge, shapes in the server",
@@ -272,14 +281,18 @@ void geometry(Bench& bench) {
   double turns = 0;
   double turns_of_planes = 0;
   for (const double off : {0.004, 0.012}) {
-    const Vector3 reference =
-        run(hit_with_ball(off), undelayed, bench.seed()).back().V_WB.tail<3>();
-    const auto off_by = [&](bool shapes) {
-      const auto samples = run(hit_with_ball(off), {.shapes = shapes}, bench.seed());
-      return (samples.back().V_WB.tail<3>() - reference).norm() / reference.norm();
+    const auto off_by = [&](const BodyConditions& c) {
+      const auto turn = [&](const BodyConditions& of) {
+        return Vector3(run(hit_with_ball(off), of, bench.seed()).back().V_WB.tail<3>());
+      };
+      const Vector3 reference = turn(undelayed);
+      return (turn(c) - reference).norm() / reference.norm();
     };
-    grow(turns, off_by(true));
-    grow(turns_of_planes, off_by(false));
+    const std::vector<BodyConditions> both{{.shapes = true}, {.shapes = false}};
+    const auto inputs = of_task(fmt::format("hit with a ball at {} m", off));
+    const std::vector<double> turned = bench.map(both, inputs, off_by);
+    grow(turns, turned[0]);
+    grow(turns_of_planes, turned[1]);
   }
   bench.claim({.what = "Bodies, hit by a ball, shapes in the server",
                .criterion = "a box that a ball hits 4 and 12 mm off its centre turns as in a world "

@@ -36,7 +36,7 @@ const std::vector<Kind> kKinds{
     {"tower", rest_on_tower, Vector3::UnitZ(), [](double) { return 2.0; }, 0, 3, 4.5},
 };
 
-struct Cell {
+struct BodyPlace {
   const Kind* kind;
   double mass;
   BodyConditions conditions;
@@ -48,8 +48,8 @@ bool is_right(const ForceStatistics& f, double due) {
   return std::abs(f.mean / due - 1) <= 0.1 && f.deviation <= std::max(0.05, 0.06 * due);
 }
 
-std::vector<Cell> cells() {
-  std::vector<Cell> all;
+std::vector<BodyPlace> places() {
+  std::vector<BodyPlace> all;
   for (const Kind& kind : kKinds) {
     for (const double rate : {60.0, 30.0}) {
       for (const double k : {4000.0, 16000.0, 50000.0}) {
@@ -66,11 +66,16 @@ std::vector<Cell> cells() {
 
 /// The map, and of the delays up to 20 ms what the claims ask.
 void draw_map(Bench& bench) {
-  const std::vector<Cell> all = cells();
-  const auto forces = bench.map(all, [&](const Cell& cell) {
-    ForceStatistics f = force_along(run(cell.kind->task(cell.mass), cell.conditions, bench.seed()),
-                                    cell.kind->axis, cell.kind->begin, cell.kind->end);
-    f.mean -= cell.kind->other;
+  const std::vector<BodyPlace> all = places();
+  const auto inputs = [](const BodyPlace& place) {
+    return Inputs{{"task", place.kind->name}, {"mass_kg", place.mass}} +
+           inputs_of(place.conditions);
+  };
+  const auto forces = bench.map(all, inputs, [&](const BodyPlace& place) {
+    ForceStatistics f =
+        force_along(run(place.kind->task(place.mass), place.conditions, bench.seed()),
+                    place.kind->axis, place.kind->begin, place.kind->end);
+    f.mean -= place.kind->other;
     return f;
   });
   Table& table = bench.table("bodylimits",

@@ -86,6 +86,23 @@ void mislead(test::MemoryNetwork& network, const BodyConditions& conditions) {
 
 }  // namespace
 
+Inputs inputs_of(const BodyConditions& c) {
+  Inputs inputs{{"ve_rate_Hz", c.ve_rate}, {"delay_s", c.delay}, {"stiffness", c.stiffness}};
+  if (c.method) {
+    inputs.insert(inputs.begin(), {"method", c.method->name});
+  } else {
+    inputs.emplace_back("contacts", c.shapes ? "shapes" : "planes");
+  }
+  const BodyConditions usual;
+  if (c.loss != usual.loss) inputs.emplace_back("loss", c.loss);
+  if (c.epsilon != usual.epsilon) inputs.emplace_back("epsilon_m", c.epsilon);
+  if (c.friction_scale != usual.friction_scale) {
+    inputs.emplace_back("friction_scale", c.friction_scale);
+  }
+  if (c.stalls.longest > 0) inputs.emplace_back("longest_stall_s", c.stalls.longest);
+  return inputs;
+}
+
 std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditions,
                             std::uint64_t seed) {
   const int body = index_of(task.world, task.body);

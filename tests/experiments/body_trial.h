@@ -9,6 +9,7 @@
 
 #include "hlm/device/hand.h"
 #include "hlm/protocol/messages.h"
+#include "tests/experiments/cell.h"
 #include "tests/experiments/trial.h"
 
 namespace hlm::experiments {
@@ -51,6 +52,9 @@ struct BodyConditions {
   std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
 };
 
+/// What tells them from the defaults.
+Inputs inputs_of(const BodyConditions& conditions);
+
 /// One tick, and where the body is in the environment.
 struct BodySample {
   double time = 0;
@@ -82,6 +86,8 @@ struct ForceStatistics {
   int collisions = 0;
   int limited = 0;  ///< Ticks.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ForceStatistics, mean, deviation, largest, least, most,
+                                   update_step, step, collisions, limited)
 /// Of F_env along an axis, from `begin` to `end` (s).
 ForceStatistics force_along(const std::vector<BodySample>& samples, const Vector3& axis,
                             double begin, double end);

@@ -407,6 +407,14 @@ const char* name_of(Walls walls) {
   return std::ranges::find(kWallsWords, walls, &WallsWords::walls)->name;
 }
 
+Inputs inputs_of(const Entry& entry) {
+  return {{"walls", name_of(entry.walls)},
+          {"clearance_m", entry.clearance},
+          {"speed_m_s", entry.speed},
+          {"wanders", entry.wanders},
+          {"seed", entry.seed}};
+}
+
 namespace {
 
 void entries(Bench& bench) {
@@ -443,10 +451,21 @@ void entries(Bench& bench) {
       }
     }
   }
-  const auto gaps =
-      bench.map(ways, [](const Way& w) { return least_gap(w.entry, {.delay = w.delay}); });
-  const auto outcomes =
-      bench.map(cases, [&](const Case& c) { return enter(ways[c.way].entry, c.conditions); });
+  const auto gaps = bench.map(
+      ways,
+      [](const Way& w) {
+        return Inputs{{"of", "least gap"}, {"delay_s", w.delay}} + inputs_of(w.entry);
+      },
+      [](const Way& w) { return least_gap(w.entry, {.delay = w.delay}); });
+  const auto outcomes = bench.map(
+      cases,
+      [&](const Case& c) {
+        return Inputs{{"axes", c.conditions.one_axis ? "one" : "all"},
+                      {"epsilon_m", c.conditions.epsilon},
+                      {"delay_s", c.conditions.delay}} +
+               inputs_of(ways[c.way].entry);
+      },
+      [&](const Case& c) { return enter(ways[c.way].entry, c.conditions); });
   Table& table =
       bench.table("corners",
                   "axes,walls,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
@@ -494,7 +513,11 @@ void walls(Bench& bench) {
     }
   }
   const auto errors = bench.map(
-      cases, [](const Wall& wall) { return wall_error(0.5, wall.conditions, wall.seed); });
+      cases,
+      [](const Wall& wall) {
+        return Inputs{{"of", "wall"}, {"delay_s", wall.conditions.delay}, {"seed", wall.seed}};
+      },
+      [](const Wall& wall) { return wall_error(0.5, wall.conditions, wall.seed); });
   Table& table = bench.table("corner_walls", "delay_s,seed,error_m");
   double worst = 0;
   for (std::size_t i = 0; i < cases.size(); ++i) {

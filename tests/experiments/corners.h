@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "tests/experiments/cell.h"
 #include "tests/experiments/method.h"
 #include "tests/support/virtual_session.h"
 
@@ -56,6 +57,8 @@ struct Entry {
   Walls walls = Walls::kApart;
 };
 
+Inputs inputs_of(const Entry& entry);
+
 /// An entry with at least this gap, m, touches nothing.
 inline constexpr double kTouchesNothing = 1e-5;
 /// Force that is felt although nothing is there, N.
@@ -69,6 +72,7 @@ struct EntryOutcome {
   bool enters = false;         ///< The peg is in at the end.
   double acting_contacts = 0;  ///< In the local model, mean.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(EntryOutcome, largest_force, enters, acting_contacts)
 EntryOutcome enter(const Entry& entry, const CornerConditions& conditions);
 
 /// How far from a wall force begins that a peg meets at `speed` (m/s), m; infinite if none does.

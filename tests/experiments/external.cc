@@ -222,6 +222,8 @@ struct Outcome {
   double least = 0;  ///< Of the proxy along z, m.
   double most = 0;
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Outcome, whole, mean, deviation, largest, smallest, step, least,
+                                   most)
 
 Outcome play(const Task& task, const Conditions& conditions, std::uint64_t seed) {
   const std::vector<Sample> samples = run(task, conditions, seed);
@@ -271,8 +273,15 @@ struct Steady {
 
 std::vector<Outcome> play_all(Bench& bench, Table& table, const Task& task, double due) {
   const auto conditions = grid(bench);
-  const auto outcomes =
-      bench.map(conditions, [&](const Conditions& c) { return play(task, c, bench.seed()); });
+  const auto outcomes = bench.map(
+      conditions,
+      [&](const Conditions& c) {
+        return Inputs{{"task", task.name},
+                      {"hand", c.measures_hand ? "measured" : "unknown"},
+                      {"ve_rate_Hz", c.ve_rate},
+                      {"delay_s", c.delay}};
+      },
+      [&](const Conditions& c) { return play(task, c, bench.seed()); });
   std::vector<Outcome> near;
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     const Outcome& o = outcomes[i];

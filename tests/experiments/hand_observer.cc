@@ -29,14 +29,14 @@ std::string_view name_of(Hand hand) {
   return {};
 }
 
-struct Case {
+struct HandCase {
   Hand hand = Hand::kMeasured;
   double rate = 1000;  ///< Hz.
   int delay = 0;       ///< Of the device, ticks.
 };
 
 /// With encoder steps of 0.05 mm and 0.5 mrad, and a velocity that is filtered as they ask for.
-Trial trial_of(const Case& c, const Task& task) {
+Trial trial_of(const HandCase& c, const Task& task) {
   Trial trial{task, method("lm5"), {}, 1};
   server::SimulatedDeviceOptions& device = trial.task.device;
   device.position_step = 5e-5;
@@ -65,16 +65,17 @@ constexpr double kFrequency = 2.5;  // Hz
 constexpr double kPush = 2;         // N
 constexpr double kSettled = 4;      // s
 
-struct Outcome {
+struct KnownHand {
   double mass = 0;     ///< Felt in free motion at the hand's frequency, kg.
   double damping = 0;  ///< Likewise, N·s/m.
   double error = 0;    ///< Of the hand's force as the server knows it, rms, N.
   double pressed = 0;  ///< Mean force on the wall, N.
   StiffnessLimits limits;
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KnownHand, mass, damping, error, pressed, limits)
 
 /// Mass and damping of F = (m + b / iω) a, of a hand that shakes the handle in free motion.
-void shake_freely(const Case& c, Outcome& outcome) {
+void shake_freely(const HandCase& c, KnownHand& outcome) {
   const Trace trace = run(trial_of(c, on_testbed(shake({kShake, 0, 0}, kFrequency))));
   const double w = 2 * std::numbers::pi * kFrequency;
   std::complex<double> x = 0;
@@ -93,8 +94,8 @@ void shake_freely(const Case& c, Outcome& outcome) {
   outcome.error = std::sqrt(squares / count);
 }
 
-Outcome outcome_of(const Case& c) {
-  Outcome outcome;
+KnownHand outcome_of(const HandCase& c) {
+  KnownHand outcome;
   shake_freely(c, outcome);
   const Trace pressing = run(trial_of(c, on_testbed(push({0, kPush, 0}))));
   outcome.pressed = -mean(window(
@@ -104,8 +105,8 @@ Outcome outcome_of(const Case& c) {
   return outcome;
 }
 
-std::vector<Case> cases(bool quick) {
-  std::vector<Case> all;
+std::vector<HandCase> cases(bool quick) {
+  std::vector<HandCase> all;
   for (const double rate : {1000.0, 4000.0}) {
     if (quick && rate > 1000) continue;
     for (const int delay : {0, 1, 3}) {
@@ -120,8 +121,11 @@ std::vector<Case> cases(bool quick) {
 }  // namespace
 
 void hand_observer(Bench& bench) {
-  const std::vector<Case> all = cases(bench.quick());
-  const std::vector<Outcome> outcomes = bench.map(all, outcome_of);
+  const std::vector<HandCase> all = cases(bench.quick());
+  const auto inputs_of = [](const HandCase& c) {
+    return Inputs{{"hand", name_of(c.hand)}, {"rate_hz", c.rate}, {"delay_ticks", c.delay}};
+  };
+  const std::vector<KnownHand> outcomes = bench.map(all, inputs_of, outcome_of);
   Table& table = bench.table("observer",
                              "hand,rate_hz,delay_ticks,felt_mass_kg,felt_damping,error_N,"
                              "pressed_N,k_max_energy,k_max_motion");
@@ -132,10 +136,10 @@ void hand_observer(Bench& bench) {
   double least_motion = 1e9;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto& [hand, rate, delay] = all[i];
-    const Outcome& o = outcomes[i];
+    const KnownHand& o = outcomes[i];
     table.row(name_of(hand), rate, static_cast<double>(delay), o.mass, o.damping, o.error,
               o.pressed, o.limits.energy.k_max, o.limits.motion.k_max);
-    const Outcome& measured = outcomes[i - i % 3];
+    const KnownHand& measured = outcomes[i - i % 3];
     worst_press = std::max(worst_press, std::abs(o.pressed / kPush - 1));
     if (hand == Hand::kUnknown) lightest = std::min(lightest, o.mass / measured.mass);
     if (hand != Hand::kObserved) continue;

@@ -25,14 +25,15 @@ struct Holding {
   double end;    ///< s.
 };
 
-struct Outcome {
+struct Borne {
   ForceStatistics force;
   double moved = 0;  ///< How far the watched body has come in the environment, m.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Borne, force, moved)
 
-Outcome play(const Holding& holding, const BodyConditions& conditions, std::uint64_t seed) {
+Borne play(const Holding& holding, const BodyConditions& conditions, std::uint64_t seed) {
   const std::vector<BodySample> samples = run(holding.task, conditions, seed);
-  Outcome outcome{force_along(samples, holding.axis, holding.begin, holding.end)};
+  Borne outcome{force_along(samples, holding.axis, holding.begin, holding.end)};
   outcome.force.mean -= holding.other;
   outcome.force.least -= holding.other;
   outcome.force.most -= holding.other;
@@ -63,11 +64,15 @@ std::vector<BodyConditions> grid(const Bench& bench, std::initializer_list<doubl
 bool is_near(const BodyConditions& c) { return c.delay <= 0.02 && c.ve_rate <= 60; }
 
 /// All conditions of a task; into the table, and those that are near to the caller.
-std::vector<Outcome> play_all(Bench& bench, Table& table, const Holding& holding,
-                              const std::vector<BodyConditions>& conditions) {
+std::vector<Borne> play_all(Bench& bench, Table& table, const Holding& holding,
+                            const std::vector<BodyConditions>& conditions) {
   const auto outcomes = bench.map(
-      conditions, [&](const BodyConditions& c) { return play(holding, c, bench.seed()); });
-  std::vector<Outcome> near;
+      conditions,
+      [&](const BodyConditions& c) {
+        return Inputs{{"task", holding.name}} + inputs_of(c);
+      },
+      [&](const BodyConditions& c) { return play(holding, c, bench.seed()); });
+  std::vector<Borne> near;
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     const auto& [f, moved] = outcomes[i];
     const BodyConditions& c = conditions[i];
@@ -92,7 +97,7 @@ void plates(Bench& bench, Table& table) {
                        0.5 * kGravity,
                        3,
                        4.5};
-    for (const Outcome& o : play_all(bench, table, task, grid(bench, {16000, 50000}))) {
+    for (const Borne& o : play_all(bench, table, task, grid(bench, {16000, 50000}))) {
       const double error = std::abs(o.force.mean / task.due - 1);
       lost += !(error < 0.1);
       off = std::max(off, error);
@@ -122,7 +127,7 @@ void towers(Bench& bench, Table& table) {
                        0,
                        3,
                        4.5};
-    for (const Outcome& o : play_all(bench, table, task, grid(bench, {4000, 16000, 50000}))) {
+    for (const Borne& o : play_all(bench, table, task, grid(bench, {4000, 16000, 50000}))) {
       if (count > 6) continue;  // Beyond what moves in the local model.
       off = std::max(off, std::abs(o.force.mean - task.due));
       moved = std::max(moved, o.moved);
@@ -143,7 +148,7 @@ void swinging_wall(Bench& bench, Table& table) {
   double most = 0;
   int collisions = 0;
   play_all(bench, table, task, grid(bench, {50000}));  // Lost at 30 Hz and 20 ms.
-  for (const Outcome& o : play_all(bench, table, task, grid(bench, {4000, 16000}))) {
+  for (const Borne& o : play_all(bench, table, task, grid(bench, {4000, 16000}))) {
     least = std::min(least, o.force.least);
     most = std::max(most, o.force.most);
     collisions += o.force.collisions;
@@ -173,8 +178,12 @@ void stalls(Bench& bench, Table& table) {
         {{.delay = delay, .shapes = shapes, .stalls = {.shortest = 0.005, .longest = 0.025}},
          bench.seed() + seed});
   }
-  const auto outcomes =
-      bench.map(runs, [&](const Run& r) { return play(task, r.conditions, r.seed); });
+  const auto outcomes = bench.map(
+      runs,
+      [&](const Run& r) {
+        return Inputs{{"task", task.name}, {"seed", r.seed}} + inputs_of(r.conditions);
+      },
+      [&](const Run& r) { return play(task, r.conditions, r.seed); });
   double off = 0;
   double step = 0;
   int held = 0;

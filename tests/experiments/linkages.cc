@@ -58,51 +58,76 @@ double kinetic_energy(const ToolModel& tool, const Velocity& v) {
   return 0.5 * v.dot(tool.mass_matrix() * v);
 }
 
-/// A chain in a drawn posture that was kicked once.
-struct Kicked {
-  const char* root;
-  int links;
-  LocalModel model;
-  double energy;  ///< J.
-};
-
-Kicked kicked(std::uint64_t seed, const char* name, JointType root, int links, double energy) {
+/// A chain in a drawn posture that was kicked once, with `energy` (J).
+LocalModel kicked(std::uint64_t seed, JointType root, int links, double energy) {
   std::mt19937_64 engine(seed);
   const ToolDescription tool = chain(links, root, root == JointType::kPlanar);
   ToolModel posture(tool);
   posture.set_configuration(posture.integrate(posture.neutral(), drawn(engine, posture.dof()), 1));
   Velocity v = drawn(engine, posture.dof());
   v *= std::sqrt(energy / kinetic_energy(posture, v));
-  Kicked result{name, links, LocalModel(tool, posture.configuration(), {}, kStep), energy};
-  result.model.follow(posture.configuration(), v);
-  return result;
+  LocalModel model(tool, posture.configuration(), {}, kStep);
+  model.follow(posture.configuration(), v);
+  return model;
 }
+
+struct Chain {
+  const char* name;
+  JointType root;
+  int links;
+  double energy;  ///< J.
+};
 
 /// What a free chain's energy does in 60 s, and how far the motion of its first second is from that
 /// with steps twenty times as short, rad and m.
-void free_chains(Bench& bench) {
-  Table& table = bench.table("linkages_energy", "chain,time_s,energy_share");
-  double worst = 0;
+struct Drift {
+  double worst = 0;  ///< Of the energy's share.
   double astray = 0;
+  std::vector<std::array<double, 2>> series;  ///< Time and the energy's share.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Drift, worst, astray, series)
+
+Drift drift(const Chain& chain, std::uint64_t seed) {
+  Drift result;
+  LocalModel model = kicked(seed, chain.root, chain.links, chain.energy);
+  ToolModel exact = model.proxy();
+  Velocity v = model.velocity();
+  for (int i = 0; i < 20'000; ++i) server::move_freely(exact, v, kStep / 20);
+  for (int i = 0; i < 60'000; ++i) {
+    const double share = kinetic_energy(model.proxy(), model.velocity()) / chain.energy;
+    result.worst = std::max(result.worst, std::abs(share - 1));
+    if (i % 500 == 0) result.series.push_back({i * kStep, share});
+    if (i == 1000) {
+      const Configuration difference = model.proxy().configuration() - exact.configuration();
+      result.astray = difference.cwiseAbs().maxCoeff();
+    }
+    model.step({});
+  }
+  return result;
+}
+
+void free_chains(Bench& bench) {
+  std::vector<Chain> chains;
   for (const auto& [name, root] :
        {std::pair("free", JointType::kFree), std::pair("in the plane", JointType::kPlanar),
         std::pair("hinged", JointType::kRevolute)}) {
     for (const auto& [links, energy] : {std::pair(2, 0.5), std::pair(7, 5.0)}) {
-      Kicked k = kicked(bench.seed(), name, root, links, energy);
-      ToolModel exact = k.model.proxy();
-      Velocity v = k.model.velocity();
-      for (int i = 0; i < 20'000; ++i) server::move_freely(exact, v, kStep / 20);
-      for (int i = 0; i < 60'000; ++i) {
-        const double share = kinetic_energy(k.model.proxy(), k.model.velocity()) / energy;
-        worst = std::max(worst, std::abs(share - 1));
-        if (i % 500 == 0) table.row(fmt::format("{} links, {}", links, name), i * kStep, share);
-        if (i == 1000) {
-          const Configuration difference = k.model.proxy().configuration() - exact.configuration();
-          astray = std::max(astray, difference.cwiseAbs().maxCoeff());
-        }
-        k.model.step({});
-      }
+      chains.push_back({name, root, links, energy});
     }
+  }
+  const auto inputs = [](const Chain& chain) {
+    return Inputs{{"chain", chain.name}, {"links", chain.links}};
+  };
+  const std::vector<Drift> drifts =
+      bench.map(chains, inputs, [&](const Chain& chain) { return drift(chain, bench.seed()); });
+  Table& table = bench.table("linkages_energy", "chain,time_s,energy_share");
+  double worst = 0;
+  double astray = 0;
+  for (std::size_t i = 0; i < chains.size(); ++i) {
+    worst = std::max(worst, drifts[i].worst);
+    astray = std::max(astray, drifts[i].astray);
+    const std::string name = fmt::format("{} links, {}", chains[i].links, chains[i].name);
+    for (const auto& [time, share] : drifts[i].series) table.row(name, time, share);
   }
   bench.claim({.what = "Linkages, free chains",
                .criterion = "chains of 2 and 7 links, free, in the plane and hinged: energy within "
@@ -123,13 +148,20 @@ double felt_of_1_N(const ToolModel& tool, const server::HandMap& H, int link, co
   return std::sqrt(solver.eigenvalues().maxCoeff());
 }
 
+/// What the hand feels, N.
+struct Postures {
+  double largest = 0;
+  double largest_exact = 0;                   ///< By Eq. 8 alone.
+  double drawn = 0;                           ///< Most of 1 N on drawn chains.
+  std::vector<std::array<double, 3>> series;  ///< Bend, rad; exact, N; felt, N.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Postures, largest, largest_exact, drawn, series)
+
 /// A post pushes the middle of three links sideways with 3.2 N, while the arm goes through its
 /// stretched posture; and drawn postures of drawn chains.
-void postures(Bench& bench) {
-  Table& table = bench.table("linkages_map", "bend_rad,exact_N,felt_N");
+Postures go_through(int trials, std::uint64_t seed) {
+  Postures result;
   const ToolDescription arm = chain(3, JointType::kRevolute, true);
-  double largest = 0;
-  double largest_exact = 0;
   for (double bend = -1.0025; bend <= 1; bend += 0.005) {
     ToolModel tool(arm);
     tool.set_configuration(Configuration(Eigen::Vector3d(0, bend, -2 * bend)));
@@ -143,13 +175,12 @@ void postures(Bench& bench) {
     const double exact = plain.head<3>().norm();
     const Wrench felt =
         server::hand_map(tool, tool.mass_matrix().llt(), tool.hand_jacobian()) * tau;
-    table.row(bend, exact, felt.head<3>().norm());
-    largest = std::max(largest, felt.head<3>().norm());
-    largest_exact = std::max(largest_exact, exact);
+    result.series.push_back({bend, exact, felt.head<3>().norm()});
+    result.largest = std::max(result.largest, felt.head<3>().norm());
+    result.largest_exact = std::max(result.largest_exact, exact);
   }
-  std::mt19937_64 engine(bench.seed());
-  double most = 0;
-  for (int trial = 0; trial < (bench.quick() ? 1000 : 20'000); ++trial) {
+  std::mt19937_64 engine(seed);
+  for (int trial = 0; trial < trials; ++trial) {
     const int links = 2 + static_cast<int>(uniform(engine, 0, 8));
     ToolModel tool(
         chain(links, trial % 2 == 0 ? JointType::kRevolute : JointType::kPlanar, trial % 3 == 0));
@@ -158,20 +189,38 @@ void postures(Bench& bench) {
         server::hand_map(tool, tool.mass_matrix().llt(), tool.hand_jacobian());
     for (int link = 0; link < links; ++link) {
       const Vector3 p_W = tool.X_WL(link) * Vector3(uniform(engine, 0, kLink), 0, 0);
-      most = std::max(most, felt_of_1_N(tool, H, link, p_W));
+      result.drawn = std::max(result.drawn, felt_of_1_N(tool, H, link, p_W));
     }
   }
+  return result;
+}
+
+void postures(Bench& bench) {
+  const int trials = bench.quick() ? 1000 : 20'000;
+  const Postures o = bench.run({{"of", "postures"}, {"trials", trials}},
+                               [&] { return go_through(trials, bench.seed()); });
+  Table& table = bench.table("linkages_map", "bend_rad,exact_N,felt_N");
+  for (const auto& [bend, exact, felt] : o.series) table.row(bend, exact, felt);
   bench.claim({.what = "Linkages, in every posture",
                .criterion = "in no posture does the hand feel more than three times the contact "
                             "force: 3.2 N on an arm that is all but stretched, and 1 N anywhere on "
                             "drawn chains of 2 to 9 links",
-               .measured = fmt::format("{:.3g} N (by Eq. 8 alone {:.3g} N); {:.3g} N", largest,
-                                       largest_exact, most),
-               .holds = largest <= 3 * 3.2 && most <= 3});
+               .measured = fmt::format("{:.3g} N (by Eq. 8 alone {:.3g} N); {:.3g} N", o.largest,
+                                       o.largest_exact, o.drawn),
+               .holds = o.largest <= 3 * 3.2 && o.drawn <= 3});
 }
 
+struct Folded {
+  double deepest = 0;                         ///< m; below 0 within each other.
+  double kick = 0;                            ///< Of the first bar, rad/s.
+  double lost = 0;                            ///< Share of the momentum.
+  std::vector<std::array<double, 4>> series;  ///< Time, rates of first and last bar, gap.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Folded, deepest, kick, lost, series)
+
 /// Three bars bent to a U: the last one swings back onto the first (the paper's Fig. 11).
-void fold(Bench& bench) {
+Folded fold_up() {
+  Folded result;
   server::LocalModelParameters frictionless;
   frictionless.static_friction = frictionless.kinetic_friction = 0;
   const ToolDescription tool = chain(3, JointType::kPlanar, true);
@@ -190,34 +239,45 @@ void fold(Bench& bench) {
   const auto momentum = [&] { return Vector3((proxy.mass_matrix() * model.velocity()).head<3>()); };
   const Vector3 before = momentum();
   const double first_bar = model.velocity()[2];
-  Table& table = bench.table("linkages_fold", "time_s,first_rad_s,last_rad_s,gap_m");
-  double deepest = 0;
   for (int i = 0; i < 200; ++i) {
     const Velocity& v = model.velocity();
-    table.row(i * kStep, v[2], v[2] + v[3] + v[4], model.contacts()[0].now.s);
-    deepest = std::min(deepest, model.contacts()[0].now.s);
+    result.series.push_back({i * kStep, v[2], v[2] + v[3] + v[4], model.contacts()[0].now.s});
+    result.deepest = std::min(result.deepest, model.contacts()[0].now.s);
     model.step({});
   }
-  const double kick = std::abs(model.velocity()[2] - first_bar);
-  const double lost = (momentum() - before).head<2>().norm() / before.head<2>().norm();
+  result.kick = std::abs(model.velocity()[2] - first_bar);
+  result.lost = (momentum() - before).head<2>().norm() / before.head<2>().norm();
+  return result;
+}
+
+void fold(Bench& bench) {
+  const Folded o = bench.run({{"of", "fold"}}, fold_up);
+  Table& table = bench.table("linkages_fold", "time_s,first_rad_s,last_rad_s,gap_m");
+  for (const auto& [time, first, last, gap] : o.series) table.row(time, first, last, gap);
   bench.claim({.what = "Linkages, folded onto themselves",
                .paper = "Fig. 11: both links feel the contact",
                .criterion = "the first of three bars is hit by the last: it turns otherwise, by "
                             "0.1 rad/s at least, the momentum of all stays within 0.1 %, and they "
                             "do not pass through each other (0.5 mm)",
-               .measured = fmt::format("{:.2g} rad/s, {:.1g} %, {:.2g} mm", kick, 100 * lost,
-                                       -1e3 * deepest),
-               .holds = kick >= 0.1 && lost <= 1e-3 && deepest > -5e-4});
+               .measured = fmt::format("{:.2g} rad/s, {:.1g} %, {:.2g} mm", o.kick, 100 * o.lost,
+                                       -1e3 * o.deepest),
+               .holds = o.kick >= 0.1 && o.lost <= 1e-3 && o.deepest > -5e-4});
 }
 
+struct LedArm {
+  double error = 0;                           ///< Of the limits, rad.
+  std::vector<std::array<double, 3>> series;  ///< Time, shoulder, elbow.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LedArm, error, series)
+
 /// The shipped arm with limits, led by its hand.
-void joint_limits(Bench& bench) {
+LedArm lead_to_limits(std::uint64_t seed) {
+  LedArm result;
   test::VirtualSessionOptions options;
   options.world = test::repository_world("corner.sdf");
   options.tool = "arm";
-  options.hand = server::read_hand_script(HLM_WORLDS "/hands/corner.toml");
-  options.seed = bench.seed();
-  Table& table = bench.table("linkages_limits", "time_s,shoulder_rad,elbow_rad");
+  options.hand = server::read_hand_script((test::worlds_folder() / "hands/corner.toml").string());
+  options.seed = seed;
   Configuration lowest = Configuration::Zero(2);
   Configuration highest = Configuration::Zero(2);
   test::VirtualSession* running = nullptr;
@@ -227,21 +287,32 @@ void joint_limits(Bench& bench) {
     const Configuration& q = model->proxy().configuration();
     lowest = lowest.cwiseMin(q);
     highest = highest.cwiseMax(q);
-    if (tick.step % 50 == 0) table.row(static_cast<double>(tick.step) * kStep, q[0], q[1]);
+    if (tick.step % 50 == 0) {
+      result.series.push_back({static_cast<double>(tick.step) * kStep, q[0], q[1]});
+    }
   });
   running = &session;
   session.run(24);
-  const double error =
+  result.error =
       std::max({std::abs(lowest[0] + 0.8), std::abs(lowest[1] + 1.1), std::abs(highest[1] - 1.3)});
+  return result;
+}
+
+void joint_limits(Bench& bench) {
+  const LedArm o =
+      bench.run({{"of", "joint limits"}}, [&] { return lead_to_limits(bench.seed()); });
+  Table& table = bench.table("linkages_limits", "time_s,shoulder_rad,elbow_rad");
+  for (const auto& [time, shoulder, elbow] : o.series) table.row(time, shoulder, elbow);
   bench.claim({.what = "Linkages, joint limits",
                .criterion = "the arm of worlds/corner.sdf is led to three of its limits, and stops "
                             "there: within 0.01 rad at each tick",
-               .measured = fmt::format("{:.2g} rad", error),
-               .holds = error <= 0.01});
+               .measured = fmt::format("{:.2g} rad", o.error),
+               .holds = o.error <= 0.01});
 }
 
-/// A tool of 0.5 kg that is held still, under each controller that the paper has.
-void weight(Bench& bench) {
+/// A tool of 0.5 kg that is held still, under each controller that the paper has: how far its
+/// weight is off at most, as a share.
+double weigh() {
   double worst = 0;
   for (const ControllerKind kind : {ControllerKind::kFourChannel, ControllerKind::kThreeChannel,
                                     ControllerKind::kVirtualCoupler, ControllerKind::kDirect}) {
@@ -261,6 +332,11 @@ void weight(Bench& bench) {
     session.run(4);
     worst = std::max(worst, std::abs(session.last().F_command[1] / (-0.5 * 9.81) - 1));
   }
+  return worst;
+}
+
+void weight(Bench& bench) {
+  const double worst = bench.run({{"of", "weight"}}, weigh);
   bench.claim({.what = "Linkages, the tool's own weight",
                .criterion = "a tool of 0.5 kg that is held weighs 4.905 N under each of the four "
                             "controllers, within 0.1 %",

@@ -21,7 +21,7 @@ std::vector<double> window(const Trace& trace, const Signal& signal, double from
 
 double mean(const std::vector<double>& values);
 double median(std::vector<double> values);
-/// Value below which the portion p of all values lies. Requires at least one value.
+/// Value below which the portion p of all values lies; NaN of none.
 double quantile(std::vector<double> values, double p);
 double largest(const std::vector<double>& values);
 /// Largest less smallest.

@@ -69,7 +69,10 @@ void free_entries(Bench& bench) {
       }
     }
   }
-  const auto outcomes = bench.map(cases, [](const FreeEntry& c) {
+  const auto inputs = [](const FreeEntry& c) {
+    return Inputs{{"contacts", c.source->name}, {"delay_s", c.delay}} + inputs_of(c.entry);
+  };
+  const auto outcomes = bench.map(cases, inputs, [](const FreeEntry& c) {
     const bool is_free = least_gap(c.entry, {.delay = c.delay}) >= kTouchesNothing;
     return std::pair{is_free, enter(c.entry, conditions(*c.source, c.delay))};
   });
@@ -178,7 +181,13 @@ void posts_within(Bench& bench) {
       }
     }
   }
-  const auto forces = bench.map(cases, [](const Fit& c) {
+  const auto inputs = [](const Fit& c) {
+    return Inputs{{"contacts", c.source->name},
+                  {"tool", c.mug ? "mug" : "ring"},
+                  {"delay_s", c.delay},
+                  {"seed", c.seed}};
+  };
+  const auto forces = bench.map(cases, inputs, [](const Fit& c) {
     return put_over_post(c.mug, conditions(*c.source, c.delay), c.seed);
   });
   Table& table = bench.table("shapes_fits", "contacts,tool,delay_s,seed,largest_force_n");
@@ -217,7 +226,13 @@ void far_walls(Bench& bench) {
       }
     }
   }
-  const auto errors = bench.map(cases, [](const FarWall& c) {
+  const auto inputs = [](const FarWall& c) {
+    return Inputs{{"contacts", c.source->name},
+                  {"speed_m_s", c.speed},
+                  {"delay_s", c.delay},
+                  {"seed", c.seed}};
+  };
+  const auto errors = bench.map(cases, inputs, [](const FarWall& c) {
     return wall_error(c.speed, conditions(*c.source, c.delay), c.seed);
   });
   Table& table = bench.table("shapes_walls", "contacts,speed_m_s,delay_s,seed,error_m");
@@ -242,6 +257,7 @@ struct Slide {
   double largest_force = 0;  ///< N.
   double depth_error = 0;    ///< Largest of |depth / (F/k) - 1|, means over kWindow.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Slide, lost, largest_force, depth_error)
 
 /// A ball of 10 mm is pressed with 2 N onto a dome, or into a bowl, of 100 mm radius and slides
 /// over it at up to `speed` (m/s).
@@ -343,7 +359,13 @@ void slides(Bench& bench) {
       }
     }
   }
-  const auto outcomes = bench.map(cases, [](const SlideCase& c) {
+  const auto inputs = [](const SlideCase& c) {
+    return Inputs{{"contacts", c.source->name},
+                  {"ground", c.bowl ? "bowl" : "dome"},
+                  {"delay_s", c.delay},
+                  {"seed", c.seed}};
+  };
+  const auto outcomes = bench.map(cases, inputs, [](const SlideCase& c) {
     return slide(c.bowl, 0.5, conditions(*c.source, c.delay), c.seed);
   });
   Table& table =

@@ -109,6 +109,7 @@ struct Perceived {
   double deviation = 0;  ///< Standard deviation in time.
   bool right = false;
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Perceived, due, value, deviation, right)
 
 /// How late a wall is felt beyond what the hand moves in a tick, mm.
 Perceived late_wall(const Ocean& ocean, const Sight& sight, std::uint64_t seed) {
@@ -280,6 +281,16 @@ struct Crossing {
   std::uint64_t seed;
 };
 
+Inputs inputs_of(const Crossing& c) {
+  return {{"method", c.sight->method},
+          {"sense", c.sense->name},
+          {"round_trip_s", c.ocean.round_trip},
+          {"rate_hz", c.ocean.rate},
+          {"speed_m_s", c.ocean.speed},
+          {"network", c.ocean.network->name},
+          {"seed", c.seed}};
+}
+
 std::vector<Crossing> crossings(const Bench& bench) {
   std::vector<Crossing> all;
   for (const Sense& sense : kSenses) {
@@ -398,7 +409,10 @@ void find_longest_outage(Bench& bench) {
   std::string longest;
   for (const Sight& sight : kSights) {
     if (!sight.bodies || bench.methods({sight.method}).empty()) continue;
-    const auto held = bench.map(durations, [&](double duration) {
+    const auto inputs = [&](double duration) {
+      return Inputs{{"method", sight.method}, {"sense", "weight"}, {"outage_s", duration}};
+    };
+    const auto held = bench.map(durations, inputs, [&](double duration) {
       const Network network{"outage", 0, duration};
       return lifted_weight({.network = &network}, sight, bench.seed());
     });
@@ -422,7 +436,8 @@ void find_longest_outage(Bench& bench) {
 void ocean(Bench& bench) {
   const std::vector<Crossing> all = crossings(bench);
   const std::vector<Perceived> outcomes = bench.map(
-      all, [](const Crossing& c) { return c.sense->perceive(c.ocean, *c.sight, c.seed); });
+      all, [](const Crossing& c) { return inputs_of(c); },
+      [](const Crossing& c) { return c.sense->perceive(c.ocean, *c.sight, c.seed); });
   Table& table =
       bench.table("ocean",
                   "sense,unit,sight,round_trip_s,rate_hz,speed_m_s,network,seed,due,value,"

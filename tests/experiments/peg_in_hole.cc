@@ -12,7 +12,7 @@ namespace hlm::experiments {
 namespace {
 
 /// Of all seeds of one method.
-struct Outcomes {
+struct HeldPegs {
   std::vector<double> x;       ///< Largest distance from the hole's axis, m.
   std::vector<double> y;       ///< Peak to peak, m.
   std::vector<double> theta;   ///< Largest rotation, rad.
@@ -21,48 +21,65 @@ struct Outcomes {
   int trials = 0;
 };
 
-void add(Outcomes& outcomes, const Trace& trace) {
+/// Of one.
+struct HeldPeg {
+  double x = 0;
+  double y = 0;
+  double theta = 0;
+  double energy = 0;
+  std::vector<std::array<double, 4>> series;  ///< Of the first seed: time, x, y, rotation.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(HeldPeg, x, y, theta, energy, series)
+
+HeldPeg held(const Trace& trace, bool with_series) {
   const Pose X_W0 = peg_in_hole();
   const auto signal = [&](const Signal& s) { return window(trace, s, 0, 1e9); };
-  outcomes.x.push_back(largest(
-      signal([&](const server::TickRecord& t) { return std::abs(t.X_WD.p.x() - X_W0.p.x()); })));
-  outcomes.y.push_back(
-      peak_to_peak(signal([](const server::TickRecord& t) { return t.X_WD.p.y(); })));
-  outcomes.theta.push_back(excursion(trace, X_W0).rotation);
-  outcomes.energy.push_back(generated_energy(trace));
-  outcomes.unstable += outcomes.energy.back() > kUnstableEnergy;
+  HeldPeg outcome{
+      .x = largest(
+          signal([&](const server::TickRecord& t) { return std::abs(t.X_WD.p.x() - X_W0.p.x()); })),
+      .y = peak_to_peak(signal([](const server::TickRecord& t) { return t.X_WD.p.y(); })),
+      .theta = excursion(trace, X_W0).rotation,
+      .energy = generated_energy(trace),
+      .series = {}};
+  for (std::size_t i = 0; with_series && i < trace.ticks.size(); i += 2) {
+    const server::TickRecord& tick = trace.ticks[i];
+    outcome.series.push_back(
+        {tick.time, tick.X_WD.p.x(), tick.X_WD.p.y(), heading(tick.X_WD) - heading(X_W0)});
+  }
+  return outcome;
+}
+
+void add(HeldPegs& outcomes, const HeldPeg& outcome) {
+  outcomes.x.push_back(outcome.x);
+  outcomes.y.push_back(outcome.y);
+  outcomes.theta.push_back(outcome.theta);
+  outcomes.energy.push_back(outcome.energy);
+  outcomes.unstable += outcome.energy > kUnstableEnergy;
   ++outcomes.trials;
 }
 
-std::map<std::string_view, Outcomes> shake_all(Bench& bench, const std::string& figure,
+std::map<std::string_view, HeldPegs> shake_all(Bench& bench, const std::string& figure,
                                                const Task& task,
                                                const std::vector<std::string>& names) {
   const std::vector<Job> jobs = bench.jobs(names, bench.seeds());
-  const std::vector<Trace> traces = bench.map(jobs, [&](const Job& job) {
-    return run({task, job.method, {}, job.seed});
+  const std::vector<HeldPeg> results = bench.map(jobs, [&](const Job& job) {
+    return held(run({task, job.method, {}, job.seed}), job.seed == bench.seed());
   });
-  std::map<std::string_view, Outcomes> outcomes;
+  std::map<std::string_view, HeldPegs> outcomes;
   Table& trials =
       bench.table(fmt::format("{}_trials", figure), "method,seed,x_m,y_m,theta_rad,energy_J");
   Table& series = bench.table(fmt::format("{}_series", figure), "method,time_s,x_m,y_m,theta_rad");
-  const double upright = heading(peg_in_hole());
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const Method& method = jobs[i].method;
-    Outcomes& of_method = outcomes[method.name];
-    add(of_method, traces[i]);
-    trials.row(method.label, static_cast<double>(jobs[i].seed), of_method.x.back(),
-               of_method.y.back(), of_method.theta.back(), of_method.energy.back());
-    if (jobs[i].seed != bench.seed()) continue;
-    for (std::size_t k = 0; k < traces[i].ticks.size(); k += 2) {
-      const server::TickRecord& tick = traces[i].ticks[k];
-      series.row(method.label, tick.time, tick.X_WD.p.x(), tick.X_WD.p.y(),
-                 heading(tick.X_WD) - upright);
-    }
+    const HeldPeg& o = results[i];
+    add(outcomes[method.name], o);
+    trials.row(method.label, static_cast<double>(jobs[i].seed), o.x, o.y, o.theta, o.energy);
+    for (const auto& [time, x, y, theta] : o.series) series.row(method.label, time, x, y, theta);
   }
   return outcomes;
 }
 
-std::string described(const Outcomes& o) {
+std::string described(const HeldPegs& o) {
   return fmt::format("x {} mm, θ {}°, y {} mm, {} of {} unstable, {} mJ", spread(o.x, 1e3),
                      spread(o.theta, kDegree), spread(o.y, 1e3), o.unstable, o.trials,
                      spread(o.energy, 1e3));
@@ -73,7 +90,7 @@ std::string described(const Outcomes& o) {
 void tight_hole(Bench& bench) {
   auto of = shake_all(bench, "fig16", hole_task(1, 4000, 30), {"ir", "lm0", "lm5", "lm-adaptive"});
   for (const char* name : {"lm5", "lm-adaptive"}) {
-    const Outcomes& o = of[name];
+    const HeldPegs& o = of[name];
     if (o.trials == 0) continue;
     bench.claim({.what = fmt::format("16, {}", method(name).label),
                  .paper = "held by the hole: moves by what its stiffness allows",
@@ -82,7 +99,7 @@ void tight_hole(Bench& bench) {
                  .holds = largest(o.x) < 0.75e-3 && largest(o.theta) * kDegree < 1 &&
                           largest(o.y) < 0.5e-3});
   }
-  if (const Outcomes& o = of["lm0"]; o.trials > 0) {
+  if (const HeldPegs& o = of["lm0"]; o.trials > 0) {
     bench.claim({.what = "16, LM₀",
                  .paper = "several mm, up to 20°",
                  .criterion = "median x > 3 mm, median θ > 3°",
@@ -101,7 +118,7 @@ void tight_hole(Bench& bench) {
 void stiff_hole(Bench& bench) {
   auto of = shake_all(bench, "fig17", hole_task(3, 15'000, 100),
                       {"ir", "lm0", "lm5", "lm-adaptive", "shapes"});
-  if (const Outcomes& o = of["ir"]; o.trials > 0) {
+  if (const HeldPegs& o = of["ir"]; o.trials > 0) {
     bench.claim({.what = "17, IR",
                  .paper = "unstable",
                  .criterion = "unstable in all runs: gives out > 10 mJ in 2 s",
@@ -109,7 +126,7 @@ void stiff_hole(Bench& bench) {
                  .holds = o.unstable == o.trials});
   }
   for (const char* name : {"lm0", "lm5", "lm-adaptive", "shapes"}) {
-    const Outcomes& o = of[name];
+    const HeldPegs& o = of[name];
     if (o.trials == 0) continue;
     bench.claim({.what = fmt::format("17, {}", method(name).label),
                  .paper = "stable",

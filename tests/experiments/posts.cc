@@ -90,6 +90,7 @@ struct Felt {
   double largest = 0;  ///< N
   double least_gap = std::numeric_limits<double>::infinity();  ///< m
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Felt, ticks, ghosts, largest, least_gap)
 
 /// Over all posts and back, then between each two of them and out again.
 Felt lead(const Led& led) {
@@ -150,7 +151,13 @@ void posts(Bench& bench) {
       }
     }
   }
-  const auto outcomes = bench.map(cases, lead);
+  const auto inputs_of = [](const Led& led) {
+    return Inputs{{"posts", kNames[static_cast<std::size_t>(led.post)]},
+                  {"axes", led.conditions.one_axis ? "one" : "all"},
+                  {"delay_s", led.conditions.delay},
+                  {"seed", led.seed}};
+  };
+  const auto outcomes = bench.map(cases, inputs_of, lead);
   Table& table = bench.table("posts", "posts,axes,delay_s,seed,ghosts,largest_force_n,least_gap_m");
   Felt near;  // 0 and 20 ms.
   Felt far;

@@ -168,6 +168,8 @@ struct RoamOutcome {
     largest_step = std::max(largest_step, other.largest_step);
   }
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RoamOutcome, runs, ticks, ghosts, largest_ghost, deepest, leaves,
+                                   largest_step)
 
 RoamOutcome roam(const Roam& roam) {
   constexpr double kNear = 3e-4;       // m
@@ -236,7 +238,15 @@ std::string in_words(const RoamOutcome& o) {
 
 void roams(Bench& bench) {
   const std::vector<Roam> cases = roams_of(bench);
-  const auto outcomes = bench.map(cases, roam);
+  const auto inputs_of = [](const Roam& r) {
+    const Setting& setting = kSettings[r.setting];
+    return Inputs{{"hand", setting.hand == Hand::kLeads ? "led" : "pushed"},
+                  {"setting", setting.name},
+                  {"peg_width_m", 2 * r.half_width},
+                  {"delay_s", r.delay},
+                  {"seed", r.seed}};
+  };
+  const auto outcomes = bench.map(cases, inputs_of, roam);
   Table& table =
       bench.table("roams",
                   "hand,setting,peg_width_m,delay_s,seed,ghosts,largest_ghost_n,deepest_m,leaves,"

@@ -47,12 +47,15 @@ struct Play {
   bool broken = false;
   BodyDoubt doubt = BodyDoubt::kNone;  ///< The last that was said of a body.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Play, largest_force, update_step, limited_at, collisions, judged,
+                                   broken, doubt)
 
 Play play(const Scene& scene, std::uint64_t seed) {
   test::VirtualSessionOptions options;
   options.world = test::repository_world(scene.name + ".sdf");
   options.tool = scene.tool;
-  options.hand = server::read_hand_script(HLM_WORLDS "/hands/" + scene.hand + ".toml");
+  options.hand =
+      server::read_hand_script((test::worlds_folder() / "hands" / (scene.hand + ".toml")).string());
   options.device.freedom = scene.freedom;
   options.link = {.delay = 0.002};
   options.seed = seed;
@@ -107,8 +110,12 @@ void scenes(Bench& bench) {
   for (const Scene& scene : kScenes) {
     if (!bench.quick() || scene.name == "push" || scene.name == "stack") played.push_back(scene);
   }
-  const auto plays =
-      bench.map(played, [&](const Scene& scene) { return play(scene, bench.seed()); });
+  const auto plays = bench.map(
+      played,
+      [](const Scene& scene) {
+        return Inputs{{"scene", scene.name}};
+      },
+      [&](const Scene& scene) { return play(scene, bench.seed()); });
   Table& table =
       bench.table("scenes", "scene,collisions,largest_force_N,update_step_N,limited_at_s");
   for (std::size_t i = 0; i < played.size(); ++i) {

@@ -49,43 +49,59 @@ std::vector<Job> jobs_of(const Bench& bench) {
 }
 
 /// Of all seeds of one method.
-struct Outcomes {
+struct ShakenPegs {
   std::vector<double> distance;  ///< m.
   std::vector<double> rotation;  ///< rad.
   std::vector<double> energy;    ///< J.
 };
+
+struct ShakenPeg {
+  double distance = 0;                        ///< m.
+  double rotation = 0;                        ///< rad.
+  double energy = 0;                          ///< J.
+  std::vector<std::array<double, 5>> series;  ///< Of the first seed: time, x, y, z, rotation.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ShakenPeg, distance, rotation, energy, series)
+
+ShakenPeg shaken(const Trace& trace, bool with_series) {
+  Pose X_W0;
+  X_W0.p.z() = 0.04;
+  const Excursion far = excursion(trace, X_W0);
+  ShakenPeg outcome{far.distance, far.rotation, generated_energy(trace), {}};
+  for (std::size_t i = 0; with_series && i < trace.ticks.size(); i += 4) {
+    const Pose& X = trace.ticks[i].X_WD;
+    outcome.series.push_back(
+        {trace.ticks[i].time, X.p.x(), X.p.y(), X.p.z(), displacement(X_W0, X).tail<3>().norm()});
+  }
+  return outcome;
+}
 
 void square_hole(Bench& bench) {
   server::HandSegment hand = shake({1, 0.7, 0}, 2.5);
   std::get<server::Push>(hand.action).constant[2] = -0.5;  // N: it is held down
   const Task task = spatial_task(hole_world(), hand, 5);
   const std::vector<Job> jobs = jobs_of(bench);
-  const std::vector<Trace> traces = bench.map(jobs, [&](const Job& job) {
-    return run({task, job.method, {}, job.seed});
+  const auto inputs = [](const Job& job) { return Inputs{{"task", "hole"}} + inputs_of(job); };
+  const std::vector<ShakenPeg> outcomes = bench.map(jobs, inputs, [&](const Job& job) {
+    return shaken(run({task, job.method, {}, job.seed}), job.seed == bench.seed());
   });
-  Pose X_W0;
-  X_W0.p.z() = 0.04;
-  std::map<std::string_view, Outcomes> of;
+  std::map<std::string_view, ShakenPegs> of;
   Table& trials = bench.table("spatial_hole", "method,seed,distance_m,rotation_rad,energy_J");
   Table& series = bench.table("spatial_hole_series", "method,time_s,x_m,y_m,z_m,rotation_rad");
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [method, seed] = jobs[i];
-    Outcomes& o = of[method.name];
-    const Excursion far = excursion(traces[i], X_W0);
-    o.distance.push_back(far.distance);
-    o.rotation.push_back(far.rotation);
-    o.energy.push_back(generated_energy(traces[i]));
-    trials.row(method.label, static_cast<double>(seed), far.distance, far.rotation,
-               o.energy.back());
-    if (seed != bench.seed()) continue;
-    for (std::size_t k = 0; k < traces[i].ticks.size(); k += 4) {
-      const Pose& X = traces[i].ticks[k].X_WD;
-      series.row(method.label, traces[i].ticks[k].time, X.p.x(), X.p.y(), X.p.z(),
-                 displacement(X_W0, X).tail<3>().norm());
+    ShakenPegs& o = of[method.name];
+    const ShakenPeg& one = outcomes[i];
+    o.distance.push_back(one.distance);
+    o.rotation.push_back(one.rotation);
+    o.energy.push_back(one.energy);
+    trials.row(method.label, static_cast<double>(seed), one.distance, one.rotation, one.energy);
+    for (const auto& [time, x, y, z, rotation] : one.series) {
+      series.row(method.label, time, x, y, z, rotation);
     }
   }
   for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
-    const Outcomes& o = of[name];
+    const ShakenPegs& o = of[name];
     if (o.energy.empty()) continue;
     const bool predicts = std::string(name) != "lm0";
     const bool stable = largest(o.energy) <= kUnstableEnergy;
@@ -96,41 +112,55 @@ void square_hole(Bench& bench) {
                  .holds = stable && (!predicts || (largest(o.distance) < 1e-3 &&
                                                    largest(o.rotation) * kDegree < 1))});
   }
-  if (const Outcomes& o = of["ir"]; !o.energy.empty()) {
+  if (const ShakenPegs& o = of["ir"]; !o.energy.empty()) {
     bench.find(fmt::format("IR, square peg in a square hole: moves {} mm, {}°; {} mJ generated.",
                            spread(o.distance, 1e3), spread(o.rotation, kDegree),
                            spread(o.energy, 1e3)));
   }
 }
 
-void box_on_edge(Bench& bench) {
-  const Task task = spatial_task(table_world(0.4), push({0, 0, -0.5}), 6);
-  const std::vector<Job> jobs = jobs_of(bench);
-  const std::vector<Trace> traces = bench.map(jobs, [&](const Job& job) {
-    return run({task, job.method, {}, job.seed});
-  });
+struct AtRest {
+  double tilt = 0;                            ///< Largest in the last second, rad.
+  double sway = 0;                            ///< Peak to peak of the height in the last second, m.
+  std::vector<std::array<double, 3>> series;  ///< Of the first seed: time, z, tilt.
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(AtRest, tilt, sway, series)
+
+AtRest at_rest(const Trace& trace, bool with_series) {
   const auto tilt = [](const server::TickRecord& t) {
     return std::acos(std::min(1.0, (t.X_WD.R * Vector3::UnitZ()).z()));
   };
+  const auto height = [](const server::TickRecord& t) { return t.X_WD.p.z(); };
+  AtRest result{largest(window(trace, tilt, 5, 6)), peak_to_peak(window(trace, height, 5, 6)), {}};
+  for (std::size_t i = 0; with_series && i < trace.ticks.size(); i += 4) {
+    const server::TickRecord& tick = trace.ticks[i];
+    result.series.push_back({tick.time, height(tick), tilt(tick)});
+  }
+  return result;
+}
+
+void box_on_edge(Bench& bench) {
+  const Task task = spatial_task(table_world(0.4), push({0, 0, -0.5}), 6);
+  const std::vector<Job> jobs = jobs_of(bench);
+  const auto inputs = [](const Job& job) { return Inputs{{"task", "box"}} + inputs_of(job); };
+  const std::vector<AtRest> outcomes = bench.map(jobs, inputs, [&](const Job& job) {
+    return at_rest(run({task, job.method, {}, job.seed}), job.seed == bench.seed());
+  });
   struct Rest {
-    std::vector<double> tilt;  ///< In the last second, rad.
-    std::vector<double> sway;  ///< Peak to peak of the height in the last second, m.
+    std::vector<double> tilt;  ///< rad.
+    std::vector<double> sway;  ///< m.
   };
   std::map<std::string_view, Rest> of;
   Table& trials = bench.table("spatial_box", "method,seed,tilt_rad,sway_m");
   Table& series = bench.table("spatial_box_series", "method,time_s,z_m,tilt_rad");
-  const auto height = [](const server::TickRecord& t) { return t.X_WD.p.z(); };
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [method, seed] = jobs[i];
+    const AtRest& one = outcomes[i];
     Rest& rest = of[method.name];
-    rest.tilt.push_back(largest(window(traces[i], tilt, 5, 6)));
-    rest.sway.push_back(peak_to_peak(window(traces[i], height, 5, 6)));
-    trials.row(method.label, static_cast<double>(seed), rest.tilt.back(), rest.sway.back());
-    if (seed != bench.seed()) continue;
-    for (std::size_t k = 0; k < traces[i].ticks.size(); k += 4) {
-      series.row(method.label, traces[i].ticks[k].time, height(traces[i].ticks[k]),
-                 tilt(traces[i].ticks[k]));
-    }
+    rest.tilt.push_back(one.tilt);
+    rest.sway.push_back(one.sway);
+    trials.row(method.label, static_cast<double>(seed), one.tilt, one.sway);
+    for (const auto& [time, z, tilt] : one.series) series.row(method.label, time, z, tilt);
   }
   const auto words = [](const Rest& rest) {
     return fmt::format("{}° off flat, {} mm peak to peak", spread(rest.tilt, kDegree),

@@ -24,18 +24,20 @@ Task task() {
   return task;
 }
 
-struct Outcome {
+struct Settled {
   double wall = 0;     ///< Where the handle comes to rest, y, m.
   double sway_y = 0;   ///< Peak to peak of the last two seconds, m.
   double sway = 0;     ///< rad.
   double arrival = 0;  ///< Speed on arrival at the wall, m/s.
   bool left = false;
+  std::vector<std::array<double, 3>> series;  ///< Of the first seed: time, y, rotation.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Settled, wall, sway_y, sway, arrival, left, series)
 
-Outcome outcome(const Trace& trace) {
+Settled settled(const Trace& trace, bool with_series) {
   const auto y = [](const server::TickRecord& t) { return t.X_WD.p.y(); };
   const auto angle = [](const server::TickRecord& t) { return heading(t.X_WD); };
-  Outcome result;
+  Settled result;
   const std::vector<double> at_rest = window(trace, y, kSettled, kDuration);
   result.wall = mean(at_rest);
   result.sway_y = peak_to_peak(at_rest);
@@ -47,6 +49,10 @@ Outcome outcome(const Trace& trace) {
   }
   constexpr double kLeft = 0.06;  // m
   result.left = std::abs(result.wall - kWall) > kLeft;
+  for (std::size_t i = 0; with_series && i < trace.ticks.size(); i += 4) {
+    const server::TickRecord& tick = trace.ticks[i];
+    result.series.push_back({tick.time, y(tick), angle(tick)});
+  }
   return result;
 }
 
@@ -54,15 +60,8 @@ Outcome outcome(const Trace& trace) {
 
 void static_contact(Bench& bench) {
   const std::vector<Job> jobs = bench.jobs({"ir", "lm0", "lm5", "lm-adaptive"}, bench.seeds());
-  struct Result {
-    Outcome outcome;
-    Trace trace;  ///< Of the first seed.
-  };
-  const std::vector<Result> results = bench.map(jobs, [&](const Job& job) {
-    Trace trace = run({task(), job.method, {}, job.seed});
-    Result result{outcome(trace), {}};
-    if (job.seed == bench.seed()) result.trace = std::move(trace);
-    return result;
+  const std::vector<Settled> results = bench.map(jobs, [&](const Job& job) {
+    return settled(run({task(), job.method, {}, job.seed}), job.seed == bench.seed());
   });
 
   std::map<std::string_view, std::vector<double>> wall, sway_y, sway, arrival;
@@ -71,17 +70,14 @@ void static_contact(Bench& bench) {
   Table& series = bench.table("fig14_series", "method,time_s,y_m,theta_rad");
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const auto& [name, label] = std::tie(jobs[i].method.name, jobs[i].method.label);
-    const Outcome& o = results[i].outcome;
+    const Settled& o = results[i];
     trials.row(label, static_cast<double>(jobs[i].seed), o.wall, o.sway_y, o.sway, o.arrival);
     wall[name].push_back(o.wall - kWall);
     sway_y[name].push_back(o.sway_y);
     sway[name].push_back(o.sway);
     left[name] += o.left;
     arrival[name].push_back(o.arrival);
-    for (std::size_t k = 0; k < results[i].trace.ticks.size(); k += 4) {
-      const server::TickRecord& tick = results[i].trace.ticks[k];
-      series.row(label, tick.time, tick.X_WD.p.y(), heading(tick.X_WD));
-    }
+    for (const auto& [time, y, theta] : o.series) series.row(label, time, y, theta);
   }
   for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
     if (sway[name].empty()) continue;

@@ -50,11 +50,16 @@ Limits limits(Bench& bench, const std::vector<std::string>& names, Setting setti
   if (setting == Setting::kIdealHealing) {
     trial.conditions.healing_speed = server::LocalModelParameters{}.healing_speed;
   }
-  const std::vector<StiffnessLimits> found = bench.map(methods, [&](const Method& method) {
-    Trial of_method = trial;
-    of_method.method = method;
-    return find_stiffness_limits(of_method, bench.quick() ? 1 : 10);
-  });
+  const int seeds = bench.quick() ? 1 : 10;
+  const auto inputs_of = [&](const Method& method) {
+    return Inputs{{"method", method.name}, {"device", name_of(setting)}, {"seeds", seeds}};
+  };
+  const std::vector<StiffnessLimits> found =
+      bench.map(methods, inputs_of, [&](const Method& method) {
+        Trial of_method = trial;
+        of_method.method = method;
+        return find_stiffness_limits(of_method, seeds);
+      });
   Limits result;
   for (std::size_t i = 0; i < methods.size(); ++i) {
     result[methods[i].name] = found[i];

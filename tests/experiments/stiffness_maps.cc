@@ -48,7 +48,7 @@ const std::vector<Axis>& axes() {
   return all;
 }
 
-struct Cell {
+struct Place {
   const Axis* axis;
   double value;
   Method method;
@@ -60,9 +60,9 @@ double colgate(const Trial& trial) {
   return 2 * trial.task.device.damping * trial.conditions.servo_rate;
 }
 
-Trial trial_of(const Bench& bench, const Cell& cell) {
-  Trial trial{hole_task(kCellPush, 0, kCellDamping, kCellDuration), cell.method, {}, bench.seed()};
-  cell.axis->set(trial, cell.value);
+Trial trial_of(const Bench& bench, const Place& place) {
+  Trial trial{hole_task(kCellPush, 0, kCellDamping, kCellDuration), place.method, {}, bench.seed()};
+  place.axis->set(trial, place.value);
   return trial;
 }
 
@@ -107,29 +107,33 @@ Fit fit_over_age(Map& delay, std::string_view method) {
 }  // namespace
 
 void stiffness_maps(Bench& bench) {
-  std::vector<Cell> cells;
+  std::vector<Place> places;
   const std::vector<Method> compared =
       bench.methods({"ir", "ir-rot", "vrpn", "coupler", "engine", "lm0", "lm5", "lm-adaptive",
                      "lm5-direct", "lm5-coupler", "ir-four"});
   for (const Axis& axis : axes()) {
     for (const double value : axis.values) {
-      for (const Method& method : compared) cells.push_back({&axis, value, method});
+      for (const Method& method : compared) places.push_back({&axis, value, method});
     }
   }
-  const std::vector<StiffnessLimits> found = bench.map(
-      cells, [&](const Cell& cell) { return find_stiffness_limits(trial_of(bench, cell), 3); });
+  const auto inputs_of = [](const Place& place) {
+    return Inputs{{"method", place.method.name}, {place.axis->name, place.value}};
+  };
+  const std::vector<StiffnessLimits> found = bench.map(places, inputs_of, [&](const Place& place) {
+    return find_stiffness_limits(trial_of(bench, place), 3);
+  });
 
   Table& table =
       bench.table("maps", "axis,unit,value,method,criterion,k_max,beyond,monotonous,colgate");
   std::map<std::string_view, Map> limits;
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const auto& [axis, value, method] = cells[i];
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const auto& [axis, value, method] = places[i];
     limits[axis->name][value][method.name] = found[i];
     for (const Criterion& criterion : kCriteria) {
       const StiffnessLimit& limit = found[i].*criterion.limit;
       table.row(axis->name, axis->unit, value, method.label, criterion.name, limit.k_max,
                 limit.beyond ? 1.0 : 0.0, limit.monotonous ? 1.0 : 0.0,
-                colgate(trial_of(bench, cells[i])));
+                colgate(trial_of(bench, places[i])));
     }
   }
   if (!bench.complete()) return;

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "tests/experiments/trial.h"
 
 namespace hlm::experiments {
@@ -17,11 +19,14 @@ struct StiffnessLimit {
   bool monotonous = true;
 };
 
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StiffnessLimit, k_max, beyond, monotonous)
+
 /// What counts as stable decides the limit, so both are reported.
 struct StiffnessLimits {
   StiffnessLimit energy;  ///< Gives out no more than kUnstableEnergy.
   StiffnessLimit motion;  ///< Does not run away: the paper's sense.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StiffnessLimits, energy, motion)
 
 /// The two, with the names that tables and pictures give them.
 struct Criterion {

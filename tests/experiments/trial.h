@@ -8,6 +8,7 @@
 #include "hlm/device/simulated_device.h"
 #include "hlm/loop/tick_record.h"
 #include "hlm/scene/world_description.h"
+#include "tests/experiments/cell.h"
 #include "tests/experiments/method.h"
 #include "tests/support/memory_link.h"
 
@@ -57,6 +58,8 @@ struct UpdateEffect {
   /// Normal of a contact that the local model did not have before; zero if there is none.
   Vector3 arrived_n_W = Vector3::Zero();
 };
+// Without what arrived.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(UpdateEffect, time, force, rise, fall, energy)
 
 /// Time zero is when the hand begins to act.
 struct Trace {

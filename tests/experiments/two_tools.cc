@@ -96,19 +96,21 @@ Hold carry() {
 }
 
 struct Held {
-  Vector3 mean = Vector3::Zero();  ///< N, of F_env.
-  double deviation = 0;            ///< Of its component that is judged, N.
-  double step = 0;                 ///< Largest change in the tick of an update, N.
-  int doubts = 0;                  ///< Ticks in which something is said against a body.
+  std::array<double, 3> mean{};  ///< N, of F_env.
+  double deviation = 0;          ///< Of its component that is judged, N.
+  double step = 0;               ///< Largest change in the tick of an update, N.
+  int doubts = 0;                ///< Ticks in which something is said against a body.
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Held, mean, deviation, step, doubts)
 
-struct Outcome {
+struct BothHeld {
   Held left;
   Held right;
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BothHeld, left, right)
 
 /// The forces on both hands from `begin` to `end`, s; `judged`: along which axis.
-Outcome play(const Hold& hold, const BodyConditions& conditions, int judged, std::uint64_t seed) {
+BothHeld play(const Hold& hold, const BodyConditions& conditions, int judged, std::uint64_t seed) {
   const double begin = hold.begin;
   const double end = hold.end;
   test::VirtualSessionOptions options;
@@ -127,6 +129,7 @@ Outcome play(const Hold& hold, const BodyConditions& conditions, int judged, std
   options.seed = seed;
   test::VirtualSession session(options);
   std::array<Held, 2> held;
+  std::array<Vector3, 2> means{Vector3::Zero(), Vector3::Zero()};
   std::array<std::vector<double>, 2> forces;
   for (std::size_t i = 0; i < 2; ++i) {
     session.observe(i, [&, i, before = Vector3(0, 0, 0)](const server::TickRecord& tick) mutable {
@@ -135,7 +138,7 @@ Outcome play(const Hold& hold, const BodyConditions& conditions, int judged, std
       const Vector3 f = tick.F_env.head<3>();
       const double time = 1e-3 * static_cast<double>(tick.step);
       if (time > begin && time <= end) {
-        held[i].mean += f;
+        means[i] += f;
         forces[i].push_back(f[judged]);
         if (tick.adopted > 0) held[i].step = std::max(held[i].step, (f - before).norm());
       }
@@ -146,13 +149,17 @@ Outcome play(const Hold& hold, const BodyConditions& conditions, int judged, std
   for (std::size_t i = 0; i < 2; ++i) {
     const auto count = static_cast<double>(forces[i].size());
     // A session that ended meanwhile shows nothing.
-    held[i].mean /=
-        count >= 1e3 * (end - begin) - 1 ? count : std::numeric_limits<double>::quiet_NaN();
+    means[i] /= count >= 1e3 * (end - begin) - 1 ? count : std::numeric_limits<double>::quiet_NaN();
     double squares = 0;
-    for (const double f : forces[i]) squares += std::pow(f - held[i].mean[judged], 2);
+    for (const double f : forces[i]) squares += std::pow(f - means[i][judged], 2);
+    held[i].mean = {means[i].x(), means[i].y(), means[i].z()};
     held[i].deviation = std::sqrt(squares / count);
   }
   return {held[0], held[1]};
+}
+
+bool is_whole(const Held& held) {
+  return std::ranges::all_of(held.mean, [](double f) { return std::isfinite(f); });
 }
 
 std::vector<BodyConditions> grid() {
@@ -177,12 +184,16 @@ void two_tools(Bench& bench) {
   int doubts = 0;
   const auto run_all = [&](const Hold& hold, int judged) {
     const auto outcomes = bench.map(
-        conditions, [&](const BodyConditions& c) { return play(hold, c, judged, bench.seed()); });
+        conditions,
+        [&](const BodyConditions& c) {
+          return Inputs{{"task", hold.name}} + inputs_of(c);
+        },
+        [&](const BodyConditions& c) { return play(hold, c, judged, bench.seed()); });
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
       const BodyConditions& c = conditions[i];
       const auto& [left, right] = outcomes[i];
-      table.row(hold.name, c.ve_rate, c.delay, c.stiffness, left.mean.x(), left.mean.z(),
-                right.mean.x(), right.mean.z(), left.deviation, right.deviation,
+      table.row(hold.name, c.ve_rate, c.delay, c.stiffness, left.mean[0], left.mean[2],
+                right.mean[0], right.mean[2], left.deviation, right.deviation,
                 std::max(left.step, right.step));
       doubts += left.doubts + right.doubts > 0;
     }
@@ -194,10 +205,10 @@ void two_tools(Bench& bench) {
   double most = 0;
   bool whole = true;
   for (const auto& [left, right] : run_all(squeeze("squeeze", 0), 0)) {
-    apart = std::max(apart, std::abs(left.mean.x() + right.mean.x()) / right.mean.x());
-    least = std::min(least, right.mean.x());
-    most = std::max(most, right.mean.x());
-    whole = whole && left.mean.allFinite() && right.mean.allFinite();
+    apart = std::max(apart, std::abs(left.mean[0] + right.mean[0]) / right.mean[0]);
+    least = std::min(least, right.mean[0]);
+    most = std::max(most, right.mean[0]);
+    whole = whole && is_whole(left) && is_whole(right);
   }
   bench.claim({.what = "Two tools, squeeze",
                .criterion = "hands that press a cube from both sides feel equal forces within 3 %, "
@@ -213,7 +224,7 @@ void two_tools(Bench& bench) {
     double sway = 0;
     for (const auto& [left, right] : run_all(aside, 0)) {
       sway = std::max({sway, left.deviation, right.deviation});
-      held += -left.mean.x() > 3 && right.mean.x() > 3 && left.deviation < 1 && right.deviation < 1;
+      held += -left.mean[0] > 3 && right.mean[0] > 3 && left.deviation < 1 && right.deviation < 1;
     }
     bench.find(fmt::format(
         "Hands that press the cube 4 mm off each other's line {}: held in {} of {} conditions, sd "
@@ -240,10 +251,10 @@ void two_tools(Bench& bench) {
   carried.begin = 15;
   carried.end = 20;
   for (const auto& [left, right] : run_all(carried, 2)) {
-    off = std::max(off, std::abs(-(left.mean.z() + right.mean.z()) / weight - 1));
-    share_off = std::max(share_off, std::abs(-left.mean.z() / weight - 1.0 / 3));
+    off = std::max(off, std::abs(-(left.mean[2] + right.mean[2]) / weight - 1));
+    share_off = std::max(share_off, std::abs(-left.mean[2] / weight - 1.0 / 3));
     deviation = std::max({deviation, left.deviation, right.deviation});
-    whole = whole && left.mean.allFinite() && right.mean.allFinite();
+    whole = whole && is_whole(left) && is_whole(right);
   }
   bench.claim({.what = "Two tools, carry",
                .criterion =

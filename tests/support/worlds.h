@@ -10,6 +10,15 @@
 
 namespace hlm::test {
 
+/// The repository's worlds: those beside the program where it was packed with them.
+inline const std::filesystem::path& worlds_folder() {
+  static const std::filesystem::path folder = [] {
+    const auto beside = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "worlds";
+    return std::filesystem::exists(beside) ? beside : std::filesystem::path(HLM_WORLDS);
+  }();
+  return folder;
+}
+
 /// A world of the repository. Loaded once: that takes a fifth of a second.
 inline const ve::WorldDescription& repository_world(const std::string& name) {
   static std::mutex mutex;
@@ -17,8 +26,7 @@ inline const ve::WorldDescription& repository_world(const std::string& name) {
   const std::lock_guard lock(mutex);
   const auto known = loaded.find(name);
   if (known != loaded.end()) return known->second;
-  return loaded.emplace(name, ve::load_world(std::filesystem::path(HLM_WORLDS) / name))
-      .first->second;
+  return loaded.emplace(name, ve::load_world(worlds_folder() / name)).first->second;
 }
 
 /// A world with these models (SDF text).

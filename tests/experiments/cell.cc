@@ -1,0 +1,242 @@
+#include "tests/experiments/cell.h"
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <stdexcept>
+
+#include <sodium.h>
+#include <spdlog/fmt/fmt.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "tests/experiments/commit.h"
+
+namespace hlm::experiments {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string text_of(const Input& input) {
+  const auto* number = std::get_if<double>(&input.value);
+  return number ? fmt::format("{:.6g}", *number) : std::get<std::string>(input.value);
+}
+
+std::string read_text(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw std::runtime_error(fmt::format("{}: {}", path.string(), std::strerror(errno)));
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// At once: whoever reads it sees nothing or all.
+void write_text(const fs::path& path, const std::string& text) {
+  const fs::path part = fmt::format("{}.{}.part", path.string(), getpid());
+  errno = 0;
+  std::ofstream file(part, std::ios::binary);
+  file << text << std::flush;
+  file.close();
+  if (file) {
+    fs::rename(part, path);
+    return;
+  }
+  const int reason = errno;
+  std::error_code ignored;
+  fs::remove(part, ignored);
+  throw std::runtime_error(
+      fmt::format("{}: cannot be written: {}", path.string(), std::strerror(reason)));
+}
+
+// JSON has no numbers that are not finite.
+constexpr std::array<std::pair<const char*, double>, 3> kNotFinite{
+    {{"NaN", std::numeric_limits<double>::quiet_NaN()},
+     {"Infinity", std::numeric_limits<double>::infinity()},
+     {"-Infinity", -std::numeric_limits<double>::infinity()}}};
+
+void name_not_finite(json& value) {
+  if (value.is_structured()) {
+    for (json& part : value) name_not_finite(part);
+  } else if (value.is_number_float() && !std::isfinite(value.get<double>())) {
+    const auto number = value.get<double>();
+    value = std::isnan(number) ? "NaN" : number > 0 ? "Infinity" : "-Infinity";
+  }
+}
+
+void restore_not_finite(json& value) {
+  if (value.is_structured()) {
+    for (json& part : value) restore_not_finite(part);
+  } else if (value.is_string()) {
+    for (const auto& [name, number] : kNotFinite) {
+      if (value == name) value = number;
+    }
+  }
+}
+
+json to_object(const Inputs& inputs) {
+  json object = json::object();
+  for (const Input& input : inputs) {
+    std::visit([&](const auto& value) { object[input.name] = value; }, input.value);
+  }
+  name_not_finite(object);
+  return object;
+}
+
+/// "compiler 'GCC 12.2.0', here 'Clang 16'"; empty if they are the same.
+std::string difference(const Program& theirs) {
+  const json a = theirs;
+  const json b = program();
+  for (const auto& [key, value] : a.items()) {
+    if (value != b[key]) {
+      return fmt::format("{} '{}', this program has '{}'", key, value.get<std::string>(),
+                         b[key].get<std::string>());
+    }
+  }
+  return {};
+}
+
+/// Of a file that is JSON, whole, and has these keys.
+std::optional<json> read_whole(const fs::path& path, std::initializer_list<const char*> keys) {
+  if (!fs::exists(path)) return {};
+  json object = json::parse(read_text(path), nullptr, false);
+  for (const char* key : keys) {
+    if (!object.is_object() || !object.contains(key)) return {};
+  }
+  return object;
+}
+
+std::string host() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
+}
+
+double peak_memory_MB() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+}  // namespace
+
+Inputs operator+(Inputs a, const Inputs& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+std::string text_of(const Inputs& inputs, std::string_view name) {
+  for (const Input& input : inputs) {
+    if (input.name == name) return text_of(input);
+  }
+  return {};
+}
+
+std::string Cell::condition() const {
+  std::string text;
+  for (const Input& input : inputs) {
+    if (input.name == "method" || input.name == "seed") continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", input.name, text_of(input));
+  }
+  return text;
+}
+
+const Program& program() {
+  static const Program here = [] {
+    const std::string text = read_text("/proc/self/exe");
+    std::array<unsigned char, 16> hash{};
+    crypto_generichash(hash.data(), hash.size(),
+                       reinterpret_cast<const unsigned char*>(text.data()), text.size(), nullptr,
+                       0);
+    std::string hexadecimal;
+    for (const unsigned char byte : hash) hexadecimal += fmt::format("{:02x}", byte);
+    return Program{kCommit, HLM_COMPILER, HLM_FLAGS, hexadecimal};
+  }();
+  return here;
+}
+
+std::vector<std::string> SweepFolder::open() {
+  const auto found = read_whole(folder_ / "sweep.json", {"arguments", "program"});
+  if (!found) throw std::runtime_error(folder_.string() + " holds no sweep");
+  const std::string different = difference(found->at("program").get<Program>());
+  if (!different.empty()) {
+    throw std::runtime_error(
+        fmt::format("{} was begun by another program: {}", folder_.string(), different));
+  }
+  return arguments_ = found->at("arguments").get<std::vector<std::string>>();
+}
+
+void SweepFolder::begin(const std::vector<std::string>& arguments, bool replaces) {
+  const fs::path path = folder_ / "sweep.json";
+  if (fs::exists(path) && !replaces) {
+    if (open() == arguments) return;
+    throw std::runtime_error(
+        fmt::format("{} holds a sweep with the arguments '{}', not '{}': it must be another folder",
+                    folder_.string(), fmt::join(arguments_, " "), fmt::join(arguments, " ")));
+  }
+  const json wanted{{"arguments", arguments}, {"program", program()}};
+  if (fs::exists(path)) {
+    if (read_whole(path, {"arguments"}) == wanted) {
+      open();
+      return;
+    }
+    fs::remove_all(folder_ / "cells");
+  } else if (fs::exists(folder_ / "cells")) {
+    throw std::runtime_error((folder_ / "cells").string() + " is not of a sweep");
+  }
+  fs::create_directories(folder_);
+  write_text(path, wanted.dump(1) + "\n");
+  arguments_ = arguments;
+}
+
+fs::path SweepFolder::file_of(const Cell& cell) const {
+  return folder_ / "cells" / cell.experiment / (cell.name + ".json");
+}
+
+std::optional<SweepFolder::Result> SweepFolder::read(const Cell& cell) const {
+  const fs::path path = file_of(cell);
+  auto object = read_whole(path, {"inputs", "arguments", "program", "seconds"});
+  if (!object || object->contains("results") == object->contains("error")) return {};
+  const std::string different = difference(object->at("program").get<Program>());
+  if (!different.empty()) {
+    throw std::runtime_error(
+        fmt::format("{} was written by another program: {}", path.string(), different));
+  }
+  if (object->at("inputs") != to_object(cell.inputs) || object->at("arguments") != arguments_) {
+    throw std::runtime_error(fmt::format("{} is of another sweep: {} {}", path.string(),
+                                         object->at("arguments").dump(),
+                                         object->at("inputs").dump()));
+  }
+  Result result{.seconds = object->at("seconds").get<double>()};
+  if (object->contains("error")) {
+    result.error = object->at("error").get<std::string>();
+  } else {
+    result.value = std::move(object->at("results"));
+    restore_not_finite(result.value);
+  }
+  return result;
+}
+
+void SweepFolder::write(const Cell& cell, const Result& result) const {
+  json object{{"cell", cell.name},
+              {"experiment", cell.experiment},
+              {"inputs", to_object(cell.inputs)},
+              {"arguments", arguments_},
+              {"program", program()},
+              {"host", host()},
+              {"seconds", result.seconds},
+              {"peak_memory_MB", peak_memory_MB()}};
+  if (result.error) {
+    object["error"] = *result.error;
+  } else {
+    object["results"] = result.value;
+    name_not_finite(object["results"]);
+  }
+  const fs::path path = file_of(cell);
+  fs::create_directories(path.parent_path());
+  write_text(path, object.dump() + "\n");
+}
+
+}  // namespace hlm::experiments
