@@ -6,6 +6,7 @@ import collections
 import csv
 import html
 import io
+import json
 import math
 import pathlib
 import sys
@@ -18,6 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 
+import report_over
 from arguments import Arguments
 from plot_input import read_starts, read_world
 
@@ -883,12 +885,41 @@ def section(folder, name, claims, findings, rerun):
     return "\n".join(lines)
 
 
+def over_section(path):
+    """What an experiment gave with the user's own values."""
+    name = path.stem.removesuffix("_over")
+    rows = read_table(path)
+    lines = [f'<h2 id="{path.stem}">{html.escape(SECTIONS[name])}: with your values</h2>',
+             f"<p>{html.escape(INTRODUCTION[name])}</p>",
+             f"<p>In green: right with every seed, in red: with none; numbers: medians over the seeds. The table: <code>{path.name}"
+             f"</code>, {len(rows)} rows.</p>"]
+    for words, figure in report_over.pictures(rows) if rows else ():
+        lines += [f"<h3>{html.escape(words)}</h3>", picture(figure, words)]
+    return "\n".join(lines)
+
+
 def has_rows(folder, name):
-    files = sorted(folder.glob(f"{name}*.csv"))
+    files = sorted(set(folder.glob(f"{name}*.csv")) - set(folder.glob("*_over.csv")))
     return bool(files) and all(read_table(file) for file in files)
 
 
-def page(folder, commit):
+def missing_cells(folder):
+    """What has no results, and how to run it alone."""
+    missing = read_table(folder / "missing.csv")
+    if not missing:
+        return ""
+    lines = [f"<p class='fails'>{len(missing)} cells have no results. What needs them is left out.</p><table>",
+             "<tr><th>cell</th><th>method</th><th>condition</th><th>seed</th><th>why</th>"
+             "<th>alone, in the sweep's folder</th></tr>"]
+    for row in missing:
+        cells = [html.escape(row[name]) for name in ("cell", "method", "condition", "seed", "why")]
+        lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) +
+                     f"<td><code>{html.escape(row['command'])}</code></td></tr>")
+    return "\n".join([*lines, "</table>"])
+
+
+def page(folder):
+    commit = json.loads((folder / "sweep.json").read_text())["program"]["commit"]
     claims = read_table(folder / "claims.csv")
     findings = read_table(folder / "findings.csv")
     parameters = read_table(folder / "parameters.csv")
@@ -907,12 +938,15 @@ def page(folder, commit):
              "gives the same page.</p>",
              f"<p><strong>{held} of {len(claims)} criteria hold.</strong> Commit <code>"
              f"{html.escape(commit)}</code>; arguments <code>{html.escape(rerun)}</code>.</p>",
+             missing_cells(folder),
              "<ul>"]
     lines += [f'<li><a href="#{name}">{html.escape(SECTIONS[name])}</a></li>' for name in run]
     lines.append("</ul>")
     for name in run:
         lines.append(section(folder, name, [c for c in claims if c["experiment"] == name],
                              [f for f in findings if f["experiment"] == name], rerun))
+    for path in sorted(folder.glob("*_over.csv")):
+        lines.append(over_section(path))
     lines.append("<h2>Parameters</h2><p>Where the paper is silent, these are our choices.</p><table>")
     lines += [f"<tr><td>{html.escape(row['name'])}</td><td>{html.escape(row['value'])}</td></tr>"
               for row in parameters]
@@ -923,7 +957,6 @@ def page(folder, commit):
 def main():
     parser = Arguments(__doc__)
     parser.add_argument("folder", type=pathlib.Path, help="folder that the experiments wrote to")
-    parser.add_argument("--commit", default="unknown", help="of the sources")
     parser.add_argument("--picture", choices=DRAW, metavar="EXPERIMENT",
                         help="also its picture alone, EXPERIMENT.png in the folder")
     arguments = parser.parse_args()
@@ -931,7 +964,7 @@ def main():
     try:
         if arguments.picture:
             (arguments.folder / f"{arguments.picture}.png").write_bytes(drawn(DRAW[arguments.picture](arguments.folder)))
-        target.write_text(page(arguments.folder, arguments.commit), encoding="utf-8")
+        target.write_text(page(arguments.folder), encoding="utf-8")
     except FileNotFoundError as error:
         sys.exit(f"report.py: {error.filename}: no such table; run the experiments first")
     print(target)

@@ -27,17 +27,19 @@ REFUSED = {
     "scripts/fuzz": [(["wrong"], "decoder"), (["all", "wrong"], "SECONDS"), (["all", "1", "wrong"], "TARGET")],
     "scripts/package": [(["wrong"], "wheel"), (["deb", "wrong"], "stands alone")],
     "scripts/plot.py": [(["--wrong"], "--world"), (["a.csv", "b.png", "wrong"], "picture")],
-    "scripts/report.py": [(["--wrong"], "--commit"), (["out", "wrong"], "folder"), (["out", "--picture", "wrong"], "ocean")],
+    "scripts/report.py": [(["--wrong"], "--picture"), (["out", "wrong"], "folder"), (["out", "--picture", "wrong"], "ocean")],
     "scripts/reproduce": [(["--wrong"], "--quick"), (["--only", "wrong"], "fig06"), (["--seeds=wrong"], "number"),
-                          (["--only", "fig06", "--method", "lm0", "wrong"], "lm5"), (["--quick", "wrong"], "--only")],
+                          (["--only", "fig06", "--method", "lm0", "wrong"], "lm5"), (["--quick", "wrong"], "fig06")],
     "scripts/run": [(["--wrong"], "--scene"), (["--scene", "wrong"], "testbed"), (["--device", "wrong"], "haply")],
     "scripts/setup": [(["wrong"], "bench"), (["run", "wrong"], "COMMAND")],
     "scripts/site": [(["wrong"], "--help")],
     "scripts/soak": [(["wrong"], "MINUTES"), (["1", "wrong"], "SEED"), (["1", "1", "wrong"], "MINUTES")],
+    "scripts/sweep": [(["--wrong"], "--slurm"), (["wrong"], "fig06"), (["ocean", "--workers", "wrong"], "number"),
+                      (["--method", "wrong"], "lm5"), (["--status", "wrong"], "sweep")],
     "scripts/test": [(["--wrong"], "-R"), (["-R", "codec", "wrong"], "--repeat")],
 }
 # Sourced or imported by the others.
-PARTS = {"arguments.py", "environments.sh", "plot_input.py", "progress.sh", "stages.sh", "usage.sh"}
+PARTS = {"arguments.py", "environments.sh", "plot_input.py", "progress.sh", "report_over.py", "stages.sh", "sweeps.py", "usage.sh"}
 
 wrong = []
 
@@ -71,14 +73,15 @@ def check_refusal(script, arguments, allowed, builders):
 
 
 def check_names():
-    """The script knows the experiments and methods that the program knows."""
-    text = (ROOT / "scripts/reproduce").read_text()
-    for name, file, pattern in (("experiments", "tests/experiments/main.cc", r'^    {"(\w+)", \w+, (?:true|false)},$'),
-                                ("methods", "common/methods.h", r'{\.name = "([\w-]+)",')):
-        listed = re.search(rf'^{name}="([^"]*)"', text, re.M).group(1).replace("\\\n", "").split()
+    """scripts/sweep reads all experiments and methods from the sources."""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import sweeps
+    for name, listed, file, pattern in (
+            ("experiments", sweeps.experiments(), "tests/experiments/experiments.h", r"^void \w+\(Bench& bench\);"),
+            ("methods", sweeps.methods(), "common/methods.h", r"\.name =")):
         there = re.findall(pattern, (ROOT / file).read_text(), re.M)
-        if sorted(listed) != sorted(there):
-            wrong.append(f"scripts/reproduce: {name} are {listed}, {file} has {there}")
+        if len(set(listed)) != len(there):
+            wrong.append(f"scripts/sweep: knows {len(set(listed))} {name}, {file} has {len(there)}")
 
 
 def main():

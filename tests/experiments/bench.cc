@@ -20,6 +20,15 @@ void Table::write(const std::string& line) {
   if (!(file_ << line << '\n')) throw std::runtime_error(name_ + ": cannot be written");
 }
 
+void Table::row(const Cells& values) {
+  std::string line;
+  for (const auto& value : values) {
+    line += line.empty() ? "" : ",";
+    line += std::visit([](const auto& v) { return cell(v); }, value);
+  }
+  write(line);
+}
+
 void Table::close() {
   if (name_.empty()) return;
   file_.close();
@@ -41,7 +50,11 @@ std::string Table::cell(double value) { return fmt::format("{:.9g}", value); }
 Inputs inputs_of(const Job& job) { return {{"method", job.method.name}, {"seed", job.seed}}; }
 
 Bench::Bench(const BenchOptions& options, std::filesystem::path out, Visit visit)
-    : options_(options), out_(std::move(out)), visit_(std::move(visit)) {
+    : options_(options),
+      over_(options.over, options.files),
+      out_(std::move(out)),
+      visit_(std::move(visit)) {
+  asked_seeds_ = options_.seeds;
   if (options_.seeds == 0) options_.seeds = options_.quick ? 5 : 20;
 }
 
@@ -59,6 +72,14 @@ std::vector<std::uint64_t> Bench::seed_list(int count) const {
   std::vector<std::uint64_t> seeds(static_cast<std::size_t>(count));
   std::iota(seeds.begin(), seeds.end(), options_.seed);
   return seeds;
+}
+
+std::vector<Method> Bench::methods_or(const std::vector<std::string>& names) const {
+  return methods(options_.methods.empty() ? names : options_.methods);
+}
+
+std::vector<std::uint64_t> Bench::seeds_of_variant() const {
+  return seed_list(std::max(1, asked_seeds_));
 }
 
 std::vector<Job> Bench::jobs(const std::vector<std::string>& names, int count) const {
@@ -100,6 +121,29 @@ void Bench::claim(Claim claim) {
 
 void Bench::find(const std::string& text) {
   if (reports_) findings_.push_back({experiment_, text});
+}
+
+void sweep_over(Bench& bench, const std::string& name, const std::vector<SweptCell>& cells) {
+  if (cells.empty()) {
+    throw std::runtime_error(name + " has no cells with these values and methods");
+  }
+  const auto inputs = [](const SweptCell& cell) {
+    return Inputs{{"method", cell.method}} + cell.given + Inputs{{"seed", cell.seed}};
+  };
+  const auto found = bench.map(cells, inputs, [](const SweptCell& cell) { return cell.work(); });
+  std::string header = "what,unit,criterion,method";
+  for (const Input& input : cells.front().given) header += "," + input.name;
+  Table& table = bench.table(name + "_over", header + ",seed,value,due,right");
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    for (const Swept& swept : found[i]) {
+      Table::Cells row{swept.what, swept.unit, swept.criterion,
+                       std::string(method(cells[i].method).label)};
+      for (const Input& input : cells[i].given) row.push_back(input.value);
+      row.insert(row.end(), {static_cast<double>(cells[i].seed), swept.value, swept.due,
+                             swept.right ? 1.0 : 0.0});
+      table.row(row);
+    }
+  }
 }
 
 std::string spread(const std::vector<double>& values, double scale) {

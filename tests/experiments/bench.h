@@ -13,6 +13,7 @@
 
 #include "tests/experiments/cell.h"
 #include "tests/experiments/measures.h"
+#include "tests/experiments/over.h"
 #include "tests/experiments/trial.h"
 
 namespace hlm::experiments {
@@ -23,6 +24,8 @@ struct BenchOptions {
   std::vector<std::string> methods;  ///< Methods; empty: all.
   std::uint64_t seed = 1;            ///< The first one.
   int seeds = 0;                     ///< Of planar figures; 0: 20, with `quick` 5.
+  std::vector<std::string> over;     ///< NAME=VALUES, the user's own.
+  std::filesystem::path files;       ///< Folder of files that they name.
 };
 
 /// A criterion, and whether it holds.
@@ -52,6 +55,8 @@ struct Finding {
 /// file if it cannot be written.
 class Table {
  public:
+  using Cells = std::vector<std::variant<double, std::string>>;
+
   /// Without a file's name all is lost that is written.
   Table(const std::filesystem::path& file, std::string_view header);
   template <class... Values>
@@ -60,6 +65,7 @@ class Table {
     (line.append(line.empty() ? "" : ",").append(cell(values)), ...);
     write(line);
   }
+  void row(const Cells& values);
   /// The table is complete.
   void close();
 
@@ -90,10 +96,16 @@ class Bench {
   int seeds() const { return options_.seeds; }
   /// Those of the names that were asked for.
   std::vector<Method> methods(const std::vector<std::string>& names) const;
+  /// Those that were asked for or, if none was, these.
+  std::vector<Method> methods_or(const std::vector<std::string>& names) const;
   /// The first `count` seeds.
   std::vector<std::uint64_t> seed_list(int count) const;
   /// Each of methods(names) with each of the first `count` seeds.
   std::vector<Job> jobs(const std::vector<std::string>& names, int count) const;
+  /// The user's values. Where there are any an experiment runs with them alone, and claims nothing.
+  const Over& over() const { return over_; }
+  /// Of each of them, one unless more were asked for.
+  std::vector<std::uint64_t> seeds_of_variant() const;
   /// Whether no method was left out: claims that compare methods need them all.
   bool complete() const { return options_.methods.empty(); }
 
@@ -139,16 +151,39 @@ class Bench {
   Cell next_cell(Inputs inputs);
 
   BenchOptions options_;
+  Over over_;
   std::filesystem::path out_;
   Visit visit_;
   std::string experiment_;
   double cost_ = 1;
   bool reports_ = false;
   std::size_t cells_ = 0;  ///< Of the experiment, so far.
+  int asked_seeds_ = 0;
   std::vector<Claim> claims_;
   std::vector<Finding> findings_;
   std::deque<Table> tables_;
 };
+
+/// Something perceived or found with the user's values.
+struct Swept {
+  std::string what;       ///< "weight".
+  std::string unit;       ///< Of `value` and `due`.
+  std::string criterion;  ///< When it is right, in words; empty: nobody asks.
+  double value = 0;
+  double due = 0;
+  bool right = false;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Swept, what, unit, criterion, value, due, right)
+
+/// A cell with the user's values.
+struct SweptCell {
+  std::string_view method;
+  Inputs given;
+  std::uint64_t seed = 1;
+  std::function<std::vector<Swept>()> work;
+};
+/// Runs them, and makes the table NAME_over of what has results.
+void sweep_over(Bench& bench, const std::string& name, const std::vector<SweptCell>& cells);
 
 /// A median with its range: "3.21 (2.90-4.05)", values times `scale`.
 std::string spread(const std::vector<double>& values, double scale = 1);

@@ -64,6 +64,13 @@ std::vector<BodyPlace> places() {
   return all;
 }
 
+ForceStatistics felt_force(const BodyPlace& place, std::uint64_t seed) {
+  ForceStatistics f = force_along(run(place.kind->task(place.mass), place.conditions, seed),
+                                  place.kind->axis, place.kind->begin, place.kind->end);
+  f.mean -= place.kind->other;
+  return f;
+}
+
 /// The map, and of the delays up to 20 ms what the claims ask.
 void draw_map(Bench& bench) {
   const std::vector<BodyPlace> all = places();
@@ -71,13 +78,8 @@ void draw_map(Bench& bench) {
     return Inputs{{"task", place.kind->name}, {"mass_kg", place.mass}} +
            inputs_of(place.conditions);
   };
-  const auto forces = bench.map(all, inputs, [&](const BodyPlace& place) {
-    ForceStatistics f =
-        force_along(run(place.kind->task(place.mass), place.conditions, bench.seed()),
-                    place.kind->axis, place.kind->begin, place.kind->end);
-    f.mean -= place.kind->other;
-    return f;
-  });
+  const auto forces = bench.map(
+      all, inputs, [&](const BodyPlace& place) { return felt_force(place, bench.seed()); });
   Table& table = bench.table("bodylimits",
                              "task,ve_rate_Hz,stiffness,mass_kg,delay_s,due_N,mean_N,sd_N,"
                              "update_step_N,collisions,right");
@@ -108,8 +110,55 @@ void draw_map(Bench& bench) {
   }
 }
 
+/// What the user may give values to.
+struct WantedBody {
+  double mass = 0.3;  ///< kg.
+  BodyConditions conditions;
+};
+
+void declare_wanted_body(settings::Table& table, WantedBody& wanted) {
+  BodyConditions& conditions = wanted.conditions;
+  table.number("mass", wanted.mass, {0.01, 100, "kg"}, "Of the body");
+  table.number("delay", conditions.delay, {0, 10, "s"}, "Of the network, one way");
+  table.number("rate", conditions.ve_rate, {1, 1000, "Hz"}, "Of the environment");
+  table.number("loss", conditions.loss, {0, 0.9, ""}, "Share of datagrams");
+  table.number("stiffness", conditions.stiffness, {1, 1e7, "N/m"}, "Of contacts");
+  table.file("device", conditions.device, "Keys of a simulated device, TOML");
+}
+
+/// The bodies with the user's values.
+void bodies_over(Bench& bench) {
+  std::vector<SweptCell> cells;
+  const auto variants = bench.over().variants(WantedBody{}, declare_wanted_body);
+  for (const Kind& kind : kKinds) {
+    for (const Method& method : bench.methods_or({"lm-adaptive", "shapes"})) {
+      for (const auto& [wanted, given] : variants) {
+        BodyPlace place{&kind, wanted.mass, wanted.conditions};
+        place.conditions.method = method;
+        for (const std::uint64_t seed : bench.seeds_of_variant()) {
+          cells.push_back({method.name, Inputs{{"task", kind.name}} + given, seed, [place, seed] {
+                             const ForceStatistics f = felt_force(place, seed);
+                             const double due = place.kind->due(place.mass);
+                             return std::vector<Swept>{
+                                 {.what = place.kind->name,
+                                  .unit = "N",
+                                  .criterion = "mean within 10 %, sd at most 6 %",
+                                  .value = f.mean,
+                                  .due = due,
+                                  .right = is_right(f, due)}};
+                           }});
+        }
+      }
+    }
+  }
+  sweep_over(bench, "bodylimits", cells);
+}
+
 }  // namespace
 
-void body_limits(Bench& bench) { draw_map(bench); }
+void body_limits(Bench& bench) {
+  if (bench.over().any()) return bodies_over(bench);
+  draw_map(bench);
+}
 
 }  // namespace hlm::experiments

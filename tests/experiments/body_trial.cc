@@ -10,6 +10,7 @@
 #include "hlm/common/uniform.h"
 #include "hlm/protocol/codec.h"
 #include "hlm/protocol/layout.h"
+#include "tests/experiments/over.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::experiments {
@@ -31,6 +32,7 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   options.device.freedom = server::DeviceFreedom::kSpatial;
   options.device.max_force = 100;  // N: what is heavy shall be felt whole.
   options.device.max_torque = 5;
+  use_device(conditions.device, options.device);
   options.link = {.delay = conditions.delay, .loss = conditions.loss};
   options.rate_low = options.rate_high = conditions.ve_rate;
   options.seed = seed;

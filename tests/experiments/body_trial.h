@@ -50,6 +50,7 @@ struct BodyConditions {
   Stalls stalls{};
   AdapterFault fault{};
   std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
+  std::string device{};  ///< File of the user's; empty: the usual one, with strong motors.
 };
 
 /// What tells them from the defaults.

@@ -183,6 +183,7 @@ void SweepFolder::begin(const std::vector<std::string>& arguments, bool replaces
       return;
     }
     fs::remove_all(folder_ / "cells");
+    fs::remove_all(folder_ / "inputs");
   } else if (fs::exists(folder_ / "cells")) {
     throw std::runtime_error((folder_ / "cells").string() + " is not of a sweep");
   }

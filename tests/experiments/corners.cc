@@ -14,6 +14,7 @@
 
 #include "hlm/common/uniform.h"
 #include "tests/experiments/experiments.h"
+#include "tests/experiments/over.h"
 #include "tests/support/mesh_model.h"
 #include "tests/support/virtual_session.h"
 
@@ -226,6 +227,7 @@ test::VirtualSessionOptions session_options(const server::HandScript& hand,
                    .largest_epsilon = conditions.largest_epsilon,
                    .one_axis = conditions.one_axis,
                    .shapes = conditions.shapes};
+  use_device(conditions.device, options.device);
   if (conditions.method) {
     use(*conditions.method, conditions.stiffness, options.servo.local_model.damping, options);
   }

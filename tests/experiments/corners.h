@@ -23,6 +23,7 @@ struct CornerConditions {
   double settling = 0;             ///< So much longer does the hand wait before it begins, s.
   std::optional<Method> method{};  ///< Instead of ε, axes and shapes; none: the local model.
   double stiffness = server::LocalModelParameters{}.stiffness;  ///< With a method, N/m.
+  std::string device{};  ///< File of the user's; empty: one without friction, with strong motors.
 };
 inline constexpr double kLargestEpsilon = ve::FrameOptions{}.largest_epsilon;
 

@@ -1,5 +1,6 @@
 // experiments: runs the paper's experiments in virtual time and writes their tables and claims.
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <stdexcept>
@@ -36,6 +37,10 @@ void add_selection(CLI::App& app, BenchOptions& bench) {
   app.add_option("--seeds", bench.seeds, "Number of seeds, one run each; 0: 20, with --quick 5")
       ->check(CLI::Range(0, 10000))
       ->capture_default_str();
+  app.add_option("--over", bench.over,
+                 "NAME=VALUES: values of your own for a condition, with each of the others'; of "
+                 "limits, bodylimits and ocean")
+      ->allow_extra_args(false);
 }
 
 std::vector<std::string> selection(const BenchOptions& bench) {
@@ -46,6 +51,7 @@ std::vector<std::string> selection(const BenchOptions& bench) {
   for (const std::string& name : bench.methods) {
     arguments.insert(arguments.end(), {"--method", name});
   }
+  for (const std::string& text : bench.over) arguments.insert(arguments.end(), {"--over", text});
   return arguments;
 }
 
@@ -68,6 +74,16 @@ CellNames names_of(const Options& options) {
   return names;
 }
 
+/// With a copy of the files that the user's values name.
+void begin(Options& options, SweepFolder& folder) {
+  check_cells(options.bench);
+  const Over over(options.bench.over);
+  options.bench.over = over.texts();
+  options.bench.files = folder.path() / "inputs";
+  folder.begin(selection(options.bench), options.replace);
+  over.copy_files(options.bench.files);
+}
+
 int work_on(Options options) {
   check_names(options.bench);
   const bool some = !options.cells.empty() || !options.cells_file.empty();
@@ -78,8 +94,9 @@ int work_on(Options options) {
   SweepFolder folder(options.out);
   if (some || options.merge || options.status) {
     options.bench = parsed(folder.open());
+    options.bench.files = folder.path() / "inputs";
   } else {
-    folder.begin(selection(options.bench), options.replace);
+    begin(options, folder);
     if (options.begin) return 0;
   }
   if (options.status && options.list) {
@@ -131,6 +148,10 @@ int run_program(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
     std::cerr << "experiments: " << error.what() << '\n';
+    return 2;
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::cerr << "experiments: " << error.path1().string() << ": " << error.code().message()
+              << '\n';
     return 2;
   } catch (const std::exception& error) {
     std::cerr << "experiments: " << error.what() << '\n';

@@ -45,7 +45,8 @@ struct Ocean {
   double round_trip = 0.2;  ///< s.
   double rate = 60;         ///< Of the engine, Hz.
   double speed = 0.3;       ///< Of the hand, m/s.
-  const Network* network = &kNetworks[0];
+  Network network = kNetworks[0];
+  std::string device{};  ///< File of the user's; empty: one without friction.
 };
 
 const std::vector<double> kRoundTrips{0, 0.05, 0.2, 0.5, 1};  // s
@@ -59,7 +60,7 @@ std::vector<Ocean> quick_oceans() {
   for (const double rate : {kRates.front(), kRates.back()}) all.push_back({.rate = rate});
   for (const double speed : {kSpeeds.front(), kSpeeds.back()}) all.push_back({.speed = speed});
   for (const Network& network : kNetworks) {
-    if (&network != kNetworks.begin()) all.push_back({.network = &network});
+    if (network.name != kNetworks[0].name) all.push_back({.network = network});
   }
   return all;
 }
@@ -70,7 +71,7 @@ std::vector<Ocean> oceans(const Bench& bench) {
   for (const double round_trip : kRoundTrips) {
     for (const double rate : kRates) {
       for (const double speed : kSpeeds) {
-        for (const Network& network : kNetworks) all.push_back({round_trip, rate, speed, &network});
+        for (const Network& network : kNetworks) all.push_back({round_trip, rate, speed, network});
       }
     }
   }
@@ -79,7 +80,7 @@ std::vector<Ocean> oceans(const Bench& bench) {
 
 /// Until shapes are there, s: some frames, and more round trips where datagrams are lost.
 double settling(const Ocean& ocean) {
-  return 10 / ocean.rate + (ocean.network->loss > 0 ? 1 + 4 * ocean.round_trip : 0);
+  return 10 / ocean.rate + (ocean.network.loss > 0 ? 1 + 4 * ocean.round_trip : 0);
 }
 
 /// Where the server has shapes the client still reports what the tool may soon touch: bodies.
@@ -96,11 +97,12 @@ CornerConditions corner_conditions(const Ocean& ocean, const Sight& sight) {
   return {.delay = ocean.round_trip / 2,
           .ve_low = ocean.rate,
           .ve_high = ocean.rate,
-          .loss = ocean.network->loss,
-          .outage = ocean.network->outage > 0,
+          .loss = ocean.network.loss,
+          .outage = ocean.network.outage > 0,
           .settling = settling(ocean),
           .method = method_of(sight.method),
-          .stiffness = sight.stiffness};
+          .stiffness = sight.stiffness,
+          .device = ocean.device};
 }
 
 struct Perceived {
@@ -170,11 +172,12 @@ BodyConditions body_conditions(const Ocean& ocean, const char* name, double stif
                                double matters) {
   BodyConditions conditions{.ve_rate = ocean.rate,
                             .delay = ocean.round_trip / 2,
-                            .loss = ocean.network->loss,
+                            .loss = ocean.network.loss,
                             .stiffness = stiffness,
-                            .method = method_of(name)};
-  if (ocean.network->outage > 0) {
-    const double duration = ocean.network->outage;
+                            .method = method_of(name),
+                            .device = ocean.device};
+  if (ocean.network.outage > 0) {
+    const double duration = ocean.network.outage;
     conditions.outage = {matters - conditions.delay - duration / 2, duration};
   }
   return conditions;
@@ -287,7 +290,7 @@ Inputs inputs_of(const Crossing& c) {
           {"round_trip_s", c.ocean.round_trip},
           {"rate_hz", c.ocean.rate},
           {"speed_m_s", c.ocean.speed},
-          {"network", c.ocean.network->name},
+          {"network", c.ocean.network.name},
           {"seed", c.seed}};
 }
 
@@ -335,8 +338,8 @@ constexpr std::array kPromises{Promise{"wall", "shapes", 1, 15, 1, true, true},
 
 bool covers(const Promise& promise, const Ocean& ocean) {
   return ocean.round_trip <= promise.round_trip && ocean.rate >= promise.rate &&
-         ocean.speed <= promise.speed && (promise.loss || ocean.network->loss == 0) &&
-         (promise.outage || ocean.network->outage == 0);
+         ocean.speed <= promise.speed && (promise.loss || ocean.network.loss == 0) &&
+         (promise.outage || ocean.network.outage == 0);
 }
 
 std::string words(const Promise& promise) {
@@ -378,7 +381,7 @@ std::string edge(const Sense& sense, const Sight& sight, const std::vector<Row>&
   for (const auto& [crossing, perceived] : rows) {
     const Ocean& ocean = crossing.ocean;
     if (!is(crossing, sense.name, sight.name) || ocean.rate != middle.rate ||
-        ocean.speed != middle.speed || ocean.network != middle.network) {
+        ocean.speed != middle.speed || ocean.network.name != middle.network.name) {
       continue;
     }
     if (!perceived.right) break;
@@ -414,7 +417,7 @@ void find_longest_outage(Bench& bench) {
     };
     const auto held = bench.map(durations, inputs, [&](double duration) {
       const Network network{"outage", 0, duration};
-      return lifted_weight({.network = &network}, sight, bench.seed());
+      return lifted_weight({.network = network}, sight, bench.seed());
     });
     double through = 0;
     bool so_far = true;
@@ -431,9 +434,57 @@ void find_longest_outage(Bench& bench) {
              longest + ".");
 }
 
+/// What the user may give values to.
+struct WantedOcean {
+  Ocean ocean;
+  double delay = Ocean{}.round_trip / 2;  ///< One way, s.
+  double stiffness = 0;                   ///< N/m; 0: as kSights has it.
+};
+
+void declare_wanted_ocean(settings::Table& table, WantedOcean& wanted) {
+  table.number("delay", wanted.delay, {0, 10, "s"}, "Of the network, one way");
+  table.number("rate", wanted.ocean.rate, {1, 1000, "Hz"}, "Of the engine");
+  table.number("speed", wanted.ocean.speed, {0.01, 2, "m/s"}, "Of the hand");
+  table.number("loss", wanted.ocean.network.loss, {0, 0.9, ""}, "Share of datagrams");
+  table.number("outage", wanted.ocean.network.outage, {0, 2, "s"}, "When it matters most");
+  table.number("stiffness", wanted.stiffness, {1, 1e7, "N/m"}, "Of contacts or of the coupling");
+  table.file("device", wanted.ocean.device, "Keys of a simulated device, TOML");
+}
+
+/// The senses with the user's values.
+void ocean_over(Bench& bench) {
+  std::vector<SweptCell> cells;
+  const auto variants = bench.over().variants(WantedOcean{}, declare_wanted_ocean);
+  for (const Sense& sense : kSenses) {
+    for (Sight sight : kSights) {
+      if (bench.methods({sight.method}).empty()) continue;
+      for (const auto& [wanted, given] : variants) {
+        Ocean ocean = wanted.ocean;
+        ocean.round_trip = 2 * wanted.delay;
+        if (wanted.stiffness > 0) sight.stiffness = wanted.stiffness;
+        if (!applies(sense, sight, ocean)) continue;
+        for (const std::uint64_t seed : bench.seeds_of_variant()) {
+          cells.push_back({sight.method, Inputs{{"sense", sense.name}} + given, seed,
+                           [&sense, sight, ocean, seed] {
+                             const Perceived p = sense.perceive(ocean, sight, seed);
+                             return std::vector<Swept>{{.what = sense.name,
+                                                        .unit = sense.unit,
+                                                        .criterion = sense.right,
+                                                        .value = p.value,
+                                                        .due = p.due,
+                                                        .right = p.right}};
+                           }});
+        }
+      }
+    }
+  }
+  sweep_over(bench, "ocean", cells);
+}
+
 }  // namespace
 
 void ocean(Bench& bench) {
+  if (bench.over().any()) return ocean_over(bench);
   const std::vector<Crossing> all = crossings(bench);
   const std::vector<Perceived> outcomes = bench.map(
       all, [](const Crossing& c) { return inputs_of(c); },
@@ -447,7 +498,7 @@ void ocean(Bench& bench) {
     const auto& [sense, sight, ocean, seed] = all[i];
     const Perceived& p = outcomes[i];
     table.row(sense->name, sense->unit, sight->name, ocean.round_trip, ocean.rate, ocean.speed,
-              ocean.network->name, static_cast<double>(seed), p.due, p.value, p.deviation,
+              ocean.network.name, static_cast<double>(seed), p.due, p.value, p.deviation,
               p.right ? 1.0 : 0.0);
     rows.push_back({all[i], p});
   }

@@ -1,6 +1,7 @@
 // k_max of every method on the hole that is shaken with 3 N (b = 100), in one run; and what of it
 // is the deformation's doing, what the controller's.
 #include <algorithm>
+#include <limits>
 #include <map>
 
 #include <spdlog/fmt/fmt.h>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr double kPush = 3;       // N
 constexpr double kDamping = 100;  // N·s/m
-constexpr double kDuration = 4;   // s
+constexpr double kShaking = 4;    // s
 
 /// A device as they are: a tick from command to force, and a velocity from encoders.
 server::SimulatedDeviceOptions realistic(server::SimulatedDeviceOptions device) {
@@ -45,7 +46,7 @@ std::string_view name_of(Setting setting) {
 
 Limits limits(Bench& bench, const std::vector<std::string>& names, Setting setting, Table& table) {
   const std::vector<Method> methods = bench.methods(names);
-  Trial trial{hole_task(kPush, 0, kDamping, kDuration), {}, {}, bench.seed()};
+  Trial trial{hole_task(kPush, 0, kDamping, kShaking), {}, {}, bench.seed()};
   if (setting == Setting::kRealistic) trial.task.device = realistic(trial.task.device);
   if (setting == Setting::kIdealHealing) {
     trial.conditions.healing_speed = server::LocalModelParameters{}.healing_speed;
@@ -96,9 +97,74 @@ std::string compared(Limits& of, std::string_view name) {
   return text;
 }
 
+/// What the user may give values to.
+struct Wanted {
+  Conditions conditions;
+  double rate = 0;  ///< Of the environment, Hz; 0: drawn.
+  double push = kPush;
+  double damping = kDamping;
+  double friction = Task{}.friction;
+  std::string device;
+};
+
+void declare_wanted(settings::Table& table, Wanted& wanted) {
+  Conditions& conditions = wanted.conditions;
+  table.number("delay", conditions.link.delay, {0, 10, "s"}, "Of the network, one way");
+  table.number("jitter", conditions.link.jitter, {0, 1, "s"}, "Of that delay");
+  table.number("loss", conditions.link.loss, {0, 0.9, ""}, "Share of datagrams");
+  table.number("rate", wanted.rate, {1, 1000, "Hz"}, "Of the environment");
+  table.number("servo-rate", conditions.servo_rate, {100, 20'000, "Hz"}, "Of the server");
+  table.number("healing-speed", conditions.healing_speed, {0, 10, "m/s"}, "Of deformation");
+  table.number("push", wanted.push, {0.01, 100, "N"}, "Of the hand, to and fro at 2.5 Hz");
+  table.number("damping", wanted.damping, {0, 10'000, "N·s/m"}, "Of contacts");
+  table.number("friction", wanted.friction, {0, 10, ""}, "Coefficient");
+  table.file("device", wanted.device, "Keys of a simulated device, TOML");
+}
+
+Trial trial_of(const Wanted& wanted, const Method& method, std::uint64_t seed) {
+  Trial trial{hole_task(wanted.push, 0, wanted.damping, kShaking), method, wanted.conditions, seed};
+  trial.task.friction = wanted.friction;
+  if (wanted.rate > 0) trial.conditions.ve_low = trial.conditions.ve_high = wanted.rate;
+  use_device(wanted.device, trial.task.device);
+  trial.task.observer.on = !trial.task.device.measures_hand_wrench;
+  return trial;
+}
+
+std::vector<Swept> found_limits(const Trial& trial) {
+  const StiffnessLimits limits = find_stiffness_limits(trial, 1);
+  std::vector<Swept> found;
+  for (const Criterion& criterion : kCriteria) {
+    const StiffnessLimit& limit = limits.*criterion.limit;
+    found.push_back({.what = fmt::format("k_max by {}", criterion.name),
+                     .unit = "N/m",
+                     .criterion = "",
+                     .value = limit.k_max,
+                     .due = std::numeric_limits<double>::quiet_NaN(),
+                     .right = limit.k_max > 0});
+  }
+  return found;
+}
+
+/// k_max in the hole with the user's values.
+void limits_over(Bench& bench) {
+  std::vector<SweptCell> cells;
+  const auto variants = bench.over().variants(Wanted{}, declare_wanted);
+  for (const Method& method : bench.methods_or({"ir", "lm0", "lm5", "lm-adaptive", "shapes"})) {
+    for (const auto& [wanted, given] : variants) {
+      for (const std::uint64_t seed : bench.seeds_of_variant()) {
+        cells.push_back({method.name, given, seed, [wanted, method, seed] {
+                           return found_limits(trial_of(wanted, method, seed));
+                         }});
+      }
+    }
+  }
+  sweep_over(bench, "limits", cells);
+}
+
 }  // namespace
 
 void stiffness_limits(Bench& bench) {
+  if (bench.over().any()) return limits_over(bench);
   std::vector<std::string> names{"ir",         "lm0",     "lm5",    "lm0-direct",
                                  "lm5-direct", "ir-four", "shapes", "shapes-direct"};
   if (!bench.quick()) {

@@ -27,8 +27,9 @@ using nlohmann::json;
 struct Experiment {
   const char* name;
   void (*run)(Bench&);
-  double cost;        ///< Of a cell on average, s.
-  bool quick = true;  ///< Part of --quick.
+  double cost;                ///< Of a cell on average, s.
+  bool quick = true;          ///< Part of --quick.
+  bool takes_values = false;  ///< Of --over.
 };
 
 constexpr Experiment kExperiments[] = {
@@ -38,18 +39,18 @@ constexpr Experiment kExperiments[] = {
     {"fig16", tight_hole, 0.07},
     {"fig17", stiff_hole, 0.08},
     {"updates", updates, 0.06},
-    {"limits", stiffness_limits, 5},
+    {"limits", stiffness_limits, 5, true, true},
     {"observer", hand_observer, 0.5},
     {"spatial", spatial, 0.04},
     {"collisions", collisions, 0.03},
     {"linkages", linkages, 0.5},
     {"corners", corners, 0.02},
     {"shapes", near_shapes, 0.3},
-    {"ocean", ocean, 0.1},
+    {"ocean", ocean, 0.1, true, true},
     {"roams", roams, 0.4},
     {"posts", posts, 0.13},
     {"bodies", bodies, 0.1},
-    {"bodylimits", body_limits, 0.1, false},
+    {"bodylimits", body_limits, 0.1, false, true},
     {"holding", holding, 0.45},
     {"external", external, 0.06},
     {"audit", audit, 0.16},
@@ -300,7 +301,24 @@ std::set<std::string> name_missing(Bench& bench, const SweepFolder& folder,
 
 }  // namespace
 
+/// Throws std::runtime_error naming an experiment that does not take the user's values.
+static void check_takes_values(const BenchOptions& options) {
+  std::string taking;
+  for (const Experiment& experiment : kExperiments) {
+    if (experiment.takes_values)
+      taking += (taking.empty() ? "" : ", ") + std::string(experiment.name);
+  }
+  if (options.only.empty()) throw std::runtime_error("--over must go with experiments: " + taking);
+  for (const Experiment* experiment : selected(options)) {
+    if (!experiment->takes_values) {
+      throw std::runtime_error(fmt::format(
+          "experiment '{}' takes no values of --over; these do: {}", experiment->name, taking));
+    }
+  }
+}
+
 void check_names(const BenchOptions& options) {
+  if (!options.over.empty()) check_takes_values(options);
   for (const std::string& name : options.methods) method(name);
   for (const std::string& name : options.only) {
     std::string known;
@@ -314,6 +332,8 @@ void check_names(const BenchOptions& options) {
     }
   }
 }
+
+void check_cells(const BenchOptions& options) { cells_of(options, selected(options)); }
 
 void list_cells(const BenchOptions& options, const SweepFolder* folder) {
   for (const Cell& cell : cells_of(options, selected(options))) {
@@ -374,7 +394,8 @@ Merged merge(const BenchOptions& options, const SweepFolder& folder) {
   const std::set<std::string> incomplete = name_missing(bench, folder, cells, results);
   bench.close_tables();
   for (const Experiment* experiment : selection) {
-    bench.begin(experiment->name, experiment->cost, !incomplete.contains(experiment->name));
+    const bool reports = !incomplete.contains(experiment->name) || bench.over().any();
+    bench.begin(experiment->name, experiment->cost, reports);
     experiment->run(bench);
     bench.close_tables();
   }

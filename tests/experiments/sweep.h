@@ -12,6 +12,9 @@ namespace hlm::experiments {
 /// Throws std::runtime_error naming what is unknown.
 void check_names(const BenchOptions& options);
 
+/// Throws std::runtime_error naming what the experiments cannot use.
+void check_cells(const BenchOptions& options);
+
 /// Prints a line for each cell, with tabulators: name, experiment, method, condition, seed,
 /// expected cost in s; then, with a folder, what became of it: "done", "failed", "left".
 void list_cells(const BenchOptions& options, const SweepFolder* folder);

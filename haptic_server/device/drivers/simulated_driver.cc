@@ -4,19 +4,23 @@
 
 namespace hlm::server {
 
-SimulatedDriver::SimulatedDriver() {
-  table_.file("hand", hand_, "Hand script, TOML; '' is no hand");
-  table_.choice("freedom", options_.freedom, "How the handle moves");
-  table_.numbers(options_, kSimulatedDeviceNumbers);
-  table_.whole("delay", options_.delay, kDeviceDelays, "Delay of a command");
-  table_.yes_no("measures-hand", options_.measures_hand_wrench,
-                "Whether it measures the hand's wrench");
-  table_.yes_no("switched-on", options_.switched_on,
-                "Whether its enable switch is closed; open, its motors stay off");
-  table_.text(
-      "amplifier", options_.amplifier, "FILE",
+void declare(SimulatedDeviceOptions& options, settings::Table& table) {
+  table.choice("freedom", options.freedom, "How the handle moves");
+  table.numbers(options, kSimulatedDeviceNumbers);
+  table.whole("delay", options.delay, kDeviceDelays, "Delay of a command");
+  table.yes_no("measures-hand", options.measures_hand_wrench,
+               "Whether it measures the hand's wrench");
+  table.yes_no("switched-on", options.switched_on,
+               "Whether its enable switch is closed; open, its motors stay off");
+  table.text(
+      "amplifier", options.amplifier, "FILE",
       "File that holds what its motors are given, 6 doubles, and holds it when the server is "
       "gone; '' is none");
+}
+
+SimulatedDriver::SimulatedDriver() {
+  table_.file("hand", hand_, "Hand script, TOML; '' is no hand");
+  declare(options_, table_);
 }
 
 std::unique_ptr<Device> SimulatedDriver::open(double dt) const {

@@ -8,6 +8,9 @@
 
 namespace hlm::server {
 
+/// The keys of such a device, but for the hand on it.
+void declare(SimulatedDeviceOptions& options, settings::Table& table);
+
 class SimulatedDriver final : public DeviceDriver {
  public:
   SimulatedDriver();
