@@ -885,14 +885,21 @@ def section(folder, name, claims, findings, rerun):
     return "\n".join(lines)
 
 
+def experiment_of(path):
+    return path.stem.removesuffix("_over")
+
+
+def own_title(path):
+    return SECTIONS[experiment_of(path)] + ": with your values"
+
+
 def over_section(path):
     """What an experiment gave with the user's own values."""
-    name = path.stem.removesuffix("_over")
     rows = read_table(path)
-    lines = [f'<h2 id="{path.stem}">{html.escape(SECTIONS[name])}: with your values</h2>',
-             f"<p>{html.escape(INTRODUCTION[name])}</p>",
-             f"<p>In green: right with every seed, in red: with none; numbers: medians over the seeds. The table: <code>{path.name}"
-             f"</code>, {len(rows)} rows.</p>"]
+    lines = [f'<h2 id="{path.stem}">{html.escape(own_title(path))}</h2>',
+             f"<p>{html.escape(INTRODUCTION[experiment_of(path)])}</p>",
+             "<p>Green: right with every seed; red: with none; numbers: medians over the seeds; blank: no result. What has no "
+             f"criterion is shaded by its size. The table: <code>{path.name}</code>, {len(rows)} rows.</p>"]
     for words, figure in report_over.pictures(rows) if rows else ():
         lines += [f"<h3>{html.escape(words)}</h3>", picture(figure, words)]
     return "\n".join(lines)
@@ -925,7 +932,9 @@ def page(folder):
     parameters = read_table(folder / "parameters.csv")
     rerun = next(row["value"] for row in parameters if row["name"] == "arguments")
     # Which experiments were run shows in what they wrote.
-    run = [name for name in SECTIONS if name == "testbed" or has_rows(folder, name)]
+    run = [name for name in SECTIONS if name != "testbed" and has_rows(folder, name)]
+    run = ["testbed"] * bool(run) + run
+    own = sorted(folder.glob("*_over.csv"))
     held = sum(claim["holds"] == "1" for claim in claims)
     lines = ["<!doctype html><html lang='en'><head><meta charset='utf-8'>",
              "<meta name='viewport' content='width=device-width'>",
@@ -936,17 +945,17 @@ def page(folder):
              "manipulation of rigid virtual worlds</em>. Every run is the product's own server tick and "
              "client frame (ODE, ε-active contacts, encoded packets), in virtual time: the same seed "
              "gives the same page.</p>",
-             f"<p><strong>{held} of {len(claims)} criteria hold.</strong> Commit <code>"
-             f"{html.escape(commit)}</code>; arguments <code>{html.escape(rerun)}</code>.</p>",
+             "<p>" + (f"<strong>{held} of {len(claims)} criteria hold.</strong> " if claims else "") +
+             f"Commit <code>{html.escape(commit)}</code>; arguments <code>{html.escape(rerun)}</code>.</p>",
              missing_cells(folder),
              "<ul>"]
     lines += [f'<li><a href="#{name}">{html.escape(SECTIONS[name])}</a></li>' for name in run]
+    lines += [f'<li><a href="#{path.stem}">{html.escape(own_title(path))}</a></li>' for path in own]
     lines.append("</ul>")
     for name in run:
         lines.append(section(folder, name, [c for c in claims if c["experiment"] == name],
                              [f for f in findings if f["experiment"] == name], rerun))
-    for path in sorted(folder.glob("*_over.csv")):
-        lines.append(over_section(path))
+    lines += [over_section(path) for path in own]
     lines.append("<h2>Parameters</h2><p>Where the paper is silent, these are our choices.</p><table>")
     lines += [f"<tr><td>{html.escape(row['name'])}</td><td>{html.escape(row['value'])}</td></tr>"
               for row in parameters]

@@ -81,11 +81,15 @@ def draw_map(rows, x, y):
     methods = grouped(rows, ["method"])
     xs, ys = values_of(rows, x), values_of(rows, y)
     width = max(2.6, 0.55 * len(xs) + 1.2)
-    figure, axes = plt.subplots(1, len(methods), figsize=(width * len(methods), max(2.4, 0.4 * len(ys) + 1.3)),
+    columns = min(len(methods), 3)
+    lines = -(-len(methods) // columns)
+    figure, axes = plt.subplots(lines, columns, figsize=(width * columns, lines * max(2.0, 0.4 * len(ys) + 1.2)),
                                 squeeze=False, sharey=True)
+    for axis in axes.flat[len(methods):]:
+        axis.set_visible(False)
     asked = bool(rows[0]["criterion"])
     logs = [math.log10(value) for value in (float(row["value"]) for row in rows) if 0 < value < math.inf]
-    for axis, ((method,), some) in zip(axes[0], methods.items()):
+    for axis, ((method,), some) in zip(axes.flat, methods.items()):
         shades = np.full((len(ys), len(xs)), np.nan)
         for (at_x, at_y), at in grouped(some, [x, y]).items():
             column, line = xs.index(at_x), ys.index(at_y)
@@ -102,7 +106,8 @@ def draw_map(rows, x, y):
         axis.set_yticks(range(0, len(ys), step), [ys[i] for i in range(0, len(ys), step)], fontsize=7)
         axis.set_title(method, fontsize=9)
         axis.set_xlabel(in_words(x), fontsize=8)
-    axes[0][0].set_ylabel(in_words(y), fontsize=8)
+    for axis in axes[:, 0]:
+        axis.set_ylabel(in_words(y), fontsize=8)
     return figure
 
 

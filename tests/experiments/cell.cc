@@ -9,12 +9,9 @@
 #include <limits>
 #include <stdexcept>
 
-#include <sodium.h>
 #include <spdlog/fmt/fmt.h>
 #include <sys/resource.h>
 #include <unistd.h>
-
-#include "tests/experiments/commit.h"
 
 namespace hlm::experiments {
 
@@ -141,20 +138,6 @@ std::string Cell::condition() const {
     text += fmt::format("{}{} {}", text.empty() ? "" : ", ", input.name, text_of(input));
   }
   return text;
-}
-
-const Program& program() {
-  static const Program here = [] {
-    const std::string text = read_text("/proc/self/exe");
-    std::array<unsigned char, 16> hash{};
-    crypto_generichash(hash.data(), hash.size(),
-                       reinterpret_cast<const unsigned char*>(text.data()), text.size(), nullptr,
-                       0);
-    std::string hexadecimal;
-    for (const unsigned char byte : hash) hexadecimal += fmt::format("{:02x}", byte);
-    return Program{kCommit, HLM_COMPILER, HLM_FLAGS, hexadecimal};
-  }();
-  return here;
 }
 
 std::vector<std::string> SweepFolder::open() {

@@ -13,6 +13,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/experiments/program.h"
+
 namespace hlm::experiments {
 
 /// What tells a cell from others of its experiment, by the names that its tables have.
@@ -40,17 +42,7 @@ struct Cell {
   std::string condition() const;
 };
 
-/// What computed a cell. Cells of one sweep have the same.
-struct Program {
-  std::string commit;
-  std::string compiler;
-  std::string flags;
-  std::string executable;  ///< Hash of its file.
-  bool operator==(const Program&) const = default;
-};
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Program, commit, compiler, flags, executable)
-/// This one.
-const Program& program();
 
 /// The folder of a sweep. Its functions throw std::runtime_error naming the file.
 class SweepFolder {

@@ -239,6 +239,7 @@ std::string arguments(const BenchOptions& options, int seeds) {
   std::string text = fmt::format("--seed {} --seeds {}", options.seed, seeds);
   for (const std::string& name : options.methods) text.append(" --method ").append(name);
   if (options.quick) text.append(" --quick");
+  for (const std::string& values : options.over) text.append(" --over ").append(values);
   return text;
 }
 

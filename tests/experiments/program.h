@@ -1,0 +1,18 @@
+// What computes cells.
+#pragma once
+
+#include <string>
+
+namespace hlm::experiments {
+
+/// Cells of one sweep have the same.
+struct Program {
+  std::string commit;
+  std::string compiler;
+  std::string flags;
+  std::string executable;  ///< Hash of its file.
+};
+/// This one. Throws std::runtime_error if its file cannot be read.
+const Program& program();
+
+}  // namespace hlm::experiments
