@@ -14,3 +14,24 @@ install_environment() {
     --require-hashes -r "$lock"
   cp "$lock" "$environment/installed.txt"
 }
+
+# unpack_packages LIST: the Debian packages of LIST, a file NAME.txt, and what they depend on, as far as they are not
+# installed, in the folder .venv/NAME. The system stays as it is: nothing is installed, no service starts.
+unpack_packages() {
+  local list=$1 folder missing
+  folder=$PWD/.venv/$(basename "$list" .txt)
+  ! cmp -s "$list" "$folder/installed.txt" || return 0
+  echo "Unpacking Debian packages of $list"
+  rm -rf "$folder"
+  mkdir -p "$folder/lists/partial" "$folder/packages"
+  local apt=(apt-get -qq -o "Dir::State::Lists=$folder/lists" -o Dir::Cache::pkgcache= -o Dir::Cache::srcpkgcache=
+    -o APT::Sandbox::User=)
+  "${apt[@]}" update
+  # As a rehearsal, which needs no root, it tells what an installation would bring.
+  missing=$(sed '/^#/d' "$list" | xargs "${apt[@]}" --simulate install --no-install-recommends |
+    awk '$1 == "Inst" { print $2 }')
+  [ -z "$missing" ] || (cd "$folder/packages" && xargs "${apt[@]}" download <<<"$missing")
+  find "$folder/packages" -name '*.deb' -exec dpkg-deb -x {} "$folder" ';'
+  rm -r "$folder/lists" "$folder/packages"
+  cp "$list" "$folder/installed.txt"
+}

@@ -1,0 +1,80 @@
+"""Where the real programs are of which the test beds of this folder consist: Slurm, munge, sshd, GNU parallel.
+
+`scripts/check sweep` unpacks into .venv/cluster what of the packages in cluster.txt is not installed.
+"""
+
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import time
+
+TREE = pathlib.Path(__file__).resolve().parents[2] / ".venv/cluster"
+LIBRARIES = [TREE / "usr/lib/x86_64-linux-gnu", TREE / "usr/lib/x86_64-linux-gnu/slurm-wlm"]
+PLUGINS = [TREE / "usr/lib/x86_64-linux-gnu/slurm-wlm", pathlib.Path("/usr/lib/x86_64-linux-gnu/slurm-wlm")]
+PROGRAMS = [TREE / "usr/bin", TREE / "usr/sbin"]
+PATIENCE = 30  # s; any of the waits below takes a few at most
+
+
+def environment():
+    """Of a program that is to find those of the packages."""
+    def before(variable, folders, default=None):
+        return ":".join([*map(str, folders), *filter(None, [os.environ.get(variable, default)])])
+    return {**os.environ, "PATH": before("PATH", PROGRAMS) + ":/usr/sbin:/sbin",
+            "LD_LIBRARY_PATH": before("LD_LIBRARY_PATH", LIBRARIES), "PERL5LIB": before("PERL5LIB", [TREE / "usr/share/perl5"])}
+
+
+def program(name):
+    """Its path. Raises FileNotFoundError if it is neither unpacked nor installed."""
+    found = shutil.which(name, path=environment()["PATH"])
+    if not found:
+        raise FileNotFoundError(f"{name} is neither in {TREE} nor installed: scripts/check sweep unpacks it")
+    return found
+
+
+def free_ports(count):
+    """Ports of loopback that nobody listens on."""
+    sockets = [socket.socket() for _ in range(count)]
+    for each in sockets:
+        each.bind(("127.0.0.1", 0))
+    ports = [each.getsockname()[1] for each in sockets]
+    for each in sockets:
+        each.close()
+    return ports
+
+
+def wait_until(condition, what, patience=PATIENCE):
+    """Raises TimeoutError, which names what was waited for."""
+    end = time.monotonic() + patience
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError(f"{what}: not within {patience} s")
+        time.sleep(0.05)
+
+
+def variables(process):
+    """The environment that a process was started with; {} of one that has ended or is another user's."""
+    try:
+        text = pathlib.Path(f"/proc/{process}/environ").read_bytes()
+    except OSError:
+        return {}
+    return dict(pair.decode(errors="replace").split("=", 1) for pair in text.split(b"\0") if b"=" in pair)
+
+
+def kill_all_with(**wanted):
+    """Ends with SIGKILL every process that was started with these environment variables."""
+    def found():
+        own = os.getpid()
+        numbers = (int(name) for name in os.listdir("/proc") if name.isdigit())
+        return [number for number in numbers if number != own and wanted.items() <= variables(number).items()]
+    end = time.monotonic() + PATIENCE
+    while processes := found():
+        for process in processes:
+            try:
+                os.kill(process, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        if time.monotonic() > end:
+            raise TimeoutError(f"processes {processes}: still there {PATIENCE} s after SIGKILL")
+        time.sleep(0.02)
