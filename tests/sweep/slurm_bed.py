@@ -11,6 +11,7 @@ Logs of the daemons are in the folder.
 import getpass
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -25,7 +26,7 @@ SlurmctldPort={port}
 SlurmUser={user}
 SlurmdUser={user}
 AuthType=auth/munge
-AuthInfo=socket={folder}/munge.socket
+AuthInfo=socket={folder}/munge.socket,cred_expire=5
 PluginDir={plugins}
 StateSaveLocation={folder}/state
 SlurmdSpoolDir={folder}/spool_%n
@@ -40,14 +41,19 @@ JobSubmitPlugins=lua
 MailProg=/bin/true
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core
+SchedulerParameters={scheduler}
 MaxArraySize={max_array_size}
 ReturnToService=2
 SlurmdTimeout={node_timeout}
-MessageTimeout=5
+MessageTimeout=2
+TCPTimeout=1
 KillWait=2
+BatchStartTimeout=2
 """
 NODE = "NodeName=n{index} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=1\n"
 PARTITION = "PartitionName={name} Nodes={nodes} {more}\n"
+# Slurm's own are 3, 60 and 30 s: the next job of an array then starts within 4 s, a job that depends on others within 60.
+QUICK = "batch_sched_delay=0,sched_interval=1,bf_interval=1"
 REFUSAL = f"""\
 function slurm_job_submit(job, partitions, user)
   if job.account ~= nil and job.account ~= "{ACCOUNT}" then return 2045 end -- ESLURM_INVALID_ACCOUNT
@@ -58,12 +64,12 @@ function slurm_job_modify(job, old, partitions, user) return slurm.SUCCESS end
 
 
 class SlurmBed:
-    def __init__(self, folder, nodes=2, max_array_size=1001, node_timeout=4):
+    def __init__(self, folder, nodes=2, max_array_size=1001, node_timeout=4, scheduler=QUICK):
         """`max_array_size`: the highest index of an array's job, plus 1. `node_timeout`: how long a node may be silent
-        before its jobs are requeued, s; Slurm looks every third of it."""
+        before its jobs are requeued, s. `scheduler`: SchedulerParameters; "" are Slurm's own."""
         self.folder = pathlib.Path(folder).resolve()
         self.nodes = [f"n{index}" for index in range(nodes)]
-        self.max_array_size, self.node_timeout = max_array_size, node_timeout
+        self.max_array_size, self.node_timeout, self.scheduler = max_array_size, node_timeout, scheduler
         self.processes = {}
 
     def __enter__(self):
@@ -105,7 +111,12 @@ class SlurmBed:
         self._start("controller", "slurmctld-wlm", "-D")
         wait_until(lambda: self.run("scontrol", "ping").stdout.endswith("is UP\n"), "slurmctld")
 
-    def kill_controller(self):
+    def kill_controller(self, saved=True):
+        """In the moment after it saved its state, which it does every 5 s if jobs came, began or ended. If not `saved`, it
+        forgets what happened since it last did: jobs that it took are lost, and those that began begin again."""
+        state = self.folder / "state/job_state"
+        before = state.stat().st_mtime_ns if saved and state.exists() else None
+        wait_until(lambda: not saved or state.exists() and state.stat().st_mtime_ns != before, "slurmctld's state")
         self._kill("controller")
 
     def start_node(self, index):
@@ -115,11 +126,12 @@ class SlurmBed:
         wait_until(lambda: self.node_state(index) in ("allocated", "completing", "idle", "mixed"), f"node {name}")
 
     def kill_node(self, index, with_jobs=True):
-        """As by a loss of power; else the daemon alone, and its jobs run on."""
+        """As by a loss of power, after which it has no disk to remember by; else the daemon alone, and its jobs run on."""
         name = self.nodes[index]
         self._kill(name)
         if with_jobs:
             kill_all_with(SLURM_CONF=str(self._settings), SLURMD_NODENAME=name)
+            shutil.rmtree(self.folder / f"spool_{name}")
 
     def node_state(self, index):
         """In Slurm's words, with a * for a node that does not answer; "" without a controller."""
@@ -140,7 +152,8 @@ class SlurmBed:
         every = ",".join(self.nodes)
         lines = [SETTINGS.format(folder=self.folder, host=host, port=ports[0], user=getpass.getuser(),
                                  plugins=":".join(str(folder) for folder in PLUGINS if folder.is_dir()),
-                                 max_array_size=self.max_array_size, node_timeout=self.node_timeout)]
+                                 max_array_size=self.max_array_size, node_timeout=self.node_timeout,
+                                 scheduler=self.scheduler)]
         lines += [NODE.format(index=index, host=host, port=port) for index, port in enumerate(ports[1:])]
         lines += [PARTITION.format(name=name, nodes=name, more="") for name in self.nodes]
         lines += [PARTITION.format(name="both", nodes=every, more="Default=YES"),

@@ -3,6 +3,7 @@
 `scripts/check sweep` unpacks into .venv/cluster what of the packages in cluster.txt is not installed.
 """
 
+import contextlib
 import os
 import pathlib
 import shutil
@@ -50,7 +51,7 @@ def wait_until(condition, what, patience=PATIENCE):
     while not condition():
         if time.monotonic() > end:
             raise TimeoutError(f"{what}: not within {patience} s")
-        time.sleep(0.05)
+        time.sleep(0.01)
 
 
 def variables(process):
@@ -62,19 +63,18 @@ def variables(process):
     return dict(pair.decode(errors="replace").split("=", 1) for pair in text.split(b"\0") if b"=" in pair)
 
 
+def processes_with(**wanted):
+    """Numbers of the processes that were started with these environment variables, but for this one."""
+    numbers = (int(name) for name in os.listdir("/proc") if name.isdigit() and int(name) != os.getpid())
+    return [number for number in numbers if wanted.items() <= variables(number).items()]
+
+
 def kill_all_with(**wanted):
-    """Ends with SIGKILL every process that was started with these environment variables."""
-    def found():
-        own = os.getpid()
-        numbers = (int(name) for name in os.listdir("/proc") if name.isdigit())
-        return [number for number in numbers if number != own and wanted.items() <= variables(number).items()]
-    end = time.monotonic() + PATIENCE
-    while processes := found():
+    """Ends them with SIGKILL, and those that they start meanwhile."""
+    def kill():
+        processes = processes_with(**wanted)
         for process in processes:
-            try:
+            with contextlib.suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
-        if time.monotonic() > end:
-            raise TimeoutError(f"processes {processes}: still there {PATIENCE} s after SIGKILL")
-        time.sleep(0.02)
+        return not processes
+    wait_until(kill, f"the end of the processes with {wanted}")
