@@ -1,4 +1,4 @@
-# Sourced by scripts that need Python packages which Debian does not have.
+# Sourced by scripts that need packages which are not to be installed: of Python and of Debian, in folders of .venv.
 # shellcheck shell=bash
 
 # install_environment LOCK: the Python environment .venv/NAME, exactly the packages of LOCK, a file NAME.txt.

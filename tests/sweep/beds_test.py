@@ -107,9 +107,9 @@ class Slurm(BedTest):
 
 class Ssh(BedTest):
     def parallel(self, ssh, command, *options):
-        return subprocess.run([program("parallel"), "--will-cite", "--sshlogin", ssh.logins, "--jobs=1", "--joblog=log", *options,
-                               command, ":::", *map(str, range(JOBS // 2))], cwd=self.folder, env=ssh.environment(),
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True)
+        return subprocess.run([program("parallel"), "--will-cite", "--sshlogin", ssh.logins, "--jobs=1", "--joblog=log",
+                               *options, command, ":::", *map(str, range(JOBS // 2))], cwd=self.folder,
+                              env=ssh.environment(), stdin=subprocess.DEVNULL, capture_output=True, text=True)
 
     def test_files_of_jobs_on_two_hosts_come_back(self):
         with SshBed(self.folder) as ssh:
@@ -141,4 +141,4 @@ class TimedResult(unittest.TextTestResult):
 
 
 if __name__ == "__main__":
-    unittest.main(verbosity=2, testRunner=unittest.TextTestRunner(resultclass=TimedResult, verbosity=2))
+    unittest.main(testRunner=unittest.TextTestRunner(resultclass=TimedResult, verbosity=2))

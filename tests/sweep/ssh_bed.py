@@ -73,7 +73,8 @@ class SshBed:
 
     def environment(self):
         """Of ssh's callers: PARALLEL_SSH is what GNU parallel and rsync take for ssh."""
-        return {**environment(), "PARALLEL_SSH": self.ssh, "RSYNC_RSH": self.ssh}
+        return {**environment(), "PARALLEL_SSH": self.ssh, "RSYNC_RSH": self.ssh,
+                "PARALLEL_HOME": str(self.folder / "parallel")}
 
     @property
     def ssh(self):
@@ -103,7 +104,7 @@ class SshBed:
 
     def _variables(self):
         """Of what runs on the hosts."""
-        return {**{name: environment()[name] for name in ("PATH", "LD_LIBRARY_PATH", "PERL5LIB")}, "SSH_BED": self.folder}
+        return {**{name: environment()[name] for name in ("PATH", "LD_LIBRARY_PATH")}, "SSH_BED": self.folder}
 
     def _write_settings(self, port):
         self.folder.mkdir(parents=True, exist_ok=True)

@@ -20,10 +20,10 @@ PATIENCE = 30  # s; any of the waits below takes a few at most
 
 def environment():
     """Of a program that is to find those of the packages."""
-    def before(variable, folders, default=None):
-        return ":".join([*map(str, folders), *filter(None, [os.environ.get(variable, default)])])
+    def before(variable, folders):
+        return ":".join([*map(str, folders), *filter(None, [os.environ.get(variable)])])
     return {**os.environ, "PATH": before("PATH", PROGRAMS) + ":/usr/sbin:/sbin",
-            "LD_LIBRARY_PATH": before("LD_LIBRARY_PATH", LIBRARIES), "PERL5LIB": before("PERL5LIB", [TREE / "usr/share/perl5"])}
+            "LD_LIBRARY_PATH": before("LD_LIBRARY_PATH", LIBRARIES)}
 
 
 def program(name):
