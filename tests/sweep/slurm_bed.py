@@ -16,7 +16,7 @@ import signal
 import socket
 import subprocess
 
-from unpacked import PLUGINS, environment, free_ports, kill_all_with, program, wait_until
+from unpacked import PLUGINS, environment, free_ports, kill_all_with, program, start, wait_until
 
 ACCOUNT = "lab"
 SETTINGS = """\
@@ -138,9 +138,8 @@ class SlurmBed:
         return self.run("sinfo", "--noheader", "--partition", self.nodes[index], "--format", "%T").stdout.strip()
 
     def _start(self, name, command, *arguments, **more):
-        with open(self.folder / f"{name}.out", "ab") as out:
-            self.processes[name] = subprocess.Popen([program(command), *arguments], stdin=subprocess.DEVNULL, stdout=out,
-                                                    stderr=out, cwd=self.folder, env={**self.environment(), **more})
+        self.processes[name] = start([program(command), *arguments], self.folder / f"{name}.out", self.folder,
+                                     {**self.environment(), **more})
 
     def _kill(self, name):
         self.processes[name].send_signal(signal.SIGKILL)

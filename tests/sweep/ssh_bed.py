@@ -14,7 +14,7 @@ import pwd
 import signal
 import subprocess
 
-from unpacked import environment, free_ports, kill_all_with, program, wait_until
+from unpacked import environment, free_ports, kill_all_with, program, start, wait_until
 
 HOSTS = ("lab1", "lab2")
 SERVER = """\
@@ -86,9 +86,8 @@ class SshBed:
         command = [program("sshd"), "-D", "-e", "-f", str(self.folder / "sshd_config")]
         if os.geteuid() == 0:
             command = ["unshare", "--mount", "sh", "-c", AS_ROOT, "sh", *command]
-        with open(self.folder / "sshd.log", "ab") as log:
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=self.folder,
-                                            env={**environment(), "SSH_BED": str(self.folder)})
+        self.process = start(command, self.folder / "sshd.log", self.folder,
+                             {**environment(), "SSH_BED": str(self.folder)})
         wait_until(self.answers, "sshd")
 
     def answers(self):

@@ -9,6 +9,7 @@ import pathlib
 import shutil
 import signal
 import socket
+import subprocess
 import time
 
 TREE = pathlib.Path(__file__).resolve().parents[2] / ".venv/cluster"
@@ -32,6 +33,13 @@ def program(name):
     if not found:
         raise FileNotFoundError(f"{name} is neither in {TREE} nor installed: scripts/check sweep unpacks it")
     return found
+
+
+def start(command, log, folder, variables):
+    """A program as a subprocess.Popen, which ends with the test, however that ends."""
+    with open(log, "ab") as out:
+        return subprocess.Popen(["setpriv", "--pdeathsig", "KILL", *command], stdin=subprocess.DEVNULL, stdout=out, stderr=out,
+                                cwd=folder, env=variables)
 
 
 def free_ports(count):
