@@ -17,7 +17,8 @@ from arguments import Arguments
 
 PROJECT = pathlib.Path(__file__).resolve().parent.parent
 PASSES = 3  # So often is a cell tried whose worker ends without a word.
-JOB = 60  # s: what a job of a cluster takes, about.
+JOB = 60  # s: what a job takes, about.
+ANSWER = 60  # s: so long may Slurm take to accept a job.
 
 
 class Refused(Exception):
@@ -107,7 +108,7 @@ class Sweep:
         return merged.returncode
 
 
-# The drivers. Each runs what is left once, and returns whether it may be tried again.
+# The drivers
 
 
 def run_here(sweep, cells, workers, seconds):
@@ -124,17 +125,39 @@ def run_here(sweep, cells, workers, seconds):
     return 2 not in statuses  # A file that cannot be written: the program has said so.
 
 
-def run_by_ssh(sweep, cells, hosts, seconds):
+def run_by_ssh(sweep, cells, logins, seconds):
+    """What each job gives comes back; nothing stays there."""
     sweep.add_libraries()
     count = sweep.write_jobs(cells, seconds)
     with tarfile.open(sweep.folder / "sweep.tar", "w") as archive:
         for name in ("program", "sweep.json", "jobs", "inputs"):
             if (sweep.folder / name).exists():
                 archive.add(sweep.folder / name, name)
-    subprocess.run(["parallel", "--will-cite", "--sshlogin", hosts, "--basefile", "sweep.tar", "--workdir", "...", "--cleanup",
-                    "--return", "job{}.tar", "--retries", "2", "tar -xf sweep.tar program/run_job_apart && "
-                    "program/run_job_apart {}", ":::", *map(str, range(1, count + 1))], check=False, cwd=sweep.folder)
+    for program in ("parallel", "rsync"):
+        if not shutil.which(program):
+            raise Refused(f"--ssh needs {program} on this machine")
+    subprocess.run(["parallel", "--will-cite", "--sshlogin", answering(logins), "--basefile", "sweep.tar", "--basefile", "program/run_job_apart",
+                    "--workdir", f"sweep.{sweep.folder.name}.{os.getpid()}", "--cleanup", "--return", "job{}.tar", "--retries", "2", "program/run_job_apart {}", ":::", *map(str, range(1, count + 1))],
+                   check=False, cwd=sweep.folder, stdin=subprocess.DEVNULL)
     return take_in(sweep)
+
+
+def answering(logins):
+    """Those that do: one that is away would fail most jobs, as it is quickest."""
+    there = []
+    for login in logins.split(","):
+        host = login.rpartition("/")[2]
+        ssh = [*shlex.split(os.environ.get("PARALLEL_SSH", "ssh")), "-o", "BatchMode=yes", "-o", "ConnectTimeout=10", host, "true"]
+        asked = subprocess.run(["true"] if host == ":" else ssh, check=False, capture_output=True, text=True,
+                               stdin=subprocess.DEVNULL)
+        if asked.returncode == 0:
+            there.append(login)
+        else:
+            why = (asked.stderr.strip().splitlines() or [f"status {asked.returncode}"])[-1]
+            print(f"{host} does not answer and is left out: {why}", file=sys.stderr)
+    if not there:
+        raise Refused("--ssh needs a host that answers")
+    return ",".join(there)
 
 
 def take_in(sweep):
@@ -154,44 +177,56 @@ def take_in(sweep):
     return bool(archives)
 
 
-def run_by_slurm(sweep, cells, options, seconds):
-    """Submits arrays, and a job after them that merges. Returns that one's number."""
-    sweep.add_libraries()
-    count = sweep.write_jobs(cells, seconds)
-    (sweep.folder / "logs").mkdir(exist_ok=True)
-    common = ["sbatch", "--parsable", f"--job-name={sweep.folder.name}", f"--output={sweep.folder}/logs/%A_%a.txt",
-              f"--chdir={sweep.folder}", *shlex.split(options)]
+class Slurm:
+    """Arrays of jobs. Only the cells' files say what has run: a controller that was killed forgets jobs, and runs some twice."""
 
-    def submit(*more):
-        done = subprocess.run([*common, *more], check=False, capture_output=True, text=True)
+    def __init__(self, sweep, options):
+        self.sweep = sweep
+        self.common = ["sbatch", "--parsable", f"--job-name={sweep.folder.name}", f"--output={sweep.folder}/logs/%A_%a.txt",
+                       f"--chdir={sweep.folder}", "--requeue", *shlex.split(options)]
+        (sweep.folder / "logs").mkdir(exist_ok=True)
+
+    def submit(self, *more):
+        """The job's number."""
+        try:
+            done = subprocess.run([*self.common, *more], check=False, capture_output=True, text=True, timeout=ANSWER)
+        except FileNotFoundError:
+            raise Refused("--slurm needs sbatch on this machine") from None
+        except subprocess.TimeoutExpired:
+            raise Refused(f"Slurm takes no job within {ANSWER} s: it may have as many as MaxJobCount allows") from None
         if done.returncode != 0:
-            raise Refused(f"Slurm refuses the job: {done.stderr.strip().splitlines()[-1]}")
+            why = [line for line in done.stderr.splitlines() if not line.startswith("Try ")][-1]
+            raise Refused(f"Slurm refuses the job: {why.removeprefix('sbatch: error: ')}")
         return done.stdout.strip().split(";")[0]
 
-    largest = most_in_array()
-    arrays = [submit("--requeue", f"--array=1-{min(largest, count - first)}",
-                     f"--wrap=program/run_job $(({first} + SLURM_ARRAY_TASK_ID))") for first in range(0, count, largest)]
-    return submit(f"--dependency=afterany:{':'.join(arrays)}", "--requeue",
-                  f"--wrap={shlex.quote(str(PROJECT / 'scripts/sweep'))} --merge .")
+    def most_in_array(self):
+        """Indices are less than MaxArraySize, and ours begin at 1."""
+        shown = subprocess.run(["scontrol", "show", "config"], check=False, capture_output=True, text=True).stdout
+        found = re.search(r"^MaxArraySize\s*=\s*(\d+)", shown, re.M)
+        return int(found.group(1)) - 1 if found else 1000
 
+    def submit_cells(self, cells, seconds):
+        """Numbers of the arrays."""
+        self.sweep.add_libraries()
+        count = self.sweep.write_jobs(cells, seconds)
+        largest = self.most_in_array()
+        return [self.submit(f"--array=1-{min(largest, count - first)}",
+                            f"--wrap=program/run_job $(({first} + SLURM_ARRAY_TASK_ID))") for first in range(0, count, largest)]
 
-def most_in_array():
-    """Indices run from 0 to less than MaxArraySize, and ours from 1."""
-    shown = subprocess.run(["scontrol", "show", "config"], check=False, capture_output=True, text=True)
-    found = re.search(r"^MaxArraySize\s*=\s*(\d+)", shown.stdout, re.M)
-    if not found:
-        raise Refused(f"Slurm does not answer: {shown.stderr.strip() or 'scontrol shows no MaxArraySize'}")
-    return int(found.group(1)) - 1
+    def submit_merge(self, arrays):
+        return self.submit(f"--dependency=afterany:{':'.join(arrays)}",
+                           f"--wrap={shlex.quote(str(PROJECT / 'scripts/sweep'))} --merge .")
 
-
-def wait_for_slurm(sweep, number):
-    """Until that job is gone; a controller that is away for a while is waited for."""
-    while True:
-        queued = subprocess.run(["squeue", "--noheader", "--jobs", number], check=False, capture_output=True, text=True)
-        if queued.returncode == 0 and not queued.stdout.strip() or "Invalid job id" in queued.stderr:
-            return
-        sweep.run("--status")
-        time.sleep(5)
+    def wait(self, arrays):
+        """Until none of them waits or runs. What is held never runs, and is given up."""
+        while True:
+            states = subprocess.run(["squeue", "--noheader", f"--jobs={','.join(arrays)}", "--format=%T %r"], check=False,
+                                    capture_output=True, text=True)
+            lines = states.stdout.split("\n")[:-1]
+            if all("held" in line for line in lines) and (states.returncode == 0 or "Invalid job id" in states.stderr):
+                subprocess.run(["scancel", *arrays], check=False, capture_output=True)
+                return
+            time.sleep(2)
 
 
 class Progress:
@@ -265,6 +300,7 @@ def parsed(description, out, replace):
     parser.add_argument("--slurm", metavar="OPTIONS", help="by Slurm, with these options of sbatch; the folder must be shared")
     parser.add_argument("--wait", action="store_true", help="with --slurm: until all has run")
     parser.add_argument("--job", type=float, default=JOB, metavar="SECONDS", help=f"what a job takes, about: {JOB} unless given")
+    parser.add_argument("--program", type=pathlib.Path, metavar="FILE", help="built already; nothing is set up or built")
     parser.add_argument("--status", metavar="FOLDER", help="what is done, failed and left")
     parser.add_argument("--merge", metavar="FOLDER", help="tables and page of what has run")
     return parser.parse_args()
@@ -277,31 +313,49 @@ def run(arguments):
     if arguments.merge:
         return Sweep(arguments.merge).merge()
     chosen = selection(arguments)
+    sweep = Sweep(arguments.out)
+    sweep.begin(arguments.program or build(), chosen, arguments.replace)
+    take_in(sweep)
+    attempt = driver(sweep, arguments)
+    for number in range(PASSES):
+        cells = sweep.left({"left", "failed"} if number == 0 else {"left"})
+        # Of what ended its worker twice nothing is known: it must not take others with it.
+        if not cells or not attempt(cells, arguments.job if number < PASSES - 1 else 0):
+            break
+    return 0 if arguments.slurm is not None and not arguments.wait else sweep.merge()
+
+
+def build():
     subprocess.run([PROJECT / "scripts/setup", "run"], check=True)
     subprocess.run([PROJECT / "scripts/build", "release", "experiments"], check=True)
-    sweep = Sweep(arguments.out)
-    sweep.begin(PROJECT / "build/release/tests/experiments/experiments", chosen, arguments.replace)
-    take_in(sweep)
-    if arguments.slurm is not None:
-        cells = sweep.left({"left", "failed"})
-        number = run_by_slurm(sweep, cells, arguments.slurm, arguments.job)
-        print(f"{len(cells)} cells; job {number} merges them. scripts/sweep --status {sweep.folder} says how far they are")
-        if not arguments.wait:
-            return 0
-        wait_for_slurm(sweep, number)
-        return sweep.merge()
-    for attempt in range(PASSES):
-        # Of what ended its worker nothing is known: it must not take others with it.
-        cells = sweep.left({"left", "failed"} if attempt == 0 else {"left"})
-        seconds = arguments.job if attempt == 0 else 0
-        if not cells or not (run_by_ssh(sweep, cells, arguments.ssh, seconds) if arguments.ssh else
-                             run_here(sweep, cells, arguments.workers, seconds)):
-            break
-    return sweep.merge()
+    return PROJECT / "build/release/tests/experiments/experiments"
+
+
+def driver(sweep, arguments):
+    """What runs cells in jobs of so many seconds once, and returns whether what is left may be tried again."""
+    if arguments.ssh:
+        return lambda cells, seconds: run_by_ssh(sweep, cells, arguments.ssh, seconds)
+    if arguments.slurm is None:
+        return lambda cells, seconds: run_here(sweep, cells, arguments.workers, seconds)
+    slurm = Slurm(sweep, arguments.slurm)
+
+    def submit(cells, seconds):
+        arrays = slurm.submit_cells(cells, seconds)
+        if arguments.wait:
+            slurm.wait(arrays)
+            return True
+        print(f"{len(cells)} cells in array {', '.join(arrays)}; job {slurm.submit_merge(arrays)} makes the page. How far they are: "
+              f"scripts/sweep --status {sweep.folder}")
+        return False
+
+    return submit
 
 
 def main(description, out, replace=False):
     """replace: another sweep in the folder is removed."""
+    if "--slurm" in sys.argv[:-1]:  # Its value begins with dashes, too.
+        at = sys.argv.index("--slurm")
+        sys.argv[at:at + 2] = [f"--slurm={sys.argv[at + 1]}"]
     try:
         sys.exit(run(parsed(description, out, replace)))
     except Refused as refused:

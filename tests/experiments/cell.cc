@@ -31,9 +31,15 @@ std::string read_text(const fs::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+std::string host() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
+}
+
 /// At once: whoever reads it sees nothing or all.
 void write_text(const fs::path& path, const std::string& text) {
-  const fs::path part = fmt::format("{}.{}.part", path.string(), getpid());
+  // The cell may run twice at the same time, where a cluster takes a node for lost.
+  const fs::path part = fmt::format("{}.{}.{}.part", path.string(), host(), getpid());
   errno = 0;
   std::ofstream file(part, std::ios::binary);
   file << text << std::flush;
@@ -104,11 +110,6 @@ std::optional<json> read_whole(const fs::path& path, std::initializer_list<const
     if (!object.is_object() || !object.contains(key)) return {};
   }
   return object;
-}
-
-std::string host() {
-  std::array<char, 256> name{};
-  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
 }
 
 double peak_memory_MB() {
