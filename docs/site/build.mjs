@@ -51,6 +51,7 @@ const MENU = {
   'Reference': [
     ['protocol/PROTOCOL.md', 'Protocol'],
     ['docs/numbers.md', 'Numbers'],
+    ['docs/sweeps.md', 'Sweeps'],
     ['docs/api_python.md', 'API: Python'],
     ['docs/api_c.md', 'API: C'],
     ['docs/page_messages.md', 'Page messages'],

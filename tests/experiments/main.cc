@@ -35,7 +35,7 @@ void add_selection(CLI::App& app, BenchOptions& bench) {
                  "Only these methods; claims across methods are left out");
   app.add_option("--seed", bench.seed, "First seed")->capture_default_str();
   app.add_option("--seeds", bench.seeds, "Number of seeds, one run each; 0: 20, with --quick 5")
-      ->check(CLI::Range(0, 10000))
+      ->check(CLI::Range(0, 1000000))
       ->capture_default_str();
   app.add_option("--over", bench.over,
                  "NAME=VALUES: values of your own for a condition, with each of the others'; of "
