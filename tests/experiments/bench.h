@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -127,9 +128,9 @@ class Bench {
     using Result = decltype(work(items.front()));
     std::vector<Result> results(items.size());
     for (std::size_t i = 0; i < items.size(); ++i) {
-      const auto given =
-          visit_(next_cell(inputs_of(items[i])), [&] { return nlohmann::json(work(items[i])); });
-      if (given) results[i] = given->template get<Result>();
+      const Cell cell = next_cell(inputs_of(items[i]));
+      const auto given = visit_(cell, [&] { return nlohmann::json(work(items[i])); });
+      if (given) results[i] = read<Result>(*given, cell);
     }
     return results;
   }
@@ -149,6 +150,15 @@ class Bench {
 
  private:
   Cell next_cell(Inputs inputs);
+  /// Throws std::runtime_error naming the cell if it gave something else.
+  template <class Result>
+  static Result read(const nlohmann::json& given, const Cell& cell) {
+    try {
+      return given.get<Result>();
+    } catch (const nlohmann::json::exception&) {
+      throw std::runtime_error(cell.name + ".json has no results of this cell; remove it");
+    }
+  }
 
   BenchOptions options_;
   Over over_;

@@ -142,14 +142,19 @@ std::string Cell::condition() const {
 }
 
 std::vector<std::string> SweepFolder::open() {
-  const auto found = read_whole(folder_ / "sweep.json", {"arguments", "program"});
-  if (!found) throw std::runtime_error(folder_.string() + " holds no sweep");
-  const std::string different = difference(found->at("program").get<Program>());
-  if (!different.empty()) {
-    throw std::runtime_error(
-        fmt::format("{} was begun by another program: {}", folder_.string(), different));
+  const fs::path path = folder_ / "sweep.json";
+  if (!fs::exists(path)) throw std::runtime_error(folder_.string() + " holds no sweep");
+  try {
+    const json found = json::parse(read_text(path));
+    const std::string different = difference(found.at("program").get<Program>());
+    if (different.empty()) {
+      return arguments_ = found.at("arguments").get<std::vector<std::string>>();
+    }
+    throw std::runtime_error(fmt::format(
+        "{} was begun by another program: {}; --replace removes it", folder_.string(), different));
+  } catch (const json::exception&) {
+    throw std::runtime_error(path.string() + " is damaged; --replace begins anew");
   }
-  return arguments_ = found->at("arguments").get<std::vector<std::string>>();
 }
 
 void SweepFolder::begin(const std::vector<std::string>& arguments, bool replaces) {
@@ -184,21 +189,30 @@ std::optional<SweepFolder::Result> SweepFolder::read(const Cell& cell) const {
   const fs::path path = file_of(cell);
   auto object = read_whole(path, {"inputs", "arguments", "program", "seconds"});
   if (!object || object->contains("results") == object->contains("error")) return {};
-  const std::string different = difference(object->at("program").get<Program>());
+  try {
+    return result_in(std::move(*object), cell, path);
+  } catch (const json::exception&) {  // Of other types: no cell has written it.
+    return {};
+  }
+}
+
+SweepFolder::Result SweepFolder::result_in(json object, const Cell& cell,
+                                           const fs::path& path) const {
+  const std::string different = difference(object.at("program").get<Program>());
   if (!different.empty()) {
     throw std::runtime_error(
         fmt::format("{} was written by another program: {}", path.string(), different));
   }
-  if (object->at("inputs") != to_object(cell.inputs) || object->at("arguments") != arguments_) {
+  if (object.at("inputs") != to_object(cell.inputs) || object.at("arguments") != arguments_) {
     throw std::runtime_error(fmt::format("{} is of another sweep: {} {}", path.string(),
-                                         object->at("arguments").dump(),
-                                         object->at("inputs").dump()));
+                                         object.at("arguments").dump(),
+                                         object.at("inputs").dump()));
   }
-  Result result{.seconds = object->at("seconds").get<double>()};
-  if (object->contains("error")) {
-    result.error = object->at("error").get<std::string>();
+  Result result{.seconds = object.at("seconds").get<double>()};
+  if (object.contains("error")) {
+    result.error = object.at("error").get<std::string>();
   } else {
-    result.value = std::move(object->at("results"));
+    result.value = std::move(object.at("results"));
     restore_not_finite(result.value);
   }
   return result;

@@ -71,6 +71,8 @@ class SweepFolder {
 
  private:
   std::filesystem::path file_of(const Cell& cell) const;
+  Result result_in(nlohmann::json object, const Cell& cell,
+                   const std::filesystem::path& path) const;
 
   std::filesystem::path folder_;
   std::vector<std::string> arguments_;
