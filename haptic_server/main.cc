@@ -141,6 +141,21 @@ void run_loop(PeriodicLoop& loop, Servo& servo, MotorGuard& guard, TickLog& log,
   servo.shut_down(loop.elapsed());
 }
 
+/// Where this instance waits for its client. Throws UsageError.
+protocol::Endpoint address_of(const ServerOptions& options) {
+  constexpr int kLastPort = 65535;
+  protocol::Endpoint address = resolve_option("--listen", options.listen);
+  const int port = address.port + options.instance;
+  if (port > kLastPort) {
+    throw settings::UsageError("--instance " + std::to_string(options.instance) +
+                               " leaves no port: --listen " + options.listen + " and it make " +
+                               std::to_string(port) + ", and the last one is " +
+                               std::to_string(kLastPort));
+  }
+  address.port = static_cast<std::uint16_t>(port);
+  return address;
+}
+
 /// Without a key nobody but this machine may reach the device. Throws UsageError.
 void check_is_loopback(const std::string& listen, const protocol::Endpoint& address) {
   if (protocol::is_loopback(address)) return;
@@ -185,7 +200,7 @@ void run_server(ServerOptions& options) {
   if (options.parent != 0) end_with(options.parent);
   handle_operator();
   const std::optional<protocol::noise::Key> key = read_key_option(options.key_file);
-  const protocol::Endpoint address = resolve_option("--listen", options.listen);
+  const protocol::Endpoint address = address_of(options);
   if (!key && !options.insecure) check_is_loopback(options.listen, address);
 
   const std::unique_ptr<Device> device = options.physics.device.open(1 / loop_options.rate);

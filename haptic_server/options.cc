@@ -14,6 +14,8 @@ using settings::UsageError;
 
 constexpr Range kKeptRecordings{0, 10000};
 constexpr Range kProcesses{0, 4194304};  // Linux has no larger numbers.
+constexpr Range kInstances{0, 99};
+constexpr const char* kSimulated = "simulated";
 
 void add_servo_options(Table& table, ServoOptions& o) {
   LocalModelParameters& local = o.local_model;
@@ -69,6 +71,15 @@ void throw_if(const std::optional<std::string>& error) {
   if (error) throw UsageError(*error);
 }
 
+void check_attendance(const ServerOptions& options) {
+  const std::string_view device = options.physics.device.driver().name();
+  if (!options.unattended || device == kSimulated) return;
+  throw UsageError(fmt::format(
+      "--device {} does not go with --unattended, by which the server comes back by itself after a "
+      "crash: a person at a device lets force come back. Only --device {} does",
+      device, kSimulated));
+}
+
 }  // namespace
 
 void add_options(settings::CommandLine& command_line, PhysicsOptions& options) {
@@ -80,6 +91,10 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
   Table& table = command_line.table();
   table.group("Connection");
   table.text("listen", options.listen, "ADDRESS:PORT", "Where to wait for the client");
+  table.whole("instance", options.instance, kInstances,
+              "Number of this server among several with the same options: it is added to the port "
+              "of --listen");
+  table.not_in_files();
   table.file(
       "key-file", options.key_file,
       "Serve only clients with this key, which haptic_keygen makes; all datagrams are sealed. "
@@ -108,6 +123,10 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
              "Use a device that keeps its last force when no commands come: if the server and its "
              "guard die in the same instant (Haply), or the server alone (OpenHaptics), only its "
              "enable switch or its plug ends that force");
+  table.flag("unattended", options.unattended,
+             "Nobody is at the device, and the server may come back by itself after a crash: only "
+             "with the simulated device");
+  table.not_in_files();
   table.group("Recording");
   table.file("record", options.record, "Write all datagrams to this capture file, pcap");
   table.file("log", options.log, "Write every tick's signals to this file, CSV");
@@ -137,6 +156,7 @@ void check(const ServerOptions& options) {
   if (options.insecure && !options.key_file.empty()) {
     throw UsageError("--insecure goes without --key-file: with a key every address is safe");
   }
+  check_attendance(options);
 }
 
 std::optional<std::string> suit_to(const Device& device, PhysicsOptions& options) {

@@ -24,9 +24,11 @@ struct PhysicsOptions {
 struct ServerOptions {
   PhysicsOptions physics;
   std::string listen = "127.0.0.1:47800";  ///< ADDRESS:PORT.
+  int instance = 0;                        ///< Added to that port.
   std::string key_file;                    ///< Empty: datagrams are not sealed.
   bool insecure = false;                   ///< Without a key at any address.
   bool without_time_guard = false;         ///< With a device that has none.
+  bool unattended = false;                 ///< Nobody is at the device: a simulated one.
   RealtimeOptions realtime;
   PeriodicLoopOptions loop;  ///< Loop options; their rate is the servo's.
   std::string record;        ///< Capture file; empty: none.

@@ -233,5 +233,24 @@ TEST_CASE("Options that do not go together are refused") {
              ContainsSubstring("final spin 0.0001 s must be 0 to"));
 }
 
+TEST_CASE("Where nobody attends a server, it takes the simulated device alone") {
+  CHECK_FALSE(Parsed({"--unattended"}).code);
+  CHECK_FALSE(Parsed({"--device", "haply"}).code);
+  const Parsed real({"--unattended", "--device", "haply"});
+  CHECK(real.code == settings::kUsageError);
+  CHECK_THAT(real.err, ContainsSubstring("--device haply does not go with --unattended"));
+  const File file("[device]\ndriver = \"haply\"\n");
+  CHECK(Parsed({"--unattended", "--config", file.path()}).code == settings::kUsageError);
+}
+
+TEST_CASE("An instance has a number from 0 to 99") {
+  CHECK(Parsed({"--instance", "99"}).options.instance == 99);
+  for (const char* wrong : {"100", "-1", "hole"}) {
+    const Parsed parsed({"--instance", wrong});
+    CHECK(parsed.code == settings::kUsageError);
+    CHECK_THAT(parsed.err, ContainsSubstring(std::string("--instance ") + wrong));
+  }
+}
+
 }  // namespace
 }  // namespace hlm::server
