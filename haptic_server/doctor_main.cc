@@ -17,6 +17,7 @@
 #include "hlm/doctor/network.h"
 #include "hlm/doctor/push_examination.h"
 #include "hlm/doctor/report.h"
+#include "hlm/doctor/server_list.h"
 #include "hlm/server/program.h"
 #include "hlm/transport/udp_socket.h"
 
@@ -50,6 +51,7 @@ struct DoctorOptions {
   std::string subject;  ///< A capture, or kDeviceCheck; empty: what runs is examined.
   std::string server = "127.0.0.1:47800";
   Part part = Part::kAll;
+  bool all = false;  ///< All servers of this machine are listed, and nothing is examined.
   bool json = false;
   std::string report;    ///< File for all that was found; empty: none.
   std::string key_file;  ///< The server's; empty: none.
@@ -73,6 +75,13 @@ int clear_fault(const DoctorOptions& options) {
                                "the device is");
   }
   std::cout << release_fault(*running) << std::endl;
+  return kOk;
+}
+
+int list_servers(bool json) {
+  const std::vector<RunningServer> servers = find_all_running();
+  std::cout << (json ? list_as_json(servers) : list_as_text(servers)) << std::flush;
+  if (!std::cout) throw std::runtime_error("standard output takes no list");
   return kOk;
 }
 
@@ -181,6 +190,7 @@ void configure_logging() {
 int run_doctor(const DoctorOptions& options) {
   configure_logging();
   if (options.subject == kClear) return clear_fault(options);
+  if (options.all) return list_servers(options.json);
   if (!options.report.empty()) check_report(options.report);
   const std::vector<Examination> examinations = examine(options);
   std::cout << (options.json ? as_json(examinations) : as_text(examinations)) << std::flush;
@@ -196,6 +206,7 @@ const char* const kFooter =
     R"(Examples:
   haptic_doctor                                  this machine, and the server on it
   haptic_doctor --server HOST:47800              from the simulator's machine
+  haptic_doctor --all                            every server of this machine, one line each
   haptic_doctor --check force                    while something should be felt, and is not
   haptic_doctor --device NAME --check device     whether a device is there, and what it is rated
   haptic_doctor device --device NAME             with a person at it: its rate, noise, frame, and by
@@ -229,7 +240,10 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
   table.text("server", options.server, "HOST:PORT", "The server that is meant");
   table.file("key-file", options.key_file, "The server's key, if it has one");
   table.choice("check", options.part, "What to examine");
-  table.flag("json", options.json, "Write the findings as JSON");
+  table.flag("all", options.all,
+             "List all servers of this machine: client, state, lateness, load, missed ticks");
+  table.not_in_files();
+  table.flag("json", options.json, "Write the findings, or the list, as JSON");
   table.not_in_files();
   table.text(
       "report", options.report, "FILE",
@@ -263,6 +277,10 @@ void check_options(const DoctorOptions& options) {
   if (options.subject == kClear && writes) {
     throw settings::UsageError("'clear' goes with --server only: it examines nothing");
   }
+  if (options.all &&
+      (!options.subject.empty() || !options.report.empty() || options.part != Part::kAll)) {
+    throw settings::UsageError("--all goes with --json only: it examines nothing");
+  }
   if (const auto error = find_error_in_axes(options.world_axes)) {
     throw settings::UsageError("--" + *error);
   }
@@ -279,7 +297,7 @@ int main(int argc, char** argv) {
        .purpose = "Finds out whether machine, network and device can render force, and why none is "
                   "felt.",
        .footer = server::kFooter,
-       .usual = {"server", "key-file", "check", "json", "report", "push", "force-limit"}});
+       .usual = {"server", "key-file", "check", "all", "json", "report", "push", "force-limit"}});
   add_doctor_options(command_line, options);
   return server::run_program(
       "haptic_doctor", command_line, options.physics, argc, argv,

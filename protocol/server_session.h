@@ -97,6 +97,8 @@ class ServerSession {
   bool active() const noexcept { return active_; }
   /// Id of the present session; without one, of the latest or, before the first, 0.
   std::uint64_t id() const noexcept { return id_; }
+  /// Where its client is.
+  const Endpoint& client() const noexcept { return client_.peer; }
   const ReceiveStatistics& statistics() const noexcept { return statistics_; }
   /// Why the latest update of the session was refused, in words; empty once one was taken.
   std::string_view refusal() const noexcept { return refusal_; }

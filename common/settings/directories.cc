@@ -26,6 +26,17 @@ std::vector<std::filesystem::path> with(std::filesystem::path own, const char* o
   return all;
 }
 
+/// In no order; none of what cannot be read.
+std::vector<std::filesystem::path> entries(const std::filesystem::path& directory) {
+  std::vector<std::filesystem::path> all;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(directory, error), end; !error && entry != end;
+       entry.increment(error)) {
+    all.push_back(entry->path());
+  }
+  return all;
+}
+
 }  // namespace
 
 std::filesystem::path state_directory() {
@@ -47,22 +58,20 @@ std::vector<std::filesystem::path> state_directories() {
 
 std::vector<std::filesystem::path> runtime_directories() {
   std::vector<std::filesystem::path> all = with(runtime_directory(), "/run/haptic_server");
-  std::error_code error;
-  for (std::filesystem::directory_iterator user("/run/user", error), end; !error && user != end;
-       user.increment(error)) {
-    all.push_back(user->path() / kName);
+  for (const std::filesystem::path& entry : entries("/run")) {
+    // Those of haptic_server@.service.
+    if (entry.filename().string().starts_with(std::string(kName) + '@')) all.push_back(entry);
   }
+  for (const std::filesystem::path& user : entries("/run/user")) all.push_back(user / kName);
   return all;
 }
 
 std::vector<std::filesystem::path> find_recordings(const std::filesystem::path& directory) {
   std::vector<std::filesystem::path> recordings;
-  std::error_code error;
-  for (std::filesystem::directory_iterator file(directory, error), end; !error && file != end;
-       file.increment(error)) {
-    const std::string name = file->path().filename();
+  for (const std::filesystem::path& file : entries(directory)) {
+    const std::string name = file.filename();
     if (name.starts_with(kRecordingPrefix) && name.ends_with(kRecordingSuffix)) {
-      recordings.push_back(file->path());
+      recordings.push_back(file);
     }
   }
   std::sort(recordings.begin(), recordings.end());

@@ -16,7 +16,7 @@ std::filesystem::path state_directory();
 std::filesystem::path runtime_directory();
 
 /// Where servers on this machine may keep the same: those of this user, of the service and, for
-/// what runs, of other users.
+/// what runs, of the service's instances and of other users.
 std::vector<std::filesystem::path> state_directories();
 std::vector<std::filesystem::path> runtime_directories();
 

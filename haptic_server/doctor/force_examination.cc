@@ -113,8 +113,7 @@ Examination examine_force(const std::optional<RunningServer>& running, const std
               "run haptic_doctor where haptic_server runs, as the same user or as root, or give it "
               "a capture: haptic_doctor run.pcap"}}};
   }
-  constexpr double kStale = 3;  // s.
-  if (running->age > kStale) {
+  if (running->stands_still()) {
     return {kQuestion,
             {{Verdict::kProblem, "server",
               fmt::format("haptic_server (process {}) stands still: its state is {:.0f} s old",

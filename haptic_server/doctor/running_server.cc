@@ -1,9 +1,12 @@
 #include "hlm/doctor/running_server.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
+#include <tuple>
 
 #include <nlohmann/json.hpp>
 
@@ -32,6 +35,10 @@ RunningServer parsed(const json& state) {
   server.listen = state.at("listen").get<std::string>();
   // Servers of older versions do not say these.
   server.capture = state.value("capture", "");
+  server.client = state.value("client", "");
+  server.state = state.value("server", "");
+  server.overruns = state.value("overruns", 0.0);
+  server.load = state.value("load", 0.0);
   server.fault = state.value("fault", "none");
   server.rate = state.at("rate").get<double>();
   server.session = state.at("session").get<bool>();
@@ -42,6 +49,7 @@ RunningServer parsed(const json& state) {
   server.dropped = state.at("dropped").get<std::map<std::string, double>>();
   server.ticks = loop.at("ticks").get<double>();
   server.missed = loop.at("missed").get<double>();
+  server.lateness_p50 = loop.at("lateness_p50").get<double>();
   server.lateness_p99 = loop.at("lateness_p99").get<double>();
   server.lateness_max = loop.at("lateness_max").get<double>();
   server.device = device.at("name").get<std::string>();
@@ -70,6 +78,11 @@ std::optional<RunningServer> read_state(const std::filesystem::path& path) {
   }
 }
 
+/// 0 if there is none.
+long port_of(const std::string& listen) {
+  return std::strtol(listen.c_str() + listen.find(':') + 1, nullptr, 10);
+}
+
 }  // namespace
 
 std::optional<RunningServer> find_running(const protocol::Endpoint& server) {
@@ -81,6 +94,27 @@ std::optional<RunningServer> find_running(const protocol::Endpoint& server) {
     }
   }
   return std::nullopt;
+}
+
+std::vector<RunningServer> find_all_running() {
+  std::vector<RunningServer> all;
+  for (const std::filesystem::path& directory : settings::runtime_directories()) {
+    std::error_code error;
+    for (std::filesystem::directory_iterator file(directory, error), end; !error && file != end;
+         file.increment(error)) {
+      if (file->path().extension() != ".json") continue;
+      if (auto found = read_state(file->path())) all.push_back(std::move(*found));
+    }
+  }
+  // A directory may be found twice, by its variable and as a user's.
+  const auto key = [](const RunningServer& s) {
+    return std::tuple(port_of(s.listen), s.listen, s.process);
+  };
+  const auto less = [&](const auto& a, const auto& b) { return key(a) < key(b); };
+  const auto same = [&](const auto& a, const auto& b) { return key(a) == key(b); };
+  std::sort(all.begin(), all.end(), less);
+  all.erase(std::unique(all.begin(), all.end(), same), all.end());
+  return all;
 }
 
 }  // namespace hlm::server

@@ -20,6 +20,8 @@ struct RunningServer {
   std::string capture;  ///< File to which it records all datagrams; empty: none.
   double rate = 0;      ///< Hz.
   bool session = false;
+  std::string client;                 ///< ADDRESS:PORT of the session's; empty: none.
+  std::string state;                  ///< Its name; empty from older versions.
   std::string fault;                  ///< Its name, "none" without one.
   double silence = 0;                 ///< Time since anything usable came, s.
   std::optional<double> update_rate;  ///< Hz.
@@ -28,6 +30,9 @@ struct RunningServer {
   std::map<std::string, double> dropped;  ///< Datagrams by reason.
   double ticks = 0;                       ///< Ticks in the second before the file was written.
   double missed = 0;                      ///< Periods, then.
+  double overruns = 0;                    ///< Periods missed since it started.
+  double load = 0;                        ///< Share of one processor, then.
+  double lateness_p50 = 0;                ///< s, then.
   double lateness_p99 = 0;                ///< s, then.
   double lateness_max = 0;                ///< s, then.
   std::string device;
@@ -37,9 +42,15 @@ struct RunningServer {
   std::optional<double> time_guard;  ///< s.
   double force = 0;                  ///< Commanded, N.
   std::vector<protocol::ChainLink> chain;
+
+  /// Its loop does nothing: it would have replaced the file.
+  bool stands_still() const noexcept { return age > 3; }
 };
 
 /// The server that listens there, if it runs on this machine and its state can be read.
 std::optional<RunningServer> find_running(const protocol::Endpoint& server);
+
+/// All that run on this machine and whose state can be read, by port.
+std::vector<RunningServer> find_all_running();
 
 }  // namespace hlm::server

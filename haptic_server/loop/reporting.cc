@@ -80,6 +80,7 @@ void describe(const Timing& timing, const SafetyStateMachine& machine,
   record.dropped_for = session.statistics().dropped;
   record.refusal = session.refusal();
   record.session_open = session.active();
+  record.client = session.client();
 }
 
 void describe(const LocalModel& model, TickRecord& record) noexcept {

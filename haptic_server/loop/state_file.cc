@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <fstream>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include <unistd.h>
 
 #include "hlm/protocol/messages.h"
+#include "hlm/transport/udp_socket.h"
 
 namespace hlm::server {
 namespace {
@@ -20,6 +22,13 @@ constexpr double kRateTime = 2;  // s over which updates are counted.
 
 /// JSON has no infinity: null.
 json finite(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
+
+/// Of all threads of this process, s.
+double processor_time() noexcept {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 json drops(const TickRecord& record) {
   json by_reason = json::object();
@@ -44,7 +53,7 @@ json chain_json(const protocol::ForceFacts& facts) {
 }  // namespace
 
 StateFile::StateFile(const std::filesystem::path& directory, ServerFacts facts)
-    : facts_(std::move(facts)) {
+    : facts_(std::move(facts)), processor_time_(processor_time()) {
   if (directory.empty()) return;
   std::error_code error;
   std::filesystem::create_directories(directory, error);
@@ -60,7 +69,9 @@ void StateFile::observe(const TickRecord& record) {
   if (path_.empty()) return;
   count(record);
   if (record.time - written_ < kPeriod) return;
-  write(text(record));
+  const double used = processor_time();
+  write(text(record, (used - processor_time_) / (record.time - written_)));
+  processor_time_ = used;
   written_ = record.time;
   missed_ = record.overruns;
   lateness_ = Histogram();
@@ -111,7 +122,7 @@ protocol::ForceFacts StateFile::force_facts(const TickRecord& record) const {
   return facts;
 }
 
-std::string StateFile::text(const TickRecord& record) const {
+std::string StateFile::text(const TickRecord& record, double load) const {
   const protocol::ForceFacts facts = force_facts(record);
   const double now =
       std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -123,12 +134,15 @@ std::string StateFile::text(const TickRecord& record) const {
                    {"server", name_of(record.server)},
                    {"fault", name_of(record.fault)},
                    {"session", facts.session},
+                   {"client", record.session_open ? protocol::to_string(record.client) : ""},
                    {"silence", *facts.silence},
                    {"update_rate", facts.update_rate ? json(*facts.update_rate) : json(nullptr)},
                    {"least_update_rate", facts_.least_update_rate},
                    {"age", age_},
                    {"datagrams", record.datagrams},
                    {"dropped", drops(record)},
+                   {"load", load},
+                   {"overruns", record.overruns},
                    {"loop",
                     {{"ticks", lateness_.count()},
                      {"missed", record.overruns - missed_},

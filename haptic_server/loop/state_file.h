@@ -42,7 +42,8 @@ class StateFile {
  private:
   void count(const TickRecord& record);
   protocol::ForceFacts force_facts(const TickRecord& record) const;
-  std::string text(const TickRecord& record) const;
+  /// `load`: share of one processor since the latest writing.
+  std::string text(const TickRecord& record, double load) const;
   void write(const std::string& text) const;
 
   std::filesystem::path path_;  ///< Empty: none is written.
@@ -55,6 +56,7 @@ class StateFile {
   double age_ = 0;                ///< Age of the latest update, s.
   Histogram lateness_;            ///< Lateness since the latest writing.
   std::uint64_t missed_ = 0;      ///< Periods, until the latest writing.
+  double processor_time_;         ///< That this process had then, s.
   double written_ = 0;            ///< s.
 };
 

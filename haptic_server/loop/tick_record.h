@@ -9,6 +9,7 @@
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
 #include "hlm/device/device.h"
+#include "hlm/protocol/datagram_link.h"
 #include "hlm/protocol/statistics.h"
 #include "hlm/safety/energy_tank.h"
 
@@ -64,6 +65,7 @@ struct TickRecord {
   double lowered = 0;         ///< Share lowered, as in protocol::ProxyState. Not in the tick log.
   bool uses_contacts = true;  ///< The controller in effect uses contacts. Not in the tick log.
   bool session_open = false;  ///< A client holds the session and has not said goodbye.
+  protocol::Endpoint client;  ///< Of the session, or of the latest. Not in the tick log.
 };
 
 }  // namespace hlm::server

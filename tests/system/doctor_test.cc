@@ -355,6 +355,45 @@ TEST_CASE("The doctor judges the contacts of a session that goes on, where the s
   }
 }
 
+TEST_CASE("The doctor lists all servers, with their clients") {
+  Clinic clinic;
+  clinic.start_session();
+  const int base = free_port();
+  Process second(clinic.in_directory() + server_command(base) + Arguments{"--instance", "7"});
+  REQUIRE(second.wait_for_error("listening", 10));
+  // Beside them may be others, of root.
+  const auto find = [&](int port) {
+    const Finished list = run(clinic.in_directory() + Arguments{HLM_DOCTOR, "--all", "--json"});
+    CHECK(list.exit_code == kNoProblem);
+    const json report = json::parse(list.output);
+    for (const json& each : report.at("servers")) {
+      if (each.at("listen") == loopback(port)) return each;
+    }
+    return json();
+  };
+  CHECK(wait_until(10, [&] {
+    const json first = find(clinic.port);
+    return !first.is_null() && first.at("state") == "active";
+  }));
+  const json first = find(clinic.port);
+  CHECK(first.at("client").get<std::string>().starts_with("127.0.0.1:"));
+  CHECK(first.at("process") == clinic.server->id());
+  CHECK(first.at("load") > 0);
+  CHECK(first.at("load") < 2);
+  CHECK(first.at("lateness_max") >= first.at("lateness_p50"));
+  CHECK(wait_until(5, [&] { return !find(base + 7).is_null(); }));
+  CHECK(find(base + 7).at("client") == "");
+  const Finished text = run(clinic.in_directory() + Arguments{HLM_DOCTOR, "--all"});
+  CHECK_THAT(text.output, ContainsSubstring(loopback(clinic.port)) &&
+                              ContainsSubstring(loopback(base + 7) + ' '));
+
+  // A killed server leaves its file behind, and is in no list.
+  second.send_signal(SIGKILL);
+  second.wait(10);
+  CHECK(find(base + 7).is_null());
+  CHECK(run({HLM_DOCTOR, "--all", "run.pcap"}).exit_code == 2);
+}
+
 TEST_CASE("The exit status of a mistake in the use of the doctor is not that of a problem") {
   CHECK(run({HLM_DOCTOR, "--check", "everything"}).exit_code == 2);
   CHECK(run({HLM_DOCTOR, "--server", "nonsense"}).exit_code == 2);
