@@ -44,21 +44,29 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/haptic_local_modelConfigV
 install(FILES cmake/haptic_local_modelConfig.cmake
   ${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake DESTINATION ${package})
 
+# A unit for systemd, in its own folder below the prefix: it reads those of /usr and /usr/local.
+file(READ packaging/sandbox.conf HLM_SANDBOX)
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS packaging/sandbox.conf)
+function(install_unit unit)
+  configure_file(packaging/${unit}.in ${unit} @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/${unit} DESTINATION lib/systemd/system)
+endfunction()
+
 # The programs, and what they read.
 if(HLM_SERVER OR HLM_VE_CLIENT)
   install(TARGETS haptic_keygen)
 endif()
 if(HLM_SERVER)
   install(TARGETS haptic_doctor haptic_replay haptic_server)
-  # systemd's own folders below the prefix: it reads those of /usr and /usr/local.
-  configure_file(packaging/haptic_server.service.in haptic_server.service @ONLY)
-  install(FILES ${PROJECT_BINARY_DIR}/haptic_server.service DESTINATION lib/systemd/system)
+  install_unit(haptic_server.service)
+  install_unit(haptic_server@.service)
   install(FILES packaging/haptic_server.sysusers DESTINATION lib/sysusers.d
     RENAME haptic_server.conf)
   install(FILES packaging/60-haptic_server.rules DESTINATION lib/udev/rules.d)
 endif()
 if(HLM_VE_CLIENT)
   install(TARGETS haptic_page ve_client)
+  install_unit(ve_client@.service)
 endif()
 hlm_install_shared_files(${share})
 if(HLM_SERVER AND HLM_VE_CLIENT)

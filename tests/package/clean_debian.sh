@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the package on a clean Debian 12, started by its own systemd in a container without a network, and uses
-# it there: the service, also killed and hung, the programs, the client library in C++, C and Python; then removes it and
+# it there: the service, also killed and hung, one of several servers with a world, killed both, the programs, the client library in C++, C and Python; then removes it and
 # looks for what it left. Needs root. Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
 set -euo pipefail
 fail() {
@@ -52,16 +52,19 @@ inside dpkg -i /root/package.deb >/dev/null
 
 # A container may not raise limits where its host may not: capabilities give the same rights there.
 drop_in=/etc/systemd/system/haptic_server.service.d
+drop_in_of_many=/etc/systemd/system/haptic_server@.service.d
 if [ "$(ulimit -Hr)" = 0 ]; then
-  inside mkdir -p $drop_in
-  inside tee $drop_in/rights.conf >/dev/null <<'UNIT'
+  for folder in $drop_in $drop_in_of_many; do
+    inside mkdir -p $folder
+    inside tee $folder/rights.conf >/dev/null <<'UNIT'
 [Service]
 CapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK
 AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK
 UNIT
+  done
   inside systemctl daemon-reload
 fi
-main_process() { inside systemctl show --property MainPID --value haptic_server; }
+main_process() { inside systemctl show --property MainPID --value "${1:-haptic_server}"; }
 # The service has failed, and does not come back by itself: a person at the device starts it.
 await_end() {
   for _ in {1..60}; do
@@ -88,6 +91,45 @@ for signal in KILL STOP; do  # Systemd ends one that hangs after two seconds.
 done
 [ "$(inside pgrep -c haptic_server)" -le 2 ] || fail "processes were left: $(inside pgrep -a haptic)"
 play
+
+# One of several servers and a world at it: both come back by themselves, and the session with them.
+shared=/usr/share/haptic_local_model/worlds
+inside tee /etc/default/haptic_server@12 >/dev/null <<<"HAPTIC_SERVER_OPTIONS=--hand $shared/hands/session.toml"
+inside tee /etc/default/ve_client@testbed >/dev/null <<<"VE_CLIENT_OPTIONS=--server 127.0.0.1:47812"
+inside tee /etc/default/haptic_server@13 >/dev/null <<<"HAPTIC_SERVER_OPTIONS=--device haply"
+# await_session AFTER: a session with the server at 47812.
+await_session() {
+  for _ in {1..100}; do
+    if inside haptic_doctor --all | grep -q '^127\.0\.0\.1:47812 .* active '; then return; fi
+    sleep 0.2
+  done
+  inside haptic_doctor --all >&2
+  inside journalctl --no-pager --unit haptic_server@12 --unit ve_client@testbed >&2
+  fail "no session within 20 s of $1"
+}
+inside systemctl enable --quiet --now haptic_server@12 ve_client@testbed
+await_session "the start"
+for unit in haptic_server@12 ve_client@testbed; do
+  killed=$(main_process $unit)
+  inside kill -KILL "$killed"
+  for _ in {1..50}; do
+    process=$(main_process $unit)
+    [ "$process" = 0 ] || [ "$process" = "$killed" ] || break
+    sleep 0.2
+  done
+  [ "$process" != 0 ] && [ "$process" != "$killed" ] || fail "$unit did not come back within 10 s of SIGKILL"
+  sleep 2  # What the server says of itself is up to a second old.
+  await_session "the end of $unit"
+  echo "$unit came back by itself after SIGKILL, with its session"
+done
+listed=$(inside haptic_doctor --all)
+echo "$listed"
+grep -q '^127\.0\.0\.1:47800 ' <<<"$listed" || fail "the list lacks a server"
+! inside systemctl start haptic_server@13 2>/dev/null || fail "an unattended server takes a real device"
+inside journalctl --sync
+inside journalctl --no-pager --unit haptic_server@13 | grep -q -- '--device haply does not go with --unattended' ||
+  fail "the server does not say why it refuses a real device"
+inside systemctl --quiet is-failed haptic_server@13 || fail "the server that was refused its device starts again"
 
 inside cc -D_POSIX_C_SOURCE=199309L /usr/share/doc/haptic-local-model/examples/c/touch.c -o /tmp/touch -lhaptic
 inside env HAPTIC_SERVER=127.0.0.1:47810 timeout 30 /tmp/touch | tee /dev/stderr | grep -q '^3\.9. N' || fail "the C example has no force"
@@ -122,7 +164,8 @@ inside systemctl restart haptic_server || {
 play --key-file /etc/haptic.key
 ! play >/dev/null 2>&1 || fail "the service talks without its key"
 
-inside rm -rf $drop_in /etc/haptic.key
+inside rm -rf $drop_in $drop_in_of_many /etc/haptic.key
+inside sh -c 'rm /etc/default/haptic_server@* /etc/default/ve_client@*'
 inside dpkg --purge haptic-local-model >/dev/null
 ! inside pgrep -l haptic || fail "processes run on after the package is gone"
 left=$(comm -13 <(echo "$before") <(files))

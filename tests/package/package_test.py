@@ -207,9 +207,19 @@ class Package(unittest.TestCase):
         for name in ("main.js", "three.core.js", "OrbitControls.js", "uPlot.esm.js", "style.css"):
             self.assertTrue(any(url.endswith(f"/{name}") for url in files), (name, files))
 
+    def test_the_units_of_the_service_and_of_many_sessions_are_installed(self):
+        units = self.prefix / "lib/systemd/system"
+        self.assertEqual(sorted(path.name for path in units.iterdir()),
+                         ["haptic_server.service", "haptic_server@.service", "ve_client@.service"])
+        for path in units.iterdir():
+            text = path.read_text()
+            self.assertNotRegex(text, r"@[A-Z]+_", path)  # CMake has filled it in.
+            # After a crash a person at a device lets force come back; where there is none, it does by itself.
+            self.assertEqual("Restart=no" in text, path.name == "haptic_server.service")
+
     def test_nothing_installed_names_the_source_tree(self):
         for path in self.prefix.rglob("*"):
-            if path.suffix in (".cmake", ".h", ".js", ".html"):
+            if path.suffix in (".cmake", ".h", ".js", ".html", ".service"):
                 self.assertNotIn(str(SOURCE), path.read_text(), path)
 
 

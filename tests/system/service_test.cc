@@ -77,14 +77,16 @@ TEST_CASE("A service manager hears when the server is ready, that its loop goes 
   }
 }
 
-TEST_CASE("The unit is one that systemd accepts, with little exposure") {
+TEST_CASE("Each unit is one that systemd accepts, with little exposure") {
   if (std::system("command -v systemd-analyze >/dev/null") != 0) {
     WARN("SKIPPED: there is no systemd-analyze");
     return;
   }
+  const std::string name =
+      GENERATE("haptic_server.service", "haptic_server@.service", "ve_client@.service");
   const TemporaryDirectory directory;
-  const std::string unit = directory.file("haptic_server.service");
-  std::ifstream file(HLM_UNIT);
+  const std::string unit = directory.file(name);
+  std::ifstream file(HLM_UNITS "/" + name);
   const std::string text{std::istreambuf_iterator<char>(file), {}};
   std::ofstream(unit) << std::regex_replace(text, std::regex("ExecStart=\\S+"),
                                             std::string("ExecStart=") + HLM_SERVER);
