@@ -1,70 +1,18 @@
 #!/usr/bin/env bash
 # Installs the package on a clean Debian 12, started by its own systemd in a container without a network, and uses
-# it there: the service, also killed and hung, one of several servers with a world, killed both, the programs, the client library in C++, C and Python; then removes it and
-# looks for what it left. Needs root. Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
+# it there: the service, also killed and hung, one of several servers with a world, killed both, the programs, the
+# client library in C++, C and Python; then removes it and looks for what it left. Needs root.
+# Usage: tests/package/clean_debian.sh out/haptic-local-model_*.deb
 set -euo pipefail
-fail() {
-  echo "clean_debian.sh: $*" >&2
-  exit 1
-}
+. "$(dirname "$0")/container.sh"
 [ -f "${1:-}" ] || fail "'${1:-}' must be a package, as scripts/package makes it"
-deb=$(realpath "$1")
-root=$(mktemp -d)
-chmod 755 "$root"  # The root of all its users.
-container=
-clean_up() {
-  if [ -n "$container" ]; then
-    kill "$container" 2>/dev/null || true
-    wait "$container" || true
-  fi
-  umount -q "$root/proc" || true
-  rm -rf "$root"
-}
-trap clean_up EXIT
-environment=(env DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin)
-
-# What the package depends on, while there is a network.
-debootstrap --variant=minbase --include=systemd,systemd-sysv,dbus,udev bookworm "$root" >/dev/null
-mount -t proc proc "$root/proc"
-prepare() { chroot "$root" "${environment[@]}" "$@"; }
-cp "$deb" "$root/tmp/package.deb"
-prepare apt-get update -qq
-prepare apt-get install -y -qq /tmp/package.deb >/dev/null
-prepare apt-get install -y -qq --no-install-recommends g++ cmake make pkg-config >/dev/null
-prepare dpkg --purge haptic-local-model >/dev/null
-umount "$root/proc"
-mv "$root/tmp/package.deb" "$root/root/"
-
-systemd-nspawn --quiet --directory="$root" --boot --private-network --register=no --keep-unit \
-  --capability=CAP_IPC_LOCK --console=pipe </dev/null >"$root/boot.log" 2>&1 &
-container=$!
-for _ in {1..50}; do
-  first=$(pgrep -P "$container" || true)
-  [ -z "$first" ] || [ ! -S "$root/run/dbus/system_bus_socket" ] || break
-  sleep 0.2
-done
-inside() { nsenter --all --target "$first" "${environment[@]}" "$@"; }
-state=$(inside timeout 60 systemctl is-system-running --wait) || fail "systemd is $state"
+start_container "$1" g++ cmake make pkg-config
 files() { inside find / -xdev -not -path '/tmp/*' -not -path '/var/tmp/*' -not -path '/var/cache/*' \
   -not -path '/var/lib/dpkg/*' -not -path '/var/log/*' -not -path '*/.cache/*' | sort; }
 before=$(files)
 inside dpkg -i /root/package.deb >/dev/null
 
-# A container may not raise limits where its host may not: capabilities give the same rights there.
-drop_in=/etc/systemd/system/haptic_server.service.d
-drop_in_of_many=/etc/systemd/system/haptic_server@.service.d
-if [ "$(ulimit -Hr)" = 0 ]; then
-  for folder in $drop_in $drop_in_of_many; do
-    inside mkdir -p $folder
-    inside tee $folder/rights.conf >/dev/null <<'UNIT'
-[Service]
-CapabilityBoundingSet=CAP_SYS_NICE CAP_IPC_LOCK
-AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK
-UNIT
-  done
-  inside systemctl daemon-reload
-fi
-main_process() { inside systemctl show --property MainPID --value "${1:-haptic_server}"; }
+grant_rights
 # The service has failed, and does not come back by itself: a person at the device starts it.
 await_end() {
   for _ in {1..60}; do
@@ -97,31 +45,10 @@ shared=/usr/share/haptic_local_model/worlds
 inside tee /etc/default/haptic_server@12 >/dev/null <<<"HAPTIC_SERVER_OPTIONS=--hand $shared/hands/session.toml"
 inside tee /etc/default/ve_client@testbed >/dev/null <<<"VE_CLIENT_OPTIONS=--server 127.0.0.1:47812"
 inside tee /etc/default/haptic_server@13 >/dev/null <<<"HAPTIC_SERVER_OPTIONS=--device haply"
-# await_session AFTER: a session with the server at 47812.
-await_session() {
-  for _ in {1..100}; do
-    if inside haptic_doctor --all | grep -q '^127\.0\.0\.1:47812 .* active '; then return; fi
-    sleep 0.2
-  done
-  inside haptic_doctor --all >&2
-  inside journalctl --no-pager --unit haptic_server@12 --unit ve_client@testbed >&2
-  fail "no session within 20 s of $1"
-}
 inside systemctl enable --quiet --now haptic_server@12 ve_client@testbed
-await_session "the start"
-for unit in haptic_server@12 ve_client@testbed; do
-  killed=$(main_process $unit)
-  inside kill -KILL "$killed"
-  for _ in {1..50}; do
-    process=$(main_process $unit)
-    [ "$process" = 0 ] || [ "$process" = "$killed" ] || break
-    sleep 0.2
-  done
-  [ "$process" != 0 ] && [ "$process" != "$killed" ] || fail "$unit did not come back within 10 s of SIGKILL"
-  sleep 2  # What the server says of itself is up to a second old.
-  await_session "the end of $unit"
-  echo "$unit came back by itself after SIGKILL, with its session"
-done
+await_session 47812 "the start"
+kill_and_await haptic_server@12 47812
+kill_and_await ve_client@testbed 47812
 listed=$(inside haptic_doctor --all)
 echo "$listed"
 grep -q '^127\.0\.0\.1:47800 ' <<<"$listed" || fail "the list lacks a server"
