@@ -12,7 +12,7 @@ a warm-up every server's state file is read for S seconds. One line for each num
   updates       a second, of the slowest session, of 60
   server, world processor time of one, a share of one processor; a server's guard counts
   others        what else ran on the machine, in processors: more than a few hundredths, and the figures are of no use
-  fits          no fault, at most 1000 ticks in a million missed, nine updates of ten
+  fits          no fault, at most 2000 ticks in a million missed, nine updates of ten
 
 Needs real-time rights, as the service has. `--options` are added to each server's: "--final-spin 0".
 """
@@ -33,7 +33,7 @@ import time
 KINDS = ("testbed", "lift", "push", "stack", "door", "peg_in_hole_3d", "corner", "mesh")
 PLANAR = ("testbed", "push", "door", "corner")
 WARM_UP = 8  # s
-LARGEST_MISSED = 1e-3  # share of ticks
+LARGEST_MISSED = 2e-3  # share of ticks
 FRAMES = 60  # Hz
 CLOCK = os.sysconf("SC_CLK_TCK")
 COLUMNS = "{:>8} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8}  {}"
