@@ -144,7 +144,7 @@ def measure(arguments, folder, count):
             statistics.median(loop["lateness_p50"] for loop in loops),
             statistics.median(loop["lateness_p99"] for loop in loops), max(loop["lateness_max"] for loop in loops))),
         f"{1e6 * missed:.0f}", f"{updates:.1f}", f"{server / count:.3f}", f"{world / count:.3f}",
-        f"{busy / elapsed - server - world:.2f}", "yes" if fits else "no " + ", ".join(faults)), flush=True)
+        f"{max(0, busy / elapsed - server - world):.2f}", "yes" if fits else "no " + ", ".join(faults)), flush=True)
     return fits
 
 
