@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Sixteen headless worlds with scripted hands at sixteen servers, all as services of a clean Debian 12, without the final
-# spin. On the way one server and one world are killed and come back by themselves. Fails if any server has a fault, or
+# Sixteen headless worlds with scripted hands at sixteen servers, all as services of a clean Debian 12, without the
+# final spin. On the way one server and one world are killed and come back by themselves. Fails if any server has a fault, or
 # any session is missing in the end. Needs root.
 # Usage: tests/package/many_sessions.sh out/haptic-local-model_*.deb [SECONDS], 600 by default
 set -euo pipefail
@@ -21,7 +21,8 @@ for ((i = 0; i < count; ++i)); do
   kind=${kinds[i % ${#kinds[@]}]}
   hand=/etc/haptic_hands/$kind.toml
   inside mkdir -p /etc/haptic_hands
-  inside sed 's/^after = .*/after = "repeat"/' "$shared/hands/${hands[$kind]:-$kind}.toml" | inside tee "$hand" >/dev/null
+  inside sed 's/^after = .*/after = "repeat"/' "$shared/hands/${hands[$kind]:-$kind}.toml" |
+    inside tee "$hand" >/dev/null
   inside tee "/etc/default/haptic_server@$i" >/dev/null \
     <<<"HAPTIC_SERVER_OPTIONS=--final-spin 0 --device-option freedom=${freedoms[$kind]:-planar} --hand $hand"
   inside tee "/etc/default/ve_client@$kind-$i" >/dev/null <<UNIT

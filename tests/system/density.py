@@ -57,7 +57,8 @@ def processor_time(process):
 
 def machine_time():
     """That all processors were busy, s."""
-    user, nice, system, _, _, irq, softirq, *_ = map(int, pathlib.Path("/proc/stat").read_text().split("\n")[0].split()[1:])
+    total = pathlib.Path("/proc/stat").read_text().split("\n")[0]
+    user, nice, system, _, _, irq, softirq, *_ = map(int, total.split()[1:])
     return (user + nice + system + irq + softirq) / CLOCK
 
 
@@ -156,7 +157,8 @@ def main():
     parser.add_argument("--options", default="", help="of each server beside its own")
     arguments = parser.parse_args()
     print(f"{os.cpu_count()} processors, {arguments.options or 'the usual options'}")
-    print(COLUMNS.format("sessions", "median", "99 %", "largest", "missed", "updates", "server", "world", "others", "fits"))
+    print(COLUMNS.format("sessions", "median", "99 %", "largest", "missed", "updates", "server", "world", "others",
+                         "fits"))
     for count in map(int, arguments.sessions.split(",")):
         with tempfile.TemporaryDirectory() as folder:
             measure(arguments, pathlib.Path(folder), count)
