@@ -973,7 +973,9 @@ def main():
     try:
         if arguments.picture:
             (arguments.folder / f"{arguments.picture}.png").write_bytes(drawn(DRAW[arguments.picture](arguments.folder)))
-        target.write_text(page(arguments.folder), encoding="utf-8")
+        part = target.with_suffix(".part")
+        part.write_text(page(arguments.folder), encoding="utf-8")
+        part.rename(target)
     except FileNotFoundError as error:
         sys.exit(f"report.py: {error.filename}: no such table; run the experiments first")
     print(target)

@@ -20,9 +20,11 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr const char* kInputs = "inputs";  ///< Folder of the files that values name.
+
 std::string text_of(const Input& input) {
   const auto* number = std::get_if<double>(&input.value);
-  return number ? fmt::format("{:.6g}", *number) : std::get<std::string>(input.value);
+  return number ? fmt::format("{}", *number) : std::get<std::string>(input.value);
 }
 
 std::string read_text(const fs::path& path) {
@@ -147,38 +149,82 @@ std::vector<std::string> SweepFolder::open() {
   try {
     const json found = json::parse(read_text(path));
     const std::string different = difference(found.at("program").get<Program>());
-    if (different.empty()) {
-      return arguments_ = found.at("arguments").get<std::vector<std::string>>();
+    if (!different.empty()) {
+      throw std::runtime_error(
+          fmt::format("{} was begun by another program: {}; --replace removes it", folder_.string(),
+                      different));
     }
-    throw std::runtime_error(fmt::format(
-        "{} was begun by another program: {}; --replace removes it", folder_.string(), different));
+    for (const auto& [name, hash] : found.at("files").items()) {
+      if (hash_of(read_text(folder_ / kInputs / name)) != hash) {
+        throw std::runtime_error(
+            fmt::format("{} was changed since", (folder_ / kInputs / name).string()));
+      }
+    }
+    return arguments_ = found.at("arguments").get<std::vector<std::string>>();
   } catch (const json::exception&) {
     throw std::runtime_error(path.string() + " is damaged; --replace begins anew");
   }
 }
 
-void SweepFolder::begin(const std::vector<std::string>& arguments, bool replaces) {
+void SweepFolder::begin(const std::vector<std::string>& arguments,
+                        const std::vector<fs::path>& files, bool replaces) {
   const fs::path path = folder_ / "sweep.json";
-  if (fs::exists(path) && !replaces) {
-    if (open() == arguments) return;
-    throw std::runtime_error(
-        fmt::format("{} holds a sweep with the arguments '{}', not '{}': it must be another folder",
-                    folder_.string(), fmt::join(arguments_, " "), fmt::join(arguments, " ")));
+  json wanted{{"arguments", arguments}, {"program", program()}, {"files", json::object()}};
+  for (const fs::path& file : files) {
+    const std::string name = file.filename().string();
+    const std::string hash = hash_of(read_text(file));
+    if (wanted["files"].value(name, hash) != hash) {
+      throw std::runtime_error(fmt::format("{} must not be called as another file", file.string()));
+    }
+    wanted["files"][name] = hash;
   }
-  const json wanted{{"arguments", arguments}, {"program", program()}};
   if (fs::exists(path)) {
-    if (read_whole(path, {"arguments"}) == wanted) {
+    if (json::parse(read_text(path), nullptr, false) == wanted) {
       open();
       return;
     }
-    fs::remove_all(folder_ / "cells");
-    fs::remove_all(folder_ / "inputs");
-  } else if (fs::exists(folder_ / "cells")) {
-    throw std::runtime_error((folder_ / "cells").string() + " is not of a sweep");
+    if (!replaces) refuse_other(arguments);
+    clear();
+  } else if (fs::exists(folder_) && !fs::is_empty(folder_)) {
+    throw std::runtime_error(folder_.string() +
+                             " holds something else than a sweep: it must be another folder");
   }
-  fs::create_directories(folder_);
+  fs::create_directories(folder_ / kInputs);
+  for (const fs::path& file : files) {
+    write_text(folder_ / kInputs / file.filename(), read_text(file));
+  }
   write_text(path, wanted.dump(1) + "\n");
   arguments_ = arguments;
+}
+
+void SweepFolder::refuse_other(const std::vector<std::string>& arguments) {
+  if (open() == arguments) {
+    throw std::runtime_error(
+        fmt::format("{} holds a sweep with other content of its files: it must "
+                    "be another folder, or --replace removes it",
+                    folder_.string()));
+  }
+  throw std::runtime_error(fmt::format(
+      "{} holds a sweep with the arguments '{}', not '{}': it must be another folder, or --replace "
+      "removes it",
+      folder_.string(), fmt::join(arguments_, " "), fmt::join(arguments, " ")));
+}
+
+void SweepFolder::clear() const {
+  for (const char* name :
+       {"sweep.json", "cells", "inputs", "program", "jobs", "logs", "sweep.tar", "report.html"}) {
+    fs::remove_all(folder_ / name);
+  }
+  remove_tables();
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    if (entry.path().extension() == ".tar") fs::remove(entry.path());
+  }
+}
+
+void SweepFolder::remove_tables() const {
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    if (entry.path().extension() == ".csv") fs::remove(entry.path());
+  }
 }
 
 fs::path SweepFolder::file_of(const Cell& cell) const {

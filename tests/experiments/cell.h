@@ -42,7 +42,7 @@ struct Cell {
   std::string condition() const;
 };
 
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Program, commit, compiler, flags, executable)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Program, commit, compiler, flags, executable, worlds)
 
 /// The folder of a sweep. Its functions throw std::runtime_error naming the file.
 class SweepFolder {
@@ -54,7 +54,11 @@ class SweepFolder {
   std::vector<std::string> open();
   /// Begins a sweep, or goes on with it. One of other arguments or of another program is refused
   /// or, where `replaces`, removed.
-  void begin(const std::vector<std::string>& arguments, bool replaces);
+  /// files: those that the arguments name; they are copied.
+  void begin(const std::vector<std::string>& arguments,
+             const std::vector<std::filesystem::path>& files, bool replaces);
+  /// Where the copies are.
+  std::filesystem::path inputs() const { return folder_ / "inputs"; }
 
   struct Result {
     nlohmann::json value{};              ///< If there is no error.
@@ -67,9 +71,14 @@ class SweepFolder {
   /// By rename.
   void write(const Cell& cell, const Result& result) const;
 
+  /// Those of an earlier merge.
+  void remove_tables() const;
+
   const std::filesystem::path& path() const { return folder_; }
 
  private:
+  [[noreturn]] void refuse_other(const std::vector<std::string>& arguments);
+  void clear() const;
   std::filesystem::path file_of(const Cell& cell) const;
   Result result_in(nlohmann::json object, const Cell& cell,
                    const std::filesystem::path& path) const;

@@ -82,7 +82,7 @@ class Mixed(Case):
         self.assertGreater(written["results"]["farthest"], 0.5)  # m: IR throws the peg out.
         for key in ("arguments", "host", "seconds", "peak_memory_MB"):
             self.assertIn(key, written)
-        self.assertEqual(sorted(written["program"]), ["commit", "compiler", "executable", "flags"])
+        self.assertEqual(sorted(written["program"]), ["commit", "compiler", "executable", "flags", "worlds"])
 
     def test_seven_workers_give_the_same_bytes(self):
         sweep = sweeps.Sweep(self.root / "seven")
@@ -94,7 +94,8 @@ class Mixed(Case):
     def test_what_is_killed_goes_on_and_what_has_run_does_not_run_again(self):
         folder = self.root / "killed"
         with subprocess.Popen([PROGRAM, *MIXED, "--out", folder], stdout=subprocess.DEVNULL) as process:
-            while len(files(folder)) < 20:
+            until = time.monotonic() + 60
+            while len(files(folder)) < 20 and time.monotonic() < until:
                 time.sleep(0.01)
             process.send_signal(signal.SIGKILL)
         before = files(folder)
@@ -157,6 +158,15 @@ class Mixed(Case):
         shutil.copytree(self.whole, folder)
         self.assertEqual(run("--quick", "--only", "fig06", "--seeds", "2", "--out", folder, "--replace").returncode, 0)
         self.assertEqual(len(files(folder)), 8)
+        self.assertNotIn("corners.csv", tables(folder))
+
+    def test_a_folder_of_something_else_is_left_alone(self):
+        folder = self.root / "else"
+        folder.mkdir()
+        (folder / "mine.csv").write_text("1,2\n")
+        for more in ([], ["--replace"]):
+            self.refused("--only", "fig06", "--out", folder, *more, names=["else", "something else", "another folder"])
+        self.assertEqual((folder / "mine.csv").read_text(), "1,2\n")
 
     def test_a_disk_that_is_full(self):
         folder = self.root / "full"
@@ -176,11 +186,13 @@ class Failing(Case):
     def test_a_cell_that_fails_is_named_with_the_command_that_runs_it_alone(self):
         folder = self.root / "sweep"
         program = folder / "program" / "experiments"
-        shutil.copytree(WORLDS, program.parent / "worlds")
-        shutil.copy2(PROGRAM, program)
-        world = program.parent / "worlds" / "stack.sdf"
-        world.rename(world.with_suffix(".away"))
-        done = run("--quick", "--only", "scenes", "fig06", "--seeds", "2", "--out", folder, program=program)
+        chosen = ["--quick", "--only", "scenes", "fig06", "--seeds", "2", "--out", folder]
+        shutil.copytree(WORLDS, self.root / "packed/worlds")
+        (self.root / "packed/worlds/stack.sdf").write_text("no world")
+        packed = shutil.copy2(PROGRAM, self.root / "packed")
+        run(*chosen, "--begin", program=packed)
+        shutil.copytree(self.root / "packed", folder / "program")
+        done = run(*chosen, program=program)
         self.assertEqual(done.returncode, 3)
         missing = (folder / "missing.csv").read_text()
         self.assertIn("stack.sdf", missing)
@@ -192,9 +204,17 @@ class Failing(Case):
         command = "program/experiments --out . --cell scenes-00002"
         self.assertIn("1 cells have no results", page)
         self.assertIn(command, page)
-        world.with_suffix(".away").rename(world)
-        self.assertEqual(subprocess.run(command.split(), cwd=folder, check=False).returncode, 0)
-        self.assertEqual(run("--out", folder, "--merge", program=program).returncode, 0)
+        alone = subprocess.run(command.split(), cwd=folder, capture_output=True, text=True, check=False)
+        self.assertEqual(alone.returncode, 3)
+        self.assertIn("scenes-00002 (scene stack) failed", alone.stderr)
+
+    def test_other_worlds_are_another_program(self):
+        folder = self.root / "other_worlds"
+        self.assertEqual(run("--only", "fig06", "--seeds", "1", "--out", folder).returncode, 0)
+        shutil.copytree(WORLDS, self.root / "changed/worlds")
+        with open(self.root / "changed/worlds/push.sdf", "a", encoding="utf-8") as world:
+            world.write("<!-- -->")
+        self.refused("--out", folder, "--merge", program=shutil.copy2(PROGRAM, self.root / "changed"), names=["worlds"])
 
 
 class Usage(Case):
@@ -215,6 +235,9 @@ class Usage(Case):
                 ([*over, "delay=0:1:3log"], ["0:1:3log", "above 0"]),
                 ([*over, "rate=fast"], ["fast", "number"]),
                 ([*over, "device=none.toml"], ["none.toml"]),
+                ([*over, "delay=0,0ms"], ["delay", "0 twice"]),
+                ([*over, "delay=0:1:2000", "--over", "speed=0.1:1:1000"], ["1000000 combinations"]),
+                (["--only", "fig06", "--seed", "-1", "--list-cells"], ["--seed", "-1"]),
                 (["--over", "delay=1"], ["--over", "limits"]),
                 (["--only", "fig06", "--over", "delay=1"], ["fig06", "ocean"]),
                 (["--only", "ocean", "--method", "vrpn", "--over", "delay=1", "--list-cells"], ["ocean", "no cells"])):
@@ -237,7 +260,11 @@ class Usage(Case):
         self.assertEqual(run(*chosen).returncode, 0)
         self.assertEqual(files(out), before)
         device.write_text("mass = 0.4\n")
-        self.refused(*chosen, names=["my.toml", "same name"])
+        self.refused(*chosen, names=["own holds", "content of its files", "--replace"])
+        self.assertEqual(run(*chosen, "--replace").returncode, 0)
+        self.assertNotEqual(tables(out), due)
+        (out / "inputs/my.toml").write_text("mass = 0.5\n")
+        self.refused("--out", out, "--merge", names=["inputs/my.toml", "changed"])
         device.write_text("[device]\nmas = 0.4\n")
         self.refused(*chosen, names=["my.toml", "mas", "did you mean 'mass'"])
 

@@ -138,9 +138,8 @@ double wait(const CornerConditions& conditions) {
 
 /// In its middle reports of the moment that matters would have been sent.
 Outage outage_of(const Path& path, const CornerConditions& conditions) {
-  Outage outage;
-  if (conditions.outage) outage.begin = path.matters - conditions.delay - outage.duration / 2;
-  return outage;
+  if (conditions.outage == 0) return {};
+  return {path.matters - conditions.delay - conditions.outage / 2, conditions.outage};
 }
 
 /// Into a hole with its mouth at y = 0: straight, or from the side, 3 mm above the mouth's edge,

@@ -19,7 +19,7 @@ struct CornerConditions {
   double largest_epsilon = 0;      ///< m; above `epsilon`, ε adapts.
   bool shapes = false;             ///< The server has the shapes and finds contacts at every tick.
   double loss = 0;                 ///< Share of datagrams.
-  bool outage = false;             ///< All is lost for 300 ms when it matters most.
+  double outage = 0;               ///< So long is all lost when it matters most, s.
   double settling = 0;             ///< So much longer does the hand wait before it begins, s.
   std::optional<Method> method{};  ///< Instead of ε, axes and shapes; none: the local model.
   double stiffness = server::LocalModelParameters{}.stiffness;  ///< With a method, N/m.

@@ -33,7 +33,9 @@ void add_selection(CLI::App& app, BenchOptions& bench) {
   app.add_option("--only", bench.only, "Only these experiments");
   app.add_option("--method", bench.methods,
                  "Only these methods; claims across methods are left out");
-  app.add_option("--seed", bench.seed, "First seed")->capture_default_str();
+  app.add_option("--seed", bench.seed, "First seed")
+      ->check(CLI::Range(1.0, 9e15))  // What a double holds.
+      ->capture_default_str();
   app.add_option("--seeds", bench.seeds, "Number of seeds, one run each; 0: 20, with --quick 5")
       ->check(CLI::Range(0, 1000000))
       ->capture_default_str();
@@ -70,7 +72,7 @@ CellNames names_of(const Options& options) {
   if (options.cells_file.empty()) return names;
   std::ifstream file(options.cells_file);
   if (!file) throw std::runtime_error(options.cells_file + " cannot be read");
-  for (std::string name; std::getline(file, name);) names.names.push_back(name);
+  for (std::string name; file >> name;) names.names.push_back(name);
   return names;
 }
 
@@ -79,9 +81,8 @@ void begin(Options& options, SweepFolder& folder) {
   check_cells(options.bench);
   const Over over(options.bench.over);
   options.bench.over = over.texts();
-  options.bench.files = folder.path() / "inputs";
-  folder.begin(selection(options.bench), options.replace);
-  over.copy_files(options.bench.files);
+  options.bench.files = folder.inputs();
+  folder.begin(selection(options.bench), over.files(), options.replace);
 }
 
 int work_on(Options options) {
@@ -94,7 +95,7 @@ int work_on(Options options) {
   SweepFolder folder(options.out);
   if (some || options.merge || options.status) {
     options.bench = parsed(folder.open());
-    options.bench.files = folder.path() / "inputs";
+    options.bench.files = folder.inputs();
   } else {
     begin(options, folder);
     if (options.begin) return 0;
@@ -122,7 +123,9 @@ void add_actions(CLI::App& app, Options& options) {
       ->capture_default_str();
   app.add_flag("--replace", options.replace,
                "A sweep in the folder that is another one is removed");
-  app.add_option("--jobs", options.jobs, "Threads; 0: as many as cores")->capture_default_str();
+  app.add_option("--jobs", options.jobs, "Threads; 0: as many as cores")
+      ->check(CLI::Range(0.0, 1024.0))
+      ->capture_default_str();
   app.add_flag("--list-cells", options.list,
                "Prints the cells: name, experiment, method, condition, seed, expected cost in s; "
                "with --status also done, failed or left");

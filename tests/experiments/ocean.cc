@@ -98,7 +98,7 @@ CornerConditions corner_conditions(const Ocean& ocean, const Sight& sight) {
           .ve_low = ocean.rate,
           .ve_high = ocean.rate,
           .loss = ocean.network.loss,
-          .outage = ocean.network.outage > 0,
+          .outage = ocean.network.outage,
           .settling = settling(ocean),
           .method = method_of(sight.method),
           .stiffness = sight.stiffness,
@@ -444,7 +444,7 @@ struct WantedOcean {
 void declare_wanted_ocean(settings::Table& table, WantedOcean& wanted) {
   table.number("delay", wanted.delay, {0, 10, "s"}, "Of the network, one way");
   table.number("rate", wanted.ocean.rate, {1, 1000, "Hz"}, "Of the engine");
-  table.number("speed", wanted.ocean.speed, {0.01, 2, "m/s"}, "Of the hand");
+  table.number("speed", wanted.ocean.speed, {0.01, 1, "m/s"}, "Of the hand");
   table.number("loss", wanted.ocean.network.loss, {0, 0.9, ""}, "Share of datagrams");
   table.number("outage", wanted.ocean.network.outage, {0, 2, "s"}, "When it matters most");
   table.number("stiffness", wanted.stiffness, {1, 1e7, "N/m"}, "Of contacts or of the coupling");
@@ -462,7 +462,7 @@ void ocean_over(Bench& bench) {
         Ocean ocean = wanted.ocean;
         ocean.round_trip = 2 * wanted.delay;
         if (wanted.stiffness > 0) sight.stiffness = wanted.stiffness;
-        if (!applies(sense, sight, ocean)) continue;
+        if (sense.of_body && !sight.bodies) continue;
         for (const std::uint64_t seed : bench.seeds_of_variant()) {
           cells.push_back({sight.method, Inputs{{"sense", sense.name}} + given, seed,
                            [&sense, sight, ocean, seed] {

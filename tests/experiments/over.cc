@@ -5,9 +5,8 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <optional>
+#include <set>
 #include <string_view>
 
 #include <spdlog/fmt/fmt.h>
@@ -24,6 +23,7 @@ using settings::UsageError;
 namespace {
 
 constexpr int kMostValues = 10'000;
+constexpr std::size_t kMostPoints = 1'000'000;
 constexpr const char* kDevice = "device";  ///< Whose values are files.
 
 struct Unit {
@@ -74,14 +74,6 @@ std::string allowed_units(const std::string& own) {
 /// Empty for a share or a count.
 std::string unit_of(const Setting& setting) {
   return setting.placeholder == "NUMBER" ? "" : setting.placeholder;
-}
-
-bool same(const std::filesystem::path& a, const std::filesystem::path& b) {
-  const auto text = [](const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-  };
-  return text(a) == text(b);
 }
 
 /// Numbers of one condition, in its own unit.
@@ -157,10 +149,19 @@ class Numbers {
 /// Values of a condition, as it takes them.
 std::vector<std::string> values_of(const Setting& setting, const std::string& name,
                                    const std::vector<std::string>& texts) {
-  if (setting.quoted) return texts;
   std::vector<std::string> values;
-  for (const double number : Numbers(setting, name).read(texts)) {
-    values.push_back(shortest_text(number));
+  if (setting.quoted) {
+    values = texts;
+  } else {
+    for (const double number : Numbers(setting, name).read(texts)) {
+      values.push_back(shortest_text(number));
+    }
+  }
+  std::set<std::string> seen;
+  for (const std::string& value : values) {
+    if (!seen.insert(value).second) {
+      throw UsageError(fmt::format("{} must not have {} twice", name, value));
+    }
   }
   return values;
 }
@@ -202,20 +203,14 @@ std::vector<std::string> Over::texts() const {
   return texts;
 }
 
-void Over::copy_files(const std::filesystem::path& folder) const {
+std::vector<std::filesystem::path> Over::files() const {
+  std::vector<std::filesystem::path> files;
   for (const Axis& axis : axes_) {
     for (const std::string& value : axis.values) {
-      if (axis.name != kDevice) continue;
-      const std::filesystem::path file = files_ / value;
-      const std::filesystem::path target = folder / file.filename();
-      std::filesystem::create_directories(folder);
-      std::filesystem::copy_file(file, target, std::filesystem::copy_options::skip_existing);
-      if (!same(file, target)) {
-        throw UsageError(fmt::format("--over device '{}' must be as {}, a file of the same name",
-                                     value, target.string()));
-      }
+      if (axis.name == kDevice) files.push_back(files_ / value);
     }
   }
+  return files;
 }
 
 std::vector<Over::Point> Over::points(const settings::Table& table) const {
@@ -231,9 +226,14 @@ std::vector<Over::Point> Over::points(const settings::Table& table) const {
                                    settings::suggestion(axis.name, table.keys())));
     }
     const std::string name = "--over " + axis.name;
+    const std::vector<std::string> values = values_of(*setting, name, axis.values);
+    if (values.size() * points.size() > kMostPoints) {
+      throw UsageError(
+          fmt::format("--over must make at most {} combinations of values", kMostPoints));
+    }
     std::vector<Point> more;
     for (const Point& point : points) {
-      for (std::string value : values_of(*setting, name, axis.values)) {
+      for (std::string value : values) {
         if (setting->is_file) value = (files_ / value).string();
         more.push_back(point);
         more.back().values.push_back({"", axis.name, {value}, name});
@@ -251,6 +251,9 @@ server::SimulatedDeviceOptions read_device(const std::string& path) {
   server::declare(device, table);
   for (const settings::Assignment& each : settings::read_configuration(path)) {
     if (each.key == "driver" && each.values == settings::Values{"simulated"}) continue;
+    if (each.key == "freedom" || each.key == "switched-on" || each.key == "amplifier") {
+      throw UsageError(each.name + " has no effect on experiments: it must be left out");
+    }
     const Setting* setting = table.find(each.key);
     if (!setting || !(each.table.empty() || each.table == "device")) {
       throw UsageError(fmt::format("{} must be one of: {}{}", each.name,

@@ -31,9 +31,8 @@ class Over {
   bool any() const { return !axes_.empty(); }
   /// The texts with files by their names alone.
   std::vector<std::string> texts() const;
-  /// Files that values name are copied into this folder. Throws settings::UsageError where two are
-  /// called alike, or there is another one.
-  void copy_files(const std::filesystem::path& folder) const;
+  /// Those that values name.
+  std::vector<std::filesystem::path> files() const;
 
   /// `usual` with each combination of the values. `declare` binds names to variables of conditions:
   /// declare(table, conditions). Throws settings::UsageError naming a value and what is allowed.

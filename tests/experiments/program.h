@@ -11,7 +11,10 @@ struct Program {
   std::string compiler;
   std::string flags;
   std::string executable;  ///< Hash of its file.
+  std::string worlds;      ///< Hash of the files that it reads: worlds and hands.
 };
+/// 32 hexadecimal digits.
+std::string hash_of(const std::string& bytes);
 /// This one. Throws std::runtime_error if its file cannot be read.
 const Program& program();
 

@@ -126,7 +126,6 @@ Trial trial_of(const Wanted& wanted, const Method& method, std::uint64_t seed) {
   trial.task.friction = wanted.friction;
   if (wanted.rate > 0) trial.conditions.ve_low = trial.conditions.ve_high = wanted.rate;
   use_device(wanted.device, trial.task.device);
-  trial.task.observer.on = !trial.task.device.measures_hand_wrench;
   return trial;
 }
 

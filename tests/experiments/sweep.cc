@@ -83,6 +83,22 @@ void visit_cells(const BenchOptions& options, const Selection& selection,
   }
 }
 
+/// Throws std::runtime_error naming an experiment that does not take the user's values.
+void check_takes_values(const BenchOptions& options) {
+  std::string taking;
+  for (const Experiment& experiment : kExperiments) {
+    if (experiment.takes_values)
+      taking += (taking.empty() ? "" : ", ") + std::string(experiment.name);
+  }
+  if (options.only.empty()) throw std::runtime_error("--over must go with experiments: " + taking);
+  for (const Experiment* experiment : selected(options)) {
+    if (!experiment->takes_values) {
+      throw std::runtime_error(fmt::format(
+          "experiment '{}' takes no values of --over; these do: {}", experiment->name, taking));
+    }
+  }
+}
+
 std::vector<Cell> cells_of(const BenchOptions& options, const Selection& selection) {
   std::vector<Cell> cells;
   visit_cells(options, selection, [&](const Cell& cell, const auto&) {
@@ -193,7 +209,8 @@ class Crew {
     const std::lock_guard lock(mutex_);
     if (result.error) {
       ++failed_;
-      fmt::print(stderr, "{} ({}) failed: {}\n", cell.name, cell.condition(), *result.error);
+      fmt::print(stderr, "{}{} ({}) failed: {}\n", isatty(STDERR_FILENO) ? "\r\x1b[K" : "",
+                 cell.name, cell.condition(), *result.error);
     }
     show_progress();
   }
@@ -280,6 +297,9 @@ std::set<std::string> name_missing(Bench& bench, const SweepFolder& folder,
                                    const std::vector<Cell>& cells,
                                    const std::vector<std::optional<SweepFolder::Result>>& results) {
   constexpr int kShown = 5;
+  const bool packed = std::filesystem::exists(folder.path() / "program/experiments");
+  const std::string program =
+      packed ? "program/experiments" : std::filesystem::read_symlink("/proc/self/exe").string();
   std::set<std::string> incomplete;
   Table& table = bench.table("missing", "cell,method,condition,seed,why,command");
   int count = 0;
@@ -287,7 +307,7 @@ std::set<std::string> name_missing(Bench& bench, const SweepFolder& folder,
     if (is_done(results[i])) continue;
     const Cell& cell = cells[i];
     const std::string why = results[i] ? *results[i]->error : "has not run";
-    const std::string command = "program/experiments --out . --cell " + cell.name;
+    const std::string command = program + " --out . --cell " + cell.name;
     table.row(cell.name, text_of(cell.inputs, "method"), cell.condition(),
               text_of(cell.inputs, "seed"), why, command);
     incomplete.insert(cell.experiment);
@@ -301,22 +321,6 @@ std::set<std::string> name_missing(Bench& bench, const SweepFolder& folder,
 }
 
 }  // namespace
-
-/// Throws std::runtime_error naming an experiment that does not take the user's values.
-static void check_takes_values(const BenchOptions& options) {
-  std::string taking;
-  for (const Experiment& experiment : kExperiments) {
-    if (experiment.takes_values)
-      taking += (taking.empty() ? "" : ", ") + std::string(experiment.name);
-  }
-  if (options.only.empty()) throw std::runtime_error("--over must go with experiments: " + taking);
-  for (const Experiment* experiment : selected(options)) {
-    if (!experiment->takes_values) {
-      throw std::runtime_error(fmt::format(
-          "experiment '{}' takes no values of --over; these do: {}", experiment->name, taking));
-    }
-  }
-}
 
 void check_names(const BenchOptions& options) {
   if (!options.over.empty()) check_takes_values(options);
@@ -391,6 +395,7 @@ Merged merge(const BenchOptions& options, const SweepFolder& folder) {
                 const auto& result = results.at(number++);
                 return is_done(result) ? std::optional(result->value) : std::nullopt;
               });
+  folder.remove_tables();
   bench.begin("all", 0, true);
   const std::set<std::string> incomplete = name_missing(bench, folder, cells, results);
   bench.close_tables();

@@ -118,6 +118,16 @@ class Here(Case):
         self.check(folder, sweep(folder))
         self.assertEqual({path: path.stat().st_mtime_ns for path in before}, before)
 
+    def test_an_interrupted_driver_takes_its_workers_along(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            folder = self.root / f"interrupted_{number}"
+            with subprocess.Popen(command(folder), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+                wait_until(lambda: len(files(folder)) >= 10, "no cells")
+                process.send_signal(number)
+                error = process.communicate(timeout=WAIT)[1]
+            self.assertEqual((process.returncode, error), (130, "What has run stays; the same command goes on.\n"))
+            self.assertEqual(workers_of(folder), [])
+
     def test_a_disk_that_is_full(self):
         folder = self.folder()
         folder.mkdir()
