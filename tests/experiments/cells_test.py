@@ -226,6 +226,8 @@ class Usage(Case):
                 (["--out", out, "--cell", "fig06-00001"], ["holds no sweep"]),
                 (["--out", "/proc/none", "--only", "fig06"], ["/proc/none"]),
                 (["--only", "wrong"], ["wrong", "fig06"]),
+                (["--only", "fig06", "--merge"], ["--only cannot go with --merge"]),
+                (["--cell", "fig06-00001", "--status"], ["--status cannot go with --cell"]),
                 ([*over, "stifness=1"], ["stifness", "did you mean 'stiffness'"]),
                 ([*over, "delay"], ["delay", "NAME=VALUES"]),
                 ([*over, "delay=0,20kg"], ["20kg", "kg", "ms"]),

@@ -138,6 +138,23 @@ void add_actions(CLI::App& app, Options& options) {
   app.add_flag("--status", options.status, "Says what is done, failed and left");
 }
 
+/// What the folder says cannot be said again, and only one thing is done at a time.
+void refuse_idle_options(const CLI::App& app) {
+  const char* action = nullptr;
+  for (const char* name : {"--cell", "--cells", "--merge", "--status", "--begin"}) {
+    if (app.count(name) == 0) continue;
+    if (action) throw std::runtime_error(fmt::format("{} cannot go with {}", name, action));
+    action = name;
+  }
+  if (!action || std::string_view(action) == "--begin") return;
+  for (const char* name :
+       {"--quick", "--only", "--method", "--seed", "--seeds", "--over", "--replace"}) {
+    if (app.count(name) == 0) continue;
+    throw std::runtime_error(
+        fmt::format("{} cannot go with {}, which takes what the folder has", name, action));
+  }
+}
+
 int run_program(int argc, char** argv) {
   Options options;
   CLI::App app{
@@ -147,6 +164,7 @@ int run_program(int argc, char** argv) {
   add_actions(app, options);
   try {
     app.parse(argc, argv);
+    refuse_idle_options(app);
     return work_on(options);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
