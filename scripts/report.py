@@ -890,18 +890,26 @@ def experiment_of(path):
 
 
 def own_title(path):
-    return SECTIONS[experiment_of(path)] + ": with your values"
+    return report_over.TITLES[experiment_of(path)] + ", with your values"
 
 
 def over_section(path):
     """What an experiment gave with the user's own values."""
     rows = read_table(path)
     lines = [f'<h2 id="{path.stem}">{html.escape(own_title(path))}</h2>',
-             f"<p>{html.escape(INTRODUCTION[experiment_of(path)])}</p>",
-             "<p>Green: right with every seed; red: with none; numbers: medians over the seeds; blank: no result. What has no "
-             f"criterion is shaded by its size. The table: <code>{path.name}</code>, {len(rows)} rows.</p>"]
+             f"<p>{html.escape(report_over.WORDS[experiment_of(path)])}</p>",
+             "<p>Maps: green is right with every seed, red with none; without a criterion, lighter is more. Numbers are medians over the "
+             f"seeds, below them in brackets the least if it is lower by 10 %. The table: <code>{path.name}</code>, {len(rows)} rows.</p>"]
     for words, figure in report_over.pictures(rows) if rows else ():
         lines += [f"<h3>{html.escape(words)}</h3>", picture(figure, words)]
+    return "\n".join(lines)
+
+
+def own_files(folder):
+    """Devices of the user's."""
+    lines = []
+    for path in sorted((folder / "inputs").glob("*")):
+        lines += [f"<h3>{html.escape(path.name)}</h3>", f"<pre>{html.escape(path.read_text(encoding='utf-8'))}</pre>"]
     return "\n".join(lines)
 
 
@@ -936,11 +944,12 @@ def page(folder):
     run = ["testbed"] * bool(run) + run
     own = sorted(folder.glob("*_over.csv"))
     held = sum(claim["holds"] == "1" for claim in claims)
+    title = "The paper's evaluation, reproduced" if claims or not own else "A sweep with values of your own"
     lines = ["<!doctype html><html lang='en'><head><meta charset='utf-8'>",
              "<meta name='viewport' content='width=device-width'>",
-             "<title>The paper's evaluation, reproduced</title>",
+             f"<title>{title}</title>",
              f"<style>{STYLE_SHEET}</style></head><body>",
-             "<h1>The paper's evaluation, reproduced</h1>",
+             f"<h1>{title}</h1>",
              "<p>Constantinescu, Salcudean and Croft, <em>Local model of interaction for haptic "
              "manipulation of rigid virtual worlds</em>. Every run is the product's own server tick and "
              "client frame (ODE, ε-active contacts, encoded packets), in virtual time: the same seed "
@@ -956,7 +965,8 @@ def page(folder):
         lines.append(section(folder, name, [c for c in claims if c["experiment"] == name],
                              [f for f in findings if f["experiment"] == name], rerun))
     lines += [over_section(path) for path in own]
-    lines.append("<h2>Parameters</h2><p>Where the paper is silent, these are our choices.</p><table>")
+    lines.append(own_files(folder))
+    lines.append("<h2>Parameters</h2><p>Where the paper is silent, these are our choices.</p><table>" if claims else "<table>")
     lines += [f"<tr><td>{html.escape(row['name'])}</td><td>{html.escape(row['value'])}</td></tr>"
               for row in parameters]
     lines.append("</table></body></html>")

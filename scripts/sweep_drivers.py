@@ -132,8 +132,15 @@ class Slurm:
     def __init__(self, sweep, options):
         self.sweep = sweep
         self.common = ["sbatch", "--parsable", f"--job-name={sweep.folder.name}", f"--output={sweep.folder}/logs/%A_%a.txt",
-                       f"--chdir={sweep.folder}", "--requeue", *shlex.split(options)]
+                       f"--chdir={sweep.folder}", "--requeue", *self.split(options)]
         (sweep.folder / "logs").mkdir(exist_ok=True)
+
+    @staticmethod
+    def split(options):
+        try:
+            return shlex.split(options)
+        except ValueError as error:
+            raise Refused(f"--slurm '{options}' must be options of sbatch: {error}") from None
 
     def submit(self, *more):
         """The job's number."""
@@ -146,7 +153,10 @@ class Slurm:
         if done.returncode != 0:
             said = [line for line in done.stderr.splitlines() if line and not line.startswith("Try ")]
             raise Refused(f"Slurm refuses the job: {(said or ['it does not say why'])[-1].removeprefix('sbatch: error: ')}")
-        return done.stdout.strip().split(";")[0]
+        number = done.stdout.strip().split(";")[0]
+        if not number.isdigit():
+            raise Refused(f"sbatch says '{number}', which must be a job's number")
+        return number
 
     def submit_cells(self, cells, seconds):
         """Numbers of the arrays. Indices are less than MaxArraySize, and ours begin at 1."""
@@ -154,7 +164,7 @@ class Slurm:
         attempt, count = self.sweep.write_jobs(cells, seconds)
         shown = asked_slurm("scontrol", "show", "config")
         found = re.search(r"^MaxArraySize\s*=\s*(\d+)", shown.stdout, re.M)
-        largest = int(found.group(1)) - 1 if found else 1000
+        largest = max(1, int(found.group(1)) - 1) if found else 1000
         arrays = []
         try:
             for first in range(0, count, largest):

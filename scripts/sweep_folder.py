@@ -1,5 +1,6 @@
 """The folder of a sweep: sweep.json says what it is, program/ runs its cells, cells/ has a file for each, jobs/ has lists of them."""
 
+import fcntl
 import itertools
 import math
 import os
@@ -37,8 +38,10 @@ class Sweep:
         if not os.access(built, os.X_OK) or not os.path.isfile(built):
             raise Refused(f"--program {built} must be an experiments program")
         begun = subprocess.run([built, "--out", self.folder, "--begin", *selection, *["--replace"][:replace]], check=False)
-        if begun.returncode != 0:
-            sys.exit(begun.returncode)
+        if begun.returncode == 2:  # It has said why.
+            sys.exit(2)
+        if begun.returncode != 0 or not (self.folder / "sweep.json").exists():
+            raise Refused(f"--program {built} must be an experiments program")
         if self.program.exists():  # The same, or it would have been refused.
             return
         part = self.folder / f"program.{os.getpid()}.part"
@@ -47,6 +50,16 @@ class Sweep:
         for file in (built, *(PROJECT / "scripts/sweeping").iterdir()):
             shutil.copy2(file, part)
         part.rename(self.program.parent)
+
+    def lock(self):
+        """One command at a time works on a folder. The lock goes with the process."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            fcntl.flock(os.open(self.folder, os.O_RDONLY), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise Refused(f"another command works on {self.folder}: it must end first") from None
+        except OSError:  # A file system without locks.
+            pass
 
     def add_libraries(self):
         """What the program needs of this system, but for the C library: other machines may not have it."""

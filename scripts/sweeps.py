@@ -1,6 +1,7 @@
 """The command line of scripts/sweep and scripts/reproduce."""
 
 import argparse
+import fcntl
 import math
 import os
 import pathlib
@@ -33,6 +34,8 @@ def methods():
 
 def hosts(text):
     """HOST, HOST:JOBS or GNU parallel's JOBS/HOST, apart by commas; as parallel has them."""
+    if not all(text.split(",")):
+        raise argparse.ArgumentTypeError(f"'{text}' must be HOST or HOST:JOBS, apart by commas")
     return ",".join(re.sub(r"^(.+):(\d+)$", r"\2/\1", host) for host in text.split(","))
 
 
@@ -40,6 +43,12 @@ def whole(text):
     if not re.fullmatch(r"[1-9]\d{0,8}", text):
         raise argparse.ArgumentTypeError(f"'{text}' must be a whole number of 1 or more")
     return int(text)
+
+
+def folder(text):
+    if not text:
+        raise argparse.ArgumentTypeError("'' must be a folder")
+    return text
 
 
 def duration(text):
@@ -86,7 +95,7 @@ def selection(arguments):
 def parsed(description, out, replace):
     parser = Arguments(description)
     add_selection(parser)
-    parser.add_argument("--out", metavar="FOLDER", help=f"of the sweep: {out} of this project unless given")
+    parser.add_argument("--out", type=folder, metavar="FOLDER", help=f"of the sweep: {out} of this project unless given")
     parser.add_argument("--replace", action="store_true",
                         help="another sweep in that folder is removed" + (", as without --out" if replace else ""))
     where = parser.add_mutually_exclusive_group()
@@ -99,10 +108,10 @@ def parsed(description, out, replace):
     parser.add_argument("--job", type=duration, default=JOB, metavar="SECONDS", help=f"what a job takes, about: {JOB} unless given")
     parser.add_argument("--program", type=pathlib.Path, metavar="FILE", help="built already; nothing is set up or built")
     alone = parser.add_mutually_exclusive_group()
-    alone.add_argument("--status", metavar="FOLDER", help="what is done, failed and left; stands alone")
-    alone.add_argument("--merge", metavar="FOLDER", help="tables and page of what has run; stands alone")
+    alone.add_argument("--status", type=folder, metavar="FOLDER", help="what is done, failed and left; stands alone")
+    alone.add_argument("--merge", type=folder, metavar="FOLDER", help="tables and page of what has run; stands alone")
     arguments = parser.parse_args()
-    if (arguments.status or arguments.merge) and len(sys.argv) > 3:
+    if (arguments.status is not None or arguments.merge is not None) and len(sys.argv) > 3:
         parser.error("--status FOLDER and --merge FOLDER must stand alone")
     if arguments.wait and arguments.slurm is None:
         parser.error("--wait must go with --slurm")
@@ -113,12 +122,13 @@ def parsed(description, out, replace):
 
 def run(arguments):
     """Returns the status to end with."""
-    if arguments.status:
+    if arguments.status is not None:
         return Sweep(arguments.status).run("--status").returncode
-    if arguments.merge:
+    if arguments.merge is not None:
         return Sweep(arguments.merge).merge()
     chosen = selection(arguments)
     sweep = Sweep(arguments.out)
+    sweep.lock()
     sweep.begin(arguments.program or build(), chosen, arguments.replace)
     take_in(sweep)
     if arguments.slurm is not None:
@@ -149,6 +159,13 @@ def run_by_slurm(sweep, arguments):
 
 
 def build():
+    """One at a time."""
+    with open(PROJECT / "scripts/build", encoding="utf-8") as script:
+        fcntl.flock(script, fcntl.LOCK_EX)
+        return built()
+
+
+def built():
     subprocess.run([PROJECT / "scripts/setup", "run"], check=True)
     subprocess.run([PROJECT / "scripts/build", "release", "experiments"], check=True)
     return PROJECT / "build/release/tests/experiments/experiments"

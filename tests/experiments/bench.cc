@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 
@@ -133,14 +134,16 @@ void sweep_over(Bench& bench, const std::string& name, const std::vector<SweptCe
   const auto found = bench.map(cells, inputs, [](const SweptCell& cell) { return cell.work(); });
   std::string header = "what,unit,criterion,method";
   for (const Input& input : cells.front().given) header += "," + input.name;
-  Table& table = bench.table(name + "_over", header + ",seed,value,due,right");
+  Table& table = bench.table(name + "_over", header + ",seed,value,due,sd,right,note");
   for (std::size_t i = 0; i < cells.size(); ++i) {
     for (const Swept& swept : found[i]) {
       Table::Cells row{swept.what, swept.unit, swept.criterion,
                        std::string(method(cells[i].method).label)};
       for (const Input& input : cells[i].given) row.push_back(input.value);
+      const double right = swept.criterion.empty() ? std::numeric_limits<double>::quiet_NaN()
+                                                   : static_cast<double>(swept.right);
       row.insert(row.end(), {static_cast<double>(cells[i].seed), swept.value, swept.due,
-                             swept.right ? 1.0 : 0.0});
+                             swept.deviation, right, swept.note});
       table.row(row);
     }
   }

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -180,10 +181,12 @@ struct Swept {
   std::string unit;       ///< Of `value` and `due`.
   std::string criterion;  ///< When it is right, in words; empty: nobody asks.
   double value = 0;
-  double due = 0;
+  double due = std::numeric_limits<double>::quiet_NaN();
+  double deviation = std::numeric_limits<double>::quiet_NaN();  ///< Standard deviation in time.
   bool right = false;
+  std::string note{};  ///< "beyond": more than `value`. "below": less than can be found.
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Swept, what, unit, criterion, value, due, right)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Swept, what, unit, criterion, value, due, deviation, right, note)
 
 /// A cell with the user's values.
 struct SweptCell {

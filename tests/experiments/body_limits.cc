@@ -1,11 +1,13 @@
 // Where the forces of bodies that move when pushed are right, over delay, mass, stiffness and rate.
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <string>
 #include <vector>
 
 #include <spdlog/fmt/fmt.h>
 
+#include "hlm/common/uniform.h"
 #include "tests/experiments/body_tasks.h"
 #include "tests/experiments/experiments.h"
 
@@ -64,9 +66,11 @@ std::vector<BodyPlace> places() {
   return all;
 }
 
-ForceStatistics felt_force(const BodyPlace& place, std::uint64_t seed) {
-  ForceStatistics f = force_along(run(place.kind->task(place.mass), place.conditions, seed),
-                                  place.kind->axis, place.kind->begin, place.kind->end);
+/// waits: the hand begins so much later, s.
+ForceStatistics felt_force(const BodyPlace& place, std::uint64_t seed, double waits) {
+  const BodyTask task = later(place.kind->task(place.mass), waits);
+  ForceStatistics f = force_along(run(task, place.conditions, seed), place.kind->axis,
+                                  place.kind->begin + waits, place.kind->end + waits);
   f.mean -= place.kind->other;
   return f;
 }
@@ -79,7 +83,7 @@ void draw_map(Bench& bench) {
            inputs_of(place.conditions);
   };
   const auto forces = bench.map(
-      all, inputs, [&](const BodyPlace& place) { return felt_force(place, bench.seed()); });
+      all, inputs, [&](const BodyPlace& place) { return felt_force(place, bench.seed(), 0); });
   Table& table = bench.table("bodylimits",
                              "task,ve_rate_Hz,stiffness,mass_kg,delay_s,due_N,mean_N,sd_N,"
                              "update_step_N,collisions,right");
@@ -126,6 +130,12 @@ void declare_wanted_body(settings::Table& table, WantedBody& wanted) {
   table.file("device", conditions.device, "Keys of a simulated device, TOML");
 }
 
+/// A moment of a frame, drawn from the seed, s.
+double phase(const BodyPlace& place, std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  return uniform(engine, 0, 1 / place.conditions.ve_rate);
+}
+
 /// The bodies with the user's values.
 void bodies_over(Bench& bench) {
   std::vector<SweptCell> cells;
@@ -137,7 +147,7 @@ void bodies_over(Bench& bench) {
         place.conditions.method = method;
         for (const std::uint64_t seed : bench.seeds_of_variant()) {
           cells.push_back({method.name, Inputs{{"task", kind.name}} + given, seed, [place, seed] {
-                             const ForceStatistics f = felt_force(place, seed);
+                             const ForceStatistics f = felt_force(place, seed, phase(place, seed));
                              const double due = place.kind->due(place.mass);
                              return std::vector<Swept>{
                                  {.what = place.kind->name,
@@ -145,6 +155,7 @@ void bodies_over(Bench& bench) {
                                   .criterion = "mean within 10 %, sd at most 6 %",
                                   .value = f.mean,
                                   .due = due,
+                                  .deviation = f.deviation,
                                   .right = is_right(f, due)}};
                            }});
         }

@@ -94,6 +94,12 @@ BodyTask push(const Brick& brick, const server::HandSegment& hand, const std::st
 
 }  // namespace
 
+BodyTask later(BodyTask task, double wait) {
+  task.hand.segments.front().duration += wait;
+  task.duration += wait;
+  return task;
+}
+
 BodyTask lift(double mass) {
   const Vector3 rail(0.01, 0.1, 0.02);
   BodyTask task;

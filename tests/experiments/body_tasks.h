@@ -7,6 +7,9 @@ namespace hlm::experiments {
 
 inline constexpr double kGravity = 9.81;  // m/s²
 
+/// The hand begins so much later, s.
+BodyTask later(BodyTask task, double wait);
+
 /// A cube of 50 mm on two rails is lifted by a tray of 0.5 kg from below.
 BodyTask lift(double mass);
 

@@ -28,6 +28,9 @@ std::string text_of(const Input& input) {
 }
 
 std::string read_text(const fs::path& path) {
+  if (fs::exists(path) && !fs::is_regular_file(path)) {
+    throw std::runtime_error(path.string() + " must be a file");
+  }
   std::ifstream file(path, std::ios::binary);
   if (!file) throw std::runtime_error(fmt::format("{}: {}", path.string(), std::strerror(errno)));
   return {std::istreambuf_iterator<char>(file), {}};
@@ -162,7 +165,7 @@ std::vector<std::string> SweepFolder::open() {
     }
     return arguments_ = found.at("arguments").get<std::vector<std::string>>();
   } catch (const json::exception&) {
-    throw std::runtime_error(path.string() + " is damaged; --replace begins anew");
+    throw std::runtime_error(path.string() + " is damaged; the sweep's own command mends it");
   }
 }
 
@@ -179,12 +182,18 @@ void SweepFolder::begin(const std::vector<std::string>& arguments,
     wanted["files"][name] = hash;
   }
   if (fs::exists(path)) {
-    if (json::parse(read_text(path), nullptr, false) == wanted) {
+    const json found = json::parse(read_text(path), nullptr, false);
+    if (found == wanted) {
       open();
       return;
     }
-    if (!replaces) refuse_other(arguments);
-    clear();
+    const bool is_ours = found.contains("arguments") && found.contains("program");
+    if (!found.is_discarded() && !is_ours) {
+      throw std::runtime_error(path.string() + " is not of a sweep: it must be another folder");
+    }
+    // One that was cut is written again: each cell says which sweep it is of.
+    if (!found.is_discarded() && !replaces) refuse_other(arguments);
+    if (replaces) clear();
   } else if (fs::exists(folder_) && !fs::is_empty(folder_)) {
     throw std::runtime_error(folder_.string() +
                              " holds something else than a sweep: it must be another folder");

@@ -37,7 +37,7 @@ void add_selection(CLI::App& app, BenchOptions& bench) {
       ->check(CLI::Range(1.0, 9e15))  // What a double holds.
       ->capture_default_str();
   app.add_option("--seeds", bench.seeds, "Number of seeds, one run each; 0: 20, with --quick 5")
-      ->check(CLI::Range(0, 1000000))
+      ->check(CLI::Range(0, 100000))
       ->capture_default_str();
   app.add_option("--over", bench.over,
                  "NAME=VALUES: values of your own for a condition, with each of the others'; of "
@@ -73,6 +73,7 @@ CellNames names_of(const Options& options) {
   std::ifstream file(options.cells_file);
   if (!file) throw std::runtime_error(options.cells_file + " cannot be read");
   for (std::string name; file >> name;) names.names.push_back(name);
+  if (names.names.empty()) throw std::runtime_error(options.cells_file + " must name cells");
   return names;
 }
 

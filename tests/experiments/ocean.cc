@@ -144,13 +144,6 @@ Perceived ghost_force(const Ocean& ocean, const Sight& sight, std::uint64_t seed
   return worst;
 }
 
-/// The hand begins later, s.
-BodyTask later(BodyTask task, double wait) {
-  task.hand.segments.front().duration += wait;
-  task.duration += wait;
-  return task;
-}
-
 /// A task with its force, between two times.
 struct Handling {
   BodyTask task;
@@ -472,6 +465,7 @@ void ocean_over(Bench& bench) {
                                                         .criterion = sense.right,
                                                         .value = p.value,
                                                         .due = p.due,
+                                                        .deviation = p.deviation,
                                                         .right = p.right}};
                            }});
         }

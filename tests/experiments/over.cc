@@ -31,17 +31,18 @@ struct Unit {
   std::string_view of;  ///< The unit that conditions have.
   double factor;
 };
-constexpr std::array kUnits{
-    Unit{"ms", "s", 1e-3},     Unit{"us", "s", 1e-6},    Unit{"kHz", "Hz", 1e3},
-    Unit{"kN/m", "N/m", 1e3},  Unit{"N/mm", "N/m", 1e3}, Unit{"g", "kg", 1e-3},
-    Unit{"mm/s", "m/s", 1e-3}, Unit{"mm", "m", 1e-3},    Unit{"%", "", 1e-2}};
+constexpr std::array kUnits{Unit{"ms", "s", 1e-3},    Unit{"us", "s", 1e-6},
+                            Unit{"µs", "s", 1e-6},    Unit{"kHz", "Hz", 1e3},
+                            Unit{"kN/m", "N/m", 1e3}, Unit{"N/mm", "N/m", 1e3},
+                            Unit{"g", "kg", 1e-3},    Unit{"mm/s", "m/s", 1e-3},
+                            Unit{"mm", "m", 1e-3},    Unit{"%", "", 1e-2}};
 
 std::vector<std::string> split(std::string_view text, char separator) {
   std::vector<std::string> parts{""};
   for (const char c : text) {
     if (c == separator) {
       parts.emplace_back();
-    } else {
+    } else if (c != ' ') {
       parts.back() += c;
     }
   }
@@ -246,16 +247,25 @@ std::vector<Over::Point> Over::points(const settings::Table& table) const {
 }
 
 server::SimulatedDeviceOptions read_device(const std::string& path) {
+  if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path)) {
+    throw UsageError(path + " must be a file");
+  }
   server::SimulatedDeviceOptions device;
   settings::Table table;
   server::declare(device, table);
   for (const settings::Assignment& each : settings::read_configuration(path)) {
-    if (each.key == "driver" && each.values == settings::Values{"simulated"}) continue;
+    if (!each.table.empty() && each.table != "device") {
+      throw UsageError(fmt::format("{}: table [{}] must be [device]", each.name, each.table));
+    }
+    if (each.key == "driver") {
+      if (each.values == settings::Values{"simulated"}) continue;
+      throw UsageError(each.name + " must be simulated");
+    }
     if (each.key == "freedom" || each.key == "switched-on" || each.key == "amplifier") {
       throw UsageError(each.name + " has no effect on experiments: it must be left out");
     }
     const Setting* setting = table.find(each.key);
-    if (!setting || !(each.table.empty() || each.table == "device")) {
+    if (!setting) {
       throw UsageError(fmt::format("{} must be one of: {}{}", each.name,
                                    fmt::join(table.keys(), ", "),
                                    settings::suggestion(each.key, table.keys())));

@@ -1,7 +1,6 @@
 // k_max of every method on the hole that is shaken with 3 N (b = 100), in one run; and what of it
 // is the deformation's doing, what the controller's.
 #include <algorithm>
-#include <limits>
 #include <map>
 
 #include <spdlog/fmt/fmt.h>
@@ -138,8 +137,9 @@ std::vector<Swept> found_limits(const Trial& trial) {
                      .unit = "N/m",
                      .criterion = "",
                      .value = limit.k_max,
-                     .due = std::numeric_limits<double>::quiet_NaN(),
-                     .right = limit.k_max > 0});
+                     .note = limit.beyond      ? "beyond"
+                             : limit.k_max > 0 ? ""
+                                               : "below"});
   }
   return found;
 }
@@ -148,7 +148,8 @@ std::vector<Swept> found_limits(const Trial& trial) {
 void limits_over(Bench& bench) {
   std::vector<SweptCell> cells;
   const auto variants = bench.over().variants(Wanted{}, declare_wanted);
-  for (const Method& method : bench.methods_or({"ir", "lm0", "lm5", "lm-adaptive", "shapes"})) {
+  for (const Method& method :
+       bench.methods_or({"ir", "lm5", "lm5-direct", "shapes", "shapes-direct"})) {
     for (const auto& [wanted, given] : variants) {
       for (const std::uint64_t seed : bench.seeds_of_variant()) {
         cells.push_back({method.name, given, seed, [wanted, method, seed] {

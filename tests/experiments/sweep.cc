@@ -253,7 +253,8 @@ void write_claims(Bench& bench) {
 }
 
 std::string arguments(const BenchOptions& options, int seeds) {
-  std::string text = fmt::format("--seed {} --seeds {}", options.seed, seeds);
+  std::string text = fmt::format("--seed {}", options.seed);
+  if (options.over.empty() || options.seeds > 0) text += fmt::format(" --seeds {}", seeds);
   for (const std::string& name : options.methods) text.append(" --method ").append(name);
   if (options.quick) text.append(" --quick");
   for (const std::string& values : options.over) text.append(" --over ").append(values);
@@ -268,6 +269,7 @@ void write_parameters(Bench& bench, const BenchOptions& options) {
   Table& table = bench.table("parameters", "name,value");
   const auto row = [&](std::string_view name, std::string_view value) { table.row(name, value); };
   row("arguments", arguments(options, bench.seeds()));
+  if (bench.over().any()) return;  // What stands here may be what they change.
   row("loop", fmt::format("{} Hz where nothing else is said", conditions.servo_rate));
   row("environment",
       fmt::format("{} to {} Hz, the rate of each frame drawn; ODE; the tool is carried "
@@ -414,7 +416,9 @@ Merged merge(const BenchOptions& options, const SweepFolder& folder) {
   const auto count = bench.claims().size();
   const auto failed = std::count_if(bench.claims().begin(), bench.claims().end(),
                                     [](const Claim& claim) { return !claim.holds; });
-  fmt::print("{} of {} criteria hold\n", count - static_cast<std::size_t>(failed), count);
+  if (count > 0) {
+    fmt::print("{} of {} criteria hold\n", count - static_cast<std::size_t>(failed), count);
+  }
   return {static_cast<int>(failed),
           static_cast<int>(std::count_if(results.begin(), results.end(),
                                          [](const auto& result) { return !is_done(result); }))};

@@ -128,6 +128,16 @@ class Here(Case):
             self.assertEqual((process.returncode, error), (130, "What has run stays; the same command goes on.\n"))
             self.assertEqual(workers_of(folder), [])
 
+    def test_a_folder_has_one_command_at_a_time(self):
+        folder = self.folder()
+        with subprocess.Popen(command(folder), stdout=subprocess.DEVNULL) as process:
+            wait_until(lambda: files(folder), "no cells")
+            for more in ([], ["--replace"]):
+                self.refused(sweep(folder, *more), ["another command", str(folder)])
+            self.assertEqual(subprocess.run([SWEEP, "--merge", folder], capture_output=True, check=False).returncode, 3)
+            self.assertEqual(process.wait(WAIT), 0)
+        self.check(folder)
+
     def test_a_disk_that_is_full(self):
         folder = self.folder()
         folder.mkdir()
