@@ -835,7 +835,8 @@ DRAW = {
 
 def drawn(figure):
     """The bytes of a PNG."""
-    figure.tight_layout()
+    if figure.get_layout_engine() is None:  # A colour bar's figure has its own.
+        figure.tight_layout()
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=110)
     plt.close(figure)

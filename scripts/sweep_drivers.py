@@ -20,7 +20,8 @@ NEVER = re.compile("held|JobHoldMaxRequeue|PartitionTimeLimit|PartitionNodeLimit
 
 
 def run_here(sweep, cells, workers, seconds):
-    attempt, count = sweep.write_jobs(cells, min(seconds, sum(cost for _, cost in cells) / (20 * workers)))
+    # Large ones first, for little is lost at the start of each, and small ones last, for all shall end together.
+    attempt, count = sweep.write_jobs(cells, lambda rest: min(seconds, max(1, rest / (2 * workers))))
     crew = Crew(count)
     statuses = crew.run([[sweep.program.parent / "run_job", f"{attempt}/{number}"] for number in range(1, count + 1)], workers)
     return 2 not in statuses  # A file that cannot be written: the program has said so.
@@ -64,7 +65,7 @@ def run_by_ssh(sweep, cells, logins, seconds):
             raise Refused(f"--ssh needs {program} on this machine")
     logins = answering(logins)
     sweep.add_libraries()
-    attempt, count = sweep.write_jobs(cells, seconds)
+    attempt, count = sweep.write_jobs(cells, lambda rest: seconds)
     with tarfile.open(sweep.folder / "sweep.tar", "w") as archive:
         for name in ("program", "sweep.json", f"jobs/{attempt}", "inputs"):
             archive.add(sweep.folder / name, name)
@@ -161,7 +162,7 @@ class Slurm:
     def submit_cells(self, cells, seconds):
         """Numbers of the arrays. Indices are less than MaxArraySize, and ours begin at 1."""
         self.sweep.add_libraries()
-        attempt, count = self.sweep.write_jobs(cells, seconds)
+        attempt, count = self.sweep.write_jobs(cells, lambda rest: seconds)
         shown = asked_slurm("scontrol", "show", "config")
         found = re.search(r"^MaxArraySize\s*=\s*(\d+)", shown.stdout, re.M)
         largest = max(1, int(found.group(1)) - 1) if found else 1000

@@ -84,14 +84,16 @@ class Sweep:
 
     def write_jobs(self, cells, seconds):
         """Lists of cells that take so long together, about, in a folder of this attempt's: jobs/ATTEMPT/1, 2, … Returns ATTEMPT and
-        how many there are."""
-        jobs, cost = [], math.inf
+        how many there are. seconds(rest): where so many are left."""
+        jobs, cost, limit = [], math.inf, 0
+        rest = sum(expected for _, expected in cells)
         for name, expected in cells:
-            if cost + expected > seconds:
+            if cost + expected > limit:
                 jobs.append([])
-                cost = 0
+                cost, limit = 0, seconds(rest)
             jobs[-1].append(name)
             cost += expected
+            rest -= expected
         attempt = f"{time.strftime('%Y%m%d-%H%M%S')}.{os.getpid()}.{next(self.attempts)}"
         folder = self.folder / "jobs" / attempt
         folder.mkdir(parents=True)

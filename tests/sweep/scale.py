@@ -17,7 +17,7 @@ from slurm_bed import SlurmBed
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 SWEEP = pathlib.Path(__file__).resolve().parents[2] / "scripts/sweep"
 SEEDS = 25_000  # Of Fig. 6, four cells each.
-HEAVY = ["roams", "--quick", "--seed"]  # 168 cells, a minute of one core.
+HEAVY = ["roams", "holding", "--quick", "--seed", "1"]  # 300 cells, 80 s of one core.
 
 
 def seconds(run):
@@ -57,16 +57,16 @@ def sweep(folder, *arguments, **options):
 
 def measure_workers(root):
     times = {1: [], 2: []}
-    for repeat in range(3):
+    for repeat in range(2):
         for workers, taken in times.items():
-            taken.append(seconds(lambda: sweep(root / f"w{workers}_{repeat}", *HEAVY, 1, "--workers", workers)))
-    ratios = sorted(one / two for one, two in zip(times[1], times[2]))
-    print(f"two workers: {ratios[1]:.2f} times as quick as one ({ratios[0]:.2f} to {ratios[2]:.2f}; one: {min(times[1]):.0f} s)")
+            taken.append(seconds(lambda: sweep(root / f"w{workers}_{repeat}", *HEAVY, "--workers", workers)))
+    ratios = [one / two for one, two in zip(times[1], times[2])]
+    print(f"two workers: {' and '.join(f'{ratio:.2f}' for ratio in ratios)} times as quick as one, which takes {min(times[1]):.0f} s")
 
 
 def measure_slurm(root):
-    """Four jobs of about a minute each on two cores, side by side with two workers."""
-    chosen = ["roams", "holding", "--quick", "--seed", "1", "--job", "24"]
+    """Jobs of about a minute on two cores, side by side with two workers."""
+    chosen = ["holding", "bodylimits", "--seed", "1", "--job", "75.5"]
     here = seconds(lambda: sweep(root / "here", *chosen, "--workers", 2))
     with SlurmBed(root / "bed") as slurm:
         there = seconds(lambda: sweep(root / "slurm", *chosen, "--slurm", "--partition=both", "--wait",
