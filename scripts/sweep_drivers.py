@@ -2,6 +2,8 @@
 
 import collections
 import concurrent.futures
+import itertools
+import math
 import os
 import re
 import shlex
@@ -19,11 +21,35 @@ AWAY = 600  # s: so long may Slurm's controller be away while it is waited for.
 NEVER = re.compile("held|JobHoldMaxRequeue|PartitionTimeLimit|PartitionNodeLimit|BadConstraints|DependencyNeverSatisfied", re.I)
 
 
+def cost_of(cells):
+    return sum(cost for _, cost in cells)
+
+
+def dealt(cells, seconds):
+    """Jobs that take so long each, about: cells in turn, so that jobs are alike even where costs are not right."""
+    count = min(len(cells), math.ceil(cost_of(cells) / seconds) if seconds > 0 else len(cells))
+    return [cells[first::count] for first in range(count)]
+
+
+def shrinking(cells, seconds, workers):
+    """Jobs of at most so many seconds. Large ones first, for little is lost at the start of each, and small ones last, for all shall
+    end together."""
+    jobs, rest = [], cost_of(cells)
+    while cells:
+        limit = min(seconds, max(1, rest / (2 * workers)))
+        sums = itertools.accumulate(cost for _, cost in cells)
+        count = max(1, sum(1 for _ in itertools.takewhile(lambda cost: cost <= limit, sums)))
+        jobs.append(cells[:count])
+        rest -= cost_of(jobs[-1])
+        cells = cells[count:]
+    return jobs
+
+
 def run_here(sweep, cells, workers, seconds):
-    # Large ones first, for little is lost at the start of each, and small ones last, for all shall end together.
-    attempt, count = sweep.write_jobs(cells, lambda rest: min(seconds, max(1, rest / (2 * workers))))
-    crew = Crew(count)
-    statuses = crew.run([[sweep.program.parent / "run_job", f"{attempt}/{number}"] for number in range(1, count + 1)], workers)
+    jobs = shrinking(cells, seconds, workers) if seconds > 0 else dealt(cells, seconds)
+    attempt = sweep.write_jobs(jobs)
+    crew = Crew(len(jobs))
+    statuses = crew.run([[sweep.program.parent / "run_job", f"{attempt}/{number}"] for number in range(1, len(jobs) + 1)], workers)
     return 2 not in statuses  # A file that cannot be written: the program has said so.
 
 
@@ -65,14 +91,15 @@ def run_by_ssh(sweep, cells, logins, seconds):
             raise Refused(f"--ssh needs {program} on this machine")
     logins = answering(logins)
     sweep.add_libraries()
-    attempt, count = sweep.write_jobs(cells, lambda rest: seconds)
+    jobs = dealt(cells, seconds)
+    attempt = sweep.write_jobs(jobs)
     with tarfile.open(sweep.folder / "sweep.tar", "w") as archive:
         for name in ("program", "sweep.json", f"jobs/{attempt}", "inputs"):
             archive.add(sweep.folder / name, name)
     remote = f"sweep.{sweep.folder.name}.{os.getpid()}"
     parallel = ["parallel", "--will-cite", "--sshlogin", logins, "--workdir", remote, "--cleanup", "--retries", "2",
                 "--basefile", "sweep.tar", "--basefile", "program/run_job_apart", "--return", "job{}.tar",
-                f"program/run_job_apart {attempt} {{}}", ":::", *map(str, range(1, count + 1))]
+                f"program/run_job_apart {attempt} {{}}", ":::", *map(str, range(1, len(jobs) + 1))]
     with subprocess.Popen(parallel, cwd=sweep.folder, stdin=subprocess.DEVNULL) as process:
         try:
             process.wait()
@@ -162,14 +189,15 @@ class Slurm:
     def submit_cells(self, cells, seconds):
         """Numbers of the arrays. Indices are less than MaxArraySize, and ours begin at 1."""
         self.sweep.add_libraries()
-        attempt, count = self.sweep.write_jobs(cells, lambda rest: seconds)
+        jobs = dealt(cells, seconds)
+        attempt = self.sweep.write_jobs(jobs)
         shown = asked_slurm("scontrol", "show", "config")
         found = re.search(r"^MaxArraySize\s*=\s*(\d+)", shown.stdout, re.M)
         largest = max(1, int(found.group(1)) - 1) if found else 1000
         arrays = []
         try:
-            for first in range(0, count, largest):
-                arrays.append(self.submit(f"--array=1-{min(largest, count - first)}",
+            for first in range(0, len(jobs), largest):
+                arrays.append(self.submit(f"--array=1-{min(largest, len(jobs) - first)}",
                                           f"--wrap=program/run_job {attempt}/$(({first} + SLURM_ARRAY_TASK_ID))"))
         except Refused:
             if arrays:
@@ -197,7 +225,7 @@ class Slurm:
                     print(shown := counts, file=sys.stderr)
             elif time.monotonic() - answered > AWAY:
                 raise Refused(f"Slurm has not answered for {AWAY} s; the same command goes on")
-            time.sleep(5)
+            time.sleep(2)
 
 
 def asked_slurm(*command):

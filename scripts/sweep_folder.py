@@ -2,7 +2,6 @@
 
 import fcntl
 import itertools
-import math
 import os
 import pathlib
 import re
@@ -82,24 +81,14 @@ class Sweep:
         rows = [line.split("\t") for line in listed.stdout.splitlines()]
         return sorted(((row[0], float(row[5])) for row in rows if row[6] in states), key=lambda cell: -cell[1])
 
-    def write_jobs(self, cells, seconds):
-        """Lists of cells that take so long together, about, in a folder of this attempt's: jobs/ATTEMPT/1, 2, … Returns ATTEMPT and
-        how many there are. seconds(rest): where so many are left."""
-        jobs, cost, limit = [], math.inf, 0
-        rest = sum(expected for _, expected in cells)
-        for name, expected in cells:
-            if cost + expected > limit:
-                jobs.append([])
-                cost, limit = 0, seconds(rest)
-            jobs[-1].append(name)
-            cost += expected
-            rest -= expected
+    def write_jobs(self, jobs):
+        """Lists of cells, in a folder of this attempt's: jobs/ATTEMPT/1, 2, … Returns ATTEMPT."""
         attempt = f"{time.strftime('%Y%m%d-%H%M%S')}.{os.getpid()}.{next(self.attempts)}"
         folder = self.folder / "jobs" / attempt
         folder.mkdir(parents=True)
-        for number, names in enumerate(jobs, 1):
-            (folder / str(number)).write_text("\n".join(names) + "\n")
-        return attempt, len(jobs)
+        for number, cells in enumerate(jobs, 1):
+            (folder / str(number)).write_text("".join(f"{name}\n" for name, _ in cells))
+        return attempt
 
     def merge(self):
         """Tables, claims and page. Returns the program's status: 1 a criterion fails, 3 cells are missing."""

@@ -66,12 +66,12 @@ def measure_workers(root):
 
 def measure_slurm(root):
     """Jobs of about a minute on two cores, side by side with two workers."""
-    chosen = ["holding", "bodylimits", "--seed", "1", "--job", "75.5"]
+    chosen = ["roams", "--seed", "1", "--job", "84.5"]
     here = seconds(lambda: sweep(root / "here", *chosen, "--workers", 2))
     with SlurmBed(root / "bed") as slurm:
         there = seconds(lambda: sweep(root / "slurm", *chosen, "--slurm", "--partition=both", "--wait",
                                       env=slurm.environment()))
-    jobs = len(list((root / "slurm/jobs").iterdir()))
+    jobs = len(list((root / "slurm/jobs").glob("*/*")))
     print(f"Slurm: {jobs} jobs in {there:.1f} s, two workers {here:.1f} s: {100 * (there / here - 1):+.1f} %")
 
 
