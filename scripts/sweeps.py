@@ -6,6 +6,7 @@ import math
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,7 +116,10 @@ def parsed(description, out, replace):
         parser.error("--status FOLDER and --merge FOLDER must stand alone")
     if arguments.wait and arguments.slurm is None:
         parser.error("--wait must go with --slurm")
-    arguments.replace = arguments.replace or replace and arguments.out is None
+    if replace and arguments.out is None:
+        arguments.replace = True
+        if (PROJECT / out / "claims.csv").exists() and not (PROJECT / out / "sweep.json").exists():
+            shutil.rmtree(PROJECT / out)  # Of an earlier version.
     arguments.out = arguments.out or PROJECT / out
     return arguments
 
