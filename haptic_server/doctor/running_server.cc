@@ -49,7 +49,7 @@ RunningServer parsed(const json& state) {
   server.dropped = state.at("dropped").get<std::map<std::string, double>>();
   server.ticks = loop.at("ticks").get<double>();
   server.missed = loop.at("missed").get<double>();
-  server.lateness_p50 = loop.at("lateness_p50").get<double>();
+  server.lateness_p50 = loop.value("lateness_p50", 0.0);
   server.lateness_p99 = loop.at("lateness_p99").get<double>();
   server.lateness_max = loop.at("lateness_max").get<double>();
   server.device = device.at("name").get<std::string>();

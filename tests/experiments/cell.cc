@@ -60,6 +60,11 @@ void write_text(const fs::path& path, const std::string& text) {
       fmt::format("{}: cannot be written: {}", path.string(), std::strerror(reason)));
 }
 
+void copy_into(const fs::path& folder, const std::vector<fs::path>& files) {
+  fs::create_directories(folder);
+  for (const fs::path& file : files) write_text(folder / file.filename(), read_text(file));
+}
+
 // JSON has no numbers that are not finite.
 constexpr std::array<std::pair<const char*, double>, 3> kNotFinite{
     {{"NaN", std::numeric_limits<double>::quiet_NaN()},
@@ -184,6 +189,7 @@ void SweepFolder::begin(const std::vector<std::string>& arguments,
   if (fs::exists(path)) {
     const json found = json::parse(read_text(path), nullptr, false);
     if (found == wanted) {
+      copy_into(folder_ / kInputs, files);
       open();
       return;
     }
@@ -198,10 +204,7 @@ void SweepFolder::begin(const std::vector<std::string>& arguments,
     throw std::runtime_error(folder_.string() +
                              " holds something else than a sweep: it must be another folder");
   }
-  fs::create_directories(folder_ / kInputs);
-  for (const fs::path& file : files) {
-    write_text(folder_ / kInputs / file.filename(), read_text(file));
-  }
+  copy_into(folder_ / kInputs, files);
   write_text(path, wanted.dump(1) + "\n");
   arguments_ = arguments;
 }

@@ -184,7 +184,7 @@ class Crew {
       visit_cells(options_, selection_,
                   [&](const Cell& cell, const std::function<json()>& compute) {
                     const std::size_t i = number++;
-                    if (chosen_[i] && !stopped_ && !taken_[i].exchange(true))
+                    if (chosen_.at(i) && !stopped_ && !taken_[i].exchange(true))
                       run_one(cell, compute);
                     return std::nullopt;
                   });

@@ -18,33 +18,44 @@ from attacks_test import Client, Server
 REPLAY = HOSTILE = None
 CHECK = pathlib.Path(__file__).parents[2] / "scripts" / "energy_receipt.py"
 TOLERANCE = 1e-9  # J
+SESSIONS = 10  # At most, until one has no tick that the machine missed.
 
 
 class Receipt(unittest.TestCase):
     def test_replay_script_and_server_agree(self):
-        folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
-        capture, receipt = folder / "run.pcap", folder / "receipt.csv"
-        with Server("--record", capture) as server:
-            client = Client(server)
-            client.begin()
-            client.press(2)
-            server.ticks()
-            replay = subprocess.run(
-                [REPLAY, capture, "--receipt", "--hand", server.log.parent / "hand.toml", "--device-option", "friction=0"],
-                capture_output=True, text=True)
-            self.assertEqual(replay.returncode, 0, replay.stderr)
-            receipt.write_text(replay.stdout)
-            check = subprocess.run([sys.executable, CHECK, server.log, receipt], capture_output=True, text=True)
-            self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
-            damaged = replay.stdout.splitlines(keepends=True)
-            receipt.write_text("".join(damaged[:-20] + damaged[-19:-18] + [self.changed(damaged[-18])]))
-            check = subprocess.run([sys.executable, CHECK, server.log, receipt], capture_output=True, text=True)
-            self.assertEqual(check.returncode, 1)
-        rows = [row for row in csv.DictReader(replay.stdout.splitlines())
+        for attempt in range(SESSIONS):
+            folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+            with Server("--record", folder / "run.pcap") as server:
+                client = Client(server)
+                client.begin()
+                client.press(2)
+                server.ticks()
+                replayed = self.checked_replay(server, folder, last=attempt + 1 == SESSIONS)
+            if replayed:
+                break
+        rows = [row for row in csv.DictReader(replayed.splitlines())
                 if int(row["step"]) <= client.state["step"]]
         for name in ("given", "taken"):
             self.assertAlmostEqual(sum(float(row[name + "_J"]) for row in rows), client.state[name], delta=TOLERANCE)
         self.assertGreater(client.state["taken"], 0.1)
+
+    def checked_replay(self, server, folder, last):
+        """The receipt; None where the machine stood still, so that the log lacks ticks."""
+        receipt = folder / "receipt.csv"
+        replay = subprocess.run([REPLAY, folder / "run.pcap", "--receipt", "--hand", server.log.parent / "hand.toml",
+                                 "--device-option", "friction=0"], capture_output=True, text=True)
+        self.assertEqual(replay.returncode, 0, replay.stderr)
+        replayed = replay.stdout
+        receipt.write_text(replayed)
+        check = subprocess.run([sys.executable, CHECK, server.log, receipt], capture_output=True, text=True)
+        if "lacks the steps" in check.stdout + check.stderr and not last:
+            return None
+        self.assertEqual(check.returncode, 0, check.stdout + check.stderr)
+        damaged = replayed.splitlines(keepends=True)
+        receipt.write_text("".join(damaged[:-20] + damaged[-19:-18] + [self.changed(damaged[-18])]))
+        check = subprocess.run([sys.executable, CHECK, server.log, receipt], capture_output=True, text=True)
+        self.assertEqual(check.returncode, 1)
+        return replayed
 
     def test_the_port_gives_a_hostile_client_no_more_than_its_bound(self):
         folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
