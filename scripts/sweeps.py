@@ -89,6 +89,8 @@ def selection(arguments):
             raise Refused(f"method '{name}' must be one of {', '.join(methods())}")
         chosen += ["--method", name]
     for text in arguments.over:
+        if not re.fullmatch("[^=]+=.+", text):
+            raise Refused(f"--over '{text}' must be NAME=VALUES")
         chosen += ["--over", text]
     return chosen + ["--quick"] * arguments.quick
 
