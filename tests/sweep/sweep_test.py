@@ -121,12 +121,15 @@ class Here(Case):
     def test_an_interrupted_driver_takes_its_workers_along(self):
         for number in (signal.SIGINT, signal.SIGTERM):
             folder = self.root / f"interrupted_{number}"
-            with subprocess.Popen(command(folder), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+            with subprocess.Popen(command(folder, "--workers", 1), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                  text=True) as process:
                 wait_until(lambda: len(files(folder)) >= 10, "no cells")
                 process.send_signal(number)
                 error = process.communicate(timeout=WAIT)[1]
             self.assertEqual((process.returncode, error), (130, "What has run stays; the same command goes on.\n"))
             self.assertEqual(workers_of(folder), [])
+            job, = folder.glob("jobs/*/1")
+            self.assertLess(len(files(folder)), len(job.read_text().split()), "the worker did not end its job")
 
     def test_a_folder_has_one_command_at_a_time(self):
         folder = self.folder()
