@@ -217,6 +217,31 @@ class Failing(Case):
         self.refused("--out", folder, "--merge", program=shutil.copy2(PROGRAM, self.root / "changed"), names=["worlds"])
 
 
+def inputs_of(line):
+    """As a cell's file has them, from a line of the list."""
+    _, _, method, condition, seed, _ = line.split("\t")
+    inputs = dict(each.split(" ", 1) for each in condition.split(", "))
+    inputs.update({"method": method} if method else {}, seed=seed)
+    return {name: float(value) if value.replace(".", "").isdigit() else value for name, value in inputs.items()}
+
+
+class Pages(Case):
+    def test_a_page_of_each_experiment_that_no_quick_run_draws(self):
+        for experiment in ("bodylimits", "maps"):
+            folder = self.root / experiment
+            run("--only", experiment, "--out", folder, "--begin")
+            run("--out", folder, "--cell", f"{experiment}-00001")
+            one = json.loads((folder / f"cells/{experiment}/{experiment}-00001.json").read_text())
+            # The same results in all cells.
+            for line in run("--only", experiment, "--list-cells").stdout.splitlines():
+                one["inputs"] = inputs_of(line)
+                (folder / f"cells/{experiment}/{line.split()[0]}.json").write_text(json.dumps(one))
+            merged = run("--out", folder, "--merge")
+            self.assertIn(merged.returncode, (0, 1), merged.stderr)
+            subprocess.run([SCRIPTS / "report.py", folder], check=True, stdout=subprocess.DEVNULL)
+            self.assertIn(f'id="{experiment}"', (folder / "report.html").read_text())
+
+
 class Usage(Case):
     def test_what_cannot_be_used_is_said_in_one_line(self):
         out = self.root / "none"
