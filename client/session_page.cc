@@ -14,12 +14,15 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include "hlm/common/steady_seconds.h"
+
 namespace hlm {
 namespace {
 
 using page_wire::Kind;
 
-constexpr int kAddressWithin = 5000;                       // ms
+/// For the page's program to start, s: also on a busy machine. That it has ended is seen at once.
+constexpr double kAddressWithin = 20;
 constexpr timeval kRoomWithin{.tv_sec = 2, .tv_usec = 0};  // In the socket.
 /// Between two frames of a page, s: no screen shows more.
 constexpr double kFrame = 0.015;
@@ -37,6 +40,16 @@ std::vector<std::string> command(const SessionPageOptions& options) {
   if (options.open) arguments.emplace_back("--open");
   if (options.token) arguments.emplace_back("--token");
   return arguments;
+}
+
+/// Whether something comes, or the other side ends, within so many seconds; a signal ends no wait.
+bool has_come(int socket, double within) {
+  const double end = steady_seconds() + within;
+  for (double left = within; left > 0; left = end - steady_seconds()) {
+    pollfd waiting{.fd = socket, .events = POLLIN, .revents = 0};
+    if (::poll(&waiting, 1, static_cast<int>(1000 * left) + 1) > 0) return true;
+  }
+  return false;
 }
 
 std::string text_of(std::span<const std::byte> packet) {
@@ -68,8 +81,7 @@ SessionPage::SessionPage(const protocol::Hello& hello, const SessionPageOptions&
 SessionPage::~SessionPage() { close(socket_); }
 
 void SessionPage::await_address() {
-  pollfd waiting{.fd = socket_, .events = POLLIN, .revents = 0};
-  const bool came = ::poll(&waiting, 1, kAddressWithin) > 0;
+  const bool came = has_come(socket_, kAddressWithin);
   const std::span<const std::byte> packet = receive();
   if (!packet.empty() && packet.front() == static_cast<std::byte>(Kind::kAddress)) {
     address_ = text_of(packet);

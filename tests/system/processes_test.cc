@@ -97,7 +97,10 @@ TEST_CASE("A recorded run in which both sides stalled replays offline bit for bi
   const bool shapes = GENERATE(false, true);
   const TemporaryDirectory directory;
   const int port = free_port();
-  const Arguments physics{"--hand", HLM_WORLDS "/hands/session.toml"};
+  // It touches within half a second, so that other options would have changed what was felt.
+  std::ofstream(directory.file("push.toml")) << "after = \"hold\"\n[[segment]]\nduration = 1.0\n"
+                                                "wrench = { force = [0, 2, 0] }\n";
+  const Arguments physics{"--hand", directory.file("push.toml")};
   {
     Process haptic_server(server(port) + physics +
                           Arguments{"--record", directory.file("run.pcap")});
