@@ -6,6 +6,7 @@
 
 #include "hlm/geometry/mesh_normals.h"
 #include "hlm/geometry/mesh_pieces.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 namespace {
@@ -15,6 +16,19 @@ constexpr double kDeepInSeam = 0.0015;
 
 /// libccd's last word on pairs that overlap by metres is not worth an allocation.
 constexpr bool kMayAllocate = false;
+
+/// Work of a box that is looked at, of a piece of the bodies searched for, and of a pair.
+constexpr std::uint64_t kBoxWork = 4;
+constexpr std::uint64_t kPieceWork = 100;
+constexpr std::uint64_t kPairWork = 60;
+/// Work of a contact, besides that of finding the surface that it is on.
+constexpr std::uint64_t kContactWork = 100;
+
+/// Of a search's work what it takes to find out which pieces are near, and to look at all pairs.
+constexpr std::uint64_t kToGather = 4;  // One part in so many.
+constexpr std::uint64_t kToPair = 5;
+/// From such a part of its work on, a search is crowded.
+constexpr std::uint64_t kCrowded = 2;
 
 /// Cosine to a triangle's normal from which on a tool is pressed onto it and not onto a rim.
 constexpr double kOnFace = 0.7;
@@ -100,6 +114,7 @@ ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, May
   room_.pairs = std::min(room.pairs, count * count);
   room_.contacts = std::min(room.contacts, room_.pairs * AxesManifold::static_capacity);
   near_.reserve(room_.pairs);
+  crowded_.resize(bodies_.size(), false);
   contacts_.reserve(room_.contacts);
   merge_space_.reserve(room_.contacts);
   for (Sides* sides : {&sides_, &sides_before_}) sides->reserve(room_.pairs);
@@ -112,9 +127,27 @@ Pose ContactFinder::X_WG(const Piece& piece) const {
   return X_WB_[static_cast<std::size_t>(piece.id.body)] * piece.X_FG;
 }
 
-/// Finds the pieces of other bodies whose bounds are within ε of a piece's.
-void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon) {
+/// Finds the pieces of other bodies whose bounds are within ε of those of each piece, in the order
+/// of the pieces.
+void ContactFinder::gather(std::span<const int> bodies, const Search& search) {
+  const Work::Allowance allowance(search.work / kToGather);
   near_.clear();
+  for (const int body : bodies) {
+    for (const Piece& own : pieces_.of(body)) {
+      if (Work::is_spent()) {
+        ++cut_.pairs;
+        return;
+      }
+      find_near(own, search.epsilon);
+    }
+  }
+}
+
+/// Adds those near one piece.
+void ContactFinder::find_near(const Piece& own, double epsilon) {
+  Work::add(kPieceWork);
+  const Pose X_WG = this->X_WG(own);
+  const std::size_t first = near_.size();
   const Eigen::AlignedBox3d box_W = inflated(own.convex->bounds(X_WG), epsilon);
   const double radius = box_W.diagonal().norm() / 2;
   const Vector3 middle = box_W.center();
@@ -122,6 +155,7 @@ void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon
   for (std::size_t i = 0; i < assemblies.size(); ++i) {
     const auto [body, reach] = balls_[i];
     if (body == own.id.body) continue;
+    Work::add(kBoxWork);
     Eigen::AlignedBox3d box_F = box_W;
     Pose X_FG = X_WG;
     if (body != Assembly::kFixed) {
@@ -132,29 +166,64 @@ void ContactFinder::find_near(const Piece& own, const Pose& X_WG, double epsilon
       box_F = inflated(own.convex->bounds(X_FG), epsilon);
     }
     const Assembly& assembly = assemblies[i];
-    const auto meets = [&](const BoxTree::Box& box) { return box_F.intersects(box); };
+    const auto meets = [&](const BoxTree::Box& box) {
+      Work::add(kBoxWork);
+      return box_F.intersects(box) && !Work::is_spent();
+    };
     assembly.tree.visit(meets, [&](std::size_t place) {
       const Piece& other = *assembly.pieces[place];
       const bool is_near = other.id.body != own.id.body && meets(other.bounds_F) &&
                            !is_far_before(other, *own.convex, X_FG, epsilon);
       if (!is_near || !may_touch_(own.id, other.id)) return;
-      if (pairs_ + near_.size() < room_.pairs) {
-        near_.push_back(&other);
+      Work::add(kPairWork);
+      if (near_.size() < room_.pairs) {
+        near_.push_back({&own, &other, box_F.intersection(other.bounds_F).sizes().minCoeff()});
       } else {
         ++cut_.pairs;
       }
     });
   }
-  pairs_ += near_.size();
-  std::ranges::sort(near_, {}, &Piece::id);
+  const auto begin = near_.begin() + static_cast<std::ptrdiff_t>(first);
+  std::ranges::sort(begin, near_.end(), {}, [](const Candidate& near) { return near.other->id; });
+}
+
+void ContactFinder::sort_deepest_first() {
+  Work::add(kPairWork * near_.size());
+  std::ranges::sort(near_, [](const Candidate& x, const Candidate& y) {
+    return std::tuple(-x.overlap, x.own->id, x.other->id) <
+           std::tuple(-y.overlap, y.own->id, y.other->id);
+  });
+}
+
+/// Looks at the pairs in their order, as far as its work allows.
+void ContactFinder::add_pairs(const Search& search) {
+  const Work::Allowance allowance(search.work - search.work / kToPair);
+  const Piece* own = nullptr;
+  Pose X_WG;
+  for (std::size_t i = 0; i < near_.size(); ++i) {
+    if (std::exchange(own, near_[i].own) != near_[i].own) X_WG = this->X_WG(*near_[i].own);
+    const std::size_t first = contacts_.size();
+    add_pair(*near_[i].own, X_WG, *near_[i].other, search);
+    if (!Work::is_spent()) continue;
+    contacts_.resize(first);  // The pair's answer is of no use.
+    cut_.pairs += near_.size() - i;
+    return;
+  }
+}
+
+/// Merges what several pairs have found.
+void ContactFinder::merge() {
+  if (!std::exchange(shared_, false)) return;
+  cut_.contacts += merge_same(contacts_, pieces_, merge_space_);
 }
 
 std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
                                                   const Search& search) noexcept {
+  const std::uint64_t before = Work::done();
+  const Work::Allowance allowance(search.work);
   contacts_.clear();
   lost_ = false;
   cut_ = {};
-  pairs_ = 0;
   if (search.of_tool) {
     if (search.remembers) {
       sides_before_.swap(sides_);
@@ -168,20 +237,19 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
       pressed_before_.copy(pressed_);
     }
   }
-  for (const int body : bodies) {
-    for (const Piece& own : pieces_.of(body)) {
-      const Pose X_WG = this->X_WG(own);
-      find_near(own, X_WG, search.epsilon);
-      for (const Piece* other : near_) add_pair(own, X_WG, *other, search);
-    }
-  }
-  if (std::exchange(shared_, false)) merge_same(contacts_, pieces_, merge_space_);
+  gather(bodies, search);
+  const std::size_t first_body = bodies.empty() ? 0 : static_cast<std::size_t>(bodies.front());
+  if (crowded_[first_body]) sort_deepest_first();
+  add_pairs(search);
+  merge();
   if (search.all_axes) keep_whole_pairs(contacts_, merge_space_);
+  crowded_[first_body] = Work::done() - before > search.work / kCrowded;
   return contacts_;
 }
 
 void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& other,
                              const Search& search) {
+  Work::add(kPairWork);
   Pair pair{.own = own, .other = other, .X_WG = X_WG, .X_WO = this->X_WG(other)};
   if (stays_apart(pair, search)) return;
   const Body& body = body_of(own);
@@ -318,6 +386,7 @@ void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifol
     cut_.contacts += manifold.size();
     return;
   }
+  Work::add(kContactWork * manifold.size());
   const Piece& own = pair.own;
   const Piece& other = pair.other;
   const auto side_of = [&](const Piece& piece, SideKind kind) {

@@ -1,7 +1,9 @@
 // Which contacts are there within ε, of the tool or of a body, with all others?
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <span>
 #include <tuple>
@@ -23,11 +25,17 @@ struct FinderRoom {
   std::size_t contacts = 16384;  ///< Contacts before those of several pairs are merged.
 };
 
-/// What a search left out for want of room. A pair has all its contacts or none.
+/// What a search left out for want of room or work. A pair has all its contacts or none; of pairs
+/// that it did not get to know one is counted.
 struct FinderCut {
   std::size_t pairs = 0;
   std::size_t contacts = 0;
   bool operator==(const FinderCut&) const = default;
+  FinderCut& operator+=(const FinderCut& other) noexcept {
+    pairs += other.pairs;
+    contacts += other.contacts;
+    return *this;
+  }
 };
 
 /// Shapes once, poses whenever they change. A body is a link of a tool or one of the world's.
@@ -52,6 +60,9 @@ class ContactFinder {
     bool keeps_all_sides = false;
     /// Whether the sides are kept for the next search.
     bool remembers = true;
+    /// Work that it may do. Where a search of the same bodies has come near to it, the next one
+    /// begins with the pairs that may be deepest.
+    std::uint64_t work = std::numeric_limits<std::uint64_t>::max();
     /// How far a point of a link, now at p_W, is about to move, m; empty: not at all.
     std::function<Vector3(int link, const Vector3& p_W)> travel_W = {};
   };
@@ -91,6 +102,13 @@ class ContactFinder {
     KnownSeparation known = {};
   };
 
+  /// Pieces whose bounds are near each other.
+  struct Candidate {
+    const Piece* own;
+    const Piece* other;
+    double overlap = 0;  ///< Of the bounds, m, at most.
+  };
+
   /// About an assembly's origin, around all of it.
   struct Ball {
     int body;      ///< Assembly::body.
@@ -100,7 +118,11 @@ class ContactFinder {
   const Body& body_of(const Piece& piece) const {
     return bodies_[static_cast<std::size_t>(piece.id.body)];
   }
-  void find_near(const Piece& own, const Pose& X_WG, double epsilon);
+  void gather(std::span<const int> bodies, const Search& search);
+  void find_near(const Piece& own, double epsilon);
+  void sort_deepest_first();
+  void add_pairs(const Search& search);
+  void merge();
   void add_pair(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
   bool stays_apart(const Pair& pair, const Search& search);
   bool is_inside(const Pair& pair, const FoundContact& contact) const;
@@ -126,8 +148,8 @@ class ContactFinder {
   std::vector<Ball> balls_;  ///< In the order of the assemblies.
   FinderRoom room_;
   FinderCut cut_;
-  std::size_t pairs_ = 0;  ///< Pairs of this search so far.
-  std::vector<const Piece*> near_;
+  std::vector<Candidate> near_;
+  std::vector<bool> crowded_;  ///< By the first body of a search: it came near to its work.
   std::vector<FoundContact> contacts_;
   MergeSpace merge_space_;
   bool shared_ = false;  ///< Whether pieces may have found the same contact.

@@ -12,6 +12,7 @@
 #include "hlm/common/range.h"
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/tolerances.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 namespace {
@@ -32,6 +33,8 @@ constexpr std::size_t kFewVertices = 6;
 /// starting at the farthest of the first kClimbStarts. With fewer, looking at all is faster.
 constexpr std::size_t kClimbFrom = 128;
 constexpr std::size_t kClimbStarts = 16;
+/// Work of a vertex or face that is looked at.
+constexpr std::uint64_t kVertexWork = 1;
 
 Feature vertex(std::size_t index) {
   return {FeatureKind::kVertex, 0, static_cast<std::uint16_t>(index)};
@@ -218,12 +221,17 @@ std::size_t Convex::farthest_of_first(std::size_t count, const Vector3& directio
 }
 
 std::size_t Convex::support_vertex(const Vector3& direction) const noexcept {
-  if (neighbours_.empty()) return farthest_of_first(vertices_.size(), direction);
+  if (neighbours_.empty()) {
+    Work::add(kVertexWork * vertices_.size());
+    return farthest_of_first(vertices_.size(), direction);
+  }
+  std::uint64_t looked_at = kClimbStarts;
   std::size_t best = farthest_of_first(kClimbStarts, direction);
   double farthest = vertices_[best].dot(direction);
   for (bool higher = true; higher;) {
     higher = false;
     const std::uint32_t end = first_neighbour_[best + 1];
+    looked_at += end - first_neighbour_[best];
     for (std::uint32_t i = first_neighbour_[best]; i < end; ++i) {
       const double along = vertices_[neighbours_[i]].dot(direction);
       if (along <= farthest) continue;
@@ -232,6 +240,7 @@ std::size_t Convex::support_vertex(const Vector3& direction) const noexcept {
       higher = true;
     }
   }
+  Work::add(kVertexWork * looked_at);
   return best;
 }
 
@@ -276,6 +285,7 @@ Vector3 Convex::support_rate(const Vector3& direction, const Vector3& turn) cons
 }
 
 Patch Convex::facing(const Vector3& direction) const {
+  Work::add(kVertexWork * faces_.size());
   if (faces_.empty()) {
     if (is_half_space()) return {.corners = {}, .feature = face(0), .normal = face_normals_[0]};
     return edge_facing(direction);

@@ -3,6 +3,7 @@
 
 #include "hlm/geometry/convex.h"
 #include "hlm/geometry/tolerances.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 
@@ -33,6 +34,8 @@ struct CorePair {
   /// Gap between the cores as seen along the unit normal n_B, m, negative if they overlap there.
   /// No normal has one larger than the cores' signed distance; one normal has one equal to that.
   double gap(const Vector3& n_B) const noexcept {
+    constexpr std::uint64_t kGapWork = 15;
+    Work::add(kGapWork);
     return n_B.dot(tool_support(-n_B) - body_support(n_B));
   }
 };

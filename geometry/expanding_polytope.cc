@@ -6,6 +6,7 @@
 
 #include "hlm/common/static_vector.h"
 #include "hlm/geometry/tolerances.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 namespace {
@@ -18,6 +19,8 @@ constexpr std::size_t kMaxPoints = 1024;
 /// promised. Pairs of shapes that are seen every day take less than a hundredth.
 constexpr std::size_t kMostWork = 2'000'000;
 constexpr std::size_t kMaxFaces = 2 * kMaxPoints;
+/// Work of a point that is added, besides that of the faces and edges looked at.
+constexpr std::uint64_t kPointWork = 100;
 
 using Index = std::uint16_t;
 
@@ -90,6 +93,7 @@ class Polytope {
   /// The hull of the polytope and p, which is not inside. False if rounding or room prevents it.
   bool add(const Vector3& p) noexcept {
     work_ += 2 * faces_.size();  // Here, and to find the nearest.
+    Work::add(kPointWork + 2 * faces_.size());
     if (points_.size() == kMaxPoints) return false;
     border_.clear();
     for (std::size_t i = 0; i < faces_.size();) {
@@ -122,6 +126,7 @@ class Polytope {
         ++at;
       }
       work_ += at;
+      Work::add(at);
       if (at < border_.size()) {
         border_[at] = border_.back();
         border_.pop_back();
@@ -170,7 +175,7 @@ std::optional<CoreSeparation> expanding_polytope(const CorePair& pair, const Vec
     }
     if (farthest - face.offset <= narrow::kLength || best.upper - best.gap <= tolerance)
       return best;
-    too_long = polytope.work() > kMostWork && best.gap < -narrow::kDeepest;
+    too_long = Work::is_spent() || (polytope.work() > kMostWork && best.gap < -narrow::kDeepest);
     if (too_long || !polytope.add(p)) return best;
   }
 }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "hlm/geometry/tolerances.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 namespace {
@@ -15,6 +16,8 @@ namespace {
 /// Polytopes need about 10 iterations, cylinders about 40. What is not done by then is judged by
 /// its bounds.
 constexpr int kMaxIterations = 128;
+/// Work of one, besides that of the supports of hulls.
+constexpr std::uint64_t kIterationWork = 80;
 
 /// A point of the Minkowski difference tool - body, and the two points that it comes from.
 struct SimplexPoint {
@@ -180,6 +183,7 @@ class Finish {
   bool run(Vector3 n, ClosestPoints& answer) {
     if (!known_ || (tool_.is_segment && body_.is_segment && !cross(n))) return false;
     for (int step = 0; step < kMaxSteps; ++step) {
+      Work::add(kIterationWork);
       for (const Carrier* carrier : {&tool_, &body_}) {
         if (!carrier->is_segment) continue;
         const Vector3 e = carrier->along();
@@ -315,6 +319,7 @@ ClosestPoints closest_points(const CorePair& pair, double beyond, Vector3 v) noe
   const bool curved = !pair.tool.is_polytope() || !pair.body.is_polytope();
   double finish_from = narrow::kNewtonFrom;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    Work::add(kIterationWork);
     const Vector3 n_B = v.normalized();
     const Vector3 p_tool = pair.tool_support(-v);
     const Vector3 p_body = pair.body_support(v);

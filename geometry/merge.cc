@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "hlm/geometry/manifold.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 namespace {
@@ -12,6 +13,8 @@ namespace {
 constexpr double kSamePlane = 0.02;
 /// Separations that differ by less, m, are equal: the first pair keeps the contact.
 constexpr double kRounding = 1e-9;
+/// Work of two contacts that are compared.
+constexpr std::uint64_t kCompared = 4;
 
 bool is_beside(const FoundContact& contact) { return (contact.key.face & kBeside) != 0; }
 
@@ -32,11 +35,18 @@ bool are_same(const FoundContact& x, const FoundContact& y, const Pieces& pieces
 
 }  // namespace
 
-void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces, MergeSpace& space) {
+std::size_t merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces,
+                       MergeSpace& space) {
   std::vector<FoundContact>& kept = space.contacts;
   kept.clear();
+  std::size_t cut = 0;
+  const auto has_time = [&] {
+    Work::add(kCompared * (1 + kept.size()));
+    if (Work::is_spent()) ++cut;
+    return !Work::is_spent();
+  };
   for (const FoundContact& contact : contacts) {
-    if (contact.axis > 0 || is_beside(contact)) continue;
+    if (contact.axis > 0 || is_beside(contact) || !has_time()) continue;
     const auto known = std::ranges::find_if(
         kept, [&](const FoundContact& other) { return are_same(other, contact, pieces); });
     if (known == kept.end()) {
@@ -47,7 +57,7 @@ void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces, Merge
   }
   const std::size_t over = kept.size();
   for (const FoundContact& contact : contacts) {
-    if (contact.axis > 0 || !is_beside(contact)) continue;
+    if (contact.axis > 0 || !is_beside(contact) || !has_time()) continue;
     const auto end = kept.begin() + static_cast<std::ptrdiff_t>(over);
     if (std::none_of(kept.begin(), end,
                      [&](const FoundContact& other) { return are_same(other, contact, pieces); })) {
@@ -58,6 +68,7 @@ void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces, Merge
     if (contact.axis > 0) kept.push_back(contact);
   }
   contacts.swap(kept);
+  return cut;
 }
 
 void keep_whole_pairs(std::vector<FoundContact>& contacts, MergeSpace& space) {

@@ -24,8 +24,10 @@ struct MergeSpace {
 
 /// Keeps, of the contacts that several pairs have with the same feature in the same place, the one
 /// of the smallest separation, and one over its piece rather than those next to theirs. First come
-/// those on the best axes, then the others, which all stay.
-void merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces, MergeSpace& space);
+/// those on the best axes, then the others, which all stay. Where the work is spent (Work) it drops
+/// what is left on the best axes; returns how many contacts that were.
+std::size_t merge_same(std::vector<FoundContact>& contacts, const Pieces& pieces,
+                       MergeSpace& space);
 
 /// Leaves no contacts on other axes of a pair whose best one has none: they would act alone. One
 /// with the key of a contact on a best axis, which has it from a surface of several pieces, gets

@@ -389,6 +389,7 @@ PiecesAtPoint pieces_at(const Piece& piece, const Vector3& p_F) {
   const double first = p_F.x() - kNeighbourhood - piece.widest;
   for (auto other = std::ranges::lower_bound(piece.adjoining, first, {}, from);
        other != piece.adjoining.end() && from(*other) <= p_F.x() + kNeighbourhood; ++other) {
+    Work::add(kSideWork);
     if (found.size() < found.capacity() && contains(**other, p_F, kNeighbourhood)) {
       found.push_back(*other);
     }

@@ -18,6 +18,7 @@
 #include "hlm/geometry/convex.h"
 #include "hlm/geometry/feature.h"
 #include "hlm/geometry/mesh.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 
@@ -85,15 +86,23 @@ bool is_surface(const Piece& piece, const PieceSide& side);
 /// Of a curved surface the part that looks to the point.
 std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F);
 
+/// Work of a plane side, and how many of them a curved side takes the time of.
+inline constexpr std::uint64_t kSideWork = 3;
+inline constexpr std::uint64_t kCurvedSides = 30;
+
 /// Calls `use(side)` for the sides that bound a piece, until it returns false: the planes of
 /// its faces, then its curved_side().
 template <class Use>
 void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
   for (std::size_t i = 0; i < piece.planes.size(); ++i) {
     const auto& [n_F, offset] = piece.planes[i];
-    if (!use(PieceSide{n_F, n_F.dot(p_F) - offset, i})) return;
+    if (!use(PieceSide{n_F, n_F.dot(p_F) - offset, i})) return Work::add(kSideWork * (i + 1));
   }
-  if (const auto side = curved_side(piece, p_F)) use(*side);
+  Work::add(kSideWork * piece.planes.size());
+  if (const auto side = curved_side(piece, p_F)) {
+    Work::add(kSideWork * kCurvedSides);
+    use(*side);
+  }
 }
 
 /// A point, or about the nearest to it in a piece.

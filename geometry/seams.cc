@@ -6,6 +6,7 @@
 #include <span>
 
 #include "hlm/geometry/surface_normal.h"
+#include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
 namespace {
@@ -145,7 +146,7 @@ bool Resolver::is_on_surface(std::span<const Meeting> set) const {
   const auto is_on = [&](const Vector3& at) { return is_on_surface(n, at + outwards); };
   Vector3 middle = Vector3::Zero();
   for (const Meeting& meeting : set) {
-    if (is_on(meeting.at)) return true;
+    if (is_on(meeting.at) || Work::is_spent()) return true;
     middle += meeting.at / static_cast<double>(set.size());
   }
   return set.size() > 1 && is_on(middle);
@@ -197,7 +198,7 @@ Border Resolver::border_at(const Meeting& meeting, const Vector3& n,
   for (const PieceSide& side : sides_at(own_, meeting.at, kSeamGap)) {
     const Vector3 out = across(side.n_F, n);
     const bool is_face_itself = out.squaredNorm() < kOfFace * kOfFace;
-    if (is_face_itself || side.height < -kSeamStep) continue;
+    if (is_face_itself || side.height < -kSeamStep || Work::is_spent()) continue;
     const Vector3 step = kSeamGap * out.normalized();
     const Vector3 ahead = meeting.at + step;
     if (on_surface(ahead, &own_) && !is_covered(ahead + kSeamGap * n, own_, pieces) &&
@@ -341,7 +342,7 @@ Vector3 Resolver::keep_best(std::span<Meeting> set, bool real,
                             std::vector<FoundContact>& contacts) {
   Vector3 n = Vector3::Zero();
   for (Meeting& meeting : set) {
-    if (!real && !put_on_surface(meeting)) continue;
+    if (Work::is_spent() || (!real && !put_on_surface(meeting))) continue;
     if (is_behind_skin(meeting)) continue;
     // Outermost points tell of a gap, not of where the tool stands.
     if (meeting.contact.axis > 0 && !contains(own_, meeting.at, kSeamGap)) continue;

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <optional>
 
+#include "hlm/geometry/work.h"
+
 namespace hlm::geometry {
 namespace {
 
@@ -95,7 +97,7 @@ bool is_open(const Vector3& p_F, const Vector3& n_F, const Piece& own,
       if (out.squaredNorm() > kParallel && beyond > 0) foot -= beyond * out.normalized();
       return true;
     });
-    if ((foot - p_F).squaredNorm() > kFarthest * kFarthest) return false;
+    if ((foot - p_F).squaredNorm() > kFarthest * kFarthest || Work::is_spent()) return false;
     const Piece* deepest = nullptr;
     double depth = kBallOverlap;
     const Vector3 center = foot + kBallRadius * n_F;
@@ -232,7 +234,7 @@ Vector3 surface_normal(const Vector3& n, const Vector3& p_F, const PiecesAtPoint
   Normals normals;
   for (const Piece* piece : pieces) {
     add_open_normals(*piece, p_F, pieces, normals);
-    if (has(normals, n)) return n;  // Mostly of the first piece.
+    if (has(normals, n) || Work::is_spent()) return n;  // Mostly of the first piece.
     if (piece == pieces.front() && is_far_from_all(n, p_F, pieces)) return Vector3::Zero();
   }
   if (normals.size() == normals.capacity()) return n;  // There may be more: a tip of many faces.

@@ -79,6 +79,12 @@ class LocalModel {
   /// there is none. Its bodies are where the latest update said.
   void set_scene(Scene* scene) noexcept;
   const Scene* scene() const noexcept { return scene_; }
+  /// What would be left out of a scene whose contacts were searched for now: more than a tick has
+  /// time for.
+  geometry::FinderCut try_scene(Scene& scene) noexcept;
+  /// What the latest search for contacts in the scene left out. Loaded ones that it may have missed
+  /// stay as planes.
+  const geometry::FinderCut& cut() const noexcept { return cut_; }
   /// There is no scene from here on, but the contacts found in it stay, as planes, until the next
   /// update or set_scene().
   void keep_contacts() noexcept;
@@ -136,6 +142,10 @@ class LocalModel {
   const ToolModel& ve_tool() const noexcept { return ve_tool_; }
 
  private:
+  /// Share of the work of a search that the tool has; bodies have the rest. The tool is what is
+  /// felt.
+  static constexpr double kWorkOfTool = 0.6;
+
   LocalContacts& present() noexcept { return contacts_[current_].acting; }
   LocalContacts& present_supports() noexcept { return supports_[current_]; }
   UpdatePolicy policy() const noexcept;
@@ -156,13 +166,16 @@ class LocalModel {
   void look_around() noexcept;
   void meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
                  MetContacts& met) noexcept;
-  void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing,
+  void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,
                    MetContacts& met) noexcept;
   void meet(std::span<const geometry::FoundContact> found, const LocalBodies& bodies,
             MetContacts& met) const noexcept;
+  /// Of searching, as a share of what a tick allows.
+  std::uint64_t work_in_tick(double share) const noexcept;
   double fastest_body(const LocalBodies& bodies) const noexcept;
-  double margin(double speed, const LocalContacts& contacts) const noexcept;
-  void replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept;
+  double margin(double speed, const LocalContacts& contacts, double dt) const noexcept;
+  void replay(LocalBodies& bodies, double from) noexcept;
+  void look_along(LocalBodies& bodies, double dt) noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
   void compare_with_reports(const LocalBodies& updated, double time) noexcept;
   double damping_on(const LocalBody& body) const noexcept;
@@ -209,6 +222,7 @@ class LocalModel {
   Scene* scene_ = nullptr;
   StaticVector<NearBody, kMaxPoses> near_bodies_;
   GeometryChange change_;        ///< Since its contacts were found.
+  geometry::FinderCut cut_;      ///< Of tool and bodies.
   bool looked_ = false;          ///< They are those of the present poses.
   bool keeps_contacts_ = false;  ///< They are those of the scene that was.
 };

@@ -14,6 +14,11 @@ constexpr double kLeastMargin = 1e-3;
 /// Largest margin, m: what is faster is no hand's.
 constexpr double kLargestMargin = 0.05;
 
+/// Work in a second of searching for contacts (geometry::Work): half of each tick on the slowest
+/// machine that is meant. More: ticks are late where much overlaps. Less: contacts are cut that a
+/// tick has the time for.
+constexpr double kWorkPerSecond = 0.5e9;
+
 /// Of something whose origin has that twist, and which reaches so far from it, m.
 double speed(const Twist& V, double reach) noexcept {
   return V.head<3>().norm() + reach * V.tail<3>().norm();
@@ -52,6 +57,23 @@ void LocalModel::set_scene(Scene* scene) noexcept {
   for (const NearBody& body : near_bodies_) {
     scene_->place({SideKind::kMovableBody, body.pose.body}, body.pose.X_WB);
   }
+}
+
+/// Where tool and bodies are now, without taking anything of it.
+geometry::FinderCut LocalModel::try_scene(Scene& scene) noexcept {
+  Scene* const in_force = std::exchange(scene_, &scene);
+  const geometry::FinderCut before = std::exchange(cut_, {});
+  for (const NearBody& body : near_bodies_) {
+    scene.place({SideKind::kMovableBody, body.pose.body}, body.pose.X_WB);
+  }
+  place_scene(bodies_);
+  MetContacts met;
+  meet_tool(bodies_, contacts(), met);
+  met.clear();
+  meet_bodies(bodies_, supports(), dt_, met);
+  scene.forget();
+  scene_ = in_force;
+  return std::exchange(cut_, before);
 }
 
 void LocalModel::keep_contacts() noexcept {
@@ -128,14 +150,14 @@ void LocalModel::advance_near_bodies() noexcept {
   for (NearBody& body : near_bodies_) advance(body.pose, dt_);
 }
 
-/// How far contacts are looked for, m, of something of that speed, m/s, which has those `contacts`:
-/// deformed ones carry load where nothing touches.
-double LocalModel::margin(double speed, const LocalContacts& contacts) const noexcept {
+/// How far contacts are looked for, m, of something of that speed, m/s, that moves on by steps of
+/// dt, s, and has those `contacts`: deformed ones carry load where nothing touches.
+double LocalModel::margin(double speed, const LocalContacts& contacts, double dt) const noexcept {
   double open = 0;
   for (const LocalContact& contact : contacts) {
     if (contact.of_scene) open = std::max(open, -contact.deformation.delta);
   }
-  return std::min(open + kLeastMargin + kMarginSteps * speed * dt_, kLargestMargin);
+  return std::min(open + kLeastMargin + kMarginSteps * speed * dt, kLargestMargin);
 }
 
 /// Speed of the fastest point of all bodies, m/s.
@@ -159,31 +181,43 @@ void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& exist
     const double reach = scene_->reach({SideKind::kToolLink, static_cast<std::uint32_t>(link)});
     fastest = std::max(fastest, speed(V, reach));
   }
-  const double epsilon = margin(fastest + fastest_body(bodies), existing);
-  meet(scene_->of_tool(epsilon), bodies, met);
+  const double epsilon = margin(fastest + fastest_body(bodies), existing, dt_);
+  meet(scene_->of_tool(epsilon, work_in_tick(kWorkOfTool)), bodies, met);
+  cut_ += scene_->cut();
   sort_met(met);
 }
 
-void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& existing,
+void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,
                              MetContacts& met) noexcept {
-  const double epsilon = margin(2 * fastest_body(bodies), existing);
-  for (const LocalBody& body : bodies) meet(scene_->of_body(body.id, epsilon), bodies, met);
+  const double epsilon = margin(2 * fastest_body(bodies), existing, dt);
+  const double share =
+      (1 - kWorkOfTool) / static_cast<double>(std::max<std::size_t>(1, bodies.size()));
+  for (const LocalBody& body : bodies) {
+    meet(scene_->of_body(body.id, epsilon, work_in_tick(share)), bodies, met);
+    cut_ += scene_->cut();
+  }
   sort_met(met);
+}
+
+std::uint64_t LocalModel::work_in_tick(double share) const noexcept {
+  return static_cast<std::uint64_t>(share * kWorkPerSecond * dt_);
 }
 
 /// The contacts of the scene where tool and bodies are now.
 void LocalModel::look_around() noexcept {
-  const GeometryChange change = std::exchange(change_, {});
+  GeometryChange change = std::exchange(change_, {});
   if (looked_ || (scene_ == nullptr && !change.of_all)) return;
   looked_ = true;
+  cut_ = {};
   MetContacts met;
   MetContacts met_by_bodies;
   if (scene_ != nullptr) {
     place_scene(bodies_);
     scene_->forget();
     meet_tool(bodies_, contacts(), met);
-    meet_bodies(bodies_, supports(), met_by_bodies);
+    meet_bodies(bodies_, supports(), dt_, met_by_bodies);
   }
+  change.is_known_in_part = cut_ != geometry::FinderCut{};
   const FramePoses poses = poses_of(proxy_, bodies_);
   UpdateFrames frames{.tool = proxy_, .bodies = bodies_, .reported = poses, .before = poses};
   frames.now = poses;
@@ -206,19 +240,38 @@ void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFr
                                          const LocalBodies& bodies) noexcept {
   if (scene_ == nullptr) return;
   change_.of_bodies = true;
+  cut_ = {};
   MetContacts met;
   place_scene(bodies);
   scene_->forget();
-  meet_bodies(bodies, existing, met);
+  meet_bodies(bodies, existing, dt_, met);
   frames.now = frames.reported;
   renew_supports(existing, met, frames, change_, present_supports());
+  sort_by_identity(present_supports());
+}
+
+/// The same while bodies are brought from there to the present, in steps of dt, s: a body that runs
+/// into another on the way meets it there, and not deep in it afterwards.
+void LocalModel::look_along(LocalBodies& bodies, double dt) noexcept {
+  if (scene_ == nullptr) return;
+  MetContacts met;
+  place_scene(bodies);
+  scene_->forget();
+  meet_bodies(bodies, supports(), dt, met);
+  const FramePoses poses = poses_of(proxy_, bodies);
+  UpdateFrames frames{.tool = proxy_, .bodies = bodies, .reported = poses, .before = poses};
+  frames.now = poses;
+  const LocalContacts existing = supports();
+  copy_reported(existing, present_supports());
+  renew_supports(existing, met, frames, {.is_known_in_part = cut_ != geometry::FinderCut{}},
+                 present_supports());
   sort_by_identity(present_supports());
 }
 
 /// Those of the tool, with bodies where they are now.
 void LocalModel::adopt_contacts_of_scene(const LocalContacts& existing, const UpdateFrames& frames,
                                          const LocalBodies& bodies) noexcept {
-  const GeometryChange change = std::exchange(change_, {});
+  GeometryChange change = std::exchange(change_, {});
   if (scene_ == nullptr && !change.of_all) return;
   MetContacts met;
   if (scene_ != nullptr) {
@@ -226,6 +279,7 @@ void LocalModel::adopt_contacts_of_scene(const LocalContacts& existing, const Up
     scene_->forget();
     meet_tool(bodies, existing, met);
   }
+  change.is_known_in_part = cut_ != geometry::FinderCut{};
   fill_tank(renew_contacts(existing, met, frames, change, policy(), contacts_[current_]));
   sort_by_identity(present());
   looked_ = true;

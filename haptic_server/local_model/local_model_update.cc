@@ -3,6 +3,7 @@
 #include <cmath>
 #include <optional>
 
+#include "hlm/geometry/work.h"
 #include "hlm/local_model/body_friction.h"
 #include "hlm/local_model/local_model.h"
 
@@ -14,6 +15,8 @@ constexpr double kLongestCorrection = 0.1;
 /// Most steps in which an update with one body is brought to the present; longer loops take longer
 /// steps, and so do more bodies: the time of a tick bounds both.
 constexpr std::uint64_t kReplaySteps = 40;
+/// The same where so much overlaps that contacts are left out.
+constexpr std::uint64_t kReplayStepsInCrowd = 4;
 
 /// Time from one update to the next, as a multiple of what is usual, up to which none between is
 /// lost; what is usual may rise by so much in each.
@@ -70,7 +73,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   adopt_supports_of_scene(existing_supports, frames, bodies);
   scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
   const LocalBodies reported = bodies;
-  replay(bodies, present_supports(), state_step);
+  replay(bodies, state_step);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].is_plausible()) bodies[i].hold(reported[i].X_WB);
   }
@@ -108,8 +111,8 @@ void LocalModel::release_bodies() noexcept {
 }
 
 /// Brings bodies and their own contacts from the world step that an update is about to the present,
-/// under the impulses that came since.
-void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double from) const noexcept {
+/// under the impulses that came since. What they meet on the way is looked for in each step.
+void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
   if (bodies.empty()) return;
   const std::uint64_t now = impulses_.world_step();
   const double start =
@@ -119,8 +122,10 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
   }
   std::uint64_t done = whole_steps(start);
   double into_step = start - static_cast<double>(done);
-  const std::uint64_t most = std::max<std::uint64_t>(8, 2 * kReplaySteps / (1 + bodies.size()));
+  std::uint64_t most = std::max<std::uint64_t>(8, 2 * kReplaySteps / (1 + bodies.size()));
+  if (cut_ != geometry::FinderCut{}) most = kReplayStepsInCrowd;
   const std::uint64_t stride = (now - done + most - 1) / most;
+  const geometry::Work::Allowance allowance(work_in_tick(1 - kWorkOfTool));
   while (done < now) {
     const std::uint64_t next = std::min(done + stride, now);
     const double dt = (static_cast<double>(next - done) - into_step) * dt_;
@@ -129,6 +134,8 @@ void LocalModel::replay(LocalBodies& bodies, LocalContacts& supports, double fro
       const Vector6 P = impulses_.between(body.slot, done, next);
       body.V_W += body.B * body.B.transpose().lazyProduct(P);
     }
+    look_along(bodies, dt);
+    LocalContacts& supports = present_supports();
     const FrameMotions frames(proxy_, nullptr, bodies, dt);
     evaluate_contacts(supports, frames);
     const ContactGroup group{supports, support_law(dt, 1)};

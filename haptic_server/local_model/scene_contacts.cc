@@ -201,6 +201,10 @@ double renew_contacts(const LocalContacts& existing, const MetContacts& met,
   }
   LocalContacts orphans;
   succession.for_each_gone([&](const LocalContact& contact) {
+    if (change.keeps(contact)) {
+      if (updated.acting.size() < updated.acting.capacity()) updated.acting.push_back(contact);
+      return;
+    }
     // By motion over the geometry alone only what is not deformed may go.
     if (!change.concerns(contact) && contact.deformation.delta == 0) return;
     if (const auto left = released(contact, frames, policy)) orphans.push_back(*left);
@@ -233,6 +237,9 @@ void renew_supports(const LocalContacts& existing, const MetContacts& met,
     }
     set_delta(contact, frames.now, sigma, s - sigma);
   }
+  succession.for_each_gone([&](const LocalContact& contact) {
+    if (change.keeps(contact) && updated.size() < updated.capacity()) updated.push_back(contact);
+  });
 }
 
 }  // namespace hlm::server

@@ -30,7 +30,13 @@ void sort_met(MetContacts& met) noexcept;
 struct GeometryChange {
   bool of_bodies = false;  ///< Poses of bodies were corrected,
   bool of_all = false;     ///< or the scene is another one.
+  /// A search was cut: what it did not find may be there still.
+  bool is_known_in_part = false;
 
+  /// Whether a contact that was not met stays as it was, as a plane.
+  bool keeps(const LocalContact& contact) const noexcept {
+    return is_known_in_part && contact.latest.loaded && !concerns(contact);
+  }
   bool concerns(const LocalContact& contact) const noexcept {
     const auto is_body = [](const ContactSide& side) {
       return side.kind == SideKind::kMovableBody;

@@ -30,6 +30,7 @@ void EventLog::observe(const TickRecord& record) {
     observe_refusals(record);
   }
   if (renders_force(record.server)) observe_health(record);
+  observe_left_out(record);
   state_ = record.server;
   fade_ = record.fade;
   session_ = record.session;
@@ -60,6 +61,16 @@ void EventLog::observe_scene(const TickRecord& record) const {
               "no scene any more: its contacts took more time than a tick has; the client's own "
               "come in their place");
   }
+}
+
+void EventLog::observe_left_out(const TickRecord& record) {
+  if (record.left_out == 0 || record.time < next_left_out_) return;
+  log_event(
+      now_, record, spdlog::level::warn,
+      fmt::format("so much overlaps near the tool that a tick has no time for {} pairs of pieces "
+                  "or contacts: the deepest come first",
+                  record.left_out));
+  next_left_out_ = record.time + kLeftOutPeriod;
 }
 
 void EventLog::observe_health(const TickRecord& record) {

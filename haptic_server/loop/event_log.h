@@ -22,19 +22,23 @@ class EventLog {
   void observe_state(const TickRecord& record) const;
   void observe_health(const TickRecord& record);
   void observe_refusals(const TickRecord& record);
+  void observe_left_out(const TickRecord& record);
 
   /// Between two lines on the device's health, s: it can change with every tick, and a reader that
   /// is slow to take the lines would stop the log.
   static constexpr double kHealthPeriod = 1;
   /// The same for lines on refused updates.
   static constexpr double kRefusalPeriod = 1;
+  /// And for lines on what a tick has not the time for.
+  static constexpr double kLeftOutPeriod = 10;
 
   ServerClock now_;
   ServerState state_ = ServerState::kOff;
   DeviceHealth health_ = DeviceHealth::kGood;
   Fade fade_ = Fade::kNone;
-  double next_refusal_ = 0;  ///< s.
-  double next_health_ = 0;   ///< When a line on it may come, s.
+  double next_refusal_ = 0;   ///< s.
+  double next_left_out_ = 0;  ///< s.
+  double next_health_ = 0;    ///< When a line on it may come, s.
   std::uint64_t session_ = 0;
   std::uint32_t scene_ = 0;
   bool open_ = false;

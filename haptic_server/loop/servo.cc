@@ -29,6 +29,7 @@ constexpr double kLongestUnguarded = 0.5;
 constexpr const char* kUnguarded =
     "the process that guards its motors is gone or stopped: restart the server";
 
+constexpr const char* kSlowScene = "a scene whose contacts could not be found in time";
 constexpr const char* kNotFinite = "a number of its state is not finite";
 
 /// Time that ticks with a scene may take beyond their period, s, less what others leave of theirs:
@@ -98,6 +99,8 @@ const TickRecord& Servo::tick(const Timing& timing) noexcept {
     record_.scene = scenes_->number();
     record_.placements = static_cast<std::uint32_t>(scene_->shapes());
     record_.pieces = static_cast<std::uint32_t>(scene_->pieces());
+    record_.left_out =
+        static_cast<std::uint32_t>(local_model_->cut().pairs + local_model_->cut().contacts);
   }
   record_.missing_freedoms = missing_freedoms_;
   record_.lowered = lowered_;
@@ -200,15 +203,21 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
 /// which there is not the time goes.
 void Servo::load_scene(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept {
   late_ = has_scene() ? std::max(0.0, late_ + timing.previous_execution - dt_) : 0;
-  if (late_ > kLongestLate) scenes_->drop();
+  if (late_ > kLongestLate) scenes_->drop({});
   if (inbox.scene) {
     const std::size_t taken = session_.take_scene(
         [this](std::span<const std::byte> bytes) { return scenes_->take(bytes); });
     scene_exchange_.chunks = static_cast<std::uint32_t>(taken);
   }
-  const bool had_scene = scene_ != nullptr;
-  scene_ = scenes_->poll();
-  if (had_scene && scene_ == nullptr) keeps_contacts_ = kLongestKept;
+  Scene* const before = std::exchange(scene_, scenes_->poll());
+  if (scene_ != nullptr && scene_ != before && local_model_) {
+    const geometry::FinderCut left_out = local_model_->try_scene(*scene_);
+    if (left_out != geometry::FinderCut{}) {
+      scenes_->drop(left_out);
+      scene_ = nullptr;
+    }
+  }
+  if (before != nullptr && scene_ == nullptr) keeps_contacts_ = kLongestKept;
   scene_exchange_.number = scenes_->number();
   use_scene(counts_on_scene_);
 }
@@ -259,7 +268,11 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   if (inbox.goodbye) machine_.end();
   machine_.tick(limiter_.level(), 1 + timing.missed);
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
-    fail(Fault::kOverrun);
+    const double gap = static_cast<double>(timing.missed) * dt_;
+    const bool by_scene = has_scene() && local_model_->cut() != geometry::FinderCut{} &&
+                          timing.previous_execution >= gap;
+    fail(by_scene ? Fault::kImplausible : Fault::kOverrun);
+    if (by_scene) cause_ = kSlowScene;
   }
   const bool counts = unguarded_ && machine_.simulates();
   unguarded_time_ = counts ? unguarded_time_ + static_cast<double>(1 + timing.missed) * dt_ : 0;

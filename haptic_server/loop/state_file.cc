@@ -39,7 +39,10 @@ json drops(const TickRecord& record) {
 }
 
 json scene_json(const TickRecord& record) {
-  return {{"number", record.scene}, {"placements", record.placements}, {"pieces", record.pieces}};
+  return {{"number", record.scene},
+          {"placements", record.placements},
+          {"pieces", record.pieces},
+          {"left_out", record.left_out}};
 }
 
 json chain_json(const protocol::ForceFacts& facts) {

@@ -25,7 +25,10 @@ std::string state(const TickRecord& record) {
 
 std::string scene(const TickRecord& r) {
   if (r.scene == 0) return "";
-  return fmt::format(" | scene {}: {} placements, {} pieces", r.scene, r.placements, r.pieces);
+  std::string text =
+      fmt::format(" | scene {}: {} placements, {} pieces", r.scene, r.placements, r.pieces);
+  if (r.left_out > 0) text += fmt::format(", {} left out", r.left_out);
+  return text;
 }
 
 }  // namespace

@@ -41,6 +41,7 @@ constexpr void visit_signals(Visit&& visit) {
   visit("scene", &TickRecord::scene, kPlain);
   visit("scene_placements", &TickRecord::placements, kPlain);
   visit("scene_pieces", &TickRecord::pieces, kPlain);
+  visit("scene_left_out", &TickRecord::left_out, kPlain);
   visit("adopted", &TickRecord::adopted, kPlain);
   visit("age", &TickRecord::age, kSeconds);
   visit("lateness", &TickRecord::lateness, kSeconds);

@@ -44,13 +44,14 @@ struct TickRecord {
   std::uint32_t scene = 0;         ///< Number of the scene in force; 0 none.
   std::uint32_t placements = 0;    ///< Shapes in that scene,
   std::uint32_t pieces = 0;        ///< and the convex pieces of which they are made.
-  std::uint64_t adopted = 0;       ///< Sequence of the update adopted in this tick, or 0.
-  double age = 0;                  ///< Age attributed to it, s.
-  double lateness = 0;             ///< Wake-up after the scheduled time, s.
-  double execution = 0;            ///< Time from wake-up to the end of the tick, s.
-  std::uint64_t overruns = 0;      ///< Missed periods since the server started.
-  std::uint64_t datagrams = 0;     ///< Datagrams received since the server started.
-  std::uint64_t dropped = 0;       ///< Datagrams dropped of those.
+  std::uint32_t left_out = 0;   ///< Pairs of these and contacts for which there was not the time.
+  std::uint64_t adopted = 0;    ///< Sequence of the update adopted in this tick, or 0.
+  double age = 0;               ///< Age attributed to it, s.
+  double lateness = 0;          ///< Wake-up after the scheduled time, s.
+  double execution = 0;         ///< Time from wake-up to the end of the tick, s.
+  std::uint64_t overruns = 0;   ///< Missed periods since the server started.
+  std::uint64_t datagrams = 0;  ///< Datagrams received since the server started.
+  std::uint64_t dropped = 0;    ///< Datagrams dropped of those.
   /// The same by DropReason; like session_open not in the tick log.
   std::array<std::uint64_t, protocol::kDropReasons> dropped_for{};
   /// Why the latest update was refused; empty if it was taken. Not in the tick log.

@@ -32,7 +32,7 @@ class PlayedScenes final : public SceneSource {
   std::uint32_t number() const noexcept override {
     return noted_.number == 0 ? 0 : loader_.number();
   }
-  void drop() noexcept override {}  // The notes say when.
+  void drop(const geometry::FinderCut&) noexcept override {}  // The notes say when.
   protocol::SceneState state() noexcept override { return loader_.state(); }
 
   /// The first scene of the session that was in force then and cannot be made now, and why; empty

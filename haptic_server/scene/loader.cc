@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -20,6 +21,18 @@ constexpr std::chrono::milliseconds kLooksEach{1};
 constexpr std::string_view kTooSlow =
     "its contacts took more time than a tick has: leave out what the tool cannot reach, or give "
     "shapes of fewer pieces";
+
+/// Why a scene is not used, or no longer.
+void tell(const geometry::FinderCut& left_out, protocol::Text& text) noexcept {
+  if (left_out == geometry::FinderCut{}) return text.assign(kTooSlow.begin(), kTooSlow.end());
+  text.resize(text.capacity());
+  const int size = std::snprintf(text.data(), text.size(),
+                                 "half a tick is too short for %zu pairs of pieces and %zu "
+                                 "contacts where the tool is now: are "
+                                 "lengths in m, and is the tool outside of what it touches?",
+                                 left_out.pairs, left_out.contacts);
+  text.resize(std::min(static_cast<std::size_t>(size), text.size() - 1));
+}
 
 /// A placement of which no scene can be made.
 struct UnusablePlacement : std::runtime_error {
@@ -74,7 +87,7 @@ protocol::SceneState SceneLoader::state() noexcept {
   state.scene = number();
   if (is_dropped_ && state.error == protocol::SceneError::kNone) {
     state.error = protocol::SceneError::kSlow;
-    state.text.assign(kTooSlow.begin(), kTooSlow.end());
+    tell(left_out_, state.text);
   }
   return state;
 }

@@ -71,7 +71,10 @@ class SceneLoader final : public SceneSource {
   bool take(std::span<const std::byte> bytes) noexcept override;
   Scene* poll() noexcept override;
   std::uint32_t number() const noexcept override { return is_usable() ? in_force_->number : 0; }
-  void drop() noexcept override { is_dropped_ = true; }
+  void drop(const geometry::FinderCut& left_out) noexcept override {
+    is_dropped_ = true;
+    left_out_ = left_out;
+  }
   protocol::SceneState state() noexcept override;
 
   // For the other thread, which may also be the loop's own in virtual time.
@@ -104,7 +107,8 @@ class SceneLoader final : public SceneSource {
   // The loop's.
   std::uint64_t session_ = 0;
   std::unique_ptr<Made> in_force_;
-  bool is_dropped_ = false;  ///< That one is used no more.
+  bool is_dropped_ = false;         ///< That one is used no more.
+  geometry::FinderCut left_out_{};  ///< Why, if it never was used.
 
   // Between the two.
   Newest<Session> begun_;

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "hlm/geometry/work.h"
 #include "hlm/server_scene/thin_out.h"
 
 namespace hlm::server {
@@ -15,6 +16,9 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 /// Most pairs and contacts that are found at once. What is beyond is left out, and counted.
 constexpr FinderRoom kRoom{.pairs = 4096, .contacts = 2048};
+
+/// Of a search's work what is left to choose the most telling contacts: one part in so many.
+constexpr std::uint64_t kToThinOut = 5;
 
 /// Pieces that may adjoin or overlap one, on the mean. In a mesh they are some twelve; of thousands
 /// in one place the loader would take minutes and gigabytes.
@@ -149,28 +153,31 @@ double Scene::reach(const ContactSide& side) const noexcept {
   return index ? bodies_[*index].reach : 0;
 }
 
-std::span<const FoundContact> Scene::of_tool(double epsilon) noexcept {
-  return find(links_, epsilon, true);
+std::span<const FoundContact> Scene::of_tool(double epsilon, std::uint64_t work) noexcept {
+  return find(links_, true, epsilon, work);
 }
 
-std::span<const FoundContact> Scene::of_body(std::uint32_t id, double epsilon) noexcept {
+std::span<const FoundContact> Scene::of_body(std::uint32_t id, double epsilon,
+                                             std::uint64_t work) noexcept {
   const auto index = find_body({SideKind::kMovableBody, id});
   if (!index || !bodies_[*index].is_placed) return {};
   const auto body = static_cast<int>(*index);
-  return find({&body, 1}, epsilon, false);
+  return find({&body, 1}, false, epsilon, work);
 }
 
-std::span<const FoundContact> Scene::find(std::span<const int> bodies, double epsilon,
-                                          bool of_tool) noexcept {
-  const auto found =
-      finder_->find(bodies, {.epsilon = epsilon, .of_tool = of_tool, .keeps_all_sides = true});
+std::span<const FoundContact> Scene::find(std::span<const int> bodies, bool of_tool, double epsilon,
+                                          std::uint64_t work) noexcept {
+  const Work::Allowance allowance(work);
+  const auto found = finder_->find(bodies, {.epsilon = epsilon,
+                                            .of_tool = of_tool,
+                                            .keeps_all_sides = true,
+                                            .work = work - work / kToThinOut});
   telling_.assign(found.begin(), found.end());
   for (FoundContact& contact : telling_) {
     contact.key.a = bodies_[at(contact.own.body)].side;
     contact.key.b = bodies_[at(contact.other.body)].side;
   }
-  if (of_tool && planar_normal_W_) keep_planar(telling_, *planar_normal_W_);
-  thin_out(telling_, kMaxSelected);
+  thin_out(telling_, of_tool ? planar_normal_W_ : std::nullopt, kMaxSelected);
   if (found_.size() + telling_.size() > found_.capacity()) return {};
   const std::size_t first = found_.size();
   found_.insert(found_.end(), telling_.begin(), telling_.end());

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -35,6 +36,8 @@ void require_place(const PlacedShape& shape, const ToolDescription& tool);
 /// allocates nothing. Its shapes do not change: another world is another scene.
 class Scene {
  public:
+  static constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();
+
   /// shapes: as require_place() has them. apart: places in the list of pairs that never touch.
   /// Throws std::length_error with one line where most of very many shapes lie in one place.
   Scene(std::vector<PlacedShape> shapes,
@@ -51,13 +54,16 @@ class Scene {
   double reach(const ContactSide& side) const noexcept;
 
   /// Contacts of the tool within epsilon (m), sides named as in the shapes; each pair's on its best
-  /// axis. The most telling if there are more than geometry::kMaxSelected. Valid until forget().
-  std::span<const geometry::FoundContact> of_tool(double epsilon) noexcept;
+  /// axis. The most telling if there are more than geometry::kMaxSelected, or than can be found
+  /// with so much `work` (geometry::Work). Valid until forget().
+  std::span<const geometry::FoundContact> of_tool(double epsilon,
+                                                  std::uint64_t work = kUnlimited) noexcept;
   /// The same of a movable body with all except the tool. Empty for more than kMaxMovedBodies.
-  std::span<const geometry::FoundContact> of_body(std::uint32_t id, double epsilon) noexcept;
+  std::span<const geometry::FoundContact> of_body(std::uint32_t id, double epsilon,
+                                                  std::uint64_t work = kUnlimited) noexcept;
   void forget() noexcept { found_.clear(); }
 
-  /// What of the latest search did not fit.
+  /// What the latest search left out.
   const geometry::FinderCut& cut() const noexcept { return finder_->cut(); }
 
   std::size_t shapes() const noexcept { return shapes_.size(); }
@@ -76,8 +82,8 @@ class Scene {
   void gather_bodies();
   void make_finder();
   bool may_touch(const geometry::CollisionId& a, const geometry::CollisionId& b) const noexcept;
-  std::span<const geometry::FoundContact> find(std::span<const int> bodies, double epsilon,
-                                               bool of_tool) noexcept;
+  std::span<const geometry::FoundContact> find(std::span<const int> bodies, bool of_tool,
+                                               double epsilon, std::uint64_t work) noexcept;
 
   std::vector<PlacedShape> shapes_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> apart_;  ///< Sorted, the smaller first.

@@ -25,8 +25,9 @@ class SceneSource {
   virtual Scene* poll() noexcept = 0;
   /// Number of that scene; 0 if there is none.
   virtual std::uint32_t number() const noexcept = 0;
-  /// The session's newest scene takes too long: there is none until a newer one is made.
-  virtual void drop() noexcept = 0;
+  /// The session's newest scene takes too long: there is none until a newer one is made. left_out:
+  /// what there is no time for where the tool is now; nothing: its ticks were late.
+  virtual void drop(const geometry::FinderCut& left_out) noexcept = 0;
   /// What has become of the stream, except what ServerSession fills in.
   virtual protocol::SceneState state() noexcept = 0;
 };

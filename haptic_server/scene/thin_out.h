@@ -8,12 +8,12 @@
 
 namespace hlm::server {
 
-/// Leaves of a planar tool's contacts those that constrain it in its plane, one of those that
-/// differ only in their place along its normal. Allocates nothing.
-void keep_planar(std::vector<geometry::FoundContact>& contacts, const Vector3& planar_normal_W);
-
-/// Leaves at most `most` contacts: the deepest, and of those that lie so near to one that stays,
-/// with about its normal and its two sides, as it takes, none. Allocates nothing.
-void thin_out(std::vector<geometry::FoundContact>& contacts, std::size_t most);
+/// Leaves at most `most` contacts, at most geometry::kMaxSelected: the deepest. Drops contacts near
+/// a kept one that have a similar normal and the same two sides, widening "near" until the rest fit
+/// or the work is spent (geometry::Work). With the normal of a planar tool's plane, only contacts
+/// that constrain it there are left, one of those that differ only in their place along the normal.
+/// Allocates nothing.
+void thin_out(std::vector<geometry::FoundContact>& contacts,
+              const std::optional<Vector3>& planar_normal_W, std::size_t most);
 
 }  // namespace hlm::server

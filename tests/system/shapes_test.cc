@@ -1,9 +1,12 @@
 // The geometry near the hand in the server: sessions in virtual time (docs/method.md 18).
 #include <algorithm>
 #include <cmath>
+#include <sstream>
+#include <string>
 #include <vector>
 
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 #include "tests/support/virtual_session.h"
 
 namespace hlm::test {
@@ -232,6 +235,43 @@ TEST_CASE(
     CHECK(tick.X_WP.p.x() < 0.0035 + 0.0015);        // m
   }
   CHECK(session.last().F_env[0] == Approx(-8).epsilon(0.02));
+}
+
+/// Boxes of 0.1 m, turned and moved by up to 30 mm: `count` on the peg, and as many around it.
+std::string heap_of_boxes(int count) {
+  Random random;
+  const auto boxes = [&] {
+    std::string text;
+    for (int i = 0; i < count; ++i) {
+      const Vector3 p = random.vector(0.03);
+      const Vector3 turn = random.vector(3);
+      std::ostringstream collision;
+      collision << "<collision name='" << i << "'><pose>" << p.transpose() << " "
+                << turn.transpose()
+                << "</pose><geometry><box><size>0.1 0.1 0.1</size></box></geometry></collision>";
+      text += collision.str();
+    }
+    return text;
+  };
+  return fixed_model("heap", "0 0 0 0 0 0", boxes()) + model("peg", "0 0 0 0 0 0", boxes());
+}
+
+TEST_CASE(
+    "A scene that is too much where the tool is never comes into force, and the client learns "
+    "why") {
+  VirtualSessionOptions options = before_wall(0.01);
+  options.world = world_of(heap_of_boxes(25));
+  int ticks_with_scene = 0;
+  VirtualSession session(options,
+                         [&](const TickRecord& tick) { ticks_with_scene += tick.scene > 0; });
+  session.run(0.5);
+  CHECK(ticks_with_scene == 0);
+  CHECK_FALSE(session.client().has_scene());
+  CHECK(session.client().scene_state().error == protocol::SceneError::kSlow);
+  CHECK_THAT(session.client().scene_problem(),
+             Catch::Matchers::ContainsSubstring("half a tick is too short for") &&
+                 Catch::Matchers::ContainsSubstring("are lengths in m"));
+  CHECK(session.last().fault == Fault::kNone);
 }
 
 TEST_CASE("A server that begins anew gets the shapes again") {

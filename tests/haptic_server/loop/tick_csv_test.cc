@@ -63,7 +63,7 @@ TEST_CASE("The columns are those that readers of the log rely on") {
         "command_torque_x_N_m,command_torque_y_N_m,command_torque_z_N_m,force_limit,"
         "port_given_J,port_taken_J,port_explained_J,port_tank_J,brought_J,"
         "active_contacts,predicted_contacts,smallest_separation_m,"
-        "scene,scene_placements,scene_pieces,adopted,age_s,"
+        "scene,scene_placements,scene_pieces,scene_left_out,adopted,age_s,"
         "lateness_s,execution_s,overruns,datagrams,dropped\n");
 }
 

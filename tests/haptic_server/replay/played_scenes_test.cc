@@ -84,7 +84,7 @@ TEST_CASE(
       const auto most = static_cast<std::size_t>(random.integer(0, 12));
       // It works now and then: the ring of 256 is full at times.
       if (random.integer(0, run % 2 == 0 ? 2 : 60) == 0) loader.work();
-      if (random.integer(0, 40) == 0) loader.drop();
+      if (random.integer(0, 40) == 0) loader.drop({});
       const SceneExchange noted = tick(loader, stream, next, most);
       if (noted.number != before) ++scenes;
       before = noted.number;
