@@ -11,6 +11,7 @@
 
 #include "hlm/common/range.h"
 #include "hlm/geometry/hull.h"
+#include "hlm/geometry/interruption.h"
 #include "hlm/geometry/tolerances.h"
 #include "hlm/geometry/work.h"
 
@@ -178,6 +179,7 @@ void Convex::build(const HalfSpace&) {
 }
 
 void Convex::add_face(std::vector<std::uint16_t> loop) {
+  interruption_point();
   Face& added = faces_.emplace_back();
   added.telling = telling_corners(loop, vertices_);
   for (std::size_t i = 0; i < loop.size(); ++i) {

@@ -14,6 +14,7 @@
 #include <libqhull_r/qhull_ra.h>
 
 #include "hlm/common/range.h"
+#include "hlm/geometry/interruption.h"
 #include "hlm/geometry/tolerances.h"
 
 namespace hlm::geometry {
@@ -109,6 +110,7 @@ std::vector<int> spread(const std::vector<int>& vertices, std::span<const Vector
   std::vector<int> order;
   std::size_t next = 0;
   while (order.size() < vertices.size()) {
+    interruption_point();
     const int chosen = left[next];
     order.push_back(chosen);
     distance[next] = -1;
@@ -144,6 +146,7 @@ class Merger {
                      [&](std::size_t a, std::size_t b) { return area(a).norm() > area(b).norm(); });
     for (const std::size_t seed : order) {
       if (face_of_[seed] != kNone) continue;
+      interruption_point();
       const std::vector<std::size_t> members = grow(seed, faces.loops.size());
       auto loop = border(members);
       if (loop.size() < 3) continue;
@@ -220,6 +223,7 @@ bool has_inside(std::span<const Vector3> points) {
 
 HullFaces convex_hull(std::span<const Vector3> points) {
   check(points);
+  interruption_point();
   const auto corners = hull_triangles(points);
   std::vector<int> used;
   for (const auto& triangle : corners) used.insert(used.end(), triangle.begin(), triangle.end());

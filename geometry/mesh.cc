@@ -10,6 +10,7 @@
 #include "hlm/common/one_line.h"
 #include "hlm/common/range.h"
 #include "hlm/geometry/index.h"
+#include "hlm/geometry/interruption.h"
 
 namespace hlm::geometry {
 namespace {
@@ -191,7 +192,9 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
     repairs.push_back(one_line("mesh " + name + ": " + what));
   };
   require_usable(mesh, name);
+  interruption_point();
   join_points(mesh);
+  interruption_point();
   const std::size_t flat = drop_flat_triangles(mesh);
   if (mesh.triangles.empty()) fail(name, "none of its triangles has an area");
   if (flat > 0) say(counted(flat, "triangle") + " without area left out");
@@ -199,7 +202,9 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
     say(counted(doubles, "triangle") + " left out that other triangles lie on");
   }
   join_points(mesh);
+  interruption_point();
   Edges edges(mesh);
+  interruption_point();
   if (const std::size_t turned = edges.turn_to_agree(); turned > 0) {
     say(counted(turned, "triangle") + " turned to agree with the others");
   }

@@ -5,6 +5,7 @@
 
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/index.h"
+#include "hlm/geometry/interruption.h"
 #include "hlm/geometry/mesh_rays.h"
 
 namespace hlm::geometry {
@@ -63,10 +64,12 @@ std::vector<Hull> skin_of(const Mesh& mesh) {
   const std::vector<Vector3> normals = point_normals(mesh);
   std::vector<Vector3> inner;  // Inner points, in the order of the points.
   for (std::size_t i = 0; i < mesh.points.size(); ++i) {
+    interruption_point();
     inner.push_back(mesh.points[i] - depth(rays, mesh.points[i], -normals[i]) * normals[i]);
   }
   std::vector<Hull> pieces;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    interruption_point();
     const Vector3 n = mesh.area(t).normalized();
     const Vector3 middle = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
     const double deepest = depth(rays, middle, -n);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "hlm/geometry/gjk.h"
+#include "hlm/geometry/interruption.h"
 #include "hlm/geometry/mesh_normals.h"
 #include "hlm/geometry/surface_normal.h"
 
@@ -209,6 +210,7 @@ PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach) {
 
 Pieces::Pieces(std::span<const PieceSource> sources, std::size_t most_adjoining) {
   for (const PieceSource& source : sources) {
+    interruption_point();
     while (first_.size() <= static_cast<std::size_t>(source.id.body)) {
       first_.push_back(pieces_.size());
       fixed_.push_back(source.fixed);
@@ -254,7 +256,10 @@ Pieces::Pieces(std::span<const PieceSource> sources, std::size_t most_adjoining)
     join_faces(assembly);
     join_corners(assembly);
     number_borders(assembly);
-    for (Piece* piece : assembly.pieces) bound_normals(*piece);
+    for (Piece* piece : assembly.pieces) {
+      interruption_point();
+      bound_normals(*piece);
+    }
   }
 }
 
@@ -267,7 +272,9 @@ void Pieces::find_adjoining(const Assembly& assembly, std::size_t most) {
     const auto meets = [&](const BoxTree::Box& box) { return reach.intersects(box); };
     assembly.tree.visit(meets, [&](std::size_t j) {
       Piece& b = *assembly.pieces[j];
-      if (j <= i || !reach.intersects(b.bounds_F) || !adjoin(a, b)) return;
+      if (j <= i || !reach.intersects(b.bounds_F)) return;
+      interruption_point();
+      if (!adjoin(a, b)) return;
       if (++pairs / assembly.pieces.size() > most) {
         throw std::length_error("pieces that overlap or adjoin one must be at most " +
                                 std::to_string(most) + " on the mean");
@@ -314,6 +321,7 @@ void Pieces::join_faces(const Assembly& assembly) {
     for (Piece* b : a->adjoining) {
       const Vector3 there = a->bounds_F.intersection(b->bounds_F).center();  // Also of a gap.
       for (std::size_t i = 0; i < a->planes.size(); ++i) {
+        interruption_point();
         for (std::size_t j = 0; j < b->planes.size(); ++j) {
           const auto& [n, offset] = a->planes[i];
           if ((n - b->planes[j].n_F).norm() > kSameDirection) continue;
@@ -347,6 +355,7 @@ void Pieces::join_corners(const Assembly& assembly) {
     if (piece->adjoining.empty() || !has_corners(*piece)) continue;
     const auto vertices = piece->convex->vertices();
     for (std::size_t i = 0; i < vertices.size(); ++i) {
+      interruption_point();
       Piece::Surface stands{piece->id, static_cast<std::uint16_t>(i)};
       const Vector3 p_F = piece->X_FG * vertices[i];
       for (const Piece* other : piece->adjoining) {
@@ -368,6 +377,7 @@ void Pieces::number_borders(const Assembly& assembly) {
   std::uint16_t next = kFirst;
   for (const Piece* piece : assembly.pieces) {
     for (const Piece::Surface& a : piece->surfaces) {
+      interruption_point();
       for (const Piece::Surface& b : piece->surfaces) {
         if (next >= kFirst && a < b && borders_.try_emplace({a, b}, next).second) ++next;
       }

@@ -6,6 +6,7 @@
 
 #include "hlm/common/range.h"
 #include "hlm/geometry/hull.h"
+#include "hlm/geometry/interruption.h"
 #include "hlm/geometry/mesh_pieces.h"
 
 namespace hlm::geometry {
@@ -28,6 +29,7 @@ void require_usable_size(const Convex& convex) {
 void add_skin(const Mesh& mesh, ShapeParts& parts) {
   const std::vector<Hull> skin = skin_of(mesh);
   for (std::size_t i = 0; i < skin.size(); ++i) {
+    interruption_point();
     if (!has_inside(skin[i].vertices)) continue;
     parts.pieces.emplace_back(skin[i]);
     parts.skins.push_back(&mesh);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <atomic>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <iostream>
 #include <optional>
@@ -25,7 +26,7 @@
 #include "hlm/server/operation.h"
 #include "hlm/server/options.h"
 #include "hlm/server/program.h"
-#include "hlm/server_scene/loader.h"
+#include "hlm/server_scene/loader_thread.h"
 #include "hlm/transport/capture.h"
 #include "hlm/transport/recording_link.h"
 #include "hlm/transport/udp_socket.h"
@@ -293,10 +294,13 @@ int main(int argc, char** argv) {
        .footer = server::kFooter,
        .usual = {"listen", "key-file", "stiffness", "force-limit", "record", "log", "realtime"}});
   add_options(command_line, options);
-  return server::run_program(
+  const int status = server::run_program(
       "haptic_server", command_line, options.physics, argc, argv, [&] { check(options); },
       [&] {
         server::run_server(options);
         return server::kOk;
       });
+  // All is written and the device is off: a scene that is being made keeps nobody waiting.
+  if (server::SceneLoaderThread::leaves_any()) std::_Exit(status);
+  return status;
 }

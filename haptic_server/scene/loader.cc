@@ -1,22 +1,17 @@
 #include "hlm/server_scene/loader.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <stdexcept>
+#include <exception>
 #include <string>
+#include <string_view>
 #include <utility>
-
-#include "hlm/server_scene/scene_shapes.h"
 
 namespace hlm::server {
 namespace {
 
 /// Chunks between the loop and the thread beside it; more stay in the session's window.
 constexpr std::size_t kChunksBetween = 256;
-
-/// How often the thread looks for chunks, s.
-constexpr std::chrono::milliseconds kLooksEach{1};
 
 constexpr std::string_view kTooSlow =
     "its contacts took more time than a tick has: leave out what the tool cannot reach, or give "
@@ -33,13 +28,6 @@ void tell(const geometry::FinderCut& left_out, protocol::Text& text) noexcept {
                                  left_out.pairs, left_out.contacts);
   text.resize(std::min(static_cast<std::size_t>(size), text.size() - 1));
 }
-
-/// A placement of which no scene can be made.
-struct UnusablePlacement : std::runtime_error {
-  UnusablePlacement(std::uint32_t placement, const std::string& why)
-      : std::runtime_error("placement " + std::to_string(placement) + ": " + why), id(placement) {}
-  std::uint32_t id;
-};
 
 }  // namespace
 
@@ -93,20 +81,8 @@ protocol::SceneState SceneLoader::state() noexcept {
 }
 
 void SceneLoader::work() {
-  try {
-    read();
-    if (!commit_ || is_over()) return;
-    const Commit commit = *std::exchange(commit_, std::nullopt);
-    make(commit);
-    say();
-  } catch (const std::exception& error) {  // Out of memory, above all.
-    commit_.reset();
-    parts_.clear();
-    if (!store_) return;
-    store_->refuse(
-        {protocol::SceneError::kLimit, 0, std::string("no scene of it: ") + error.what()});
-    say();
-  }
+  read();
+  if (const auto order = next_order()) finish(maker_.make(*order));
 }
 
 void SceneLoader::read() {
@@ -114,14 +90,29 @@ void SceneLoader::read() {
   if (is_over()) begin_reading();
   bool heard = false;
   Chunk chunk;
-  while (chunks_.pop(chunk)) {
-    if (is_over()) begin_reading();
-    if (chunk.session != reading_.number) continue;
-    read_chunk(std::span(chunk.bytes).first(chunk.size));
-    heard = true;
+  try {
+    while (chunks_.pop(chunk)) {
+      if (is_over()) begin_reading();
+      if (chunk.session != reading_.number) continue;
+      read_chunk(std::span(chunk.bytes).first(chunk.size));
+      heard = true;
+    }
+    if (heard) keep_commit();
+  } catch (const std::exception& error) {  // Out of memory, above all.
+    order_.reset();
+    refuse({protocol::SceneError::kLimit, 0, std::string("no scene of it: ") + error.what()});
   }
-  if (!heard) return;
-  keep_commit();
+  if (heard) say();
+}
+
+std::optional<SceneOrder> SceneLoader::next_order() {
+  return is_over() ? std::nullopt : std::exchange(order_, std::nullopt);
+}
+
+void SceneLoader::finish(SceneOutcome outcome) {
+  if (outcome.session != reading_.number) return;
+  if (outcome.fault) refuse(std::move(*outcome.fault));
+  if (outcome.made) delete made_.exchange(outcome.made.release(), std::memory_order_acq_rel);
   say();
 }
 
@@ -129,9 +120,8 @@ void SceneLoader::begin_reading() {
   reading_ = begun_.get();
   reader_.emplace();
   store_.emplace(reading_.tool.links.size());
-  commit_.reset();
+  order_.reset();
   commits_ = false;
-  parts_.clear();
 }
 
 void SceneLoader::read_chunk(std::span<const std::byte> bytes) {
@@ -149,65 +139,21 @@ void SceneLoader::read_chunk(std::span<const std::byte> bytes) {
 /// What the latest commit is about, before other records change it.
 void SceneLoader::keep_commit() {
   if (!std::exchange(commits_, false)) return;
-  Commit commit{};
-  commit.number = store_->scene();
-  for (const auto& [id, placement] : store_->placements()) commit.placements.push_back(placement);
-  commit.apart = store_->apart();
-  commit_ = std::move(commit);
+  SceneOrder order{.session = reading_.number,
+                   .tool = reading_.tool,
+                   .number = store_->scene(),
+                   .placements = {},
+                   .apart = store_->apart(),
+                   .shapes = {}};
+  for (const auto& [id, placement] : store_->placements()) {
+    order.placements.push_back(placement);
+    order.shapes.emplace(placement.shape, store_->shape(placement.shape));
+  }
+  order_ = std::move(order);
 }
 
-std::shared_ptr<const geometry::ShapeParts> SceneLoader::parts_of(std::uint64_t shape) {
-  std::shared_ptr<const geometry::ShapeParts>& parts = parts_[shape];
-  if (!parts) {
-    parts = std::make_shared<const geometry::ShapeParts>(
-        geometry::parts_of(any_shape(*store_->shape(shape)), "of it"));
-  }
-  return parts;
-}
-
-/// Tells of a fault instead where a placement cannot be used.
-void SceneLoader::make(const Commit& commit) {
-  try {
-    std::vector<PlacedShape> shapes;
-    std::map<std::uint32_t, std::uint32_t> place_of;  // By id.
-    std::size_t pieces = 0;
-    for (const protocol::ScenePlacement& placement : commit.placements) {
-      if (is_over()) return;
-      try {
-        PlacedShape shape{.shape = parts_of(placement.shape),
-                          .side = placement.side,
-                          .X_BS = placement.X_BS,
-                          .friction = placement.friction,
-                          .group = placement.group,
-                          .mask = placement.mask};
-        require_place(shape, reading_.tool);
-        pieces += shape.shape->pieces.size();
-        if (pieces > kMostPieces) break;
-        place_of[placement.id] = static_cast<std::uint32_t>(shapes.size());
-        shapes.push_back(std::move(shape));
-      } catch (const std::exception& error) {
-        throw UnusablePlacement(placement.id, error.what());
-      }
-    }
-    if (pieces > kMostPieces) {
-      const std::string text = std::to_string(pieces) +
-                               " pieces (each triangle of a mesh is one) must be at most " +
-                               std::to_string(kMostPieces);
-      return store_->refuse({protocol::SceneError::kLimit, 0, text});
-    }
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> apart;
-    for (const protocol::SceneApart& pair : commit.apart) {
-      apart.emplace_back(place_of.at(pair.a), place_of.at(pair.b));
-    }
-    auto made = std::make_unique<Made>();
-    made->session = reading_.number;
-    made->number = commit.number;
-    made->scene = std::make_unique<Scene>(std::move(shapes), apart, reading_.tool);
-    delete made_.exchange(made.release(), std::memory_order_acq_rel);
-    std::erase_if(parts_, [](const auto& known) { return known.second.use_count() == 1; });
-  } catch (const UnusablePlacement& error) {
-    store_->refuse({protocol::SceneError::kGeometry, error.id, error.what()});
-  }
+void SceneLoader::refuse(protocol::SceneFault fault) {
+  if (store_) store_->refuse(std::move(fault));
 }
 
 void SceneLoader::say() {
@@ -215,13 +161,5 @@ void SceneLoader::say() {
   store_->describe(progress.state);
   progress_.put(progress);
 }
-
-SceneLoaderThread::SceneLoaderThread(SceneLoader& loader)
-    : thread_([&loader](const std::stop_token& stop) {
-        while (!stop.stop_requested()) {
-          loader.work();
-          std::this_thread::sleep_for(kLooksEach);
-        }
-      }) {}
 
 }  // namespace hlm::server

@@ -5,12 +5,9 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
-#include <thread>
-#include <vector>
 
 #include <boost/lockfree/spsc_queue.hpp>
 
@@ -18,6 +15,7 @@
 #include "hlm/common/tool_description.h"
 #include "hlm/protocol/messages.h"
 #include "hlm/protocol/scene_store.h"
+#include "hlm/server_scene/maker.h"
 #include "hlm/server_scene/scene.h"
 #include "hlm/server_scene/source.h"
 
@@ -35,32 +33,18 @@ struct Chunk {
   std::size_t size = 0;
   std::array<std::byte, protocol::kChunkSize> bytes;
 };
-struct Made {
-  std::uint64_t session = 0;
-  std::uint32_t number = 0;
-  std::unique_ptr<Scene> scene;
-};
 struct Progress {
   std::uint64_t session = 0;
   protocol::SceneState state = {};
 };
-/// What a commit makes a scene of.
-struct Commit {
-  std::uint32_t number = 0;
-  std::vector<protocol::ScenePlacement> placements;
-  std::vector<protocol::SceneApart> apart;
-};
 
 }  // namespace loading
 
-/// Two threads share it: the loop, which never waits or allocates here, and the one that calls
-/// work(). At most two scenes exist: the one in force and the next.
+/// Two threads share it: the loop, which never waits or allocates here, and one that reads, which
+/// makes the scenes too (work()), or has others make them (next_order(), finish()). At most two
+/// scenes exist: the one in force and the next.
 class SceneLoader final : public SceneSource {
  public:
-  /// Pieces of one scene: each triangle of a mesh is one. More take the loader's time and memory,
-  /// some 5 kB each.
-  static constexpr std::size_t kMostPieces = 60'000;
-
   SceneLoader();
   ~SceneLoader() override;
   SceneLoader(const SceneLoader&) = delete;
@@ -82,13 +66,18 @@ class SceneLoader final : public SceneSource {
   void work();
   /// Reads it, and leaves its scene to the next work(): what is read meanwhile may replace it.
   void read();
+  /// What of the scenes that were read is to be made, once: the newest.
+  std::optional<SceneOrder> next_order();
+  /// What came of such an order. Of a session that is over it counts no more.
+  void finish(SceneOutcome outcome);
+  /// The session whose stream is read.
+  std::uint64_t reads() const noexcept { return reading_.number; }
 
  private:
   using Session = loading::Session;
   using Chunk = loading::Chunk;
-  using Made = loading::Made;
+  using Made = MadeScene;
   using Progress = loading::Progress;
-  using Commit = loading::Commit;
 
   /// Whether another session has begun than the one whose stream is read.
   bool is_over() const noexcept {
@@ -100,8 +89,7 @@ class SceneLoader final : public SceneSource {
   void begin_reading();
   void keep_commit();
   void read_chunk(std::span<const std::byte> bytes);
-  std::shared_ptr<const geometry::ShapeParts> parts_of(std::uint64_t shape);
-  void make(const Commit& commit);
+  void refuse(protocol::SceneFault fault);
   void say();
 
   // The loop's.
@@ -122,19 +110,9 @@ class SceneLoader final : public SceneSource {
   Session reading_;
   std::optional<protocol::SceneRecordReader> reader_;
   std::optional<protocol::SceneStore> store_;
-  bool commits_ = false;          ///< The record read last was a commit.
-  std::optional<Commit> commit_;  ///< The latest one, of which no scene is made yet.
-  std::map<std::uint64_t, std::shared_ptr<const geometry::ShapeParts>> parts_;  ///< By shape.
-};
-
-/// Has a loader work during its life.
-class SceneLoaderThread {
- public:
-  /// `loader` outlives this.
-  explicit SceneLoaderThread(SceneLoader& loader);
-
- private:
-  std::jthread thread_;
+  bool commits_ = false;             ///< The record read last was a commit.
+  std::optional<SceneOrder> order_;  ///< By the latest one, as long as nobody has taken it.
+  SceneMaker maker_;                 ///< Of work().
 };
 
 }  // namespace hlm::server

@@ -15,6 +15,7 @@
 #include "hlm/loop/periodic_loop.h"
 #include "hlm/replay/live_replay.h"
 #include "hlm/replay/offline_replay.h"
+#include "hlm/server_scene/loader_thread.h"
 #include "hlm/transport/udp_socket.h"
 #include "tests/support/catch.h"
 #include "tests/support/random.h"

@@ -1,16 +1,19 @@
 // Scenes are made beside the loop: each session's newest, and nothing of a session before.
-#include "hlm/server_scene/loader.h"
-
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <initializer_list>
+#include <memory>
+#include <numbers>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "hlm/protocol/scene_records.h"
+#include "hlm/server_scene/loader_thread.h"
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
+#include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::server {
@@ -232,7 +235,7 @@ TEST_CASE("A thousand shapes in one place are refused, and the next session has 
   for (std::uint32_t i = 0; i < 1000; ++i) append(placement(i, ball()), records);
   append(SceneCommit{1}, records);
   CHECK(loader.make(records) == nullptr);
-  CHECK(loader->state().error == SceneError::kLimit);
+  CHECK(loader->state().error == SceneError::kGeometry);
   CHECK_THAT(loader.text(), Catch::Matchers::ContainsSubstring("must be at most 200 on the mean"));
   loader.begin();
   CHECK(loader.make(first_scene()) != nullptr);
@@ -375,6 +378,132 @@ TEST_CASE("Two threads hand over hundreds of scenes of many sessions, each used 
   CHECK(wrong == 0);
   CHECK(handovers >= 450);
   CHECK(contacts > handovers);
+}
+
+/// Points all over a ball: all are corners of its hull.
+SceneShape hull_of(int corners) {
+  SceneShape hull{.kind = SceneShapeKind::kHull};
+  const double turn = std::numbers::pi * (3 - std::sqrt(5.0));
+  for (int i = 0; i < corners; ++i) {
+    const double z = 1 - (2 * i + 1.0) / corners;
+    const double r = 0.1 * std::sqrt(1 - z * z);
+    hull.vertices.emplace_back(r * std::cos(turn * i), r * std::sin(turn * i), 0.1 * z);
+  }
+  hull.hash = hash_of(hull);
+  return hull;
+}
+
+/// Within all limits; each pair of them has 8188 faces to be compared with as many.
+Stream eighty_hulls() {
+  const SceneShape hull = hull_of(4096);
+  Stream records = stream({hull});
+  for (std::uint32_t i = 0; i < 80; ++i) {
+    ScenePlacement one = placement(i, hull);
+    one.X_BS.p.x() = 1e-3 * i;
+    append(one, records);
+  }
+  append(SceneCommit{1}, records);
+  return records;
+}
+
+/// One that Qhull alone works on, which nothing interrupts.
+Stream large_hull() {
+  const SceneShape hull = hull_of(50'000);
+  return stream({hull, placement(1, hull), SceneCommit{1}});
+}
+
+/// Triangles across each other: each has hundreds near it.
+Stream soup() {
+  SceneShape mesh{.kind = SceneShapeKind::kMesh};
+  test::Random random(7);
+  for (std::uint32_t i = 0; i < 16'000; ++i) {
+    const Vector3 at = random.vector(0.2);
+    for (int k = 0; k < 3; ++k) mesh.vertices.push_back(at + random.vector(0.02));
+    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  mesh.hash = hash_of(mesh);
+  return stream({mesh, placement(1, mesh), SceneCommit{1}});
+}
+
+/// Threads beside a loop that a test plays.
+class LiveLoader {
+ public:
+  explicit LiveLoader(std::chrono::milliseconds longest = SceneLoaderThread::kLongestMaking)
+      : threads_(std::make_unique<SceneLoaderThread>(loader_, longest)) {
+    begin();
+  }
+  void begin() { loader_.begin(test::rigid_tool(1, Matrix3::Identity() * 1e-3)); }
+  /// Until all of it is read.
+  void give(const Stream& bytes) {
+    auto left = std::as_bytes(std::span(bytes));
+    while (!left.empty()) {
+      const auto chunk = left.first(std::min(left.size(), protocol::kChunkSize));
+      if (loader_.take(chunk)) {
+        left = left.subspan(chunk.size());
+      } else {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+    }
+    REQUIRE(comes([&] { return loader_.state().received_scene == 1; }));
+  }
+  /// Whether it becomes true within a time, s, that is short beside what these scenes take.
+  template <class Condition>
+  bool comes(Condition condition) {
+    constexpr double kWait = 20;
+    return seconds_until(condition, kWait) < kWait;
+  }
+  template <class Condition>
+  static double seconds_until(Condition condition, double most) {
+    const auto begin = std::chrono::steady_clock::now();
+    const auto passed = [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    };
+    while (!condition() && passed() < most) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return passed();
+  }
+  void end() { threads_.reset(); }
+  SceneLoader* operator->() { return &loader_; }
+
+ private:
+  SceneLoader loader_;
+  std::unique_ptr<SceneLoaderThread> threads_;
+};
+
+TEST_CASE(
+    "A new session has its scene while the one before still makes another, and so has the end") {
+  const Stream slow = GENERATE(eighty_hulls(), large_hull(), soup());
+  LiveLoader loader;
+  const int wait = GENERATE(0, 100, 1000);  // ms: some other work of it.
+  loader.give(slow);
+  std::this_thread::sleep_for(std::chrono::milliseconds(wait));
+  loader.begin();
+  CHECK(loader->poll() == nullptr);
+  loader.give(first_scene());
+  CHECK(loader.comes([&] { return loader->poll() != nullptr; }));
+  CHECK(loader->number() == 1);
+  CHECK(loader->state().error == SceneError::kNone);
+  // The same at the end.
+  loader.begin();
+  loader.give(slow);
+  std::this_thread::sleep_for(std::chrono::milliseconds(wait));
+  loader.end();
+  // Left to themselves, they end, too.
+  CHECK(loader.comes([] { return !SceneLoaderThread::leaves_any(); }));
+}
+
+TEST_CASE("A scene that takes too long to make is refused, with how long that may be") {
+  LiveLoader loader(std::chrono::milliseconds(100));
+  loader.give(eighty_hulls());
+  REQUIRE(loader.comes([&] { return loader->state().error != SceneError::kNone; }));
+  const auto state = loader->state();
+  CHECK(state.error == SceneError::kLimit);
+  const std::string text(state.text.begin(), state.text.end());
+  CHECK_THAT(text, Catch::Matchers::ContainsSubstring("took more than 0.1 s to make"));
+  loader.begin();
+  loader.give(first_scene());
+  CHECK(loader.comes([&] { return loader->poll() != nullptr; }));
 }
 
 }  // namespace

@@ -1,0 +1,100 @@
+#include "hlm/server_scene/maker.h"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "hlm/geometry/interruption.h"
+#include "hlm/server_scene/scene_shapes.h"
+
+namespace hlm::server {
+namespace {
+
+using protocol::SceneError;
+using protocol::SceneFault;
+
+/// Why no scene can be made.
+struct Unusable : std::runtime_error {
+  explicit Unusable(const SceneFault& what)
+      : std::runtime_error(what.text), error(what.error), item(what.item) {}
+  SceneError error;
+  std::uint32_t item;
+};
+
+Unusable unusable(std::uint32_t placement, const std::string& why) {
+  return Unusable(
+      {SceneError::kGeometry, placement, "placement " + std::to_string(placement) + ": " + why});
+}
+
+Unusable too_many(std::size_t pieces) {
+  return Unusable({SceneError::kLimit, 0,
+                   std::to_string(pieces) +
+                       " pieces (each triangle of a mesh is one) must be at most " +
+                       std::to_string(SceneMaker::kMostPieces)});
+}
+
+}  // namespace
+
+SceneOutcome SceneMaker::make(const SceneOrder& order) {
+  if (std::exchange(session_, order.session) != order.session) parts_.clear();
+  SceneOutcome outcome{.session = order.session, .made = nullptr, .fault = std::nullopt};
+  try {
+    auto made = std::make_unique<MadeScene>();
+    made->session = order.session;
+    made->number = order.number;
+    made->scene = scene_of(order);
+    outcome.made = std::move(made);
+    std::erase_if(parts_, [](const auto& known) { return known.second.use_count() == 1; });
+  } catch (const Unusable& what) {
+    outcome.fault = SceneFault{what.error, what.item, what.what()};
+  } catch (const std::exception& error) {  // Out of memory, above all.
+    parts_.clear();
+    outcome.fault =
+        SceneFault{SceneError::kLimit, 0, std::string("no scene of it: ") + error.what()};
+  }
+  return outcome;
+}
+
+std::unique_ptr<Scene> SceneMaker::scene_of(const SceneOrder& order) {
+  std::vector<PlacedShape> shapes;
+  std::map<std::uint32_t, std::uint32_t> place_of;  // By id.
+  std::size_t pieces = 0;
+  for (const protocol::ScenePlacement& placement : order.placements) {
+    geometry::interruption_point();
+    try {
+      PlacedShape shape{.shape = parts_of(order, placement.shape),
+                        .side = placement.side,
+                        .X_BS = placement.X_BS,
+                        .friction = placement.friction,
+                        .group = placement.group,
+                        .mask = placement.mask};
+      require_place(shape, order.tool);
+      pieces += shape.shape->pieces.size();
+      place_of[placement.id] = static_cast<std::uint32_t>(shapes.size());
+      shapes.push_back(std::move(shape));
+    } catch (const std::exception& error) {
+      throw unusable(placement.id, error.what());
+    }
+    if (pieces > kMostPieces) throw too_many(pieces);
+  }
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> apart;
+  for (const protocol::SceneApart& pair : order.apart) {
+    apart.emplace_back(place_of.at(pair.a), place_of.at(pair.b));
+  }
+  try {
+    return std::make_unique<Scene>(std::move(shapes), apart, order.tool);
+  } catch (const std::length_error& error) {  // Most of its pieces lie in one place.
+    throw Unusable({SceneError::kGeometry, 0, error.what()});
+  }
+}
+
+const SceneMaker::Parts& SceneMaker::parts_of(const SceneOrder& order, std::uint64_t shape) {
+  Parts& parts = parts_[shape];
+  if (!parts) {
+    parts = std::make_shared<const geometry::ShapeParts>(
+        geometry::parts_of(any_shape(*order.shapes.at(shape)), "of it"));
+  }
+  return parts;
+}
+
+}  // namespace hlm::server
