@@ -20,8 +20,13 @@ struct Endpoint {
   std::uint16_t port = 0;
   /// Which sealed channel with that address; 0: not sealed.
   std::uint32_t channel = 0;
+  /// Of a sender: which of this machine's addresses it wrote to, where a socket has several; 0: not
+  /// known. What is sent to it comes from there. No part of who it is.
+  std::uint32_t asked = 0;
 
-  bool operator==(const Endpoint&) const = default;
+  bool operator==(const Endpoint& other) const noexcept {
+    return address == other.address && port == other.port && channel == other.channel;
+  }
 };
 
 using DatagramBytes = StaticVector<std::byte, kMaxDatagram>;

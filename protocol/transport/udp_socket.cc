@@ -40,7 +40,7 @@ Endpoint from_asio(const udp::endpoint& endpoint) noexcept {
 }
 
 /// Whether an address names many machines rather than one, and how; null if it does not.
-const char* describe_group(const Endpoint& endpoint) noexcept {
+const char* describe_group(const Endpoint& endpoint) {
   if (asio::ip::address_v4(endpoint.address).is_multicast()) return "multicast";
   if (endpoint.address == 0) return nullptr;  // Every address of this machine.
   // Only the system knows the broadcast addresses of its networks: it connects to none unasked.
@@ -84,6 +84,31 @@ double waited_since_arrival(msghdr& message) noexcept {
   return 0;
 }
 
+/// This machine's address to which the datagram came, host byte order; 0 where it is not said.
+std::uint32_t asked_address(msghdr& message) noexcept {
+  for (cmsghdr* item = CMSG_FIRSTHDR(&message); item != nullptr;
+       item = CMSG_NXTHDR(&message, item)) {
+    if (item->cmsg_level != IPPROTO_IP || item->cmsg_type != IP_PKTINFO) continue;
+    in_pktinfo information{};
+    std::memcpy(&information, CMSG_DATA(item), sizeof information);
+    return ntohl(information.ipi_spec_dst.s_addr);
+  }
+  return 0;
+}
+
+/// The address from which a datagram goes out, in the message's control buffer.
+void send_from(std::uint32_t address, std::span<char> control, msghdr& message) noexcept {
+  in_pktinfo information{};
+  information.ipi_spec_dst.s_addr = htonl(address);
+  message.msg_control = control.data();
+  message.msg_controllen = CMSG_SPACE(sizeof information);
+  cmsghdr* const item = CMSG_FIRSTHDR(&message);
+  item->cmsg_level = IPPROTO_IP;
+  item->cmsg_type = IP_PKTINFO;
+  item->cmsg_len = CMSG_LEN(sizeof information);
+  std::memcpy(CMSG_DATA(item), &information, sizeof information);
+}
+
 }  // namespace
 
 struct UdpSocket::Socket {
@@ -93,13 +118,19 @@ struct UdpSocket::Socket {
   std::array<std::byte, kMaxDatagram + 1> buffer;
 };
 
-UdpSocket::UdpSocket(const Endpoint& local) : socket_(std::make_unique<Socket>()) {
-  if (const char* const group = describe_group(local)) {
-    throw std::runtime_error("cannot open UDP socket at " + to_string(local) + ": it is a " +
-                             group + " address; give one of this machine, or 0.0.0.0 for all");
+UdpSocket::UdpSocket(const Endpoint& local) {
+  error_code error;
+  try {  // Asio's contexts have descriptors of their own.
+    if (const char* const group = describe_group(local)) {
+      throw std::runtime_error("cannot open UDP socket at " + to_string(local) + ": it is a " +
+                               group + " address; give one of this machine, or 0.0.0.0 for all");
+    }
+    socket_ = std::make_unique<Socket>();
+  } catch (const boost::system::system_error& failure) {
+    throw std::runtime_error("cannot open UDP socket at " + to_string(local) + ": " +
+                             failure.code().message());
   }
   udp::socket& socket = socket_->socket;
-  error_code error;
   socket.open(udp::v4(), error);
   if (!error) socket.bind(to_asio(local), error);
   if (!error) socket.non_blocking(true, error);
@@ -112,13 +143,17 @@ UdpSocket::UdpSocket(const Endpoint& local) : socket_(std::make_unique<Socket>()
   socket.set_option(asio::socket_base::receive_buffer_size(kReceiveBuffer), ignored);
   const int on = 1;
   setsockopt(socket.native_handle(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  // One bound to an address is asked there, and answers from there.
+  if (local.address == 0) {
+    setsockopt(socket.native_handle(), IPPROTO_IP, IP_PKTINFO, &on, sizeof on);
+  }
   local_ = from_asio(socket.local_endpoint());
 }
 
 UdpSocket::~UdpSocket() = default;
 
 bool UdpSocket::receive(Datagram& datagram) noexcept {
-  // Asio gives no control messages, and so no time of arrival.
+  // Asio gives no control messages, and so no time of arrival and no address that was asked.
   alignas(cmsghdr) std::array<char, 128> control;
   sockaddr_in sender{};
   iovec part{socket_->buffer.data(), socket_->buffer.size()};
@@ -133,7 +168,9 @@ bool UdpSocket::receive(Datagram& datagram) noexcept {
     const ssize_t size = recvmsg(socket_->socket.native_handle(), &message, MSG_DONTWAIT);
     if (size < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
     if (size < 0) continue;
-    datagram.peer = {ntohl(sender.sin_addr.s_addr), ntohs(sender.sin_port)};
+    datagram.peer = {.address = ntohl(sender.sin_addr.s_addr),
+                     .port = ntohs(sender.sin_port),
+                     .asked = asked_address(message)};
     const auto received = static_cast<std::size_t>(size);
     const std::size_t kept = received <= kMaxDatagram ? received : 0;
     copy({socket_->buffer.data(), kept}, datagram.bytes);
@@ -144,8 +181,19 @@ bool UdpSocket::receive(Datagram& datagram) noexcept {
 }
 
 void UdpSocket::send(const Endpoint& to, std::span<const std::byte> bytes) noexcept {
-  error_code ignored;
-  socket_->socket.send_to(asio::buffer(bytes.data(), bytes.size()), to_asio(to), 0, ignored);
+  sockaddr_in receiver{};
+  receiver.sin_family = AF_INET;
+  receiver.sin_addr.s_addr = htonl(to.address);
+  receiver.sin_port = htons(to.port);
+  iovec part{const_cast<std::byte*>(bytes.data()), bytes.size()};  // Only read.
+  msghdr message{};
+  message.msg_name = &receiver;
+  message.msg_namelen = sizeof receiver;
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(in_pktinfo))> control{};
+  if (to.asked != 0) send_from(to.asked, control, message);
+  sendmsg(socket_->socket.native_handle(), &message, MSG_NOSIGNAL);
 }
 
 Endpoint resolve(const std::string& host_port, std::uint16_t lowest_port) {

@@ -12,7 +12,8 @@ namespace hlm::protocol {
 
 class UdpSocket final : public DatagramLink {
  public:
-  /// Opens a socket at `local`; address 0 is every address of this machine, port 0 any free port.
+  /// Opens a socket at `local`; address 0 is every address of this machine, and what is asked at
+  /// one of them is answered from there; port 0 is any free port.
   /// Throws std::runtime_error naming the endpoint if it is in use, not of this machine, or a
   /// multicast or broadcast address.
   explicit UdpSocket(const Endpoint& local);

@@ -432,6 +432,23 @@ TEST_CASE("Without a key an address that others can reach is refused, with the t
           kUsage);
 }
 
+TEST_CASE("A server at all addresses answers from the one that a client asks, sealed or not") {
+  const TemporaryDirectory directory;
+  const std::string key = directory.file("haptic.key");
+  REQUIRE(run({HLM_KEYGEN, key}).exit_code == 0);
+  const bool sealed = GENERATE(false, true);
+  const Arguments with = sealed ? Arguments{"--key-file", key} : Arguments{};
+  const Arguments access = sealed ? with : Arguments{"--insecure"};
+  const std::string port = std::to_string(free_port());
+  Process server(Arguments{HLM_SERVER, "--listen", "0.0.0.0:" + port, "--status", "false"} +
+                 access);
+  REQUIRE(server.wait_for_error("listening", 10));
+  Process client(
+      Arguments{HLM_CLIENT, "--server", "127.0.0.2:" + port, "--world", HLM_WORLDS "/testbed.sdf"} +
+      with);
+  CHECK(client.wait_for_error("began", 10));
+}
+
 TEST_CASE(
     "A key that others can read, or that is none, is refused by both sides, none is replaced") {
   const TemporaryDirectory directory;

@@ -39,6 +39,20 @@ TEST_CASE("A datagram arrives with its bytes and its sender") {
   CHECK_FALSE(b.receive(datagram));
 }
 
+TEST_CASE("What is asked at one of several addresses is answered from there") {
+  UdpSocket server({.address = 0, .port = 0});
+  const std::uint32_t asked = GENERATE(0x7F000001U, 0x7F000002U);
+  UdpSocket client({.address = 0, .port = 0});  // Its own address is the kernel's choice.
+  const Endpoint address{.address = asked, .port = server.local().port};
+  const DatagramBytes bytes(10, std::byte{1});
+  client.send(address, view(bytes));
+  Datagram datagram;
+  REQUIRE(receive_soon(server, datagram));
+  server.send(datagram.peer, view(bytes));
+  REQUIRE(receive_soon(client, datagram));
+  CHECK(datagram.peer == address);
+}
+
 TEST_CASE("A datagram says how long it has waited since it arrived") {
   UdpSocket a(kLoopback);
   UdpSocket b(kLoopback);
