@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "hlm/common/friction_limit.h"
 #include "hlm/common/range.h"
 #include "hlm/protocol/tool_fit.h"
 #include "hlm/protocol/wire.h"
@@ -16,7 +17,7 @@ using protocol::kLargestAcceleration, protocol::kLargestLength, protocol::kLarge
     protocol::kLargestSpeed, protocol::kLargestUnit;
 
 constexpr Range kSeparation{-kLargestLength, kLargestLength, "m"};
-constexpr Range kFriction{-protocol::kLargestFriction, protocol::kLargestFriction};
+constexpr Range kFriction{-kLargestFriction, kLargestFriction};
 constexpr Range kLoad{0, protocol::kLargestForce, "N"};
 
 std::string number(double value) {

@@ -100,7 +100,8 @@ typedef struct haptic_contact {
   double normal[3];   /* unit, from b to a */
   double separation;  /* true distance, m; negative: they overlap */
   double velocity[3]; /* of b's point, m/s */
-  double friction;    /* coefficient of the two materials; negative: the server's own */
+  double friction;    /* coefficient of the two materials, above 10 as 10; negative: the server's
+                         own */
   double load;        /* normal force of a contact without the tool, N */
   uint32_t plane; /* 1: a flat face of side a lies on a corner or an edge of side b, and the normal
                      turns with a; 0: with b */
@@ -155,7 +156,8 @@ enum haptic_friction_rule {
 };
 
 typedef struct haptic_material {
-  double friction;  /* coefficient; negative: that of the other, of two such the server's own */
+  double friction;  /* coefficient, above 10 as 10; negative: that of the other, of two such the
+                       server's own */
   int32_t rule;     /* enum haptic_friction_rule */
   int32_t priority; /* 0 to 255: of two the higher one's friction counts alone */
 } haptic_material;

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "hlm/common/friction_limit.h"
+
 namespace hlm {
 namespace {
 
@@ -222,6 +224,9 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.bodies = bodies;
   for (MovableBody& body : update_.bodies) body.P_W = playout_.taken(body.id);
   update_.contacts = contacts;
+  for (ReportedContact& contact : update_.contacts) {
+    contact.friction = usable_friction(contact.friction);
+  }
   update_.poses = poses;
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);

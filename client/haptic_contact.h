@@ -4,6 +4,7 @@
 #include <haptic.h>
 
 #include "hlm/common/contact.h"
+#include "hlm/common/friction_limit.h"
 
 namespace hlm {
 
@@ -18,7 +19,7 @@ inline ReportedContact contact_of(const haptic_contact& from) {
   contact.n_W = Eigen::Map<const Vector3>(from.normal);
   contact.separation = from.separation;
   contact.v_WC = Eigen::Map<const Vector3>(from.velocity);
-  contact.friction = from.friction;
+  contact.friction = usable_friction(from.friction);
   contact.load = from.load;
   contact.plane = from.plane == 1 ? PlaneOwner::kA : PlaneOwner::kB;
   return contact;

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "hlm/common/friction_limit.h"
 #include "hlm/protocol/scene_store.h"
 
 namespace hlm::protocol {
@@ -29,11 +30,13 @@ class Check {
 };
 
 ScenePlacement placement_of(std::uint32_t id, const OfferedShape& offered, std::uint64_t hash) {
+  Friction friction = offered.friction;
+  friction.coefficient = usable_friction(friction.coefficient);
   return {.id = id,
           .shape = hash,
           .side = offered.side,
           .X_BS = offered.X_BS,
-          .friction = offered.friction,
+          .friction = friction,
           .group = offered.group,
           .mask = offered.mask};
 }

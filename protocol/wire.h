@@ -17,6 +17,7 @@
 
 #include <boost/endian/conversion.hpp>
 
+#include "hlm/common/friction_limit.h"
 #include "hlm/common/spatial.h"
 #include "hlm/common/vocabulary.h"
 #include "hlm/protocol/datagram_link.h"
@@ -35,7 +36,6 @@ inline constexpr double kLargestAccelerationRate = 1e8;
 inline constexpr double kLargestMobility = 1e12;
 /// Impulse of the tool on a body in a session, N·s and N·m·s.
 inline constexpr double kLargestImpulse = 1e6;
-inline constexpr double kLargestFriction = 10;
 inline constexpr double kLargestUnit = 2;     ///< Largest unit-vector coordinate before scaling.
 inline constexpr double kLargestForce = 1e6;  ///< N.
 inline constexpr double kLongestSpan = 1e6;   ///< s.

@@ -168,8 +168,8 @@ TEST_CASE("What cannot be meant so is named with its place and what is allowed")
     CHECK(error() == "body 0: its inverse inertia must be symmetric");
   }
   SECTION("friction") {
-    contacts[1].friction = 11;
-    CHECK(error() == "contact 1: friction 11 must be -10 to 10");
+    contacts[1].friction = -11;
+    CHECK(error() == "contact 1: friction -11 must be -10 to 10");
   }
   SECTION("velocity") {
     contacts[1].v_WC.y() = -1200;

@@ -58,6 +58,14 @@ TEST_CASE("A store that reads an offer holds its shapes where they were placed, 
   CHECK_FALSE(store.are_apart(0, 1));
 }
 
+TEST_CASE("A friction that no packet has is offered as the largest that one has") {
+  const SceneOffer offer{.shapes = {{.shape = ball(0.1), .side = {}, .friction = {1e5}}}};
+  OfferedBefore before;
+  Reading reading;
+  reading.read(scene_of(offer, 2, before));
+  CHECK(reading.store.placements().at(0).friction.coefficient == 10);
+}
+
 TEST_CASE("A later offer replaces the one before, and brings only the shapes that are new") {
   OfferedBefore before;
   Reading reading;
@@ -96,8 +104,8 @@ TEST_CASE("An offer that a server would refuse names the shape and what is wrong
     expected = "placement 3 is to be apart from another; it must be there";
   }
   SECTION("friction") {
-    shapes[0].friction.coefficient = 11;
-    expected = "shape 0: placement 0: friction 11 must be -10 to 10";
+    shapes[0].friction.coefficient = -11;
+    expected = "shape 0: placement 0: friction -11 must be -10 to 10";
   }
   OfferedBefore before{.scene = 4};
   CHECK_THROWS_WITH(scene_of(offer, 2, before), expected);

@@ -213,6 +213,22 @@ TEST_CASE("What this program does not support is an error that names the element
              ContainsSubstring("<haptic:tool_join>"));
 }
 
+TEST_CASE("A friction that no packet has counts as the largest that one has, and that is said") {
+  const std::string wall =
+      fixed_model("wall", "0 0 0 0 0 0",
+                  "<collision name='c'><geometry><sphere><radius>1</radius></sphere></geometry>"
+                  "<surface><friction><ode><mu>1e5</mu></ode></friction></surface></collision>");
+  Diagnostics diagnostics;
+  const WorldDescription world = parse_world(
+      "<sdf version='1.9'><world name='w'>" + wall + "</world></sdf>", "test.sdf", diagnostics);
+  CHECK(world.bodies.at(0).collisions.at(0).friction == 10);
+  REQUIRE(diagnostics.findings().size() == 1);
+  const Finding& finding = diagnostics.findings().front();
+  CHECK(finding.verdict == Verdict::kApproximated);
+  CHECK_THAT(to_string(finding), ContainsSubstring("test.sdf:") &&
+                                     ContainsSubstring("friction mu 100000: it counts as 10"));
+}
+
 TEST_CASE("A value out of range is an error that names it and what is allowed") {
   CHECK_THAT(
       error_of(with_geometry("<sphere><radius>-0.1</radius></sphere>")),

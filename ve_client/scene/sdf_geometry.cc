@@ -19,6 +19,7 @@
 #include <sdf/Plane.hh>
 #include <sdf/Sphere.hh>
 
+#include "hlm/common/friction_limit.h"
 #include "hlm/common/range.h"
 #include "hlm/geometry/hull.h"
 #include "hlm/geometry/mesh_pieces.h"
@@ -217,7 +218,7 @@ FileCollision to_pieces(const sdf::Heightmap& source, CollisionDescription commo
           std::nullopt};
 }
 
-std::optional<double> friction_of(const sdf::Collision& collision) {
+std::optional<double> friction_of(const sdf::Collision& collision, Diagnostics& diagnostics) {
   sdf::ElementPtr element = collision.Element();
   for (const char* child : {"surface", "friction", "ode", "mu"}) {
     if (!element->HasElement(child)) return std::nullopt;
@@ -226,7 +227,12 @@ std::optional<double> friction_of(const sdf::Collision& collision) {
   const auto mu = element->Get<double>();
   const auto error = find_error("friction mu", mu, from_zero(""));
   if (error) throw std::runtime_error(*error);
-  return mu;
+  if (mu > kLargestFriction) {
+    diagnostics.approximate(place_of(element),
+                            "friction mu " + shortest_text(mu) + ": it counts as " +
+                                shortest_text(kLargestFriction) + ", the most that is felt");
+  }
+  return usable_friction(mu);
 }
 
 }  // namespace
@@ -262,7 +268,7 @@ FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS,
     if (diagnostics.usable()) require_none(errors);  // Otherwise the cause is reported already.
     CollisionDescription result;
     result.name = collision.Name();
-    result.friction = friction_of(collision);
+    result.friction = friction_of(collision, diagnostics);
     result.X_BG = Pose{p_BS, Quaternion::Identity()} * to_pose(X_SG);
     if (mesh != nullptr) return to_pieces(*mesh, std::move(result), fixed, diagnostics);
     if (heightmap != nullptr) return to_pieces(*heightmap, std::move(result), fixed, diagnostics);

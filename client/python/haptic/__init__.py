@@ -54,7 +54,7 @@ CONTACT = np.dtype([
     ("normal", "f8", 3),    # unit, from b to a
     ("separation", "f8"),   # true distance, m; negative: they overlap
     ("velocity", "f8", 3),  # of b's point, m/s
-    ("friction", "f8"),     # negative: the server's own
+    ("friction", "f8"),     # above 10 as 10; negative: the server's own
     ("load", "f8"),         # normal force of a contact without the tool, N
     ("plane", "u4"),        # 1: a flat face of a on a corner or an edge of b; 0: a face of b, or of neither
 ], align=True)

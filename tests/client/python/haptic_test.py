@@ -122,6 +122,16 @@ class WithServer(unittest.TestCase):
             self.assertAlmostEqual(depth, push / (4 * STIFFNESS), delta=2e-6)   # m
             np.testing.assert_allclose(touch.force[:2], 0, atol=0.05)
 
+    def test_a_friction_that_no_packet_has_counts_as_the_largest(self):
+        def rough(q):
+            found = corners(q)
+            found["friction"] = 1e5
+            return found
+        with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
+            touch.offer([haptic.shapes.half_space()], friction=[1e5])
+            until(touch, lambda: touch.server_state == "active" and touch.state.active == 4, rough)
+            self.assertEqual(touch.message, "")
+
     def test_with_shapes_the_server_finds_the_contacts_and_updates_bring_none(self):
         with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
             touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK), haptic.shapes.half_space()],
@@ -416,7 +426,7 @@ class Mistakes(unittest.TestCase):
                 ("shape 1: .*(finite|nan)", [floor, ball], {"positions": [[0, 0, 0], [0, 0, float("nan")]]}),
                 ("rotations: shape", [ball], {"rotations": [[1, 0, 0]]}),
                 ("friction must have 1", [ball], {"friction": [0, 1]}),
-                ("shape 0: .*friction 11 must be", [ball], {"friction": [11]}),
+                ("shape 0: .*friction -11 must be", [ball], {"friction": [-11]}),
                 ("rule 'least' must be one of", [ball], {"rule": "least"}),
                 ("apart", [floor, ball], {"excluded": [(0, 2)]})):
             with self.subTest(reason=reason), self.assertRaisesRegex(haptic.HapticError, reason):
