@@ -34,7 +34,6 @@ void EventLog::observe(const TickRecord& record) {
   state_ = record.server;
   fade_ = record.fade;
   session_ = record.session;
-  scene_ = record.scene;
   open_ = record.session_open;
 }
 
@@ -50,8 +49,11 @@ void EventLog::observe_session(const TickRecord& record) const {
   }
 }
 
-void EventLog::observe_scene(const TickRecord& record) const {
-  if (scene_ == record.scene || record.session != session_) return;
+void EventLog::observe_scene(const TickRecord& record) {
+  if (record.session != session_) scene_ = record.scene;
+  if (record.scene == scene_ || record.time < next_scene_) return;
+  scene_ = record.scene;
+  next_scene_ = record.time + kScenePeriod;
   if (record.scene > 0) {
     log_event(now_, record, spdlog::level::info,
               fmt::format("scene {}: {} placements, {} pieces", record.scene, record.placements,

@@ -18,7 +18,7 @@ class EventLog {
 
  private:
   void observe_session(const TickRecord& record) const;
-  void observe_scene(const TickRecord& record) const;
+  void observe_scene(const TickRecord& record);
   void observe_state(const TickRecord& record) const;
   void observe_health(const TickRecord& record);
   void observe_refusals(const TickRecord& record);
@@ -32,6 +32,9 @@ class EventLog {
   /// And for lines on what a tick has not the time for.
   static constexpr double kLeftOutPeriod = 10;
 
+  /// The same for lines on scenes, of which a client may commit one in each of its steps.
+  static constexpr double kScenePeriod = 1;
+
   ServerClock now_;
   ServerState state_ = ServerState::kOff;
   DeviceHealth health_ = DeviceHealth::kGood;
@@ -40,7 +43,8 @@ class EventLog {
   double next_left_out_ = 0;  ///< s.
   double next_health_ = 0;    ///< When a line on it may come, s.
   std::uint64_t session_ = 0;
-  std::uint32_t scene_ = 0;
+  double next_scene_ = 0;    ///< s.
+  std::uint32_t scene_ = 0;  ///< The latest that has a line.
   bool open_ = false;
 };
 

@@ -1,6 +1,7 @@
 // Does the log say what changed, and when?
 #include "hlm/loop/event_log.h"
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <string>
@@ -126,10 +127,29 @@ TEST_CASE("A scene that comes into force, and one that takes too long, are told"
   record.pieces = 14;
   for (int i = 0; i < 3; ++i) events.observe(record);
   record.scene = 0;
+  record.time = 2;  // s
   for (int i = 0; i < 3; ++i) events.observe(record);
   REQUIRE(log.lines().size() == before + 2);
   CHECK_THAT(log.lines()[before].text, ContainsSubstring("scene 3: 2 placements, 14 pieces"));
   CHECK_THAT(log.lines()[before + 1].text, ContainsSubstring("took more time than a tick has"));
+}
+
+TEST_CASE("Scenes that come each millisecond have a line a second, and the last has one") {
+  const CapturedLog log;
+  EventLog events([] { return kReadAt; });
+  TickRecord record;
+  record.server = ServerState::kActive;
+  record.session_open = true;
+  record.session = 1;
+  events.observe(record);
+  const std::size_t before = log.lines().size();
+  for (int tick = 0; tick < 5000; ++tick) {
+    record.time = 1e-3 * tick;  // s
+    record.scene = static_cast<std::uint32_t>(std::min(tick, 2500));
+    events.observe(record);
+  }
+  CHECK(log.lines().size() == before + 4);
+  CHECK_THAT(log.lines().back().text, ContainsSubstring("scene 2500: "));
 }
 
 TEST_CASE("Where every update is refused the log says so, with the reason, once a second") {
