@@ -153,10 +153,11 @@ class ServoBench {
   }
 
   explicit ServoBench(server::ServoOptions servo_options = patient(),
-                      std::uint64_t configuration = 0, server::DeviceRatings rated = {})
+                      std::uint64_t configuration = 0, server::DeviceRatings rated = {},
+                      server::SceneSource* scenes = nullptr)
       : options(std::move(servo_options)) {
     device.rated = rated;
-    servo = std::make_unique<server::Servo>(options, configuration, session, device);
+    servo = std::make_unique<server::Servo>(options, configuration, session, device, scenes);
   }
 
   ServoBench(const ServoBench&) = delete;

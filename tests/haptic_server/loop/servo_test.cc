@@ -3,7 +3,10 @@
 
 #include <cmath>
 #include <limits>
+#include <span>
+#include <vector>
 
+#include "hlm/server_scene/loader.h"
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/support/catch.h"
 
@@ -564,6 +567,29 @@ TEST_CASE("Updates that answer no state give no force half a second after the se
   protocol::ContactUpdate answer = bench.update();
   answer.echo_step = bench.tick().step;
   CHECK(renders_force(bench.tick_with(answer).server));
+}
+
+TEST_CASE("With a scene, poses that answer no state give force for two seconds of the session") {
+  std::vector<std::uint8_t> records;
+  protocol::SceneShape ball{.kind = protocol::SceneShapeKind::kSphere, .size = {0.1, 0, 0}};
+  ball.hash = hash_of(ball);
+  append(ball, records);
+  append(protocol::ScenePlacement{.id = 1, .shape = ball.hash}, records);
+  append(protocol::SceneCommit{1}, records);
+  server::SceneLoader loader;
+  ServoBench bench(ServoBench::patient(), 0, {}, &loader);
+  bench.begin();
+  REQUIRE(loader.take(std::as_bytes(std::span(records))));
+  loader.work();
+  protocol::ContactUpdate first = bench.update();
+  first.echo_step = 0;
+  first.scene = 1;
+  bench.tick_with(first);
+  CHECK(renders_force(bench.tick_with(first).server));
+  bench.ticks(1500);  // Contacts would be too old after half a second.
+  CHECK(renders_force(bench.tick_with(first).server));
+  bench.ticks(600);
+  CHECK_FALSE(renders_force(bench.tick_with(first).server));
 }
 
 TEST_CASE("What a stalled server may have given counts, and what it took does not") {
