@@ -12,8 +12,6 @@
 #include <system_error>
 #include <utility>
 
-#include <fcntl.h>
-#include <poll.h>
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -89,12 +87,30 @@ double steady_now() noexcept {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
+timespec steady_time(double seconds) noexcept {
+  const auto whole = static_cast<std::time_t>(seconds);
+  return {.tv_sec = whole,
+          .tv_nsec = static_cast<long>(1e9 * (seconds - static_cast<double>(whole)))};
+}
+
 /// Factor on the longest gap: the server finds its own stops first, and says so.
 constexpr double kPatience = 1.2;
 
 std::runtime_error failure(const char* what) {
   return std::runtime_error(std::string("nothing can guard the motors: ") + what + ": " +
                             std::generic_category().message(errno));
+}
+
+/// Held by this thread, and by nobody if it dies.
+void hold(pthread_mutex_t& alive) {
+  pthread_mutexattr_t kind;
+  pthread_mutexattr_init(&kind);
+  pthread_mutexattr_setpshared(&kind, PTHREAD_PROCESS_SHARED);
+  pthread_mutexattr_setrobust(&kind, PTHREAD_MUTEX_ROBUST);
+  const int error = pthread_mutex_init(&alive, &kind);
+  pthread_mutexattr_destroy(&kind);
+  if (error == 0) pthread_mutex_lock(&alive);
+  errno = error;
 }
 
 /// Above whatever else is real-time, in memory, where this process may: it works for some
@@ -112,22 +128,22 @@ void run_before_all() {
 
 }  // namespace
 
-/// The other process: until a byte comes through `alive`, which is an orderly end, or its end.
-void MotorGuard::watch(Device& device, Shared& shared, int alive, double longest_gap) {
+/// The other process: until the server's thread lets go, which is an orderly end, or dies.
+void MotorGuard::watch(Device& device, Shared& shared, double longest_gap) {
   setsid();  // What is typed in the server's terminal is not for this process.
   prctl(PR_SET_NAME, "haptic_guard");
   for (const int signal : kSignalsOfServer) std::signal(signal, SIG_IGN);
   for (const int signal : kFatalSignals) std::signal(signal, SIG_DFL);
   run_before_all();
 
-  const int patience = std::max(1, static_cast<int>(1e3 * longest_gap / kLooksPerGap));  // ms.
+  const double patience = std::max(1e-3, longest_gap / kLooksPerGap);  // s
   std::uint64_t seen = 0;
   double seen_at = steady_now();
   while (true) {
-    pollfd end{.fd = alive, .events = POLLIN, .revents = 0};
-    if (poll(&end, 1, patience) > 0) {
-      char orderly = 0;
-      if (read(alive, &orderly, 1) <= 0) device.halt();
+    const timespec until = steady_time(steady_now() + patience);
+    const int end = pthread_mutex_clocklock(&shared.alive, CLOCK_MONOTONIC, &until);
+    if (end != ETIMEDOUT) {
+      if (end != 0) device.halt();
       return;
     }
     const double now = steady_now();  // First: this process may be kept waiting in between.
@@ -148,17 +164,14 @@ MotorGuard::MotorGuard(Device& device, double longest_gap) {
       mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw failure("shared memory");
   shared_ = new (memory) Shared;
-  std::array<int, 2> ends{};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0) throw failure("pipe");
+  hold(shared_->alive);
+  if (errno != 0) throw failure("robust mutex");
   process_ = fork();
   if (process_ < 0) throw failure("fork");
   if (process_ == 0) {
-    close(ends[1]);
-    watch(device, *shared_, ends[0], longest_gap);
+    watch(device, *shared_, longest_gap);
     _exit(0);
   }
-  close(ends[0]);
-  alive_ = ends[1];
   guarded = &device;
   handle_fatal_signals();
 }
@@ -166,10 +179,7 @@ MotorGuard::MotorGuard(Device& device, double longest_gap) {
 MotorGuard::~MotorGuard() {
   restore_fatal_signals();
   guarded = nullptr;
-  const char orderly = 1;
-  // Without a reader that would be SIGPIPE, which the server ignores.
-  [[maybe_unused]] const ssize_t written = process_ > 0 ? write(alive_, &orderly, 1) : 0;
-  close(alive_);
+  pthread_mutex_unlock(&shared_->alive);
   if (process_ > 0) waitpid(process_, nullptr, 0);
   munmap(shared_, sizeof(Shared));
 }

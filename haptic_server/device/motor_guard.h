@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include <pthread.h>
 #include <sys/types.h>
 
 #include "hlm/device/device.h"
@@ -15,12 +16,16 @@ namespace hlm::server {
 /// - the handler of a signal that ends the program by a fault of its own (SIGSEGV, SIGABRT and the
 ///   like) halts it at once, before a core file is written, which takes time; then the signal has
 ///   its usual effect;
-/// - a process that was forked halts it when this one is gone, however it went, or has not called
-///   beat() for too long, as when it is stopped (SIGSTOP).
+/// - a process that was forked halts it when the thread that made this is gone, however it went, or
+///   has not called beat() for too long, as when it is stopped (SIGSTOP).
 /// What is left are faults of the whole machine: only the device's own time guard ends those.
 ///
+/// That thread holds a robust mutex, which the kernel gives to the other process as the first thing
+/// when the thread dies. A pipe's end or a pidfd tells it when the last thread of the process has
+/// died and its memory is freed: 65 ms later with 200 MB, 900 ms on a busy machine.
+///
 /// To be made after the device was opened and before files, sockets and threads that the other
-/// process must not share.
+/// process must not share, and to end in the thread that made it.
 class MotorGuard {
  public:
   /// Time, s, without a look of the other process, after which force fades: with the fade it is off
@@ -52,14 +57,14 @@ class MotorGuard {
     std::atomic<std::uint64_t> beats = 0;
     std::atomic<std::uint64_t> looks = 0;  ///< Of the other process at the beats.
     std::atomic<std::uint64_t> halts = 0;  ///< By it.
+    pthread_mutex_t alive;                 ///< Held by the thread that made this.
   };
-  static void watch(Device& device, Shared& shared, int alive, double longest_gap);
+  static void watch(Device& device, Shared& shared, double longest_gap);
 
   Shared* shared_;
   std::uint64_t halts_ = 0;  ///< Seen.
   std::uint64_t looks_ = 0;  ///< Seen.
   double looked_at_ = 0;     ///< When they changed, s.
-  int alive_ = -1;           ///< Closed, by whatever end, when this process ends.
   pid_t process_ = -1;
 };
 

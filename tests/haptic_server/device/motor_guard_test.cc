@@ -32,6 +32,7 @@ double seconds_since(Clock::time_point begin) {
 struct Shared {
   std::atomic<bool> halted = false;
   std::atomic<int> guard = 0;
+  std::atomic<bool> killed = false;
 };
 
 class SharedMemory {
@@ -126,6 +127,34 @@ TEST_CASE("Motors are off when their process dies and one that it forked lives o
     beat_for(guard, 0.2);
   });
   CHECK(memory.halted_within(3));
+}
+
+TEST_CASE("Motors are off when their process dies before it has given its memory back") {
+  constexpr std::size_t kMemory = std::size_t{1} << 29;  // Bytes: freed in some 0.05 s.
+  const SharedMemory memory;
+  std::atomic<bool>& killed = memory->killed;
+  const Commander commander(memory, kLongGap, [&](MotorGuard& guard) {
+    void* const large = mmap(nullptr, kMemory, PROT_READ | PROT_WRITE,
+                             MAP_PRIVATE | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
+    if (large == MAP_FAILED) return;
+    beat_for(guard, 0.1);
+    killed = true;
+  });
+  while (!killed) sleep_for(1e-4);
+  const auto begin = Clock::now();
+  const auto has_ended = [&] {
+    siginfo_t ended{};
+    waitid(P_PID, static_cast<id_t>(commander.id()), &ended, WEXITED | WNOHANG | WNOWAIT);
+    return ended.si_pid != 0;
+  };
+  double off = 0;
+  for (; !has_ended(); sleep_for(1e-4)) {
+    if (off == 0 && memory->halted) off = seconds_since(begin);
+  }
+  const double ended = seconds_since(begin);
+  WARN("motors off after " << 1e3 * off << " ms, all of it gone after " << 1e3 * ended << " ms");
+  CHECK(off > 0);
+  CHECK(off < ended / 2);
 }
 
 TEST_CASE("Motors are off when their process is stopped, and stay on while it beats") {
