@@ -4,9 +4,12 @@
 #include <iostream>
 #include <stdexcept>
 
+#include <fcntl.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/stat.h>
 
+#include "hlm/common/descriptor.h"
 #include "hlm/doctor/body_examination.h"
 #include "hlm/doctor/contact_examination.h"
 #include "hlm/doctor/device_check.h"
@@ -116,6 +119,20 @@ std::vector<Examination> examine_capture(const DoctorOptions& options) {
   return examinations;
 }
 
+/// The sessions of a capture that a server names: nothing else than a regular file of its own
+/// user's is read, for a doctor that runs as root.
+std::vector<RecordedSession> read_own(const std::string& path, uid_t owner) {
+  const Descriptor file(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
+  struct stat facts {};
+  if (!file.is_open() || fstat(file.get(), &facts) != 0) {
+    throw std::runtime_error(path + ": cannot be read");
+  }
+  if (!S_ISREG(facts.st_mode) || facts.st_uid != owner) {
+    throw std::runtime_error(path + ": is no file of the server's user");
+  }
+  return read_sessions(path);
+}
+
 /// The latest session in what the server records.
 RecordedSession latest_session(const std::optional<RunningServer>& running, Part part) {
   if (!running || running->capture.empty()) {
@@ -123,7 +140,7 @@ RecordedSession latest_session(const std::optional<RunningServer>& running, Part
         "--check " + std::string(name_of(part)) +
         " needs a capture, or a server on this machine that records: haptic_server --record FILE");
   }
-  return read_sessions(running->capture).back();
+  return read_own(running->capture, running->owner).back();
 }
 
 std::vector<Examination> examine_present(const DoctorOptions& options) {

@@ -44,7 +44,7 @@ std::atomic<bool> fault_release = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 
 /// What a person at this machine does to force, in the next tick: SIGUSR2 stops it, SIGRTMIN lets a
-/// fault end.
+/// fault end, as haptic_doctor clear does through the server's socket.
 void handle_operator() {
   struct sigaction action {};
   action.sa_flags = SA_RESTART;
@@ -232,7 +232,7 @@ void run_server(ServerOptions& options) {
   StatusLine status(std::cerr, isatty(STDERR_FILENO) != 0);
   RunSummary summary;
   CpuLatencyLimit latency;
-  Operation operation(options, socket.local(), *device, guard);
+  Operation operation(options, socket.local(), *device, guard, [] { fault_release = true; });
   const auto observe = [&](const TickRecord& record) {
     events.observe(record);
     drops.observe(record);

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <csignal>
 #include <filesystem>
+#include <utility>
 
 #include <spdlog/spdlog.h>
 
@@ -56,8 +57,9 @@ constexpr const char* kUnguarded =
 }  // namespace
 
 Operation::Operation(const ServerOptions& options, const protocol::Endpoint& listen,
-                     const Device& device, MotorGuard& guard)
+                     const Device& device, MotorGuard& guard, std::function<void()> release_fault)
     : state_(settings::runtime_directory(), facts_about(options, listen, device)),
+      socket_(settings::runtime_directory(), protocol::to_string(listen), std::move(release_fault)),
       recorder_(open_recorder(options)),
       guard_(guard) {
   request_recording_on_signal();

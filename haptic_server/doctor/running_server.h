@@ -1,6 +1,11 @@
 // What a haptic_server that runs on this machine says of itself in its state file.
+//
+// A state file counts where the user whose folder it is in owns it, too, and has the UDP socket at
+// the address that it names; which process that is says the kernel, by the server's socket beside
+// the file. So nobody can say anything of another user's server.
 #pragma once
 
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -15,6 +20,8 @@ namespace hlm::server {
 
 struct RunningServer {
   pid_t process = 0;
+  uid_t owner = 0;               ///< User whose server it is.
+  std::filesystem::path folder;  ///< Where its state file and its socket are.
   double age = 0;      ///< Age of the state file, s. A server that goes on replaces it each second.
   std::string listen;  ///< ADDRESS:PORT.
   std::string capture;  ///< File to which it records all datagrams; empty: none.

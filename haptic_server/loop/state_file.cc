@@ -60,7 +60,7 @@ StateFile::StateFile(const std::filesystem::path& directory, ServerFacts facts)
   if (directory.empty()) return;
   std::error_code error;
   std::filesystem::create_directories(directory, error);
-  if (!error) path_ = directory / (facts_.listen + ".json");
+  if (!error) path_ = directory / (facts_.listen + kStateSuffix);
 }
 
 StateFile::~StateFile() {

@@ -25,6 +25,9 @@ struct ServerFacts {
   std::string capture;  ///< File to which all datagrams are recorded, absolute; empty: none.
 };
 
+/// ADDRESS:PORT and this is its name.
+inline constexpr const char* kStateSuffix = ".json";
+
 /// Replaces a JSON file once a second, as a whole, and removes it at its end. docs/operations.md
 /// has its fields. A file that cannot be written is not missed. Not for the servo thread.
 class StateFile {

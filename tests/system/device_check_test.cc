@@ -17,6 +17,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "hlm/transport/udp_socket.h"
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
 #include "tests/system/session.h"
@@ -405,9 +406,10 @@ TEST_CASE("A port that is named and cannot be opened is the problem, not the lis
 
 TEST_CASE("A device that a server of an older version has is left alone") {
   const TemporaryDirectory directory;
-  const std::string listen = loopback(free_port());
+  const protocol::UdpSocket port({0x7F000001, 0});
+  const std::string listen = protocol::to_string(port.local());
   std::filesystem::create_directory(directory.file("haptic_server"));
-  // Without what newer servers say of their recording.
+  // Without a socket, and without what newer servers say of their recording.
   const json state{
       {"process", getpid()},
       {"written", 0},
