@@ -132,6 +132,7 @@ std::unique_ptr<LivePage> open_page(const Settings& settings, const protocol::En
   if (!settings.insecure && (beyond || !settings.key_file.empty())) {
     options.token = PageToken::random();
   }
+  options.own_user_only = !settings.insecure && options.token.empty();
   auto page = std::make_unique<LivePage>(options);
   announce(options, page->port(), beyond);
   return page;

@@ -121,12 +121,14 @@ class CommandLine {
 
   void add_page(Table& table) {
     table.group("Live page");
-    table.text("page", settings_.page, "ADDRESS:PORT",
-               "Serve the live page there, for example at 127.0.0.1:8080; with --key-file, and at "
-               "other addresses than loopback, only to those who have the token in the log");
+    table.text(
+        "page", settings_.page, "ADDRESS:PORT",
+        "Serve the live page there, for example at 127.0.0.1:8080; with --key-file, and at "
+        "other addresses than loopback, only to those who have the token in the log; else to "
+        "the user who starts this, and root");
     table.flag("insecure", settings_.insecure,
-               "Serve the page at any address, without a token: whoever reaches it can move the "
-               "device. For closed networks");
+               "Serve the page at any address, to anybody: whoever reaches it can move the device. "
+               "For closed networks");
     table.whole("page-partner", settings_.page_partner, {0, 65535},
                 "Port of this machine whose pages may look on and set here, too, as one that shows "
                 "two clients side by side does; 0 is none");

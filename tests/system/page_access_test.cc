@@ -1,7 +1,10 @@
 // Who may open the live page of the real ve_client.
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include <unistd.h>
 
 #include "tests/support/catch.h"
 #include "tests/system/process.h"
@@ -69,6 +72,46 @@ TEST_CASE("Beyond loopback, and with a key, the page is for those with the token
   CHECK(site.open({.origin = "http://evil.example", .path = "/session?token=" + token}) == 403);
   CHECK_THAT(site.client->error(), ContainsSubstring("whoever has this address can move the tool"));
   if (beyond) CHECK_THAT(site.client->error(), ContainsSubstring("nothing is encrypted"));
+}
+
+/// What another user of the machine gets, over a socket of this family: the status, and why.
+std::string as_nobody(const Site& site, const std::string& target, bool ipv6 = false) {
+  const std::string connect =
+      ipv6 ? "c.sock = socket.socket(socket.AF_INET6); c.sock.connect(('::ffff:127.0.0.1', p))\n"
+           : "";
+  return run({"setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups",
+              "/usr/bin/python3", "-c",
+              "import http.client, socket\np = " + std::to_string(site.port) +
+                  "\nc = http.client.HTTPConnection('127.0.0.1', p)\n" + connect +
+                  "c.request('GET', '" + target +
+                  "')\nr = c.getresponse(); print(r.status, r.read())"})
+      .output;
+}
+
+TEST_CASE("On loopback the page is for the user who started it, and for no other of the machine") {
+  if (geteuid() != 0) {
+    WARN("SKIPPED: only root can be another user");
+    return;
+  }
+  const bool ipv6 = GENERATE(false, true);
+  {
+    const Site site("127.0.0.1");
+    CHECK(site.get("/") == 200);
+    CHECK(site.open({}) == 101);
+    for (const char* target : {"/", "/main.js", "/session", "/recording"}) {
+      CHECK_THAT(as_nobody(site, target, ipv6),
+                 Catch::Matchers::StartsWith("403") &&
+                     ContainsSubstring("this page is for the user who started it"));
+    }
+  }
+  setenv("SUDO_UID", "65534", 1);  // Who has started it by sudo opens it as themselves.
+  {
+    const Site site("127.0.0.1");
+    CHECK_THAT(as_nobody(site, "/", ipv6), Catch::Matchers::StartsWith("200"));
+  }
+  unsetenv("SUDO_UID");
+  const Site insecure("127.0.0.1", {"--insecure"});
+  CHECK_THAT(as_nobody(insecure, "/", ipv6), Catch::Matchers::StartsWith("200"));
 }
 
 TEST_CASE("An insecure page is served to everyone, and one warning says what that exposes") {

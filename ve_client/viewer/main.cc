@@ -64,7 +64,10 @@ class Viewer {
   explicit Viewer(const Options& options)
       : session_(options.session),
         token_(options.token ? PageToken::random() : ""),
-        page_({.port = options.port, .root = page_beside_program(), .token = token_}),
+        page_({.port = options.port,
+               .root = page_beside_program(),
+               .token = token_,
+               .own_user_only = token_.empty()}),
         followed_(page_) {}
 
   std::string address() const {

@@ -8,6 +8,7 @@
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include "hlm/settings/directories.h"
+#include "hlm/web/local_user.h"
 #include "hlm/web/static_files.h"
 
 namespace hlm::ve {
@@ -89,6 +90,12 @@ void HttpConnection::respond() {
     return refuse(http::status::forbidden,
                   "the address must end with ?token= and the token in the log of ve_client");
   }
+  if (files_.own_user_only && !is_of_own_user()) {
+    return refuse(
+        http::status::forbidden,
+        "this page is for the user who started it, and for root: open it as that user, or "
+        "start it with --key-file, with which it asks for a token, or with --insecure");
+  }
   if (websocket::is_upgrade(request())) return become_page();
   const http::verb method = request().method();
   if (method != http::verb::get && method != http::verb::head) {
@@ -101,6 +108,22 @@ void HttpConnection::respond() {
 bool HttpConnection::shows_token() const {
   return files_.token.is_shown(
       {.target = to_std(request().target()), .cookies = only(request(), http::field::cookie)});
+}
+
+/// Looked up once in a connection's life.
+bool HttpConnection::is_of_own_user() {
+  if (!own_user_) {
+    const auto end = [](const tcp::endpoint& endpoint) {
+      return ConnectionEnd{static_cast<std::uint32_t>(endpoint.address().to_v4().to_ulong()),
+                           endpoint.port()};
+    };
+    error_code error;
+    const tcp::endpoint local = stream_.socket().local_endpoint(error);
+    const tcp::endpoint remote = stream_.socket().remote_endpoint(error);
+    const auto user = error ? std::nullopt : user_of_other_end(end(local), end(remote));
+    own_user_ = user && is_own_user(*user);
+  }
+  return *own_user_;
 }
 
 void HttpConnection::become_page() {

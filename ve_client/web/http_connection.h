@@ -25,7 +25,8 @@ struct ServedFiles {
   std::filesystem::path root;                     ///< Without symbolic links.
   std::vector<std::filesystem::path> recordings;  ///< Where flight recordings may be.
   PageToken token;
-  std::uint16_t partner = 0;  ///< Port of this machine whose pages are taken, too; 0: none.
+  std::uint16_t partner = 0;   ///< Port of this machine whose pages are taken, too; 0: none.
+  bool own_user_only = false;  ///< Other users of this machine are refused.
 };
 
 /// Kept alive by its pending operation alone. Of the server's thread.
@@ -42,6 +43,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void on_read(boost::system::error_code error);
   void respond();
   bool shows_token() const;
+  bool is_of_own_user();
   void become_page();
   void send_file();
   void send_recording();
@@ -54,6 +56,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   const ServedFiles& files_;
   PageHub& hub_;
   HostNames hosts_;
+  std::optional<bool> own_user_;  ///< Whether the connection is of this program's user.
   boost::beast::tcp_stream stream_;
   boost::beast::flat_buffer buffer_;
   std::optional<boost::beast::http::request_parser<boost::beast::http::empty_body>> parser_;

@@ -100,7 +100,8 @@ struct PageServer::Server {
         files{checked_root(options),
               options.recordings,
               {options.token, std::to_string(port)},
-              options.partner},
+              options.partner,
+              options.own_user_only},
         hub(options.max_pages) {
     accept();
     const SignalsBlocked blocked;

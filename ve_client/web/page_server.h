@@ -33,6 +33,9 @@ struct PageServerOptions {
   /// Every request must show it, as ?token=… or by the cookie that the answer to such a one sets;
   /// empty: none is needed.
   std::string token = {};
+  /// Takes connections of this program's user, of root, and of who ran it by sudo: other users of
+  /// the machine are refused. For loopback.
+  bool own_user_only = false;
   /// Port of the one other server of this machine whose pages may open a WebSocket here, too; 0:
   /// none.
   std::uint16_t partner = 0;
