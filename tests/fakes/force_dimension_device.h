@@ -11,6 +11,7 @@
 #include <numbers>
 #include <vector>
 
+#include "body.h"
 #include "force_dimension_doubts.h"
 
 namespace {  // Each fake is one source: two of them in a process share nothing.
@@ -34,7 +35,6 @@ constexpr int kTimeGuard = 1;
 constexpr int kMotorSaturated = 2;
 enum Cause { kCauseNone, kCauseButton, kCauseVelocity, kCauseWatchdog, kCauseSoftware };
 
-constexpr double kStep = 1e-4;           // s; of the simulated handle.
 constexpr double kLongestCatchUp = 1.0;  // s; a process that slept longer finds the handle at rest.
 constexpr double kWatchdogUnit = 125e-6;  // s; core, setWatchdog.
 constexpr double kBrakeDamping = 20.0;    // N·s/m; assumed: motors in short circuit.
@@ -78,12 +78,6 @@ constexpr std::array<Model, 13> kModels{{
     {"lambda.3", 203, false, false, 0.45, 12.0, 0.0, 0.0, 0.0, 2e-6, false},
 }};
 
-using Vec = std::array<double, 3>;
-
-Vec operator-(const Vec& a, const Vec& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-Vec operator*(double s, const Vec& a) { return {s * a[0], s * a[1], s * a[2]}; }
-double norm(const Vec& a) { return std::hypot(a[0], a[1], a[2]); }
-
 // A sample of what the controller measured, with the machine's time (s).
 struct Sample {
   double time = 0;
@@ -110,22 +104,6 @@ struct Estimator {
 
 enum class Mode { kReset, kIdle, kForce, kBrake };
 
-// One body that a hand holds: the handle's position, the wrist's rotation vector, the gripper.
-struct Body {
-  Vec position{}, velocity{}, anchor{};
-  double stiffness = 300, damping = 5;  // The hand's.
-
-  void step(const Vec& motors, double mass, double friction) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      const double force = motors[i] + stiffness * (anchor[i] - position[i]);
-      // Damping is implicit, so that a stiff brake does not oscillate.
-      velocity[i] =
-          (velocity[i] + kStep * force / mass) / (1.0 + kStep * (damping + friction) / mass);
-      position[i] += kStep * velocity[i];
-    }
-  }
-};
-
 struct Device {
   bool open = false, by_drd = false, plugged = true, calibrated = true;
   bool gravity = true, emulate = false, regulating = false;
@@ -148,7 +126,7 @@ struct Device {
 };
 
 std::recursive_mutex g_mutex;
-std::array<bool, kDoubts> g_second{};
+Readings<kDoubts> g_readings(kSentences);
 Model g_model = kModels[2];
 std::vector<Device> g_devices;
 int g_default = -1;
@@ -156,7 +134,7 @@ bool g_expert = false, g_virtual = false;
 double g_time = 0, g_simulated = 0;
 thread_local int t_error = kNoError;
 
-bool second(Doubt d) { return g_second[d]; }
+bool second(Doubt d) { return g_readings.second(d); }
 
 int fail(int error) {
   t_error = error;
@@ -203,8 +181,6 @@ void catch_up() {
   for (; g_simulated + kStep <= time; g_simulated += kStep)
     for (Device& d : g_devices) step(d, g_simulated);
 }
-
-double rounded(double value, double step) { return step * std::round(value / step); }
 
 // Reads the encoders, unless the time guard finds the last data recent enough.
 int communicate(Device& d) {

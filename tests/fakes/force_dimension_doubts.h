@@ -4,6 +4,8 @@
 
 #include <array>
 
+#include "doubts.h"
+
 namespace {  // Each fake is one source: two of them in a process share nothing.
 
 enum Doubt {
@@ -39,15 +41,6 @@ enum Doubt {
   kUncalibrated,
   kClose,
   kDoubts
-};
-
-struct Sentence {
-  const char* name;
-  const char* first;
-  const char* second;
-  const char* first_means;
-  const char* second_means;
-  const char* source;
 };
 
 constexpr std::array<Sentence, kDoubts> kSentences{{

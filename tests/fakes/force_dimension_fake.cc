@@ -136,14 +136,6 @@ void count_force(Device& d) {
   d.rate_since = now();
 }
 
-// Cuts to a magnitude, keeping the direction; a negative limit is none. True if it was cut.
-bool cut(Vec* value, double limit) {
-  const double size = norm(*value);
-  if (limit < 0 || size <= limit) return false;
-  *value = (limit / size) * *value;
-  return true;
-}
-
 int apply_forces(char id, Vec force, Vec torque, double gripper) {
   Device* d = use(id);
   if (d == nullptr) return -1;
@@ -180,25 +172,6 @@ unsigned mask(Device& d) {
 }
 
 // ---------------------------------------------------------------- configuration
-
-bool choose_reading(std::string_view word) {
-  if (word.empty()) return true;
-  if (word == "first" || word == "second") {
-    g_second.fill(word == "second");
-    return true;
-  }
-  const std::size_t colon = word.find(':');
-  for (std::size_t i = 0; colon != word.npos && i < kDoubts; ++i) {
-    const std::string_view answer = word.substr(colon + 1);
-    if (word.substr(0, colon) != kSentences[i].name) continue;
-    if (answer != kSentences[i].first && answer != kSentences[i].second) break;
-    g_second[i] = answer == kSentences[i].second;
-    return true;
-  }
-  std::fprintf(stderr, "fake dhd: no such reading '%.*s'\n", static_cast<int>(word.size()),
-               word.data());
-  return false;
-}
 
 bool choose_model(std::string_view name) {
   for (const Model& model : kModels)
@@ -287,24 +260,16 @@ extern "C" {
 
 const char* fake_doubt(int i) {
   thread_local std::string text;
-  if (i < 0 || i >= kDoubts) return nullptr;
-  const Sentence& s = kSentences[static_cast<std::size_t>(i)];
-  text = std::string(s.name) + ":" + s.first + "|" + s.second;
-  return text.c_str();
+  text = g_readings.text(i);
+  return text.empty() ? nullptr : text.c_str();
 }
 
 bool fake_configure(const char* model, const char* readings) {
   const Lock lock(g_mutex);
-  g_second.fill(false);
-  bool known = choose_model(model);
-  std::string_view rest = readings;
-  while (!rest.empty()) {
-    const std::size_t comma = std::min(rest.find(','), rest.size());
-    known = choose_reading(rest.substr(0, comma)) && known;
-    rest.remove_prefix(std::min(comma + 1, rest.size()));
-  }
+  const bool read = g_readings.choose(readings);
+  const bool known = choose_model(model);
   reset_devices();
-  return known;
+  return read && known;
 }
 
 void fake_advance(double seconds) {
