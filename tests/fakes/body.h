@@ -9,13 +9,13 @@ namespace {  // Each fake is one source: two of them in a process share nothing.
 
 using Vec = std::array<double, 3>;
 
-Vec operator-(const Vec& a, const Vec& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-Vec operator*(double s, const Vec& a) { return {s * a[0], s * a[1], s * a[2]}; }
-double norm(const Vec& a) { return std::hypot(a[0], a[1], a[2]); }
-double rounded(double value, double step) { return step * std::round(value / step); }
+inline Vec operator-(const Vec& a, const Vec& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+inline Vec operator*(double s, const Vec& a) { return {s * a[0], s * a[1], s * a[2]}; }
+inline double norm(const Vec& a) { return std::hypot(a[0], a[1], a[2]); }
+inline double rounded(double value, double step) { return step * std::round(value / step); }
 
 // Cuts to a magnitude, keeping the direction; a negative limit is none. True if it was cut.
-bool cut(Vec* value, double limit) {
+inline bool cut(Vec* value, double limit) {
   const double size = norm(*value);
   if (limit < 0 || size <= limit) return false;
   *value = (limit / size) * *value;
