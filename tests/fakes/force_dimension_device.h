@@ -37,13 +37,14 @@ enum Cause { kCauseNone, kCauseButton, kCauseVelocity, kCauseWatchdog, kCauseSof
 
 constexpr double kLongestCatchUp = 1.0;  // s; a process that slept longer finds the handle at rest.
 constexpr double kWatchdogUnit = 125e-6;  // s; core, setWatchdog.
-constexpr double kBrakeDamping = 20.0;    // N·s/m; assumed: motors in short circuit.
-constexpr double kOwnDamping = 0.5;       // N·s/m; assumed: friction of the arms.
-constexpr double kSpeedLimit = 2.5;       // m/s; assumed: where the controller brakes by itself.
-constexpr double kWristInertia = 2e-4;    // kg·m²; assumed.
-constexpr double kGripperLever = 0.06;    // m; assumed: from the gripper's axis to the finger.
-constexpr double kGripperInertia = 5e-5;  // kg·m²; assumed.
-constexpr double kButtonOpening = 0.06;   // rad; an emulated button is down below this opening.
+constexpr double kExchange = 125e-6;    // s; a microframe of USB 2.0: no second exchange within it.
+constexpr double kBrakeDamping = 20.0;  // N·s/m; assumed: motors in short circuit.
+constexpr double kOwnDamping = 0.5;     // N·s/m; assumed: friction of the arms.
+constexpr double kSpeedLimit = 2.5;     // m/s; assumed: where the controller brakes by itself.
+constexpr double kWristInertia = 2e-4;  // kg·m²; assumed.
+constexpr double kGripperLever = 0.06;  // m; assumed: from the gripper's axis to the finger.
+constexpr double kGripperInertia = 5e-5;      // kg·m²; assumed.
+constexpr double kButtonOpening = 0.06;       // rad; an emulated button is down below this opening.
 constexpr double kUncalibratedOffset = 0.02;  // m; error of positions before calibration.
 constexpr double kInitSeconds = 0.05;         // s; automatic calibration; real ones take seconds.
 
@@ -90,7 +91,7 @@ struct Estimator {
   double window = 0.020;  // s; 20 ms is the header's default.
 
   void update(double time, const Vec& value) {
-    if (!samples.empty() && samples.back().time == time) return;
+    if (!samples.empty() && time - samples.back().time < kExchange) return;
     samples.push_back({time, value});
   }
   bool speed(double now, Vec* out) {
@@ -154,8 +155,8 @@ double now() {
 // ---------------------------------------------------------------- the simulated device
 
 void forces_off(Device& d, int cause, Mode mode) {
-  d.mode = mode;
-  d.cause = cause;
+  if (d.mode == Mode::kForce) d.cause = cause;
+  d.mode = d.calibrated ? mode : Mode::kReset;
   d.force = d.torque = {};
   d.gripper_force = 0;
 }

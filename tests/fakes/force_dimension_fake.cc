@@ -502,7 +502,7 @@ int dhdEnableForce(unsigned char on, char id) {
   const Lock lock(g_mutex);
   Device* d = second(kEnableForce) ? use_expert(id) : use(id);
   if (d == nullptr) return -1;
-  if (!d->calibrated) return fail(kErrorNotReady);
+  if (on != 0 && !d->calibrated) return fail(kErrorNotReady);
   if (on == 0) {
     forces_off(*d, kCauseSoftware, Mode::kBrake);
   } else if (d->mode != Mode::kForce) {

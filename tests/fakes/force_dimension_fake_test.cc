@@ -280,6 +280,30 @@ TEST_CASE("Force Dimension: the hand turns a wrist, and torque does where there 
   CHECK(m[1][0] == Approx(std::sin(0.5)).margin(1e-3));  // 0.1 N·m on 0.5 N·m/rad.
 }
 
+TEST_CASE("Force Dimension: what is not calibrated takes its forces off, and not on") {
+  const char id = open_with_force("omega.3");
+  std::array<int, 17> status{};
+  CHECK(dhdReset(id) == 0);
+  CHECK(dhdEnableForce(0, id) == 0);
+  CHECK(dhdEnableForce(1, id) == -1);
+  CHECK(dhdErrorGetLast() == 12);
+  dhdGetStatus(status.data(), id);
+  CHECK(status[3] == 1);
+  fake_calibrate();
+  CHECK(dhdEnableForce(1, id) == 0);
+}
+
+TEST_CASE("Force Dimension: two exchanges within a microframe are one position") {
+  const char id = open_with_force("omega.3");
+  double x, y, z, v[3];
+  fake_advance(0.03);
+  CHECK(dhdGetPosition(&x, &y, &z, id) == 0);
+  fake_advance(1e-4);
+  CHECK(dhdGetLinearVelocity(&v[0], &v[1], &v[2], id) == -1);
+  fake_advance(1e-4);
+  CHECK(dhdGetLinearVelocity(&v[0], &v[1], &v[2], id) == 0);
+}
+
 TEST_CASE("Force Dimension: what was unplugged fails every call and is not counted") {
   const char id = open_with_force("omega.6");
   fake_unplug();
