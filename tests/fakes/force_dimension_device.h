@@ -37,14 +37,15 @@ enum Cause { kCauseNone, kCauseButton, kCauseVelocity, kCauseWatchdog, kCauseSof
 
 constexpr double kLongestCatchUp = 1.0;  // s; a process that slept longer finds the handle at rest.
 constexpr double kWatchdogUnit = 125e-6;  // s; core, setWatchdog.
-constexpr double kExchange = 125e-6;    // s; a microframe of USB 2.0: no second exchange within it.
-constexpr double kBrakeDamping = 20.0;  // N·s/m; assumed: motors in short circuit.
-constexpr double kOwnDamping = 0.5;     // N·s/m; assumed: friction of the arms.
-constexpr double kSpeedLimit = 2.5;     // m/s; assumed: where the controller brakes by itself.
-constexpr double kWristInertia = 2e-4;  // kg·m²; assumed.
-constexpr double kGripperLever = 0.06;  // m; assumed: from the gripper's axis to the finger.
-constexpr double kGripperInertia = 5e-5;      // kg·m²; assumed.
-constexpr double kButtonOpening = 0.06;       // rad; an emulated button is down below this opening.
+constexpr double kExchange = 60e-6;       // s; assumed: 4 kHz (product pages) of some four calls.
+constexpr double kMicroframe = 125e-6;    // s; of USB 2.0.
+constexpr double kBrakeDamping = 20.0;    // N·s/m; assumed: motors in short circuit.
+constexpr double kOwnDamping = 0.5;       // N·s/m; assumed: friction of the arms.
+constexpr double kSpeedLimit = 2.5;       // m/s; assumed: where the controller brakes by itself.
+constexpr double kWristInertia = 2e-4;    // kg·m²; assumed.
+constexpr double kGripperLever = 0.06;    // m; assumed: from the gripper's axis to the finger.
+constexpr double kGripperInertia = 5e-5;  // kg·m²; assumed.
+constexpr double kButtonOpening = 0.06;   // rad; an emulated button is down below this opening.
 constexpr double kUncalibratedOffset = 0.02;  // m; error of positions before calibration.
 constexpr double kInitSeconds = 0.05;         // s; automatic calibration; real ones take seconds.
 
@@ -91,7 +92,7 @@ struct Estimator {
   double window = 0.020;  // s; 20 ms is the header's default.
 
   void update(double time, const Vec& value) {
-    if (!samples.empty() && time - samples.back().time < kExchange) return;
+    if (!samples.empty() && samples.back().time == time) return;
     samples.push_back({time, value});
   }
   bool speed(double now, Vec* out) {
@@ -186,8 +187,11 @@ void catch_up() {
 // Reads the encoders, unless the time guard finds the last data recent enough.
 int communicate(Device& d) {
   catch_up();
-  const double time = now();
+  double time = now();
   if (d.time_guard > 0 && time - d.last_read < d.time_guard) return kTimeGuard;
+  if (second(kExchanges) && time - d.last_read < kMicroframe) return 0;
+  if (!g_virtual)
+    for (const double start = time; time < start + kExchange;) time = now();
   if (!second(kWatchdogFeed)) d.fed = time;
   d.last_read = time;
   for (std::size_t i = 0; i < 3; ++i) {

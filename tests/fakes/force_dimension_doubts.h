@@ -9,6 +9,7 @@
 namespace {  // Each fake is one source: two of them in a process share nothing.
 
 enum Doubt {
+  kExchanges,
   kVelocityUpdates,
   kVelocityMissing,
   kOpen,
@@ -44,6 +45,8 @@ enum Doubt {
 };
 
 constexpr std::array<Sentence, kDoubts> kSentences{{
+    {"exchanges", "own", "shared", "each getter is an exchange of its own with the device",
+     "getters within a microframe of USB (125 us) share one", "no text says it"},
     {"velocity_updates", "any", "named", "every call that reads the encoders is a position update",
      "only dhdGetPosition and the speed getter itself are: the text names no other",
      "core, getLinearVelocity"},
