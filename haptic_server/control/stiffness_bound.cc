@@ -55,6 +55,22 @@ double damping_of(double rated_stiffness) noexcept {
   return std::isfinite(rated_stiffness) ? rated_stiffness * kRatedPeriod / 2 : 0;
 }
 
+/// Largest change of the coupling's force at one encoder step, N and N·m: what is left below 0.1 N,
+/// which a hand does not feel, for the observer of the hand. Less makes devices with coarse
+/// encoders soft; more lets them hum at rest.
+constexpr double kQuietKick = 0.09;
+constexpr double kQuietTurningKick = kQuietKick * kLongestLever;
+
+/// Lowers gains from what is felt of them now to what is borne; the share of the spring that is
+/// left.
+double lower(const Impedance& felt, const Impedance& borne, double& stiffness,
+             double& damping) noexcept {
+  const double left = felt.stiffness > 0 ? borne.stiffness / felt.stiffness : 1;
+  stiffness *= left;
+  if (felt.damping > 0) damping *= borne.damping / felt.damping;
+  return left;
+}
+
 /// The open loop at one frequency: force that comes back over force, of a handle that nobody holds.
 /// The sampled handle moves as one with 2/Δt sin(ωΔt/2) in the place of ω.
 std::complex<double> open_loop(const Handle& handle, const Impedance& felt, double w) noexcept {
@@ -141,27 +157,57 @@ Impedance felt_in_rotation(ControllerKind kind, const ControllerGains& gains,
   return {times * gains.angular_stiffness, times * gains.angular_damping};
 }
 
+Impedance bearable_coupling(const Handle& handle, const Impedance& felt, const EncoderStep& step,
+                            double margin) noexcept {
+  const double share = bearable_share(handle, felt, margin);
+  Impedance borne{share * felt.stiffness, share * felt.damping};
+  const double most_damping = step.quiet / step.speed;
+  if (borne.damping > most_damping) {
+    // The damper becomes one that is quiet, the spring the stiffest that rests with it.
+    const auto rests = [&](double stiffness) {
+      return bearable_share(handle, {stiffness, most_damping}, margin) >= 1;
+    };
+    constexpr double kSoftest = 1e-3;  // Of what was asked for.
+    constexpr int kHalvings = 9;       // Of its three decades: within 1.4 %.
+    double stiffer = borne.stiffness;
+    double softer = rests(stiffer) ? stiffer : kSoftest * stiffer;
+    for (int i = 0; i < kHalvings && softer < stiffer; ++i) {
+      const double middle = std::sqrt(softer * stiffer);
+      (rests(middle) ? softer : stiffer) = middle;
+    }
+    borne = {softer, most_damping};
+  }
+  const double kick = borne.damping * step.speed + borne.stiffness * step.pose;
+  const double less = kick > step.quiet ? step.quiet / kick : 1;
+  return {less * borne.stiffness, less * borne.damping};
+}
+
 double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
                        ControllerGains& gains, LocalModelParameters& contacts) noexcept {
   const Impedance felt = felt_impedance(kind, gains, contacts);
   const Impedance turned = felt_in_rotation(kind, gains, contacts);
   const double margin = margin_of(kind);
-  const double share = bearable_share(translation_of(device, period), felt, margin);
-  const double turning =
-      device.max_torque > 0 ? bearable_share(rotation_of(device, period), turned, margin) : 1;
+  const Handle translation = translation_of(device, period);
+  double left = 1;
   if (feels_contacts(kind)) {
-    if (share < 1) contacts.max_hand_stiffness = share * felt.stiffness;
+    left = bearable_share(translation, felt, margin);
+    if (left < 1) contacts.max_hand_stiffness = left * felt.stiffness;
   } else {
-    gains.stiffness *= share;
-    gains.damping *= share;
+    const Impedance borne = bearable_coupling(
+        translation, felt, {device.position_step, device.speed_step, kQuietKick}, margin);
+    left = lower(felt, borne, gains.stiffness, gains.damping);
   }
+  if (!(device.max_torque > 0)) return left;
+  const Handle rotation = rotation_of(device, period);
   if (kind == ControllerKind::kDirect) {
+    const double turning = bearable_share(rotation, turned, margin);
     if (turning < 1) contacts.max_hand_angular_stiffness = turning * turned.stiffness;
-  } else {
-    gains.angular_stiffness *= turning;
-    gains.angular_damping *= turning;
+    return left;
   }
-  return feels_contacts(kind) ? share : std::min(share, turning);
+  const Impedance borne =
+      bearable_coupling(rotation, turned, {0, device.turn_step, kQuietTurningKick}, margin);
+  const double turning = lower(turned, borne, gains.angular_stiffness, gains.angular_damping);
+  return feels_contacts(kind) ? left : std::min(left, turning);
 }
 
 std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRatings& device,
@@ -180,12 +226,13 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
     lowered.push_back(fmt::format("contacts on a lever, {:.3g} N·m/rad together are in effect",
                                   contacts.max_hand_angular_stiffness));
   }
-  if (gains.stiffness < asked.stiffness) {
+  if (gains.stiffness < asked.stiffness || gains.damping < asked.damping) {
     lowered.push_back(fmt::format(
         "a coupling of {:.5g} N/m and {:.5g} N·s/m, {:.5g} N/m and {:.5g} N·s/m are in effect",
         asked.stiffness, asked.damping, gains.stiffness, gains.damping));
   }
-  if (gains.angular_stiffness < asked.angular_stiffness) {
+  if (gains.angular_stiffness < asked.angular_stiffness ||
+      gains.angular_damping < asked.angular_damping) {
     lowered.push_back(fmt::format(
         "a coupling of {:.3g} N·m/rad and {:.3g} N·m·s/rad, {:.3g} N·m/rad and {:.3g} N·m·s/rad "
         "are in effect",
@@ -196,10 +243,14 @@ std::optional<std::string> lower_stiffness(ControllerKind kind, const DeviceRati
   const std::string slower = device.velocity_lag > 0 ? fmt::format(", its velocity {:.3g} ms later",
                                                                    1e3 * device.velocity_lag)
                                                      : "";
+  const std::string steps =
+      gains.damping < asked.damping && device.speed_step > 0
+          ? fmt::format(", one encoder step {:.3g} mm/s", 1e3 * device.speed_step)
+          : "";
   return fmt::format(
-      "too stiff for this device, whose force comes {:.3g} ms after its motion{}, so that it would "
-      "shake: {}; --keep-stiffness leaves it as asked for",
-      1e3 * lag_of(device, period), slower, fmt::join(lowered, "; "));
+      "too stiff for this device, whose force comes {:.3g} ms after its motion{}{}, so that it "
+      "would shake: {}; --keep-stiffness leaves it as asked for",
+      1e3 * lag_of(device, period), slower, steps, fmt::join(lowered, "; "));
 }
 
 }  // namespace hlm::server

@@ -40,6 +40,19 @@ Handle rotation_of(const DeviceRatings& device, double period) noexcept;
 /// nobody knows what the device damps. At most some 200 frequencies, bounded in time.
 double bearable_share(const Handle& handle, const Impedance& felt, double margin = 1) noexcept;
 
+/// What one encoder step changes, and by how much it may change the force.
+struct EncoderStep {
+  double pose = 0;   ///< m or rad.
+  double speed = 0;  ///< m/s or rad/s.
+  double quiet = 0;  ///< N or N·m.
+};
+
+/// What is left of a coupling that is felt. Its damping is so small that an encoder step stays
+/// unfelt, with the stiffest spring that then rests as bearable_share() says; where the damping was
+/// less already, spring and damper are lowered together. At most some 2,000 frequencies.
+Impedance bearable_coupling(const Handle& handle, const Impedance& felt, const EncoderStep& step,
+                            double margin) noexcept;
+
 /// What the device feels at most as a function of its own motion: with direct coupling all contacts
 /// that add up; else the coupling, twice where the contact force that balances it is fed back, too.
 Impedance felt_impedance(ControllerKind kind, const ControllerGains& gains,
@@ -53,7 +66,9 @@ Impedance felt_in_rotation(ControllerKind kind, const ControllerGains& gains,
 /// stiffness of all contacts together (max_hand_stiffness, max_hand_angular_stiffness), else the
 /// coupling's gains, in translation and in rotation by shares of their own. Returns the share that
 /// is left, 0 to 1: of all contacts together in translation, else the smaller one of the
-/// coupling's. Bounded in time: 4 to 8 µs.
+/// coupling's. The coupling's damping is bounded too: one encoder step changes the force by
+/// (damping that is felt) · DeviceRatings::speed_step, at most 0.1 N. Bounded in time: 4 to 8 µs,
+/// 80 µs where the encoders bound the damping.
 double bound_stiffness(ControllerKind kind, const DeviceRatings& device, double period,
                        ControllerGains& gains, LocalModelParameters& contacts) noexcept;
 

@@ -40,7 +40,9 @@ namespace hlm::server {
 /// What a device can do, in the units of the world; powers are those at the handle. A value that a
 /// device does not rate is infinite.
 struct DeviceRatings {
-  double max_force = std::numeric_limits<double>::infinity();   ///< N.
+  double max_force = std::numeric_limits<double>::infinity();  ///< N.
+  double continuous_force =
+      std::numeric_limits<double>::infinity();                  ///< What it gives for ever, N.
   double max_torque = std::numeric_limits<double>::infinity();  ///< N·m; 0: it takes no torque.
   double max_force_rate = std::numeric_limits<double>::infinity();     ///< N/s.
   double max_torque_rate = std::numeric_limits<double>::infinity();    ///< N·m/s.
@@ -53,6 +55,7 @@ struct DeviceRatings {
   double damping = 0;                ///< Physical damping at the handle, N·s/m.
   std::uint8_t buttons = 0;          ///< How many it has.
   bool gripper = false;              ///< Whether it measures the opening of one.
+  double max_gripper_force = 0;      ///< What that gives, N; 0: it takes no force.
   Freedoms freedoms = kAllFreedoms;  ///< Directions in which its handle moves.
   double scale = 1;                  ///< Metres in the world for each metre of the handle.
   double rotation_scale = 1;         ///< Radians in the world for each radian of the handle.
@@ -67,6 +70,11 @@ struct DeviceRatings {
   /// How much later the twist that is read is than the pose, s: half the window of a mean, 1 / (2π
   /// f) of a filter of first order that cuts off at f.
   double velocity_lag = 0;
+  double position_step = 0;  ///< Step of its encoders at the handle, m; 0: none that is known.
+  /// By how much the twist that is read changes at one such step, m/s, and at one of its
+  /// orientation, rad/s. They decide how much damping is quiet.
+  double speed_step = 0;
+  double turn_step = 0;
 
   /// N·m in the world for each N·m at the handle: so work in the world is `scale` times that at the
   /// handle, in translation and in rotation.
@@ -83,6 +91,7 @@ struct DeviceState {
   std::uint32_t buttons = 0;      ///< Bit i: button i is pressed.
   std::optional<double> gripper;  ///< 0 closed to 1 open; empty: it has none.
   DeviceHealth health = DeviceHealth::kGood;
+  bool warm = false;  ///< Its motors say that they get warm: less force lets them cool.
   /// The hand moves the handle alone, to elsewhere in its workspace: no force is wanted.
   bool clutched = false;
 };
@@ -129,6 +138,9 @@ class Device {
   /// Commands the wrench that the device exerts on the hand at the handle's origin, world axes,
   /// until the next call. False if the device failed.
   virtual bool write(const Wrench& F) noexcept = 0;
+  /// Force with which the gripper opens, N, from the next write() until the next call or enable(),
+  /// which is none; limited by its rating. Nothing where it takes no force.
+  virtual void grip(double /*force*/) noexcept {}
   /// What is wrong, in words for a person: why the latest read() or write() failed, or why its
   /// health is not good; empty where the device does not say. Text of static storage duration.
   virtual const char* cause() const noexcept { return ""; }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "hlm/device/device.h"
+#include "hlm/device/device_model.h"
 #include "hlm/settings/table.h"
 
 namespace hlm::server {
@@ -34,6 +35,9 @@ class DeviceDriver {
   virtual PoseFrame pose_frame() const { return PoseFrame::kDevice; }
   /// Why the keys cannot be used together; empty if they can.
   virtual std::optional<std::string> find_error() const { return std::nullopt; }
+
+  /// The rows of its table of models, each rated with the keys as they are; empty: it has none.
+  virtual std::vector<RatedModel> models() const { return {}; }
 
   /// The devices that open() could open now, one line each: which, and how it was reached. Throws
   /// std::runtime_error that says what is missing, where it was searched and where to get it.

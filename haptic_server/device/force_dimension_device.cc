@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -19,24 +20,100 @@ constexpr double kVendorsWindow = 0.02;
 constexpr double kStatusPeriod = 5e-3;
 /// After motors were put on, s: their status follows.
 constexpr double kStatusPatience = 0.05;
-/// A gripper's angle when it is open, rad.
-constexpr double kOpenGripper = 0.5;
 /// Buttons of the mask that the library gives.
 constexpr std::uint8_t kButtons = 16;
-struct Rated {
-  std::string_view family;
-  double force;              ///< N.
-  double torque;             ///< N·m.
-  double stiffness;          ///< N/m.
-  double angular_stiffness;  ///< N·m/rad.
-};
+/// What a handle's apparent mass, kg, and inertia, kg·m², can be.
+constexpr Range kMasses{0.01, 5};
+constexpr Range kInertias{1e-7, 0.1};
 
-/// What is not rated there is that of the last row.
-constexpr std::array<Rated, 4> kRated{{
-    {"omega", 12, 0.1, 5000, 0.5},
-    {"sigma", 12, 0.2, 4000, 1},
-    {"lambda", 5, 0.1, 8000, 0.5},
-    {"", 5, 0.1, 2000, 0.5},
+constexpr double degrees(double angle) noexcept { return angle * std::numbers::pi / 180; }
+
+/// Masses are usual ones, for libraries that do not say; so are the delay, of USB and of the
+/// controller's 4 kHz, and all that stands in the last row. Gripper forces that are not documented
+/// are 0.
+constexpr double kUsbDelay = 0.25e-3;
+constexpr std::array<DeviceModel, 8> kForceDimensionModels{{
+    {.name = "omega.7",
+     .force = 12,
+     .stiffness = 5000,
+     .angular_stiffness = 0.5,
+     .mass = 0.25,
+     .delay = kUsbDelay,
+     .step = 10e-6,
+     .angle_step = degrees(0.09),
+     .cutoff = 100,
+     .gripper_range = degrees(30),
+     .gripper_force = 8},
+    {.name = "omega",
+     .force = 12,
+     .stiffness = 5000,
+     .angular_stiffness = 0.5,
+     .mass = 0.25,
+     .delay = kUsbDelay,
+     .step = 10e-6,
+     .angle_step = degrees(0.09),
+     .cutoff = 100},
+    {.name = "sigma",
+     .force = 12,
+     .torque = 0.2,
+     .stiffness = 4000,
+     .angular_stiffness = 1,
+     .mass = 0.3,
+     .delay = kUsbDelay,
+     .step = 1.5e-6,
+     .angle_step = degrees(0.013),
+     .cutoff = 100,
+     .gripper_range = degrees(30),
+     .gripper_force = 8},
+    {.name = "lambda.7",
+     .force = 12,
+     .torque = 0.2,
+     .stiffness = 8000,
+     .angular_stiffness = 0.5,
+     .mass = 0.3,
+     .delay = kUsbDelay,
+     .step = 1.5e-6,
+     .angle_step = degrees(0.013),
+     .cutoff = 100,
+     .gripper_range = degrees(15)},
+    {.name = "lambda",
+     .force = 12,
+     .torque = 0.2,
+     .stiffness = 8000,
+     .angular_stiffness = 0.5,
+     .mass = 0.3,
+     .delay = kUsbDelay,
+     .step = 1.5e-6,
+     .angle_step = degrees(0.013),
+     .cutoff = 100},
+    {.name = "delta",
+     .force = 20,
+     .torque = 0.1,
+     .stiffness = 5000,
+     .angular_stiffness = 0.5,
+     .mass = 0.25,
+     .delay = kUsbDelay,
+     .step = 30e-6,
+     .angle_step = degrees(0.04),
+     .cutoff = 60},
+    {.name = "Falcon",
+     .force = 5,
+     .stiffness = 2000,
+     .mass = 0.25,
+     .delay = kUsbDelay,
+     .step = 60e-6,
+     .cutoff = 40},
+    {.name = "",
+     .force = 5,
+     .torque = 0.1,
+     .stiffness = 2000,
+     .angular_stiffness = 0.5,
+     .mass = 0.25,
+     .delay = kUsbDelay,
+     .step = 30e-6,
+     .angle_step = degrees(0.09),
+     .cutoff = 60,
+     .gripper_range = degrees(30)},
 }};
 
 double seconds_now() noexcept {
@@ -45,14 +122,21 @@ double seconds_now() noexcept {
 
 }  // namespace
 
-DeviceRatings force_dimension_ratings(std::string_view name, bool torque) noexcept {
-  const Rated* rated = kRated.data();
-  while (name.find(rated->family) == std::string_view::npos) ++rated;
-  DeviceRatings ratings;
-  ratings.max_force = rated->force;
-  ratings.max_torque = torque ? rated->torque : 0;
-  ratings.max_stiffness = rated->stiffness;
-  ratings.max_angular_stiffness = rated->angular_stiffness;
+std::span<const DeviceModel> force_dimension_models() noexcept { return kForceDimensionModels; }
+
+DeviceRatings force_dimension_ratings(const DeviceModel& model, bool active_wrist,
+                                      const ForceDimensionOptions& options, double dt) noexcept {
+  DeviceRatings ratings = ratings_of(model);
+  if (!active_wrist) ratings.max_torque = 0;
+  const double cutoff = options.velocity_cutoff.value_or(model.cutoff);
+  if (cutoff > 0) {
+    rate_speed(model, cutoff, dt, ratings);
+    return ratings;
+  }
+  const double window = std::max(options.velocity_window, dt);
+  ratings.velocity_lag = window / 2;
+  ratings.speed_step = model.step / window;
+  ratings.turn_step = model.angle_step / window;
   return ratings;
 }
 
@@ -84,16 +168,21 @@ ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> librar
   serial_ = serial();
   const bool active_wrist = dhd.has_active_wrist(id_);
   has_wrist_ = active_wrist || (dhd.has_wrist != nullptr && dhd.has_wrist(id_));
-  ratings_ = force_dimension_ratings(name_, active_wrist);
+  model_ = &model_of(kForceDimensionModels, name_);
+  ratings_ = force_dimension_ratings(*model_, active_wrist, options_, dt_);
+  cutoff_ = options_.velocity_cutoff.value_or(model_->cutoff);
   ratings_.freedoms = has_wrist_ ? kAllFreedoms : Freedoms{0b000111};
   ratings_.buttons = kButtons;
-  ratings_.gripper = dhd.has_gripper(id_);
-  is_left_handed_ = dhd.is_left_handed != nullptr && dhd.is_left_handed(id_);
+  const bool grips = dhd.has_active_gripper(id_);
+  ratings_.gripper = grips || (dhd.has_gripper != nullptr && dhd.has_gripper(id_));
+  if (!grips) ratings_.max_gripper_force = 0;
   if (!prepare()) {
     const std::string why = cause_;
     close();
     throw std::runtime_error(name_ + " cannot be prepared: " + why);
   }
+  if (cutoff_ == 0) ratings_.velocity_lag = window_ / 2;
+  read_inertia();
   if (has_watchdog_) ratings_.time_guard = options_.watchdog;
   reopener_.emplace([this] { return reopen(); });
 }
@@ -108,12 +197,11 @@ void ForceDimensionDevice::close() noexcept {
   (is_robot_ ? library_->robot_close : library_->close)(id_);
 }
 
+/// By libdrd.so's own call where there is one: only such a device can be asked whether it is
+/// calibrated.
 void ForceDimensionDevice::open() {
   const Library& dhd = *library_;
-  is_robot_ = options_.auto_init && dhd.robot_open_id != nullptr && dhd.robot_close != nullptr;
-  const auto open_number = is_robot_ ? dhd.robot_open_id : dhd.open_id;
-  const int id = options_.serial > 0 ? dhd.open_serial(options_.serial)
-                                     : open_number(static_cast<char>(options_.number));
+  const int id = options_.serial > 0 ? open_serial() : open_number(options_.number);
   if (id < 0) {
     const std::string which = options_.serial > 0
                                   ? "with serial number " + std::to_string(options_.serial)
@@ -123,6 +211,31 @@ void ForceDimensionDevice::open() {
                              "; check its power, its cable, and the right to its USB port");
   }
   id_ = static_cast<char>(id);
+}
+
+/// The device's id, below 0 if it cannot be opened.
+int ForceDimensionDevice::open_number(int number) noexcept {
+  const Library& dhd = *library_;
+  is_robot_ = dhd.robot_open_id != nullptr && dhd.robot_close != nullptr;
+  const int id = is_robot_ ? dhd.robot_open_id(static_cast<char>(number)) : -1;
+  if (id >= 0) return id;
+  is_robot_ = false;
+  return dhd.open_id(static_cast<char>(number));
+}
+
+/// libdrd.so opens by number alone: the devices are opened one after the other until one has that
+/// serial number.
+int ForceDimensionDevice::open_serial() noexcept {
+  const Library& dhd = *library_;
+  for (int i = 0; dhd.serial_number != nullptr && i < dhd.device_count(); ++i) {
+    const int id = open_number(i);
+    if (id < 0) continue;
+    id_ = static_cast<char>(id);
+    if (serial() == options_.serial) return id;
+    close();
+  }
+  is_robot_ = false;
+  return dhd.open_serial(options_.serial);
 }
 
 void ForceDimensionDevice::calibrate() {
@@ -145,10 +258,11 @@ void ForceDimensionDevice::auto_init() {
   dhd.enable_force(0, id_);
 }
 
-/// libdrd.so says it; without that the status does.
+/// libdrd.so says it of what it opened; without that the status does.
 bool ForceDimensionDevice::is_reset(const Library::StatusValues& status) const noexcept {
   const Library& dhd = *library_;
-  return dhd.is_initialized != nullptr ? !dhd.is_initialized(id_) : status[Library::kReset] != 0;
+  const bool says = is_robot_ && dhd.is_initialized != nullptr;
+  return says ? !dhd.is_initialized(id_) : status[Library::kReset] != 0;
 }
 
 /// What has to be done before its poses and forces are right; null if nothing.
@@ -175,7 +289,8 @@ int ForceDimensionDevice::serial() const noexcept {
   return told ? serial : 0;
 }
 
-/// Limits and watchdog, motors off.
+/// Limits and watchdog, motors off. The server's own limits hold without the library's; what of the
+/// rest a device has not, its library refuses.
 bool ForceDimensionDevice::prepare() noexcept {
   const Library& dhd = *library_;
   if (dhd.enable_expert_mode != nullptr) dhd.enable_expert_mode();
@@ -183,21 +298,37 @@ bool ForceDimensionDevice::prepare() noexcept {
   has_watchdog_ =
       dhd.set_watchdog != nullptr && dhd.set_watchdog(static_cast<unsigned char>(units), id_) >= 0;
   configure_speed();
-  return done(dhd.set_max_force(ratings_.max_force, id_)) &&
-         (ratings_.max_torque == 0 || done(dhd.set_max_torque(ratings_.max_torque, id_))) &&
-         done(dhd.set_gravity_compensation(options_.gravity_compensation ? 1 : 0, id_)) &&
+  dhd.set_max_force(ratings_.max_force, id_);
+  if (ratings_.max_torque > 0) dhd.set_max_torque(ratings_.max_torque, id_);
+  if (ratings_.gripper && dhd.emulate_button != nullptr) dhd.emulate_button(1, id_);
+  return done(dhd.set_gravity_compensation(options_.gravity_compensation ? 1 : 0, id_)) &&
          done(dhd.enable_force(0, id_));
 }
 
-/// A library that will not is taken as it is.
+/// What the library says of the handle where it is now; the model's row where it does not.
+void ForceDimensionDevice::read_inertia() noexcept {
+  const Library& dhd = *library_;
+  if (dhd.joint_angles == nullptr || dhd.inertia_matrix == nullptr) return;
+  std::array<double, 2 * Library::kJoints> angles{};
+  double inertia[6][6] = {};
+  if (dhd.joint_angles(angles.data(), id_) < 0) return;
+  if (dhd.inertia_matrix(angles.data(), inertia, id_) < 0) return;
+  const double mass = (inertia[0][0] + inertia[1][1] + inertia[2][2]) / 3;
+  const double turning = (inertia[3][3] + inertia[4][4] + inertia[5][5]) / 3;
+  if (kMasses.contains(mass)) ratings_.mass = mass;
+  if (has_wrist_ && kInertias.contains(turning)) ratings_.inertia = turning;
+}
+
+/// A library that will not is taken as it is, and so is the vendor's own window.
 void ForceDimensionDevice::configure_speed() noexcept {
   const Library& dhd = *library_;
   const int window = static_cast<int>(std::lround(1e3 * options_.velocity_window));
   const auto configured = [&](auto* configure) {
     return configure != nullptr && configure(window, Library::kMeanOverWindow, id_) >= 0;
   };
-  window_ = configured(dhd.config_linear_velocity) ? options_.velocity_window : kVendorsWindow;
-  ratings_.velocity_lag = window_ / 2;
+  window_ = kVendorsWindow;
+  if (options_.velocity_window == kVendorsWindow) return;
+  if (configured(dhd.config_linear_velocity)) window_ = options_.velocity_window;
   if (has_wrist_) configured(dhd.config_angular_velocity);
 }
 
@@ -245,9 +376,11 @@ void ForceDimensionDevice::enable() noexcept {
   cause_ = "";
   ticks_ = 0;
   motion_.begin(window_);
+  speed_.begin();
+  grip_ = 0;
   const Library& dhd = *library_;
-  enabled_ =
-      done(dhd.set_brakes(0, id_)) && done(dhd.enable_force(1, id_)) && write(Wrench::Zero());
+  dhd.set_brakes(0, id_);  // A device without brakes refuses.
+  enabled_ = done(dhd.enable_force(1, id_)) && write(Wrench::Zero());
 }
 
 void ForceDimensionDevice::disable() noexcept {
@@ -260,7 +393,9 @@ void ForceDimensionDevice::disable() noexcept {
 std::optional<DeviceState> ForceDimensionDevice::read() noexcept {
   if (!reopener_->is_there() || failed_) return std::nullopt;
   DeviceState state;
-  if (!read_motion(state) || !read_buttons(state) || !observe_status()) return std::nullopt;
+  if (!read_motion(state) || !observe_status()) return std::nullopt;
+  state.buttons = library_->button_mask(id_);
+  read_gripper(state);
   ++ticks_;
   state.health = health_;
   if (health_ == DeviceHealth::kGood && saturated_) {
@@ -274,31 +409,49 @@ bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
   const Library& dhd = *library_;
   Vector3 p;
   double rows[3][3];
-  Vector3 v = Vector3::Zero();
-  Vector3 w = Vector3::Zero();
-  const int result = dhd.pose(&p.x(), &p.y(), &p.z(), rows, id_);
-  if (!done(result) || !done(dhd.linear_velocity(&v.x(), &v.y(), &v.z(), id_))) return false;
-  if (has_wrist_ && !done(dhd.angular_velocity(&w.x(), &w.y(), &w.z(), id_))) return false;
+  const int result = has_wrist_ ? dhd.pose(&p.x(), &p.y(), &p.z(), rows, id_)
+                                : dhd.position(&p.x(), &p.y(), &p.z(), id_);
+  if (!done(result)) return false;
   Matrix3 R = Matrix3::Identity();
   if (has_wrist_) R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
-  state.V_WD << v, w;
-  const bool is_old = result == Library::kTimeGuard;
-  if (const char* error = motion_.find_error(seconds_now(), p, R, state.V_WD, is_old)) {
-    return fail(error);
-  }
+  const double now = seconds_now();
   state.X_WD = {p, Quaternion(R).normalized()};
-  return true;
+  const double lag = cutoff_ > 0 ? 1 / (2 * std::numbers::pi * cutoff_) : window_ / 2;
+  const Twist own = speed_.filtered(state.X_WD, now, lag);
+  const Twist told = read_speed(own);
+  state.V_WD = cutoff_ > 0 ? own : told;
+  const bool is_old = result == Library::kTimeGuard;
+  const char* const error = motion_.find_error(now, p, R, told, is_old);
+  return error == nullptr || fail(error);
 }
 
-bool ForceDimensionDevice::read_buttons(DeviceState& state) noexcept {
-  state.buttons = library_->button_mask(id_);
-  if (!ratings_.gripper) return true;
+/// The library's, or that of the poses where it has none: its getters fail until two positions fell
+/// into their window.
+Twist ForceDimensionDevice::read_speed(const Twist& own) noexcept {
+  const Library& dhd = *library_;
+  Vector3 v;
+  Vector3 w;
+  const bool moves = dhd.linear_velocity(&v.x(), &v.y(), &v.z(), id_) >= 0;
+  const bool turns = has_wrist_ && dhd.angular_velocity(&w.x(), &w.y(), &w.z(), id_) >= 0;
+  Twist V = own;
+  if (moves) V.head<3>() = v;
+  if (turns) V.tail<3>() = w;
+  return V;
+}
+
+/// Angles of left hands are negative. A gripper that cannot be read is as if there were none.
+void ForceDimensionDevice::read_gripper(DeviceState& state) noexcept {
+  if (!ratings_.gripper) return;
   double angle = 0;
-  if (!done(library_->gripper_angle(&angle, id_))) return false;
-  if (!std::isfinite(angle)) return fail("its gripper's angle is not a number");
-  if (is_left_handed_) angle = -angle;
-  state.gripper = std::clamp(angle / kOpenGripper, 0.0, 1.0);
-  return true;
+  if (library_->gripper_angle(&angle, id_) < 0 || !std::isfinite(angle)) return;
+  const double range = model_->gripper_range > 0 ? model_->gripper_range
+                                                 : kForceDimensionModels.back().gripper_range;
+  state.gripper = std::clamp(std::abs(angle) / range, 0.0, 1.0);
+}
+
+void ForceDimensionDevice::grip(double force) noexcept {
+  const double most = ratings_.max_gripper_force;
+  grip_ = std::isfinite(force) ? std::clamp(force, -most, most) : 0;
 }
 
 /// Every few ticks.
@@ -324,7 +477,7 @@ bool ForceDimensionDevice::observe_status() noexcept {
 bool ForceDimensionDevice::write(const Wrench& F) noexcept {
   if (!reopener_->is_there()) return false;
   if (!F.allFinite()) return fail("it was commanded a wrench that is not finite");
-  const int result = library_->set_wrench(F[0], F[1], F[2], F[3], F[4], F[5], 0, id_);
+  const int result = library_->set_wrench(F[0], F[1], F[2], F[3], F[4], F[5], grip_, id_);
   saturated_ = result == Library::kMotorSaturated;
   return done(result) && !failed_;
 }

@@ -1,10 +1,13 @@
 #include "hlm/device/force_dimension_library.h"
 
+#include <stdexcept>
+
 namespace hlm::server {
 
-ForceDimensionLibrary::ForceDimensionLibrary(const std::string& file)
+ForceDimensionLibrary::ForceDimensionLibrary(const std::string& file, bool simulator)
     : library(file, {"libdrd.so", "libdrd.so.3", "libdhd.so", "libdhd.so.3"},
               "https://www.forcedimension.com/software/sdk") {
+  library.bind_if_any(enable_simulator, "dhdEnableSimulator");
   library.bind(device_count, "dhdGetDeviceCount");
   library.bind(open_id, "dhdOpenID");
   library.bind(open_serial, "dhdOpenSerial");
@@ -19,8 +22,10 @@ ForceDimensionLibrary::ForceDimensionLibrary(const std::string& file)
   library.bind(system_name, "dhdGetSystemName");
   library.bind_if_any(has_wrist, "dhdHasWrist");
   library.bind(has_active_wrist, "dhdHasActiveWrist");
-  library.bind_if_any(is_left_handed, "dhdIsLeftHanded");
-  library.bind(has_gripper, "dhdHasActiveGripper");
+  library.bind_if_any(has_gripper, "dhdHasGripper");
+  library.bind(has_active_gripper, "dhdHasActiveGripper");
+  library.bind_if_any(emulate_button, "dhdEmulateButton");
+  library.bind(position, "dhdGetPosition");
   library.bind(pose, "dhdGetPositionAndOrientationFrame");
   library.bind(linear_velocity, "dhdGetLinearVelocity");
   library.bind(angular_velocity, "dhdGetAngularVelocityRad");
@@ -40,6 +45,14 @@ ForceDimensionLibrary::ForceDimensionLibrary(const std::string& file)
   library.bind_if_any(serial_number, "dhdGetSerialNumber");
   library.bind_if_any(enable_expert_mode, "dhdEnableExpertMode");
   library.bind_if_any(set_watchdog, "dhdSetWatchdog");
+  library.bind_if_any(joint_angles, "dhdGetJointAngles");
+  library.bind_if_any(inertia_matrix, "dhdJointAnglesToInertiaMatrix");
+  if (!simulator) return;
+  if (enable_simulator == nullptr) {
+    throw std::runtime_error(
+        "simulator true needs a library with dhdEnableSimulator: " + library.name() + " has none");
+  }
+  enable_simulator(true);
 }
 
 }  // namespace hlm::server

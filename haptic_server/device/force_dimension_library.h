@@ -12,7 +12,8 @@ namespace hlm::server {
 /// is an error, except where it says otherwise. The last char is always the device's number.
 struct ForceDimensionLibrary {
   /// Opens libdrd.so, which contains libdhd.so, or that one alone. Throws std::runtime_error.
-  explicit ForceDimensionLibrary(const std::string& file);
+  /// simulator: also find the vendor's simulator on this machine.
+  explicit ForceDimensionLibrary(const std::string& file, bool simulator = false);
 
   /// What getters and the wrench return that is no error.
   enum Result { kDone = 0, kTimeGuard = 1, kMotorSaturated = 2 };
@@ -20,16 +21,19 @@ struct ForceDimensionLibrary {
   enum Status { kPower = 0, kReset = 3, kForceOn = 5, kForceOffCause = 14, kStatusCount = 17 };
   /// How a speed is estimated.
   enum Estimate { kMeanOverWindow = 0 };
+  static constexpr std::size_t kJoints = 8;
   /// Room for libraries that tell more.
   using StatusValues = std::array<int, 2 * kStatusCount>;
 
   VendorLibrary library;
 
+  /// Lets the vendor's simulator on this machine count as a device. May be null.
+  void (*enable_simulator)(bool on);
   int (*device_count)();
   /// The number of the device to use.
   int (*open_id)(char index);
   int (*open_serial)(int serial);
-  /// Those of libdrd.so; null in libdhd.so. A device that drdAutoInit() moves was opened so.
+  /// Those of libdrd.so; null in libdhd.so. What the others of these ask was opened so.
   int (*robot_open_id)(char index);
   int (*robot_close)(char id);
   /// Whether it is calibrated.
@@ -48,10 +52,15 @@ struct ForceDimensionLibrary {
   /// May be null: then only active wrists are known.
   bool (*has_wrist)(char id);
   bool (*has_active_wrist)(char id);
-  /// May be null.
-  bool (*is_left_handed)(char id);
+  /// Whether it has a gripper at all; may be null: then only those with motors are known.
   bool (*has_gripper)(char id);
+  bool (*has_active_gripper)(char id);
+  /// A closed gripper then counts as a pressed button 0. May be null.
+  int (*emulate_button)(unsigned char on, char id);
+  int (*position)(double* x, double* y, double* z, char id);
+  /// Of devices with a wrist only.
   int (*pose)(double* x, double* y, double* z, double rotation[3][3], char id);
+  /// These fail, too, as long as fewer than two positions fell into the window of the mean.
   int (*linear_velocity)(double* x, double* y, double* z, char id);
   int (*angular_velocity)(double* x, double* y, double* z, char id);
   /// Set how the speeds are estimated; window in ms. May be null.
@@ -75,6 +84,10 @@ struct ForceDimensionLibrary {
   int (*enable_expert_mode)();
   /// Sets the watchdog, in units of 125 µs. May be null.
   int (*set_watchdog)(unsigned char time, char id);
+  /// In expert mode; may be null, both. Angles: kJoints of them, rad.
+  int (*joint_angles)(double* angles, char id);
+  /// Inertia at the handle in the device's frame: kg, kg·m and kg·m².
+  int (*inertia_matrix)(const double* angles, double inertia[6][6], char id);
 };
 
 }  // namespace hlm::server

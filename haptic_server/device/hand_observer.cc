@@ -22,7 +22,40 @@ Pose moved(const Pose& X, const Vector6& moves) noexcept {
   return {X.p + moves.head<3>(), (rotation_from_vector(moves.tail<3>()) * X.R).normalized()};
 }
 
+/// Shares of the distance that go into pose, twist and wrench.
+struct Gains {
+  double pose;
+  double twist;
+  double force;
+};
+
+/// The poles of a Butterworth filter: -w and w (-1 ± i√3)/2, in z.
+Gains gains_of(double bandwidth, double dt) noexcept {
+  const double angle = 2 * std::numbers::pi * bandwidth * dt;
+  const double real = std::exp(-angle);
+  const double size = std::exp(-angle / 2);  // of the pair
+  const double sum = 2 * size * std::cos(std::sqrt(3.0) / 2 * angle);
+  // Those of the error are the roots of z³ + (α + β + γ/2 - 3) z² + (3 - 2α - β + γ/2) z + α - 1.
+  Gains gains;
+  gains.pose = 1 - real * size * size;
+  gains.force = (1 - real) * (1 - sum + size * size);
+  gains.twist = 3 - real - sum - gains.pose - gains.force / 2;
+  return gains;
+}
+
+/// Largest change of the estimate right at one encoder step, N. Less follows the hand later, more
+/// is felt as a hum at rest.
+constexpr double kQuietStep = 0.05;
+
 }  // namespace
+
+double quiet_bandwidth(const DeviceRatings& device, double asked, double dt) noexcept {
+  constexpr double kSlower = 0.95;  // Between two tries.
+  double bandwidth = asked;
+  const double step = device.mass * device.position_step / (dt * dt);
+  while (step * gains_of(bandwidth, dt).force > kQuietStep && bandwidth > 1) bandwidth *= kSlower;
+  return bandwidth;
+}
 
 HandObserver::HandObserver(const DeviceRatings& device, double bandwidth, double dt)
     : mobility_(diagonal(inverse(device.mass), inverse(device.inertia))),
@@ -35,17 +68,10 @@ HandObserver::HandObserver(const DeviceRatings& device, double bandwidth, double
   for (Eigen::Index i = 0; i < 6; ++i) {
     if ((device.freedoms >> i & 1) == 0) mobility_[i] = inertia_[i] = 0;
   }
-  // The poles of a Butterworth filter: -w and w (-1 ± i√3)/2, in z.
-  const double angle = 2 * std::numbers::pi * bandwidth * dt;
-  const double real = std::exp(-angle);
-  const double size = std::exp(-angle / 2);  // of the pair
-  const double sum = 2 * size * std::cos(std::sqrt(3.0) / 2 * angle);
-  // Those of the error are the roots of z³ + (α + β + γ/2 - 3) z² + (3 - 2α - β + γ/2) z + α - 1.
-  pose_gain_ = 1 - real * size * size;
-  force_gain_ = (1 - real) * (1 - sum + size * size);
-  twist_gain_ = 3 - real - sum - pose_gain_ - force_gain_ / 2;
-  twist_gain_ /= dt;
-  force_gain_ /= dt * dt;
+  const Gains gains = gains_of(bandwidth, dt);
+  pose_gain_ = gains.pose;
+  twist_gain_ = gains.twist / dt;
+  force_gain_ = gains.force / (dt * dt);
   restart(Pose{});
 }
 

@@ -9,6 +9,10 @@
 
 namespace hlm::server {
 
+/// The bandwidth, at most `asked`, Hz, at which one encoder step of the device changes the estimate
+/// by 0.05 N at most.
+double quiet_bandwidth(const DeviceRatings& device, double asked, double dt) noexcept;
+
 /// A disturbance observer (docs/method.md 14): a model of the handle, M dV/dt = F_motor + F - B V,
 /// is drawn to where the handle is, and F, the wrench that it takes to draw it there, is the
 /// hand's. With a true model F follows the hand as a Butterworth low-pass of third order does,

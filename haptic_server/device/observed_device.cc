@@ -46,7 +46,7 @@ ObservedDevice::ObservedDevice(std::unique_ptr<Device> raw, const ObserverOption
                                double dt)
     : raw_(std::move(raw)), ratings_(with_overrides(raw_->ratings(), options)) {
   if (options.on && !raw_->measures_hand_wrench() && ratings_.mass > 0) {
-    observer_.emplace(ratings_, options.bandwidth, dt);
+    observer_.emplace(ratings_, quiet_bandwidth(ratings_, options.bandwidth, dt), dt);
   }
 }
 

@@ -47,6 +47,7 @@ class ObservedDevice final : public Device {
   GuidedHand* guided_hand() noexcept override { return raw_->guided_hand(); }
   std::optional<DeviceState> read() noexcept override;
   bool write(const Wrench& F) noexcept override;
+  void grip(double force) noexcept override { raw_->grip(force); }
   const char* cause() const noexcept override { return raw_->cause(); }
   void halt() noexcept override { raw_->halt(); }
 

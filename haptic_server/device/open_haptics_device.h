@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -14,9 +15,11 @@
 #include "hlm/common/newest.h"
 #include "hlm/common/range.h"
 #include "hlm/device/device.h"
+#include "hlm/device/device_model.h"
 #include "hlm/device/motion_check.h"
 #include "hlm/device/open_haptics_library.h"
 #include "hlm/device/reopener.h"
+#include "hlm/device/speed_filter.h"
 
 namespace hlm::server {
 
@@ -24,10 +27,11 @@ struct OpenHapticsOptions {
   std::string library{};  ///< File of the vendor's library; empty: searched.
   std::string unit{};     ///< Name in the vendor's setup; empty: the first of kOpenHapticsUnits.
   double rate = 1000;     ///< Rate of the vendor's scheduler, Hz.
-  /// Cut-off of the low-pass on the change of position, Hz, which is the speed that is reported; 0:
-  /// the library's own, which is smoothed by some 20 Hz. Less lags, and a stiff wall shakes; more
-  /// lets the encoders' steps through.
-  double velocity_cutoff = 100;
+  /// Cut-off of the low-pass on the change of position, Hz, which is the speed that is reported;
+  /// unset: that of the model; 0: the library's own, which is smoothed by some 20 Hz. Less lags,
+  /// and a stiff wall shakes; more lets the encoders' steps through, so that the coupling may damp
+  /// less.
+  std::optional<double> velocity_cutoff{};
   /// Oldest state and oldest command that are used, s. Less ends sessions when the machine is busy;
   /// more lets a force outlive what it answers.
   double oldest = 0.015;
@@ -35,9 +39,16 @@ struct OpenHapticsOptions {
 
 /// What the vendor's setup calls a device unless it is told otherwise: current drivers, older ones.
 inline constexpr std::array<const char*, 2> kOpenHapticsUnits{"Default Device", "Default PHANToM"};
+/// Of these the library takes 500, 1000 and 2000.
 inline constexpr Range kOpenHapticsRates{500, 2000, "Hz"};
 inline constexpr Range kOpenHapticsCutOffs{0, 500, "Hz"};
 inline constexpr Range kOpenHapticsAges{0.005, 0.1, "s"};
+
+/// From the vendor's data sheets.
+std::span<const DeviceModel> open_haptics_models() noexcept;
+
+/// What a device of that model is rated for with these options.
+DeviceRatings open_haptics_ratings(const DeviceModel& model, const OpenHapticsOptions& options);
 
 /// The vendor's scheduler exchanges with the device in a thread of its own: it reads a state and
 /// gives the latest command. The servo thread reads the latest state and leaves a command; it calls
@@ -68,13 +79,12 @@ class OpenHapticsDevice final : public Device {
  private:
   using Clock = std::chrono::steady_clock;
 
-  /// The change of position through a low-pass.
-  struct SpeedFilter {
-    Vector3 filtered(const Vector3& p, Clock::time_point time, double cutoff) noexcept;
-
-    Clock::time_point latest{};
-    Vector3 p = Vector3::Zero();  ///< Latest position, m.
-    Vector3 v = Vector3::Zero();  ///< m/s.
+  /// What the library reported since it was asked last.
+  struct Errors {
+    unsigned failure = 0;  ///< Code of the first that is a failure; 0: none is.
+    bool saturated = false;
+    bool warm = false;
+    bool no_frame = false;
   };
   struct Reading {
     Clock::time_point time{};
@@ -84,6 +94,7 @@ class OpenHapticsDevice final : public Device {
     Vector3 v = Vector3::Zero();  ///< Speed that is reported, m/s.
     std::uint32_t buttons = 0;
     bool saturated = false;
+    bool warm = false;
   };
   struct Command {
     Clock::time_point time{};
@@ -104,8 +115,12 @@ class OpenHapticsDevice final : public Device {
   void close() noexcept;
   void throw_if(const char* why) const;
   [[noreturn]] void refuse(const std::string& unit, const std::string& why) const;
+  static Errors errors(const OpenHapticsLibrary& hd) noexcept;
   static unsigned exchange(void* device) noexcept;
   void exchange() noexcept;
+  Reading read_frame() noexcept;
+  void observe_temperature() noexcept;
+  bool is_real(const Reading& reading, const Errors& reported) noexcept;
   std::optional<DeviceState> fail(const char* cause) noexcept;
 
   std::shared_ptr<const OpenHapticsLibrary> library_;
@@ -122,7 +137,14 @@ class OpenHapticsDevice final : public Device {
   std::atomic<unsigned> calibration_ = OpenHapticsLibrary::kCalibrated;
   std::atomic<unsigned> error_ = 0;  ///< The library's code of the first failure since enable().
 
-  SpeedFilter speed_;         ///< Used by the scheduler's thread.
+  // Used by the scheduler's thread.
+  SpeedFilter speed_;
+  double cutoff_ = 0;            ///< Cut-off of the speed that is reported, Hz.
+  Clock::time_point started_{};  ///< When the scheduler was started.
+  bool gives_frames_ = false;    ///< A real one has come since.
+  bool warm_ = false;            ///< Its motors say that they get warm.
+  bool says_temperature_ = true;
+  std::uint64_t frames_ = 0;
   bool gives_force_ = false;  ///< The motors are on; used by the scheduler's thread.
 
   // Used by the servo thread.

@@ -15,6 +15,9 @@ enum Code : unsigned {
   kCommunication = 0x0302,
   kConfiguration = 0x0303,
   kTimer = 0x0304,
+  kIllegalBegin = 0x0400,
+  kIllegalEnd = 0x0401,
+  kFrameError = 0x0402,
   kLicense = 0x0600,
 };
 
@@ -49,9 +52,8 @@ const char* cause_of_error(unsigned code) noexcept {
     case kSuccess:
     case kExceededMaxForce:
     case kExceededMaxImpulse:
-      return nullptr;
     case kWarmMotors:
-      return "its motors are hot: let them cool";
+      return nullptr;
     case kExceededMaxVelocity:
       return "it was faster than its own limit";
     case kForceError:
@@ -66,6 +68,10 @@ const char* cause_of_error(unsigned code) noexcept {
       return "it is not configured: use the vendor's setup";
     case kTimer:
       return "its scheduler missed its time";
+    case kIllegalBegin:
+    case kIllegalEnd:
+    case kFrameError:
+      return "its scheduler gives no frames";
     case kLicense:
       return "the vendor's library has no license";
     default:
@@ -75,6 +81,12 @@ const char* cause_of_error(unsigned code) noexcept {
 
 bool says_saturated(unsigned code) noexcept {
   return code == kExceededMaxForce || code == kExceededMaxImpulse;
+}
+
+bool says_warm(unsigned code) noexcept { return code == kWarmMotors; }
+
+bool says_no_frame(unsigned code) noexcept {
+  return code == kIllegalBegin || code == kIllegalEnd || code == kFrameError;
 }
 
 }  // namespace hlm::server

@@ -34,6 +34,8 @@ struct OpenHapticsLibrary {
     kCalibrationStyle = 0x2555,  ///< Bits of CalibrationStyle.
     kMaxStiffness = 0x2602,      ///< N/mm.
     kMaxForce = 0x2603,
+    kMaxContinuousForce = 0x2604,
+    kMotorTemperature = 0x2605,  ///< 3 or 6 numbers, 0 coldest to 1 warmest.
     kForce = 0x2700,
     kForceOutput = 0x4000,
     kForceClamping = 0x4001,
@@ -50,6 +52,7 @@ struct OpenHapticsLibrary {
   void (*make_current)(Handle device);
   void (*begin_frame)(Handle device);
   void (*end_frame)(Handle device);
+  /// The latest error of a stack, which it takes off; code 0: the stack is empty.
   Error (*get_error)();
   void (*enable)(unsigned capability);
   void (*disable)(unsigned capability);
@@ -71,5 +74,10 @@ struct OpenHapticsLibrary {
 const char* cause_of_error(unsigned code) noexcept;
 /// Whether it says that the motors give less than was commanded.
 bool says_saturated(unsigned code) noexcept;
+/// Whether it says that the motors get warm.
+bool says_warm(unsigned code) noexcept;
+/// Whether it says that what was read is no frame of the device: so for some milliseconds after the
+/// scheduler started.
+bool says_no_frame(unsigned code) noexcept;
 
 }  // namespace hlm::server

@@ -115,6 +115,7 @@ DeviceRatings ratings_in_world(const DeviceRatings& handle, const Workspace& wor
   const double r = workspace.rotation_scale;
   DeviceRatings world = handle;
   world.max_force = std::min(handle.max_force, workspace.max_force);
+  world.continuous_force = std::min(handle.continuous_force, workspace.max_force);
   world.max_torque = std::min(handle.max_torque, workspace.max_torque) * (s / r);
   world.max_torque_rate *= s / r;
   world.max_stiffness /= s;
@@ -122,6 +123,9 @@ DeviceRatings ratings_in_world(const DeviceRatings& handle, const Workspace& wor
   world.mass /= s;
   world.inertia *= s / (r * r);
   world.damping /= s;
+  world.position_step *= s;
+  world.speed_step *= s;
+  world.turn_step *= r;
   world.freedoms = freedoms_in_world(handle.freedoms, rotation_of(workspace));
   world.scale = s;
   world.rotation_scale = r;

@@ -64,6 +64,7 @@ class WorkspaceDevice final : public Device, private GuidedHand {
   GuidedHand* guided_hand() noexcept override;
   std::optional<DeviceState> read() noexcept override;
   bool write(const Wrench& F) noexcept override;
+  void grip(double force) noexcept override { raw_->grip(force); }
   void halt() noexcept override { raw_->halt(); }
   const char* cause() const noexcept override { return raw_->cause(); }
 

@@ -30,6 +30,8 @@ constexpr const char* kUnguarded =
     "the process that guards its motors is gone or stopped: restart the server";
 
 constexpr const char* kSlowScene = "a scene whose contacts could not be found in time";
+constexpr const char* kWarm = "motors get warm: they give their continuous force until they cool";
+
 constexpr const char* kNotFinite = "a number of its state is not finite";
 
 /// Time that ticks with a scene may take beyond their period, s, less what others leave of theirs:
@@ -364,6 +366,11 @@ void Servo::simulate() noexcept {
   record_.scale = device_.ratings().scale;
   record_.health = device->health;
   if (device->health != DeviceHealth::kGood) record_.cause = device_.cause();
+  limiter_.warm(device->warm);
+  if (limiter_.cools() && device->health == DeviceHealth::kGood) {
+    record_.health = DeviceHealth::kSaturated;
+    record_.cause = kWarm;
+  }
 
   if (!observe(*device)) return;
   // Force rises again from zero when the motors are on again.

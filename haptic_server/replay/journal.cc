@@ -1,6 +1,7 @@
 #include "hlm/replay/journal.h"
 
 #include <bit>
+#include <cmath>
 
 #include "hlm/protocol/wire.h"
 
@@ -53,6 +54,12 @@ void fields(Archive& archive, DeviceNote& note) {
   archive.flag(note.measures_hand);
   archive.flag(note.observes_hand);
   archive.appended_f64(r.velocity_lag);
+  archive.appended_f64(r.speed_step);
+  archive.appended_f64(r.turn_step);
+  // 0 is not rated, as in notes without it.
+  double continuous = std::isfinite(r.continuous_force) ? r.continuous_force : 0;
+  archive.appended_f64(continuous);
+  r.continuous_force = continuous > 0 ? continuous : DeviceRatings{}.continuous_force;
 }
 
 template <class Archive>
@@ -85,6 +92,9 @@ void fields(Archive& archive, TickNote& note) {
   for (std::uint32_t& channel : note.received) archive.u32(channel);
   archive.appended_u32(note.scene.number);
   archive.appended_u32(note.scene.chunks);
+  std::uint32_t warm = note.device.state && note.device.state->warm ? 1 : 0;
+  archive.appended_u32(warm);
+  if (note.device.state) note.device.state->warm = warm != 0;
 }
 
 template <class Note>

@@ -25,10 +25,15 @@ struct ForceBudget {
   static constexpr double kClaimedWay = 0.17;
   static constexpr double kClaimedSpeed = 0.085;
 
-  double max_force = 0;        ///< N.
-  double max_torque = 0;       ///< Torque in the world, N·m.
-  double max_force_step = 0;   ///< Change per servo period, N.
-  double max_torque_step = 0;  ///< Change per servo period, in the world, N·m.
+  /// Time constant in which motors warm up and cool, s. Less cuts a long push that they bear; more
+  /// lets them get hot, and the device then ends the session.
+  static constexpr double kWarmingTime = 60;
+
+  double max_force = 0;         ///< N.
+  double continuous_force = 0;  ///< What the motors bear for ever, N.
+  double max_torque = 0;        ///< Torque in the world, N·m.
+  double max_force_step = 0;    ///< Change per servo period, N.
+  double max_torque_step = 0;   ///< Change per servo period, in the world, N·m.
 
   double max_power = 0;          ///< Power of the force, given to the hand at the handle, W.
   double max_turning_power = 0;  ///< Power of the torque, W.
@@ -44,6 +49,7 @@ struct ForceBudget {
     const double torque = device.max_torque;
     const double of_handle = device.torque_scale();
     return {std::min(allowed.max_force, force),
+            std::min(force, device.continuous_force),
             std::min(allowed.max_torque * of_handle, torque),
             least(allowed.max_force_rate, device.max_force_rate, force / kWholeForceTime) * dt,
             least(allowed.max_torque_rate * of_handle, device.max_torque_rate,

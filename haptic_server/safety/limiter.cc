@@ -58,6 +58,7 @@ Limiter::Limiter(const LimiterOptions& allowed, const DeviceRatings& device, dou
       fade_step_(step_of(allowed.fade_time, dt)),
       rise_step_(step_of(allowed.rise_time, dt)),
       spreader_(budget_, dt),
+      warmth_(device.max_force, device.continuous_force, ForceBudget::kWarmingTime),
       tank_(budget_.energy, device.scale) {}
 
 void Limiter::cut() noexcept {
@@ -105,7 +106,8 @@ const Wrench& Limiter::limit(const Wrench& F, const Wrench& impulse, const Twist
     cut();
     return command_;
   }
-  const Vector3 most_force = shortened(F.head<3>(), budget_.max_force);
+  const double force_limit = std::min(budget_.max_force, warmth_.allowed());
+  const Vector3 most_force = shortened(F.head<3>(), force_limit);
   const Vector3 most_torque = shortened(F.tail<3>(), budget_.max_torque);
   if (most_force != F.head<3>()) limited_by_ = ForceLimit::kForce;
   // A device that takes no torque meets no limit.

@@ -9,6 +9,7 @@
 #include "hlm/safety/force_budget.h"
 #include "hlm/safety/impulse_spreader.h"
 #include "hlm/safety/limiter_options.h"
+#include "hlm/safety/motor_warmth.h"
 
 namespace hlm::server {
 
@@ -28,6 +29,7 @@ class Limiter {
   /// each step, with a session and without.
   void allow(bool wanted) noexcept {
     tank_.pass(dt_);
+    warmth_.pass(command_.head<3>().norm(), says_warm_, dt_);
     wanted_ = wanted;
   }
   /// No force from this very step on.
@@ -47,6 +49,10 @@ class Limiter {
   void observe(const Pose& X_WD, double supply) noexcept {
     tank_.observe(X_WD, command_, weight_, supply);
   }
+  /// Whether the device itself says that its motors get warm.
+  void warm(bool says_warm) noexcept { says_warm_ = says_warm; }
+  /// Whether the force is kept lower so that the motors cool.
+  bool cools() const noexcept { return warmth_.cools(); }
   /// The work of the latest command on the handle's way to X_WD, J.
   double work_until(const Pose& X_WD) const noexcept { return tank_.work_until(X_WD, command_); }
   /// The work of a step that moving constraints explain, J, of the power with which they push in
@@ -88,9 +94,11 @@ class Limiter {
   double rise_step_;     ///< Rise of portion_ per step.
   double portion_ = 0;   ///< Share of the limited wrench that is rendered, 0 to 1.
   bool wanted_ = false;
+  bool says_warm_ = false;
   bool met_non_finite_ = false;
   ForceLimit limited_by_ = ForceLimit::kNone;
   ImpulseSpreader spreader_;
+  MotorWarmth warmth_;
   Wrench steady_ = Wrench::Zero();   ///< The command without its impulses.
   Wrench command_ = Wrench::Zero();  ///< The latest.
   Wrench weight_ = Wrench::Zero();   ///< The part of it that is the tool's weight.

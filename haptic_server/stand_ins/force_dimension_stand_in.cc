@@ -30,7 +30,12 @@ constexpr int kError = -1;
 constexpr char kId = 0;
 constexpr int kSerial = 1451;
 constexpr double kWatchdogUnit = 125e-6;  // s.
-constexpr double kOpenGripper = 0.5;      // rad.
+constexpr double kRightAngle = 1.5707963267948966;
+constexpr double kOpenGripper = kRightAngle / 3;  // rad; 30°.
+constexpr double kOpenLambda = kRightAngle / 6;   // rad; 15°.
+constexpr double kMass = 0.3;                     // kg.
+/// Positions that a speed needs within its window.
+constexpr int kPositionsOfSpeed = 2;
 constexpr double kEncoderStep = 10e-6;    // m.
 constexpr double kVelocityWindow = 0.02;  // s; the vendor's.
 
@@ -40,6 +45,10 @@ double max_force = std::numeric_limits<double>::infinity();
 double max_torque = std::numeric_limits<double>::infinity();
 bool force_was_off = false;
 bool was_initialized = false;
+bool is_robot = false;  ///< Opened by drdOpenID().
+bool emulates_button = false;
+double gripper_force = 0;  ///< N.
+int positions = 0;         ///< Positions that were read since the device was opened.
 const char* last_error = "no error";
 
 std::string model() {
@@ -73,7 +82,7 @@ int open_device() {
     if (!device) {
       device = std::make_unique<StandIn>(
           hlm::server::SimulatedDeviceOptions{.freedom = hlm::server::DeviceFreedom::kSpatial,
-                                              .mass = 0.3,
+                                              .mass = kMass,
                                               .damping = 2,
                                               .dry_friction = 0.02,
                                               .max_force = 20,
@@ -87,6 +96,8 @@ int open_device() {
   }
   if (is_unplugged()) return fail("no device found");
   is_open = true;
+  is_robot = false;
+  positions = 0;
   return kId;
 }
 
@@ -128,8 +139,13 @@ int dhdOpenSerial(int serial) {
   return serial == kSerial ? open_device() : fail("no device of that serial number");
 }
 
-int drdOpenID(char index) { return dhdOpenID(index); }
-bool drdIsInitialized(char) { return is_calibrated(); }
+int drdOpenID(char index) {
+  const int id = dhdOpenID(index);
+  is_robot = id >= 0;
+  return id;
+}
+/// Of what drdOpenID() opened.
+bool drdIsInitialized(char) { return is_robot && is_calibrated(); }
 
 int drdAutoInit(char id) {
   if (const int error = check(id)) return error;
@@ -172,9 +188,19 @@ bool dhdHasWrist(char) { return !has_model(".3"); }
 bool dhdHasActiveWrist(char) { return wrist_is_active(); }
 bool dhdHasActiveGripper(char) { return has_model(".7"); }
 
+int dhdGetPosition(double* x, double* y, double* z, char id) {
+  if (const int error = check(id)) return error;
+  ++positions;
+  const int result = give(device->state().X_WD.p, x, y, z);
+  if (device->has(StandInFault::kNotFinite)) *x = std::numeric_limits<double>::quiet_NaN();
+  return result;
+}
+
 int dhdGetPositionAndOrientationFrame(double* x, double* y, double* z, double matrix[3][3],
                                       char id) {
   if (const int error = check(id)) return error;
+  if (!dhdHasWrist(id)) return fail("this device has no wrist");
+  ++positions;
   const DeviceState state = device->state();
   Matrix3 R = state.X_WD.R.toRotationMatrix();
   if (device->has(StandInFault::kMirror)) R.col(2) *= -1;
@@ -187,6 +213,7 @@ int dhdGetPositionAndOrientationFrame(double* x, double* y, double* z, double ma
 }
 
 int dhdGetLinearVelocity(double* x, double* y, double* z, char id) {
+  if (positions < kPositionsOfSpeed) return fail("timeout: too few positions for a speed");
   return vector_of(x, y, z, id, false);
 }
 
@@ -210,16 +237,47 @@ int dhdConfigAngularVelocity(int ms, int, char id) {
 
 int dhdGetGripperAngleRad(double* angle, char id) {
   if (const int error = check(id)) return error;
-  *angle = (device->state().buttons & 1) != 0 ? 0 : kOpenGripper;
+  *angle = (device->state().buttons & 1) != 0 ? 0
+           : has_model("lambda")              ? kOpenLambda
+                                              : kOpenGripper;
   if (has_model("left")) *angle = -*angle;
   return fresh();
 }
 
-unsigned dhdGetButtonMask(char id) { return check(id) == 0 ? device->state().buttons : 0; }
+/// Of a gripper none, unless its closing counts as button 0.
+unsigned dhdGetButtonMask(char id) {
+  if (check(id) != 0) return 0;
+  const unsigned mask = device->state().buttons;
+  return has_model(".7") && !emulates_button ? mask & ~1u : mask;
+}
+
+int dhdEmulateButton(unsigned char on, char id) {
+  if (const int error = check(id)) return error;
+  if (!has_model(".7")) return fail("this device has no gripper");
+  emulates_button = on != 0;
+  return 0;
+}
+
+int dhdGetJointAngles(double angles[8], char id) {
+  std::fill_n(angles, 8, 0);
+  return check(id);
+}
+
+int dhdJointAnglesToInertiaMatrix(const double[8], double inertia[6][6], char id) {
+  if (has_word("no_inertia")) return fail("this device has no model");
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) inertia[i][j] = i != j ? 0 : i < 3 ? kMass : 2e-3;
+  }
+  return check(id);
+}
+
+/// What the gripper gives, N.
+double haptic_stand_in_gripper_force() { return gripper_force; }
 
 int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double tx, double ty,
-                                        double tz, double, char id) {
+                                        double tz, double grip, char id) {
   if (const int error = check(id)) return error;
+  gripper_force = grip;
   Wrench F;
   F << fx, fy, fz, tx, ty, tz;
   const double most = device->has(StandInFault::kSaturate) ? 1 : max_force;

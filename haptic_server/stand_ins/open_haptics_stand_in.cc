@@ -11,9 +11,11 @@
 #include <cstdlib>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
+#include <vector>
 
 #include "hlm/device/saturate.h"
 #include "hlm/stand_ins/stand_in.h"
@@ -35,11 +37,12 @@ struct ErrorInfo {
 
 constexpr Handle kDevice = 0;
 constexpr Handle kNoDevice = 0xFFFFFFFF;
-constexpr double kMetre = 1e3;          // mm.
-constexpr double kMaxForce = 3.3;       // N.
-constexpr double kMaxStiffness = 2;     // N/mm.
-constexpr double kEncoderStep = 55e-6;  // m, of a Touch.
-constexpr double kVelocityCutOff = 20;  // Hz.
+constexpr double kMetre = 1e3;             // mm.
+constexpr double kMaxForce = 3.3;          // N.
+constexpr double kContinuousForce = 0.88;  // N.
+constexpr double kMaxStiffness = 2;        // N/mm.
+constexpr double kEncoderStep = 55e-6;     // m, of a Touch.
+constexpr double kVelocityCutOff = 20;     // Hz.
 
 constexpr unsigned kAuto = 2;  // A calibration.
 
@@ -50,6 +53,7 @@ enum Code : unsigned {
   kExceededMaxForce = 0x0201,
   kForceError = 0x0204,
   kDeviceFault = 0x0300,
+  kIllegalEnd = 0x0401,
   kAlreadyOpen = 0x0301,
   kCommunication = 0x0302,
 };
@@ -57,7 +61,13 @@ enum Code : unsigned {
 std::unique_ptr<StandIn> device;
 DeviceState state;              ///< State in the present frame.
 Wrench force = Wrench::Zero();  ///< Force in the present frame.
-std::atomic<unsigned> error = kSuccess;
+/// Its stack of errors, the latest last.
+std::mutex errors_mutex;
+std::vector<unsigned> errors;
+/// Frames since the scheduler was started: the first ones are none, then some give a default pose.
+std::atomic<int> frames = 0;
+constexpr int kIllegalFrames = 8;
+constexpr int kDefaultFrames = 5;
 bool is_open = false;
 bool clamps = false;
 
@@ -77,7 +87,13 @@ bool has_word(std::string_view word) {
 }
 
 void report(Code code) {
-  if (error == kSuccess) error = code;
+  const std::lock_guard lock(errors_mutex);
+  if (errors.size() < 100) errors.push_back(code);
+}
+
+bool has_errors() {
+  const std::lock_guard lock(errors_mutex);
+  return !errors.empty();
 }
 
 void run_scheduler(const std::stop_token& stop) {
@@ -121,7 +137,7 @@ Handle hdInitDevice(const char* name) {
   };
   if (device->has(StandInFault::kUnplug)) report(kCommunication);
   if (is_open) report(kAlreadyOpen);
-  if (error != kSuccess) return kNoDevice;
+  if (has_errors()) return kNoDevice;
   is_open = true;
   return kDevice;
 }
@@ -135,6 +151,7 @@ void hdMakeCurrentDevice(Handle) {}
 void hdBeginFrame(Handle) { state = device->state(); }
 
 void hdEndFrame(Handle) {
+  if (++frames <= kIllegalFrames) return report(kIllegalEnd);
   if (device->has(StandInFault::kUnplug)) return report(kCommunication);
   if (device->has(StandInFault::kError)) return report(kDeviceFault);
   if (device->has(StandInFault::kForceOff)) return report(kForceError);
@@ -144,7 +161,12 @@ void hdEndFrame(Handle) {
   if (clamps || given.isApprox(force)) device->command(given);
 }
 
-ErrorInfo hdGetError() { return {error.exchange(kSuccess), 0, kDevice}; }
+ErrorInfo hdGetError() {
+  const std::lock_guard lock(errors_mutex);
+  const unsigned code = errors.empty() ? kSuccess : errors.back();
+  if (!errors.empty()) errors.pop_back();
+  return {code, 0, kDevice};
+}
 
 void hdEnable(unsigned capability) {
   if (capability == 0x4000) device->enable();
@@ -167,6 +189,9 @@ void hdGetDoublev(unsigned parameter, double* values) {
       Eigen::Matrix4d X = Eigen::Matrix4d::Identity();
       X.topLeftCorner<3, 3>() = state.X_WD.R.toRotationMatrix();
       X.topRightCorner<3, 1>() = kMetre * state.X_WD.p;
+      if (frames < kIllegalFrames + kDefaultFrames) {
+        X.topRightCorner<3, 1>() = Eigen::Vector3d(0, -110, -35);
+      }
       if (device->has(StandInFault::kMirror)) X.col(2) *= -1;
       if (device->has(StandInFault::kNotFinite)) X(0, 3) = std::numeric_limits<double>::quiet_NaN();
       std::copy_n(X.data(), 16, values);
@@ -177,6 +202,12 @@ void hdGetDoublev(unsigned parameter, double* values) {
       return;
     case 0x2603:
       *values = kMaxForce;
+      return;
+    case 0x2604:
+      *values = kContinuousForce;
+      return;
+    case 0x2605:
+      std::fill_n(values, 3, has_word("warm") ? 0.9 : 0.1);
       return;
     default:
       report(kInvalid);
@@ -218,7 +249,10 @@ unsigned long hdScheduleAsynchronous(Callback function, void* data, unsigned sho
 
 void hdUnschedule(unsigned long) { callback = nullptr; }
 
-void hdStartScheduler() { scheduler = std::jthread(run_scheduler); }
+void hdStartScheduler() {
+  frames = 0;
+  scheduler = std::jthread(run_scheduler);
+}
 
 void hdStopScheduler() {
   if (!scheduler.joinable()) return;
@@ -226,10 +260,8 @@ void hdStopScheduler() {
   scheduler.join();
 }
 
-/// The rates of a device on FireWire: 8 kHz, divided.
 void hdSetSchedulerRate(unsigned long hertz) {
-  const double by = std::round(8000.0 / static_cast<double>(hertz));
-  if (std::floor(8000 / by + 0.5) != static_cast<double>(hertz)) return report(kInvalidValue);
+  if (hertz != 500 && hertz != 1000 && hertz != 2000) return report(kInvalidValue);
   rate = hertz;
 }
 

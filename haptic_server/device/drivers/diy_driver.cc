@@ -7,6 +7,22 @@ namespace {
 
 constexpr Freedoms kInPlane = 0b000011;
 constexpr Range kAngles{-360, 360, "degrees"};
+/// Of the kit's third generation, in the middle of its workspace.
+constexpr DeviceModel kDiyModel{
+    .name = "", .force = 1.6, .stiffness = 500, .mass = 0.2, .delay = 2e-3, .step = 0.1e-3};
+
+DeviceRatings rated_diy(const DeviceRatings& given, const ExchangeOptions& exchange,
+                        double cutoff) {
+  DeviceRatings ratings = given;
+  ratings.delay = kDiyModel.delay;
+  ratings.exchange_rate = exchange.rate;
+  ratings.mass = kDiyModel.mass;
+  ratings.position_step = kDiyModel.step;
+  rate_speed(kDiyModel, cutoff, 1 / exchange.rate, ratings);
+  ratings.freedoms = kInPlane;
+  ratings.halts = true;
+  return ratings;
+}
 
 }  // namespace
 
@@ -42,6 +58,10 @@ std::optional<std::string> DiyDriver::find_error() const {
          "whose forearms meet and are not in line";
 }
 
+std::vector<RatedModel> DiyDriver::models() const {
+  return {{kDiyModel, rated_diy(ratings_, exchange_, board_.velocity_cutoff)}};
+}
+
 std::vector<std::string> DiyDriver::connected() const {
   std::vector<std::string> lines;
   for (const std::string& port : serial_ports()) lines.push_back("serial port " + port);
@@ -49,11 +69,9 @@ std::vector<std::string> DiyDriver::connected() const {
 }
 
 std::unique_ptr<Device> DiyDriver::open(double) const {
-  DeviceRatings ratings = ratings_;
-  ratings.freedoms = kInPlane;
-  ratings.halts = true;
-  return std::make_unique<ExchangeDevice>("Haply 2DIY", ratings, exchange_,
-                                          std::make_unique<DiyBoard>(board_));
+  return std::make_unique<ExchangeDevice>("Haply 2DIY",
+                                          rated_diy(ratings_, exchange_, board_.velocity_cutoff),
+                                          exchange_, std::make_unique<DiyBoard>(board_));
 }
 
 }  // namespace hlm::server

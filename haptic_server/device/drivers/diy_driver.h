@@ -13,6 +13,7 @@ class DiyDriver final : public DeviceDriver {
   std::string_view name() const override { return "haply2diy"; }
   std::string_view purpose() const override { return "Haply 2DIY, a pantograph at a serial port"; }
   const settings::Table& table() const override { return table_; }
+  std::vector<RatedModel> models() const override;
   std::optional<std::string> find_error() const override;
   /// Serial ports, whatever is at them: a board does not say what it is.
   std::vector<std::string> connected() const override;

@@ -3,10 +3,18 @@
 #include <algorithm>
 
 namespace hlm::server {
+namespace {
+
+/// Usual servo period, s.
+constexpr double kUsualPeriod = 1e-3;
+
+}  // namespace
 
 ForceDimensionDriver::ForceDimensionDriver() {
   table_.text("library", options_.library, "FILE",
               "The vendor's library; '' is libdrd.so or libdhd.so, as the dynamic linker finds it");
+  table_.yes_no("simulator", options_.simulator,
+                "Whether the vendor's simulator on this machine counts as a device");
   table_.whole("number", options_.number, kForceDimensionNumbers,
                "Which of the connected devices, from 0");
   table_.whole("serial", options_.serial, kForceDimensionSerials,
@@ -15,20 +23,26 @@ ForceDimensionDriver::ForceDimensionDriver() {
                 "Without a command for so long the device takes its motors off");
   table_.yes_no("auto-init", options_.auto_init,
                 "Whether libdrd.so calibrates a device that is not: it moves by itself");
+  table_.number("velocity-cutoff", options_.velocity_cutoff, kForceDimensionCutOffs,
+                "Cut-off of the filter on the change of pose. Unset: as the model is rated; 0 is "
+                "the library's own speed");
   table_.number("velocity-window", options_.velocity_window, kForceDimensionWindows,
-                "The library takes a speed as the mean over so long");
+                "The library takes its own speed as the mean over so long");
   table_.yes_no("gravity-compensation", options_.gravity_compensation,
                 "Whether the device bears its own weight");
 }
 
-std::optional<std::string> ForceDimensionDriver::find_error() const {
-  if (!options_.auto_init || options_.serial == 0) return std::nullopt;
-  return "serial " + std::to_string(options_.serial) +
-         " must be 0 with auto-init true: libdrd.so opens devices by their number";
+std::vector<RatedModel> ForceDimensionDriver::models() const {
+  std::vector<RatedModel> rows;
+  for (const DeviceModel& model : force_dimension_models()) {
+    rows.push_back(
+        {model, force_dimension_ratings(model, model.torque > 0, options_, kUsualPeriod)});
+  }
+  return rows;
 }
 
 std::vector<std::string> ForceDimensionDriver::connected() const {
-  const ForceDimensionLibrary dhd(options_.library);
+  const ForceDimensionLibrary dhd(options_.library, options_.simulator);
   std::vector<std::string> lines;
   const int most = static_cast<int>(kForceDimensionNumbers.most) + 1;
   for (int i = 0; i < std::min(dhd.device_count(), most); ++i) {
@@ -48,7 +62,8 @@ std::vector<std::string> ForceDimensionDriver::connected() const {
 
 std::unique_ptr<Device> ForceDimensionDriver::open(double dt) const {
   return std::make_unique<ForceDimensionDevice>(
-      std::make_shared<const ForceDimensionLibrary>(options_.library), options_, dt);
+      std::make_shared<const ForceDimensionLibrary>(options_.library, options_.simulator), options_,
+      dt);
 }
 
 }  // namespace hlm::server

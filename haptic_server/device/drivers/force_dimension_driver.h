@@ -15,7 +15,7 @@ class ForceDimensionDriver final : public DeviceDriver {
     return "omega, delta, sigma and lambda of Force Dimension, through libdrd.so or libdhd.so";
   }
   const settings::Table& table() const override { return table_; }
-  std::optional<std::string> find_error() const override;
+  std::vector<RatedModel> models() const override;
   std::vector<std::string> connected() const override;
   std::unique_ptr<Device> open(double dt) const override;
 

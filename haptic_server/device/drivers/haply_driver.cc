@@ -1,10 +1,38 @@
 #include "hlm/device/drivers/haply_driver.h"
 
+#include <array>
+
 namespace hlm::server {
 namespace {
 
 constexpr Freedoms kTranslations = 0b000111;
 constexpr std::uint8_t kButtonsOfGrip = 4;
+/// Cautious, for any model; the data sheet of one's own says more. Mass, and how the service makes
+/// its speed, are not documented: usual ones.
+constexpr std::array<DeviceModel, 2> kHaplyModels{{
+    {.name = "Minverse",
+     .force = 3,
+     .stiffness = 1000,
+     .mass = 0.2,
+     .delay = 1e-3,
+     .step = 20e-6,
+     .cutoff = 60},
+    {.name = "",
+     .force = 5,
+     .stiffness = 1500,
+     .mass = 0.3,
+     .delay = 1e-3,
+     .step = 12e-6,
+     .cutoff = 60},
+}};
+
+DeviceRatings rated_haply(const DeviceModel& model, const ExchangeOptions& exchange) {
+  DeviceRatings ratings = ratings_of(model);
+  ratings.exchange_rate = exchange.rate;
+  rate_speed(model, model.cutoff, 1 / exchange.rate, ratings);
+  ratings.halts = true;
+  return ratings;
+}
 
 }  // namespace
 
@@ -37,6 +65,13 @@ std::optional<std::string> HaplyDriver::find_error() const {
   return hlm::server::find_error(exchange_);
 }
 
+std::vector<RatedModel> HaplyDriver::models() const {
+  std::vector<RatedModel> rows;
+  for (const DeviceModel& model : kHaplyModels)
+    rows.push_back({model, rated_haply(model, exchange_)});
+  return rows;
+}
+
 std::vector<std::string> HaplyDriver::connected() const {
   const HaplyInventory inventory = InverseService::ask_inventory(service_.address);
   std::vector<std::string> lines;
@@ -51,8 +86,9 @@ std::vector<std::string> HaplyDriver::connected() const {
 
 std::unique_ptr<Device> HaplyDriver::open(double) const {
   const HaplyChoice choice = choose(InverseService::ask_inventory(service_.address), service_);
-  DeviceRatings ratings = ratings_;
-  ratings.halts = true;
+  DeviceRatings ratings = rated_haply(kHaplyModels.back(), exchange_);
+  ratings.max_force = ratings_.max_force;
+  ratings.max_stiffness = ratings_.max_stiffness;
   if (choice.grip.empty()) ratings.freedoms = kTranslations;
   if (!choice.grip.empty()) ratings.buttons = kButtonsOfGrip;
   return std::make_unique<ExchangeDevice>(

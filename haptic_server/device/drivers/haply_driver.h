@@ -15,6 +15,7 @@ class HaplyDriver final : public DeviceDriver {
     return "Haply Inverse3 or Minverse, through the Inverse Service";
   }
   const settings::Table& table() const override { return table_; }
+  std::vector<RatedModel> models() const override;
   std::optional<std::string> find_error() const override;
   std::vector<std::string> connected() const override;
   std::unique_ptr<Device> open(double dt) const override;

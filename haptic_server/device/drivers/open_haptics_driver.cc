@@ -10,10 +10,28 @@ OpenHapticsDriver::OpenHapticsDriver() {
               "PHANToM'");
   table_.number("scheduler-rate", options_.rate, kOpenHapticsRates,
                 "Exchanges of the vendor's scheduler with the device");
-  table_.number("velocity-cutoff", options_.velocity_cutoff, kOpenHapticsCutOffs,
-                "Cut-off of the filter on the change of position; 0 is the library's own speed");
+  table_.number(
+      "velocity-cutoff", options_.velocity_cutoff, kOpenHapticsCutOffs,
+      "Cut-off of the filter on the change of position. Unset: as the model is rated; 0 is the "
+      "library's own speed");
   table_.number("oldest", options_.oldest, kOpenHapticsAges,
                 "Oldest state and oldest command that are used");
+}
+
+std::vector<RatedModel> OpenHapticsDriver::models() const {
+  std::vector<RatedModel> rows;
+  for (const DeviceModel& model : open_haptics_models()) {
+    rows.push_back({model, open_haptics_ratings(model, options_)});
+  }
+  return rows;
+}
+
+std::optional<std::string> OpenHapticsDriver::find_error() const {
+  for (const double rate : {500, 1000, 2000}) {
+    if (options_.rate == rate) return std::nullopt;
+  }
+  return "scheduler-rate " + shortest_text(options_.rate) +
+         " Hz must be 500, 1000 or 2000 Hz: the library takes no other";
 }
 
 /// The library does not list devices: only the one of that name can be tried.

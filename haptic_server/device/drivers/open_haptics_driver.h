@@ -15,6 +15,8 @@ class OpenHapticsDriver final : public DeviceDriver {
     return "Touch and Phantom of 3D Systems, through OpenHaptics (libHD.so)";
   }
   const settings::Table& table() const override { return table_; }
+  std::vector<RatedModel> models() const override;
+  std::optional<std::string> find_error() const override;
   std::vector<std::string> connected() const override;
   std::unique_ptr<Device> open(double dt) const override;
 

@@ -59,9 +59,11 @@ TEST_CASE(
     "Of a command that is not renewed nothing is left when it is old, and a tick allocates "
     "nothing") {
   const std::string& motors = stand_in.motors;
-  const auto device = opened({.oldest = 0.1});             // s; the machine may stall.
-  CHECK(device->ratings().max_force == Approx(3.3));       // N
-  CHECK(device->ratings().max_stiffness == Approx(2000));  // N/m
+  const auto device = opened({.oldest = 0.1});                // s; the machine may stall.
+  CHECK(device->ratings().max_force == Approx(3.3));          // N
+  CHECK(device->ratings().continuous_force == Approx(0.88));  // N
+  CHECK(device->ratings().mass == Approx(0.1));               // kg
+  CHECK(device->ratings().max_stiffness == Approx(2000));     // N/m
   CHECK(device->ratings().max_torque == 0);
   CHECK(device->ratings().exchange_rate == 1000);  // Hz
   bool works = true;
@@ -138,8 +140,34 @@ TEST_CASE("A handle that a stop holds is no fault, though the library's speed la
   }
 }
 
+TEST_CASE("The first frames of a scheduler are no faults, and no pose of the device") {
+  const Vector3 none(0, -0.110, -0.035);  // m: the library's default.
+  for (int i = 0; i < 3; ++i) {
+    const auto device = opened({.oldest = 0.1});  // s; the machine may stall.
+    device->enable();
+    const auto state = device->read();
+    INFO(device->cause());
+    REQUIRE(state);
+    CHECK((state->X_WD.p - none).norm() > 0.01);
+    CHECK_FALSE(state->warm);
+  }
+}
+
+TEST_CASE("Motors that get warm are told, and are no fault") {
+  setenv("HAPTIC_STAND_IN_STATE", "warm", 1);
+  const auto device = opened({.oldest = 0.1});  // s; the machine may stall.
+  device->enable();
+  CHECK(test::wait_until(1, [&] {
+    const auto state = device->read();
+    return state && state->warm;
+  }));
+  CHECK(cause_of_error(0x0200) == nullptr);
+  CHECK(says_warm(0x0200));
+  unsetenv("HAPTIC_STAND_IN_STATE");
+}
+
 TEST_CASE("A device that cannot be prepared is let go: it can be opened again") {
-  CHECK_THROWS_WITH(opened({.rate = 901}),  // Hz; not 8 kHz, divided.
+  CHECK_THROWS_WITH(opened({.rate = 900}),  // Hz; not 500, 1000 or 2000.
                     ContainsSubstring("the vendor's library reports an error"));
   CHECK_NOTHROW(opened());
 }

@@ -62,6 +62,40 @@ TEST_CASE("The device's own rating counts where it is lower") {
   CHECK(faded_in({.max_force = 3, .max_force_rate = 1e6}).limit(push(10))[1] == Approx(3));
 }
 
+TEST_CASE("Motors that bear 0.88 N for ever give 3.3 N for some seconds, then 0.88 N until cool") {
+  Limiter limiter = faded_in({.max_force = 3.3, .continuous_force = 0.88, .max_force_rate = 1e6});
+  const auto force_after = [&](double time, double wanted) {
+    double force = 0;
+    for (int i = 0; i < static_cast<int>(time / kStep); ++i) {
+      limiter.allow(true);
+      force = limiter.limit(push(wanted))[1];
+    }
+    return force;
+  };
+  CHECK(force_after(3, 3.3) == Approx(3.3));  // s, N
+  CHECK_FALSE(limiter.cools());
+  CHECK(force_after(3, 3.3) == Approx(0.88));
+  CHECK(limiter.cools());
+  CHECK(force_after(10, 3.3) == Approx(0.88));
+  force_after(40, 0);
+  CHECK_FALSE(limiter.cools());
+  CHECK(force_after(1.5, 3.3) == Approx(3.3));
+}
+
+TEST_CASE("Motors that say that they get warm are given what they bear for ever") {
+  Limiter limiter = faded_in({.max_force = 3.3, .continuous_force = 0.88, .max_force_rate = 1e6});
+  limiter.warm(true);
+  for (int i = 0; i < 1100; ++i) limiter.allow(true);  // The limit takes 1 s.
+  CHECK(limiter.limit(push(3))[1] == Approx(0.88));    // N
+  CHECK(limiter.cools());
+  // A device that bears its peak for ever is not held back.
+  Limiter other = faded_in({.max_force = 12, .max_force_rate = 1e6});
+  other.warm(true);
+  for (int i = 0; i < 1100; ++i) other.allow(true);
+  CHECK(other.limit(push(10))[1] == Approx(10));
+  CHECK_FALSE(other.cools());
+}
+
 TEST_CASE("Force changes by no more than the device's rate") {
   DeviceRatings device;
   device.max_force_rate = 1000;  // N/s: 1 N a step
