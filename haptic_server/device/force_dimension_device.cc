@@ -23,7 +23,7 @@ constexpr double kStatusPatience = 0.05;
 /// Buttons of the mask that the library gives.
 constexpr std::uint8_t kButtons = 16;
 /// What a handle's apparent mass, kg, and inertia, kg·m², can be.
-constexpr Range kMasses{0.01, 5};
+constexpr Range kMasses{0.05, 5};
 constexpr Range kInertias{1e-7, 0.1};
 
 constexpr double degrees(double angle) noexcept { return angle * std::numbers::pi / 180; }
@@ -184,6 +184,7 @@ ForceDimensionDevice::ForceDimensionDevice(std::shared_ptr<const Library> librar
   if (cutoff_ == 0) ratings_.velocity_lag = window_ / 2;
   read_inertia();
   if (has_watchdog_) ratings_.time_guard = options_.watchdog;
+  read_pose(p_, R_);
   reopener_.emplace([this] { return reopen(); });
 }
 
@@ -252,7 +253,9 @@ void ForceDimensionDevice::auto_init() {
                              " cannot calibrate a device");
   }
   if (dhd.is_initialized(id_)) return;
-  if (dhd.auto_init(id_) < 0 || dhd.robot_stop(true, id_) < 0) {
+  const bool calibrated = dhd.auto_init(id_) >= 0;
+  dhd.robot_stop(true, id_);  // An error where it holds nothing.
+  if (!calibrated) {
     throw std::runtime_error(name_ + " could not be calibrated: " + dhd.last_error());
   }
   dhd.enable_force(0, id_);
@@ -378,6 +381,7 @@ void ForceDimensionDevice::enable() noexcept {
   motion_.begin(window_);
   speed_.begin();
   grip_ = 0;
+  read_pose(p_, R_);  // For a time guard that holds back the first one.
   const Library& dhd = *library_;
   dhd.set_brakes(0, id_);  // A device without brakes refuses.
   enabled_ = done(dhd.enable_force(1, id_)) && write(Wrench::Zero());
@@ -405,23 +409,30 @@ std::optional<DeviceState> ForceDimensionDevice::read() noexcept {
   return state;
 }
 
-bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
+/// A device without a wrist is asked for its position alone. What a time guard holds back stays as
+/// it was.
+int ForceDimensionDevice::read_pose(Vector3& p, Matrix3& R) noexcept {
   const Library& dhd = *library_;
-  Vector3 p;
+  if (!has_wrist_) return dhd.position(&p.x(), &p.y(), &p.z(), id_);
   double rows[3][3];
-  const int result = has_wrist_ ? dhd.pose(&p.x(), &p.y(), &p.z(), rows, id_)
-                                : dhd.position(&p.x(), &p.y(), &p.z(), id_);
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> matrix(&rows[0][0]);
+  matrix = R;
+  const int result = dhd.pose(&p.x(), &p.y(), &p.z(), rows, id_);
+  R = matrix;
+  return result;
+}
+
+bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
+  const int result = read_pose(p_, R_);
   if (!done(result)) return false;
-  Matrix3 R = Matrix3::Identity();
-  if (has_wrist_) R = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(&rows[0][0]);
   const double now = seconds_now();
-  state.X_WD = {p, Quaternion(R).normalized()};
+  state.X_WD = {p_, Quaternion(R_).normalized()};
   const double lag = cutoff_ > 0 ? 1 / (2 * std::numbers::pi * cutoff_) : window_ / 2;
   const Twist own = speed_.filtered(state.X_WD, now, lag);
   const Twist told = read_speed(own);
   state.V_WD = cutoff_ > 0 ? own : told;
   const bool is_old = result == Library::kTimeGuard;
-  const char* const error = motion_.find_error(now, p, R, told, is_old);
+  const char* const error = motion_.find_error(now, p_, R_, told, is_old);
   return error == nullptr || fail(error);
 }
 
@@ -429,8 +440,8 @@ bool ForceDimensionDevice::read_motion(DeviceState& state) noexcept {
 /// into their window.
 Twist ForceDimensionDevice::read_speed(const Twist& own) noexcept {
   const Library& dhd = *library_;
-  Vector3 v;
-  Vector3 w;
+  Vector3 v = own.head<3>();
+  Vector3 w = own.tail<3>();
   const bool moves = dhd.linear_velocity(&v.x(), &v.y(), &v.z(), id_) >= 0;
   const bool turns = has_wrist_ && dhd.angular_velocity(&w.x(), &w.y(), &w.z(), id_) >= 0;
   Twist V = own;

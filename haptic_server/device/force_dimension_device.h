@@ -104,6 +104,7 @@ class ForceDimensionDevice final : public Device {
   const char* prepare_again();
   bool done(int result) noexcept;
   bool fail(const char* cause) noexcept;
+  int read_pose(Vector3& p, Matrix3& R) noexcept;
   bool read_motion(DeviceState& state) noexcept;
   Twist read_speed(const Twist& own) noexcept;
   void read_gripper(DeviceState& state) noexcept;
@@ -123,7 +124,9 @@ class ForceDimensionDevice final : public Device {
   double window_ = 0;  ///< Window of the library's speed, s.
   double cutoff_ = 0;  ///< Cut-off of the speed that is reported, Hz; 0: the library's own.
   SpeedFilter speed_;  ///< Speed of the poses.
-  double grip_ = 0;    ///< Commanded force of the gripper, N.
+  Vector3 p_ = Vector3::Zero();  ///< Latest pose.
+  Matrix3 R_ = Matrix3::Identity();
+  double grip_ = 0;  ///< Commanded force of the gripper, N.
 
   char id_ = 0;
   bool enabled_ = false;

@@ -17,7 +17,8 @@ constexpr double kMillimetre = 1e-3;          // m.
 constexpr double kNewtonPerMillimetre = 1e3;  // N/m.
 /// A state that is older is late, s: the scheduler's period and what a busy machine adds.
 constexpr double kLate = 4e-3;
-/// The library's pose before it has read one, m, and how long such a pose is taken for that.
+/// The library's pose before it has read one, m, if it is not zero, and how long such a pose is
+/// taken for that.
 const Vector3 kDefaultPosition(0, -0.110, -0.035);
 constexpr double kDefaultTolerance = 1e-7;  // m.
 constexpr std::chrono::seconds kDefaultTime{1};
@@ -201,6 +202,7 @@ const char* OpenHapticsDevice::start() noexcept {
   gives_frames_ = false;
   speed_.begin();
   hd.set_scheduler_rate(static_cast<unsigned long>(options_.rate));
+  errors(hd);  // A device whose rate cannot be set has its own.
   callback_ = hd.schedule(&OpenHapticsDevice::exchange, this, Library::kHighestPriority);
   hd.start_scheduler();
   const unsigned failure = errors(hd).failure;
@@ -309,7 +311,8 @@ OpenHapticsDevice::Reading OpenHapticsDevice::read_frame() noexcept {
 /// Whether the device was there to be read. What is not leaves the latest reading to grow old.
 bool OpenHapticsDevice::is_real(const Reading& reading, const Errors& reported) noexcept {
   if (reported.no_frame) return false;
-  const bool is_default = (reading.p - kDefaultPosition).norm() < kDefaultTolerance;
+  const bool is_default = (reading.p - kDefaultPosition).norm() < kDefaultTolerance ||
+                          reading.p.norm() < kDefaultTolerance || reading.R.isZero();
   if (!gives_frames_ && is_default && Clock::now() - started_ < kDefaultTime) return false;
   gives_frames_ = true;
   return true;
