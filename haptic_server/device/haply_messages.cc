@@ -12,7 +12,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr const char* kDevices = "inverse3";
+constexpr const char* kDeviceKinds[] = {"inverse3", "minverse"};
 constexpr const char* kTakenForce = "current_cursor_force";
 /// Levels of a message; a state has 5.
 constexpr int kDeepest = 32;
@@ -88,12 +88,15 @@ const json& device_of(const json& message, const std::string& kind, const std::s
   fail("has " + kind + " '" + id + "' no more: it is unplugged or switched off");
 }
 
-const json& state_of(const json& message, const std::string& kind, const std::string& id) {
-  return member(device_of(message, kind, id), "state", kind + "[].");
+/// Null where the message leaves it out.
+const json* find(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found == object.end() ? nullptr : &*found;
 }
 
-/// What the service says that keeps a device from giving force; null if nothing.
-const char* find_force_off(const json& device) {
+/// What the service says that keeps a device from giving force; null if nothing. before: what it
+/// said last, where it says nothing now.
+const char* find_force_off(const json& device, const char* before) {
   struct Need {
     const char* key;
     const char* cause;
@@ -103,7 +106,7 @@ const char* find_force_off(const json& device) {
       {"calibrated", "it is not calibrated: put its cursor where its manual says"},
       {"ready", "its service says that it is not ready"}};
   const auto status = device.find("status");
-  if (status == device.end() || !status->is_object()) return nullptr;
+  if (status == device.end() || !status->is_object()) return before;
   for (const Need& need : kNeeds) {
     const auto found = status->find(need.key);
     if (found != status->end() && found->is_boolean() && !found->get<bool>()) return need.cause;
@@ -126,20 +129,58 @@ Quaternion orientation(const json& state, const std::string& path) {
   return R.normalized();
 }
 
-/// Those pressed; json keeps members in the order of their names.
-std::uint32_t buttons(const json& state, const std::string& path) {
+/// The button of that name: a is the first.
+std::uint32_t button_of(const json& name) {
+  if (!name.is_string() || name.get<std::string>().size() != 1) return 0;
+  const int number = name.get<std::string>()[0] - 'a';
+  return number >= 0 && number < 32 ? 1u << number : 0;
+}
+
+/// Those pressed; json keeps members in the order of their names. A list has a bool for each, or
+/// the names of those that are down.
+std::uint32_t buttons(const json& state, std::uint32_t before, const std::string& path) {
   const auto found = state.find("buttons");
   const auto only = state.find("button");
   if (only != state.end() && only->is_boolean()) return only->get<bool>() ? 1 : 0;
-  if (found == state.end()) return 0;
-  if (!found->is_object()) fail("has " + path + "buttons that are no object");
+  if (found == state.end() || found->is_null()) return before;
+  if (!found->is_structured()) fail("has " + path + "buttons that are no object and no list");
   std::uint32_t pressed = 0;
   std::uint32_t bit = 1;
   for (const json& button : *found) {
     if (button.is_boolean() && button.get<bool>()) pressed |= bit;
     if (button.is_boolean()) bit <<= 1;
+    if (found->is_array()) pressed |= button_of(button);
   }
   return pressed;
+}
+
+/// The scale of a transform or a mount; 1 where it leaves that out, `before` where there is none.
+double scale_of(const json& object, const char* key, double before, const std::string& path) {
+  const json* const transform = find(object, key);
+  if (transform == nullptr || !transform->is_object()) return before;
+  if (find(*transform, "scale") == nullptr) return 1;
+  const Vector3 scale = vector(*transform, "scale", path + key + ".");
+  constexpr double kSame = 1e-6;
+  const bool is_uniform = (scale.array() - scale.x()).abs().maxCoeff() <= kSame * scale.x();
+  if (scale.allFinite() && scale.x() > 0 && is_uniform) return scale.x();
+  fail("has " + path + key + ".scale " + transform->at("scale").dump() +
+       ", must be one positive number in all directions");
+}
+
+/// Where the handle is, and how fast it goes, in what the service calls metres.
+void read_motion(const json& state, bool is_inventory, const std::string& path, HaplyState& whole) {
+  const double scale = whole.mount_scale * whole.session_scale;
+  HandleState& handle = whole.handle;
+  const Vector3 before = handle.X.p;
+  // Who leaves out zeros says other things of the device.
+  const bool leaves_out =
+      is_inventory || whole.has_place || find(state, "angular_position") != nullptr;
+  const bool moves = find(state, "cursor_position") != nullptr;
+  if (moves || !leaves_out) handle.X.p = vector(state, "cursor_position", path) / scale;
+  const bool goes = find(state, "cursor_velocity") != nullptr;
+  if (goes || !leaves_out) handle.V.head<3>() = vector(state, "cursor_velocity", path) / scale;
+  if (!goes && leaves_out && moves && handle.X.p == before) handle.V.head<3>().setZero();
+  whole.has_place = whole.has_place || moves || !is_inventory;
 }
 
 /// What one device is asked, as a list of devices.
@@ -153,12 +194,16 @@ HaplyInventory parse_haply_inventory(std::string_view message) {
   const json parsed = parse(message);
   HaplyInventory inventory;
   inventory.has_session = parsed.contains("session_id");
-  for (const json& device : list(parsed, kDevices)) {
-    HaplyDevice& entry = inventory.devices.emplace_back();
-    entry.id = id_of(device, kDevices);
-    const json config = device.value("config", json::object());
-    const auto handedness = config.find("handedness");
-    if (handedness != config.end() && handedness->is_string()) entry.handedness = *handedness;
+  inventory.text = message;
+  for (const char* kind : kDeviceKinds) {
+    for (const json& device : list(parsed, kind)) {
+      HaplyDevice& entry = inventory.devices.emplace_back();
+      entry.kind = kind;
+      entry.id = id_of(device, kind);
+      const json config = device.value("config", json::object());
+      const auto handedness = config.find("handedness");
+      if (handedness != config.end() && handedness->is_string()) entry.handedness = *handedness;
+    }
   }
   for (const char* kind : kGripKinds) {
     for (const json& grip : list(parsed, kind)) {
@@ -168,47 +213,81 @@ HaplyInventory parse_haply_inventory(std::string_view message) {
   return inventory;
 }
 
-HaplyState parse_haply_state(std::string_view message, const HaplyChoice& choice) {
+HaplyState parse_haply_state(std::string_view message, const HaplyChoice& choice,
+                             const HaplyState& before) {
   const json parsed = parse(message);
-  const json& state = state_of(parsed, kDevices, choice.device);
-  const std::string path = std::string(kDevices) + "[].state.";
-  HaplyState whole;
-  HandleState& handle = whole.handle;
-  handle.force_off = find_force_off(device_of(parsed, kDevices, choice.device));
-  if (state.contains(kTakenForce)) whole.force = vector(state, kTakenForce, path);
-  handle.X.p = vector(state, "cursor_position", path);
-  handle.V.head<3>() = vector(state, "cursor_velocity", path);
+  const json& device = device_of(parsed, choice.device_kind, choice.device);
+  const std::string path = choice.device_kind + "[].";
+  HaplyState whole = before;
+  whole.handle.force_off = find_force_off(device, before.handle.force_off);
+  const json* const config = find(device, "config");
+  const bool is_inventory = config != nullptr && config->is_object();
+  if (is_inventory) {
+    whole.mount_scale = scale_of(*config, "mount", before.mount_scale, path + "config.");
+  }
+  static const json nothing = json::object();
+  const json* const said = find(device, "state");
+  if (said == nullptr && !before.has_place && !is_inventory) fail("has no " + path + "state");
+  const json& state = said != nullptr ? *said : nothing;
+  whole.session_scale = scale_of(state, "transform", before.session_scale, path + "state.");
+  if (state.contains(kTakenForce)) whole.force = vector(state, kTakenForce, path + "state.");
+  read_motion(state, is_inventory, path + "state.", whole);
   if (choice.grip.empty()) return whole;
-  const json& grip = state_of(parsed, choice.grip_kind, choice.grip);
+  const json& grip = device_of(parsed, choice.grip_kind, choice.grip);
   const std::string grip_path = choice.grip_kind + "[].state.";
-  handle.X.R = orientation(grip, grip_path);
-  handle.buttons = buttons(grip, grip_path);
+  const json* const held = find(grip, "state");
+  if (held == nullptr) return whole;
+  if (held->contains("orientation") || (!before.has_place && !is_inventory)) {
+    whole.handle.X.R = orientation(*held, grip_path);
+  }
+  whole.handle.buttons = buttons(*held, before.handle.buttons, grip_path);
   return whole;
 }
 
 HaplyEvent parse_haply_event(std::string_view message) {
   const json parsed = parse(message);
   const json data = parsed.value("data", json::object());
-  HaplyEvent event{text_of(parsed, "name"), "", "", text_of(parsed, "message")};
+  HaplyEvent event{text_of(parsed, "name"), "", "", text_of(parsed, "message"),
+                   text_of(parsed, "level")};
   if (!data.is_object()) return event;
   event.device = text_of(data, "device_id");
   event.safety = text_of(data, "safety_type");
   return event;
 }
 
-std::string haply_force_request(const std::string& device, const std::string& force_field,
+std::string haply_force_request(const HaplyChoice& choice, const std::string& force_field,
                                 const Vector3& force) {
   const json components = {{"x", force.x()}, {"y", force.y()}, {"z", force.z()}};
-  return json{{kDevices, commands(device, {{"set_cursor_force", {{force_field, components}}}})}}
+  return json{{choice.device_kind,
+               commands(choice.device, {{"set_cursor_force", {{force_field, components}}}})}}
       .dump();
 }
 
 std::string haply_probe_request(const HaplyChoice& choice) {
-  json request{{kDevices, commands(choice.device, {{"probe_position", json::object()}})}};
+  json request{{choice.device_kind, commands(choice.device, {{"probe_position", json::object()}})}};
   if (!choice.grip.empty()) {
     request[choice.grip_kind] = commands(choice.grip, {{"probe_orientation", json::object()}});
   }
   return request.dump();
+}
+
+std::string haply_inventory_request() {
+  return json{{"session", {{"force_render_full_state", json::object()}}}}.dump();
+}
+
+std::string with_haply_profile(const std::string& request) {
+  json named = json::parse(request);
+  named["session"]["configure"]["profile"]["name"] = "haptic_server";
+  return named.dump();
+}
+
+std::optional<double> parse_haply_setting(std::string_view message) {
+  const json parsed = json::parse(message, nullptr, false);
+  const json* value = &parsed;
+  for (const char* key : {"data", "value"}) {
+    if (value->is_object() && value->contains(key)) value = &value->at(key);
+  }
+  return value->is_number() ? std::optional(value->get<double>()) : std::nullopt;
 }
 
 }  // namespace hlm::server

@@ -11,6 +11,7 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
@@ -30,6 +31,9 @@ using std::chrono::steady_clock;
 /// Time for the connection, its handshake and the inventory, each.
 constexpr std::chrono::seconds kOpening{2};
 
+/// Inventories that are asked for where device or grip is missing: each takes some milliseconds.
+constexpr int kInventories = 20;
+
 /// Time for a request to go out: the service's end of the connection is full of earlier ones.
 constexpr std::chrono::milliseconds kSending{10};
 
@@ -40,6 +44,9 @@ constexpr std::size_t kMaxMessage = 256 * 1024;
 constexpr double kCutOff = 30;
 
 constexpr const char* kNoGrip = "none";
+
+/// Time for the answer about a setting.
+constexpr std::chrono::milliseconds kSettingTime{300};
 
 /// A service that takes a force says so: for so long it may say none, s and N.
 constexpr std::chrono::milliseconds kUntaken{50};
@@ -65,6 +72,35 @@ std::string text_frame(const std::string& text) {
     byte(text.size());
   }
   return frame + std::string(4, '\0') + text;
+}
+
+/// What a server answers, if it does so in time and with success.
+std::optional<std::string> http_get(const std::string& host, const std::string& port,
+                                    const std::string& target) {
+  namespace http = beast::http;
+  asio::io_context context(1);
+  beast::tcp_stream stream(context);
+  tcp::resolver resolver(context);
+  error_code error;
+  const auto places = resolver.resolve(host, port, error);
+  if (error) return std::nullopt;
+  http::request<http::empty_body> request{http::verb::get, target, 11};
+  request.set(http::field::host, host + ':' + port);
+  http::response<http::string_body> response;
+  beast::flat_buffer buffer;
+  bool done = false;
+  stream.expires_after(kSettingTime);
+  stream.async_connect(places, [&](error_code failed, const tcp::endpoint&) {
+    if (failed) return;
+    http::async_write(stream, request, [&](error_code unsent, std::size_t) {
+      if (unsent) return;
+      http::async_read(stream, buffer, response,
+                       [&](error_code unread, std::size_t) { done = !unread; });
+    });
+  });
+  context.run();
+  if (!done || response.result() != http::status::ok) return std::nullopt;
+  return response.body();
 }
 
 std::string listed(const std::vector<std::string>& names) {
@@ -130,11 +166,19 @@ class InverseService::Connection {
 
   int socket() { return tcp_stream().socket().native_handle(); }
 
-  /// The first message.
+  /// The first message; a service whose devices come later is asked again.
   HaplyInventory inventory() {
-    const auto message = receive(steady_clock::now() + kOpening);
-    if (!message) give_up("the Inverse Service at " + address_ + " sent no inventory within 2 s");
-    return parse_haply_inventory(*message);
+    const SteadyTime end = steady_clock::now() + kOpening;
+    HaplyInventory latest;
+    for (int i = 0; i < kInventories; ++i) {
+      const auto message = receive(end);
+      if (!message) give_up("the Inverse Service at " + address_ + " sent no inventory within 2 s");
+      latest = parse_haply_inventory(*message);
+      const bool is_whole = !latest.devices.empty() && !latest.grips.empty();
+      if (is_whole || !latest.has_session || i + 1 == kInventories) break;
+      send(haply_inventory_request());
+    }
+    return latest;
   }
 
   /// A message that has come; empty if none does by `deadline`.
@@ -237,6 +281,7 @@ HaplyChoice choose(const HaplyInventory& inventory, const InverseServiceOptions&
             " has no Inverse3: plug it in, and switch it on");
   }
   for (const HaplyDevice& device : inventory.devices) {
+    if (device.id == choice.device) choice.device_kind = device.kind;
     if (device.id != choice.device || options.handedness == "any") continue;
     if (device.handedness != options.handedness) {
       give_up("handedness of Inverse3 " + device.id + " is '" + device.handedness + "', must be '" +
@@ -279,12 +324,15 @@ void InverseService::open() {
   no_force_.clear();
   for (const char* field : {"vector", "values"}) {
     if (!may_switch_ && force_field_ != field) continue;
-    no_force_ += text_frame(haply_force_request(choice_.device, field, Vector3::Zero()));
+    no_force_ += text_frame(haply_force_request(choice_, field, Vector3::Zero()));
   }
   untaken_since_ = latest_at_ = {};
   brake_ = nullptr;
+  names_itself_ = inventory.has_session;
+  said_ = parse_haply_state(inventory.text, choice_);
+  const std::string host = options_.address.substr(0, options_.address.rfind(':'));
+  say_scales(host);
   try {
-    const std::string host = options_.address.substr(0, options_.address.rfind(':'));
     if (options_.events != 0) {
       events_ = std::make_unique<Connection>(host + ':' + std::to_string(options_.events));
     }
@@ -303,8 +351,34 @@ void InverseService::close() noexcept {
 void InverseService::send(const std::optional<Vector3>& force) {
   if (!connection_) give_up("there is no connection to the Inverse Service");
   sent_ = force.value_or(Vector3::Zero());
-  connection_->send(force ? haply_force_request(choice_.device, force_field_, *force)
-                          : haply_probe_request(choice_));
+  const std::string request =
+      force ? haply_force_request(choice_, force_field_, *force) : haply_probe_request(choice_);
+  connection_->send(std::exchange(names_itself_, false) ? with_haply_profile(request) : request);
+}
+
+/// Scales that the service's own settings set: a wall is then another one, and nobody would know.
+void InverseService::say_scales(const std::string& host) const {
+  const double scale = said_.mount_scale * said_.session_scale;
+  if (scale != 1) {
+    spdlog::warn(
+        "the Inverse Service scales positions by {:.4g} (mount {:.4g}, transform {:.4g}): they are "
+        "divided by that; whether it scales forces, too, it does not say. Set both to 1",
+        scale, said_.mount_scale, said_.session_scale);
+  }
+  if (!options_.settings) return;
+  for (const std::string& port :
+       {options_.address.substr(options_.address.rfind(':') + 1), std::string("10000")}) {
+    const auto answer = http_get(host, port, "/settings/devices/force_scale");
+    const auto value = answer ? parse_haply_setting(*answer) : std::nullopt;
+    if (!value) continue;
+    if (*value != 1) {
+      spdlog::warn(
+          "the Inverse Service gives {:.4g} times each force (its setting devices/force_scale): "
+          "walls are as many times as stiff as they should be",
+          *value);
+    }
+    return;
+  }
 }
 
 /// A service that does not know a force's name takes none, and says nothing of it.
@@ -342,10 +416,13 @@ void InverseService::observe_events() noexcept {
 
 void InverseService::observe(const HaplyEvent& event) {
   if (!event.device.empty() && event.device != choice_.device) return;
-  if (event.safety == "ebrake_triggered") brake_ = "its emergency brake is on";
-  if (event.safety == "ebrake_released") brake_ = nullptr;
-  const bool is_news = event.name == "device-safety-triggered" || event.name == "device-busy" ||
-                       event.name == "device-calibration-failed";
+  const std::string& what = event.what();
+  if (what == "ebrake_triggered") brake_ = "its emergency brake is on";
+  if (what == "ebrake_released") brake_ = nullptr;
+  const bool is_news = event.level == "warning" || event.level == "error" ||
+                       event.name == "device-safety-triggered" || event.name == "device-busy" ||
+                       event.name == "device-calibration-failed" || what == "stability_ceiling" ||
+                       what == "fod_stage_changed";
   if (!is_news) return;
   spdlog::warn("Inverse3 {}: {}{}{}: {}", choice_.device, event.name,
                event.safety.empty() ? "" : ", ", event.safety, one_line(event.text));
@@ -356,11 +433,11 @@ void InverseService::expect_silence() { connection_->expect_silence(); }
 std::optional<HandleState> InverseService::receive(SteadyTime deadline) {
   const auto message = connection_->receive(deadline);
   if (!message) return std::nullopt;
-  const HaplyState whole = parse_haply_state(*message, choice_);
-  HandleState state = whole.handle;
+  said_ = parse_haply_state(*message, choice_, said_);
+  HandleState state = said_.handle;
   observe_events();
   if (brake_ != nullptr) state.force_off = brake_;
-  if (state.force_off == nullptr) observe_force(whole.force);
+  if (state.force_off == nullptr) observe_force(said_.force);
   const SteadyTime now = steady_clock::now();
   if (latest_at_ != SteadyTime{}) {
     const double dt = std::chrono::duration<double>(now - latest_at_).count();

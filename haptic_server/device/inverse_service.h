@@ -16,6 +16,7 @@ namespace hlm::server {
 struct InverseServiceOptions {
   std::string address = "localhost:10001";  ///< Also as "ws://localhost:10001/".
   int events = 10020;    ///< Port of the same host where it tells what happens; 0: not asked.
+  bool settings = true;  ///< Whether its settings that change forces are asked for, by HTTP.
   std::string device{};  ///< Id of the device; empty: the only one.
   std::string grip{};    ///< Id of the grip; empty: the only one, if there is one; "none".
   std::string handedness = "any";  ///< "left" or "right": the device must be that.
@@ -59,6 +60,7 @@ class InverseService final : public DeviceLine {
   void observe_force(const std::optional<Vector3>& taken);
   void observe_events() noexcept;
   void observe(const HaplyEvent& event);
+  void say_scales(const std::string& host) const;
 
   InverseServiceOptions options_;
   HaplyChoice choice_;
@@ -73,6 +75,8 @@ class InverseService final : public DeviceLine {
   const char* brake_ = nullptr;         ///< Why an event says that motors are off.
   std::string no_force_;                ///< Whole WebSocket frames.
   std::atomic<int> socket_ = -1;        ///< Socket of the connection, for halt().
+  HaplyState said_;                     ///< What the service said last.
+  bool names_itself_ = false;           ///< The next request names this session.
   HandleState latest_;  ///< Latest state, with the time below, for the angular velocity.
   SteadyTime latest_at_{};
 };

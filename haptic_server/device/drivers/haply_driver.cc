@@ -41,6 +41,8 @@ HaplyDriver::HaplyDriver() {
               "Where the Inverse Service listens; also as ws://HOST:PORT");
   table_.whole("events", service_.events, {0, 65535},
                "Port where it tells of brakes and stalls, as of 3.5; 0 is not asked");
+  table_.yes_no("settings", service_.settings,
+                "Whether it is asked, by HTTP, for settings that change forces");
   table_.text("id", service_.device, "ID", "Which Inverse3; '' is the only one");
   table_.text("grip", service_.grip, "ID",
               "Which grip measures orientation and buttons; '' is the only one, if there "

@@ -81,6 +81,74 @@ TEST_CASE("A wired grip has one button, and a custom one is a grip too") {
   }
 }
 
+TEST_CASE("Buttons are an object, a list of bools, or the names of those that are down") {
+  json listed = message();
+  json& state = listed["wireless_verse_grip"][0]["state"];
+  state["buttons"] = {true, false, true};
+  CHECK(parse_haply_state(listed.dump(), kBoth).handle.buttons == 0b101);
+  state["buttons"] = {"a", "c"};
+  CHECK(parse_haply_state(listed.dump(), kBoth).handle.buttons == 0b101);
+  state["buttons"] = json::array();
+  CHECK(parse_haply_state(listed.dump(), kBoth).handle.buttons == 0);
+}
+
+TEST_CASE("What a state leaves out is as it was, and a speed of a handle that stands is zero") {
+  json first = message();
+  first["inverse3"][0]["status"] = {{"calibrated", false}};
+  const HaplyState before = parse_haply_state(first.dump(), kBoth);
+  REQUIRE(before.handle.force_off != nullptr);
+  json partial = message();
+  partial["inverse3"][0]["state"].erase("cursor_position");
+  partial["inverse3"][0]["state"].erase("cursor_velocity");
+  partial["wireless_verse_grip"][0]["state"].clear();
+  const HaplyState same = parse_haply_state(partial.dump(), kBoth, before);
+  CHECK(same.handle.X.p == before.handle.X.p);
+  CHECK(same.handle.V == before.handle.V);
+  CHECK(same.handle.X.R.coeffs() == before.handle.X.R.coeffs());
+  CHECK(same.handle.buttons == 0b101);
+  CHECK(same.handle.force_off == before.handle.force_off);
+  partial["inverse3"][0]["state"]["cursor_position"] =
+      message()["inverse3"][0]["state"]["cursor_position"];
+  CHECK(parse_haply_state(partial.dump(), kBoth, before).handle.V.isZero());
+}
+
+TEST_CASE("Metres of a scaled mount and transform are those of the handle again") {
+  json scaled = message();
+  scaled["inverse3"][0]["config"]["mount"]["scale"] = {{"x", 2}, {"y", 2}, {"z", 2}};
+  scaled["inverse3"][0]["state"]["transform"]["scale"] = {{"x", 0.5}, {"y", 0.5}, {"z", 0.5}};
+  HaplyState state = parse_haply_state(scaled.dump(), kBoth);
+  CHECK(state.mount_scale == 2);
+  CHECK(state.session_scale == 0.5);
+  CHECK(state.handle.X.p == Vector3(0.01, -0.02, 0.15));  // m
+  scaled["inverse3"][0].erase("config");
+  scaled["inverse3"][0]["state"]["transform"] = json::object();  // The identity is left out.
+  state = parse_haply_state(scaled.dump(), kBoth, state);
+  CHECK(state.handle.X.p.isApprox(Vector3(0.005, -0.01, 0.075)));
+  CHECK(state.handle.V[2] == Approx(-0.15));  // m/s
+  scaled["inverse3"][0]["state"]["transform"]["scale"] = {{"x", 1}, {"y", 2}, {"z", 1}};
+  CHECK_THAT(error_of(scaled), ContainsSubstring("must be one positive number"));
+}
+
+TEST_CASE("A Minverse in a list of its own is commanded there") {
+  json own = message();
+  own["minverse"] = own["inverse3"];
+  own.erase("inverse3");
+  const HaplyInventory inventory = parse_haply_inventory(own.dump());
+  REQUIRE(inventory.devices.size() == 2);
+  const HaplyChoice choice = choose(inventory, {.device = "049D"});
+  CHECK(choice.device_kind == "minverse");
+  CHECK_NOTHROW(parse_haply_state(own.dump(), choice));
+  CHECK_THAT(haply_force_request(choice, "vector", {1, 0, 0}), ContainsSubstring("minverse"));
+}
+
+TEST_CASE("A setting is a number, by itself or within what wraps it") {
+  CHECK(parse_haply_setting("0.5") == 0.5);
+  CHECK(parse_haply_setting(R"({"ok": true, "data": 2})") == 2);
+  CHECK(parse_haply_setting(R"({"data": {"key": "devices/force_scale", "value": 0.7}})") == 0.7);
+  CHECK_FALSE(parse_haply_setting("nothing"));
+  CHECK_FALSE(parse_haply_setting(R"({"ok": false})"));
+}
+
 TEST_CASE("A device that its service calls without power, not calibrated or not ready is off") {
   const auto cause_of = [](const json& status) {
     json said = message();
@@ -186,13 +254,13 @@ TEST_CASE("A message that is nested deeply is refused, and overflows no stack") 
 }
 
 TEST_CASE("A request holds the force under the field's name, bit for bit") {
-  const json request = json::parse(haply_force_request("049D", "vector", {0.1, -2.5, 1e-17}));
+  const json request = json::parse(haply_force_request({"049D"}, "vector", {0.1, -2.5, 1e-17}));
   const json& force = request["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
   CHECK(request["inverse3"][0]["device_id"] == "049D");
   CHECK(force["x"].get<double>() == 0.1);
   CHECK(force["y"].get<double>() == -2.5);
   CHECK(force["z"].get<double>() == 1e-17);
-  CHECK_THAT(haply_force_request("049D", "values", Vector3::Zero()),
+  CHECK_THAT(haply_force_request({"049D"}, "values", Vector3::Zero()),
              ContainsSubstring("\"values\""));
 }
 
