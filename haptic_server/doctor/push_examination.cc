@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <spdlog/fmt/fmt.h>
 
@@ -30,6 +32,9 @@ constexpr double kAlong = 0.7;
 constexpr double kUnexplained = 0.05;
 constexpr double kOtherMass = 0.3;    // Share of the rated mass.
 constexpr double kOtherDelay = 2e-3;  // s.
+/// Apparent masses along two axes that differ by more are those of a motor that gives less than the
+/// others: devices are not equally heavy in all directions, but not so unequal.
+constexpr double kUnequalAxes = 1.5;
 
 /// What the two pushes along one axis showed.
 struct AxisPushes {
@@ -135,9 +140,34 @@ Finding mass_finding(const Spread& mass, const DeviceRatings& rated) {
     return {Verdict::kNote, "mass", text + ", which the driver does not know",
             advice + " lets the server estimate the hand's force, and bound the stiffness"};
   }
-  const bool differs = std::abs(mass.median - known) > kOtherMass * known;
-  return {differs ? Verdict::kWarning : Verdict::kGood, "mass",
-          text + fmt::format("; known as {:.2g} kg", known), differs ? advice : ""};
+  const std::string both = text + fmt::format("; known as {:.2g} kg", known);
+  if (std::abs(mass.median - known) <= kOtherMass * known) {
+    return {Verdict::kGood, "mass", both, ""};
+  }
+  return {Verdict::kWarning, "mass",
+          both + fmt::format(": its motors give {:.2g} times what was commanded, or its positions "
+                             "have another scale, or that mass is wrong",
+                             known / mass.median),
+          "hang a known weight on the handle while a session holds it: what is commanded must bear "
+          "it. If it does, " +
+              advice};
+}
+
+/// A motor that gives less than the others, as a handle that is heavier along one axis.
+void add_unequal_axes(const std::vector<std::pair<Vector3, double>>& masses, const Outlook& outlook,
+                      std::vector<Finding>& findings) {
+  if (masses.size() < 2) return;
+  const auto [least, most] = std::minmax_element(
+      masses.begin(), masses.end(),
+      [](const auto& one, const auto& other) { return one.second < other.second; });
+  if (most->second <= kUnequalAxes * least->second) return;
+  findings.push_back(
+      {Verdict::kWarning, "axes",
+       fmt::format("{:.2g} kg {}, but {:.2g} kg {}: one motor gives less than the others, or one "
+                   "position has another scale",
+                   most->second, outlook.word_of(most->first), least->second,
+                   outlook.word_of(least->first)),
+       "look at the motors, their cables and the device's own settings before a session"});
 }
 
 Finding delay_finding(const Spread& delay, const DeviceRatings& rated) {
@@ -153,14 +183,21 @@ Finding delay_finding(const Spread& delay, const DeviceRatings& rated) {
 
 /// Adds the fits of a handle that nobody held.
 void add_fits(const std::vector<AxisPushes>& all, const DeviceRatings& rated,
-              std::vector<Finding>& findings) {
+              const Outlook& outlook, std::vector<Finding>& findings) {
   std::vector<PushFit> fits;
+  std::vector<std::pair<Vector3, double>> masses;  // By axis, kg.
   for (const AxisPushes& pushes : all) {
+    double sum = 0;
+    int count = 0;
     for (std::size_t i = 0; i < 2; ++i) {
       const Vector3 direction = i == 0 ? pushes.axis : Vector3(-pushes.axis);
       const auto fit = fit_push(pushes.samples[i], direction);
-      if (fit && fit->unexplained < kUnexplained) fits.push_back(*fit);
+      if (!fit || fit->unexplained >= kUnexplained) continue;
+      fits.push_back(*fit);
+      sum += fit->mass;
+      ++count;
     }
+    if (count > 0) masses.emplace_back(pushes.axis, sum / count);
   }
   if (fits.empty()) {
     findings.push_back(
@@ -172,6 +209,7 @@ void add_fits(const std::vector<AxisPushes>& all, const DeviceRatings& rated,
   }
   findings.push_back(delay_finding(spread_of(fits, &PushFit::delay), rated));
   findings.push_back(mass_finding(spread_of(fits, &PushFit::mass), rated));
+  add_unequal_axes(masses, outlook, findings);
   findings.push_back({Verdict::kNote, "friction",
                       text_of(spread_of(fits, &PushFit::friction), "N") + " dry; damping " +
                           text_of(spread_of(fits, &PushFit::damping), "N·s/m"),
@@ -270,7 +308,7 @@ bool examine_pushes(DeviceBench& bench, Person& person, const Outlook& outlook, 
                         "holds",
                         ""});
   } else if (findings.back().verdict != Verdict::kProblem) {
-    add_fits(all, bench.device().ratings(), findings);
+    add_fits(all, bench.device().ratings(), outlook, findings);
   }
   return all.size() == axes.size();
 }

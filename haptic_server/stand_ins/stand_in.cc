@@ -121,6 +121,11 @@ DeviceState StandIn::state() {
     std::uniform_real_distribution<double> off(-kNoise, kNoise);
     for (double& x : shown_.X_WD.p) x += off(noise_);
   }
+  if (has(StandInFault::kScaled)) {
+    shown_.X_WD.p *= 1.5;
+    shown_.V_WD.head<3>() *= 1.5;
+  }
+  if (has(StandInFault::kFast)) shown_.V_WD.head<3>() *= 2;
   if (has(StandInFault::kJump)) shown_.X_WD.p.y() -= kFarJump;
   if (has(StandInFault::kReflect)) {
     shown_.X_WD.p.x() *= -1;
@@ -193,7 +198,10 @@ void StandIn::step() {
   if (enabled_ && bites) bitten_ = true;
   const bool is_off = bites || has(StandInFault::kUnplug) || has(StandInFault::kForceOff);
   if (enabled_ && is_off) take_off();
-  const Wrench F = has(StandInFault::kReverse) ? Wrench(-command_) : command_;
+  Wrench F = has(StandInFault::kReverse) ? Wrench(-command_) : command_;
+  if (has(StandInFault::kWeak)) F *= 0.5;
+  if (has(StandInFault::kStrong)) F *= 3;
+  if (has(StandInFault::kOneWeak)) F[0] *= 0.3;
   if (has_begun_ && !device_.write(F)) take_off();
   ++steps_;
   history_[steps_ % kHistory] = encoded(handle());

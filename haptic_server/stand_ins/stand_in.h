@@ -45,6 +45,11 @@ enum class StandInFault {
   kNoisy,      ///< Positions are off by up to 0.5 mm in each direction.
   kStop,       ///< The handle is held where it is, as by a mechanical stop.
   kJump,       ///< Positions are off by 50 mm, speeds are not.
+  kWeak,       ///< Motors give half of what is asked for.
+  kStrong,     ///< Motors give three times as much.
+  kOneWeak,    ///< The motor along x gives 30 %.
+  kScaled,     ///< Positions and speeds are 1.5 times as large.
+  kFast,       ///< Speeds are twice as large.
 };
 
 }  // namespace hlm::stand_in
@@ -52,7 +57,7 @@ enum class StandInFault {
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<stand_in::StandInFault>, 16> kWords<stand_in::StandInFault>{{
+inline constexpr std::array<Word<stand_in::StandInFault>, 21> kWords<stand_in::StandInFault>{{
     {stand_in::StandInFault::kError, "error", "every call fails"},
     {stand_in::StandInFault::kSaturate, "saturate", "motors give less than is asked for"},
     {stand_in::StandInFault::kTimeGuard, "timeguard", "calls come too often for new values"},
@@ -69,6 +74,11 @@ inline constexpr std::array<Word<stand_in::StandInFault>, 16> kWords<stand_in::S
     {stand_in::StandInFault::kNoisy, "noisy", "positions are off by up to 0.5 mm"},
     {stand_in::StandInFault::kStop, "stop", "the handle is held where it is"},
     {stand_in::StandInFault::kJump, "jump", "positions are off by 50 mm, speeds are not"},
+    {stand_in::StandInFault::kWeak, "weak", "motors give half of what is asked for"},
+    {stand_in::StandInFault::kStrong, "strong", "motors give three times as much"},
+    {stand_in::StandInFault::kOneWeak, "one_weak", "the motor along x gives 30 %"},
+    {stand_in::StandInFault::kScaled, "scaled", "positions and speeds are 1.5 times as large"},
+    {stand_in::StandInFault::kFast, "fast", "speeds are twice as large"},
 }};
 
 }  // namespace hlm

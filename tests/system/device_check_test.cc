@@ -168,7 +168,11 @@ TEST_CASE("A device that is as it is set passes, and its mass, friction and rate
   INFO(report.dump(1));
   CHECK_THAT(words_on(report, kDevice, "present"), ContainsSubstring("/libdhd.so)"));
   CHECK_THAT(words_on(report, kDevice, "rated"),
-             ContainsSubstring("not known: exchange, mass, delay"));
+             ContainsSubstring("0.3 kg") && ContainsSubstring("not known: exchange"));
+  CHECK_THAT(words_on(report, kFrame, "speed"), ContainsSubstring("good"));
+  CHECK(words_on(report, kFrame, "scale").empty());
+  CHECK_THAT(words_on(report, kForce, "mass"), ContainsSubstring("good"));
+  CHECK(words_on(report, kForce, "axes").empty());
   CHECK_THAT(words_on(report, kFrame, "frame"), ContainsSubstring("good: frame 'x y z' is right"));
   for (const char* direction : {"right", "away", "up"}) {
     CHECK_THAT(words_on(report, kForce, direction),
@@ -309,6 +313,67 @@ TEST_CASE("A force of the wrong sign is named after one small push each way") {
   CHECK_THAT(words_on(report, kForce, "right"),
              ContainsSubstring("problem") && ContainsSubstring("wrong sign"));
   CHECK(words_on(report, kForce, "away").empty());
+}
+
+/// A device with that fault, examined to the end.
+json examined_with(const std::string& fault) {
+  Visit visit;
+  visit.begin(kSigma);
+  visit.order(fault);
+  std::this_thread::sleep_for(50ms);
+  visit.move();
+  visit.allow_pushes("right\naway\nup\n");
+  return visit.finish(kNoProblem);
+}
+
+TEST_CASE("Motors that give half or three times the force are named by the mass") {
+  const auto [fault, times] =
+      GENERATE(table<std::string, std::string>({{"weak", "0.5"}, {"strong", "3"}}));
+  const json report = examined_with(fault);
+  INFO(report.dump(1));
+  CHECK_THAT(words_on(report, kForce, "mass"),
+             ContainsSubstring("warning") && ContainsSubstring("times what was commanded"));
+}
+
+TEST_CASE("One motor that gives 30 % is named, with both directions") {
+  const json report = examined_with("one_weak");
+  INFO(report.dump(1));
+  CHECK_THAT(words_on(report, kForce, "axes"),
+             ContainsSubstring("warning") && ContainsSubstring("kg right"));
+}
+
+TEST_CASE("Positions of another scale are named") {
+  const json report = examined_with("scaled");
+  INFO(report.dump(1));
+  CHECK_THAT(words_on(report, kFrame, "scale"),
+             ContainsSubstring("warning") && ContainsSubstring("75 mm"));
+}
+
+TEST_CASE("Speeds of another unit are named by a handle that is moved slowly") {
+  Visit visit;
+  visit.begin(kSigma);
+  visit.order("fast");
+  visit.answer("\n");
+  std::array<double, 3> p{};
+  const std::array<const char*, 3> asked{"5 cm to the right", "5 cm away", "5 cm up"};
+  for (std::size_t i = 0; i < 3; ++i) {
+    visit.expect(asked[i]);
+    for (int step = 0; step < 10; ++step) {
+      p[i] += 0.005;  // m; in one step it would be a fault of the device.
+      std::ostringstream place;
+      place << "hold " << p[0] << ' ' << p[1] << ' ' << p[2];
+      visit.order(place.str());
+      std::this_thread::sleep_for(100ms);
+    }
+    std::this_thread::sleep_for(300ms);
+    visit.answer("\n");
+  }
+  visit.expect("The force:");
+  visit.answer("no\n");
+  const json report = visit.finish(kNotAll);
+  INFO(report.dump(1));
+  CHECK_THAT(words_on(report, kFrame, "speed"),
+             ContainsSubstring("warning") && ContainsSubstring("leads 2 times"));
 }
 
 TEST_CASE("A device of 200 Hz is named, and without the word yes its motors stay off") {
