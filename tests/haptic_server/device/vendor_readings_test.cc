@@ -1,15 +1,19 @@
 // Drivers on fakes of the vendors' libraries, written from the vendors' texts alone: whichever way
 // a doubtful sentence is read, a session has its device and its force.
 #include <chrono>
+#include <memory>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include <dlfcn.h>
 
+#include "hlm/device/drivers/haply_driver.h"
 #include "hlm/device/force_dimension_device.h"
 #include "hlm/device/open_haptics_device.h"
 #include "tests/support/catch.h"
+#include "tests/system/process.h"
 
 namespace hlm::server {
 namespace {
@@ -112,6 +116,78 @@ TEST_CASE("No reading of OpenHaptics' texts stops a session, and the motors give
     truth(p, v, F);
     CHECK(F[1] > 0.5 * kForce);  // N; a library may ramp it up.
     device.disable();
+  }
+}
+
+/// The fake of Haply's service with these arguments, and the driver on it.
+class HaplySession {
+ public:
+  explicit HaplySession(const std::vector<std::string>& arguments) : service_(command(arguments)) {
+    REQUIRE(
+        test::wait_until(20, [&] { return service_.output().find('\n') != std::string::npos; }));
+    std::istringstream line(service_.output());
+    std::string ready, port, events;
+    line >> ready >> port >> events;
+    set("address", "localhost:" + port);
+    set("events", events);
+    set("oldest", "0.1");  // s; the machine may stall.
+  }
+  std::unique_ptr<Device> open() const { return driver_.open(kDt); }
+
+ private:
+  static std::vector<std::string> command(const std::vector<std::string>& arguments) {
+    std::vector<std::string> all{"/usr/bin/python3", HLM_FAKE_HAPLY, "--port=0", "--events-port=0",
+                                 "--http-port=0"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    return all;
+  }
+  void set(const std::string& key, const std::string& value) {
+    const auto* const setting = driver_.table().find(key);
+    REQUIRE(setting != nullptr);
+    REQUIRE_FALSE(setting->set(key, {value}));
+  }
+
+  test::Process service_;
+  HaplyDriver driver_;
+};
+
+/// Versions, grips, and the second reading of each doubtful sentence. Zeros that are left out are
+/// not told from values that did not change: both together are no protocol.
+std::vector<std::vector<std::string>> haply_services() {
+  const std::string second = "--reading=second,zeros:sent";
+  std::vector<std::vector<std::string>> all{
+      {second},
+      {"--version=3.1"},
+      {"--version=3.1", second + ",inventory:complete"},
+      {"--version=3.0", second + ",inventory:complete"},
+  };
+  for (const char* grip : {"list", "wired", "custom", "none"})
+    all.push_back({std::string("--grip=") + grip});
+  std::istringstream doubts(test::run({"/usr/bin/python3", HLM_FAKE_HAPLY, "--doubts"}).output);
+  for (std::string line; std::getline(doubts, line);) {
+    const std::size_t colon = line.find(':');
+    if (line[0] == ' ' || colon == std::string::npos) continue;
+    all.push_back({"--reading=" + line.substr(0, colon + 1) + line.substr(line.find('|') + 1)});
+  }
+  return all;
+}
+
+TEST_CASE("No reading of Haply's texts stops a session, and the motors give its force") {
+  const auto services = haply_services();
+  REQUIRE(services.size() > 20);
+  for (const std::vector<std::string>& arguments : services) {
+    CAPTURE(arguments);
+    const HaplySession session(arguments);
+    const std::unique_ptr<Device> device = session.open();
+    CHECK_NOTHROW(device->calibrate());
+    const int good =
+        good_ticks(*device, [] { std::this_thread::sleep_for(std::chrono::milliseconds(1)); });
+    INFO(device->cause());
+    CHECK(good == kSession);
+    const auto state = device->read();
+    REQUIRE(state);
+    CHECK(state->X_WD.p.y() > 1e-3);  // m; a hand of 300 N/m gives way.
+    device->disable();
   }
 }
 
