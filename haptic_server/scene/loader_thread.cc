@@ -22,7 +22,7 @@ constexpr std::chrono::milliseconds kLooksEach{1};
 /// memory for who begins sessions quickly with scenes that take long.
 constexpr std::size_t kMostLeft = 2;
 /// How long the end waits for threads to end in order.
-constexpr std::chrono::milliseconds kPatience{50};
+constexpr std::chrono::milliseconds kPatience{20};
 
 /// Threads that make scenes.
 std::atomic<int> makers = 0;
