@@ -35,6 +35,10 @@ double margin_of(ControllerKind kind) noexcept {
 /// How often the device feels the coupling: again in the contact force that balances it.
 double times_felt(ControllerKind kind) noexcept { return feeds_back(kind) ? 2 : 1; }
 
+/// Mass of a handle whose driver knows its encoders but not its mass, kg: less than any has. Less
+/// makes walls softer than need be, more lets a light handle shake.
+constexpr double kUsualMass = 0.1;
+
 /// Contacts that press on one side of the tool at once, where no limit says less.
 constexpr double kMostContacts = 64;
 
@@ -112,7 +116,9 @@ double lag_of(const DeviceRatings& device, double period) noexcept {
 
 Handle translation_of(const DeviceRatings& device, double period) noexcept {
   const double damping = device.damping > 0 ? device.damping : damping_of(device.max_stiffness);
-  return {device.mass, damping, lag_of(device, period), device.velocity_lag,
+  const bool is_modelled = device.position_step > 0;
+  const double mass = device.mass > 0 || !is_modelled ? device.mass : kUsualMass;
+  return {mass, damping, lag_of(device, period), device.velocity_lag,
           exchange_period(device, period)};
 }
 

@@ -26,8 +26,8 @@ struct Handle {
   double velocity_lag = 0;  ///< How much later the velocity is, s.
   double period = 1e-3;     ///< Of the exchange, s.
 };
-/// The damping is what the device rates, or what its rated stiffness needs at 1 kHz; in rotation
-/// always that.
+/// The mass of a device that rates encoder steps and no mass is a usual one. The damping is what
+/// the device rates, or what its rated stiffness needs at 1 kHz; in rotation always that.
 Handle translation_of(const DeviceRatings& device, double period) noexcept;
 Handle rotation_of(const DeviceRatings& device, double period) noexcept;
 

@@ -173,14 +173,14 @@ void read_motion(const json& state, bool is_inventory, const std::string& path, 
   HandleState& handle = whole.handle;
   const Vector3 before = handle.X.p;
   // Who leaves out zeros says other things of the device.
-  const bool leaves_out =
-      is_inventory || whole.has_place || find(state, "angular_position") != nullptr;
+  const bool says_others = find(state, "angular_position") != nullptr;
+  const bool leaves_out = is_inventory || whole.has_place || says_others;
   const bool moves = find(state, "cursor_position") != nullptr;
   if (moves || !leaves_out) handle.X.p = vector(state, "cursor_position", path) / scale;
   const bool goes = find(state, "cursor_velocity") != nullptr;
   if (goes || !leaves_out) handle.V.head<3>() = vector(state, "cursor_velocity", path) / scale;
   if (!goes && leaves_out && moves && handle.X.p == before) handle.V.head<3>().setZero();
-  whole.has_place = whole.has_place || moves || !is_inventory;
+  whole.has_place = whole.has_place || moves || says_others || !is_inventory;
 }
 
 /// What one device is asked, as a list of devices.

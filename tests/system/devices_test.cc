@@ -100,8 +100,11 @@ TEST_CASE("A hand that presses a wall through a vendor's library feels it within
   check_press(session);
 }
 
-TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there within 1.2 mm") {
-  const std::string device = GENERATE("forcedimension", "openhaptics");
+TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there, its handle near it") {
+  // Largest distance of handle and proxy, mm: that of the coupling which each bears, some 1.5 kN/m
+  // and 0.15 kN/m, and of the observer's lag.
+  const auto [device, away] =
+      GENERATE(table<std::string, double>({{"forcedimension", 1.2}, {"openhaptics", 15}}));
   INFO(device);
   // The hole is along the world's y, where the peg begins.
   LibrarySession session(device, {},
@@ -117,8 +120,7 @@ TEST_CASE("A peg that is shaken in a hole that fits it exactly stays there withi
   const auto number_after = [&summary](const std::string& words) {
     return std::stod(summary.substr(summary.find(words) + words.size()));
   };
-  CHECK(number_after("device-proxy   largest ") <
-        1.2);                                          // mm, of which up to 1 mm are the coupling's
+  CHECK(number_after("device-proxy   largest ") < away);
   CHECK(number_after("proxy-tool     largest ") < 1);  // mm
   CHECK(number_after("peak force     ") > 0.8);        // N
 }

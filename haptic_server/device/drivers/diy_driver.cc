@@ -16,7 +16,6 @@ DeviceRatings rated_diy(const DeviceRatings& given, const ExchangeOptions& excha
   DeviceRatings ratings = given;
   ratings.delay = kDiyModel.delay;
   ratings.exchange_rate = exchange.rate;
-  ratings.mass = kDiyModel.mass;
   ratings.position_step = kDiyModel.step;
   rate_speed(kDiyModel, cutoff, 1 / exchange.rate, ratings);
   ratings.freedoms = kInPlane;

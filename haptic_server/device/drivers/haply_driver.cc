@@ -8,7 +8,7 @@ namespace {
 constexpr Freedoms kTranslations = 0b000111;
 constexpr std::uint8_t kButtonsOfGrip = 4;
 /// Cautious, for any model; the data sheet of one's own says more. Mass, and how the service makes
-/// its speed, are not documented: usual ones.
+/// its speed, are not documented: usual ones, for the stiffness that they bear.
 constexpr std::array<DeviceModel, 2> kHaplyModels{{
     {.name = "Minverse",
      .force = 3,
@@ -28,6 +28,7 @@ constexpr std::array<DeviceModel, 2> kHaplyModels{{
 
 DeviceRatings rated_haply(const DeviceModel& model, const ExchangeOptions& exchange) {
   DeviceRatings ratings = ratings_of(model);
+  ratings.mass = 0;  // A wrong one would mislead the observer of the hand.
   ratings.exchange_rate = exchange.rate;
   rate_speed(model, model.cutoff, 1 / exchange.rate, ratings);
   ratings.halts = true;

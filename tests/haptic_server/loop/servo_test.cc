@@ -258,6 +258,22 @@ TEST_CASE("Force rises anew when the device's enable switch closes") {
   CHECK(bench.ticks(200).F_command.norm() == Approx(3).epsilon(0.1));
 }
 
+TEST_CASE("Motors that get warm are health saturated, with that cause, and no fault") {
+  ServoBench bench(ServoBench::patient(), 0, {.max_force = 12, .continuous_force = 1});
+  begin_under_load(bench);
+  CHECK(bench.tick().health == DeviceHealth::kGood);
+  bench.device.state->warm = true;
+  for (int i = 0; i < 12; ++i) {
+    bench.tick_with(bench.update());
+    bench.ticks(100);
+  }
+  const TickRecord& record = bench.tick();
+  CHECK(record.F_command.norm() == Approx(1).epsilon(0.01));  // N
+  CHECK(record.health == DeviceHealth::kSaturated);
+  CHECK(std::string_view(record.cause).starts_with("motors get warm"));
+  CHECK(record.fault == Fault::kNone);
+}
+
 TEST_CASE("A silent client: the session stays, and an update brings force back") {
   ServoBench bench;
   begin_under_load(bench);
