@@ -9,6 +9,7 @@
 #include "hlm/geometry/work.h"
 #include "hlm/local_model/local_model.h"
 #include "tests/support/catch.h"
+#include "tests/support/heap.h"
 #include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
@@ -17,11 +18,13 @@ namespace {
 
 using geometry::FinderCut;
 using geometry::Work;
+using test::Heap;
 using test::Random;
+using test::RandomHeap;
 
 constexpr double kStep = 1e-3;  // s
-constexpr ContactSide kWorld{SideKind::kWorld, 0};
-constexpr ContactSide kTool{SideKind::kToolLink, 0};
+constexpr ContactSide kWorld = Heap::kWorld;
+constexpr ContactSide kTool = Heap::kTool;
 
 /// What a tick's searches may do, units, and how much one piece may go beyond it.
 constexpr std::uint64_t kWorkOfTick = 500'000;
@@ -32,53 +35,6 @@ std::uint64_t work_of(const std::function<void()>& act) {
   act();
   return Work::done() - before;
 }
-
-geometry::AnyShape random_shape(Random& random, int kind, double size) {
-  switch (kind) {
-    case 0:
-      return geometry::Shape(geometry::Box{Vector3::Constant(size)});
-    case 1:
-      return geometry::Shape(geometry::Cylinder{size / 2, size});
-    case 2: {
-      geometry::Hull hull;
-      for (int i = random.integer(8, 300); i > 0; --i) {
-        hull.vertices.push_back(size / 2 * random.direction());
-      }
-      return geometry::Shape(hull);
-    }
-    case 3:
-      return geometry::Shape(geometry::Ellipsoid{{size / 2, size / 3, size / 4}});
-    case 4:
-      return geometry::Shape(geometry::Capsule{size / 4, size});
-    default:
-      return geometry::Shape(geometry::Sphere{size / 2});
-  }
-}
-
-/// Shapes of one size, turned and moved at random about one place.
-class Heap {
- public:
-  Heap(Random& random, int kind, double size, double spread)
-      : random_(random), kind_(kind), size_(size), spread_(spread) {}
-
-  void add(const ContactSide& side, int count) {
-    for (int i = 0; i < count; ++i) {
-      const auto shape = random_shape(random_, kind_, size_);
-      shapes.push_back(
-          {.shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test")),
-           .side = side,
-           .X_BS = {random_.vector(spread_), rotation_from_vector(3 * random_.direction())}});
-    }
-  }
-
-  std::vector<PlacedShape> shapes;
-
- private:
-  Random& random_;
-  int kind_;
-  double size_;    ///< m.
-  double spread_;  ///< m, to each side.
-};
 
 /// A free tool of 1 kg among what is heaped up.
 struct Model {
@@ -186,42 +142,28 @@ TEST_CASE("However much overlaps, no search takes more work than a tick allows",
   Random random;
   CAPTURE(test::random_seed());
   for (int i = 0; i < 150; ++i) {
-    const double unit = random.integer(0, 3) == 0 ? 1000 : 1;  // Millimetres for metres.
-    const int kind = random.integer(0, 5);
-    Heap heap(random, kind, 0.1 * unit, unit * 0.3 * std::pow(10, random.uniform(-2, 0)));
-    heap.add(kWorld, random.integer(1, 90));
-    heap.add(kTool, random.integer(1, 90));
-    const int count = random.integer(0, 2) == 0 ? random.integer(1, 8) : 0;
-    MovableBodies bodies;
-    BodyPoses poses;
-    for (int id = 0; id < count; ++id) {
-      heap.add({SideKind::kMovableBody, static_cast<std::uint32_t>(id)}, random.integer(1, 20));
-      MovableBody& body = bodies.emplace_back();
-      body.id = static_cast<std::uint32_t>(id);
-      body.W.diagonal() << Vector3::Constant(3), Vector3::Constant(3000);
-      poses.push_back({.body = body.id, .X_WB = {body.p_WCom, Quaternion::Identity()}});
-    }
+    const RandomHeap heap(random);
     std::unique_ptr<Model> m;
     try {
-      m = std::make_unique<Model>(heap);
+      m = std::make_unique<Model>(heap.heap);
     } catch (const std::length_error&) {
       continue;  // Refused as it is made: most of it lies in one place.
     }
-    CAPTURE(i, kind, unit, count);
+    CAPTURE(i, heap.kind, heap.unit, heap.bodies.size());
     m->model->set_scene(&m->scene);
     for (int step = 0; step < 20; ++step) {
       HandInput hand;
       hand.F.head<3>() = random.vector(20);
       const std::uint64_t work = work_of([&] { m->model->step(hand); });
       REQUIRE(static_cast<double>(work) < kBeyond * kWorkOfTick);
-      if (step % 7 != 1 || count == 0) continue;
+      if (step % 7 != 1 || heap.bodies.empty()) continue;
       const std::uint64_t adopting = work_of([&] {
         m->model->adopt({.contacts = ReportedContacts(),
                          .q_VE = m->model->proxy().configuration(),
-                         .bodies = bodies,
+                         .bodies = heap.bodies,
                          .impulse_step = std::max(1.0, step - 6.0),
                          .period = 0.017,
-                         .poses = poses});
+                         .poses = heap.poses});
       });
       // Bodies are looked for at their reported place, and on the way from there.
       REQUIRE(static_cast<double>(adopting) < 2 * kBeyond * kWorkOfTick);
