@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "hlm/geometry/work.h"
 #include "hlm/local_model/local_model.h"
 
 namespace hlm::server {
@@ -253,7 +254,7 @@ void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFr
 /// The same while bodies are brought from there to the present, in steps of dt, s: a body that runs
 /// into another on the way meets it there, and not deep in it afterwards.
 void LocalModel::look_along(LocalBodies& bodies, double dt) noexcept {
-  if (scene_ == nullptr) return;
+  if (scene_ == nullptr || geometry::Work::is_spent()) return;  // Then they go on as planes.
   MetContacts met;
   place_scene(bodies);
   scene_->forget();

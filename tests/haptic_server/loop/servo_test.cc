@@ -1,6 +1,7 @@
 // The tick: its order, its sessions, its faults, and what reaches proxy, device and client.
 #include "hlm/loop/servo.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -9,6 +10,7 @@
 #include "hlm/server_scene/loader.h"
 #include "tests/haptic_server/loop/servo_bench.h"
 #include "tests/support/catch.h"
+#include "tests/support/random.h"
 
 namespace hlm::server {
 namespace {
@@ -606,6 +608,51 @@ TEST_CASE("With a scene, poses that answer no state give force for two seconds o
   CHECK(renders_force(bench.tick_with(first).server));
   bench.ticks(600);
   CHECK_FALSE(renders_force(bench.tick_with(first).server));
+}
+
+TEST_CASE(
+    "A body that appears at the tool is cut, and an overrun in it ends with the next session") {
+  constexpr std::uint32_t kHeap = 7;
+  std::vector<std::uint8_t> records;
+  protocol::SceneShape box{.kind = protocol::SceneShapeKind::kBox, .size = {0.1, 0.1, 0.1}};
+  box.hash = hash_of(box);
+  append(box, records);
+  test::Random random;
+  for (std::uint32_t id = 1; id <= 80; ++id) {
+    const ContactSide side = id % 2 == 0 ? ContactSide{SideKind::kMovableBody, kHeap}
+                                         : ContactSide{SideKind::kToolLink, 0};
+    append(
+        protocol::ScenePlacement{
+            .id = id, .shape = box.hash, .side = side, .X_BS = random.pose(0.03)},
+        records);
+  }
+  append(protocol::SceneCommit{1}, records);
+  server::SceneLoader loader;
+  ServoBench bench(ServoBench::patient(), 0, {}, &loader);
+  const auto with_heap_at = [&](double x) {
+    protocol::ContactUpdate update = bench.update();
+    update.scene = 1;
+    update.poses.push_back({.body = kHeap, .X_WB = {{x, 0, 0}, Quaternion::Identity()}});
+    return bench.tick_with(update);
+  };
+  bench.begin();
+  for (auto left = std::as_bytes(std::span(records)); !left.empty();) {
+    const auto chunk = left.first(std::min(left.size(), protocol::kChunkSize));
+    REQUIRE(loader.take(chunk));
+    left = left.subspan(chunk.size());
+  }
+  loader.work();
+  with_heap_at(1);
+  const TickRecord apart = with_heap_at(1);
+  CHECK(apart.scene == 1);
+  CHECK(apart.left_out == 0);
+  const TickRecord cut = with_heap_at(0);
+  CHECK(cut.left_out > 100);
+  CHECK(cut.fault == Fault::kNone);
+  bench.timing.previous_execution = 0.3;
+  CHECK(bench.tick(251).fault == Fault::kImplausible);
+  bench.timing.previous_execution = 0;
+  CHECK(bench.begin().fault == Fault::kNone);
 }
 
 TEST_CASE("What a stalled server may have given counts, and what it took does not") {
