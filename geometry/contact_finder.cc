@@ -25,8 +25,8 @@ constexpr std::uint64_t kPairWork = 60;
 constexpr std::uint64_t kContactWork = 100;
 
 /// Of a search's work what it takes to find out which pieces are near, and to look at all pairs.
-constexpr std::uint64_t kToGather = 4;  // One part in so many.
-constexpr std::uint64_t kToPair = 5;
+constexpr std::uint64_t kToGather = 2;  // One part in so many.
+constexpr std::uint64_t kToPair = 10;
 /// From such a part of its work on, a search is crowded.
 constexpr std::uint64_t kCrowded = 2;
 

@@ -87,8 +87,8 @@ bool is_surface(const Piece& piece, const PieceSide& side);
 std::optional<PieceSide> curved_side(const Piece& piece, const Vector3& p_F);
 
 /// Work of a plane side, and how many of them a curved side takes the time of.
-inline constexpr std::uint64_t kSideWork = 3;
-inline constexpr std::uint64_t kCurvedSides = 30;
+inline constexpr std::uint64_t kSideWork = 1;
+inline constexpr std::uint64_t kCurvedSides = 90;
 
 /// Calls `use(side)` for the sides that bound a piece, until it returns false: the planes of
 /// its faces, then its curved_side().

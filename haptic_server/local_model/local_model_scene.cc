@@ -18,7 +18,7 @@ constexpr double kLargestMargin = 0.05;
 /// Work in a second of searching for contacts (geometry::Work): half of each tick on the slowest
 /// machine that is meant. More: ticks are late where much overlaps. Less: contacts are cut that a
 /// tick has the time for.
-constexpr double kWorkPerSecond = 0.5e9;
+constexpr double kWorkPerSecond = 1.25e9;
 
 /// Of something whose origin has that twist, and which reaches so far from it, m.
 double speed(const Twist& V, double reach) noexcept {

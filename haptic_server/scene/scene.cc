@@ -18,7 +18,7 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 constexpr FinderRoom kRoom{.pairs = 4096, .contacts = 2048};
 
 /// Of a search's work what is left to choose the most telling contacts: one part in so many.
-constexpr std::uint64_t kToThinOut = 5;
+constexpr std::uint64_t kToThinOut = 10;
 
 /// Pieces that may adjoin or overlap one, on the mean. In a mesh they are some twelve; of thousands
 /// in one place the loader would take minutes and gigabytes.
