@@ -128,8 +128,6 @@ class WithServer(unittest.TestCase):
             found["friction"] = 1e5
             return found
         with server() as (address, _), haptic.Session(address, box(), rate=RATE) as touch:
-            touch.offer([haptic.shapes.box((EDGE,) * 3, haptic.TOOL_LINK), haptic.shapes.half_space()], friction=[1e5, 1e5],
-                        positions=[[0, 0, 0], [0, 0, FLOOR]])
             until(touch, lambda: touch.server_state == "active" and touch.state.active == 4, rough)
             self.assertEqual(touch.message, "")
 
