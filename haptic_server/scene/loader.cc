@@ -22,7 +22,7 @@ void tell(const geometry::FinderCut& left_out, protocol::Text& text) noexcept {
   if (left_out == geometry::FinderCut{}) return text.assign(kTooSlow.begin(), kTooSlow.end());
   text.resize(text.capacity());
   const int size = std::snprintf(text.data(), text.size(),
-                                 "half a tick is too short for %zu pairs of pieces and %zu "
+                                 "a tick is too short for %zu pairs of pieces and %zu "
                                  "contacts where the tool is now: are "
                                  "lengths in m, and is the tool outside of what it touches?",
                                  left_out.pairs, left_out.contacts);

@@ -269,7 +269,7 @@ TEST_CASE(
   CHECK_FALSE(session.client().has_scene());
   CHECK(session.client().scene_state().error == protocol::SceneError::kSlow);
   CHECK_THAT(session.client().scene_problem(),
-             Catch::Matchers::ContainsSubstring("half a tick is too short for") &&
+             Catch::Matchers::ContainsSubstring("a tick is too short for") &&
                  Catch::Matchers::ContainsSubstring("are lengths in m"));
   CHECK(session.last().fault == Fault::kNone);
 }
