@@ -15,9 +15,9 @@ constexpr double kLeastMargin = 1e-3;
 /// Largest margin, m: what is faster is no hand's.
 constexpr double kLargestMargin = 0.05;
 
-/// Work in a second of searching for contacts (geometry::Work): about a tick for each tick, for what the
-/// worlds that are shipped take at worst. More: ticks are late where much overlaps. Less: contacts are
-/// cut that a tick has the time for.
+/// Work in a second of searching for contacts (geometry::Work): about a tick for each tick, for
+/// what the worlds that are shipped take at worst. More: ticks are late where much overlaps. Less:
+/// contacts are cut that a tick has the time for.
 constexpr double kWorkPerSecond = 1.25e9;
 
 /// Of something whose origin has that twist, and which reaches so far from it, m.
