@@ -152,7 +152,8 @@ bool DeviceBench::goes_on(const Plan& plan) noexcept {
 void DeviceBench::observe(const DeviceState& state, const Timing& timing) noexcept {
   const bool is_first = !X_WStart_;
   if (is_first) X_WStart_ = state.X_WD;
-  const bool is_new = is_first || !(state.X_WD == state_.X_WD) || state.V_WD != state_.V_WD;
+  // Of the pose alone: a driver that takes speeds from poses changes them in each tick.
+  const bool is_new = is_first || !(state.X_WD == state_.X_WD);
   state_ = state;
   const DeviceRatings& rated = device_.ratings();
   const Vector6 moved = displacement(*X_WStart_, state.X_WD);
