@@ -1,7 +1,7 @@
 # What the programs read: the live page with its modules, the worlds, the dissector.
 function(hlm_install_shared_files share)
   install(DIRECTORY worlds scripts/wireshark DESTINATION ${share})
-  if(NOT HLM_VE_CLIENT)
+  if(NOT TARGET haptic_page)
     return()
   endif()
   set(page ${PROJECT_SOURCE_DIR}/ve_client/page)

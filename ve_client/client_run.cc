@@ -10,9 +10,9 @@
 #include "hlm/sealing/key_file.h"
 #include "hlm/settings/directories.h"
 #include "hlm/settings/table.h"
+#include "hlm/ve/world_view.h"
 #include "hlm/web/page_root.h"
 #include "hlm/web/page_token.h"
-#include "hlm/web/world_view.h"
 #include "hlm/world/scene_shapes.h"
 
 namespace hlm::ve {

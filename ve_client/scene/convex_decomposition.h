@@ -7,7 +7,7 @@
 #include "hlm/geometry/mesh.h"
 #include "hlm/geometry/shape.h"
 #include "hlm/scene/diagnostics.h"
-#include "hlm/scene/geometry.h"
+#include "hlm/ve/geometry.h"
 
 namespace hlm::ve {
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "hlm/geometry/mesh.h"
-#include "hlm/scene/geometry.h"
+#include "hlm/ve/geometry.h"
 
 namespace hlm::ve {
 

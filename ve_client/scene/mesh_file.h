@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "hlm/geometry/mesh.h"
-#include "hlm/scene/geometry.h"
+#include "hlm/ve/geometry.h"
 
 namespace hlm::ve {
 

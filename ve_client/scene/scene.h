@@ -7,6 +7,7 @@
 
 #include "hlm/scene/diagnostics.h"
 #include "hlm/scene/world_description.h"
+#include "hlm/ve/scene_summary.h"
 
 namespace hlm::ve {
 
@@ -38,13 +39,6 @@ Scene load_scene(const std::filesystem::path& file, const std::vector<ToolChoice
 
 /// The scene's world, with its tools where the choices say.
 WorldDescription with_starts(const Scene& scene, const std::vector<ToolChoice>& tools);
-
-/// A world that can be chosen; it may turn out to be broken.
-struct SceneSummary {
-  std::string name;  ///< Name of the file, without .sdf.
-  std::filesystem::path file;
-  std::string description;  ///< Text of <haptic:description>; empty: not given, or not to be read.
-};
 
 /// More than these, and the menu of them is no longer one.
 inline constexpr std::size_t kMostScenes = 100;

@@ -16,7 +16,8 @@
 #include "hlm/geometry/mesh.h"
 #include "hlm/geometry/shape.h"
 #include "hlm/scene/diagnostics.h"
-#include "hlm/scene/geometry.h"
+#include "hlm/ve/geometry.h"
+#include "hlm/ve/tool_count.h"
 
 namespace hlm::ve {
 
@@ -101,9 +102,6 @@ struct SolverDescription {
   std::optional<double> largest_step;  ///< Longest step of the solver, s, > 0.
   std::optional<int> sweeps;           ///< Over all constraints in each step, > 0.
 };
-
-/// That can be held in one world.
-inline constexpr std::size_t kMostTools = 2;
 
 struct WorldDescription {
   /// <haptic:tool> and <haptic:second_tool>: the models that users hold; empty: not given.

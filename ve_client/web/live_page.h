@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "hlm/protocol/client_session.h"
 #include "hlm/web/live_settings.h"
 #include "hlm/web/page_messages.h"
 #include "hlm/web/page_requests.h"

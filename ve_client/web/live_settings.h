@@ -4,7 +4,7 @@
 #include <array>
 
 #include "hlm/protocol/messages.h"
-#include "hlm/ve/frame.h"
+#include "hlm/ve/frame_options.h"
 #include "hlm/ve/impaired_link.h"
 
 namespace hlm::ve {

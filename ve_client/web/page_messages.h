@@ -12,7 +12,8 @@
 #include "hlm/geometry/mesh.h"
 #include "hlm/geometry/shape.h"
 #include "hlm/protocol/messages.h"
-#include "hlm/scene/scene.h"
+#include "hlm/ve/geometry.h"
+#include "hlm/ve/scene_summary.h"
 #include "hlm/web/live_settings.h"
 
 namespace hlm::ve {

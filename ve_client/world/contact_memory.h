@@ -9,7 +9,7 @@
 #include <ode/ode.h>
 
 #include "hlm/geometry/feature.h"
-#include "hlm/scene/geometry.h"
+#include "hlm/ve/geometry.h"
 
 namespace hlm::ve {
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <thread>
 
-#include "hlm/web/world_view.h"
+#include "hlm/ve/world_view.h"
 #include "tests/support/catch.h"
 #include "tests/ve_client/web/page_client.h"
 #include "tests/ve_client/web/web_root.h"

@@ -9,10 +9,10 @@
 
 #include "hlm/common/freedoms.h"
 #include "hlm/protocol/tick_columns.h"
+#include "hlm/ve/world_view.h"
 #include "hlm/web/methods.h"
 #include "hlm/web/page_messages.h"
 #include "hlm/web/page_requests.h"
-#include "hlm/web/world_view.h"
 #include "tests/support/catch.h"
 #include "tests/support/memory_link.h"
 

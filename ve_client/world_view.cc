@@ -1,4 +1,4 @@
-#include "hlm/web/world_view.h"
+#include "hlm/ve/world_view.h"
 
 #include <utility>
 
