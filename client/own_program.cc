@@ -96,8 +96,7 @@ pid_t start(std::vector<std::string>& arguments, int inherited) {
   if (fcntl(STDERR_FILENO, F_GETFD) < 0) {
     posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
   }
-  posix_spawn_file_actions_addclosefrom_np(
-      &files, inherited >= 0 ? OwnProgram::kInherited + 1 : OwnProgram::kInherited);
+  close_from(files, inherited >= 0 ? OwnProgram::kInherited + 1 : OwnProgram::kInherited);
   pid_t process = -1;
   const int error =
       posix_spawn(&process, words[0], &files, &how, words.data(), environment().data());
@@ -109,6 +108,17 @@ pid_t start(std::vector<std::string>& arguments, int inherited) {
 }
 
 }  // namespace
+
+void close_from(posix_spawn_file_actions_t& files, int first) {
+#if __GLIBC_PREREQ(2, 34)
+  posix_spawn_file_actions_addclosefrom_np(&files, first);
+#else
+  for (const fs::directory_entry& entry : fs::directory_iterator("/proc/self/fd")) {
+    const int file = std::stoi(entry.path().filename());
+    if (file >= first) posix_spawn_file_actions_addclose(&files, file);
+  }
+#endif
+}
 
 const char* variable(const char* name) noexcept {
   const char* const value = std::getenv(name);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include <spawn.h>
 #include <sys/types.h>
 
 namespace hlm {
@@ -17,6 +18,9 @@ const char* variable(const char* name) noexcept;
 /// helps.
 std::string find_program(const std::string& name, const char* named_by,
                          const std::string& otherwise = "");
+
+/// No file from `first` on is the program's that is started with these.
+void close_from(posix_spawn_file_actions_t& files, int first);
 
 /// Runs until this object ends. A child of the program, which should wait for others by their ids.
 class OwnProgram {

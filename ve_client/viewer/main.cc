@@ -15,6 +15,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "hlm/client/own_program.h"
 #include "hlm/common/steady_seconds.h"
 #include "hlm/viewer/followed_session.h"
 #include "hlm/web/live_page.h"
@@ -53,7 +54,7 @@ void open_in_browser(std::string address) {
   posix_spawn_file_actions_t files;
   posix_spawn_file_actions_init(&files);
   posix_spawn_file_actions_addopen(&files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
+  close_from(files, STDERR_FILENO + 1);
   pid_t process = -1;
   posix_spawnp(&process, program.c_str(), &files, nullptr, words, environ);
   posix_spawn_file_actions_destroy(&files);
