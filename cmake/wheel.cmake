@@ -1,13 +1,16 @@
-# What a wheel holds besides the Python package, for scikit-build-core: below haptic/, so that programs,
+# What a wheel holds besides the Python package, for scikit-build-core: below haptic_local_model/, so that programs,
 # libraries and what they read find one another by their places.
 include(cmake/shared_files.cmake)
-install(TARGETS haptic_doctor haptic_keygen haptic_page haptic_replay haptic_server ve_client
-  RUNTIME DESTINATION haptic/bin)
+set(programs haptic_doctor haptic_keygen haptic_page haptic_replay haptic_server)
+if(HLM_VE_CLIENT)
+  list(APPEND programs ve_client)
+endif()
+install(TARGETS ${programs} RUNTIME DESTINATION haptic_local_model/bin)
 # Wheels have no symbolic links: the file itself has the name that is looked for.
 foreach(library hlm_haptic hlm_proximity)
   get_target_property(abi ${library} SOVERSION)
   set_target_properties(${library} PROPERTIES VERSION ${abi})
-  install(TARGETS ${library} LIBRARY DESTINATION haptic/lib NAMELINK_SKIP)
+  install(TARGETS ${library} LIBRARY DESTINATION haptic_local_model/lib NAMELINK_SKIP)
 endforeach()
-install(FILES client/haptic.h client/haptic_proximity.h DESTINATION haptic/include)
-hlm_install_shared_files(haptic/share/haptic_local_model)
+install(FILES client/haptic.h client/haptic_proximity.h DESTINATION haptic_local_model/include)
+hlm_install_shared_files(haptic_local_model/share/haptic_local_model)

@@ -9,7 +9,7 @@ import re
 import sys
 import textwrap
 
-PACKAGE = "client/python/haptic"
+PACKAGE = "client/python/haptic_local_model"
 MODULES = {"haptic": "__init__.py", "haptic.mujoco": "mujoco.py", "haptic.proximity": "proximity.py"}
 HEADERS = ("client/haptic.h", "client/haptic_proximity.h")
 
@@ -83,7 +83,7 @@ def constants_of(source, body, wanted):
 
 
 def python_reference(root):
-    out = ["# API reference: Python\n", "Made from the docstrings of [the package](../client/python/haptic). "
+    out = ["# API reference: Python\n", "Made from the docstrings of [the package](../client/python/haptic_local_model). "
            "[First ten minutes](first_ten_minutes.md#your-first-client) has a whole client, "
            "[Adapters](adapter.md) say what to send.\n"]
     library = (root / PACKAGE / "_library.py").read_text()

@@ -10,7 +10,7 @@ the hand.
 import sys
 import time
 
-import haptic.drake
+import haptic_local_model as haptic
 from pydrake.geometry import (AddCompliantHydroelasticProperties, AddContactMaterial, AddRigidHydroelasticProperties, Box, HalfSpace,
                               ProximityProperties)
 from pydrake.math import RigidTransform

@@ -8,7 +8,7 @@ Needs MuJoCo's official binding (pip install mujoco) and the package haptic. End
 import pathlib
 import time
 
-import haptic.mujoco
+import haptic_local_model as haptic
 import mujoco
 import mujoco.viewer
 

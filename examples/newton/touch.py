@@ -10,7 +10,7 @@ the hand. The first run compiles for half a minute.
 import sys
 import time
 
-import haptic.newton
+import haptic_local_model as haptic
 import newton
 import warp
 

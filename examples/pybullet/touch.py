@@ -10,7 +10,7 @@ hold() is the hand.
 import sys
 import time
 
-import haptic.pybullet
+import haptic_local_model as haptic
 import pybullet
 
 PERIOD = 1 / 60  # s, of a frame

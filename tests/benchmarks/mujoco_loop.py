@@ -16,7 +16,7 @@ os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 os.environ["HAPTIC_SERVER_PROGRAM"] = str(SERVER)
 sys.path.insert(0, str(PACKAGE))
 
-import haptic.mujoco  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
 import mujoco  # noqa: E402
 
 PERIOD = 1 / 60  # s

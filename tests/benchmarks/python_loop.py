@@ -15,7 +15,7 @@ SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys
 os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 sys.path[:0] = [str(PACKAGE), str(pathlib.Path(__file__).resolve().parents[1] / "support")]
 
-import haptic  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
 import hand_session  # noqa: E402
 import numpy as np  # noqa: E402
 

@@ -25,7 +25,7 @@ def sections(language):
 
 
 def listed_names():
-    tree = ast.parse((ROOT / "client/python/haptic/__init__.py").read_text())
+    tree = ast.parse((ROOT / "client/python/haptic_local_model/__init__.py").read_text())
     return next(ast.literal_eval(node.value) for node in tree.body
                 if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__")
 

@@ -13,7 +13,7 @@ PLACES = {  # file, and what stands around the version or its beginning
     "CMakeLists.txt": r"project\(haptic_local_model VERSION (\S+)",
     "CITATION.cff": r"^version: (\S+)$",
     "CHANGELOG.md": r"^## \[(\d\S*)\]",
-    "client/python/haptic/__init__.py": r'^__version__ = "(\S+)"$',
+    "client/python/haptic_local_model/__init__.py": r'^__version__ = "(\S+)"$',
     "examples/bullet/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",
     "examples/client/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",
     "examples/mujoco_cpp/CMakeLists.txt": r"find_package\(haptic_local_model (\S+) ",

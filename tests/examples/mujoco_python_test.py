@@ -19,8 +19,8 @@ SUPPORT = pathlib.Path(__file__).resolve().parents[1] / "support"
 os.environ["HAPTIC_LIBRARY"], os.environ["HAPTIC_SERVER_PROGRAM"] = str(LIBRARY), str(SERVER)
 sys.path[:0] = [str(PACKAGE), str(SUPPORT)]
 
-import haptic  # noqa: E402
-import haptic.mujoco  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
+import haptic_local_model.mujoco  # noqa: E402
 import hand_session  # noqa: E402
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402

@@ -12,7 +12,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
 import mujoco_python_test as session  # noqa: E402  (finds the library and the package)
-import haptic.mujoco  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
 import hand_session  # noqa: E402

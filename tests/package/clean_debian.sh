@@ -69,7 +69,7 @@ inside cmake --build /tmp/client/build >/dev/null
 echo 'int main(void) { return haptic_abi() != HAPTIC_ABI; }' | inside tee /tmp/abi.c >/dev/null
 inside sh -c 'cc -include haptic.h /tmp/abi.c -o /tmp/abi $(pkg-config --cflags --libs haptic) && /tmp/abi'
 inside timeout 20 python3 -c '
-import haptic
+import haptic_local_model as haptic
 with haptic.Session("127.0.0.1:47800", tool=haptic.box()) as touch:
     while touch.poll() and not touch.connected:
         touch.sample(touch.q, touch.v, 0.02)

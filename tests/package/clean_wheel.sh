@@ -33,8 +33,8 @@ begin=$(date +%s%N)
 inside "${pip[@]}" install --no-index --find-links /root/packages haptic-local-model
 cat >"$root/root/touch.py" <<'PROGRAM'
 import time, urllib.request
-import haptic
-import haptic.shapes as shapes
+import haptic_local_model as haptic
+import haptic_local_model.shapes as shapes
 
 with haptic.Session(tool=haptic.box(mass=0.1, size=(0.04, 0.04, 0.04))) as touch:
     touch.offer([shapes.box((0.04, 0.04, 0.04), haptic.TOOL_LINK), shapes.half_space()], [[0, 0, 0], [0, 0, -0.03]])

@@ -8,8 +8,8 @@ import unittest
 
 from given import SERVER, last_line_of, main
 
-import haptic
-import haptic.drake
+import haptic_local_model as haptic
+import haptic_local_model.drake
 import hand_session
 from pydrake.geometry import AddCompliantHydroelasticProperties, AddContactMaterial, AddRigidHydroelasticProperties
 from pydrake.geometry import Box as DrakeBox

@@ -9,8 +9,8 @@ import unittest
 
 from given import SERVER, main
 
-import haptic
-import haptic.isaacteleop
+import haptic_local_model as haptic
+import haptic_local_model.isaacteleop
 import numpy as np
 from hand_session import push, server
 from isaacteleop.haptic_devices import IHapticDevice

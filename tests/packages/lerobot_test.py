@@ -35,7 +35,7 @@ def install(package):
 
 install("lerobot_teleoperator_haptic")
 
-import haptic  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
 import numpy as np  # noqa: E402
 from hand_session import mean, push, reach, server  # noqa: E402
 from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402

@@ -8,8 +8,8 @@ import unittest
 
 from given import SERVER, last_line_of, main
 
-import haptic
-import haptic.newton
+import haptic_local_model as haptic
+import haptic_local_model.newton
 import hand_session
 import newton
 import numpy as np

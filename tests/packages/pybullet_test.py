@@ -11,10 +11,10 @@ import unittest
 
 from given import SERVER, last_line_of, main
 
-import haptic
-import haptic.proximity
-import haptic.pybullet
-import haptic.shapes
+import haptic_local_model as haptic
+import haptic_local_model.proximity
+import haptic_local_model.pybullet
+import haptic_local_model.shapes
 import hand_session
 import numpy as np
 import pybullet

@@ -15,11 +15,11 @@ from given import SERVER, main
 
 os.environ.update(MUJOCO_GL="disable", PYNPUT_BACKEND="dummy")
 
-import haptic  # noqa: E402
-import haptic.robosuite  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
+import haptic_local_model.robosuite  # noqa: E402
 import numpy as np  # noqa: E402
 import robosuite  # noqa: E402
-from haptic._world import rotation  # noqa: E402
+from haptic_local_model._world import rotation  # noqa: E402
 from hand_session import in_some_attempt, mean, reach, server  # noqa: E402
 from robosuite.scripts.collect_human_demonstrations import collect_human_trajectory  # noqa: E402
 from robosuite.wrappers import Wrapper  # noqa: E402

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A film of `python3 -m haptic`, docs/contrast.webp: a floor becomes stiff, and the held force begins to shake.
+"""A film of `python3 -m haptic_local_model`, docs/contrast.webp: a floor becomes stiff, and the held force begins to shake.
 
 Usage: contrast_film.py PROGRAMS PACKAGE WORLDS FILE
 

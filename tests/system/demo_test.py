@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""`python3 -m haptic`: what its page shows in headless Chromium, and how it ends.
+"""`python3 -m haptic_local_model`: what its page shows in headless Chromium, and how it ends.
 
 Usage: demo_test.py PROGRAMS PACKAGE WORLDS [TEST…]
 """
@@ -294,7 +294,7 @@ class Programs(unittest.TestCase):
     def setUp(self):
         folder = self.enterContext(tempfile.TemporaryDirectory())
         self.prefix = pathlib.Path(folder).resolve()
-        self.package = self.prefix / "lib/python3/dist-packages/haptic"
+        self.package = self.prefix / "lib/python3/dist-packages/haptic_local_model"
         shutil.copytree(pathlib.Path(PACKAGE) / "haptic", self.package)
 
     def put(self, name):

@@ -73,7 +73,7 @@ class Side {
 
   get trouble() {
     if (!this.connection.open || performance.now() - this.frameAt > STALE_MS) {
-      return { text: 'The programs behind this page do not answer: start it again with “python3 -m haptic”.' };
+      return { text: 'The programs behind this page do not answer: start it again with “python3 -m haptic_local_model”.' };
     }
     if (this.frame?.server === 'fault' || this.frame?.rejected === 'fault') {
       return { text: `The simulated device stopped: ${this.frame.cause || this.frame.rejection}.`, again: true };

@@ -26,8 +26,8 @@ from lerobot.processor import RobotActionProcessorStep
 from lerobot.processor.core import TransitionKey
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
-import haptic
-from haptic._world import rotation_vector
+import haptic_local_model as haptic
+from haptic_local_model._world import rotation_vector
 
 __all__ = ["FeelObservation", "HapticTeleoperator", "HapticTeleoperatorConfig"]
 

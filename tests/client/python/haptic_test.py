@@ -20,9 +20,9 @@ SERVER, KEYGEN, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argumen
 os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 sys.path.insert(0, str(PACKAGE))
 
-import haptic  # noqa: E402
-import haptic.proximity  # noqa: E402
-import haptic.shapes  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
+import haptic_local_model.proximity  # noqa: E402
+import haptic_local_model.shapes  # noqa: E402
 import numpy as np  # noqa: E402
 
 RATE = 60  # Hz
@@ -306,7 +306,7 @@ class Silence(unittest.TestCase):
 class Interrupted(unittest.TestCase):
     PROGRAM = """
 import signal, sys, time
-import haptic
+import haptic_local_model as haptic
 with haptic.Session("127.0.0.1:9", haptic.box(0.1, (0.04, 0.04, 0.04))) as first, \\
         haptic.Session("127.0.0.1:9", haptic.box(0.1, (0.04, 0.04, 0.04))) as second:
     print("begun", flush=True)
@@ -565,7 +565,7 @@ class Interface(unittest.TestCase):
     def test_records_have_the_layout_of_the_header(self):
         """A C compiler says what the header's structs are."""
         kinds = {"haptic_contact": haptic.CONTACT.itemsize, "haptic_body": haptic.BODY.itemsize}
-        from haptic import _library
+        from haptic_local_model import _library
         import ctypes
         for name, kind in (("haptic_link", _library.Link), ("haptic_options", _library.Options),
                            ("haptic_state", _library.State), ("haptic_impulse", _library.Impulse),

@@ -38,12 +38,12 @@ os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 os.environ["HAPTIC_SERVER_PROGRAM"] = str(SERVER)
 sys.path.insert(0, str(PACKAGE))
 
-import haptic  # noqa: E402
-import haptic.mujoco  # noqa: E402
-import haptic.proximity  # noqa: E402
-import haptic.shapes  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
+import haptic_local_model.mujoco  # noqa: E402
+import haptic_local_model.proximity  # noqa: E402
+import haptic_local_model.shapes  # noqa: E402
 import numpy as np  # noqa: E402
-from haptic import _library  # noqa: E402
+from haptic_local_model import _library  # noqa: E402
 
 NOBODY = "127.0.0.1:9"
 PERIOD = 1 / 60

@@ -24,9 +24,9 @@ from typing import Any, Iterable, Iterator
 import numpy as np
 import pybullet
 
-import haptic
-from haptic._mobility import Freedom, Tree, free
-from haptic._world import Placed, WorldSession, of_tool, rotation, upright
+import haptic_local_model as haptic
+from haptic_local_model._mobility import Freedom, Tree, free
+from haptic_local_model._world import Placed, WorldSession, of_tool, rotation, upright
 
 _BASE = -1  # PyBullet's number of a body's base; its links are 0, 1, …
 _LINKS = 4096  # of a body, at most: a number of ours is that of a body and a link

@@ -9,9 +9,9 @@ from typing import Optional, Sequence
 
 import numpy as np
 
-import haptic
-from haptic import _arguments
-from haptic._library import Shape
+import haptic_local_model as haptic
+from haptic_local_model import _arguments
+from haptic_local_model._library import Shape
 
 __all__ = ["KINDS", "Shape", "box", "half_space", "shape", "sphere"]
 

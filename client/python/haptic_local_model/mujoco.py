@@ -29,10 +29,10 @@ from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
 
-import haptic
-from haptic import _arguments
-from haptic._mujoco_shapes import Shapes, moving_bodies, version_of
-from haptic._world import EngineSession, Frames, rotation, with_touching
+import haptic_local_model as haptic
+from haptic_local_model import _arguments
+from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
+from haptic_local_model._world import EngineSession, Frames, rotation, with_touching
 
 _FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER

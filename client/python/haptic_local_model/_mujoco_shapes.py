@@ -6,10 +6,10 @@ from typing import Any, Iterable, Optional
 
 import numpy as np
 
-import haptic
-import haptic.proximity
-import haptic.shapes
-from haptic._world import Gaps, quaternions
+import haptic_local_model as haptic
+import haptic_local_model.proximity
+import haptic_local_model.shapes
+from haptic_local_model._world import Gaps, quaternions
 
 # For each mjtGeom: kind and sizes of haptic.proximity.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),

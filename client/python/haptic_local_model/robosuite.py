@@ -21,8 +21,8 @@ import numpy as np
 from robosuite.devices import Device
 from robosuite.wrappers import DataCollectionWrapper
 
-import haptic
-from haptic._world import quaternions, rotation, rotation_vector
+import haptic_local_model as haptic
+from haptic_local_model._world import quaternions, rotation, rotation_vector
 
 __all__ = ["ForceCollectionWrapper", "HapticDevice"]
 

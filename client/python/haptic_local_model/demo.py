@@ -1,7 +1,7 @@
 """What this project is about, in a browser: one hand on one stiff floor, twice.
 
-    python3 -m haptic                  # left the engine's force held between its frames, right the local model
-    python3 -m haptic testbed          # the live page with a world instead; the mouse is the hand
+    python3 -m haptic_local_model                  # left the engine's force held between its frames, right the local model
+    python3 -m haptic_local_model testbed          # the live page with a world instead; the mouse is the hand
 
 Starts haptic_server, with a simulated device, and ve_client, which serves the page, at free ports of this machine. They end
 with it, however it ends. Needs the programs: see haptic._programs.
@@ -24,8 +24,8 @@ import time
 import webbrowser
 from typing import IO, Callable, Iterator, Optional, Sequence
 
-from haptic import HapticError, __version__
-from haptic._programs import program
+from haptic_local_model import HapticError, __version__
+from haptic_local_model._programs import program
 
 HERE = "127.0.0.1"
 USUAL_PORT = 8080
@@ -199,7 +199,7 @@ def _port(text: str) -> int:
 
 def _arguments(given: Optional[Sequence[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python3 -m haptic" if pathlib.Path(sys.argv[0]).name == "__main__.py" else None,
+        prog="python3 -m haptic_local_model" if pathlib.Path(sys.argv[0]).name == "__main__.py" else None,
         description="Opens a page that shows what this project is about: one hand on one stiff floor, with the engine's force "
                     "held between its frames, and with the local model. Ctrl-C ends it.")
     parser.add_argument("world", nargs="?", metavar="WORLD",

@@ -19,7 +19,7 @@ import numpy as np
 from isaacteleop.haptic_devices import IHapticDevice
 from isaacteleop.retargeting_engine.tensor_types import EndEffectorForce
 
-import haptic
+import haptic_local_model as haptic
 
 __all__ = ["ENDPOINT", "HapticDevice"]
 

@@ -26,9 +26,9 @@ import newton
 import numpy as np
 from newton import GeoType, JointType
 
-import haptic
-from haptic._mobility import Freedom, Tree, free
-from haptic._world import Placed, WorldSession, of_tool, rotation
+import haptic_local_model as haptic
+from haptic_local_model._mobility import Freedom, Tree, free
+from haptic_local_model._world import Placed, WorldSession, of_tool, rotation
 
 _SHAPES = {GeoType.SPHERE: ("sphere", lambda size: size[:1]), GeoType.BOX: ("box", lambda size: 2 * size),
            GeoType.CAPSULE: ("capsule", lambda size: (size[0], 2 * size[1])), GeoType.ELLIPSOID: ("ellipsoid", lambda size: size),

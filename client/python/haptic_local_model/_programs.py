@@ -8,7 +8,7 @@ import shutil
 import sys
 from typing import NoReturn
 
-import haptic
+import haptic_local_model as haptic
 
 
 def program(name: str) -> str:
@@ -17,7 +17,7 @@ def program(name: str) -> str:
     here = pathlib.Path(__file__).resolve().parent
     if named := os.environ.get("HAPTIC_PROGRAMS"):
         places = [pathlib.Path(named)]
-    else:  # PREFIX/lib/python3/dist-packages/haptic
+    else:  # PREFIX/lib/python3/dist-packages/haptic_local_model
         places = [here / "bin", *(parent / "bin" for parent in here.parents[3:4])]
     for place in places:
         if os.access(place / name, os.X_OK):
@@ -25,6 +25,9 @@ def program(name: str) -> str:
     found = None if named else shutil.which(name)
     if found is None:
         searched = ", ".join(map(str, places)) + ("" if named else ", PATH")
+        if name == "ve_client" and (here / "bin").is_dir():
+            raise haptic.HapticError("there is no ve_client: this wheel is for systems with a glibc before 2.36, on which its library for "
+                                     "world files does not run. Sessions of your own simulator need no ve_client")
         raise haptic.HapticError(f"there is no {name}: looked in {searched}. Install it, or set HAPTIC_PROGRAMS to its folder")
     return found
 

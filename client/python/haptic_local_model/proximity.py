@@ -15,10 +15,10 @@ from typing import Iterable, Sequence
 
 import numpy as np
 
-import haptic
-from haptic import _arguments
-from haptic._library import load_proximity
-from haptic.shapes import Shape, box, half_space, shape, sphere
+import haptic_local_model as haptic
+from haptic_local_model import _arguments
+from haptic_local_model._library import load_proximity
+from haptic_local_model.shapes import Shape, box, half_space, shape, sphere
 
 __all__ = ["Proximity", "Shape", "box", "half_space", "shape", "sphere"]
 

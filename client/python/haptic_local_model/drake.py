@@ -27,8 +27,8 @@ from pydrake.multibody.math import SpatialForce, SpatialVelocity
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import JacobianWrtVariable, ModelInstanceIndex
 
-import haptic
-from haptic._world import Placed, WorldSession, of_tool
+import haptic_local_model as haptic
+from haptic_local_model._world import Placed, WorldSession, of_tool
 
 _SHAPES = {Sphere: ("sphere", lambda shape: (shape.radius(),)), Box: ("box", lambda shape: shape.size()),
            Capsule: ("capsule", lambda shape: (shape.radius(), shape.length())),

@@ -11,8 +11,8 @@ from typing import Any, Iterable, Optional, Sequence, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-import haptic
-import haptic.shapes
+import haptic_local_model as haptic
+import haptic_local_model.shapes
 
 # Bodies within this are sent, m, and within what the tool travels until the next update but two has come, up to the
 # farthest, m: one that was not sent is a wall.
