@@ -5,6 +5,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "hlm/control/stiffness_bound.h"
+#include "hlm/sealing/key_file.h"
 
 namespace hlm::server {
 namespace {
@@ -95,6 +96,7 @@ void add_options(settings::CommandLine& command_line, ServerOptions& options) {
               "Number of this server among several with the same options: it is added to the port "
               "of --listen");
   table.not_in_files();
+  options.key_file = protocol::key_of_service();
   table.file(
       "key-file", options.key_file,
       "Serve only clients with this key, which haptic_keygen makes; all datagrams are sealed. "

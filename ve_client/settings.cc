@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "hlm/sealing/key_file.h"
 #include "hlm/settings/command_line.h"
 
 namespace hlm::ve {
@@ -53,6 +54,7 @@ class CommandLine {
     table.text("server", first_.server, "HOST:PORT", "Haptic server");
     table.text("second-server", second_.server, "HOST:PORT",
                "Another one, where a second tool of the same world is held");
+    settings_.key_file = protocol::key_of_service();
     table.file("key-file", settings_.key_file,
                "The server's key, if it has one: made by haptic_keygen, copied here; one for both "
                "servers");

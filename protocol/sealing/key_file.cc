@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -81,6 +82,13 @@ void check_rights(const std::filesystem::path& path, int number) {
 }
 
 }  // namespace
+
+std::string key_of_service() {
+  const char* const credentials = std::getenv("CREDENTIALS_DIRECTORY");
+  if (credentials == nullptr) return {};
+  const std::filesystem::path key = std::filesystem::path(credentials) / "haptic.key";
+  return std::filesystem::exists(key) ? key.string() : std::string();
+}
 
 noise::Key read_key(const std::filesystem::path& path) {
   const File file(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);

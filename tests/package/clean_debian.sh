@@ -76,23 +76,23 @@ with haptic.Session("127.0.0.1:47800", tool=haptic.box()) as touch:
     print("connected:", touch.connected)'
 
 # A key, as docs/operations.md hands it over.
-inside haptic_keygen /etc/haptic.key
-inside mkdir -p $drop_in
-inside tee $drop_in/key.conf >/dev/null <<'UNIT'
-[Service]
-LoadCredential=haptic.key:/etc/haptic.key
-Environment="HAPTIC_SERVER_OPTIONS=--key-file %d/haptic.key"
-UNIT
-inside systemctl daemon-reload
-inside systemctl restart haptic_server || {
-  inside journalctl --no-pager --unit haptic_server >&2
-  fail "the service does not start with a key"
-}
-play --key-file /etc/haptic.key
+documented() { sed -n "/^## As a service/,/^## /s/^    \($1.*\)/\1/p" "$(dirname "$0")/../../docs/operations.md"; }
+for line in "mkdir -p -m 700" "echo 'HAPTIC_SERVER_OPTIONS=--listen 192" "systemctl restart haptic_server"; do
+  command=$(documented "$line" | sed 's/192\.0\.2\.7/127.0.0.1/')
+  [ -n "$command" ] || fail "docs/operations.md no longer says '$line'"
+  inside sh -ec "$command" || {
+    inside journalctl --no-pager --unit haptic_server >&2
+    fail "as docs/operations.md has it, this fails: $command"
+  }
+done
+play --key-file /etc/credstore/haptic.key
+inside systemctl restart haptic_server@12
+inside sh -c "journalctl --sync; journalctl --no-pager --unit haptic_server@12" | grep -q 'for clients with the key' ||
+  fail "one of several servers does not take the machine's key"
 ! play >/dev/null 2>&1 || fail "the service talks without its key"
 
-inside rm -rf $drop_in $drop_in_of_many /etc/haptic.key
-inside sh -c 'rm /etc/default/haptic_server@* /etc/default/ve_client@*'
+inside rm -rf $drop_in $drop_in_of_many /etc/credstore
+inside sh -c 'rm /etc/default/haptic_server /etc/default/haptic_server@* /etc/default/ve_client@*'
 inside dpkg --purge haptic-local-model >/dev/null
 ! inside pgrep -l haptic || fail "processes run on after the package is gone"
 left=$(comm -13 <(echo "$before") <(files))

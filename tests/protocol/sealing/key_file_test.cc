@@ -69,6 +69,16 @@ TEST_CASE("A key to which others than its owner have any rights is refused") {
   CHECK(error_of(path).empty());
 }
 
+TEST_CASE("A service has the key that systemd hands to it, and others have none") {
+  const test::TemporaryDirectory directory;
+  setenv("CREDENTIALS_DIRECTORY", (directory / "").c_str(), 1);
+  CHECK(key_of_service().empty());
+  write_new_key(directory / "haptic.key");
+  CHECK(key_of_service() == directory / "haptic.key");
+  unsetenv("CREDENTIALS_DIRECTORY");
+  CHECK(key_of_service().empty());
+}
+
 TEST_CASE("What is no key is refused in one line that names the file and what a key is") {
   const test::TemporaryDirectory directory;
   const fs::path path = directory / "a.key";
