@@ -4,7 +4,7 @@
 
 # unpack_system ARCHITECTURE PROCESSOR: in .venv/glibc_2.31-PROCESSOR, as Debian and as the kernel name the processor.
 unpack_system() {
-  local architecture=$1 processor=$2 from=packaging/python/glibc_2.31 folder release package
+  local architecture=$1 processor=$2 from=packaging/python/glibc_2.31 folder release package name
   folder=$PWD/.venv/glibc_2.31-$2
   ! cmp -s "$from/packages.txt" "$folder/installed.txt" || return 0
   echo "Unpacking Debian 11 for $processor, 80 MB"
@@ -18,7 +18,8 @@ unpack_system() {
     find "$folder/$release/packages" -name '*.deb' -exec dpkg-deb -x {} "$folder" ';'
   done
   for package in "$folder"/*/packages/*.deb; do  # For the licences of what comes along.
-    dpkg-deb -c "$package" | sed -n "s|^-.*/\([^/]*\.so\.[^/ ]*\)$|\1 $(basename "${package%%_*}")|p"
+    name=$(basename "$package")
+    dpkg-deb -c "$package" | sed -n "s|^[-l].*/\([^/ ]*\.so\.[^/ ]*\)\( -> .*\)\?$|\1 ${name%%_*}|p"
   done >"$folder/libraries.txt"
   rm -r "$folder/bullseye" "$folder/bookworm"
   clang --target="$processor-linux-gnu" --sysroot="$folder" -O2 -fPIC -c "$from/newer_glibc.c" -o "$folder/newer_glibc.o"

@@ -33,6 +33,12 @@ def methods():
     return names_in("common/methods.h", r'{\.name = "([\w-]+)",')
 
 
+def conditions():
+    """Of each experiment that takes values of one's own."""
+    return {name: names_in(f"tests/experiments/{file}.cc", r'^  table\.\w+\("([\w-]+)"')
+            for name, file in (("limits", "stiffness_limits"), ("bodylimits", "body_limits"), ("ocean", "ocean"))}
+
+
 def hosts(text):
     """HOST, HOST:JOBS or GNU parallel's JOBS/HOST, apart by commas; as parallel has them."""
     if not all(text.split(",")):
@@ -91,6 +97,12 @@ def selection(arguments):
     for text in arguments.over:
         if not re.fullmatch("[^=]+=.+", text):
             raise Refused(f"--over '{text}' must be NAME=VALUES")
+        of = set(arguments.experiments + arguments.only) or set(conditions())
+        if not of <= set(conditions()):
+            raise Refused(f"--over must go with {', '.join(conditions())}, not with {', '.join(of - set(conditions()))}")
+        known = {name for each in of for name in conditions()[each]}
+        if (name := text.partition("=")[0].strip()) not in known:
+            raise Refused(f"--over '{name}' must be one of {', '.join(sorted(known))}")
         chosen += ["--over", text]
     return chosen + ["--quick"] * arguments.quick
 
@@ -182,6 +194,8 @@ def main(description, out, replace=False):
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # As nohup has it.
             signal.signal(number, signal.default_int_handler)
+    if len(sys.argv) == 1 and not replace:
+        sys.argv.append("--help")
     if "--slurm" in sys.argv[:-1]:  # Its value begins with dashes, too.
         at = sys.argv.index("--slurm")
         sys.argv[at:at + 2] = [f"--slurm={sys.argv[at + 1]}"]

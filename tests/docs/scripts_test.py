@@ -35,7 +35,8 @@ REFUSED = {
     "scripts/site": [(["wrong"], "--help")],
     "scripts/soak": [(["wrong"], "MINUTES"), (["1", "wrong"], "SEED"), (["1", "1", "wrong"], "MINUTES")],
     "scripts/sweep": [(["--wrong"], "--slurm"), (["wrong"], "fig06"), (["ocean", "--workers", "wrong"], "number"),
-                      (["--method", "wrong"], "lm5"), (["--over", "wrong"], "NAME=VALUES"), (["--status", "wrong"], "sweep")],
+                      (["--method", "wrong"], "lm5"), (["--over", "wrong"], "NAME=VALUES"), (["--over", "stifness=1"], "stiffness"),
+                      (["ocean", "--over", "push=1"], "outage"), (["--status", "wrong"], "sweep")],
     "scripts/test": [(["--wrong"], "-R"), (["-R", "codec", "wrong"], "--repeat")],
 }
 # Sourced or imported by the others.
