@@ -12,6 +12,7 @@
 #include "hlm/common/descriptor.h"
 #include "hlm/doctor/body_examination.h"
 #include "hlm/doctor/contact_examination.h"
+#include "hlm/doctor/device_access.h"
 #include "hlm/doctor/device_check.h"
 #include "hlm/doctor/device_examination.h"
 #include "hlm/doctor/fault_release.h"
@@ -54,7 +55,8 @@ struct DoctorOptions {
   std::string subject;  ///< A capture, or kDeviceCheck; empty: what runs is examined.
   std::string server = "127.0.0.1:47800";
   Part part = Part::kAll;
-  bool all = false;  ///< All servers of this machine are listed, and nothing is examined.
+  bool all = false;   ///< All servers of this machine are listed, and nothing is examined.
+  bool udev = false;  ///< With kDeviceCheck: udev's rules are written, and nothing is examined.
   bool json = false;
   std::string report;    ///< File for all that was found; empty: none.
   std::string key_file;  ///< The server's; empty: none.
@@ -81,11 +83,16 @@ int clear_fault(const DoctorOptions& options) {
   return kOk;
 }
 
+/// For what examines nothing.
+int print(const std::string& text) {
+  std::cout << text << std::flush;
+  if (!std::cout) throw std::runtime_error("standard output takes no text");
+  return kOk;
+}
+
 int list_servers(bool json) {
   const std::vector<RunningServer> servers = find_all_running();
-  std::cout << (json ? list_as_json(servers) : list_as_text(servers)) << std::flush;
-  if (!std::cout) throw std::runtime_error("standard output takes no list");
-  return kOk;
+  return print(json ? list_as_json(servers) : list_as_text(servers));
 }
 
 std::vector<Examination> check_device(const DoctorOptions& options) {
@@ -208,6 +215,7 @@ int run_doctor(const DoctorOptions& options) {
   configure_logging();
   if (options.subject == kClear) return clear_fault(options);
   if (options.all) return list_servers(options.json);
+  if (options.udev) return print(udev_rules());
   if (!options.report.empty()) check_report(options.report);
   const std::vector<Examination> examinations = examine(options);
   std::cout << (options.json ? as_json(examinations) : as_text(examinations)) << std::flush;
@@ -228,6 +236,7 @@ const char* const kFooter =
   haptic_doctor --device NAME --check device     whether a device is there, and what it is rated
   haptic_doctor device --device NAME             with a person at it: its rate, noise, frame, and by
                                                  small pushes its force; before the first session
+  haptic_doctor device --udev                    udev's rules and the groups that a user needs
   haptic_doctor --check contacts                 whether a client's contacts can be trusted, while
                                                  a session goes on that the server records
   haptic_doctor --check bodies                   whether its bodies do what it says of them
@@ -260,6 +269,9 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
   table.flag("all", options.all,
              "List all servers of this machine: client, state, lateness, load, missed ticks");
   table.not_in_files();
+  table.flag("udev", options.udev,
+             "With 'device': write the udev rules that let a user open it, and examine nothing");
+  table.not_in_files();
   table.flag("json", options.json, "Write the findings, or the list, as JSON");
   table.not_in_files();
   table.text(
@@ -286,11 +298,14 @@ void add_doctor_options(settings::CommandLine& command_line, DoctorOptions& opti
 void check_options(const DoctorOptions& options) {
   check(options.physics);
   const bool has_axes = options.world_axes != DeviceCheckOptions{}.world_axes;
-  if (options.subject != kDeviceCheck && (options.push || has_axes)) {
-    throw settings::UsageError(std::string(options.push ? "--push" : "--world-axes") +
-                               " goes with 'device' only: haptic_doctor device");
+  if (options.subject != kDeviceCheck && (options.push || has_axes || options.udev)) {
+    const std::string wrong = options.push ? "--push" : has_axes ? "--world-axes" : "--udev";
+    throw settings::UsageError(wrong + " goes with 'device' only: haptic_doctor device");
   }
   const bool writes = options.json || !options.report.empty() || options.part != Part::kAll;
+  if (options.udev && writes) {
+    throw settings::UsageError("--udev stands alone after 'device': it examines nothing");
+  }
   if (options.subject == kClear && writes) {
     throw settings::UsageError("'clear' goes with --server only: it examines nothing");
   }
@@ -314,7 +329,8 @@ int main(int argc, char** argv) {
        .purpose = "Finds out whether machine, network and device can render force, and why none is "
                   "felt.",
        .footer = server::kFooter,
-       .usual = {"server", "key-file", "check", "all", "json", "report", "push", "force-limit"}});
+       .usual = {"server", "key-file", "check", "all", "udev", "json", "report", "push",
+                 "force-limit"}});
   add_doctor_options(command_line, options);
   return server::run_program(
       "haptic_doctor", command_line, options.physics, argc, argv,

@@ -502,6 +502,28 @@ TEST_CASE("A device that a server of an older version has is left alone") {
   CHECK_THAT(finished.error, ContainsSubstring("runs and has an omega.3: end it first"));
 }
 
+TEST_CASE(
+    "The rules of udev are those of the packages and of Force Dimension, under two comments") {
+  const Finished finished = run({HLM_DOCTOR, "device", "--udev"});
+  CHECK(finished.exit_code == kNoProblem);
+  std::ifstream packaged(HLM_UDEV_RULES);
+  REQUIRE(packaged);
+  const std::string rules(std::istreambuf_iterator<char>(packaged), {});
+  REQUIRE_THAT(rules, ContainsSubstring("KERNEL=="));
+  CHECK_THAT(finished.output,
+             ContainsSubstring(rules) && ContainsSubstring("{idVendor}==\"1451\""));
+  std::istringstream lines(finished.output);
+  std::string place;
+  std::string groups;
+  std::getline(lines, place);
+  std::getline(lines, groups);
+  CHECK_THAT(place,
+             Catch::Matchers::StartsWith("# Save as /etc/udev/rules.d/60-haptic_server.rules"));
+  CHECK_THAT(groups, Catch::Matchers::StartsWith("# sudo groupadd") &&
+                         ContainsSubstring("usermod -aG haptic,dialout"));
+  for (std::string line; std::getline(lines, line);) CHECK_THAT(line, ContainsSubstring("GROUP="));
+}
+
 TEST_CASE("What cannot be checked is refused in one line") {
   const auto refuses = [](const Arguments& options, int status, const std::string& words) {
     const Finished finished = run(Arguments{HLM_DOCTOR, "device"} + options);
@@ -513,6 +535,9 @@ TEST_CASE("What cannot be checked is refused in one line") {
   const Finished elsewhere = run({HLM_DOCTOR, "--push", "0.5"});
   CHECK(elsewhere.exit_code == 2);
   CHECK_THAT(elsewhere.error, ContainsSubstring("--push goes with 'device' only"));
+  CHECK_THAT(run({HLM_DOCTOR, "--udev"}).error,
+             ContainsSubstring("--udev goes with 'device' only"));
+  refuses({"--udev", "--json"}, 2, "--udev stands alone after 'device'");
   refuses({"--world-axes", "right away down"}, 2, "that are right-handed");
   refuses({"--report", "/nowhere/report"}, 2, "--report /nowhere/report cannot be written");
   refuses({"--check", "force"}, 2, "does not go with 'device'");
