@@ -19,6 +19,7 @@ const MENU = {
   'Connect': [
     ['docs/adapter.md', 'Adapters'],
     ['docs/packages.md', 'Python packages'],
+    ['docs/first_device.md', 'Your first device'],
     ['docs/devices.md', 'Devices'],
     ['docs/safety.md', 'Safety case'],
     ['docs/worlds.md', 'Worlds'],
