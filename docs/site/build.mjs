@@ -30,6 +30,7 @@ const MENU = {
     ['docs/replay.md', 'Record and replay'],
     ['docs/operations.md', 'Service and operation'],
     ['docs/troubleshooting.md', 'Tuning, troubleshooting'],
+    ['docs/answers.md', 'Answers'],
     ['docs/limitations.md', 'Limitations'],
   ],
   'Method': [
