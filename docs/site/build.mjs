@@ -167,6 +167,7 @@ ${groups.join('\n')}
 </nav>
 <main>
 ${source.startsWith('docs/method/') ? linkSections(marked.parse(text(source))) : marked.parse(text(source))}</main>
+<script src="finder.js" defer></script>
 <script src="search.js" defer></script>
 </html>
 `;
@@ -176,12 +177,12 @@ ${source.startsWith('docs/method/') ? linkSections(marked.parse(text(source))) :
 function searchIndex(html) {
   const plain = (part) => part.replace(/<[^>]*>/g, ' ').replace(/&lt;/g, '<').replace(/&gt;/g, '>').replace(/&quot;/g, '"')
     .replace(/&#39;/g, "'").replace(/&amp;/g, '&').replace(/\s+/g, ' ').trim();
-  return pages.flatMap(({ label, file }) => {
+  return pages.flatMap(({ group, label, file }) => {
     const main = html.get(file).match(/<main>([^]*)<\/main>/)[1];
     return main.split(/(?=<h[1-4] id=")/).filter((part) => plain(part)).map((part) => {
       const [, id = '', heading = ''] = part.match(/^<h[1-4] id="([^"]*)">([^]*?)<\/h/) ?? [];
       const below = heading ? part.slice(part.indexOf('</h') + 5) : part;
-      return [label, id ? `${file}#${id}` : file, plain(heading), plain(below)];
+      return { group, page: label, link: id ? `${file}#${id}` : file, heading: plain(heading), text: plain(below) };
     });
   });
 }
@@ -231,8 +232,10 @@ rmSync(out, { recursive: true, force: true });
 const html = new Map(pages.map((page) => [page.file, render(page)]));
 for (const [file, content] of html) write(file, content);
 for (const file of files) (statSync(join(repository, file)).isDirectory() ? copyFolder : copy)(file);
-copyFileSync(new URL('style.css', import.meta.url), join(out, 'style.css'));
-write('search.js', `${readFileSync(new URL('search.js', import.meta.url), 'utf8')}\nstart(${JSON.stringify(searchIndex(html))});\n`);
+const here = (file) => new URL(file, import.meta.url);
+for (const file of ['style.css', 'search.js']) copyFileSync(here(file), join(out, file));
+write('finder.js', ['node_modules/minisearch/dist/umd/index.js', 'finder.js'].map((file) => readFileSync(here(file), 'utf8'))
+  .concat(`const ENTRIES = ${JSON.stringify(searchIndex(html))};\n`).join('\n'));
 check(html);
 for (const problem of problems) console.error(problem);
 if (problems.length > 0) process.exit(1);
