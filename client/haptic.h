@@ -273,7 +273,8 @@ HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
  * haptic_error(). */
 HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
-/* Once per step, before it. Where it fails the state is zero, and its message says why. */
+/* Once per step, before it. `state` is zero before the first call and the same one in each: what
+ * did not come stays as it was. Where it fails the state is zero, and its message says why. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
 /* How many steps, of `step` seconds, an engine in real time has to take in the frame that begins,
  * after haptic_poll(). It makes up for a frame that came late. 0: nothing to take, to sample

@@ -72,6 +72,7 @@ const QUESTIONS = {
   'haptic_server@': 'operations#many-sessions',
   'scp key': 'install#two-machines',
   'my own simulator': 'adapter#',
+  'hello world': 'adapter#hello-world',
 };
 
 const root = process.argv[2];
