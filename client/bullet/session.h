@@ -50,8 +50,8 @@ inline ToolDescription tool_of(btRigidBody& body) {
   return tool;
 }
 
-/// A client for one world. Bullet does not say what joints leave of a body's mobility: the server
-/// takes a body that joints hold for a free one.
+/// A client for one world. What joints leave of a body's mobility comes from the rows of Bullet's
+/// own solver (joints.h).
 ///
 /// From its construction on the tool is kinematic: it is where the proxy is. While the server
 /// answers it makes no force of its own, but pushes bodies by the impulses that the hand felt. The

@@ -1,4 +1,4 @@
-// The shapes of a world for a server that finds their contacts itself (METHOD: docs/method.md 18).
+// The shapes of a world for a server that finds their contacts itself (docs/method.md 18).
 #pragma once
 
 #include "hlm/common/contact.h"
