@@ -1,4 +1,4 @@
-// What a simulator gives to be sent, checked at once: a server would refuse it later and elsewhere.
+// Checks at once what a simulator wants to send: a server would refuse it later and elsewhere.
 #pragma once
 
 #include <optional>
@@ -9,12 +9,12 @@
 
 namespace hlm {
 
-/// What is wrong with the first contact or body that cannot be meant so, naming its place in the
-/// list, the value and what is allowed; empty if nothing is. `tool`: at update.q_VE. Whatever a
-/// server would refuse is found, and lengths of another unit: a point kFarthest from its link.
+/// What is wrong with the first contact or body that cannot be right, naming its place in the list,
+/// the value and what is allowed; empty if all are right. `tool`: at update.q_VE. Finds whatever a
+/// server would refuse, and lengths in a wrong unit: a point kFarthest from its link.
 std::optional<std::string> find_error(const protocol::ContactUpdate& update, const ToolModel& tool);
 
-/// No point of a tool that a hand holds is farther away from its link's origin, m.
+/// No point of a hand-held tool is farther from its link's origin than this, m.
 inline constexpr double kFarthest = 20;
 
 }  // namespace hlm

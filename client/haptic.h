@@ -11,11 +11,11 @@
  *   haptic_close(touch);
  *
  * SI units, world axes, right-handed. Quaternions are (w, x, y, z). No call waits for the network
- * or throws; a session is used by one thread at a time, in the process that opened it. What a
- * field means in full: PROTOCOL.md.
+ * or throws. A session belongs to the process that opened it, and to one thread at a time.
+ * PROTOCOL.md says in full what each field means.
  *
- * A call fails, and does nothing, where the session or what it is to read is NULL, where another
- * thread is in a call of that session, and in a process that was forked off that of the session:
+ * A call fails and does nothing if the session or what it is to read is NULL, if another thread is
+ * in a call of the same session, or in a process that was forked from the session's:
  * haptic_error() says so. haptic_close() waits for the other thread.
  */
 #ifndef HAPTIC_H
@@ -34,7 +34,7 @@
 extern "C" {
 #endif
 
-/* Rises whenever a struct or function below changes. haptic_abi() is that of the library. */
+/* Incremented whenever a struct or function below changes; haptic_abi() returns the library's. */
 #define HAPTIC_ABI 4
 
 #define HAPTIC_MAX_DOF 16
@@ -104,16 +104,16 @@ typedef struct haptic_contact {
                          own */
   double load;        /* normal force of a contact without the tool, N */
   uint32_t plane; /* 1: a flat face of side a lies on a corner or an edge of side b, and the normal
-                     turns with a; 0: with b */
+                     turns with a; 0: the normal turns with b */
 } haptic_contact;
 
-/* A body that the tool can push. Put those first that the tool touches: haptic_server moves the
- * first eight, the others are moving constraints to it, by the velocity of their contacts. */
+/* A body that the tool can push. List those first that the tool touches: haptic_server moves the
+ * first eight; to it the others are constraints that move with the velocity of their contacts. */
 typedef struct haptic_body {
   uint32_t id;
   uint32_t round;             /* 1: a surface of revolution about `axis`, 2: a sphere; 0 otherwise.
-                                 A round body's contacts do not go round with it: without this word
-                                 one that rolls pushes back as if it had facets */
+                                 The contacts of a round body do not rotate with it: unmarked, a
+                                 rolling body pushes back as if it had facets */
   double centre[3];           /* of mass, m */
   double velocity[6];         /* linear (m/s), angular (rad/s) */
   double inverse_inertia[36]; /* 6x6 about the centre of mass: linear, then angular; what joints
@@ -147,7 +147,8 @@ typedef struct haptic_shape {
   size_t triangle_count;
 } haptic_shape;
 
-/* What two coefficients of friction make of a contact: of two rules the later one counts. */
+/* How two coefficients of friction combine in a contact; if the two rules differ, the later one in
+ * this list counts. */
 enum haptic_friction_rule {
   HAPTIC_AVERAGE = 0, /* as Rapier, PhysX */
   HAPTIC_MINIMUM = 1,
@@ -156,10 +157,10 @@ enum haptic_friction_rule {
 };
 
 typedef struct haptic_material {
-  double friction;  /* coefficient, above 10 as 10; negative: that of the other, of two such the
-                       server's own */
+  double friction;  /* coefficient, above 10 as 10; negative: the other material's, and if that is
+                       negative, too, the server's own */
   int32_t rule;     /* enum haptic_friction_rule */
-  int32_t priority; /* 0 to 255: of two the higher one's friction counts alone */
+  int32_t priority; /* 0 to 255: the friction of the higher one counts alone */
 } haptic_material;
 
 typedef struct haptic_pose {
@@ -214,16 +215,16 @@ typedef struct haptic_state {
   double gripper;                /* 0 closed to 1 open */
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
-  char message[HAPTIC_MAX_TEXT]; /* that nobody answers, why a session, an update, a contact or the
-                                    offered shapes were refused last, what a body does otherwise
-                                    than it was reported to, or that the session's own server has
-                                    ended; "" when one begins */
+  char message[HAPTIC_MAX_TEXT]; /* for a person: nobody answers; why a session, update, contact
+                                    or the offered shapes were refused; how a body moves otherwise
+                                    than reported; or that the session's own server has ended. ""
+                                    when a session begins */
 } haptic_state;
 
 HAPTIC_API int haptic_abi(void);
-/* The usual server, which is what the environment variable HAPTIC_SERVER names or 127.0.0.1:47800,
- * or where nobody listens there one of this session's own (server: NULL); a free rigid tool of 1 kg
- * and 0.1 m at the origin, 60 Hz, epsilon 5 mm. */
+/* The usual server (server: NULL): the one that the environment variable HAPTIC_SERVER names, or
+ * 127.0.0.1:47800, or, if nobody listens there, one that this session starts. A free rigid tool of
+ * 1 kg and 0.1 m at the origin, 60 Hz, epsilon 5 mm. */
 HAPTIC_API haptic_options haptic_default_options(void);
 /* A solid box of that mass and those edge lengths as a link, free: a start for your own. */
 HAPTIC_API haptic_link haptic_box(double mass, const double size[3]);
@@ -232,32 +233,33 @@ HAPTIC_API haptic_link haptic_box(double mass, const double size[3]);
  * need not run yet: it is asked until it answers. */
 HAPTIC_API haptic_session* haptic_open(const haptic_options* options, char* error,
                                        size_t error_size);
-/* A sentence on the server with a simulated device that this session started, at a free port of
- * this machine, since its options named none and nobody listens at the usual place; "" if it
- * started none. haptic_hold() is its hand. It ends with the session, with the program, however that
- * is, or with the thread that called haptic_open(), which should last. It is a child of the
- * program, which should wait for others by their ids. The program is what HAPTIC_SERVER_PROGRAM
- * names, or haptic_server beside this library or in PATH. */
+/* A sentence on the server that this session started, with a simulated device at a free port of
+ * this machine, because its options named none and nobody listens at the usual address; "" if it
+ * started none. haptic_hold() moves its hand. It ends when the session, the process (even by a
+ * crash) or the thread that called haptic_open() ends, so that thread should last. It is a child of
+ * the process, which should wait for other children by their ids. It is the program that
+ * HAPTIC_SERVER_PROGRAM names, or haptic_server beside this library or in PATH. */
 HAPTIC_API const char* haptic_own_server(const haptic_session* session);
-/* Starts a program that serves the page of this session to browsers of this machine, with the
- * shapes that were offered, contacts, forces and charts; the mouse is the hand of a simulated
- * device. It ends with the session, or with the program. port: of 127.0.0.1; 0: any free one. open:
- * 1 shows it in a browser. Waits until it is there, some tenths of a second; a second call says
- * where it is. With a key the page asks for a token, which its address has: then no browser
- * is opened. Returns the address, valid until the next call of this or haptic_close(), or NULL with
- * haptic_error(). The page also ends with the thread that called this, which should last. It is
- * what HAPTIC_PAGE_PROGRAM names, or haptic_page beside this library or in PATH. */
+/* Starts a program that serves the page of this session to browsers on this machine, with the
+ * offered shapes, contacts, forces and charts; the mouse is the hand of a simulated device. It ends
+ * when the session, the process or the calling thread ends, so that thread should last. port: at
+ * 127.0.0.1; 0: any free one. open: 1 shows it in a browser. Waits some tenths of a second until
+ * the page is ready; a second call returns the same address. With a key the page asks for a token,
+ * which is part of the address, and no browser is opened. Returns the address, valid until the next
+ * call of this or haptic_close(), or NULL with haptic_error(). The program is what
+ * HAPTIC_PAGE_PROGRAM names, or haptic_page beside this library or in PATH. */
 HAPTIC_API const char* haptic_show(haptic_session* session, uint16_t port, int open);
 /* Says goodbye, waits up to 2 s for a server of the session's own to end, and frees the session.
  * NULL is ignored. */
 HAPTIC_API void haptic_close(haptic_session* session);
 
-/* Gives the server the shapes of the world, of the tool and of bodies: it then finds their contacts
- * itself, at every step of the hand, however late an update comes, and haptic_send() needs none of
- * them. Best before the first haptic_poll(). Sessions that follow a lost one get them, too. Where
- * shapes come, go or change, all are offered again: those before stay until the server has these.
- * It needs up to some seconds to take them: state.scene is 1 then. One that takes none, or cannot
- * use them, says so in state.message, and contacts can be sent as ever.
+/* Gives the server the shapes of the world, the tool and the bodies. It then finds their contacts
+ * itself at every step of the loop, however late an update comes, and haptic_send() need not
+ * contain them. Best called before the first haptic_poll(). Sessions that follow a lost one get the
+ * shapes, too. When shapes come, go or change, offer all of them again: the old ones stay until the
+ * server has the new ones. Taking them needs up to some seconds: state.scene is 1 afterwards. A
+ * server that takes no shapes, or cannot use these, says so in state.message; contacts can still be
+ * sent.
  *
  * poses: of each shape in the frame of its link or body, of the world's in the world. materials: of
  * each shape, or NULL: friction is the server's own. excluded: twice `excluded_count` indices of
@@ -267,31 +269,31 @@ HAPTIC_API void haptic_close(haptic_session* session);
 HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
                             const haptic_pose* poses, const haptic_material* materials,
                             size_t count, const uint32_t* excluded, size_t excluded_count);
-/* Where the bodies of offered shapes are, for the next haptic_send(); of more than HAPTIC_MAX_POSES
- * give those near the tool, as a body without a pose is not there. Those that the tool can push are
- * among the bodies of haptic_send(), too; the others go on with their velocity. 0, or -1 with
+/* Where the bodies of offered shapes are, for the next haptic_send(). If there are more than
+ * HAPTIC_MAX_POSES, give those near the tool: a body without a pose does not exist. Bodies that the
+ * tool can push also go to haptic_send(); the others keep their velocity. 0, or -1 with
  * haptic_error(). */
 HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
 /* Once per step, before it. `state` is zero before the first call and the same one in each: what
  * did not come stays as it was. Where it fails the state is zero, and its message says why. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
-/* How many steps, of `step` seconds, an engine in real time has to take in the frame that begins,
- * after haptic_poll(). It makes up for a frame that came late. 0: nothing to take, to sample
- * and to send in this one; -1 with haptic_error() if `step` is not > 0. */
+/* How many steps of `step` seconds a real-time engine must take in the frame that begins, after
+ * haptic_poll(). This makes up for late frames. 0: take, sample and send nothing in this frame;
+ * -1 with haptic_error() if `step` is not > 0. */
 HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
 /* The impulses for a step of `period` seconds, > 0, that begins. Returns how many, at most
  * HAPTIC_MAX_BODIES, which `impulses` must hold. */
 HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,
                                        haptic_impulse* impulses);
 /* After the step: the tool's configuration and velocity, for which the contacts are found. 0, or
- * -1 with haptic_error() if a number is not finite, or the quaternion of a free tool not of
+ * -1 with haptic_error() if a number is not finite or the quaternion of a free tool is not of
  * length 1. */
 HAPTIC_API int haptic_sample(haptic_session* session, const double* q, const double* v,
                              double period);
 /* Gives contacts lasting identities where the engine has none: by pair, place on side a and normal.
- * After haptic_sample(), before haptic_send(), with the bodies of that. What is wrong is refused
- * there; of more than HAPTIC_MAX_CONTACTS contacts the last are left as they are. */
+ * Call it between haptic_sample() and haptic_send(), with the same bodies as haptic_send(), which
+ * refuses what is wrong. Contacts beyond HAPTIC_MAX_CONTACTS keep the identities they have. */
 HAPTIC_API void haptic_track(haptic_session* session, haptic_contact* contacts, size_t count,
                              const haptic_body* bodies, size_t body_count);
 /* What else than contacts and its weight pushes the tool: a weld, a tendon, a payload, drag, or
@@ -312,8 +314,8 @@ HAPTIC_API int64_t haptic_send(haptic_session* session, const haptic_contact* co
 HAPTIC_API int haptic_hold(haptic_session* session, const double position[3],
                            const double rotation[4]);
 HAPTIC_API void haptic_release(haptic_session* session);
-/* What was wrong with the latest call that failed, valid until the next call; for NULL, that the
- * session must not be NULL. */
+/* What was wrong with the latest call that failed, valid until the next call. For a NULL session
+ * it says that the session must not be NULL. */
 HAPTIC_API const char* haptic_error(const haptic_session* session);
 
 #ifdef __cplusplus

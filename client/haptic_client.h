@@ -1,5 +1,5 @@
 // The client library: a simulator gives its contacts and gets the proxy. It depends on no engine.
-// examples/client is a whole simulator on it.
+// examples/client is a whole simulator built on it.
 #pragma once
 
 #include <cstddef>
@@ -23,84 +23,83 @@ namespace hlm {
 struct HapticClientOptions {
   protocol::Endpoint server;
   ToolDescription tool;     ///< Must be valid (find_error).
-  Configuration q;          ///< Where the tool is; the proxy of the first session starts there.
+  Configuration q;          ///< Where the tool is: the proxy of the first session starts there.
   double ve_rate = 60;      ///< Nominal step rate of the simulator, Hz.
   double epsilon = 0.005;   ///< Contacts up to this separation are given to send(), m.
   std::uint64_t nonce = 0;  ///< Nonce of the first session; 0: random, as all later ones are.
-  /// A person asks for the first session: if it is had within 2 s it ends a fault that was
+  /// A person asks for the first session: if it begins within 2 s, it ends a fault that was
   /// released at the device.
   bool clears_fault = true;
   protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
 };
 
-/// The simulator's side of one haptic session at a time; it asks for a new one where the server is
-/// silent or restarted. Never waits. Not thread-safe. `now`: s, any steady origin.
+/// The simulator's side of one haptic session at a time; it asks for a new one when the server has
+/// been silent or restarted. Never waits. Not thread-safe. `now`: s, any steady origin.
 class HapticClient {
  public:
   using Inbox = protocol::ClientSession::Inbox;
 
   HapticClient(protocol::DatagramLink& link, const HapticClientOptions& options);
 
-  /// Takes what arrived, and keeps asking where there is no session. Call once per step, before it.
+  /// Takes what arrived, and keeps asking while there is no session. Call once before each step.
   /// Inbox::state is the latest proxy state, null if none came since the last call; draw the tool
   /// toward its q (and q̇).
   Inbox poll(double now);
-  /// How many steps of `step` seconds an engine in real time has to take in the frame that begins,
-  /// after poll(). It makes up for a frame that came late; it may be none, and then there is
-  /// nothing to take, to sample and to send. So it is until the server has the shapes that were
-  /// offered, up to 10 s: what lies on the tool would fall.
+  /// How many steps of `step` seconds a real-time engine must take in the frame that begins, after
+  /// poll(). This makes up for late frames. With 0 there is nothing to take, sample or send. It is
+  /// 0 until the server has the offered shapes, for up to 10 s: what lies on the tool would fall.
   int take_steps(double step);
   /// The tool's impulses on movable bodies (N·s; about the centre of mass N·m·s; world axes) for a
-  /// step of H = `period` seconds that begins. It must apply them, P/H as a wrench on the body: the
-  /// next update says that its bodies contain them. Nothing else of the tool may push those bodies.
+  /// step of H = `period` seconds that begins. The simulator must apply them, as a wrench P/H on
+  /// the body: the next update says that its bodies contain them. Nothing else of the tool may push
+  /// those bodies.
   DueImpulses take_impulses(double period);
 
   /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
-  /// the contacts of the next send() will be computed.
+  /// the contacts of the next send() are computed.
   void sample(double now, const Configuration& q, const Velocity& v, double period);
-  /// Finds how what accelerates the bodies of the latest sample changes, for the next send(). Once
-  /// for each sample; without what other hands do to the bodies, which answers what this one does.
+  /// Finds how the accelerations of the latest sample's bodies change, for the next send(). Call
+  /// once for each sample. `bodies`: without what other hands do to them, which responds to this
+  /// one.
   void follow_accelerations(const MovableBodies& bodies);
-  /// What else than contacts and its weight pushes the tool of the latest sample, for the next
+  /// What pushes the tool of the latest sample besides contacts and its weight, for the next
   /// send(): a weld, a tendon, a payload, drag, a force sensor. The server finds how it depends on
-  /// the tool's motion. F_W: about the origin of the link's frame; several on one link add up, and
-  /// zero is none. After sample(). Throws std::invalid_argument if the tool has no such link.
+  /// the tool's motion. F_W: about the origin of the link's frame; several on one link add up. Call
+  /// after sample(). Throws std::invalid_argument if the tool has no such link.
   void add_external(std::uint8_t link, const Wrench& F_W);
-  /// The sum of those of the latest sample on a link.
+  /// Their sum on a link, of the latest sample.
   Wrench external(std::uint8_t link) const;
   /// Sends the contacts within ε of the latest sample, and the bodies that the tool can push. A
-  /// body that a contact names and that is not among them moves as the contact's v_WC says. With a
-  /// scene (below) the contacts are those that no shape of it stands for, and poses those of its
-  /// bodies, also of those that the tool can push. Returns the update's sequence number, 0 without
-  /// a session.
+  /// body that a contact names but that is not in `bodies` moves as the contact's v_WC says. With a
+  /// scene (below) `contacts` are only those that no shape of it makes, and `poses` those of its
+  /// bodies, pushable ones included. Returns the update's sequence number, 0 without a session.
   std::uint64_t send(double now, const ReportedContacts& contacts, const MovableBodies& bodies = {},
                      const BodyPoses& poses = {});
 
-  /// Gives servers that take scenes the shapes of the world, in this session and in all that
-  /// follow, in place of those that were offered before. They go out with send(), and are there
-  /// when has_scene(); until then those before them are. Throws std::invalid_argument that names
-  /// the shape, its value and what is allowed.
+  /// Gives servers that take scenes the shapes of the world, in this session and all later ones, in
+  /// place of earlier offers. They go out with send() and are in force when has_scene(); until then
+  /// the previous ones are. Throws std::invalid_argument that names the shape, its value and what
+  /// is allowed.
   void offer_scene(protocol::SceneOffer scene);
-  /// Whether the server finds the contacts of its shapes itself, so that send() needs none.
+  /// Whether the server finds the contacts of the offered shapes, so that send() needs none.
   bool has_scene() const noexcept { return connected() && scene_in_force_; }
-  /// Why the server does not find contacts in the scene that is offered, for a person; empty as
-  /// long as nothing is known against it.
+  /// Why the server does not find contacts in the offered scene, for a person; empty while there is
+  /// no known reason.
   const std::string& scene_problem() const noexcept { return scene_problem_; }
-  /// What a body does otherwise than its reports say, and what to do about that, for a person;
-  /// empty if nothing. A server needs some seconds in which the tool moves the body.
+  /// How a body moves otherwise than its reports say, and what to do about it, for a person; empty
+  /// if none does. The server notices within some seconds in which the tool moves the body.
   std::string body_problem() const;
-  /// What the server says of the scene.
+  /// What the server says about the scene.
   const protocol::SceneState& scene_state() const noexcept { return session_.scene_state(); }
 
   /// What the person here asks of the server, from the next send() on: telemetry, the hand of a
-  /// simulated device, other physics. People at the page ask, too, and before this.
+  /// simulated device, other physics. What people at the page ask for comes first.
   void control(const protocol::Control& control);
 
-  /// Starts a program that serves the page of this session to browsers of this machine: the shapes
-  /// that were offered, contacts and forces, charts; the mouse is the hand of a simulated device.
-  /// It ends with the client. Waits until it is there; a second call only says where that is,
-  /// or starts another where it has ended. Returns its address. Throws std::runtime_error that says
-  /// why there is no page.
+  /// Starts a program that serves the page of this session to browsers on this machine: the offered
+  /// shapes, contacts and forces, charts; the mouse is the hand of a simulated device. It ends with
+  /// the client. Waits until the page is ready. A second call returns the same address, or starts
+  /// another page if that one has ended. Throws std::runtime_error that says why there is no page.
   const std::string& show(const SessionPageOptions& options = {});
   /// Ends the session.
   void close(double now) { session_.close(now); }

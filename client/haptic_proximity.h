@@ -29,19 +29,21 @@ HAPTIC_API haptic_proximity* haptic_proximity_open(const haptic_shape* shapes, s
 /* NULL is ignored. */
 HAPTIC_API void haptic_proximity_close(haptic_proximity* proximity);
 
-/* Contacts within epsilon (m, >= 0) at these poses, one for each shape, in the order of the shapes:
- * of the tool with all others, on all axes of each pair; then of the bodies that it has contacts
- * with, and of those that these have contacts with. Of more than there is room for, those that tell
- * most of where the tool can go. Separations are exact to 1e-6 m.
+/* Contacts within epsilon (m, >= 0). `poses`: one for each shape, in the order of the shapes. Finds
+ * the contacts of the tool with all other shapes, on all axes of each pair; then those of the
+ * bodies that the tool touches, and of the bodies that these touch. If there is not room for all,
+ * the ones that say most about where the tool can go. Separations are exact to 1e-6 m.
  *
- * What is fixed to each other is one surface, whose inner edges are not felt: the shapes of one
- * link or body, and those of the world that have not moved since the first call. That call, and one
- * in which a shape first moves against what it was fixed to, may take long with large meshes.
+ * Shapes that are fixed to each other make one surface, whose inner edges are not felt: those of
+ * one link or body, and those of the world that have not moved since the first call. That call, and
+ * any in which a shape first moves relative to what it was fixed to, may take long with large
+ * meshes.
  *
- * Velocities and loads are 0, friction is the server's. Returns how many, at most
- * HAPTIC_MAX_CONTACTS, which `contacts` must hold; `shapes`, if not NULL, gets the places of both
- * shapes of each, twice as many. Shapes whose pose is not finite,
- * farther than 1e7 m, or whose rotation is of length 0 have no contacts; nor has what is NULL. */
+ * Velocities and loads are 0, friction is the server's. Returns how many there are, at most
+ * HAPTIC_MAX_CONTACTS, which `contacts` must have room for; `shapes`, if not NULL, gets the indices
+ * of both shapes of each contact, so twice as many. Shapes whose pose is not finite or farther than
+ * 1e7 m, or whose rotation is of length 0, have no contacts. With a NULL argument there are none.
+ */
 HAPTIC_API size_t haptic_proximity_find(haptic_proximity* proximity, const haptic_pose* poses,
                                         double epsilon, haptic_contact* contacts, uint32_t* shapes);
 

@@ -10,19 +10,21 @@
 namespace hlm {
 
 struct IdentityTrackerOptions {
-  /// A contact goes on if its point on side a has moved in a's frame by no more than this between
-  /// two frames, m, > 0. A contact of a's vertex does not move there; one of the environment's
-  /// vertex moves by speed times period. More lets neighbours change places, less loses fast ones.
+  /// A contact is the same one if its point on side a has moved in a's frame by no more than this
+  /// between two frames, m, > 0. A contact at a's own vertex does not move there; one at a vertex
+  /// of the environment moves by speed times period. More lets neighbours change places, less loses
+  /// fast ones.
   double reach = 0.01;
-  /// And if its normal has turned by no more than this, rad, (0, π).
+  /// Its normal must also have turned by no more than this, rad, (0, π).
   double cone = 0.35;
-  /// Frames for which a contact that is not listed keeps its identity, >= 0: engines leave out one
-  /// now and then.
+  /// Frames for which a contact that is not listed keeps its identity, >= 0: engines omit one now
+  /// and then.
   int memory = 3;
 };
 
-/// Gives each contact the identity of the nearest contact of the frame before between the same two
-/// sides and of the same pair, or a new one. Where the engine names features, their hash is better.
+/// Gives each contact the identity of the nearest contact of the previous frame that has the same
+/// two sides and the same pair, or a new one. Where the engine names features, their hash is
+/// better.
 class IdentityTracker {
  public:
   explicit IdentityTracker(const IdentityTrackerOptions& options = {}) : options_(options) {}
@@ -44,7 +46,7 @@ class IdentityTracker {
     int unseen = 0;  ///< Frames.
   };
 
-  /// Gives contacts the identities of those that they go on, and takes these from them.
+  /// Moves the identities of known contacts to the contacts that continue them.
   void carry_over(std::vector<Known>& present);
 
   IdentityTrackerOptions options_;

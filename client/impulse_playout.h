@@ -12,31 +12,29 @@ namespace hlm {
 
 using DueImpulses = StaticVector<protocol::BodyImpulse, kMaxBodies>;
 
-/// The server reports totals, at the steps in which it took updates. Applied as they arrive they
-/// would come in uneven portions: two in one frame and none in the next, and a body on a table
-/// would hop, as the table stops it and does not pull it back. So they are played out at an even
-/// rate, as much of the server's time in a frame as the frame takes, about a frame behind the
-/// latest.
+/// The server reports totals at the steps in which it took updates. Applied as they arrive they
+/// would come unevenly, two in one frame and none in the next, and a body on a table would hop: the
+/// table stops it but does not pull it back. So they are played out at an even rate, about one
+/// frame behind the latest: each frame gets as much of the server's time as it takes itself.
 class ImpulsePlayout {
  public:
-  /// A session begins, and with it the totals.
+  /// A session begins; its totals begin at zero.
   void reset();
   /// The server is known to have come to this step of its loop.
   void hear(std::uint64_t step);
   void receive(const protocol::Impulses& totals);
-  /// The environment's time stood still from the latest report to the next: what came in between is
-  /// left out, as bodies do not get what they had no time for.
+  /// The environment's time stood still between the latest report and the next: what comes in
+  /// between is left out, because bodies do not get what they had no time for.
   void skip();
-  /// Steps of the server that are known and were not taken yet.
+  /// Steps of the server that were reported and not taken yet.
   double reported() const;
   /// A frame of this many steps of the server begins: returns its impulses. usual: steps of most
   /// frames, if this one may be much shorter.
   DueImpulses take(double steps, double usual = 0);
 
-  /// Step of the server up to which impulses were taken, as far as they were reported; may lie
-  /// between two.
+  /// Step of the server up to which reported impulses were taken; may lie between two steps.
   double step() const noexcept { return step_; }
-  /// Sum of all that was taken for a body.
+  /// Sum of all impulses taken for a body.
   Vector6 taken(std::uint32_t body) const;
 
  private:
@@ -46,7 +44,7 @@ class ImpulsePlayout {
     Totals totals;
   };
 
-  /// Steps of the server that are left out. Not known yet how many where begin is end.
+  /// Steps of the server that are left out. Where begin equals end, their number is not known yet.
   struct Gap {
     double begin;
     double end;

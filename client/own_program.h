@@ -1,4 +1,4 @@
-// A program that this one starts, and that ends with it.
+// A program that this one starts and that ends with it.
 #pragma once
 
 #include <optional>
@@ -10,7 +10,7 @@
 
 namespace hlm {
 
-/// The value of an environment variable that is set to something; otherwise null.
+/// The value of an environment variable; null if it is unset or empty.
 const char* variable(const char* name) noexcept;
 
 /// What the variable `named_by` names, or `name` next to this library or in PATH. Throws
@@ -19,27 +19,28 @@ const char* variable(const char* name) noexcept;
 std::string find_program(const std::string& name, const char* named_by,
                          const std::string& otherwise = "");
 
-/// No file from `first` on is the program's that is started with these.
+/// A program started with these inherits no file from `first` on.
 void close_from(posix_spawn_file_actions_t& files, int first);
 
-/// Runs until this object ends. A child of the program, which should wait for others by their ids.
+/// Runs until this object ends. It is a child of this process, which should wait for other children
+/// by their ids.
 class OwnProgram {
  public:
-  /// Number of the inherited file in the program.
+  /// Number of the inherited file in the started program.
   static constexpr int kInherited = 3;
 
-  /// arguments: of the program, its file first. inherited: an open file that it gets; below 0:
-  /// none. Throws std::runtime_error if it cannot be started.
+  /// arguments: those of the program, its file first. inherited: an open file that it inherits;
+  /// below 0: none. Throws std::runtime_error if it cannot be started.
   explicit OwnProgram(std::vector<std::string> arguments, int inherited = -1);
-  /// Asks it to end, and waits for that up to 2 s; then it is killed.
+  /// Asks it to end, waits up to 2 s, then kills it.
   ~OwnProgram();
   OwnProgram(const OwnProgram&) = delete;
   OwnProgram& operator=(const OwnProgram&) = delete;
 
   pid_t process() const noexcept { return process_; }
-  /// Where the program, or the system for it, has waited for it elsewhere.
+  /// Status of a program for which another part of this process, or the system, has waited.
   static constexpr int kUnknown = -1;
-  /// What it ended with, 128 + the signal that ended it, or kUnknown; empty while it runs.
+  /// Its exit status, 128 + the signal that ended it, or kUnknown; empty while it runs.
   std::optional<int> status() noexcept;
 
  private:

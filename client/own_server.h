@@ -12,7 +12,7 @@ namespace hlm {
 /// "HOST:PORT" of the server for programs that name none: HAPTIC_SERVER, or 127.0.0.1:47800.
 std::string usual_server();
 
-/// Whether a server may be there: the port is taken, or the address is not of this machine.
+/// Whether a server may be there: the port is taken, or the address belongs to another machine.
 bool may_listen(const protocol::Endpoint& server) noexcept;
 
 struct OwnServerOptions {
@@ -20,9 +20,9 @@ struct OwnServerOptions {
   std::string key_file = {};  ///< Shared with the client; empty: none.
 };
 
-/// Runs until this object ends, or the program, however that is; or the thread that made it, which
-/// should last. A child of the program, which should wait for others by their ids. Its hand is
-/// Control::X_WTarget.
+/// Runs until this object, the process (even by a crash) or the thread that made it ends; that
+/// thread should last. It is a child of the process, which should wait for other children by their
+/// ids. Control::X_WTarget moves its hand.
 class OwnServer {
  public:
   /// Starts it at a free port of this machine. The program is what HAPTIC_SERVER_PROGRAM names, or

@@ -15,14 +15,13 @@ namespace hlm::page_wire {
 
 /// First byte of each packet.
 enum class Kind : std::uint8_t {
-  kMessage = 1,  ///< A message of the protocol: its parts, each after its length in two bytes.
-  kSceneBegin =
-      2,          ///< Records of a scene that is offered follow, in place of any that came in part.
-  kScene = 3,     ///< Records (scene_records.h), or a part of one.
-  kSceneEnd = 4,  ///< They are all there.
-  kStatus = 5,    ///< A Status.
-  kAddress = 6,   ///< To the session: where the page is, as text.
-  kTrouble = 7,   ///< To the session: why there is no page, as text.
+  kMessage = 1,     ///< A message of the protocol: its parts, each after its length in two bytes.
+  kSceneBegin = 2,  ///< Records of an offered scene follow; a scene that came in part is dropped.
+  kScene = 3,       ///< Records (scene_records.h), or a part of one.
+  kSceneEnd = 4,    ///< They are all there.
+  kStatus = 5,      ///< A Status.
+  kAddress = 6,     ///< To the session: where the page is, as text.
+  kTrouble = 7,     ///< To the session: why there is no page, as text.
 };
 
 struct Status {
@@ -58,7 +57,7 @@ Packet packet(const Message& message, const protocol::Envelope& envelope) {
   return made;
 }
 
-/// The parts of a message in a packet of kMessage, without its first byte; none if it is no such.
+/// The parts of a message in a packet of kMessage, without its first byte; none if it is malformed.
 inline std::vector<protocol::DatagramBytes> parts_of(std::span<const std::byte> bytes) {
   std::vector<protocol::DatagramBytes> parts;
   while (bytes.size() >= sizeof(std::uint16_t)) {

@@ -14,10 +14,10 @@ class SessionNews {
   SessionNews(std::string server, std::string key_file)
       : server_(std::move(server)), key_file_(std::move(key_file)) {}
 
-  /// After each poll of the client. now: as its.
+  /// Call after each poll of the client, with the same `now`.
   void hear(double now, const HapticClient& client, const HapticClient::Inbox& inbox);
-  /// One line without its end; empty if there is nothing to say. It stays until something else is
-  /// to be said, or a session begins.
+  /// One line, without a line break; empty if there is nothing to say. It stays until there is
+  /// other news or a session begins.
   const std::string& text() const noexcept { return text_; }
 
  private:

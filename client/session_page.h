@@ -1,4 +1,4 @@
-// The page of a session: a program of its own serves it to browsers, and is told what the session
+// The page of a session: a separate program serves it to browsers and is told what the session
 // does.
 #pragma once
 
@@ -19,11 +19,11 @@ struct SessionPageOptions {
   bool token = false;      ///< The page asks for a token, which its address has.
 };
 
-/// Ends with this object, or with the program. It is told no more often than a page can show; what
-/// it cannot take in time is left out. Nothing waits but the constructor and show_scene().
+/// Ends with this object, or with the process. It is told no more often than a page can show, and
+/// misses what it cannot take in time. Only the constructor and show_scene() wait.
 class SessionPage final : public protocol::TelemetryObserver {
  public:
-  /// hello: of the session. Starts haptic_page: what HAPTIC_PAGE_PROGRAM names, or the one next to
+  /// hello: the session's. Starts haptic_page: what HAPTIC_PAGE_PROGRAM names, or the one next to
   /// this library or in PATH. Throws std::runtime_error that says why there is no page.
   SessionPage(const protocol::Hello& hello, const SessionPageOptions& options);
   ~SessionPage() override;
@@ -35,8 +35,8 @@ class SessionPage final : public protocol::TelemetryObserver {
 
   /// Whether its program has ended.
   bool ended() { return running_->status().has_value(); }
-  /// The scene that is offered, as records without what came before. Waits until the page has it; a
-  /// page that hangs for 2 s goes without.
+  /// The offered scene, as records that stand alone. Waits until the page has it; a page that hangs
+  /// for 2 s goes without.
   void show_scene(std::span<const std::uint8_t> records);
   /// A session has begun.
   void show_welcome(const protocol::Welcome& welcome) { untold_ = welcome; }
@@ -47,10 +47,10 @@ class SessionPage final : public protocol::TelemetryObserver {
   void observe(const protocol::Ticks& ticks) override;
   void observe(const protocol::LocalState& state) override;
 
-  /// `own`, and what people at the page ask for: telemetry, the hand, other physics.
+  /// `own`, with what people at the page ask for: telemetry, the hand, other physics.
   protocol::Control control(protocol::Control own) const;
-  /// Hears what they ask for. Whether that has changed. A hand that is not held again within half a
-  /// second, at a page that hangs, is let go.
+  /// Takes in what they ask for; returns whether it has changed. A hand that is not held again
+  /// within half a second is let go: its page hangs.
   bool listen(double now);
   /// The session is over: the hand is let go.
   void let_go() { asked_.holds = false; }
@@ -70,7 +70,7 @@ class SessionPage final : public protocol::TelemetryObserver {
   page_wire::Packet packet_ = page_wire::Packet(page_wire::kMost);  ///< What has come.
   std::optional<protocol::Welcome> untold_;
   std::uint64_t told_ = 0;  ///< Sequence of the latest message.
-  double news_at_ = -1;     ///< s: when news and updates were told last.
+  double news_at_ = -1;     ///< When news was told last, s; likewise updates.
   double update_at_ = -1;
   protocol::Control asked_;
   double asked_at_ = 0;  ///< When it was heard last, s.

@@ -22,8 +22,8 @@ struct BodyShape {
   ContactSide side;
 };
 
-/// What is fixed to each other is one surface: the shapes of one link or body, and all shapes of
-/// the world that have not moved since the first call.
+/// Shapes that are fixed to each other make one surface: those of one link or body, and all shapes
+/// of the world that have not moved since the first call.
 class ShapeContacts {
  public:
   /// Whether two shapes may touch, by their places in the list. Those of one side never do, nor do
@@ -41,12 +41,12 @@ class ShapeContacts {
   ShapeContacts(const ShapeContacts&) = delete;
   ShapeContacts& operator=(const ShapeContacts&) = delete;
 
-  /// Contacts within epsilon (m, >= 0) with the shapes' frames at these poses: of the tool with all
-  /// others, on all axes of each pair; then of the bodies that it has contacts with, and of those
-  /// that these have contacts with. Of more than there is room for, those that tell most of where
-  /// the tool or body can go. At most kMaxContacts. A shape whose pose is not finite or beyond 1e7
-  /// m, or whose rotation is of length 0, has none. The first call, and one in which a shape moves
-  /// against what it was fixed to, arranges all surfaces anew. Valid until the next call.
+  /// Contacts within epsilon (m, >= 0), with the shapes' frames at these poses: those of the tool
+  /// with all other shapes, on all axes of each pair; then those of the bodies that the tool
+  /// touches, and of the bodies that these touch. If there are more than kMaxContacts, the ones
+  /// that say most about where the tool or body can go. A shape whose pose is not finite or beyond
+  /// 1e7 m, or whose rotation is of length 0, has none. The first call, and any in which a shape
+  /// moves relative to what it was fixed to, arranges all surfaces anew. Valid until the next call.
   std::span<const Found> find(std::span<const Pose> X_WS, double epsilon);
 
  private:

@@ -80,9 +80,8 @@ class ContactFinder {
   /// velocities and loads. `a` is the side of these bodies, to which normals point; `b` is a link,
   /// or counts as the world. Valid until the next call.
   std::span<const FoundContact> find(std::span<const int> bodies, const Search& search) noexcept;
-  /// Whether a pair overlapped at the latest search by more than what is pressed in at an internal
-  /// edge, and has no contact: a narrow tool is deep in two pieces, past the sides on which they
-  /// adjoin.
+  /// Whether in the latest search a pair overlapped deeply at an internal edge but had no contact:
+  /// a narrow tool is deep in two pieces, past the sides on which they adjoin.
   bool lost() const noexcept { return lost_; }
   /// What the latest search left out.
   const FinderCut& cut() const noexcept { return cut_; }

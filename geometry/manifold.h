@@ -58,9 +58,9 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 /// Contacts on all axes that can become the best while the tool moves by no more than epsilon: two
 /// convex shapes are apart if any axis separates them. The least separation of an axis' contacts is
 /// its gap: so on an axis with none over a face they are the shapes' outermost points, also beyond
-/// the face's border. An axis less than kOneAxis from a former one that is meant to carry is not
-/// meant to: of such, only normals of the body's faces are listed; they tell whether the shapes are
-/// apart as the tool turns.
+/// the face's border. An axis within kOneAxis of an earlier load-bearing one bears no load: of
+/// these only normals of the body's faces are listed, which tell whether the shapes are apart as
+/// the tool turns.
 ///
 /// The normals of curved shapes, and of the edges of hulls, turn as the tool moves. With
 /// `travel_W`, how far it is about to move relative to the body (m), they are also those that

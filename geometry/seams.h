@@ -1,5 +1,5 @@
-// Which contacts of a pair are on no surface because another piece goes on there, and which are on
-// a surface of several pieces (docs/method.md 8.5)?
+// Which contacts of a pair lie on an internal edge, where an adjoining piece continues the surface,
+// and which on a surface of several pieces (docs/method.md 8.5)?
 #pragma once
 
 #include <vector>

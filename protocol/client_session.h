@@ -27,20 +27,19 @@ class TelemetryObserver {
 
 struct ClientSessionOptions {
   Endpoint server;
-  /// The session's first `nonce` is here; 0: drawn at random, as all later ones. `clears_fault` is
-  /// set by the session, see below.
+  /// Its nonce is that of the first session; 0: drawn at random, as all later ones are.
+  /// `clears_fault` is set by the session, see below.
   Hello hello;
   double hello_period = 0.1;  ///< Between repeated hellos, s.
-  /// A server silent for this long, s, and a round trip, although updates were sent, is asked for a
-  /// new session.
+  /// A server that is silent for this long, s, plus a round trip, although updates were sent, is
+  /// asked for a new session.
   double timeout = 0.5;
-  /// A person asks for the first session: if it is had within 2 s it ends a fault of the server.
+  /// A person asks for the first session: if it begins within 2 s, it ends a fault of the server.
   bool clears_fault = true;
   TelemetryObserver* telemetry = nullptr;  ///< Must outlive the session; null: dropped unread.
 };
 
-/// Not thread-safe; never waits, and allocates nothing after its construction, but in
-/// queue_scene().
+/// Not thread-safe; never waits, and allocates after its construction only in queue_scene().
 class ClientSession {
  public:
   /// Datagrams taken in one poll: more than a server sends between two steps of any simulator.
@@ -53,35 +52,35 @@ class ClientSession {
   struct Inbox {
     bool welcomed = false;         ///< A session began in this poll: the proxy starts at hello.q.
     bool lost = false;             ///< The session ended in this poll (goodbye or silence).
-    std::optional<Reject> reject;  ///< The server refuses; it is asked again all the same.
+    std::optional<Reject> reject;  ///< The server refuses; it is asked again nevertheless.
     const ProxyState* state = nullptr;   ///< Latest proxy state, valid until the next poll.
     std::optional<Refusal> refusal;      ///< Why an update, or a contact of it, was not used.
     const Impulses* impulses = nullptr;  ///< Latest totals, valid until the next poll.
     bool scene = false;                  ///< A new scene_state() has come.
   };
 
-  /// Drains the link, says hello where there is no session. `now`: s, any steady origin.
+  /// Drains the link; says hello while there is no session. `now`: s, any steady origin.
   Inbox poll(double now);
   /// Sends an update in as many parts as it needs; fills in `echo_step` and `echo_hold`. Returns
   /// its sequence. Without a session nothing is sent and 0 is returned.
   std::uint64_t send(double now, ContactUpdate update);
-  /// Asks for this from here on, also in later sessions: it is sent before each update until the
+  /// Asks for this from now on, also in later sessions: it is sent before each update until the
   /// server says that it is in effect.
   void set_control(const Control& control);
   /// Appends records (scene_records.h) to the scene stream of this session; the next one begins
   /// without any. Allocates. Returns why it does not, naming the value and what is allowed: there
   /// is no session, the server takes no scenes, or more than SceneSender::kMostQueued would wait.
   [[nodiscard]] std::optional<Sentence> queue_scene(std::span<const std::uint8_t> records);
-  /// Sends at most `budget` chunks of what was queued, those that were lost first; to be called
-  /// once in each step. Returns how many. More sends a scene sooner, and fills narrower networks.
+  /// Sends at most `budget` queued chunks, lost ones first; call it once in each step. Returns how
+  /// many. A larger budget sends a scene sooner but fills narrow networks.
   std::size_t send_scene(double now, std::size_t budget);
-  /// The server's latest word on the scene stream of this session, or of the latest.
+  /// The server's latest word on the scene stream of this session, or of the previous one.
   const SceneState& scene_state() const noexcept { return scene_state_; }
-  /// What of the scene stream the server has not taken.
+  /// The part of the scene stream that the server has not taken.
   const SceneSender& scene_sender() const noexcept { return scene_sender_; }
   /// Ends the session, if there is one. The next poll would ask for another.
   void close(double now);
-  /// Hellos from here on give this configuration as the tool's initial one.
+  /// Later hellos give this as the tool's initial configuration.
   void set_initial_configuration(const Configuration& q) { options_.hello.q = q; }
 
   bool active() const noexcept { return active_; }

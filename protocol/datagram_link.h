@@ -20,8 +20,8 @@ struct Endpoint {
   std::uint16_t port = 0;
   /// Which sealed channel with that address; 0: not sealed.
   std::uint32_t channel = 0;
-  /// Of a sender: which of this machine's addresses it wrote to, where a socket has several; 0: not
-  /// known. What is sent to it comes from there. No part of who it is.
+  /// Of a sender: the address of this machine that it wrote to, where a socket has several; 0: not
+  /// known. Replies come from there. It is no part of the sender's identity.
   std::uint32_t asked = 0;
 
   bool operator==(const Endpoint& other) const noexcept {
@@ -45,7 +45,7 @@ struct Datagram {
   Endpoint peer;  ///< Sender of a received datagram, receiver of a sent one.
   DatagramBytes bytes;
   double waited = 0;  ///< Between its arrival at this machine and receive(), s.
-  /// Why a sealing link has refused it; there are no bytes then. It is to be counted.
+  /// Why a sealing link has refused it; it then has no bytes, and is to be counted.
   std::optional<DropReason> dropped = std::nullopt;
 };
 

@@ -1,5 +1,5 @@
-// Why does a person feel nothing? The way of the force to the hand, link by link, and the first
-// link that stops it. The live page and haptic_doctor show the same.
+// Why does a person feel nothing? The chain from the session to the force on the hand, and its
+// first link that stops it. The live page and haptic_doctor show the same one.
 #pragma once
 
 #include <array>
@@ -44,7 +44,7 @@ struct ChainLink {
   std::string reason;  ///< Why it stops or limits the force, a clause; empty: it does not.
 };
 
-/// The links from the session to the command. One that has no part in the force has the value "–".
+/// The links from the session to the command. A link without a part in the force has the value "–".
 using ForceChain = std::array<ChainLink, 10>;
 ForceChain force_chain(const ForceFacts& facts);
 

@@ -38,7 +38,7 @@ enum class MessageType : std::uint8_t {
   kRefusal = 10,       ///< Server to client: why an update, or a contact of it, was not used.
   kImpulses = 11,      ///< Server to client: what the tool has done to movable bodies.
   kSceneChunk = 12,    ///< Client to server: a piece of the scene stream.
-  kSceneState = 13,    ///< Server to client: what has come of it, and what was made of it.
+  kSceneState = 13,    ///< Server to client: how far that has come, and what was made of it.
 };
 
 /// Client to server: the tool and where it is. Repeated until answered.
@@ -51,7 +51,7 @@ struct Hello {
   bool clears_fault = false;  ///< A person asks for this session: it ends a fault of the server.
 };
 
-/// What a server makes of an update. A client need not send what a server does not use.
+/// Which parts of an update a server uses. A client need not send the others.
 struct Capabilities {
   bool movable_bodies = false;  ///< Bodies of an update and their contacts; otherwise a contact's
                                 ///< point moves with its v_WC.
@@ -62,7 +62,7 @@ struct Capabilities {
   bool operator==(const Capabilities&) const = default;
 };
 
-/// The haptic device, as far as a client may want to know it.
+/// What a client may want to know of the haptic device.
 struct DeviceReport {
   Text name{};
   /// Ratings: N, N·m, N/m, N·m/rad; 0 where the device has none.
@@ -86,7 +86,7 @@ struct Welcome {
   double servo_rate = 1000;       ///< Rate of the local model, Hz.
   std::uint64_t fingerprint = 0;  ///< Fingerprint of the server's effective options.
   Tuning tuning{};                ///< Tuning in effect as the session begins.
-  double silence_time = 0.25;     ///< Without a word of the client for this long force fades, s.
+  double silence_time = 0.25;     ///< Force fades when the client is silent for this long, s.
   double fade_time = 0.02;        ///< How long the fade from full force takes, s.
   double least_update_rate = 4;   ///< Below this force comes and goes, Hz.
   Capabilities capabilities{};
@@ -119,8 +119,8 @@ struct ContactUpdate {
   AccelerationRates rates;  ///< Of `bodies`; that of others is 0.
   /// What else pushes the tool; several on one link add up.
   ExternalWrenches external;
-  /// 0: the contacts are of all that is near; else of what the scene in force has no shapes of, and
-  /// this is the latest commit that had been queued.
+  /// 0: the contacts are those of everything near. Otherwise they are those of what has no shape in
+  /// the scene in force, and this is the latest commit that had been queued.
   std::uint32_t scene = 0;
 };
 
@@ -177,7 +177,7 @@ struct ProxyState {
   double gripper = 0;                    ///< Opening of the device's gripper, 0 closed to 1 open.
   double scale = 1;                      ///< Metres in the world for each metre of the handle.
   Fade fade = Fade::kNone;               ///< Why force fades, or waits at zero.
-  // What has passed the device port since the session began, J.
+  // Energy that has passed the device port since the session began, J.
   double given = 0;            ///< Energy given to the hand.
   double taken = 0;            ///< Energy taken from the hand.
   double explained = 0;        ///< Explained part of given - taken: weight, constraints that move.
@@ -189,8 +189,8 @@ struct ProxyState {
   /// controller does not couple translation.
   double lowered = 0;
   std::uint32_t scene = 0;             ///< Number of the scene in force, 0 none.
-  BodyDoubt doubt = BodyDoubt::kNone;  ///< What a body does otherwise than its reports say,
-  std::uint32_t doubted = 0;           ///< and which one.
+  BodyDoubt doubt = BodyDoubt::kNone;  ///< How a body moves otherwise than its reports say.
+  std::uint32_t doubted = 0;           ///< Which body.
 };
 
 /// How the hand's wrench is known, as status line, state file and page say it.
@@ -199,9 +199,8 @@ constexpr std::string_view hand_source(bool known, bool observed) noexcept {
   return observed ? "observed" : "measured";
 }
 
-/// Client to server: the whole of what the person at the environment asks for. It takes effect with
-/// the next update of a higher sequence that the server takes, so that a recorded session shows in
-/// which step.
+/// Client to server: all that the person at the environment asks for. It takes effect with the next
+/// update of a higher sequence that the server takes, so that a recorded session shows the step.
 struct Control {
   bool telemetry = false;  ///< Send ticks and local states.
   bool holds = false;      ///< The person holds the hand of a simulated device at X_WTarget.
@@ -267,14 +266,14 @@ inline constexpr std::size_t kChunkSize = 1024;
 inline constexpr std::size_t kSceneWindow = 256;
 using ChunkData = StaticVector<std::byte, kChunkSize>;
 
-/// Client to server: a piece of the scene stream (scene_records.h). What a number once carried it
-/// always carries.
+/// Client to server: a piece of the scene stream (scene_records.h). A number always carries the
+/// same data.
 struct SceneChunk {
   std::uint64_t number = 0;  ///< From 0 in each session.
   ChunkData data;            ///< 1 to kChunkSize bytes.
 };
 
-/// Why the scene stream was refused: the rest of it counts for nothing in its session.
+/// Why the scene stream was refused: the rest of it is ignored in its session.
 enum class SceneError : std::uint8_t {
   kNone = 0,
   kMalformed = 1,
@@ -296,7 +295,7 @@ struct SceneState {
   std::array<std::uint64_t, kSceneWindow / 64> bitmap{};
   std::uint32_t scene = 0;           ///< Number of the scene in force, 0 none.
   std::uint32_t received_scene = 0;  ///< Number of the latest commit that was read, 0 none.
-  std::uint32_t shapes = 0;          ///< That the server holds; so are the following two.
+  std::uint32_t shapes = 0;          ///< Shapes that the server holds; likewise the next two.
   std::uint32_t placements = 0;
   std::uint64_t bytes = 0;
   SceneError error = SceneError::kNone;

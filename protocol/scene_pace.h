@@ -20,7 +20,7 @@ class ScenePace {
 
   /// How many of `budget` chunks may be sent now: one at least, if the budget is not 0.
   std::size_t begin(double now, std::size_t budget) noexcept;
-  /// It has come for the first time what was sent at `sent_at` for the latest time.
+  /// A chunk has come for the first time whose latest sending was at `sent_at`.
   void arrived(double now, double sent_at, bool was_repeated) noexcept;
   /// Whether what was sent then and has not come is lost, because of what has come.
   bool is_overtaken(double sent_at) const noexcept;

@@ -15,8 +15,8 @@ namespace hlm::protocol {
 void normalize(const ToolDescription& tool, Configuration& q) noexcept;
 /// Whether q has the tool's length and, of a free root, a unit quaternion.
 bool fits(const ToolDescription& tool, const Configuration& q) noexcept;
-/// What of an update does not fit the tool: its q or v as a whole, or one contact, which the local
-/// model then leaves out.
+/// The part of an update that does not fit the tool: its q or v as a whole, or one contact, which
+/// the local model then leaves out.
 struct UpdateMisfit {
   UpdateError error = UpdateError::kNone;
   bool whole = true;

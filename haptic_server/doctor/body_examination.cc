@@ -54,9 +54,8 @@ Examination examine_bodies(const RecordedSession& session) {
                                     bodies),
                         ""});
   }
-  return {
-      fmt::format("Do bodies what their reports say? (session {:016x} of the capture)", session.id),
-      findings};
+  return {fmt::format("Do bodies move as reported? (session {:016x} of the capture)", session.id),
+          findings};
 }
 
 }  // namespace hlm::server

@@ -1,4 +1,4 @@
-// Do the bodies of a client what their reports say? From a recorded session.
+// Do a client's bodies move as it reports? From a recorded session.
 #pragma once
 
 #include "hlm/doctor/finding.h"

@@ -1,4 +1,4 @@
-// Whether bodies do what their reports say (docs/method.md 20).
+// Whether bodies move as their reports say (docs/method.md 20).
 #pragma once
 
 #include <array>

@@ -40,7 +40,7 @@ class BodyImpulses {
   /// Adds an impulse in the step that has begun, for at most kMaxMovedBodies bodies in a step.
   void add(std::size_t slot, const Vector6& P_W) noexcept;
   void end_step() noexcept;
-  /// So many steps like the latest go by.
+  /// `steps` steps like the latest one pass.
   void repeat(std::uint64_t steps) noexcept;
 
   /// The totals are reported to the environment, which plays out at an even rate what came since

@@ -95,8 +95,8 @@ class LocalModel {
 
   void adopt(const ModelUpdate& update) noexcept;
 
-  /// So many steps of the loop were missed. While the device `holds` its force, contacts go on with
-  /// what they had in the step before, less its impulses, and bodies get that; the proxy waits.
+  /// `steps` periods of the loop were missed. While the device `holds` its force, contacts keep the
+  /// force of the previous step, without its impulses, and bodies get it; the proxy waits.
   void miss(std::uint64_t steps, bool holds) noexcept;
   /// What bodies have received so far is reported to the environment.
   void report_impulses() noexcept;
@@ -111,8 +111,8 @@ class LocalModel {
   /// Without proxy dynamics: puts the proxy at q with velocity v and evaluates its contacts there.
   /// There is no impulse: what collides is the device, whose own mass the contacts' penalty stops.
   ContactWrench follow(const Configuration& q, const Velocity& v) noexcept;
-  /// Share in [0, 1] of the work of what follow() returned that the device renders. What it does
-  /// not, the hand does not pay for, so nothing heals with it.
+  /// Share in [0, 1] of the work of follow()'s wrench that the device renders. Work that was not
+  /// rendered does not fill the healing tank.
   void set_rendered(double share) noexcept { rendered_ = share; }
 
   const ToolModel& proxy() const noexcept { return proxy_; }
@@ -131,7 +131,7 @@ class LocalModel {
   /// τ of weight and external wrenches in the latest step, N or N·m.
   const GeneralisedForce& load() const noexcept { return load_; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
-  /// Whether the bodies do what their reports say.
+  /// Whether the bodies move as their reports say.
   const BodyAudit& audit() const noexcept { return audit_; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.

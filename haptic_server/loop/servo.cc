@@ -201,8 +201,8 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
                                 .scenes = scenes_ != nullptr}));
 }
 
-/// Hands on what came of the scene stream, and takes the newest scene that was made of it. One for
-/// which there is not the time goes.
+/// Forwards new chunks of the scene stream and adopts the newest scene. Drops a scene that takes
+/// too long.
 void Servo::load_scene(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept {
   late_ = has_scene() ? std::max(0.0, late_ + timing.previous_execution - dt_) : 0;
   if (late_ > kLongestLate) scenes_->drop({});

@@ -32,7 +32,7 @@ struct DeviceExchange {
   bool written = true;               ///< It took the command.
 };
 
-/// What became of scenes in a tick: a replay needs that, too.
+/// Scene state of a tick, recorded for replay.
 struct SceneExchange {
   std::uint32_t number = 0;  ///< Number of the scene in force, 0 none.
   std::uint32_t chunks = 0;  ///< Chunks of the scene stream that were handed on.
@@ -57,7 +57,7 @@ class Servo {
   const DeviceExchange& exchange() const noexcept { return exchange_; }
   /// Whether there was a session when it began, or when it ended.
   bool had_session() const noexcept { return had_session_; }
-  /// What became of scenes in it.
+  /// The scene state of the latest tick.
   const SceneExchange& scene_exchange() const noexcept { return scene_exchange_; }
 
   /// Zero force, device off, goodbye to the client.
@@ -104,7 +104,7 @@ class Servo {
   std::optional<LocalModel> local_model_;
   Scene* scene_ = nullptr;        ///< The newest of the session.
   double late_ = 0;               ///< Time that a scene's ticks took beyond their period, s.
-  double keeps_contacts_ = 0;     ///< Those of a dropped scene stay for so long, s.
+  double keeps_contacts_ = 0;     ///< Time for which contacts of a dropped scene are kept, s.
   double oldest_ = 0;             ///< Age at most of the latest update, s.
   bool counts_on_scene_ = false;  ///< The latest update leaves its contacts to a scene.
   EngineView engine_;
