@@ -29,11 +29,11 @@ namespace hlm::bullet {
 
 struct Options {
   protocol::Endpoint server;
-  double period = 1.0 / 60;  ///< About that of the frames, s.
+  double period = 1.0 / 60;  ///< Roughly that of the frames, s.
   double step = 1.0 / 240;   ///< Bullet's step, the last argument of stepSimulation(), s, > 0.
 };
 
-/// The virtual tool that a hand holds when it holds this body: what Bullet has as its mass.
+/// The virtual tool that a hand holds when it holds this body, with Bullet's mass for it.
 inline ToolDescription tool_of(btRigidBody& body) {
   if (movable(body) == nullptr || body.getBroadphaseHandle() == nullptr) {
     throw std::invalid_argument("the tool must be a body with mass, in the world, that moves");
@@ -50,11 +50,11 @@ inline ToolDescription tool_of(btRigidBody& body) {
   return tool;
 }
 
-/// A client for one world. What joints leave of a body's mobility comes from the rows of Bullet's
-/// own solver (joints.h).
+/// A client for one world. Which motions joints allow a body comes from the rows of Bullet's own
+/// solver (joints.h).
 ///
-/// From its construction on the tool is kinematic: it is where the proxy is. While the server
-/// answers it makes no force of its own, but pushes bodies by the impulses that the hand felt. The
+/// From construction on the tool is kinematic: it is where the proxy is. While the server answers,
+/// the tool makes no force of its own, but pushes bodies by the impulses that the hand felt. The
 /// bodies near it are kept awake.
 class Session {
  public:
@@ -76,9 +76,9 @@ class Session {
     shapes_.offer(client_);
   }
 
-  /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for
-  /// all of the frame's steps. Returns how many steps to take: they bring Bullet's time up to the
-  /// hand's, so frames may come late. 0 where less than a step has passed.
+  /// Before a frame: puts the tool where the proxy is, and applies its impulses on bodies as forces
+  /// during all of the frame's steps. Returns how many steps to take: they bring Bullet's time up
+  /// to the hand's, so frames may be late. 0 if less than a step has passed.
   int drive() {
     const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
@@ -104,7 +104,7 @@ class Session {
     return steps;
   }
 
-  /// After a frame: where bodies are. Throws std::invalid_argument if a shape cannot be used,
+  /// After a frame: sends where bodies are. Throws std::invalid_argument if a shape cannot be used,
   /// Bullet's state is not finite, or something in it is out of a server's range.
   void send() {
     if (frame_ == 0) return;
@@ -154,8 +154,8 @@ class Session {
   /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
 
-  /// Bodies within this are sent, and within what the tool travels until the next update but two
-  /// has come, up to the farthest, m: one that was not sent is a wall.
+  /// Bodies within this distance are sent, plus how far the tool travels until the third update
+  /// from now has come, up to the farthest, m: a body that was not sent is a wall.
   double reach() const {
     constexpr double kNear = 0.02;
     constexpr double kFarthest = 0.3;

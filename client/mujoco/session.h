@@ -30,10 +30,10 @@ namespace hlm::mujoco {
 
 struct Options {
   protocol::Endpoint server;
-  double period = 1.0 / 60;  ///< About that of the frames, s.
+  double period = 1.0 / 60;  ///< Roughly that of the frames, s.
 };
 
-/// The body of that name, if it can be a tool. Throws std::invalid_argument where there is none, it
+/// The body of that name, if it can be a tool. Throws std::invalid_argument if there is none, it
 /// has no free joint, or other bodies are welded to it.
 inline int find_tool(const mjModel& model, const std::string& name) {
   const int tool = mj_name2id(&model, mjOBJ_BODY, name.c_str());
@@ -70,15 +70,15 @@ inline ToolDescription tool_of(const mjModel& model, int body) {
 }
 
 /// A client for one model, which it changes: the tool resists nothing between two calls of drive().
-/// The server has the geoms and finds their contacts; a flex is not felt. While it answers, the
-/// tool's geoms make no force of their own: the tool is where the proxy is, and bodies are pushed
-/// by the impulses that the hand felt. Any body with degrees of freedom can be pushed. From drive()
-/// to send() these pushes are a part of xfrc_applied; a force of your own there stays: set it
-/// before drive(). The hand also feels what else pushes the tool: external_wrench().
+/// The server has the geoms and finds their contacts; a flex is not felt. While the server answers,
+/// the tool's geoms make no force of their own: the tool is where the proxy is, and bodies are
+/// pushed by the impulses that the hand felt. Any body with degrees of freedom can be pushed. From
+/// drive() to send() these pushes are part of xfrc_applied; a force of your own there stays if you
+/// set it before drive(). The hand also feels what else pushes the tool: external_wrench().
 class Session {
  public:
-  /// All must outlive this. Throws std::invalid_argument where the tool, a geom or the options
-  /// cannot be used.
+  /// All must outlive this. Throws std::invalid_argument if the tool, a geom or the options cannot
+  /// be used.
   Session(protocol::DatagramLink& link, mjModel& model, mjData& data, const std::string& tool,
           const Options& options)
       : model_(model),
@@ -99,9 +99,9 @@ class Session {
     client_.offer_scene(shapes_.offer(data));
   }
 
-  /// Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches
-  /// for all of the frame's steps. Returns how many steps to take: they bring MuJoCo's time up to
-  /// the hand's, so frames may come late. 0 where less than a step has passed.
+  /// Before a frame: puts the tool where the proxy is, and applies its impulses on bodies as
+  /// wrenches during all of the frame's steps. Returns how many steps to take: they bring MuJoCo's
+  /// time up to the hand's, so frames may be late. 0 if less than a step has passed.
   int drive() {
     take_back_pushes();  // Pushes of a frame that was not sent.
     const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
@@ -130,7 +130,7 @@ class Session {
     return steps;
   }
 
-  /// After a frame: where bodies are, at the pose that the steps led to. Throws
+  /// After a frame: sends where bodies are, at the poses to which the steps led. Throws
   /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
   /// range.
   void send() {
@@ -177,8 +177,8 @@ class Session {
   /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
   static constexpr int kHandOver = 2;
 
-  /// Bodies within this are sent, and within what the tool travels until the next update but two
-  /// has come, up to the farthest, m: one that was not sent is a wall.
+  /// Bodies within this distance are sent, plus how far the tool travels until the third update
+  /// from now has come, up to the farthest, m: a body that was not sent is a wall.
   double reach() const {
     constexpr double kNear = 0.02;
     constexpr double kFarthest = 0.3;
