@@ -83,7 +83,7 @@ if (!existsSync(join(root, 'docs/site/node_modules/minisearch'))) {
 const out = mkdtempSync(join(tmpdir(), 'site-'));
 let find;
 try {
-  execFileSync('node', [join(root, 'docs/site/build.mjs'), root, out], { stdio: ['ignore', 'ignore', 'inherit'] });
+  execFileSync(process.execPath, [join(root, 'docs/site/build.mjs'), root, out], { stdio: ['ignore', 'ignore', 'inherit'] });
   find = vm.runInNewContext(`${readFileSync(join(out, 'finder.js'), 'utf8')}\nfind`);
 } finally {
   rmSync(out, { recursive: true });
