@@ -12,8 +12,7 @@ std::string udev_rules() {
              "--reload && sudo udevadm trigger\n"
              "# sudo groupadd --system --force haptic && sudo usermod -aG haptic,dialout $USER, "
              "then log in again.\n") +
-         kPackagedRules +
-         "SUBSYSTEM==\"usb\", ATTRS{idVendor}==\"1451\", GROUP=\"haptic\", MODE=\"0660\"\n";
+         kPackagedRules;
 }
 
 }  // namespace hlm::server
