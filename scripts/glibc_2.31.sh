@@ -19,7 +19,7 @@ unpack_system() {
   done
   for package in "$folder"/*/packages/*.deb; do  # For the licences of what comes along.
     name=$(basename "$package")
-    dpkg-deb -c "$package" | sed -n "s|^[-l].*/\([^/ ]*\.so\.[^/ ]*\)\( -> .*\)\?$|\1 ${name%%_*}|p"
+    dpkg-deb -c "$package" | sed -n "s|^[-l][^>]*/\([^/ ]*\.so\.[^/ ]*\)\( -> .*\)\?$|\1 ${name%%_*}|p"
   done >"$folder/libraries.txt"
   rm -r "$folder/bullseye" "$folder/bookworm"
   clang --target="$processor-linux-gnu" --sysroot="$folder" -O2 -fPIC -c "$from/newer_glibc.c" -o "$folder/newer_glibc.o"

@@ -18,7 +18,7 @@ def program(name: str) -> str:
     if named := os.environ.get("HAPTIC_PROGRAMS"):
         places = [pathlib.Path(named)]
     else:  # PREFIX/lib/python3/dist-packages/haptic_local_model
-        places = [here / "bin", *(parent / "bin" for parent in here.parents[3:4])]
+        places = [here / "bin", *(parent / "bin" for parent in list(here.parents)[3:4])]
     for place in places:
         if os.access(place / name, os.X_OK):
             return str(place / name)

@@ -170,7 +170,7 @@ def worlds_folder(holding: str) -> pathlib.Path:
     """The folder of worlds that has the file `holding`: share/ beside the programs' folder, or that of the clone which this
     package stands in. Raises HapticError that says where it was looked for."""
     folders = [pathlib.Path(program("ve_client")).resolve().parent.parent / "share/haptic_local_model/worlds"]
-    for clone in pathlib.Path(__file__).resolve().parents[3:4]:   # CLONE/client/python/haptic
+    for clone in list(pathlib.Path(__file__).resolve().parents)[3:4]:   # CLONE/client/python/haptic
         folders.append(clone / "worlds")
     for folder in folders:
         if (folder / holding).is_file():
