@@ -13,6 +13,7 @@ import sys
 import time
 import types
 import unittest
+import warnings
 
 SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
 SUPPORT = pathlib.Path(__file__).resolve().parents[1] / "support"
@@ -414,8 +415,8 @@ class Versions(unittest.TestCase):
     """What models of other versions are told. From 3.5 on margins and gaps of two geoms add up, before the larger counts;
     from 3.9 on a gap lies beyond the margin."""
 
-    def session(self, version):
-        text = """<mujoco><worldbody><geom type="plane" size="1 1 0.1" margin="0.001"/>
+    def session(self, version, option=""):
+        text = f"""<mujoco>{option}<worldbody><geom type="plane" size="1 1 0.1" margin="0.001"/>
             <body name="tool" pos="0 0 0.1"><freejoint/><geom size="0.02" margin="0.002" gap="0.001"/></body>
             <body pos="0.2 0 0.1"><freejoint/><geom size="0.02"/></body></worldbody></mujoco>"""
         model, data = loaded(text)
@@ -446,6 +447,15 @@ class Versions(unittest.TestCase):
             self.assert_margins_and_gaps(model, (0.001, -1e3, 0), (0.0025, 1e3 + 0.0055, 0.0025))
             touch._set_force(True)
             self.assert_margins_and_gaps(model, (0.001, 0.002, 0), (0.0025, 0.0035, 0.0025))
+
+
+    def test_the_version_whose_accelerations_are_wrong_is_named(self):
+        with self.assertWarnsRegex(UserWarning, "4.0.0 has wrong accelerations .* use 4.0.1 or 3.17.0"):
+            self.session("4.0.0", '<option jacobian="sparse"/>')
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            self.session("4.0.1", '<option jacobian="sparse"/>')
+            self.session("4.0.0", '<option jacobian="dense"/>')
 
 
 class Mistakes(unittest.TestCase):
