@@ -158,6 +158,10 @@ void check(const ServerOptions& options) {
   if (options.insecure && !options.key_file.empty()) {
     throw UsageError("--insecure goes without --key-file: with a key every address is safe");
   }
+  if (!options.log.empty() && options.log == options.record) {
+    throw UsageError(
+        fmt::format("--log and --record must name two files, not both {}", options.log));
+  }
   check_attendance(options);
 }
 

@@ -73,6 +73,9 @@ class Arguments {
   /// CLI11's message begins with the option's name.
   std::string missing_value(const std::string& message) const {
     for (const Found& found : found_) {
+      if (message.starts_with(found.name + " was given a disallowed flag override")) {
+        return prefixed(found.name) + " takes no value: it is on where it stands";
+      }
       if (!message.starts_with(prefixed(found.name) + ':')) continue;
       return prefixed(found.name) + " needs a value (" + found.option->get_type_name() + ')';
     }

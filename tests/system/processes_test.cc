@@ -403,6 +403,7 @@ TEST_CASE("Bad options of the server: one line that names the thing and what is 
   refuses({HLM_SERVER, "--config", "/nowhere.toml"}, {"/nowhere.toml"}, kUsage);
   refuses({HLM_SERVER, "--record", "/nowhere/file.pcap"}, {"/nowhere/file.pcap"}, kFailed);
   refuses({HLM_SERVER, "--log", "/dev/full"}, {"/dev/full", "No space left"}, kFailed);
+  refuses({HLM_SERVER, "--log", "x.csv", "--record", "x.csv"}, {"two files", "x.csv"}, kUsage);
 
   const TemporaryDirectory directory;
   std::ofstream(directory.file("bad.toml")) << "stiffnes=4000\n";

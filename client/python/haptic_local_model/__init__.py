@@ -181,6 +181,7 @@ class Session:
         if length is not None:
             options.length = _arguments.number(length, "length")
         error = ctypes.create_string_buffer(512)
+        self._process = os.getpid()
         self._session = self._library.haptic_open(ctypes.byref(options), error, len(error))
         if not self._session:
             raise HapticError(_text(error.value))
@@ -266,6 +267,8 @@ class Session:
         """Takes what arrived. Once per step, before it. Returns `running`."""
         if not self.running:
             return False
+        if os.getpid() != self._process:
+            raise HapticError("the session is of the process that was forked: open another here")
         self._library.haptic_poll(self._open(), self._address)
         if self._state.fresh:
             self.q = self._q_now.copy()

@@ -175,6 +175,9 @@ def worlds_folder(holding: str) -> pathlib.Path:
     for folder in folders:
         if (folder / holding).is_file():
             return folder
+    for folder in folders:
+        if names := sorted(file.stem for file in folder.glob("*.sdf")):
+            raise HapticError(f"there is no world {holding.removesuffix('.sdf')}: {folder} has {', '.join(names)}")
     looked = " and ".join(str(folder) for folder in folders)
     raise HapticError(f"there is no world {holding}: looked in {looked}. Name its folder with --worlds")
 

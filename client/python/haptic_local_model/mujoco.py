@@ -81,9 +81,6 @@ class Session(EngineSession):
         epsilon = _arguments.number(epsilon, "epsilon", 0, 1, "m")
         period = _arguments.number(period, "period", 1e-5, 100, "s")
         self._binding, self._model, self._version = binding, model, version_of(binding)
-        if binding.mj_versionString() == "4.0.0" and binding.mj_isSparse(model):
-            warnings.warn("MuJoCo 4.0.0 has wrong accelerations where its Jacobian is sparse, as this model's is, and the hand would "
-                          "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
         self._tool = binding.mj_name2id(model, _BODY, tool)
         if self._tool < 0:
             raise haptic.HapticError(f"the model has no body {tool!r}")
@@ -108,6 +105,9 @@ class Session(EngineSession):
         if len(welded) > 1:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
                                      "it; put their geoms into it")
+        if binding.mj_versionString() == "4.0.0" and binding.mj_isSparse(model):
+            warnings.warn("MuJoCo 4.0.0 has wrong accelerations where its Jacobian is sparse, as this model's is, and the hand would "
+                          "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
         pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))

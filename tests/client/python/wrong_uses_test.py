@@ -271,6 +271,7 @@ PYTHON = [
     ("sample() after close()", closed(lambda touch: touch.sample(HERE, STILL, PERIOD)), "the session is closed"),
     ("steps() after close()", closed(lambda touch: touch.steps(PERIOD)), "the session is closed"),
     ("show() after close()", closed(lambda touch: touch.show()), "the session is closed"),
+    ("poll() after a fork", after_fork(lambda touch: touch.poll()), "process that was forked"),
     ("sample() after a fork", after_fork(lambda touch: touch.sample(HERE, STILL, PERIOD)), "process that was forked"),
     ("send() after a fork", after_fork(lambda touch: touch.send()), "process that was forked"),
     ("two threads at once", from_two_threads, "another thread is in a call of the session: one at a time"),

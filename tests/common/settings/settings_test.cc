@@ -179,6 +179,8 @@ TEST_CASE("A value out of range is named with its option and what is allowed") {
   CHECK(error_of({"--speeds", "3"}) == "mill: --speeds needs 2 values, not 1\n");
   CHECK_THAT(error_of({"--wind", "maybe"}), ContainsSubstring("maybe must be true or false"));
   CHECK(error_of({"--stones"}) == "mill: --stones needs a value (COUNT)\n");
+  CHECK(error_of({"--print-config=maybe"}) ==
+        "mill: --print-config takes no value: it is on where it stands\n");
   CHECK_THAT(error_of({"--engine-option", "power"}), ContainsSubstring("must be KEY=VALUE"));
   CHECK(error_of({"--engine-option", "power=200"}) ==
         "mill: --engine-option power 200 W must be 0 to 100 W\n");
