@@ -32,7 +32,7 @@ except ImportError:
     print("skipped: python3-selenium is not installed")
     sys.exit(SKIPPED)
 
-from live_session import begin, browser, hang, live_session, show, wait_for
+from live_session import EXPERT, begin, browser, hang, live_session, show, wait_for
 
 SERVER, CLIENT, WORLDS = sys.argv[1:4]
 WALL = 0.124  # m: y of the peg on the bottom wall
@@ -92,7 +92,7 @@ CONTRASTS = """
 
 
 class PageTest(unittest.TestCase):
-    """A browser of the class's own, on a session of its own."""
+    """A browser of the class's own, on a session of its own; url shows all that there is."""
 
     WORLD = "testbed"
     FOLDER = WORLDS
@@ -106,7 +106,7 @@ class PageTest(unittest.TestCase):
         cls.session = cls.stack.enter_context(live_session(
             SERVER, CLIENT, cls.FOLDER, "--log-level", "off", *cls.SERVER_OPTIONS, world=cls.WORLD, serving=cls.SERVING,
             client_options=("--log-level", "off", *cls.CLIENT_OPTIONS)))
-        cls.url = cls.session.url
+        cls.url = cls.session.url + EXPERT
         cls.driver = browser()
         cls.stack.callback(cls.driver.quit)
 
@@ -380,7 +380,8 @@ class LivePage(PageTest):
                 ("environment", "delay", "0,01 s", 0.01, "10"),
                 ("environment", "loss", "5 %", 0.05, "5"),
                 ("environment", "rate", "50", 50, "50"),
-                ("settings", "stiffness", "15 kN/m", 15000, "15000"),
+                ("settings", "stiffness", "15 kN/m", 15000, "15"),
+                ("settings", "stiffness", "2500 N/m", 2500, "2.5"),
                 ("settings", "damping", "40 N s/m", 40, "40"),
                 ("settings", "friction", "50%", 0.5, "0.5")):
             enter(field, text)
@@ -389,7 +390,7 @@ class LivePage(PageTest):
                      == shown, f"{field} shown as {shown}")
         for field, text, allowed in (("epsilon", "5 kg", "0 to 200 mm"), ("epsilon", "300 mm", "0 to 200 mm"),
                                      ("delay", "soon", "0 to 200 ms"), ("loss", "60 %", "0 to 50 %"),
-                                     ("stiffness", "0", "1 to 1000000 N/m")):
+                                     ("stiffness", "0", "0.001 to 1000 kN/m")):
             before = self.frame()["environment"]
             enter(field, text)
             message = self.driver.find_element("css selector", f"[data-field={field}] p").text
@@ -415,6 +416,26 @@ class LivePage(PageTest):
             ActionChains(self.driver).key_down(key).pause(0.5).key_up(key).perform()
             wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
             self.assertGreater(sign * (self.frame()["device"][part] - before[part]), 0.01)
+
+    def test_the_expert_switch_shows_all_or_one_slider_and_the_address_keeps_it(self):
+        fields = "[...document.querySelectorAll('.field')].filter((field) => field.offsetWidth).map((field) => field.dataset.field)"
+        all_of_them = self.ask(fields)
+        self.assertGreater(len(all_of_them), 10)
+        self.driver.find_element("id", "expert").click()
+        self.assertEqual(self.ask(fields), ["stiffness"])
+        self.assertNotIn(EXPERT, self.ask("location.hash"))
+        self.assertIn("Drag the orange tool", self.text("sentence"))
+        slider = self.driver.find_element("css selector", "[data-field=stiffness] input[type=range]")
+        slider.send_keys(Keys.HOME)
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 100, "the softest")
+        slider.send_keys(Keys.END)
+        wait_for(lambda: self.frame()["settings"]["stiffness"] == 1e5, "the stiffest")
+        self.driver.refresh()
+        wait_for(lambda: self.ask("window.haptic && haptic.frame && haptic.frame.device"), "the page again")
+        self.assertEqual(self.ask(fields), ["stiffness"])
+        self.driver.find_element("id", "expert").click()
+        self.assertEqual(self.ask(fields), all_of_them)
+        self.assertIn(EXPERT, self.ask("location.hash"))
 
     def test_the_focus_is_seen_wherever_it_is(self):
         self.driver.execute_script("document.activeElement.blur()")
@@ -513,17 +534,16 @@ class LivePage(PageTest):
                 self.assertFalse(self.ask("haptic.hand.held"))
 
     def test_the_address_keeps_what_was_chosen_and_brings_it_back(self):
-        self.assertEqual(self.ask("location.hash"), "")
+        self.assertEqual(self.ask("location.hash"), EXPERT)
         Select(self.driver.find_element("id", "start")).select_by_value("hole")
         wait_for(lambda: self.ask("haptic.world.start") == "hole", "the start")
         self.driver.find_element("css selector", "[data-method=ir]").click()
         self.driver.find_element("css selector", ".situations button").click()   # stiff and late
         wait_for(lambda: self.frame()["settings"]["stiffness"] == 15000, "a stiff wall")
         address = self.ask("location.href")
-        self.assertIn("#scene=testbed&start=hole&method=ir&stiffness=15000&damping=100&delay=0.02", address)
+        self.assertIn(EXPERT + "&scene=testbed&start=hole&method=ir&stiffness=15000&damping=100&delay=0.02", address)
         begin(self.driver)
         self.assertEqual(self.frame()["settings"]["stiffness"], 4000)
-        self.driver.get("about:blank")
         show(self.driver, address)
         wait_for(lambda: self.frame()["settings"]["stiffness"] == 15000 and self.frame()["method"] == "ir", "the settings")
         self.assertEqual(self.ask("haptic.world.start"), "hole")
@@ -531,9 +551,8 @@ class LivePage(PageTest):
         self.assertEqual(self.ask("location.href"), address)
         self.driver.find_element("id", "reset").click()
         wait_for(lambda: self.frame()["settings"]["stiffness"] == 4000, "the first stiffness")
-        self.assertEqual(self.ask("location.hash"), "#scene=testbed&start=hole")
-        self.driver.get("about:blank")
-        show(self.driver, self.url + "#scene=moon&stiffness=9000&nonsense=1")
+        self.assertEqual(self.ask("location.hash"), EXPERT + "&scene=testbed&start=hole")
+        show(self.driver, self.url + "&scene=moon&stiffness=9000&nonsense=1")
         wait_for(lambda: "scene moon" in self.ask("haptic.banner()"), "the complaint")
         self.assertEqual(self.frame()["settings"]["stiffness"], 4000)
 
@@ -551,7 +570,7 @@ class LivePage(PageTest):
                  "fewer pixels")
 
     def test_the_whole_page_is_small(self):
-        files = [self.url, *self.ask("performance.getEntriesByType('resource').map(({ name }) => name)"
+        files = [self.session.url, *self.ask("performance.getEntriesByType('resource').map(({ name }) => name)"
                                      ".filter((name) => /[.](js|css)$/.test(name))")]
         self.assertGreater(len(files), 20)
         sizes = [len(gzip.compress(urllib.request.urlopen(file).read())) for file in files]
@@ -721,7 +740,7 @@ class Scenes(PageTest):
             self.assertEqual(choice[:2], ["push", "Loading scene push …"])
         self.wait_for_scene("push")
         wait_for(lambda: self.ask("document.getElementById('loading').hidden"), "no more waiting")
-        self.assertTrue(self.ask("location.hash === '#scene=push'"))
+        self.assertEqual(self.ask("location.hash"), EXPERT + "&scene=push")
 
     def test_a_world_that_cannot_be_played_says_so_and_the_present_one_goes_on(self):
         self.driver.execute_script("window.earlier = haptic.world")
@@ -774,7 +793,7 @@ class Scenes(PageTest):
                   canvas.font = getComputedStyle(menu).font;
                   return canvas.measureText(menu.selectedOptions[0].text).width;
                 })()""")
-            self.assertLess(sentence, width - 40)   # pixels, of its frame and arrow
+            self.assertLess(sentence, width - 30)   # pixels, of its frame and arrow
         finally:
             self.driver.set_window_size(before["width"], before["height"])
 
@@ -875,7 +894,7 @@ class OfferedLittle(PageTest):
 
     def test_what_a_world_does_not_offer_is_hidden_and_the_rest_works(self):
         self.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": self.BARE})
-        show(self.driver, self.url + "#scene=push&method=ir&delay=0.1&stiffness=5000")
+        show(self.driver, self.url + "&scene=push&method=ir&delay=0.1&stiffness=5000")
         wait_for(lambda: self.ask("haptic.scene().live"), "the scene")
         hidden = ("methods", "start-choice", "scene-choice", "chain", "chain-reason", "recording", "loading")
         self.assertEqual([name for name in hidden if self.driver.find_element("id", name).is_displayed()], [])

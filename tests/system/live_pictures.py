@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""Pictures of the live page: free motion, pressing on the wall, and the peg in the hole under two methods.
+"""Pictures of the live page: the first look, free motion, pressing on the wall, and the peg in the hole under two methods.
 
 Usage: live_pictures.py SERVER CLIENT WORLDS FOLDER
 
-Writes free.png, wall.png, hole_lm5.png and hole_ir.png (docs/live.png is one of them).
+Writes first.png, free.png, wall.png, hole_lm5.png and hole_ir.png (docs/live_first.png, live.png and live_ir.png are of them).
 """
 
 import math
@@ -67,13 +67,13 @@ def free_motion(page):
     page.do("haptic.hand.release()")
 
 
-def on_the_wall(page):
+def on_the_wall(page, name):
     begin(page.driver)
     page.do("haptic.hand.grab()")
     page.move(0.0, WALL, 2.0)
     page.move(0.0, 0.012, 1.0)
     time.sleep(2)
-    page.picture("wall")
+    page.picture(name)
     page.do("haptic.hand.release()")
 
 
@@ -96,8 +96,10 @@ def main():
             show(driver, session.url)
             page = Page(driver, folder)
             page.do("haptic.quality('shadows')")   # however busy the machine is
+            on_the_wall(page, "first")
+            page.click("#expert")
             free_motion(page)
-            on_the_wall(page)
+            on_the_wall(page, "wall")
             in_the_hole(page)
         finally:
             driver.quit()

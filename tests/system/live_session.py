@@ -120,8 +120,12 @@ def begin(driver, start=""):
         "a new session")
 
 
+EXPERT = "#view=expert"   # of the page's address: all that there is is shown
+
+
 def show(driver, url):
-    """Opens the page and waits until it shows the device."""
+    """Opens the page anew and waits until it shows the device."""
+    driver.get("about:blank")   # another fragment alone opens nothing
     driver.get(url)
     wait_for(lambda: driver.execute_script(
         "return window.haptic && haptic.frame && haptic.frame.device"), "a frame with the device")

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from live_session import browser, live_session, resize, show
+from live_session import EXPERT, browser, live_session, resize, show
 
 SIZES = ((1280, 720), (1920, 1080))
 QUALITIES = ("plain", "shadows")
@@ -77,7 +77,7 @@ def main():
                               client_options=("--log-level", "off")) as session:
                 for width, height in SIZES:
                     resize(driver, width, height)
-                    show(driver, session.url)
+                    show(driver, session.url + EXPERT)
                     driver.execute_script(SHAKE)
                     for quality in QUALITIES:
                         rate, drawing, page = measure(driver, quality)

@@ -15,7 +15,7 @@ import statistics
 import tempfile
 import time
 
-from live_session import browser, hang, live_session, show
+from live_session import EXPERT, browser, hang, live_session, show
 
 SETTLE = 2  # s after a page was opened or closed that are not counted
 PHASES = ("no page", "two pages", "one of two hangs")
@@ -53,7 +53,7 @@ def measure(arguments, log):
         session = stack.enter_context(live_session(arguments.server, arguments.client,
                                                    arguments.worlds, "--log", log, "--log-level",
                                                    "warn"))
-        pages = Pages(stack, session.url)
+        pages = Pages(stack, session.url + EXPERT)
         for _ in range(arguments.rounds):
             for phase in PHASES:
                 pages.enter(phase, SETTLE + arguments.seconds)

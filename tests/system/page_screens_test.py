@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""The live page on screens of four sizes, light and dark: axe-core finds nothing, no text is cut, nothing overflows.
+"""The live page on screens of five sizes, light and dark: axe-core finds nothing, no text is cut, nothing overflows. At first
+look the scene has most of the window, and few numbers are shown.
 
 Usage: page_screens_test.py SERVER CLIENT WORLDS [TEST…]
 """
@@ -15,15 +16,18 @@ if not AXE.exists():
     print("skipped: axe-core is not installed: run scripts/setup test")
     sys.exit(SKIPPED)
 try:
-    from live_session import begin, browser, live_session, resize, show, wait_for
+    from live_session import EXPERT, begin, browser, live_session, resize, show, wait_for
 except ImportError:
     print("skipped: python3-selenium is not installed")
     sys.exit(SKIPPED)
 
 SERVER, CLIENT, WORLDS = sys.argv[1:4]
 # Width, height in pixels, and whether it is a phone.
-SCREENS = ((1280, 720, False), (1920, 1080, False), (390, 844, True), (844, 390, True))
-LEAST_SCENE = {(1280, 720): (600, 320), (1920, 1080): (1100, 700), (390, 844): (390, 350), (844, 390): (500, 250)}
+SCREENS = ((1280, 720, False), (1920, 1080, False), (1024, 768, False), (390, 844, True), (844, 390, True))
+LEAST_SCENE = {(1280, 720): (600, 320), (1920, 1080): (1100, 700), (1024, 768): (600, 350), (390, 844): (390, 350),
+               (844, 390): (500, 250)}
+MOST_NUMBERS = 10     # at first look
+LEAST_SHARE = 0.6     # of the window, for the scene
 
 # Texts that do not fit into their element, or lie outside the page. Menus end their entries with an ellipsis.
 CUT = """
@@ -47,6 +51,18 @@ SMALL = """
     .filter((control) => Math.min(control.offsetWidth, control.offsetHeight) < 24)
     .map((control) => `${control.tagName} ${control.id} ${control.offsetWidth} x ${control.offsetHeight}`);"""
 
+# Numbers in texts and entries that are shown; of menus the chosen entry counts.
+NUMBERS = """
+  const shown = (element) => element.checkVisibility({ visibilityProperty: true });
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), said = [];
+  while (texts.nextNode()) {
+    const { parentElement: element, data } = texts.currentNode;
+    if (shown(element) && !element.closest('option, script')) said.push(data);
+  }
+  for (const entry of document.querySelectorAll('input:not([type=range], [type=checkbox])')) if (shown(entry)) said.push(entry.value);
+  for (const menu of document.querySelectorAll('select')) if (shown(menu)) said.push(menu.selectedOptions[0]?.text ?? '');
+  return said.join(' ').match(/\\d+([.,]\\d+)*/g) ?? [];"""
+
 FINDINGS = """
   const done = arguments[0];
   axe.run(document, { rules: { 'target-size': { enabled: true } } }).then(({ violations }) => done(
@@ -54,8 +70,11 @@ FINDINGS = """
 
 
 class Screens(unittest.TestCase):
+    """With all that there is."""
+
     WORLD = "testbed"
     SERVER_OPTIONS = ()
+    VIEW = EXPERT
 
     @classmethod
     def setUpClass(cls):
@@ -75,7 +94,7 @@ class Screens(unittest.TestCase):
     def on_each_screen(self, check):
         for width, height, phone in SCREENS:
             resize(self.driver, width, height, phone)
-            show(self.driver, self.session.url)
+            show(self.driver, self.session.url + self.VIEW)
             wait_for(lambda: self.driver.execute_script("return haptic.drawn > 0"), "a picture")
             with self.subTest(screen=f"{width} x {height}"):
                 check(width, height)
@@ -86,8 +105,9 @@ class Screens(unittest.TestCase):
 
     def open_settings(self):
         """Where they are folded."""
-        self.driver.execute_script(
-            "if (document.getElementById('panel').classList.contains('folded')) document.getElementById('panel-toggle').click()")
+        if self.VIEW == EXPERT:
+            self.driver.execute_script(
+                "if (document.getElementById('panel').classList.contains('folded')) document.getElementById('panel-toggle').click()")
 
     def prefer_and_check(self, check):
         for scheme in ("light", "dark"):
@@ -124,6 +144,29 @@ class ScreensInSpace(Screens):
 
     WORLD = "peg_in_hole_3d"
     SERVER_OPTIONS = ("--device-option", "freedom=spatial")
+
+
+class FirstLook(Screens):
+    VIEW = ""
+
+    def test_the_scene_has_most_of_the_window_and_few_numbers_are_shown(self):
+        def check(width, height):
+            begin(self.driver)
+            self.driver.execute_script("haptic.hand.grab(); haptic.hand.moveBy(0, 0.16, 0)")   # onto the wall
+            wait_for(lambda: self.driver.execute_script("return haptic.frame.F_env[1] < -1"), "a force")
+            share = self.driver.execute_script(
+                "const { width, height } = document.getElementById('scene').getBoundingClientRect();"
+                "return width * height / innerWidth / innerHeight")
+            self.assertGreater(share, LEAST_SHARE)
+            numbers = self.driver.execute_script(NUMBERS)
+            self.assertLessEqual(len(numbers), MOST_NUMBERS, numbers)
+            self.assertIn("4", numbers)     # kN/m
+            fields = "return [...document.querySelectorAll('.field')].filter((field) => field.offsetWidth).length"
+            self.assertEqual(self.driver.execute_script(fields), 1)
+            self.assertEqual(self.driver.execute_script("return document.documentElement.scrollHeight"), height)
+            self.driver.execute_script("haptic.hand.release()")
+
+        self.on_each_screen(check)
 
 
 if __name__ == "__main__":

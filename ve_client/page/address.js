@@ -1,20 +1,28 @@
-// What the page's address keeps: the scene, where the tool began, the method and what was set, in SI units. Opening it
-// brings them back, where the world offers them.
+// What the page's address keeps: whether all is shown, the scene, where the tool began, the method and what was set, in SI
+// units. Opening it brings them back, where the world offers them.
 
+const EXPERT = 'expert';
 const PLACES = ['scene', 'start'];
 const WORDS = { controller: 'controllers', update_rule: 'update_rules' };
 const OF_THE_CLIENT = ['epsilon', 'largest_epsilon', 'rate', 'delay', 'jitter', 'loss'];
 const OF_A_METHOD = ['controller', 'update_rule', 'epsilon', 'largest_epsilon'];
 
 export class Address {
-  /** `request(message)` sends it as if a person had asked for it; `complain(text)` says what cannot be brought back. */
-  constructor(request, complain) {
+  /** `request(message)` sends it as if a person had asked for it; `complain(text)` says what cannot be brought back;
+   *  `showView()` is called when `expert` may have changed. */
+  constructor(request, complain, showView) {
     Object.assign(this, { request, complain, kept: {}, before: {} });
-    this.wanted = wantedNow();
+    this.#read();
     window.addEventListener('hashchange', () => {
-      this.wanted = wantedNow();
+      this.#read();
+      showView();
       if (this.world) this.#restore();
     });
+  }
+
+  setExpert(on) {
+    this.expert = on;
+    this.#write();
   }
 
   /** A message that a person caused. */
@@ -85,17 +93,19 @@ export class Address {
     return messages;
   }
 
+  /** What the address asks for, as texts by name; null: nothing. */
+  #read() {
+    const { view, ...wanted } = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+    this.expert = view === EXPERT;
+    this.wanted = Object.keys(wanted).length ? wanted : null;
+  }
+
   #write() {
-    const hash = Object.keys(this.kept).length > 0 ? `#${new URLSearchParams(this.kept)}` : '';
+    const kept = { ...(this.expert && { view: EXPERT }), ...this.kept };
+    const hash = Object.keys(kept).length > 0 ? `#${new URLSearchParams(kept)}` : '';
     if (location.hash !== hash) history.replaceState(null, '', location.pathname + location.search + hash);
   }
 }
 
 const pick = (values, names) => Object.fromEntries(Object.entries(values).filter(([name]) => names.includes(name)));
 const without = (values, names) => Object.fromEntries(Object.entries(values).filter(([name]) => !names.includes(name)));
-
-/** What the address asks for, as texts by name; null: nothing. */
-function wantedNow() {
-  const wanted = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
-  return Object.keys(wanted).length ? wanted : null;
-}

@@ -1,5 +1,6 @@
 // Why do I feel nothing? The way of the force as ve_client found it, and the first link that stops it.
 
+import { write } from './display.js';
 import { complaintOf, summaryOf } from './verdict.js';
 
 // ve_client knows whether a page holds the hand, not which page it is talking to.
@@ -52,8 +53,4 @@ export class Chain {
     write(this.sentence, text);
     if (this.sentence.className !== kind) this.sentence.className = kind;
   }
-}
-
-function write(element, text) {
-  if (element.textContent !== text) element.textContent = text;
 }

@@ -5,17 +5,17 @@ import { fromSi, parseQuantity } from './units.js';
 
 // Conditions worth a try, as the messages that bring them about.
 const SITUATIONS = [
-  ['Stiff and late', 'k = 15 kN/m, b = 100 N·s/m, 20 ms each way: what the local model bears and IR does not',
+  ['Stiff and late', '15 kN/m, 100 N·s/m, 20 ms each way: what the local model bears and IR does not',
    [{ type: 'settings', stiffness: 15000, damping: 100 }, { type: 'environment', delay: 0.02 }]],
   ['Slow engine', '15 frames/s with jitter and loss',
    [{ type: 'environment', rate: 15, jitter: 0.02, loss: 0.1 }]],
 ];
 
-// Groups of fields: [name, label, in which unit it is shown if not in SI, or CHOICE between words].
+// Groups of fields: [name, label, in which unit it is shown if not in SI, or CHOICE between words, ends of the slider, SI].
 const CHOICE = Symbol('choice');
 const GROUPS = [
   ['settings', 'Contact', [
-    ['stiffness', 'Stiffness k'], ['damping', 'Damping b'], ['friction', 'Friction µ'],
+    ['stiffness', 'Stiffness', 'kN/m', [100, 1e5]], ['damping', 'Damping b'], ['friction', 'Friction µ'],
     ['restitution', 'Restitution e']]],
   ['environment', 'Prediction', [
     ['epsilon', 'Epsilon ε', 'mm'], ['largest_epsilon', 'Largest ε (0: fixed)', 'mm'], ['rate', 'Frame rate']]],
@@ -39,6 +39,7 @@ export class Controls {
     this.situations = this.#situations();
     this.groups = GROUPS.map(([kind, title, fields]) => this.#group(kind, title, fields));
     panel.append(this.situations, ...this.groups);
+    this.home = this.stiffness.parentElement;
     this.methodBar = methodBar;
     this.methods = [];
   }
@@ -59,6 +60,16 @@ export class Controls {
     this.methods = methods.map((method) => this.#methodButton(method));
     this.methodBar.replaceChildren(...this.methods.map(({ button }) => button));
     this.methodBar.hidden = methods.length === 0;
+  }
+
+  get stiffness() {
+    return this.fields.get('stiffness').element;
+  }
+
+  /** Brings the stiffness to `bar`, without the others; null: back among them. */
+  reduceTo(bar) {
+    if (bar) bar.append(this.stiffness);
+    else this.home.querySelector('summary').after(this.stiffness);
   }
 
   /** Whether there is anything to set. */
@@ -82,7 +93,8 @@ export class Controls {
   refuse(name, text) {
     const field = this.fields.get(name);
     field?.refuse(text);
-    if (field) field.element.closest('details').open = true;
+    const group = field?.element.closest('details');
+    if (group) group.open = true;
     return Boolean(field);
   }
 
@@ -107,10 +119,10 @@ export class Controls {
     group.open = true;
     const heading = group.appendChild(document.createElement('summary'));
     heading.textContent = title;
-    for (const [name, label, shown] of fields) {
+    for (const [name, label, shown, ends] of fields) {
       const send = (value) => this.send({ type: kind, [name]: value });
       const field = shown === CHOICE ? new ChoiceField(name, label, send)
-        : new NumberField(name, label, send, shown);
+        : new NumberField(name, label, send, shown, ends);
       this.fields.set(name, field);
       group.append(field.element);
     }
@@ -191,10 +203,10 @@ class ChoiceField extends Field {
 }
 
 class NumberField extends Field {
-  /** `shown`: the unit in which numbers are shown; none: the SI unit. */
-  constructor(name, label, send, shown) {
+  /** `shown`: the unit in which numbers are shown; none: the SI unit. `ends`: of the slider; none: those of the range. */
+  constructor(name, label, send, shown, ends) {
     super(name, label, send);
-    this.shown = shown;
+    Object.assign(this, { shown, ends });
     this.input = this.element.appendChild(document.createElement('input'));
     Object.assign(this.input, { type: 'text', inputMode: 'decimal', id: this.label.htmlFor, autocomplete: 'off' });
     this.unit = this.element.appendChild(document.createElement('span'));
@@ -207,6 +219,7 @@ class NumberField extends Field {
 
   setRange(range) {
     this.range = range;
+    this.slid = this.ends ? { ...range, least: this.ends[0], most: this.ends[1] } : range;
     this.shown ??= range.unit;
     this.unit.textContent = this.shown;
     this.slider.disabled = false;
@@ -223,7 +236,7 @@ class NumberField extends Field {
     if (this.settling || this.sliding || !this.range) return;
     const text = this.#inShown(value);
     if (document.activeElement !== this.input && this.input.value !== text) this.input.value = text;
-    this.slider.value = positionOf(value, this.range);
+    this.slider.value = positionOf(value, this.slid);
     this.slider.setAttribute('aria-valuetext', `${text} ${this.shown}`);
   }
 
@@ -250,7 +263,7 @@ class NumberField extends Field {
   }
 
   #slide(done) {
-    const value = valueAt(Number(this.slider.value), this.range);
+    const value = valueAt(Number(this.slider.value), this.slid);
     this.input.value = this.#inShown(value);
     this.refuse('');
     this.settle();

@@ -2,6 +2,8 @@
 
 import { magnitude, milliseconds, newtons, niceAbove } from './format.js';
 
+const MOVING = 0.05;   // N, of a hand that moves the tool
+
 /** Events per second over the last two seconds. */
 export class Meter {
   #marks = [];    // [time ms, events since the mark before]
@@ -49,6 +51,7 @@ export function showLegend(scene, frame) {
   }
   if (scene.live && frame.hand === 'observed') byId('value-F_hand').textContent += ', estimated';
   if (scene.live && frame.hand === 'unknown') byId('value-F_hand').textContent = 'unknown';
+  byId('value-force').textContent = scene.live ? newtons(magnitude(frame.F_env)) : '–';
   byId('value-on-body').textContent = scene.live ? newtons(scene.forceOnBodies) : '–';
   if (!scene.metresPerNewton || !scene.live) return;
   const pixelsPerNewton = scene.pixelsPerMetre() * scene.metresPerNewton;
@@ -58,15 +61,18 @@ export function showLegend(scene, frame) {
 }
 
 /** The hand's force next to the middle of the spring; where this page holds nothing, a hint at the handle. */
-export function showSpring(scene, hand, label, hint) {
+export function showSpring(scene, hand, label, hint, beckon) {
   const { frame, live } = scene;
   const another = live && hand.heldByAnother;
   label.hidden = !live || !hand.held;
-  hint.hidden = !live || hand.held || (hand.known === true && !another);
+  const hints = live && !hand.held && (another || hand.known !== true);
+  const beckons = hints && !another && scene.plain && scene.world.guidable;
+  hint.hidden = !hints || beckons;
+  beckon.hidden = !beckons;
   if (!live) return;
   const text = another ? 'Another page holds the handle'
     : scene.world.guidable ? 'Drag the handle' : 'This device has a hand of its own';
-  if (hint.textContent !== text) hint.textContent = text;
+  write(hint, text);
   if (hand.held) {
     hand.known = true;
     const middle = hand.target.slice(0, 3).map((value, i) => (value + frame.device[i]) / 2);
@@ -75,6 +81,23 @@ export function showSpring(scene, hand, label, hint) {
   } else if (!hint.hidden) {
     moveTo(hint, scene, frame.device, 14, 12);
   }
+  if (beckons) moveTo(beckon, scene, frame.device, -8, -4);
+}
+
+/** What to do and what is seen, in one sentence. `hand` may be null. */
+export function sentenceOf(frame, hand, world) {
+  if (!frame?.device) return 'The scene comes to life as soon as haptic_server answers.';
+  if (!hand) return 'This browser cannot show the scene; Expert shows charts and settings.';
+  const felt = 'the arrow is the force that the hand feels';
+  if (!world.guidable) return `Move your device until the orange tool touches something: ${felt}.`;
+  if (hand.heldByAnother) return `Another page moves the orange tool: ${felt}.`;
+  if (!hand.held && magnitude(frame.F_hand) > MOVING) return `A hand moves the orange tool: ${felt}; drag the tool to take over.`;
+  if (!hand.known) return `Drag the orange tool against something, as the pointer shows: ${felt}.`;
+  return `Press the orange tool against something: ${felt}; the slider makes that stiffer or softer.`;
+}
+
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
 }
 
 function moveTo(element, scene, point, dx, dy) {

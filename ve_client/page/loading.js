@@ -1,5 +1,7 @@
 // What is being waited for: the connection, the first world, a chosen scene.
 
+import { write } from './display.js';
+
 const FAILURE_MS = 15000;
 const COUNTED_MS = 2000;    // from then on the seconds are counted
 
@@ -68,8 +70,4 @@ export class Loading {
     if (!this.world) return 'Waiting for the world …';
     return this.chosen === null ? null : `Loading scene ${this.chosen} …`;
   }
-}
-
-function write(element, text) {
-  if (element.textContent !== text) element.textContent = text;
 }

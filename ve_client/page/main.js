@@ -7,7 +7,7 @@ import { Chain } from './chain.js';
 import { Charts } from './charts.js';
 import { Connection } from './connection.js';
 import { Controls, leaveToKeys } from './controls.js';
-import { Meter, showLegend, showRecording, showSpring, showStatus } from './display.js';
+import { Meter, sentenceOf, showLegend, showRecording, showSpring, showStatus, write } from './display.js';
 import { magnitude } from './format.js';
 import { Hand } from './hand.js';
 import { Loading } from './loading.js';
@@ -46,7 +46,7 @@ const connection = new Connection(sessionUrl(), {
   closed: takeLoss,
 });
 const send = (message) => connection.send(message);
-const address = new Address(request, notify);
+const address = new Address(request, notify, showView);
 
 const scene = makeScene();
 const hand = scene && new Hand(byId('scene'), scene, send, showHold);
@@ -58,6 +58,7 @@ const charts = new Charts(byId('strips'), {
 const sound = new Sound();
 charts.setStore(state.store);
 wireButtons();
+showView();
 exposeForTests();
 requestAnimationFrame(drawPicture);
 setInterval(showText, TEXT_MS);
@@ -168,7 +169,7 @@ function drawPicture(now) {
     pad.step(now);
     scene.forces = latestForces(state.store);
     scene.draw(hand.target, !trouble(now)?.cut);
-    showSpring(scene, hand, byId('spring-force'), byId('hint'));
+    showSpring(scene, hand, byId('spring-force'), byId('hint'), byId('beckon'));
   }
   charts.redraw(now, meters.page.rate());
 }
@@ -198,6 +199,7 @@ function showText() {
   showStatus(byId('status'), { open: connection.open, trouble: present, frame, meters, store });
   showRecording(byId('recording'), frame?.recording);
   chain.show(frame, { trouble: present, holder: holder(), verdict: judge(store, state.world?.limits ?? []) });
+  write(byId('sentence'), sentenceOf(frame, hand, state.world));
   if (!frame) return;
   controls.show(frame);
   if (scene) showLegend(scene, frame);
@@ -224,6 +226,15 @@ function showHold() {
   byId('scene').style.cursor = hand.held ? 'grabbing' : '';
 }
 
+/** The first look, or all that there is. */
+function showView() {
+  const { expert } = address;
+  document.body.classList.toggle('first-look', !expert);
+  byId('expert').setAttribute('aria-pressed', String(expert));
+  controls.reduceTo(expert ? null : byId('touch'));
+  scene?.setPlain(!expert);
+}
+
 function showViewMode() {
   if (scene?.view) byId('view-toggle').textContent = scene.view.mode === 'plan' ? '3-D view' : 'Plan view';
 }
@@ -242,13 +253,16 @@ function showScenes({ scenes, scene }) {
     new Option(description ? `${name}: ${description}` : name, name)));
   byId('scenes').replaceChildren(...options);
   byId('scenes').value = present;
-  byId('scene-about').textContent = scenes.find(({ name }) => name === present)?.description ?? '';
 }
 
 function wireButtons() {
   byId('skip').onclick = (event) => {   // The address stays as it is.
     event.preventDefault();
     byId('scene').focus();
+  };
+  byId('expert').onclick = () => {
+    address.setExpert(!address.expert);
+    showView();
   };
   byId('reset').onclick = () => request({ type: 'reset' });
   byId('start').onchange = ({ target }) => {

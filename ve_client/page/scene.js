@@ -16,6 +16,7 @@ const MOST_BODIES = 1000;     // that are all drawn
 const NEARBY = 8;             // of more, those so near to the tool, in radii of it
 const LONGEST_TRACE = 4.5;     // sizes of the overlays
 const FLOOR_COSINE = 0.9;     // of the angle between a floor's normal and up
+const PLAIN_ARROW = 1.8;      // times as large, where it is the only one
 const FORCES = ['F_env', 'F_hand', 'F_command'];
 
 /** What draws WebGL here: 'none', 'software' or 'hardware'. */
@@ -55,6 +56,7 @@ export class Scene {
     this.raycaster = new THREE.Raycaster();
     this.magnify = false;
     this.showsBodies = true;   // the contacts of bodies without the tool
+    this.plain = false;        // what touches and its force alone
     this.forces = [];          // N, of the latest ticks, oldest first: their trace is drawn
     this.drawn = 0;
     this.peakForce = 1;
@@ -122,10 +124,10 @@ export class Scene {
     const { camera } = this.view;
     if (this.live) {
       const contacts = this.frame.contacts ?? [];
-      const shown = contacts.filter(({ of }) => this.showsBodies || of === 'tool_link');
+      const shown = contacts.filter(({ of, s }) => (this.plain ? of === 'tool_link' && s <= 0 : this.showsBodies || of === 'tool_link'));
       this.contacts.update(shown, this.magnify, performance.now());
       this.#drawForces(this.frame);
-      this.pairs.update(contacts, this.metresPerNewton);
+      this.pairs.update(this.plain ? [] : contacts, this.metresPerNewton);
       this.spring.update(this.frame.device, target, camera);
       this.trace.update(this.frame.device, this.forces, this.metresPerNewton, LONGEST_TRACE * this.overlaySize);
       this.glows.update(contacts, this.trace.swing);
@@ -141,6 +143,11 @@ export class Scene {
   picture() {
     if (this.view) this.renderer.render(this.root, this.view.camera);   // Its pixels are kept for this turn alone.
     return new Promise((resolve) => this.renderer.domElement.toBlob(resolve, 'image/png'));
+  }
+
+  setPlain(on) {
+    this.plain = on;
+    this.changed = true;
   }
 
   fit() {
@@ -335,19 +342,21 @@ export class Scene {
     const proxy = this.proxies[i], tool = this.tools[i];
     if (!proxy) return;
     place(proxy, pose);
-    proxy.visible = proxy.position.distanceTo(tool.position) > PROXY_DIFFERS.metres
-      || proxy.quaternion.angleTo(tool.quaternion) > PROXY_DIFFERS.radians;
+    proxy.visible = !this.plain && (proxy.position.distanceTo(tool.position) > PROXY_DIFFERS.metres
+      || proxy.quaternion.angleTo(tool.quaternion) > PROXY_DIFFERS.radians);
   }
 
   /** Arrows share one scale that follows the largest force, in steps of 1, 2, 5. */
   #drawForces(frame) {
     const largest = Math.max(...FORCES.map((name) => magnitude(frame[name])));
     this.peakForce = Math.max(largest, 0.995 * this.peakForce, 1);
-    this.metresPerNewton = (2.2 * this.overlaySize) / niceAbove(this.peakForce);
+    const scale = this.plain ? PLAIN_ARROW : 1;
+    this.metresPerNewton = (2.2 * scale * this.overlaySize) / niceAbove(this.peakForce);
     this.arrows.forEach((arrow, i) => {
-      const force = frame[FORCES[i]];
+      const force = this.plain && i > 0 ? null : frame[FORCES[i]];
       arrow.object.visible = Boolean(force);
-      if (force) arrow.set(frame.device, force, this.metresPerNewton);
+      arrow.object.scale.setScalar(scale);
+      if (force) arrow.set(frame.device, force, this.metresPerNewton / scale);
     });
   }
 
