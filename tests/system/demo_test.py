@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 SKIPPED = 77
@@ -192,6 +193,18 @@ class Contrast(unittest.TestCase):
         self.do("document.getElementById('again').click()")
         wait_for(lambda: self.do("return contrast.right.frame.settings.controller === 'direct'"), "the contrast again")
         wait_for(lambda: not self.driver.find_element("id", "banner").is_displayed(), "no word of it")
+
+    def test_after_another_world_the_contrast_begins_with_its_own_settings(self):
+        for again in ("document.getElementById('again').click()", "location.reload()"):
+            with self.subTest(again):
+                self.do("contrast.right.send({type: 'scene', name: 'testbed'})")
+                wait_for(lambda: "another world" in self.driver.find_element("id", "banner").text, "the word of it")
+                self.do(again)
+                wait_for(lambda: self.do("return window.contrast && contrast.right.frame && contrast.right.view.world.scene")
+                         == "contrast", "the contrast again")
+                time.sleep(3)    # what differs is said 2 s later
+                self.assertFalse(self.driver.find_element("id", "banner").is_displayed())
+                self.assertEqual(self.do("return contrast.right.frame.settings.controller"), "direct")
 
     def test_nothing_is_cut_at_any_size(self):
         for width, height in SIZES:

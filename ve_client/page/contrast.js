@@ -88,7 +88,14 @@ class Side {
   /** As at the start. */
   again() {
     const elsewhere = this.view.world?.scene !== WORLD;
+    this.begins = true;
     this.send(elsewhere ? { type: 'scene', name: WORLD } : { type: 'reset' });
+    this.set();
+  }
+
+  /** A scene that was asked for has come, with the settings of the start. */
+  #begin() {
+    this.begins = false;
     this.set();
   }
 
@@ -123,6 +130,7 @@ class Side {
     this.settledAt = performance.now() + STALE_MS;
     hand.release();
     if (!this.met) this.again();
+    else if (this.begins && world.scene === WORLD) this.#begin();
     this.met = true;
   }
 
