@@ -94,17 +94,17 @@ std::string names(const std::vector<std::string>& tools) {
   return fmt::format("tool{} '{}'", tools.size() > 1 ? "s" : "", fmt::join(tools, "', '"));
 }
 
-/// Says where the page is, and what that exposes.
+/// Says where the page is, and what that exposes. A blank follows the address, which people click.
 void announce(const PageServerOptions& page, std::uint16_t port, bool beyond) {
   const bool everywhere = page.address == "0.0.0.0";
   const std::string query = page.token.empty() ? "" : "/?token=" + page.token;
   const std::string where =
       fmt::format("http://{}:{}{}{}", everywhere ? "127.0.0.1" : page.address, port, query,
-                  everywhere ? ", and at every other address of this machine" : "");
+                  everywhere ? " and at every other address of this machine" : "");
   if (!page.token.empty()) {
     // Also with --quiet: nobody opens the page without it.
     spdlog::warn(
-        "live page: {}; whoever has this address can move the tool{}", where,
+        "live page: {} (whoever has this address can move the tool{})", where,
         beyond ? ", and whoever listens in on the network can have it: nothing is encrypted" : "");
     return;
   }

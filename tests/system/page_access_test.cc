@@ -42,6 +42,12 @@ struct Site {
     const std::size_t at = log.find("/?token=");
     return at == std::string::npos ? "" : log.substr(at + 8, 32);
   }
+  /// The address in the log as a terminal takes it: up to the next blank.
+  std::string address() const {
+    const std::string log = client->error();
+    const std::size_t at = log.find("http://");
+    return log.substr(at, log.find_first_of(" \n", at) - at);
+  }
   unsigned get(const std::string& target) const {
     return ve::test::ask(port, ve::test::get_request(port, target)).status;
   }
@@ -60,6 +66,7 @@ TEST_CASE("Beyond loopback, and with a key, the page is for those with the token
   const std::string token = site.token();
   CAPTURE(beyond, token, site.client->error());
   REQUIRE(token.size() == 32);
+  CHECK(site.address() == "http://127.0.0.1:" + std::to_string(site.port) + "/?token=" + token);
   CHECK(site.get("/?token=" + token) == 200);
   CHECK(site.open({.path = "/session?token=" + token}) == 101);
   const std::string wrong(32, token.front());
@@ -116,6 +123,7 @@ TEST_CASE("On loopback the page is for the user who started it, and for no other
 
 TEST_CASE("An insecure page is served to everyone, and one warning says what that exposes") {
   const Site site("0.0.0.0", {"--insecure"});
+  CHECK(site.address() == "http://127.0.0.1:" + std::to_string(site.port));
   CHECK(site.token().empty());
   CHECK(site.get("/") == 200);
   const std::string warning = "whoever reaches 0.0.0.0:" + std::to_string(site.port);
