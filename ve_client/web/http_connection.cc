@@ -38,12 +38,23 @@ constexpr std::chrono::seconds kReplyTimeout{30};
 /// The page's import map is inline, so scripts need 'unsafe-inline'.
 constexpr const char* kContentSecurityPolicy =
     "default-src 'self'; connect-src 'self' ws: ; img-src 'self' data:; "
-    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'";
+    "style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'; frame-ancestors ";
 
 std::string_view to_std(beast::string_view text) { return {text.data(), text.size()}; }
 beast::string_view to_beast(std::string_view text) { return {text.data(), text.size()}; }
 
 std::string_view path_of(std::string_view target) { return target.substr(0, target.find('?')); }
+
+/// Whose frames may show the page. One laid unseen under a stranger's page would take the person's
+/// clicks: every page around it, up to the window's, must be of this machine, a notebook for
+/// example. Of such pages some may be another user's, so with a token the frame's own address must
+/// show it: the cookie, which the browser adds by itself, does not count.
+std::string ancestors_of(std::string_view host, bool shows_token) {
+  const std::string_view name = host.substr(0, host.rfind(':'));
+  if (!shows_token) return "'none'";
+  if (name != "localhost" && name != "127.0.0.1") return std::string(name) + ":*";
+  return "localhost:* 127.0.0.1:*";
+}
 
 HostNames names_of(const tcp::socket& socket, std::uint16_t partner) {
   error_code ignored;
@@ -108,6 +119,13 @@ void HttpConnection::respond() {
 bool HttpConnection::shows_token() const {
   return files_.token.is_shown(
       {.target = to_std(request().target()), .cookies = only(request(), http::field::cookie)});
+}
+
+std::string HttpConnection::ancestors() const {
+  const std::string_view host = only(request(), http::field::host);
+  if (!hosts_.is_host(host)) return ancestors_of({}, false);
+  return ancestors_of(host,
+                      files_.token.is_shown({.target = to_std(request().target()), .cookies = {}}));
 }
 
 /// Looked up once in a connection's life.
@@ -181,9 +199,8 @@ void HttpConnection::refuse(http::status status, std::string reason) {
 template <class Body>
 void HttpConnection::send(http::response<Body> response) {
   response.set(http::field::cache_control, "no-cache");
-  response.set(http::field::x_frame_options, "DENY");
   response.set("X-Content-Type-Options", "nosniff");
-  response.set("Content-Security-Policy", kContentSecurityPolicy);
+  response.set("Content-Security-Policy", kContentSecurityPolicy + ancestors());
   response.set("Cross-Origin-Resource-Policy", "same-origin");
   response.set("Referrer-Policy", "no-referrer");  // The address may hold the token.
   // Bodies of requests are not read, so nothing can follow them.

@@ -43,6 +43,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void on_read(boost::system::error_code error);
   void respond();
   bool shows_token() const;
+  std::string ancestors() const;
   bool is_of_own_user();
   void become_page();
   void send_file();

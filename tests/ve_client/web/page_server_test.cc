@@ -79,13 +79,36 @@ TEST_CASE("The root is index.html, with the headers that keep strangers out") {
     CHECK(reply.body == "<!doctype html>hello");
     for (const char* line :
          {"Content-Type: text/html; charset=utf-8", "Cache-Control: no-cache",
-          "X-Content-Type-Options: nosniff", "X-Frame-Options: DENY", "Content-Length: 20",
+          "X-Content-Type-Options: nosniff", "Content-Length: 20",
           "Cross-Origin-Resource-Policy: same-origin",
           "Content-Security-Policy: default-src 'self'; connect-src 'self' ws: ; img-src 'self' "
-          "data:; style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'\r\n"}) {
+          "data:; style-src 'self' 'unsafe-inline'; script-src 'self' 'unsafe-inline'; "
+          "frame-ancestors localhost:* 127.0.0.1:*\r\n"}) {
       CHECK_THAT(reply.header, ContainsSubstring(line));
     }
   }
+}
+
+TEST_CASE("Frames are for pages of this machine, with a token at the address that shows it") {
+  const std::string token(32, 'a');
+  const test::WebRoot root;
+  root.write("index.html", "<!doctype html>");
+  PageServer server({.port = 0, .root = root.path(), .token = token});
+  const std::string host = "127.0.0.1:" + std::to_string(server.port());
+  const auto ancestors = [&](const std::string& target, const std::string& more = "") {
+    const std::string header =
+        test::ask(server.port(), "GET " + target + " HTTP/1.1\r\nHost: " + host + more + "\r\n\r\n")
+            .header;
+    const std::string name = "frame-ancestors ";
+    const std::size_t at = header.find(name) + name.size();
+    return header.substr(at, header.find('\r', at) - at);
+  };
+  const std::string cookie =
+      "\r\nCookie: haptic_page_" + std::to_string(server.port()) + "=" + token;
+  CHECK(ancestors("/?token=" + token) == "localhost:* 127.0.0.1:*");
+  CHECK(ancestors("/", cookie) == "'none'");
+  CHECK(ancestors("/?token=" + token, "\r\nHost: twice") == "'none'");
+  CHECK(ancestors("/") == "'none'");
 }
 
 TEST_CASE("The newest flight recording is served under its name, and nothing else beside it") {
