@@ -10,8 +10,50 @@ from typing import Any
 
 import haptic_local_model
 
-warnings.warn("write `import haptic_local_model as haptic`: the package `haptic` of the Python index is another project's",
-              DeprecationWarning, stacklevel=2)
+from haptic import _arguments, _interrupt
+from haptic._arguments import HapticError
+from haptic._frame import frame_of
+from haptic._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Impulse,
+                             Link, Options, Shape, State, load)
+
+__all__ = ["BODY", "CONTACT", "FRICTION_RULES", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+           "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "poses", "sphere"]
+
+__version__ = "0.3.0"
+WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
+NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
+JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}
+#: The mean of two coefficients (as Rapier, PhysX), the smaller, their product (Bullet), the larger one (MuJoCo).
+FRICTION_RULES = ("average", "minimum", "product", "maximum")
+_MATERIAL = np.dtype([("friction", "f8"), ("rule", "i4"), ("priority", "i4")])
+SERVER_STATES = ("off", "active", "fading", "fault", "arming", "ramping")
+
+#: A contact: from side b to side a, which is the tool if that takes part.
+CONTACT = np.dtype([
+    ("identity", "u8"),     # the same from frame to frame; Session.track() sets it
+    ("pair", "u4"),         # which two convex pieces, 0 if the engine does not say
+    ("axis", "u2"),
+    ("a_kind", "u1"), ("b_kind", "u1"),     # WORLD, TOOL_LINK or MOVABLE_BODY
+    ("a_index", "u4"), ("b_index", "u4"),   # of the link; of a body, your own number for it
+    ("point", "f8", 3),     # on the surface of b, m
+    ("normal", "f8", 3),    # unit, from b to a
+    ("separation", "f8"),   # true distance, m; negative: they overlap
+    ("velocity", "f8", 3),  # of b's point, m/s
+    ("friction", "f8"),     # above 10 as 10; negative: the server's own
+    ("load", "f8"),         # normal force of a contact without the tool, N
+    ("plane", "u4"),        # 1: a flat face of a on a corner or an edge of b; 0: a face of b, or of neither
+], align=True)
+
+#: A body that the tool can push.
+BODY = np.dtype([
+    ("id", "u4"),
+    ("round", "u4"),                     # NOT_ROUND, or ROUND_ABOUT_AXIS, SPHERE: of the shape
+    ("centre", "f8", 3),                 # of mass, m
+    ("velocity", "f8", 6),               # linear, angular
+    ("inverse_inertia", "f8", (6, 6)),   # about the centre of mass, what the joints leave
+    ("acceleration", "f8", 6),           # by all forces except contacts
+    ("axis", "f8", 3),                   # of a body that is round about it: unit, through its centre
+], align=True)
 
 
 class _SameModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -28,5 +70,297 @@ class _SameModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         module.__spec__ = self._spec
 
 
-sys.meta_path.insert(0, _SameModules())
-sys.modules[__name__] = haptic_local_model
+def contacts(count: int) -> np.ndarray:
+    """`count` contacts of the tool's first link with the world, all else zero, friction the server's."""
+    made = np.zeros(_arguments.integer(count, "count"), CONTACT)
+    made["a_kind"] = TOOL_LINK
+    made["friction"] = -1
+    return made
+
+
+def bodies(count: int) -> np.ndarray:
+    """`count` bodies, all zero: fill in the fields of BODY. id: as in contacts, shapes and poses."""
+    return np.zeros(_arguments.integer(count, "count"), BODY)
+
+
+def poses(count: int) -> np.ndarray:
+    """`count` poses at the origin."""
+    made = np.zeros(_arguments.integer(count, "count"), POSE)
+    made["rotation"][:, 0] = 1
+    return made
+
+
+def _link(mass: float, inertia: Sequence[float], joint: str) -> Link:
+    link = Link(parent=-1, joint=JOINTS[_arguments.choice(joint, JOINTS, "joint")], mass=mass, lower=-NO_LIMIT, upper=NO_LIMIT)
+    link.rotation[0] = link.axis[2] = 1
+    for i, value in enumerate(inertia):
+        link.inertia[4 * i] = value
+    return link
+
+
+def box(mass: float = 1, size: Sequence[float] = (0.1, 0.1, 0.1), joint: str = "free") -> Link:
+    """A solid box (kg, edge lengths in m) about its centre, as the root of a tool."""
+    mass = _arguments.number(mass, "mass")
+    edges = [_arguments.number(edge, "edge", 0, unit="m") for edge in _arguments.array(size, (3,), "size")]
+    x, y, z = (edge * edge * mass / 12 for edge in edges)
+    return _link(mass, (y + z, z + x, x + y), joint)
+
+
+def sphere(mass: float = 1, radius: float = 0.05, joint: str = "free") -> Link:
+    """A solid sphere (kg, m) about its centre, as the root of a tool."""
+    mass, radius = _arguments.number(mass, "mass"), _arguments.number(radius, "radius", 0, unit="m")
+    return _link(mass, (0.4 * mass * radius * radius,) * 3, joint)
+
+
+class Session:
+    """One client of a haptic server. It keeps asking until a server answers, and after one is gone.
+
+    server: "HOST:PORT". Without it, what HAPTIC_SERVER names or 127.0.0.1:47800; and where none listens there and
+    start_server allows it, one with a simulated device is started at a free port, for this session alone. It ends with the
+    session, with the program, or with the thread that made the session, which should last. hold() is its hand.
+
+    tool: the root link, or all links, parents before children. q: where the tool is now (default: all
+    zero, quaternion w = 1). rate: of your steps, Hz. epsilon: contacts are sent from this separation
+    on, m, 0 to 1. In a `with` statement Ctrl-C sets `running` to False; the second one raises KeyboardInterrupt. Raises HapticError where something cannot be used or there is no haptic_server to
+    start, OSError where there is no library.
+    """
+
+    def __init__(self, server: Optional[str] = None, tool: Link | Sequence[Link] | None = None, *,
+                 q: Optional[ArrayLike] = None, key_file: Optional[str] = None, rate: float = 60,
+                 epsilon: float = 0.005, length: Optional[float] = None,
+                 gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
+                 start_server: bool = True):
+        self._session: Optional[ctypes.c_void_p] = None
+        self._library = load()
+        options = self._library.haptic_default_options()
+        links = [tool] if isinstance(tool, Link) else _arguments.items(() if tool is None else tool, Link, "link")
+        if tool is not None:
+            kept = (Link * len(links))(*links)
+            options.links, options.link_count = kept, len(links)
+        # The library names a joint that there is not, and links that are too many.
+        count = sum({1: 1, 2: 1, 3: 3, 4: 7}.get(link.joint, 0) for link in links[:MAX_DOF]) if links else 7
+        count = min(count, MAX_CONFIGURATION)
+        start = np.zeros(count)
+        if not links or links[0].joint == JOINTS["free"]:
+            start[3] = 1
+        if q is not None:
+            start = _arguments.array(q, (count,), "q").copy()
+        options.q[:count] = start
+        if server is None and not start_server:
+            server = os.environ.get("HAPTIC_SERVER") or "127.0.0.1:47800"
+        options.server = _arguments.text(server, "server") if server is not None else None
+        options.key_file = _arguments.text(key_file, "key_file") if key_file is not None else None
+        options.rate, options.epsilon = _arguments.number(rate, "rate"), _arguments.number(epsilon, "epsilon")
+        options.gravity[:] = _arguments.array(gravity, (3,), "gravity")
+        options.hand_link = _arguments.integer(hand_link, "hand_link", 0, MAX_DOF)
+        options.clears_fault = bool(clears_fault)
+        if length is not None:
+            options.length = _arguments.number(length, "length")
+        error = ctypes.create_string_buffer(512)
+        self._session = self._library.haptic_open(ctypes.byref(options), error, len(error))
+        if not self._session:
+            raise HapticError(_text(error.value))
+        if started := self._library.haptic_own_server(self._session):
+            _tell("haptic: " + _text(started))
+        self._state = State()
+        self._q_now = np.frombuffer(self._state.q)[:count]
+        self._address = ctypes.addressof(self._state)
+        self._impulses = (Impulse * MAX_BODIES)()
+        v_count = count - 1 if count and (not links or links[0].joint == JOINTS["free"]) else count
+        self._v_now = np.frombuffer(self._state.v)[:v_count]
+        self._q_shape, self._v_shape = self._q_now.shape, self._v_now.shape
+        self.q: np.ndarray = start                         #: Of the proxy: move the tool there.
+        self.v: np.ndarray = np.zeros(v_count)             #: Its velocity.
+        self.running = True                                #: Set to False to end `while touch.poll()`.
+
+    def __enter__(self) -> "Session":
+        _interrupt.watch(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Says goodbye, and ends a server that the session started. What follows raises HapticError."""
+        _interrupt.forget(self)
+        if self._session:
+            self._library.haptic_close(self._session)
+        self._session = None
+        self.running = False
+
+    def show(self, port: int = 0, open_browser: bool = True) -> str:
+        """Serves the page of this session to browsers of this machine, with the shapes that were offered, contacts, forces
+        and charts; the mouse is the hand of a simulated device. It ends with the session. port: 0 is any free one. Returns
+        its address, which is also said on standard error; a second call says it again. With a key the page asks for a token,
+        which that address has: no browser is opened, and whoever reads it can move the tool. Raises HapticError where there
+        can be none."""
+        port = _arguments.integer(port, "port", 0, 65535)
+        address = self._library.haptic_show(self._open(), port, bool(open_browser))
+        if address is None:
+            self._fail()
+        _tell("haptic: the page of this session is " + _text(address))
+        return _text(address)
+
+    def _repr_html_(self) -> Optional[str]:
+        """The page of the session, where it is the last line of a notebook's cell."""
+        return frame_of(self.show(open_browser=False)) if self._session else None
+
+    def offer(self, shapes: Sequence[Shape], positions: Optional[ArrayLike] = None,
+              rotations: Optional[ArrayLike] = None, friction: Optional[ArrayLike] = None,
+              rule: str = "minimum", priority: Optional[ArrayLike] = None,
+              excluded: ArrayLike = ()) -> None:
+        """Gives the server the shapes (haptic.shapes) of the world, the tool and bodies: it then finds their contacts itself,
+        at every step of the hand, and send() needs none of them: see has_scene. Best before the first poll(). Where shapes
+        come, go or change, all are offered again: those before stay until the server has these.
+
+        positions (n, 3), m, and rotations (n, 4): of each shape in the frame of its link or body, of the world's in the world;
+        default: there. friction: of each; negative: that of the other, of two such the server's own. rule: what two
+        coefficients make of a contact, one of FRICTION_RULES. priority: of each, 0 to 255: of two the higher one's friction counts alone. excluded: pairs that never touch, by their places.
+        Raises HapticError that names the shape."""
+        listed = _arguments.items(shapes, Shape, "shape")
+        count = len(listed)
+        at = np.zeros((count, 7))
+        at[:, 3] = 1
+        for given, name, columns in ((positions, "positions", slice(0, 3)), (rotations, "rotations", slice(3, 7))):
+            if given is not None:
+                at[:, columns] = _arguments.array(given, (count, columns.stop - columns.start), name)
+        materials = np.zeros(count, _MATERIAL)
+        materials["friction"] = -1 if friction is None else _arguments.array(friction, (count,), "friction")
+        materials["rule"] = FRICTION_RULES.index(_arguments.choice(rule, FRICTION_RULES, "rule"))
+        materials["priority"] = 0 if priority is None else _arguments.array(priority, (count,), "priority", np.uint8)
+        pairs = _arguments.array(excluded, (None, 2), "excluded", np.uint32)
+        if self._library.haptic_offer(self._open(), (Shape * count)(*listed), at.ctypes.data,
+                                      materials.ctypes.data, count, pairs.ctypes.data, len(pairs)) != 0:
+            self._fail()
+
+    @property
+    def has_scene(self) -> bool:
+        """Whether the server finds the contacts of the shapes that offer() gave it. Until then, and where it never does, as
+        `message` says, send() needs contacts."""
+        return bool(self._state.scene)
+
+    def poll(self) -> bool:
+        """Takes what arrived. Once per step, before it. Returns `running`."""
+        if not self.running:
+            return False
+        self._library.haptic_poll(self._open(), self._address)
+        if self._state.fresh:
+            self.q = self._q_now.copy()
+            self.v = self._v_now.copy()
+        return True
+
+    @property
+    def connected(self) -> bool:
+        """Whether a server has answered and the session goes on."""
+        return bool(self._state.connected)
+
+    @property
+    def server_state(self) -> str:
+        """One of SERVER_STATES; force is on in "ramping" and "active"."""
+        return SERVER_STATES[self._state.server] if 0 <= self._state.server < len(SERVER_STATES) else "unknown"
+
+    @property
+    def state(self) -> State:
+        """The latest news of the server; its fields are those of haptic_state in haptic.h."""
+        return self._state
+
+    @property
+    def force(self) -> np.ndarray:
+        """What the device was given after limits: force (N) and torque (N m). That of the contacts alone, with which a due
+        force is compared, is state.contact_wrench: while it moves the hand also feels the coupling's damping."""
+        return np.array(self._state.command)
+
+    @property
+    def message(self) -> str:
+        """Why the server refused a session, an update or a contact last, what a body does otherwise than it was reported to, or
+        that a server of the session's own has ended; empty when a session begins."""
+        return _text(self._state.message)
+
+    def hold(self, position: ArrayLike, rotation: ArrayLike = (1, 0, 0, 0)) -> None:
+        """Where the device is a simulated one, its hand draws the handle there (m; w, x, y, z) with 200 N/m, 1 N m/rad
+        and at most 10 N, from the next send() on and until release()."""
+        p, R = _arguments.array(position, (3,), "position"), _arguments.array(rotation, (4,), "rotation")
+        if self._library.haptic_hold(self._open(), p.ctypes.data, R.ctypes.data) != 0:
+            self._fail()
+
+    def release(self) -> None:
+        """The hand of hold() lets go."""
+        self._library.haptic_release(self._open())
+
+    def steps(self, step: float) -> int:
+        """How many steps, of `step` seconds, an engine in real time has to take in the frame that begins. After
+        poll(), once per frame. It makes up for a frame that came late. With 0 there is nothing to do in this one."""
+        count = self._library.haptic_take_steps(self._open(), _arguments.number(step, "step"))
+        if count < 0:
+            self._fail()
+        return int(count)
+
+    def impulses(self, period: float) -> dict[int, np.ndarray]:
+        """The tool's impulses on bodies for a step that begins, by their numbers, linear then angular: apply each / period
+        as a wrench at the body's centre of mass during it, again before each part of it where the engine clears forces.
+        The next send() says that its bodies contain them."""
+        period = _arguments.number(period, "period")
+        if not 0 < period < 1e6:
+            raise HapticError(f"period {period:g} s must be above 0")
+        count = self._library.haptic_take_impulses(self._open(), period, self._impulses)
+        return {each.body: np.array(each.impulse) for each in self._impulses[:count]}
+
+    def sample(self, q: ArrayLike, v: ArrayLike, period: float) -> None:
+        """After a step of `period` seconds: where the tool is, for which contacts are found. Before the first send()."""
+        q_now, v_now = _arguments.array(q, self._q_shape, "q"), _arguments.array(v, self._v_shape, "v")
+        period = _arguments.number(period, "period")
+        if self._library.haptic_sample(self._open(), q_now.ctypes.data, v_now.ctypes.data, period) != 0:
+            self._fail()
+
+    def track(self, contacts: np.ndarray, bodies: Optional[np.ndarray] = None) -> np.ndarray:
+        """Sets lasting identities, by pair, place on side a and normal, for an engine that has none.
+        After sample(), once per step. Returns the same array."""
+        at, count = _arguments.records(contacts, CONTACT, "contacts")
+        self._library.haptic_track(self._open(), at, count, *_arguments.records(bodies, BODY, "bodies"))
+        return contacts
+
+    def external_wrench(self, wrench: ArrayLike, link: int = 0) -> None:
+        """What else than contacts and its weight pushes the tool: a weld, a tendon, a payload, drag, or what a force sensor
+        reads; force (N) and torque (N m) about the origin of the link's frame, world axes. After sample(), for the next send():
+        without this there is none. The server finds how it depends on the tool's motion, so that the hand feels a load, a
+        spring or a wall between frames, too. Several on one link add up. Raises HapticError where it cannot be used."""
+        given = _arguments.array(wrench, (6,), "wrench")
+        link = _arguments.integer(link, "link", -1)
+        if self._library.haptic_external_wrench(self._open(), link, given.ctypes.data) != 0:
+            self._fail()
+
+    def send(self, contacts: Optional[np.ndarray] = None, bodies: Optional[np.ndarray] = None,
+             poses: Optional[np.ndarray] = None) -> int:
+        """Sends what is near; poses: of the bodies whose shapes were offered, those near the tool, at most MAX_POSES. Returns
+        the update's sequence, 0 without a session. Raises HapticError where something is wrong with a contact, a body or a
+        pose; nothing is sent then."""
+        if poses is not None and self._library.haptic_place(self._open(), *_arguments.records(poses, POSE, "poses")) != 0:
+            self._fail()
+        sequence = self._library.haptic_send(self._open(), *_arguments.records(contacts, CONTACT, "contacts"),
+                                             *_arguments.records(bodies, BODY, "bodies"))
+        if sequence < 0:
+            self._fail()
+        return int(sequence)
+
+    def _open(self) -> ctypes.c_void_p:
+        if not self._session:
+            raise HapticError("the session is closed")
+        return self._session
+
+    def _fail(self) -> NoReturn:
+        raise HapticError(_text(self._library.haptic_error(self._open())))
+
+
+def _text(given: bytes) -> str:
+    """What may hold a name that is no UTF-8, or be cut within a character."""
+    return given.decode(errors="replace")
+
+
+def _tell(sentence: str) -> None:
+    """On standard error, where there is one."""
+    with contextlib.suppress(OSError, ValueError):
+        if sys.stderr is not None:
+            print(sentence, file=sys.stderr, flush=True)

@@ -139,6 +139,10 @@ class EngineSession:
         """As haptic.Session.show()."""
         return self.touch.show(port, open_browser)
 
+    def _repr_html_(self) -> Optional[str]:
+        """As haptic.Session: in a notebook, the page."""
+        return self.touch._repr_html_()
+
     def hold(self, position: Sequence[float], rotation: Sequence[float] = (1, 0, 0, 0)) -> None:
         """As haptic.Session.hold(): m; w, x, y, z; world axes."""
         self.touch.hold(position, rotation)
