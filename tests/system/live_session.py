@@ -85,11 +85,11 @@ def live_session(server, client, worlds, *server_options, world="testbed", clien
         session.end()
 
 
-def browser():
-    """A headless Chromium that draws without a graphics card, its page 1280 x 800 pixels."""
+def browser(*more):
+    """A headless Chromium that draws without a graphics card, its page 1280 x 800 pixels. more: of its options."""
     options = webdriver.ChromeOptions()
     for argument in ("--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader",
-                     "--window-size=1280,943", "--disable-dev-shm-usage"):
+                     "--window-size=1280,943", "--disable-dev-shm-usage", *more):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
