@@ -224,8 +224,10 @@ void ClientRun::frame(double period) {
   live_.frame.report_friction.front() = live_.tuning.friction == own_tuning_.friction;
   std::vector<HapticClient*> clients;
   for (ToolSession& session : sessions_) clients.push_back(&session.client());
+  FrameOptions options = live_.frame;
+  if (page_) options.pull = page_->pull();
   const std::vector<FrameResult> results =
-      run_frame(*environment_, clients, clock_, period, live_.frame);
+      run_frame(*environment_, clients, clock_, period, options);
   if (results.front().fault != nullptr) report(*results.front().fault);
   for (std::size_t i = 0; i < sessions_.size(); ++i) {
     const HeldTool& held = environment_->tools[i];
@@ -254,6 +256,7 @@ void ClientRun::take_page_requests() {
     begin(Asked::kFirst);
   }
   change_scene();
+  for (int steps = page_->take_steps(); steps > 0; --steps) environment_->pace.step();
   set_conditions(live_.network);
   first_client().control(page_->control(live_, own_tuning_));
 }

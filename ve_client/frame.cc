@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <utility>
 
 #include "hlm/common/uniform.h"
@@ -76,10 +77,10 @@ double lifetime(double delay, double period) { return kMargin * (delay + 2 * per
 
 namespace {
 
-/// Takes over what the server says: where the tool goes, and its impulses on bodies. Returns these
-/// as wrenches during the frame.
-Pushes follow_server(World& world, VirtualTool& tool, HapticClient& client, double period,
-                     FrameResult& result) {
+/// Takes over what the server says: where the tool goes, and its impulses on bodies, which a world
+/// that stands still does not get. Returns these as wrenches during the frame.
+Pushes follow_server(World& world, bool moves, VirtualTool& tool, HapticClient& client,
+                     double period, FrameResult& result) {
   if (const protocol::ProxyState* proxy = result.inbox.state) {
     result.state_refused = !tool.can_follow(proxy->q, proxy->v);
     if (!result.state_refused) tool.set_target(proxy->q, proxy->v);
@@ -87,7 +88,7 @@ Pushes follow_server(World& world, VirtualTool& tool, HapticClient& client, doub
   Pushes pushes;
   for (const auto& [body, P_W] : client.take_impulses(period)) {
     if (body < world.description().bodies.size() && world.is_movable(static_cast<int>(body))) {
-      world.add_wrench(static_cast<int>(body), P_W / period);
+      if (moves) world.add_wrench(static_cast<int>(body), P_W / period);
       pushes[static_cast<int>(body)] = P_W / period;
     } else {
       result.state_refused = true;
@@ -157,19 +158,20 @@ bool pushes_by_impulses(const HapticClient& client, const FrameOptions& options)
          !options.push_by_following;
 }
 
-/// What the servers say, for all tools.
+/// What the servers say, for all tools. length: of the world's step, s.
 void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* const> clients,
-                    double period, std::span<FrameResult> results) {
+                    double period, double length, std::span<FrameResult> results) {
   std::vector<Pushes> pushes;
   std::vector<MovableBodies> reported;
   double round_trip = 0;
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
-    pushes.push_back(follow_server(environment.world, held.tool, *clients[i], period, results[i]));
+    pushes.push_back(
+        follow_server(environment.world, length > 0, held.tool, *clients[i], period, results[i]));
     reported.push_back(held.surroundings.bodies());
     round_trip = std::max(round_trip, clients[i]->round_trip());
   }
-  environment.shared.push(pushes, reported, period, round_trip);
+  if (length > 0) environment.shared.push(pushes, reported, length, round_trip);
 }
 
 /// What stops a tool in the engine.
@@ -186,20 +188,57 @@ std::function<bool(int body)> obstacles(const VirtualEnvironment& environment,
   };
 }
 
-/// One step of the engine, in which the tools follow their proxies.
-void step(VirtualEnvironment& environment, std::span<HapticClient* const> clients, double period,
+/// Natural frequency of a pulled body on its spring, Hz, and the largest force, N: as a finger
+/// would, it drags what is light, and leaves what is heavy.
+constexpr double kPullFrequency = 3;
+constexpr double kMostPull = 10;
+
+/// Draws a body during one step of the world's solver, h seconds: critically damped, integrated as
+/// VirtualTool::pull(). Returns the wrench about its centre of mass.
+Wrench pull_body(World& world, const BodyPull& pull, double h) {
+  const Pose X_WB = world.X_WB(pull.body);
+  const Vector3 p_W = X_WB * pull.p_B;
+  const double w = 2 * std::numbers::pi * kPullFrequency;
+  const Vector3 v = world.velocity_at(pull.body, p_W);
+  const Vector3 a =
+      (w * w * (pull.target_W - p_W - h * v) - 2 * w * v) / (1 + 2 * w * h + w * w * h * h);
+  Vector3 f = world.description().bodies[static_cast<std::size_t>(pull.body)].mass * a;
+  if (f.norm() > kMostPull) f *= kMostPull / f.norm();
+  Wrench F;
+  F << f, (p_W - X_WB.p).cross(f);
+  world.add_wrench(pull.body, F);
+  return F;
+}
+
+/// One step of the engine, in which the tools follow their proxies; without a length they are where
+/// these are. length: s.
+void step(VirtualEnvironment& environment, std::span<HapticClient* const> clients, double length,
           const FrameOptions& options) {
+  environment.pulled.setZero();
+  if (length == 0) {
+    for (HeldTool& held : environment.tools) held.tool.carry();
+    return;
+  }
   std::vector<ToolContact> contacts;
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
-    const double reach = held.tool.follow(period);
+    held.tool.set_pace(environment.pace.of_step());
+    const double reach = held.tool.follow(length);
     const auto stops_tool = obstacles(environment, clients, i, options);
     const auto own = held.proximity.within_reach(held.tool, reach, stops_tool);
     contacts.insert(contacts.end(), own.begin(), own.end());
   }
-  environment.world.step(period, contacts, [&](double h) {
+  environment.world.step(length, contacts, [&](double h) {
     for (HeldTool& held : environment.tools) held.tool.pull(h);
+    if (options.pull) {
+      environment.pulled += h / length * pull_body(environment.world, *options.pull, h);
+    }
   });
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    HeldTool& held = environment.tools[i];
+    held.tool.read_back();
+    catch_up(held.tool, held.proximity, obstacles(environment, clients, i, options));
+  }
 }
 
 /// What is reported to a server.
@@ -245,6 +284,24 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
           shapes ? body_poses(environment.world, held.tool) : BodyPoses()};
 }
 
+/// What pulls a body, besides its contacts.
+void add_pull(const VirtualEnvironment& environment, const BodyPull& pull, MovableBodies& bodies) {
+  for (MovableBody& body : bodies) {
+    if (static_cast<int>(body.id) == pull.body) body.A_W += body.W * environment.pulled;
+  }
+}
+
+/// What a world of this pace looks like in the hand's time.
+void slow_down(Report& report, double pace) {
+  for (MovableBody& body : report.bodies) {
+    body.V_W *= pace;
+    body.W *= pace * pace;
+    body.A_W *= pace * pace;
+  }
+  for (ReportedContact& contact : report.contacts) contact.v_WC *= pace;
+  for (auto& pose : report.poses) pose.V_W *= pace;
+}
+
 }  // namespace
 
 std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
@@ -261,23 +318,23 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
     results[i].inbox = clients[i]->poll(clock.now());
   }
   if (stands_still()) return results;
-  follow_servers(environment, clients, period, results);
-  step(environment, clients, period, options);
+  const double length = environment.pace.begin_frame(period, options.pace);
+  follow_servers(environment, clients, period, length, results);
+  step(environment, clients, length, options);
   if (stands_still()) return results;
-  for (std::size_t i = 0; i < clients.size(); ++i) {
-    HeldTool& held = environment.tools[i];
-    held.tool.read_back();
-    catch_up(held.tool, held.proximity, obstacles(environment, clients, i, options));
-  }
 
   const double sampled_at = clock.now();
+  const double pace = environment.pace.now();
   std::vector<Report> reports;
   for (std::size_t i = 0; i < clients.size(); ++i) {
     HeldTool& held = environment.tools[i];
     clients[i]->sample(sampled_at, held.tool.q(), held.tool.v(), period);
     reports.push_back(find_contacts(environment, i, *clients[i], period, options, results[i]));
-    clients[i]->follow_accelerations(reports.back().bodies);
+    // As the pace changes so do accelerations, as nothing in the world does.
+    if (pace == 1) clients[i]->follow_accelerations(reports.back().bodies);
     environment.shared.add_others(i, reports.back().bodies);
+    if (options.pull) add_pull(environment, *options.pull, reports.back().bodies);
+    slow_down(reports.back(), pace);
   }
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
   for (std::size_t i = 0; i < clients.size(); ++i) {

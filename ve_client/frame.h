@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <random>
 #include <span>
 #include <string>
@@ -16,6 +17,7 @@
 #include "hlm/ve/clock.h"
 #include "hlm/ve/frame_options.h"
 #include "hlm/ve/shared_bodies.h"
+#include "hlm/ve/world_pace.h"
 #include "hlm/world/proximity.h"
 #include "hlm/world/surroundings.h"
 #include "hlm/world/virtual_tool.h"
@@ -45,10 +47,45 @@ struct VirtualEnvironment {
   World world;
   std::deque<HeldTool> tools;
   SharedBodies shared;
+  WorldPace pace;
+  Wrench pulled = Wrench::Zero();  ///< What FrameOptions::pull did in the latest step, mean.
 
  private:
   VirtualEnvironment(const WorldDescription& description, std::vector<ToolAssembly> assemblies,
                      const FollowOptions& follow);
+};
+
+inline constexpr Range kEpsilons{0, 0.2, "m"};
+
+/// What draws a movable body by one of its points, as with a spring and a damper: a person's mouse.
+struct BodyPull {
+  int body = 0;
+  Vector3 p_B = Vector3::Zero();       ///< The point, in the body's frame, m.
+  Vector3 target_W = Vector3::Zero();  ///< Where it is drawn to, m.
+};
+
+struct FrameOptions {
+  double pace = 1;         ///< Of the world's time beside the hand's: see WorldPace.
+  double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
+  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Without prediction, and to a
+  /// server that does not choose among axes, it does not: there, larger values let the tool feel
+  /// walls past the edges where they end.
+  double largest_epsilon = 0.2;
+  /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
+  /// engine needed that long for its contacts. compute_time includes it, as it would there.
+  double delay = 0;
+  /// For each tool: its contacts carry the friction of the materials where the world states it;
+  /// otherwise its server's own holds everywhere.
+  std::array<bool, kMostTools> report_friction{true, true};
+  /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
+  /// near ones. For comparisons.
+  bool one_axis = false;
+  std::optional<BodyPull> pull{};
+  /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
+  bool shapes = false;
+  /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
+  /// moving constraints: what a server without movable bodies gets. For comparisons.
+  bool push_by_following = false;
 };
 
 /// What a frame brought, for the caller to report.
@@ -78,9 +115,9 @@ double adapted_epsilon(const FrameOptions& options, double speed, double lifetim
 /// before began. delay: from the proxy's state here to contacts there, s. period: of the frames, s.
 double lifetime(double delay, double period);
 
-/// One frame of `period` simulated seconds, with a client for each tool, in their order. The
-/// clients' links and `clock` decide whether it runs on UDP and real time or in memory and virtual
-/// time. What the frame brought for each tool.
+/// One frame of `period` seconds of the hand's time, with a client for each tool, in their order.
+/// The clients' links and `clock` decide whether it runs on UDP and real time or in memory and
+/// virtual time. What the frame brought for each tool.
 std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
                                    std::span<HapticClient* const> clients, Clock& clock,
                                    double period, const FrameOptions& options);

@@ -54,6 +54,7 @@ PageFrame page_frame(const VirtualEnvironment& environment, const HapticClient& 
   frame.state = result.inbox.state;
   frame.reported = result.active + result.predicted;
   frame.epsilon = result.epsilon;
+  frame.world_time = environment.pace.time();
   return frame;
 }
 

@@ -192,6 +192,8 @@ class VirtualSession {
 
   VirtualServer& server(std::size_t index) { return servers_[index]; }
   ve::VirtualEnvironment& environment() { return environment_; }
+  /// Of the frames from here on.
+  ve::FrameOptions& frame() { return options_.frame; }
   double now() { return clock_.now(); }
 
   // Of the first server.

@@ -13,6 +13,7 @@ std::optional<ResetRequest> LivePage::take_requests(double now, LiveSettings& se
     take(request, now, settings, at_start, reset);
   }
   if (now - held_at_ > kLease) holding_page_.reset();
+  if (now - pulled_at_ > kLease) pull_.reset();
   if (server_.pages() > 0) look_for_recordings(now);
   return reset;
 }
@@ -43,15 +44,31 @@ void LivePage::take_hand(std::uint64_t page, const HandRequest& hand, double now
   held_at_ = now;
 }
 
+void LivePage::take_pull(std::uint64_t page, const PullRequest& wanted, double now) {
+  if (pull_ && pulling_page_ != page) {
+    if (!wanted.pull) return;
+    return server_.answer(page, refused_message("pull", "", "another page pulls a body"));
+  }
+  pull_ = wanted.pull;
+  pulling_page_ = page;
+  pulled_at_ = now;
+}
+
+void LivePage::let_go(std::uint64_t page) {
+  if (holding_page_ == page) holding_page_.reset();
+  if (pulling_page_ == page) pull_.reset();
+}
+
 void LivePage::take(const PageRequest& request, double now, LiveSettings& settings,
                     const LiveSettings& at_start, std::optional<ResetRequest>& reset) {
-  if (request.closed) {
-    if (holding_page_ == request.page) holding_page_.reset();
-    return;
-  }
+  if (request.closed) return let_go(request.page);
   const ParsedRequest parsed = parse_request(request.text, settings, world_);
   if (const auto* hand = std::get_if<HandRequest>(&parsed)) {
     take_hand(request.page, *hand, now);
+  } else if (const auto* pull = std::get_if<PullRequest>(&parsed)) {
+    take_pull(request.page, *pull, now);
+  } else if (std::holds_alternative<StepRequest>(parsed)) {
+    ++steps_;
   } else if (const auto* changed = std::get_if<SettingsRequest>(&parsed)) {
     settings = changed->settings;
   } else if (const auto* telemetry = std::get_if<TelemetryRequest>(&parsed)) {
@@ -62,6 +79,7 @@ void LivePage::take(const PageRequest& request, double now, LiveSettings& settin
     chosen_ = {scene->name, request.page};
   } else if (const auto* wanted = std::get_if<ResetRequest>(&parsed)) {
     holding_page_.reset();
+    pull_.reset();
     settings = at_start;
     if (!reset || wanted->start) reset = *wanted;
   }
@@ -85,8 +103,14 @@ void LivePage::show_world(const PageWorld& world) {
   world_ = {.links = world.tool.description.links.size(),
             .starts = world.starts,
             .scenes = {},
+            .movable = {},
             .environment = world.environment};
   for (const SceneSummary& scene : world.scenes) world_.scenes.push_back(scene.name);
+  for (std::size_t i = 0; i < world.bodies.size(); ++i) {
+    const PageBody& body = world.bodies[i];
+    if (!body.fixed && !body.is_tool) world_.movable.push_back(static_cast<int>(i));
+  }
+  pull_.reset();
   tool_ = world.tool;
   server_.set_greeting(std::make_shared<const std::string>(world_message(world)));
 }

@@ -29,6 +29,10 @@ class LivePage final : public protocol::TelemetryObserver {
   /// A hold that its page does not repeat for kLease ends. now: a steady clock, s.
   std::optional<ResetRequest> take_requests(double now, LiveSettings& settings,
                                             const LiveSettings& at_start);
+  /// How many single steps of the world were asked for since the last call.
+  int take_steps() { return std::exchange(steps_, 0); }
+  /// What a page pulls at. It ends as a hold of the hand does.
+  const std::optional<BodyPull>& pull() const { return pull_; }
   /// The scene that was chosen last, once.
   std::optional<SceneRequest> take_scene() { return std::exchange(chosen_, std::nullopt); }
   /// The scene cannot be played: `text` says why, in one line.
@@ -52,6 +56,9 @@ class LivePage final : public protocol::TelemetryObserver {
   static constexpr double kLease = 1;  // s
 
   void take_hand(std::uint64_t page, const HandRequest& hand, double now);
+  void take_pull(std::uint64_t page, const PullRequest& wanted, double now);
+  /// What the page holds.
+  void let_go(std::uint64_t page);
   void take(const PageRequest& request, double now, LiveSettings& settings,
             const LiveSettings& at_start, std::optional<ResetRequest>& reset);
 
@@ -67,6 +74,10 @@ class LivePage final : public protocol::TelemetryObserver {
   std::optional<std::uint64_t> holding_page_;  ///< The page that holds the hand.
   double held_at_ = 0;                         ///< When it last repeated the hold, s.
   Pose X_WTarget_;
+  std::optional<BodyPull> pull_;
+  std::uint64_t pulling_page_ = 0;
+  double pulled_at_ = 0;  ///< s.
+  int steps_ = 0;
   std::optional<protocol::ProxyState> state_;  ///< Latest state of the session.
   std::optional<protocol::Reject> rejected_;   ///< The server's latest answer, if it was that.
   std::optional<protocol::LocalState> contacts_;

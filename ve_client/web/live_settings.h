@@ -33,7 +33,7 @@ struct EnvironmentRange : Range {
   const char* name;
   double& (*number)(LiveSettings&);
 };
-inline constexpr std::array<EnvironmentRange, 6> kEnvironmentRanges{{
+inline constexpr std::array<EnvironmentRange, 7> kEnvironmentRanges{{
     {kEpsilons, "epsilon", [](LiveSettings& s) -> double& { return s.frame.epsilon; }},
     {kEpsilons, "largest_epsilon",
      [](LiveSettings& s) -> double& { return s.frame.largest_epsilon; }},
@@ -42,6 +42,7 @@ inline constexpr std::array<EnvironmentRange, 6> kEnvironmentRanges{{
     {{0, kLongestJitter, "s"},
      "jitter",
      [](LiveSettings& s) -> double& { return s.network.jitter; }},
+    {{0, 1}, "pace", [](LiveSettings& s) -> double& { return s.frame.pace; }},
     {{0, kLargestLoss}, "loss", [](LiveSettings& s) -> double& { return s.network.loss; }},
 }};
 

@@ -338,6 +338,7 @@ std::string frame_message(const PageFrame& view) {
              {"rejected", view.rejected ? name_of(view.rejected->reason) : ""},
              {"rejection", rejection_of(view)},
              {"bodies", std::move(bodies)},
+             {"world_time", view.world_time},
              {"held", view.held},
              {"reported", view.reported},
              {"round_trip", view.round_trip},

@@ -64,7 +64,8 @@ struct PageFrame {
   std::size_t reported = 0;                        ///< Contacts of the tool sent with this frame.
   double epsilon = 0;                              ///< ε of this frame, m.
   LiveSettings settings{};
-  bool held = false;  ///< A page holds the hand.
+  double world_time = 0;  ///< s.
+  bool held = false;      ///< A page holds the hand.
   /// Why the server gives no session; empty in one, and before it has said.
   std::optional<protocol::Reject> rejected{};
   std::string recording{};  ///< Name of the latest flight recording; empty: none is known here.

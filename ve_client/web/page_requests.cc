@@ -1,5 +1,6 @@
 #include "hlm/web/page_requests.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <nlohmann/json.hpp>
@@ -44,17 +45,22 @@ bool flag(const json& message, const char* field) {
   return value.get<bool>();
 }
 
+/// So many numbers, each within the room for hands and bodies; `what` they are, for a refusal.
+json numbers(const json& message, const char* field, std::size_t count, const char* what) {
+  constexpr double kFarthest = 10;  // m
+  const json list = message.value(field, json());
+  const bool fits = list.is_array() && list.size() == count &&
+                    std::all_of(list.begin(), list.end(), [](const json& n) {
+                      return n.is_number() && std::abs(n.get<double>()) <= kFarthest;
+                    });
+  if (!fits) refuse(field, list, what);
+  return list;
+}
+
 HandRequest hand(const json& message) {
   if (!flag(message, "hold")) return {};
-  const json target = message.value("target", json());
-  constexpr std::size_t kNumbers = 7;
-  constexpr double kFarthest = 10;  // m
-  const auto is_usable = [](const json& n) {
-    return n.is_number() && std::abs(n.get<double>()) <= kFarthest;
-  };
-  const bool fits = target.is_array() && target.size() == kNumbers &&
-                    std::all_of(target.begin(), target.end(), is_usable);
-  if (!fits) refuse("target", target, "7 numbers: x, y, z within 10 m, and a unit quaternion");
+  const json target =
+      numbers(message, "target", 7, "7 numbers: x, y, z within 10 m, and a unit quaternion");
   const auto at = [&](std::size_t i) { return target[i].get<double>(); };
   Pose X;
   X.p = {at(0), at(1), at(2)};
@@ -147,6 +153,20 @@ ResetRequest reset(const json& message, const WorldTraits& world) {
   refuse("start", start, known);
 }
 
+PullRequest pull(const json& message, const WorldTraits& world) {
+  if (!flag(message, "hold")) return {};
+  const json body = message.value("body", json());
+  if (!body.is_number_integer() ||
+      std::ranges::find(world.movable, body.get<int>()) == world.movable.end()) {
+    refuse("body", body, "the number of a body that can move, and is no tool's");
+  }
+  const auto point = [&](const char* field) {
+    const json p = numbers(message, field, 3, "3 numbers: x, y, z within 10 m");
+    return Vector3(p[0].get<double>(), p[1].get<double>(), p[2].get<double>());
+  };
+  return {BodyPull{.body = body.get<int>(), .p_B = point("point"), .target_W = point("target")}};
+}
+
 SceneRequest scene(const json& name, const WorldTraits& world) {
   std::string known;
   for (const std::string& one : world.scenes) {
@@ -165,15 +185,20 @@ ParsedRequest parse(const json& message, const LiveSettings& present, const Worl
   const json type = message.is_object() ? message.value("type", json()) : json();
   if (type == "hand") return hand(message);
   if (type == "settings") return SettingsRequest{with_tuning(message, present, world)};
-  if (type == "environment" || type == "method") require_environment(type, world);
+  for (const char* const own : {"environment", "method", "step", "pull"}) {
+    if (type == own) require_environment(type, world);
+  }
   if (type == "environment") return SettingsRequest{with_environment(message, present)};
   if (type == "method") {
     return SettingsRequest{with_method(message.value("name", json()), present, world)};
   }
+  if (type == "step") return StepRequest{};
+  if (type == "pull") return pull(message, world);
   if (type == "telemetry") return TelemetryRequest{flag(message, "on")};
   if (type == "reset") return reset(message, world);
   if (type == "scene") return scene(message.value("name", json()), world);
-  refuse("type", type, "hand, settings, environment, method, telemetry, reset or scene");
+  refuse("type", type,
+         "hand, settings, environment, method, step, pull, telemetry, reset or scene");
 }
 
 }  // namespace

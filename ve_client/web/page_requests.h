@@ -26,6 +26,12 @@ struct TelemetryRequest {
 struct ResetRequest {
   std::optional<std::string> start;  ///< Start of the tool; none: the same as before.
 };
+/// In a pause the world goes on by one frame.
+struct StepRequest {};
+/// A body is pulled, or let go.
+struct PullRequest {
+  std::optional<BodyPull> pull;  ///< None: let go.
+};
 /// Another world, to be played as when the client starts with it.
 struct SceneRequest {
   std::string name;        ///< One of WorldTraits::scenes.
@@ -39,13 +45,14 @@ struct Refusal {
 };
 
 using ParsedRequest = std::variant<HandRequest, SettingsRequest, TelemetryRequest, ResetRequest,
-                                   SceneRequest, Refusal>;
+                                   StepRequest, PullRequest, SceneRequest, Refusal>;
 
 /// What decides, of the world that is played, whether a request can be granted.
 struct WorldTraits {
   std::size_t links = 1;            ///< Links of the session's tool.
   std::vector<std::string> starts;  ///< Starts of the tool besides the world's own place.
   std::vector<std::string> scenes;  ///< Worlds that may be played.
+  std::vector<int> movable{};       ///< Bodies that can be pulled.
   bool environment = true;          ///< What is the client's may be set.
 };
 

@@ -84,6 +84,20 @@ double VirtualTool::point_speed(const Twist& V_WB) const noexcept {
   return V_WB.head<3>().norm() + 2 * assembly_.description.length * V_WB.tail<3>().norm();
 }
 
+void VirtualTool::set_pace(double pace) {
+  if (pace == pace_) return;
+  v_ *= pace_ / pace;
+  pace_ = pace;
+  place(q());
+}
+
+void VirtualTool::carry() {
+  pace_ = 1;
+  v_ = v_proxy_;
+  place(on_the_way(q(), 1));
+  v_target_.setZero();
+}
+
 double VirtualTool::follow(double dt) {
   double reach = 0;
   for (int link = 0; link < target_.links(); ++link) {
@@ -130,16 +144,16 @@ double VirtualTool::free_travel(int link, double dt) const {
 Vector6 VirtualTool::acceleration(int link, const Vector6& e, const Twist& V_WB, double h) const {
   const int index = assembly_.bodies[at(link)];
   const double mass = world_.description().bodies[at(index)].mass;
-  const Twist V_WB_target = target_.jacobian(link, X_WB_target(link).p) * v_target_;
-  const double w = 2 * std::numbers::pi * options_.frequency;
+  const Twist V_WB_target = target_.jacobian(link, X_WB_target(link).p) * v_target_ / pace_;
+  const double w = 2 * std::numbers::pi * options_.frequency / pace_;
   const double b = 2 * options_.damping_ratio * w;
   const Vector6 a =
       (w * w * (e - h * V_WB) + b * (V_WB_target - V_WB)) / (1 + b * h + w * w * h * h);
 
   const Matrix3 I_W = inertia(index);
-  const Vector3 force = bounded(mass * a.head<3>(), options_.max_force);
-  const Vector3 torque =
-      bounded(I_W * a.tail<3>(), options_.max_force * assembly_.description.length);
+  const double max_force = options_.max_force / (pace_ * pace_);
+  const Vector3 force = bounded(mass * a.head<3>(), max_force);
+  const Vector3 torque = bounded(I_W * a.tail<3>(), max_force * assembly_.description.length);
   return (Vector6() << force / mass, I_W.inverse() * torque).finished();
 }
 

@@ -65,6 +65,12 @@ class VirtualTool {
   /// Velocity that the latest target had where a link's point at p_W is drawn to, m/s.
   Vector3 target_velocity_at(int link, const Vector3& p_W) const;
 
+  /// The world's time goes by `pace` (> 0) seconds in one of the hand's, in which targets and v()
+  /// are. 1 at first.
+  void set_pace(double pace);
+  /// Carries the tool to its target through everything, in a world that stands still.
+  void carry();
+
   /// Begins a step of dt seconds. Returns how far the tool's points will move in it at most if
   /// nothing stops them, m.
   double follow(double dt);
@@ -87,7 +93,7 @@ class VirtualTool {
 
   /// Configuration q_VE in which the tool is, after the latest read_back(). Angles are continuous.
   const Configuration& q() const noexcept { return model_.configuration(); }
-  const Velocity& v() const noexcept { return v_; }
+  Velocity v() const { return pace_ * v_; }
   /// Pose of the body of a link in the world.
   Pose X_WB(int link) const { return model_.X_WL(link) * assembly_.X_LB[at(link)]; }
   /// And where that is drawn to.
@@ -109,10 +115,11 @@ class VirtualTool {
   World& world_;
   ToolAssembly assembly_;
   FollowOptions options_;
-  ToolModel model_;  ///< Model at q_VE.
-  Velocity v_;
+  double pace_ = 1;
+  ToolModel model_;    ///< Model at q_VE.
+  Velocity v_;         ///< In the world's time, as the velocities of bodies are.
   ToolModel target_;   ///< Model at the proxy's configuration.
-  Velocity v_target_;  ///< Zero after its step.
+  Velocity v_target_;  ///< In the hand's time, as the next; zero after its step.
   Velocity v_proxy_;   ///< Velocity of the latest target.
   double target_speed_ = 0;
 };

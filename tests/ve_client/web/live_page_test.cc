@@ -65,6 +65,45 @@ TEST_CASE("A page holds the hand until it lets go, or is silent about it for a s
   CHECK_FALSE(desk.held());
 }
 
+PageWorld world_of_a_brick() {
+  PageWorld world;
+  world.bodies = {
+      {.name = "table", .fixed = true}, {.name = "tool", .is_tool = true}, {.name = "brick"}};
+  world.tool.description.links.emplace_back();
+  world.tool.q = Configuration::Zero(0);
+  return world;
+}
+
+TEST_CASE("One page pulls a body, until it lets go, is silent for a second, or is gone") {
+  Desk desk;
+  desk.page.show_world(world_of_a_brick());
+  const char* const pull =
+      R"({"type":"pull","hold":true,"body":2,"point":[0,0,0.01],"target":[0.1,0,0]})";
+  PageClient other(desk.page.port());
+  REQUIRE(other.read());  // the world
+  {
+    PageClient browser(desk.page.port());
+    browser.send(pull);
+    REQUIRE(desk.soon([&] { return desk.page.pull().has_value(); }));
+    CHECK(desk.page.pull()->body == 2);
+    CHECK(desk.page.pull()->p_B == Vector3(0, 0, 0.01));
+    CHECK(desk.page.pull()->target_W == Vector3(0.1, 0, 0));
+    other.send(pull);
+    other.send(R"({"type":"step"})");
+    REQUIRE(desk.soon([&] { return desk.page.take_steps() == 1; }));
+    CHECK_THAT(other.text(), ContainsSubstring("another page pulls a body"));
+    browser.send(R"({"type":"pull","hold":false})");
+    REQUIRE(desk.soon([&] { return !desk.page.pull(); }));
+    browser.send(pull);
+    REQUIRE(desk.soon([&] { return desk.page.pull().has_value(); }));
+    desk.now += 1.1;
+    CHECK(desk.soon([&] { return !desk.page.pull(); }));
+    browser.send(pull);
+    REQUIRE(desk.soon([&] { return desk.page.pull().has_value(); }));
+  }
+  CHECK(desk.soon([&] { return !desk.page.pull(); }));
+}
+
 TEST_CASE("A page that is gone holds nothing") {
   Desk desk;
   {

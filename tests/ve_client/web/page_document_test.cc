@@ -348,7 +348,8 @@ TEST_CASE("Ticks have the documented header and columns") {
 }
 
 ParsedRequest parsed(const std::string& text) {
-  return parse_request(text, {}, {.links = 1, .starts = {"hole"}, .scenes = {"push"}});
+  return parse_request(text, {},
+                       {.links = 1, .starts = {"hole"}, .scenes = {"push"}, .movable = {2}});
 }
 
 std::string text_of(const ParsedRequest& request) {
@@ -358,8 +359,8 @@ std::string text_of(const ParsedRequest& request) {
 
 TEST_CASE("Each documented request is accepted, and together they are all that there are") {
   std::string types;
-  for (const std::string name :
-       {"hand", "settings", "environment", "method", "telemetry", "reset", "scene"}) {
+  for (const std::string name : {"hand", "settings", "environment", "method", "step", "pull",
+                                 "telemetry", "reset", "scene"}) {
     types += (types.empty() ? "" : name == "scene" ? " or " : ", ") + name;
     const Section& described = section(name);
     CHECK_FALSE(described.examples.empty());
