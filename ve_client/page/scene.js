@@ -54,6 +54,7 @@ export class Scene {
     this.#paint();
     onColors(() => this.#paintAgain());
     this.raycaster = new THREE.Raycaster();
+    this.raycaster.params.Line.threshold = 0;   // m: edges are met within 1 m otherwise
     this.magnify = false;
     this.showsBodies = true;   // the contacts of bodies without the tool
     this.plain = false;        // what touches and its force alone
