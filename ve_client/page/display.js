@@ -1,6 +1,6 @@
 // What the page says in words and numbers around the scene: status line, legend, the spring's force.
 
-import { magnitude, milliseconds, newtons, niceAbove } from './format.js';
+import { fixed, magnitude, milliseconds, newtons, niceAbove } from './format.js';
 
 const MOVING = 0.05;   // N, of a hand that moves the tool
 
@@ -31,6 +31,7 @@ export function showStatus(element, { open, trouble, frame, meters, store }) {
                  [`page ${Math.round(meters.page.rate())} fps`],
                  [`lost ${store.lost}`, store.lost > 0],
                  [`round trip ${milliseconds(frame.round_trip)}`]);
+    if (frame.environment?.pace < 1) entries.push([`world at ${fixed(frame.environment.pace)} of its speed`]);
   }
   const key = entries.join();
   if (element.dataset.key === key) return;
@@ -89,6 +90,7 @@ export function sentenceOf(frame, hand, world) {
   if (!frame?.device) return 'The scene comes to life as soon as haptic_server answers.';
   if (!hand) return 'This browser cannot show the scene; Expert shows charts and settings.';
   const felt = 'the arrow is the force that the hand feels';
+  if (frame.environment?.pace === 0) return `The world stands still: ${felt}, which moves nothing now.`;
   if (!world.guidable) return `Move your device until the orange tool touches something: ${felt}.`;
   if (hand.heldByAnother) return `Another page moves the orange tool: ${felt}.`;
   if (!hand.held && magnitude(frame.F_hand) > MOVING) return `A hand moves the orange tool: ${felt}; drag the tool to take over.`;

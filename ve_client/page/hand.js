@@ -188,7 +188,7 @@ export class Hand {
 
   #showCursor(event) {
     const over = event.buttons === 0 && event.target.tagName === 'CANVAS'
-      && this.scene.picks(event.clientX, event.clientY, false);
+      && (this.scene.picks(event.clientX, event.clientY, false) || this.scene.bodyAt(event.clientX, event.clientY));
     if (event.buttons === 0) this.surface.style.cursor = over ? 'grab' : '';
   }
 

@@ -13,10 +13,12 @@ import { Hand } from './hand.js';
 import { Loading } from './loading.js';
 import { TRACE_POINTS } from './overlays.js';
 import { Pad } from './pad.js';
+import { Pull } from './pull.js';
 import { Scene, graphics } from './scene.js';
 import { Sound } from './sound.js';
 import { TickStore } from './ticks.js';
 import { judge } from './verdict.js';
+import { WorldTime } from './world_time.js';
 
 const TEXT_MS = 150;      // how often words and numbers change
 const NARROW = window.matchMedia('(max-width: 1100px)');
@@ -51,6 +53,8 @@ const address = new Address(request, notify, showView);
 const scene = makeScene();
 const hand = scene && new Hand(byId('scene'), scene, send, showHold);
 const pad = scene && new Pad(hand, scene);
+const pull = scene && new Pull(byId('scene'), scene, send, () => hand.pointer !== undefined);
+const worldTime = new WorldTime(byId('time'), send);
 const controls = new Controls(byId('panel'), byId('methods'), request);
 const chain = new Chain(byId('chain'), byId('chain-reason'), byId('verdict'));
 const charts = new Charts(byId('strips'), {
@@ -103,6 +107,7 @@ function makeScene() {
 
 function takeLoss() {
   hand?.release();
+  pull?.release();
   sound.update(0, false);
   loading.closed();
   if (state.world) showScenes(state.world);
@@ -112,6 +117,7 @@ function takeWorld(message) {
   const world = { ...UNOFFERED, ...message };
   loading.take(world);
   hand?.release();
+  pull?.release();
   state.store.expectAnything();
   renewStore(world);
   state.world = world;
@@ -154,11 +160,12 @@ function takeTicks(firstStep, count, rows) {
 
 function takeRefusal({ field, text }) {
   if (field === 'hand') hand?.release();
+  if (field === 'pull') pull?.release();
   if (field === 'scene') {
     loading.fail(text);
     showScenes(state.world);
   }
-  if (field !== 'hand') address.forget(field);
+  if (field !== 'hand' && field !== 'pull') address.forget(field);
   if (!controls.refuse(field, text)) notify(text);
 }
 
@@ -168,7 +175,7 @@ function drawPicture(now) {
   if (scene) {
     pad.step(now);
     scene.forces = latestForces(state.store);
-    scene.draw(hand.target, !trouble(now)?.cut);
+    scene.draw(hand.target, !trouble(now)?.cut, pull.held);
     showSpring(scene, hand, byId('spring-force'), byId('hint'), byId('beckon'));
   }
   charts.redraw(now, meters.page.rate());
@@ -200,6 +207,7 @@ function showText() {
   showRecording(byId('recording'), frame?.recording);
   chain.show(frame, { trouble: present, holder: holder(), verdict: judge(store, state.world?.limits ?? []) });
   write(byId('sentence'), sentenceOf(frame, hand, state.world));
+  worldTime.show(frame?.environment?.pace);
   if (!frame) return;
   controls.show(frame);
   if (scene) showLegend(scene, frame);
@@ -231,6 +239,8 @@ function showView() {
   const { expert } = address;
   document.body.classList.toggle('first-look', !expert);
   byId('expert').setAttribute('aria-pressed', String(expert));
+  if (expert) byId('start-choice').after(byId('time'));
+  else byId('touch').append(byId('time'));
   controls.reduceTo(expert ? null : byId('touch'));
   scene?.setPlain(!expert);
 }

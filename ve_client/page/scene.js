@@ -115,10 +115,10 @@ export class Scene {
   }
 
   /** Draws a picture if anything changed; `target` is where the hand pulls to, or null; `live`: whether
-   *  the last frame is up to date. */
-  draw(target, live) {
+   *  the last frame is up to date; `pulled`: as bodyAt() with its own target, or none. */
+  draw(target, live, pulled) {
     if (this.world) this.#showOverlays(live && Boolean(this.frame?.device));
-    const due = Boolean(this.world) && Boolean(this.changed || target || this.view.moved || this.contacts.flashes.length);
+    const due = Boolean(this.world) && Boolean(this.changed || target || pulled || this.view.moved || this.contacts.flashes.length);
     this.quality.count(performance.now(), due);
     if (!due) return;
     this.changed = this.view.moved = false;
@@ -130,6 +130,7 @@ export class Scene {
       this.#drawForces(this.frame);
       this.pairs.update(this.plain ? [] : contacts, this.metresPerNewton);
       this.spring.update(this.frame.device, target, camera);
+      this.pullSpring.update(pulled ? this.placeOf(pulled) : null, pulled?.target, camera);
       this.trace.update(this.frame.device, this.forces, this.metresPerNewton, LONGEST_TRACE * this.overlaySize);
       this.glows.update(contacts, this.trace.swing);
       if (target) this.view.follow(this.frame.device);
@@ -178,6 +179,21 @@ export class Scene {
     if (Math.hypot(x - clientX, y - clientY) < PICK_PIXELS[touch ? 'touch' : 'mouse']) return true;
     this.#aim(clientX, clientY);
     return this.raycaster.intersectObjects(this.tools.concat(this.proxies.filter((p) => p.visible))).length > 0;
+  }
+
+  /** The loose body under the pointer that a page may pull: {body, point}, its number and the point in its frame, or null. */
+  bodyAt(clientX, clientY) {
+    if (!this.live || !this.world.ranges?.pace) return null;
+    this.#aim(clientX, clientY);
+    const [hit] = this.raycaster.intersectObjects(this.bodies.filter((body) => body.visible));
+    const body = this.bodies.findIndex((one) => hit && one.getObjectById(hit.object.id));
+    if (body < 0 || this.world.bodies[body].fixed || this.world.bodies[body].tool) return null;
+    return { body, point: this.bodies[body].worldToLocal(hit.point.clone()).toArray() };
+  }
+
+  /** Where it is in the world. */
+  placeOf({ body, point }) {
+    return this.bodies[body].localToWorld(new THREE.Vector3(...point)).toArray();
   }
 
   /** The point under the pointer in the plane of motion through `through`; null if it has none. */
@@ -319,11 +335,12 @@ export class Scene {
     this.contacts = new Contacts(size);
     this.pairs = new ForcePairs(size);
     this.spring = new Spring(size);
+    this.pullSpring = new Spring(size);
     this.glows = new Glows(size);
     this.trace = new Trace();
     this.arrows = FORCES.map((name, i) => new Arrow(COLORS[name], size * [0.05, 0.05, 0.024][i], 15 + i));
-    this.overlays.add(...this.proxies, this.handle, this.glows.group, this.trace.object, this.contacts.group, this.pairs.group, this.spring.object,
-                      ...this.arrows.map((arrow) => arrow.object));
+    this.overlays.add(...this.proxies, this.handle, this.glows.group, this.trace.object, this.contacts.group, this.pairs.group,
+                      this.spring.object, this.pullSpring.object, ...this.arrows.map((arrow) => arrow.object));
   }
 
   #showOverlays(on) {
