@@ -171,7 +171,7 @@ class Package(unittest.TestCase):
         self.assertIn("page: no page: haptic_page has ended", lines)
         # 200 N/m against four corners of 4 kN/m, 20 mm.
         self.assertRegex(lines[-1], r"3\.9\d N")
-        found = subprocess.run(["/usr/bin/python3", "-c", "import haptic; haptic.Session(); print(haptic.__file__)"],
+        found = subprocess.run(["/usr/bin/python3", "-c", "import haptic_local_model as haptic; haptic.Session(); print(haptic.__file__)"],
                                text=True, check=True, stdout=subprocess.PIPE, cwd=self.folder,
                                env={"PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}).stdout
         self.assertIn(str(self.prefix), found)

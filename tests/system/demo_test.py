@@ -319,7 +319,7 @@ class Programs(unittest.TestCase):
         return str(file)
 
     def found(self, what, **changes):
-        code = f"from haptic._programs import program; from haptic.demo import worlds_folder; print({what})"
+        code = f"from haptic_local_model._programs import program; from haptic_local_model.demo import worlds_folder; print({what})"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE,
                               env={"PATH": str(self.prefix / "path"), "PYTHONPATH": str(self.package.parent), **changes})
         return done.stdout.strip() or done.stderr.strip().splitlines()[-1]

@@ -26,7 +26,7 @@ try:
 except ImportError:
     print("skipped: python3-selenium is not installed")
     sys.exit(SKIPPED)
-import haptic  # noqa: E402
+import haptic_local_model as haptic  # noqa: E402
 
 STRANGER = "stranger.example"   # is told to be this machine
 

@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike
 
 from haptic_local_model import _arguments, _interrupt
 from haptic_local_model._arguments import HapticError
+from haptic_local_model._frame import frame_of
 from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Impulse,
                              Link, Options, Shape, State, load)
 
@@ -228,6 +229,10 @@ class Session:
             self._fail()
         _tell("haptic: the page of this session is " + _text(address))
         return _text(address)
+
+    def _repr_html_(self) -> Optional[str]:
+        """The page of the session, where it is the last line of a notebook's cell."""
+        return frame_of(self.show(open_browser=False)) if self._session else None
 
     def offer(self, shapes: Sequence[Shape], positions: Optional[ArrayLike] = None,
               rotations: Optional[ArrayLike] = None, friction: Optional[ArrayLike] = None,

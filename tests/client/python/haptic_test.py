@@ -475,7 +475,7 @@ class Mistakes(unittest.TestCase):
             touch.send(haptic.contacts(0))
 
     def test_a_missing_library_says_where_it_was_looked_for(self):
-        done = subprocess.run([sys.executable, "-c", "import haptic; haptic.Session()"], text=True,
+        done = subprocess.run([sys.executable, "-c", "import haptic_local_model; haptic_local_model.Session()"], text=True,
                               stderr=subprocess.PIPE, cwd=PACKAGE,
                               env={**os.environ, "HAPTIC_LIBRARY": "/nowhere/libhaptic.so"})
         self.assertIn("set HAPTIC_LIBRARY to its file: /nowhere/libhaptic.so", done.stderr)
