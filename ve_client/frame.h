@@ -1,7 +1,6 @@
 // The client's frame: what the virtual environment does 30 to 60 times a second.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -11,7 +10,6 @@
 #include <vector>
 
 #include "hlm/client/haptic_client.h"
-#include "hlm/common/range.h"
 #include "hlm/geometry/select.h"
 #include "hlm/geometry/skin_contacts.h"
 #include "hlm/ve/clock.h"
@@ -53,39 +51,6 @@ struct VirtualEnvironment {
  private:
   VirtualEnvironment(const WorldDescription& description, std::vector<ToolAssembly> assemblies,
                      const FollowOptions& follow);
-};
-
-inline constexpr Range kEpsilons{0, 0.2, "m"};
-
-/// What draws a movable body by one of its points, as with a spring and a damper: a person's mouse.
-struct BodyPull {
-  int body = 0;
-  Vector3 p_B = Vector3::Zero();       ///< The point, in the body's frame, m.
-  Vector3 target_W = Vector3::Zero();  ///< Where it is drawn to, m.
-};
-
-struct FrameOptions {
-  double pace = 1;         ///< Of the world's time beside the hand's: see WorldPace.
-  double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
-  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Without prediction, and to a
-  /// server that does not choose among axes, it does not: there, larger values let the tool feel
-  /// walls past the edges where they end.
-  double largest_epsilon = 0.2;
-  /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
-  /// engine needed that long for its contacts. compute_time includes it, as it would there.
-  double delay = 0;
-  /// For each tool: its contacts carry the friction of the materials where the world states it;
-  /// otherwise its server's own holds everywhere.
-  std::array<bool, kMostTools> report_friction{true, true};
-  /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
-  /// near ones. For comparisons.
-  bool one_axis = false;
-  std::optional<BodyPull> pull{};
-  /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
-  bool shapes = false;
-  /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
-  /// moving constraints: what a server without movable bodies gets. For comparisons.
-  bool push_by_following = false;
 };
 
 /// What a frame brought, for the caller to report.

@@ -2,15 +2,25 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "hlm/common/range.h"
+#include "hlm/common/spatial.h"
 #include "hlm/ve/tool_count.h"
 
 namespace hlm::ve {
 
 inline constexpr Range kEpsilons{0, 0.2, "m"};
 
+/// What draws a movable body by one of its points, as with a spring and a damper: a person's mouse.
+struct BodyPull {
+  int body = 0;
+  Vector3 p_B = Vector3::Zero();       ///< The point, in the body's frame, m.
+  Vector3 target_W = Vector3::Zero();  ///< Where it is drawn to, m.
+};
+
 struct FrameOptions {
+  double pace = 1;         ///< Of the world's time beside the hand's: see WorldPace.
   double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
   /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Without prediction, and to a
   /// server that does not choose among axes, it does not: there, larger values let the tool feel
@@ -25,6 +35,7 @@ struct FrameOptions {
   /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
   /// near ones. For comparisons.
   bool one_axis = false;
+  std::optional<BodyPull> pull{};
   /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
   bool shapes = false;
   /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for

@@ -39,7 +39,7 @@ from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX
 __all__ = ["BODY", "CONTACT", "FRICTION_RULES", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "poses", "sphere"]
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 _MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "proximity", "pybullet", "robosuite", "shapes")
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2

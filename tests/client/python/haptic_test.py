@@ -581,5 +581,16 @@ class Interface(unittest.TestCase):
                        text=True, check=True)
 
 
+class OldName(unittest.TestCase):
+    def test_haptic_is_the_same_package(self):
+        code = ("import haptic, haptic.shapes, haptic_local_model; from haptic.shapes import box;"
+                "assert haptic is haptic_local_model and haptic.shapes is haptic_local_model.shapes;"
+                "assert box is haptic_local_model.shapes.box")
+        done = subprocess.run([sys.executable, "-W", "always", "-c", code], text=True, stderr=subprocess.PIPE,
+                              env={**os.environ, "PYTHONPATH": str(PACKAGE)})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("write `import haptic_local_model as haptic`", done.stderr)
+
+
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
