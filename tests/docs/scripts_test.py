@@ -35,8 +35,8 @@ REFUSED = {
     "scripts/site": [(["wrong"], "--help")],
     "scripts/soak": [(["wrong"], "MINUTES"), (["1", "wrong"], "SEED"), (["1", "1", "wrong"], "MINUTES")],
     "scripts/sweep": [(["--wrong"], "--slurm"), (["wrong"], "fig06"), (["ocean", "--workers", "wrong"], "number"),
-                      (["--method", "wrong"], "lm5"), (["--over", "wrong"], "NAME=VALUES"), (["--over", "stifness=1"], "stiffness"),
-                      (["ocean", "--over", "push=1"], "outage"), (["--status", "wrong"], "sweep")],
+                      (["--method", "wrong"], "lm5"), (["--over", "wrong"], "NAME=VALUES"), (["--over", "wrong=1"], "stiffness"),
+                      (["ocean", "--over", "wrong=1"], "outage"), (["--status", "wrong"], "sweep")],
     "scripts/test": [(["--wrong"], "-R"), (["-R", "codec", "wrong"], "--repeat")],
 }
 # Sourced or imported by the others.
@@ -66,7 +66,7 @@ def check_help(script, builders):
 
 def check_refusal(script, arguments, allowed, builders):
     status, out, err = run(script, arguments, builders)
-    named = next(argument for argument in arguments if "wrong" in argument).split("=")[-1]
+    named = next(part for argument in arguments for part in argument.split("=") if "wrong" in part)
     lines = err.splitlines()
     if status != 2 or out or len(lines) != 1 or named not in err or allowed not in err or \
             not err.startswith(f"{script}: "):
