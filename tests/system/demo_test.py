@@ -46,13 +46,13 @@ def environment():
 
 
 def launch(*options):
-    return subprocess.Popen([sys.executable, "-m", "haptic", "--no-browser", "--worlds", WORLDS, *map(str, options)],
+    return subprocess.Popen([sys.executable, "-m", "haptic_local_model", "--no-browser", "--worlds", WORLDS, *map(str, options)],
                             env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def refusal(*options, **changes):
     """(status, what it said on standard error) where it cannot begin."""
-    done = subprocess.run([sys.executable, "-m", "haptic", "--no-browser", *map(str, options)], text=True, timeout=PATIENCE,
+    done = subprocess.run([sys.executable, "-m", "haptic_local_model", "--no-browser", *map(str, options)], text=True, timeout=PATIENCE,
                           env={**environment(), **changes}, capture_output=True)
     return done.returncode, done.stderr
 
@@ -275,7 +275,7 @@ class Begin(unittest.TestCase):
             self.assertEqual(len(children(demo.process)), 2)
 
     def test_the_worlds_of_a_clone_are_found(self):
-        process = subprocess.Popen([sys.executable, "-m", "haptic", "--no-browser"], env=environment(), text=True,
+        process = subprocess.Popen([sys.executable, "-m", "haptic_local_model", "--no-browser"], env=environment(), text=True,
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.assertIn("contrast.html", process.stdout.readline())
         process.send_signal(signal.SIGINT)
@@ -308,7 +308,7 @@ class Programs(unittest.TestCase):
         folder = self.enterContext(tempfile.TemporaryDirectory())
         self.prefix = pathlib.Path(folder).resolve()
         self.package = self.prefix / "lib/python3/dist-packages/haptic_local_model"
-        shutil.copytree(pathlib.Path(PACKAGE) / "haptic", self.package)
+        shutil.copytree(pathlib.Path(PACKAGE) / "haptic_local_model", self.package)
 
     def put(self, name):
         """A program that does nothing."""

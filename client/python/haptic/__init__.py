@@ -18,7 +18,8 @@ class _SameModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     """haptic.X is haptic_local_model.X, the very module."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> "importlib.machinery.ModuleSpec | None":
-        return importlib.machinery.ModuleSpec(name, self) if name.startswith(__name__ + ".") else None
+        ours = name.startswith(__name__ + ".") and name != __name__ + ".__main__"  # `python3 -m haptic` runs the file.
+        return importlib.machinery.ModuleSpec(name, self) if ours else None
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> types.ModuleType:
         self._spec = importlib.import_module("haptic_local_model" + spec.name[len(__name__):]).__spec__

@@ -590,6 +590,9 @@ class OldName(unittest.TestCase):
                               env={**os.environ, "PYTHONPATH": str(PACKAGE)})
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("write `import haptic_local_model as haptic`", done.stderr)
+        run = subprocess.run([sys.executable, "-m", "haptic", "--version"], text=True, capture_output=True,
+                             env={**os.environ, "PYTHONPATH": str(PACKAGE)})
+        self.assertRegex(run.stdout, r"^haptic_demo \d", run.stderr)
 
 
 if __name__ == "__main__":
