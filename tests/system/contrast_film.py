@@ -102,7 +102,7 @@ def film(url):
         driver.quit()
 
 
-launcher = subprocess.Popen([sys.executable, "-m", "haptic", "--no-browser", "--worlds", WORLDS], stdout=subprocess.PIPE,
+launcher = subprocess.Popen([sys.executable, "-m", "haptic_local_model", "--no-browser", "--worlds", WORLDS], stdout=subprocess.PIPE,
                             text=True, env={**os.environ, "HAPTIC_PROGRAMS": PROGRAMS, "PYTHONPATH": PACKAGE})
 try:
     pictures = film(launcher.stdout.readline().split(" ")[0])
