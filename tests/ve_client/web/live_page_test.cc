@@ -70,7 +70,7 @@ PageWorld world_of_a_brick() {
   world.bodies = {
       {.name = "table", .fixed = true}, {.name = "tool", .is_tool = true}, {.name = "brick"}};
   world.tool.description.links.emplace_back();
-  world.tool.q = Configuration::Zero(0);
+  world.tool.q = (Configuration(7) << 0, 0, 0, 1, 0, 0, 0).finished();
   return world;
 }
 
