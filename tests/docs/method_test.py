@@ -8,7 +8,7 @@ import os
 import re
 import sys
 
-SKIPPED_FOLDERS = {".git", "build", "out", "node_modules"}
+SKIPPED_FOLDERS = {".git", "build", "out", "node_modules", ".venv"}
 # A citation may be wrapped, with the marks of a comment before its number: "docs/method.md 2 and 4.1".
 NUMBER = r"\d+(?:\.\d+)?"
 CITATION = re.compile(rf"docs/method\.md`?[\s/#*]+({NUMBER}(?:(?:,| and| to) {NUMBER})*)")
