@@ -12,7 +12,6 @@ unpack_system() {
   for release in bullseye bookworm; do
     mkdir -p "$folder/$release/lists/partial" "$folder/$release/packages"
     : >"$folder/$release/status"
-    sed "s/bookworm/$release/g" /etc/apt/sources.list.d/*.sources >"$folder/$release/debian.sources"
     download "$architecture" "$folder/$release" "$release"
     # Of Debian 12 headers and what the compiler has of its own.
     find "$folder/$release/packages" -name '*.deb' -exec dpkg-deb -x {} "$folder" ';'
@@ -28,18 +27,30 @@ unpack_system() {
   cp "$from/packages.txt" "$folder/installed.txt"
 }
 
+# sources RELEASE: where packages of that release of Debian are, as apt has it: on the mirrors of this system.
+sources() {
+  local signed="[signed-by=/usr/share/keyrings/debian-archive-keyring.gpg]" mirror
+  apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 'Created-By: Packages' | sort -u | while read -r mirror; do
+    case $mirror in
+      *security*) echo "deb $signed $mirror $1-security main" ;;
+      *) echo "deb $signed $mirror $1 main" ;;
+    esac
+  done
+}
+
 # download ARCHITECTURE FOLDER RELEASE: what packages.txt names of that release. Not every mirror has the security updates of
 # an old release for each processor: then as it was released.
 download() {
+  sources "$3" >"$2/debian.list"
   fetch_packages "$@" 2>"$2/log" && return 0
   echo "Debian's security updates of $3 for $1 cannot be fetched; its packages come without them"
-  awk -v RS= -v ORS='\n\n' '!/security/' "$2/debian.sources" >"$2/without" && mv "$2/without" "$2/debian.sources"
+  sed -i '/-security main$/d' "$2/debian.list"
   fetch_packages "$@" 2>"$2/log" || { cat "$2/log" >&2; return 1; }
 }
 
 fetch_packages() {
   local names=() apt=(apt-get -qq -o "APT::Architecture=$1" -o "APT::Architectures=$1" -o "Dir::State::status=$2/status"
-    -o "Dir::State::Lists=$2/lists" -o "Dir::Etc::sourcelist=$2/debian.sources" -o Dir::Etc::sourceparts=/dev/null
+    -o "Dir::State::Lists=$2/lists" -o "Dir::Etc::sourcelist=$2/debian.list" -o Dir::Etc::sourceparts=/dev/null
     -o Dir::Cache::pkgcache= -o Dir::Cache::srcpkgcache= -o APT::Sandbox::User=)
   "${apt[@]}" update || return 1
   mapfile -t names < <(sed -n "s/^$3 //p" packaging/python/glibc_2.31/packages.txt)

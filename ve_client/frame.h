@@ -46,7 +46,9 @@ struct VirtualEnvironment {
   std::deque<HeldTool> tools;
   SharedBodies shared;
   WorldPace pace;
-  Wrench pulled = Wrench::Zero();  ///< What FrameOptions::pull did in the latest step, mean.
+  /// Mean wrench of FrameOptions::pull on its body during the latest step, N and N·m about the
+  /// body's centre of mass, world axes.
+  Wrench pulled = Wrench::Zero();
 
  private:
   VirtualEnvironment(const WorldDescription& description, std::vector<ToolAssembly> assemblies,

@@ -14,7 +14,7 @@ inline constexpr Range kEpsilons{0, 0.2, "m"};
 
 /// What draws a movable body by one of its points, as with a spring and a damper: a person's mouse.
 struct BodyPull {
-  int body = 0;
+  int body = 0;                        ///< Index among the world's bodies.
   Vector3 p_B = Vector3::Zero();       ///< The point, in the body's frame, m.
   Vector3 target_W = Vector3::Zero();  ///< Where it is drawn to, m.
 };
@@ -35,7 +35,7 @@ struct FrameOptions {
   /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
   /// near ones. For comparisons.
   bool one_axis = false;
-  std::optional<BodyPull> pull{};
+  std::optional<BodyPull> pull{};  ///< Empty: nothing is pulled.
   /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
   bool shapes = false;
   /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for

@@ -5,8 +5,8 @@
 
 namespace hlm::server {
 
-/// A file of udev rules for haptic devices and for low latency, as the packages install it, with
-/// Force Dimension's USB devices. Its comments say where it goes and which groups a user needs.
+/// The file of udev rules for haptic devices and for low latency that the packages install, under
+/// two comments that say where it goes and which groups a user needs.
 std::string udev_rules();
 
 }  // namespace hlm::server

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include <fcntl.h>
@@ -87,7 +88,10 @@ std::string key_of_service() {
   const char* const credentials = std::getenv("CREDENTIALS_DIRECTORY");
   if (credentials == nullptr) return {};
   const std::filesystem::path key = std::filesystem::path(credentials) / "haptic.key";
-  return std::filesystem::exists(key) ? key.string() : std::string();
+  // One that is there and cannot be read is the service's, too: read_key() then says why.
+  std::error_code error;
+  const auto type = std::filesystem::symlink_status(key, error).type();
+  return type == std::filesystem::file_type::not_found ? std::string() : key.string();
 }
 
 noise::Key read_key(const std::filesystem::path& path) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include <nlohmann/json.hpp>
 
@@ -157,7 +158,7 @@ PullRequest pull(const json& message, const WorldTraits& world) {
   if (!flag(message, "hold")) return {};
   const json body = message.value("body", json());
   if (!body.is_number_integer() ||
-      std::ranges::find(world.movable, body.get<int>()) == world.movable.end()) {
+      std::ranges::find(world.movable, body.get<std::int64_t>()) == world.movable.end()) {
     refuse("body", body, "the number of a body that can move, and is no tool's");
   }
   const auto point = [&](const char* field) {

@@ -75,6 +75,9 @@ TEST_CASE("A service has the key that systemd hands to it, and others have none"
   CHECK(key_of_service().empty());
   write_new_key(directory / "haptic.key");
   CHECK(key_of_service() == directory / "haptic.key");
+  fs::remove(directory / "haptic.key");
+  fs::create_symlink("nothing", directory / "haptic.key");
+  CHECK_FALSE(key_of_service().empty());  // It cannot be read, which is an error, not no key.
   unsetenv("CREDENTIALS_DIRECTORY");
   CHECK(key_of_service().empty());
 }
