@@ -86,9 +86,11 @@ for line in "mkdir -p -m 700" "echo 'HAPTIC_SERVER_OPTIONS=--listen 192" "system
   }
 done
 play --key-file /etc/credstore/haptic.key
-inside systemctl restart haptic_server@12
-inside sh -c "journalctl --sync; journalctl --no-pager --unit haptic_server@12" | grep -q 'for clients with the key' ||
-  fail "one of several servers does not take the machine's key"
+inside systemctl restart haptic_server@12 ve_client@testbed
+await_session 47812 "a key for both"
+inside systemctl stop ve_client@testbed
+play --server 127.0.0.1:47812 --key-file /etc/credstore/haptic.key
+! play --server 127.0.0.1:47812 --connect-timeout 2 >/dev/null 2>&1 || fail "one of several services talks without its key"
 ! play >/dev/null 2>&1 || fail "the service talks without its key"
 
 inside rm -rf $drop_in $drop_in_of_many /etc/credstore
