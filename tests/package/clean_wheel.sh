@@ -52,7 +52,7 @@ inside timeout 60 python /root/touch.py || fail "no force"
 echo "$((($(date +%s%N) - begin) / 1000000)) ms from pip install to the first force"
 programs="haptic_server haptic_replay haptic_doctor haptic_keygen haptic_demo"
 shown=http://127.0.0.1
-if python3 -m zipfile -l "$wheel" | grep -q bin/ve_client; then
+if [[ $(python3 -m zipfile -l "$wheel") == *bin/ve_client* ]]; then
   programs="$programs ve_client"
 else
   shown='this wheel is for systems with a glibc before'
@@ -60,6 +60,7 @@ fi
 inside sh -c 'timeout --signal INT 20 haptic_demo --no-browser >/root/demo.txt 2>&1 & wait $!' || true
 grep -q "$shown" "$root/root/demo.txt" || fail "haptic_demo said: $(cat "$root/root/demo.txt")"
 for program in $programs; do inside "$program" --version; done
+[[ $programs == *ve_client* ]] || inside ve_client 2>&1 | grep -q "$shown" || fail "ve_client is not said to be missing"
 rm "$root/root/touch.py" "$root/root/demo.txt"
 inside "${pip[@]}" uninstall --yes haptic-local-model
 left=$(comm -13 <(echo "$before") <(files))

@@ -22,17 +22,21 @@ def program(name: str) -> str:
     for place in places:
         if os.access(place / name, os.X_OK):
             return str(place / name)
+    # The commands of a wheel are in PATH, that of ve_client also where the wheel has no ve_client.
+    if not named and (here / "bin").is_dir():
+        raise haptic.HapticError(f"there is no {name}: this wheel is for systems with a glibc before 2.35, on which its library for "
+                                 "world files does not run. Sessions of your own simulator do not need it")
     found = None if named else shutil.which(name)
     if found is None:
         searched = ", ".join(map(str, places)) + ("" if named else ", PATH")
-        if name == "ve_client" and (here / "bin").is_dir():
-            raise haptic.HapticError("there is no ve_client: this wheel is for systems with a glibc before 2.36, on which its library for "
-                                     "world files does not run. Sessions of your own simulator need no ve_client")
         raise haptic.HapticError(f"there is no {name}: looked in {searched}. Install it, or set HAPTIC_PROGRAMS to its folder")
     return found
 
 
 def run() -> NoReturn:
     """The program by whose name this was called, in place of this one: the commands of a wheel."""
-    file = pathlib.Path(__file__).resolve().parent / "bin" / pathlib.Path(sys.argv[0]).name
-    os.execv(file, [str(file), *sys.argv[1:]])
+    try:
+        file = program(pathlib.Path(sys.argv[0]).name)
+    except haptic.HapticError as error:
+        sys.exit(f"haptic: {error}")
+    os.execv(file, [file, *sys.argv[1:]])
