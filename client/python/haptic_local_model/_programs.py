@@ -15,15 +15,17 @@ def program(name: str) -> str:
     """The file of a program: in the folder that HAPTIC_PROGRAMS names, of this wheel, of the prefix that this package is
     installed in, or in PATH. Raises haptic.HapticError that says where it was looked for."""
     here = pathlib.Path(__file__).resolve().parent
+    is_wheel = (here / "bin").is_dir()  # Its commands, in the prefix and in PATH, are run() below.
     if named := os.environ.get("HAPTIC_PROGRAMS"):
         places = [pathlib.Path(named)]
+    elif is_wheel:
+        places = [here / "bin"]
     else:  # PREFIX/lib/python3/dist-packages/haptic_local_model
-        places = [here / "bin", *(parent / "bin" for parent in list(here.parents)[3:4])]
+        places = [parent / "bin" for parent in list(here.parents)[3:4]]
     for place in places:
         if os.access(place / name, os.X_OK):
             return str(place / name)
-    # The commands of a wheel are in PATH, that of ve_client also where the wheel has no ve_client.
-    if not named and (here / "bin").is_dir():
+    if is_wheel and not named:
         raise haptic.HapticError(f"there is no {name}: this wheel is for systems with a glibc before 2.35, on which its library for "
                                  "world files does not run. Sessions of your own simulator do not need it")
     found = None if named else shutil.which(name)
