@@ -308,8 +308,7 @@ class LivePage(PageTest):
         first = self.driver.current_window_handle
         self.driver.switch_to.new_window("window")
         show(self.driver, self.url)
-        self.drag(0.05, -0.05, release=False)
-        wait_for(lambda: math.hypot(*self.frame()["F_hand"][:2]) > 0.05, "the hand's force")
+        self.drag_until(0.0, WALL + 0.01, lambda: self.frame()["F_hand"][1] > 0.05, "the hand's force")
         self.assertIn("another page", self.send({"type": "hand", "hold": True,
                                                  "target": [0, 0, 0, 1, 0, 0, 0]})["text"])
         self.driver.close()

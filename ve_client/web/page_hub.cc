@@ -85,6 +85,10 @@ void Page::start(const HttpRequest& request) {
   socket_.set_option(websocket::stream_base::timeout{kHandshakeTimeout, kIdleTimeout, true});
   socket_.read_message_max(kMaxMessage);
   socket_.auto_fragment(false);
+  // A page that says goodbye is gone at once, and is not answered behind what it no longer reads.
+  socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {
+    if (kind == websocket::frame_type::close) backlog_.empty() ? leave() : abort();
+  });
   socket_.async_accept(request,
                        [self = shared_from_this()](error_code error) { self->on_start(error); });
 }

@@ -531,6 +531,28 @@ TEST_CASE("A page too many is asked to come back") {
   CHECK(PageClient(site.port).status() == 101);
 }
 
+TEST_CASE("A page that says goodbye makes room at once, also if it no longer reads") {
+  Site site(1);
+  test::HttpClient page(site.port);
+  std::string request = test::get_request(site.port, "/session");
+  request.insert(
+      request.size() - 2,
+      "Origin: http://localhost:" + std::to_string(site.port) +
+          "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+          "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n");
+  REQUIRE(page.ask(request, false).status == 101);
+  REQUIRE(soon([&] { return site.server->pages() == 1; }));
+  site.server->publish(shared(std::string(60 * 1024 * 1024, 'x')));
+  CHECK(PageClient(site.port).status() == 503);
+  page.send(std::string("\x88\x80\0\0\0\0", 6));  // A close frame, masked with zeros.
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+  while (site.server->pages() == 1 && std::chrono::steady_clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  CHECK(site.server->pages() == 0);
+  CHECK(PageClient(site.port).status() == 101);
+}
+
 TEST_CASE("A page that closes, or whose connection ends, is reported once") {
   Site site;
   std::optional<PageClient> page(site.port);
