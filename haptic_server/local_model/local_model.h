@@ -162,8 +162,10 @@ class LocalModel {
                                const LocalBodies& bodies) noexcept;
   void forget_bodies_of_scene() noexcept;
   void advance_near_bodies() noexcept;
-  void place_scene(const LocalBodies& bodies) noexcept;
+  void place_scene(const ToolModel& tool, const LocalBodies& bodies, double ahead = 0) noexcept;
   void look_around() noexcept;
+  bool look_at_end(const ContactGroup& group, const FrameMotions& frames,
+                   const Unknowns& x) noexcept;
   void meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
                  MetContacts& met) noexcept;
   void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "hlm/geometry/work.h"
+#include "hlm/local_model/free_motion.h"
 #include "hlm/local_model/local_model.h"
 
 namespace hlm::server {
@@ -14,6 +15,11 @@ constexpr double kMarginSteps = 4;
 constexpr double kLeastMargin = 1e-3;
 /// Largest margin, m: what is faster is no hand's.
 constexpr double kLargestMargin = 0.05;
+
+/// Contacts are looked for within this at the end of a step, m.
+constexpr double kEndMargin = 1e-3;
+/// Share of the work of a search that the tool has there.
+constexpr double kWorkAtEnd = 0.2;
 
 /// Work in a second of searching for contacts (geometry::Work): about a tick for each tick, for
 /// what the worlds that are shipped take at worst. More: ticks are late where much overlaps. Less:
@@ -67,7 +73,7 @@ geometry::FinderCut LocalModel::try_scene(Scene& scene) noexcept {
   for (const NearBody& body : near_bodies_) {
     scene.place({SideKind::kMovableBody, body.pose.body}, body.pose.X_WB);
   }
-  place_scene(bodies_);
+  place_scene(proxy_, bodies_);
   MetContacts met;
   meet_tool(bodies_, contacts(), met);
   met.clear();
@@ -113,15 +119,22 @@ void LocalModel::forget_bodies_of_scene() noexcept {
   });
 }
 
-/// Places the tool where it is, and the bodies: those that the local model moves as in `bodies`.
-void LocalModel::place_scene(const LocalBodies& bodies) noexcept {
-  for (int link = 0; link < proxy_.links(); ++link) {
-    scene_->place({SideKind::kToolLink, static_cast<std::uint32_t>(link)}, proxy_.X_WL(link));
+/// Places the tool, and the bodies: those that the local model moves as in `bodies`, others where
+/// they will be so much later, s.
+void LocalModel::place_scene(const ToolModel& tool, const LocalBodies& bodies,
+                             double ahead) noexcept {
+  for (int link = 0; link < tool.links(); ++link) {
+    scene_->place({SideKind::kToolLink, static_cast<std::uint32_t>(link)}, tool.X_WL(link));
   }
   for (const NearBody& body : near_bodies_) {
     const auto local = std::ranges::find(bodies, body.pose.body, &LocalBody::id);
-    const Pose X_WB = local != bodies.end() ? local->X_WB * body.X_CB : body.pose.X_WB;
-    scene_->place({SideKind::kMovableBody, body.pose.body}, X_WB);
+    BodyPose pose = body.pose;
+    if (local != bodies.end()) {
+      pose.X_WB = local->X_WB * body.X_CB;
+    } else if (ahead > 0) {
+      advance(pose, ahead);
+    }
+    scene_->place({SideKind::kMovableBody, body.pose.body}, pose.X_WB);
   }
 }
 
@@ -213,7 +226,7 @@ void LocalModel::look_around() noexcept {
   MetContacts met;
   MetContacts met_by_bodies;
   if (scene_ != nullptr) {
-    place_scene(bodies_);
+    place_scene(proxy_, bodies_);
     scene_->forget();
     meet_tool(bodies_, contacts(), met);
     meet_bodies(bodies_, supports(), dt_, met_by_bodies);
@@ -236,6 +249,26 @@ void LocalModel::look_around() noexcept {
   sort_by_identity(present_supports());
 }
 
+/// Contacts of the scene that were open and act in a step that ends with x are looked for once more
+/// where it ends: a plane has no end, what it stands for has. Returns whether one is another then.
+bool LocalModel::look_at_end(const ContactGroup& group, const FrameMotions& frames,
+                             const Unknowns& x) noexcept {
+  if (scene_ == nullptr) return false;
+  const ClosingContacts closing = find_closing(group, frames, x);
+  if (closing.empty()) return false;
+  ToolModel tool = proxy_;
+  Velocity v = x.head(proxy_.dof());
+  move_freely(tool, v, dt_);
+  LocalBodies bodies = bodies_;
+  advance_bodies(bodies, proxy_, frames, x, dt_);
+  place_scene(tool, bodies, dt_);
+  scene_->forget();
+  MetContacts met;
+  meet(scene_->of_tool_ahead(kEndMargin, work_in_tick(kWorkAtEnd)), bodies, met);
+  if (scene_->cut() != geometry::FinderCut{}) return false;
+  return correct_closing(closing, met, poses_of(tool, bodies), frames, dt_);
+}
+
 /// Contacts of the scene after an update, for which `bodies` are where they were reported.
 void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFrames& frames,
                                          const LocalBodies& bodies) noexcept {
@@ -243,7 +276,7 @@ void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFr
   change_.of_bodies = true;
   cut_ = {};
   MetContacts met;
-  place_scene(bodies);
+  place_scene(proxy_, bodies);
   scene_->forget();
   meet_bodies(bodies, existing, dt_, met);
   frames.now = frames.reported;
@@ -256,7 +289,7 @@ void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFr
 void LocalModel::look_along(LocalBodies& bodies, double dt) noexcept {
   if (scene_ == nullptr || geometry::Work::is_spent()) return;  // Then they go on as planes.
   MetContacts met;
-  place_scene(bodies);
+  place_scene(proxy_, bodies);
   scene_->forget();
   meet_bodies(bodies, supports(), dt, met);
   const FramePoses poses = poses_of(proxy_, bodies);
@@ -276,7 +309,7 @@ void LocalModel::adopt_contacts_of_scene(const LocalContacts& existing, const Up
   if (scene_ == nullptr && !change.of_all) return;
   MetContacts met;
   if (scene_ != nullptr) {
-    place_scene(bodies);
+    place_scene(proxy_, bodies);
     scene_->forget();
     meet_tool(bodies, existing, met);
   }

@@ -22,6 +22,10 @@ constexpr double kNearBy = 5e-3;
 /// was lifted.
 constexpr double kStillTouches = 5e-4;
 
+/// A plane that closes holds while the geometry where the step ends is no farther than so much
+/// beyond it, m: rounding, and what bends.
+constexpr double kSamePlane = 1e-6;
+
 /// Friction of bodies with what is not the tool, where neither says: as in SDFormat.
 constexpr double kUnsaidFriction = 1;
 
@@ -240,6 +244,80 @@ void renew_supports(const LocalContacts& existing, const MetContacts& met,
   succession.for_each_gone([&](const LocalContact& contact) {
     if (change.keeps(contact) && updated.size() < updated.capacity()) updated.push_back(contact);
   });
+}
+
+ClosingContacts find_closing(const ContactGroup& group, const FrameMotions& frames,
+                             const Unknowns& x) noexcept {
+  ClosingContacts closing;
+  const FrameTwists twists = frames.twists(x);
+  RelativeTwists relative(twists);
+  for (LocalContact& contact : group.contacts) {
+    if (!contact.of_scene || contact.now.s <= 0 || !takes_part(contact, group.law)) continue;
+    const Vector3 arm = contact.now.p_W - frames.reference_W();
+    const Twist& V = relative.of(contact);
+    const RelativeVelocity v = relative_velocity(contact, V, arm);
+    if (penalty(contact, v.normal, group.law) <= 0) continue;
+    const Vector3 moved = group.law.dt * point_velocity(twists[contact.frame_a], arm);
+    closing.push_back(
+        {&contact, contact.now.s + group.law.dt * v.normal, contact.now.p_W + moved});
+  }
+  return closing;
+}
+
+namespace {
+
+/// The plane that was met at the end of the step, over which the contact is open at its start.
+void put_on(LocalContact& contact, const MetContact& met, const FramePoses& end,
+            const FrameMotions& frames, double dt) noexcept {
+  const LocalContact there = met_contact(met, end);
+  const double sigma = met.found->separation;
+  contact.constraint = there.constraint;
+  contact.now = there.now;
+  place_contact_point(contact, end[contact.frame_a], there.now.p_W, sigma,
+                      sigma + contact.deformation.delta);
+  LocalContact::Constraint& constraint = contact.constraint;
+  if (contact.frame_b == kWorldFrame) {
+    constraint.c_B -= constraint.v_constr * dt * constraint.n_P;
+  }
+  locate(contact, frames[contact.frame_a].X_W, frames[contact.frame_b].X_W);
+  contact.now.s = std::max(contact.now.s, 0.0);
+}
+
+}  // namespace
+
+bool correct_closing(const ClosingContacts& closing, const MetContacts& met, const FramePoses& end,
+                     const FrameMotions& frames, double dt) noexcept {
+  const FrameTwists twists = frames.twists();
+  RelativeTwists relative(twists);
+  bool corrected = false;
+  for (const auto& [contact, s_end, p_end_W] : closing) {
+    const MetContact* nearest = nullptr;
+    double least = std::numeric_limits<double>::infinity();
+    for (const MetContact& one : met) {
+      const geometry::FoundContact& found = *one.found;
+      if (one.a != contact->frame_a || found.key.a != contact->a || found.key.b != contact->b) {
+        continue;
+      }
+      if (found.n_W.dot(contact->now.n_W) <= kGoesOn && found.separation > 0) continue;
+      const double away = (found.p_WC + found.separation * found.n_W - p_end_W).norm();
+      if (away >= least) continue;
+      least = away;
+      nearest = &one;
+    }
+    if (nearest == nullptr) {
+      contact->now.s = kLast;
+      corrected = true;
+      continue;
+    }
+    const double sigma = nearest->found->separation + contact->deformation.delta;
+    if (sigma <= s_end + kSamePlane) continue;
+    put_on(*contact, *nearest, end, frames, dt);
+    const Vector3 arm = contact->now.p_W - frames.reference_W();
+    contact->now.v_n = contact->now.n_W.dot(point_velocity(relative.of(*contact), arm) -
+                                            contact->constraint.v_WC);
+    corrected = true;
+  }
+  return corrected;
 }
 
 }  // namespace hlm::server

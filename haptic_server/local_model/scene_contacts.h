@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <span>
 
+#include "hlm/local_model/contact_forces.h"
 #include "hlm/local_model/contact_update.h"
 #include "hlm/server_scene/scene.h"
 
@@ -57,5 +58,22 @@ double renew_contacts(const LocalContacts& existing, const MetContacts& met,
 void renew_supports(const LocalContacts& existing, const MetContacts& met,
                     const UpdateFrames& frames, const GeometryChange& change,
                     LocalContacts& updated) noexcept;
+
+/// Contacts of the scene that were open at the start of a step and act in it.
+struct ClosingContact {
+  LocalContact* contact = nullptr;
+  double s_end = 0;  ///< Separation of its plane at the end of the step, m.
+  Vector3 p_end_W = Vector3::Zero();
+};
+using ClosingContacts = StaticVector<ClosingContact, kMaxLocalContacts>;
+
+/// Those of a group in a step that ends with x.
+ClosingContacts find_closing(const ContactGroup& group, const FrameMotions& frames,
+                             const Unknowns& x) noexcept;
+
+/// Gives those that are farther apart where the step ends than their planes have it the planes that
+/// were met there, or none. end: the poses there. Returns whether one was changed.
+bool correct_closing(const ClosingContacts& closing, const MetContacts& met, const FramePoses& end,
+                     const FrameMotions& frames, double dt) noexcept;
 
 }  // namespace hlm::server

@@ -154,7 +154,11 @@ double Scene::reach(const ContactSide& side) const noexcept {
 }
 
 std::span<const FoundContact> Scene::of_tool(double epsilon, std::uint64_t work) noexcept {
-  return find(links_, true, epsilon, work);
+  return find(links_, {.epsilon = epsilon, .of_tool = true, .work = work});
+}
+
+std::span<const FoundContact> Scene::of_tool_ahead(double epsilon, std::uint64_t work) noexcept {
+  return find(links_, {.epsilon = epsilon, .of_tool = true, .remembers = false, .work = work});
 }
 
 std::span<const FoundContact> Scene::of_body(std::uint32_t id, double epsilon,
@@ -162,22 +166,22 @@ std::span<const FoundContact> Scene::of_body(std::uint32_t id, double epsilon,
   const auto index = find_body({SideKind::kMovableBody, id});
   if (!index || !bodies_[*index].is_placed) return {};
   const auto body = static_cast<int>(*index);
-  return find({&body, 1}, false, epsilon, work);
+  return find({&body, 1}, {.epsilon = epsilon, .work = work});
 }
 
-std::span<const FoundContact> Scene::find(std::span<const int> bodies, bool of_tool, double epsilon,
-                                          std::uint64_t work) noexcept {
-  const Work::Allowance allowance(work);
-  const auto found = finder_->find(bodies, {.epsilon = epsilon,
-                                            .of_tool = of_tool,
-                                            .keeps_all_sides = true,
-                                            .work = work - work / kToThinOut});
+std::span<const FoundContact> Scene::find(std::span<const int> bodies,
+                                          const ContactFinder::Search& search) noexcept {
+  const Work::Allowance allowance(search.work);
+  ContactFinder::Search of_pairs = search;
+  of_pairs.keeps_all_sides = true;
+  of_pairs.work -= search.work / kToThinOut;
+  const auto found = finder_->find(bodies, of_pairs);
   telling_.assign(found.begin(), found.end());
   for (FoundContact& contact : telling_) {
     contact.key.a = bodies_[at(contact.own.body)].side;
     contact.key.b = bodies_[at(contact.other.body)].side;
   }
-  thin_out(telling_, of_tool ? planar_normal_W_ : std::nullopt, kMaxSelected);
+  thin_out(telling_, search.of_tool ? planar_normal_W_ : std::nullopt, kMaxSelected);
   if (found_.size() + telling_.size() > found_.capacity()) return {};
   const std::size_t first = found_.size();
   found_.insert(found_.end(), telling_.begin(), telling_.end());

@@ -58,6 +58,10 @@ class Scene {
   /// with so much `work` (geometry::Work). Valid until forget().
   std::span<const geometry::FoundContact> of_tool(double epsilon,
                                                   std::uint64_t work = kUnlimited) noexcept;
+  /// The same where the tool is about to be: the next search of of_tool() goes on from the one
+  /// before.
+  std::span<const geometry::FoundContact> of_tool_ahead(double epsilon,
+                                                        std::uint64_t work = kUnlimited) noexcept;
   /// The same of a movable body with all except the tool. Empty for more than kMaxMovedBodies.
   std::span<const geometry::FoundContact> of_body(std::uint32_t id, double epsilon,
                                                   std::uint64_t work = kUnlimited) noexcept;
@@ -82,8 +86,8 @@ class Scene {
   void gather_bodies();
   void make_finder();
   bool may_touch(const geometry::CollisionId& a, const geometry::CollisionId& b) const noexcept;
-  std::span<const geometry::FoundContact> find(std::span<const int> bodies, bool of_tool,
-                                               double epsilon, std::uint64_t work) noexcept;
+  std::span<const geometry::FoundContact> find(
+      std::span<const int> bodies, const geometry::ContactFinder::Search& search) noexcept;
 
   std::vector<PlacedShape> shapes_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> apart_;  ///< Sorted, the smaller first.
