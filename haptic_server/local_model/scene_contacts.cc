@@ -258,8 +258,7 @@ ClosingContacts find_closing(const ContactGroup& group, const FrameMotions& fram
     const RelativeVelocity v = relative_velocity(contact, V, arm);
     if (penalty(contact, v.normal, group.law) <= 0) continue;
     const Vector3 moved = group.law.dt * point_velocity(twists[contact.frame_a], arm);
-    closing.push_back(
-        {&contact, contact.now.s + group.law.dt * v.normal, contact.now.p_W + moved});
+    closing.push_back({&contact, contact.now.s + group.law.dt * v.normal, contact.now.p_W + moved});
   }
   return closing;
 }
@@ -313,8 +312,8 @@ bool correct_closing(const ClosingContacts& closing, const MetContacts& met, con
     if (sigma <= s_end + kSamePlane) continue;
     put_on(*contact, *nearest, end, frames, dt);
     const Vector3 arm = contact->now.p_W - frames.reference_W();
-    contact->now.v_n = contact->now.n_W.dot(point_velocity(relative.of(*contact), arm) -
-                                            contact->constraint.v_WC);
+    contact->now.v_n =
+        contact->now.n_W.dot(point_velocity(relative.of(*contact), arm) - contact->constraint.v_WC);
     corrected = true;
   }
   return corrected;
