@@ -32,11 +32,6 @@ if(HLM_SEALING)
   install(DIRECTORY client/python/haptic client/python/haptic_local_model DESTINATION lib/python3/dist-packages
     FILES_MATCHING PATTERN "*.py" PATTERN "py.typed")
 endif()
-if(TARGET hlm_proximity)
-  set_target_properties(hlm_proximity PROPERTIES EXPORT_NAME proximity)
-  install(TARGETS hlm_proximity EXPORT haptic_local_model FILE_SET HEADERS
-    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-endif()
 install(EXPORT haptic_local_model NAMESPACE hlm:: FILE haptic_local_modelTargets.cmake
   DESTINATION ${package})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/haptic_local_modelConfigVersion.cmake

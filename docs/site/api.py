@@ -10,8 +10,8 @@ import sys
 import textwrap
 
 PACKAGE = "client/python/haptic_local_model"
-MODULES = {"haptic": "__init__.py", "haptic.mujoco": "mujoco.py", "haptic.proximity": "proximity.py"}
-HEADERS = ("client/haptic.h", "client/haptic_proximity.h")
+MODULES = {"haptic": "__init__.py", "haptic.mujoco": "mujoco.py", "haptic.shapes": "shapes.py"}
+HEADERS = ("client/haptic.h",)
 
 
 def words(text):
@@ -138,8 +138,7 @@ def name_of(declared):
 
 
 def c_reference(root):
-    out = ["# API reference: C\n", "Made from the comments of [haptic.h](../client/haptic.h) and "
-           "[haptic_proximity.h](../client/haptic_proximity.h). [The example](../examples/mujoco) is a whole adapter.\n"]
+    out = ["# API reference: C\n", "Made from the comments of [haptic.h](../client/haptic.h). [The example](../examples/mujoco) is a whole adapter.\n"]
     for path in HEADERS:
         header = (root / path).read_text()
         top = uncommented(header[:header.index("*/") + 2])

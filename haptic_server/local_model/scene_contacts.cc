@@ -25,6 +25,8 @@ constexpr double kStillTouches = 5e-4;
 /// A plane that closes holds while the geometry where the step ends is no farther than so much
 /// beyond it, m: rounding, and what bends.
 constexpr double kSamePlane = 1e-6;
+/// And its normal within so much of it, cosine: 1 degree.
+constexpr double kSameNormal = 0.99985;
 
 /// Friction of bodies with what is not the tool, where neither says: as in SDFormat.
 constexpr double kUnsaidFriction = 1;
@@ -309,7 +311,8 @@ bool correct_closing(const ClosingContacts& closing, const MetContacts& met, con
       continue;
     }
     const double sigma = nearest->found->separation + contact->deformation.delta;
-    if (sigma <= s_end + kSamePlane) continue;
+    const bool leans = nearest->found->n_W.dot(contact->now.n_W) < kSameNormal;
+    if (sigma <= s_end + kSamePlane && !leans) continue;
     put_on(*contact, *nearest, end, frames, dt);
     const Vector3 arm = contact->now.p_W - frames.reference_W();
     contact->now.v_n =

@@ -6,7 +6,6 @@
 #include <string>
 
 #include <haptic.h>
-#include <haptic_proximity.h>
 
 #include "tests/support/catch.h"
 

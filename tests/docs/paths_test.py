@@ -19,8 +19,8 @@ SOURCE = re.compile(r"\.(?:h|cc|py|js|mjs|lua|sdf|md|txt|{h,cc})$")
 PLACEHOLDER = re.compile(r"(?<![A-Z])(?:NAME|TARGET|VARIANT|PROGRAM|FILE|COMMAND)(?![A-Z])")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FENCED = re.compile(r"^```.*?^```|^    [^\n]*$", re.M | re.S)
-# What users' files are called, not ours.
-OTHERS = {"model.sdf", "config.txt", "device.txt", ".sdf"}
+# What files of users and of other projects are called.
+OTHERS = {"model.sdf", "config.txt", "device.txt", ".sdf", "haply_teleoperation.py"}
 READ = re.compile(r"\.(?:h|cc|c|py|js|mjs|sh|cmake|lua|md)$|CMakeLists\.txt$|^scripts/[\w-]+$")
 # Made by a build or a setup.
 MADE = {"docs/api_python.md", "docs/api_c.md", "docs/site/node_modules/.installed", "tests/experiments/commit.h"}

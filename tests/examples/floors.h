@@ -8,7 +8,6 @@
 #include <string>
 
 #include <btBulletDynamicsCommon.h>
-#include <haptic_proximity.h>
 #include <mujoco/mujoco.h>
 #include <ode/ode.h>
 #include <stdlib.h>
@@ -93,39 +92,14 @@ class MujocoFloor final : public Floor {
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data_{nullptr, &mj_deleteData};
 };
 
-/// An engine whose adapter takes its shapes and poses.
+/// An engine whose adapter gives shapes, in which the server finds the contact.
 class FloorOfShapes : public Floor {
  public:
-  FloorOfShapes() {
-    std::array<haptic_shape, 2> shapes{};
-    for (haptic_shape& shape : shapes) shape.group = shape.mask = 1;
-    shapes[0].kind = HAPTIC_SPHERE;
-    shapes[0].side = HAPTIC_TOOL_LINK;
-    shapes[0].size[0] = kBallRadius;
-    shapes[1].kind = HAPTIC_HALF_SPACE;
-    char error[200] = "";
-    proximity_.reset(
-        haptic_proximity_open(shapes.data(), shapes.size(), nullptr, 0, error, sizeof error));
-    if (!proximity_) throw std::runtime_error(error);
-  }
   ReportedContacts near(const Vector3& p_W) override {
-    std::array<haptic_pose, 2> poses{};
-    std::copy(p_W.begin(), p_W.end(), poses[0].position);
-    for (haptic_pose& pose : poses) pose.rotation[0] = 1;
-    std::array<haptic_contact, HAPTIC_MAX_CONTACTS> listed;
-    const std::size_t count =
-        haptic_proximity_find(proximity_.get(), poses.data(), kEpsilon, listed.data(), nullptr);
-    ReportedContacts found;
-    for (std::size_t i = 0; i < count; ++i) {
-      found.push_back(contact(Eigen::Map<const Vector3>(listed[i].point),
-                              Eigen::Map<const Vector3>(listed[i].normal), listed[i].separation));
-    }
-    return found;
+    const double separation = p_W.z() - kBallRadius;
+    if (separation > kEpsilon) return {};
+    return {contact({p_W.x(), p_W.y(), 0}, Vector3::UnitZ(), separation)};
   }
-
- private:
-  std::unique_ptr<haptic_proximity, decltype(&haptic_proximity_close)> proximity_{
-      nullptr, &haptic_proximity_close};
 };
 
 class BulletFloor final : public FloorOfShapes {

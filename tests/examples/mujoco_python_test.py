@@ -212,22 +212,12 @@ class Time(unittest.TestCase):
                 touch.send(data)
 
 
-class Epsilon(unittest.TestCase):
-    def test_it_is_half_as_much_again_as_the_tool_travels_in_two_frames(self):
-        model, data = loaded(SCENE.format(step=0.002, height=0.03, tool='type="sphere" size="0.02"', bodies=""))
-        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
-                                   server="127.0.0.1:9") as touch:
-            frame = max(0.002 * touch.drive(data), 1 / 60)
-            for speed, epsilon in ((0.01, 0.005), (0.5, 1.5 * 0.5 * 2 * frame), (50, 0.1)):
-                self.assertAlmostEqual(touch._reach(np.array((0, 0, -speed, 0, 0, 0))), epsilon, delta=1e-9)  # m
-
+class Reach(unittest.TestCase):
     def test_what_is_far_from_the_origin_moves_faster_as_the_tool_turns(self):
         tool = 'type="sphere" size="0.02" pos="0.3 0 0"'
         model, data = loaded(SCENE.format(step=0.002, height=0.03, tool=tool, bodies=""))
-        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
-                                   server="127.0.0.1:9") as touch:
-            frame = max(0.002 * touch.drive(data), 1 / 60)
-            self.assertAlmostEqual(touch._reach(np.array((0, 0, 0, 0, 1, 0))), 1.5 * 0.32 * 2 * frame, delta=1e-9)  # m
+        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, server="127.0.0.1:9") as touch:
+            self.assertAlmostEqual(touch._frames.speed(np.array((0, 0, 0, 0, 1, 0))), 0.32, delta=1e-9)  # m/s
 
 
 class Hand(unittest.TestCase):
@@ -272,7 +262,7 @@ class Pairs(unittest.TestCase):
 
     def test_they_are_listed_before_they_touch(self):
         touch = self.session_on('<geom type="sphere" size="0.02"/>', "ball")
-        found = touch._contacts(self.data)
+        found = touch._contacts(self.data, touch._listed_early)
         self.assertEqual(len(found), 1)
         self.assertAlmostEqual(found["separation"][0], 0.0015, delta=1e-9)  # m
 
@@ -281,6 +271,14 @@ class Pairs(unittest.TestCase):
         block = '<geom name="block" type="box" size="0.02 0.02 0.01" contype="0" conaffinity="0"/>'
         self.assertIn(2, self.session_on(sphere, "ball")._round)
         self.assertNotIn(2, self.session_on(sphere + block, "block")._round)
+
+
+def box_gap(one, other):
+    """The largest gap between two boxes along an axis of theirs, each a position, a rotation and half its edges, m."""
+    (at, R, half), (there, S, other_half) = one, other
+    axes = np.vstack([R.T, S.T, np.cross(R.T[:, None], S.T).reshape(9, 3)])
+    axes /= np.maximum(np.linalg.norm(axes, axis=1), 1e-9)[:, None]
+    return (np.abs(axes @ (there - at)) - np.abs(axes @ R) @ half - np.abs(axes @ S) @ other_half).max()
 
 
 class Listing(unittest.TestCase):
@@ -303,7 +301,7 @@ class Listing(unittest.TestCase):
             {tool}</body><body pos="1 0 1"><freejoint/><geom size="0.01"/></body></worldbody></mujoco>""")
         with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, contacts="engine", binding=mujoco,
                                    server="127.0.0.1:9") as touch:
-            found = touch._contacts(data)
+            found = touch._contacts(data, touch._listed_early)
         return found[found["a_kind"] == haptic.TOOL_LINK]
 
     def test_whatever_touches_and_however_many_geoms_a_body_has(self):
@@ -327,7 +325,6 @@ class Listing(unittest.TestCase):
         box = '<freejoint/><geom type="box" size="0.01 0.02 0.03"/>'
         model, data = loaded(f"""<mujoco><worldbody><body name="tool">{box}</body><body pos="0 0 1">{box}</body></worldbody>
             </mujoco>""")
-        shapes = haptic.mujoco.from_mujoco(model, 1, mujoco)
         late, poses = 0, 200
         with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, contacts="engine", binding=mujoco,
                                    server="127.0.0.1:9") as touch:
@@ -340,9 +337,9 @@ class Listing(unittest.TestCase):
                     for turned in (data.qpos[3:7], data.qpos[10:14]):
                         turned /= np.linalg.norm(turned)
                     mujoco.mj_forward(model, data)
-                    found = shapes.find(data, self.EPSILON)
-                    distance = found["separation"][found["axis"] == 0].min(initial=np.inf)
-                listed = touch._contacts(data)["separation"].min(initial=np.inf)
+                    distance = box_gap(*((data.geom_xpos[i], np.reshape(data.geom_xmat[i], (3, 3)), model.geom_size[i])
+                                         for i in (0, 1)))
+                listed = touch._contacts(data, touch._listed_early)["separation"].min(initial=np.inf)
                 self.assertGreater(listed, distance - 1e-5)  # m
                 late += listed > distance + 1e-5
         self.assertLess(late, poses / 10)

@@ -109,17 +109,6 @@ void write_scenes(const fs::path& folder) {
   write_records(folder / "scene", {0, 63, 1},
                 {mesh, placed(1), placed(2), placed(3), protocol::SceneApart{1, 2},
                  protocol::SceneCommit{1}, protocol::SceneRemoval{2}, protocol::SceneCommit{2}});
-  std::vector<protocol::SceneRecord> shapes;
-  for (std::uint32_t id = 0; id < 12; ++id) {
-    protocol::SceneShape shape = test::random_shape(random);
-    shape.vertices.resize(std::min<std::size_t>(shape.vertices.size(), 8));
-    for (auto& triangle : shape.triangles) triangle = {0, 0, 0};
-    shape.triangles.resize(std::min<std::size_t>(shape.triangles.size(), 8));
-    shapes.push_back(shape);
-    shapes.push_back(test::random_placement(random, id, hash_of(shape)));
-  }
-  shapes.push_back(protocol::SceneCommit{7});
-  write_records(folder / "shapes", {0, 255, 1}, shapes);
   Bytes heard{3};
   for (int i = 0; i < 400; ++i) heard.push_back(static_cast<std::uint8_t>(random.integer(0, 255)));
   write(folder / "heard", heard);

@@ -12,7 +12,6 @@ import unittest
 from given import SERVER, last_line_of, main
 
 import haptic_local_model as haptic
-import haptic_local_model.proximity
 import haptic_local_model.pybullet
 import haptic_local_model.shapes
 import hand_session
@@ -20,6 +19,7 @@ import numpy as np
 import pybullet
 import pybullet_data
 from hand_session import mean, on_time, reach
+from placed_shapes import lowest
 from scenes import GRAVITY, Box, play, scenes
 from touch_tasks import TouchTasks
 
@@ -160,12 +160,12 @@ class Shapes(unittest.TestCase):
             self.session(self.world.box(Box((0.1, 0.1, 0.1), (0, 0, 2))))
 
     def separation(self, shape, height):
+        """The lowest point of the tool's shapes over the floor, m."""
         self.world.floor()
         session = self.session(self.world.add(shape, (0.1, 0.2, height), 0.1))
         placed, q = session._placed, session._q
-        found = haptic.proximity.Proximity(placed.shapes).find(
-            [at + (q[:3] if carrier else 0) for at, carrier in zip(placed.positions, placed.carriers)], placed.rotations, 0.01)
-        return found["separation"].min()
+        return min(lowest(shape, at + q[:3], haptic.pybullet.rotation(turn)) for shape, carrier, at, turn in
+                   zip(placed.shapes, placed.carriers, placed.positions, placed.rotations) if carrier)
 
 
 class Joints(unittest.TestCase):

@@ -85,17 +85,6 @@ def load() -> ctypes.CDLL:
     return _declared(library, name, _functions())
 
 
-@functools.lru_cache(maxsize=None)
-def load_proximity() -> ctypes.CDLL:
-    """libhaptic_proximity.so, found the same way."""
-    load()  # It needs this one.
-    address = ctypes.c_void_p
-    return _declared(*_found("libhaptic_proximity", "HAPTIC_PROXIMITY_LIBRARY"), (
-        ("haptic_proximity_open", address, ctypes.POINTER(Shape), _size, address, _size, ctypes.c_char_p, _size),
-        ("haptic_proximity_close", None, address),
-        ("haptic_proximity_find", _size, address, address, _double, address, address)))
-
-
 def _functions() -> Iterable[tuple[Any, ...]]:
     """Of libhaptic.so: name, type of the result, types of the arguments."""
     session, address = ctypes.c_void_p, ctypes.c_void_p

@@ -1,17 +1,16 @@
-"""The geoms of a MuJoCo model as shapes: for the server, or for haptic.proximity."""
+"""The geoms of a MuJoCo model as shapes for the server."""
 
 from __future__ import annotations
 
-from typing import Any, Iterable, Optional
+from typing import Any, Iterable
 
 import numpy as np
 
 import haptic_local_model as haptic
-import haptic_local_model.proximity
 import haptic_local_model.shapes
 from haptic_local_model._world import Gaps, quaternions
 
-# For each mjtGeom: kind and sizes of haptic.proximity.
+# For each mjtGeom: kind and sizes of haptic.shapes.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
@@ -29,21 +28,23 @@ class Shapes:
     def __init__(self, model: Any, tool: int, version: tuple[int, ...]):
         self._model, self._version = model, version
         collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
-        self._geoms = np.flatnonzero(collides)
+        has_shape = collides & np.isin(model.geom_type, list(_SHAPES))
+        self._geoms = np.flatnonzero(has_shape)
+        by_pair = np.zeros(model.ngeom, bool)
+        by_pair[np.asarray(model.pair_geom1)] = by_pair[np.asarray(model.pair_geom2)] = True
+        #: Of each geom whether MuJoCo finds its contacts: what has no shape here, or collides by <pair> alone.
+        self.by_engine = (collides | by_pair) & ~has_shape
         own = np.asarray(model.geom_bodyid)[self._geoms]
         body = np.asarray(model.body_weldid)[own]
-        by_pair = sorted({*np.asarray(model.pair_geom1).tolist(), *np.asarray(model.pair_geom2).tolist()}
-                         - set(self._geoms.tolist()))
-        if by_pair:
-            raise haptic.HapticError(f"geom {by_pair[0]} collides by <pair> alone; use contacts='engine'")
         owners = moving_bodies(model)[own]
+        if tool not in owners:
+            raise haptic.HapticError("no geom of the tool can be given as a shape: they must be meshes or basic shapes")
         self._tool, self._welded = tool, body
         self._shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, owners)]
         self._apart = self._excluded(own, body)
         #: Of each geom what it moves with: a mocap body moves by itself.
         self._carrier = np.where((owners == 0) & (np.asarray(model.body_mocapid)[body] >= 0), body, owners)
         self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms], self._carrier, tool)
-        self._proximity: Optional[haptic.proximity.Proximity] = None
         self._mocap: dict[int, np.ndarray] = {}  # Pose of each in the frame before.
 
     def offer(self, touch: haptic.Session, data: Any) -> None:
@@ -84,34 +85,10 @@ class Shapes:
                 self._mocap[body] = np.array(data.xpos[body])
         return found
 
-    def find(self, data: Any, epsilon: float) -> np.ndarray:
-        """Contacts at the present poses, with the friction of their geoms."""
-        positions, rotations = self._places(data)
-        found = self._finder().find(positions, quaternions(rotations), epsilon)
-        friction, priority = np.asarray(self._model.geom_friction)[:, 0], np.asarray(self._model.geom_priority)
-        a, b = self.geoms_of_contacts.T
-        found["friction"] = np.where(priority[a] == priority[b], np.maximum(friction[a], friction[b]),
-                                     np.where(priority[a] > priority[b], friction[a], friction[b]))
-        return found
-
-    @property
-    def geoms_of_contacts(self) -> np.ndarray:
-        """Geoms of side a and b of each contact of the latest find()."""
-        return self._geoms[self._finder().shapes]
-
-    def _finder(self) -> haptic.proximity.Proximity:
-        """For a server that takes no shapes."""
-        if self._proximity is None:
-            self._proximity = haptic.proximity.Proximity(self._shapes, self._apart)
-        return self._proximity
-
     def _shape(self, geom: int, owner: int, tool: int) -> haptic.shapes.Shape:
         model = self._model
-        kind, size = int(model.geom_type[geom]), np.asarray(model.geom_size[geom])
-        if kind not in _SHAPES:
-            raise haptic.HapticError(f"geom {geom} is of type {kind}, must be one of {sorted(_SHAPES)} "
-                                     "(planes, meshes and basic shapes)")
-        name, sizes = _SHAPES[kind]
+        size = np.asarray(model.geom_size[geom])
+        name, sizes = _SHAPES[int(model.geom_type[geom])]
         side = haptic.TOOL_LINK if owner == tool else haptic.WORLD if owner == 0 else haptic.MOVABLE_BODY
         return haptic.shapes.shape(
             name, sizes(size), side, 0 if owner == tool else owner, int(model.geom_contype[geom]),

@@ -57,17 +57,17 @@ class Session(EngineSession):
     haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
     contacts: "shapes" gives the server the geoms once and their poses in each frame, and it finds the contacts at every step
-    of the hand, exact and however late a frame comes. Where a server takes none haptic.proximity finds them here; then
-    epsilon grows with the tool's speed and the delay up to `largest_epsilon`, m. "engine" takes MuJoCo's own. Default: shapes,
-    or with a warning MuJoCo's own where a geom is none that can be given.
+    of the hand, exact and however late a frame comes. "engine" takes MuJoCo's own. Default: shapes, or with a warning MuJoCo's
+    own where the tool has none or the server takes none. With shapes, too, the contacts of a geom that is none (an SDF, a
+    height field, one that collides by <pair> alone) are MuJoCo's own; a warning names it.
 
-    With "engine" this changes the model: geoms are listed `epsilon` before they touch, and have their force where they had
-    it. Before MuJoCo 3.12 boxes that do not touch can have deep contacts: take "shapes". A flex is not felt, nor is a geom's
+    MuJoCo's own contacts change the model: those geoms are listed `epsilon` before they touch, and have their force where they
+    had it. Before MuJoCo 3.12 boxes that do not touch can have deep contacts: take "shapes". A flex is not felt, nor is a geom's
     adhesion. A mocap body is a wall, without a velocity.
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
-                 period: float = 1 / 60, contacts: Optional[str] = None, largest_epsilon: float = 0.1,
+                 period: float = 1 / 60, contacts: Optional[str] = None,
                  binding: Any = None, **options: Any):
         binding = _binding(binding)
         if contacts not in (None, "engine", "shapes"):
@@ -96,11 +96,12 @@ class Session(EngineSession):
         if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
             model.tree_sleep_policy[model.body_treeid[self._tool]] = _NEVER_SLEEPS
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
-        self._epsilon, self._largest_epsilon = epsilon, largest_epsilon
-        self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
-        if self._shapes is None:
-            self._list_early(epsilon)
+        self._epsilon = epsilon
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
+        self._own_force: Optional[bool] = None
+        self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
+        self._listed_early = np.zeros(model.ngeom, bool)
+        self._list_early(np.ones(model.ngeom, bool) if self._shapes is None else self._shapes.by_engine)
         welded = np.flatnonzero(np.asarray(model.body_weldid) == self._tool)
         if len(welded) > 1:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
@@ -110,11 +111,6 @@ class Session(EngineSession):
                           "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
-        pairs = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
-        self._own_force: Optional[bool] = None
-        #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
-        self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
-                        ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, pairs))]
         binding.mj_forward(model, data)
         self._size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
         defaults = {"length": self._size, "gravity": model.opt.gravity, "rate": 1 / period}
@@ -146,24 +142,35 @@ class Session(EngineSession):
         self._warn_of_steps(data)
         if self._frames.length == 0:
             return
+        by_shapes = self._shapes is not None and (self.touch.has_scene or self._frames.waits())
+        if not by_shapes and not self._listed_early.all():
+            warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as the server finds none: "
+                          f"{self.touch.message}", stacklevel=2)
+            self._list_early(~self._listed_early)
         self._binding.mj_forward(self._model, data)
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._frames.length)
         self.touch.external_wrench(self._external_wrench(data))
-        if self._shapes is not None and (self.touch.has_scene or self._frames.waits()):
+        if by_shapes:
             self._send_poses(data, v, self._shapes)
         else:
-            self._send_contacts(data, v)
+            self._send_contacts(data)
 
     def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
         try:
-            return from_mujoco(self._model, self._tool, self._binding)
+            shapes = from_mujoco(self._model, self._tool, self._binding)
         except haptic.HapticError as error:
             if needs_them:
                 raise
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as {error}", stacklevel=3)
             return None
+        others = np.flatnonzero(shapes.by_engine).tolist()
+        if others:
+            warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, of {len(others)} geom{'s' * (len(others) > 1)} "
+                          f"that can be given no shape, the first of them geom {others[0]} of type "
+                          f"{int(self._model.geom_type[others[0]])}", stacklevel=3)
+        return shapes
 
     def _send_poses(self, data: Any, v: np.ndarray, shapes: Shapes) -> None:
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
@@ -172,8 +179,12 @@ class Session(EngineSession):
         pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
         near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
+        contacts = self._contacts(data, shapes.by_engine) if shapes.by_engine.any() else None
         self._take_back_pushes(data)
-        self.touch.send(None, bodies, shapes.poses(data, gaps, self._frames.length, self._binding))
+        if contacts is not None:
+            self._set_velocities(contacts, bodies)
+            self.touch.track(contacts, bodies)
+        self.touch.send(contacts, bodies, shapes.poses(data, gaps, self._frames.length, self._binding))
 
     def _external_wrench(self, data: Any) -> np.ndarray:
         """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""
@@ -192,8 +203,8 @@ class Session(EngineSession):
             wrench[3:] += applied[3:] + np.cross(data.xipos[self._tool] - data.xpos[self._tool], applied[:3])
         return wrench
 
-    def _send_contacts(self, data: Any, v: np.ndarray) -> None:
-        contacts = self._contacts(data) if self._shapes is None else self._shapes.find(data, self._reach(v))
+    def _send_contacts(self, data: Any) -> None:
+        contacts = self._contacts(data, self._listed_early)
         # Those first that the tool touches, the nearest before the others: the server moves eight.
         first = np.argsort(contacts["a_kind"] != haptic.TOOL_LINK, kind="stable")
         sides = [(each[side + "_kind"], int(each[side + "_index"])) for each in contacts[first] for side in "ba"]
@@ -202,10 +213,7 @@ class Session(EngineSession):
         bodies = self._bodies(data, list(near)[:haptic.MAX_BODIES])
         self._take_back_pushes(data)
         self._set_velocities(contacts, bodies)
-        if self._shapes is None:
-            self.touch.track(contacts, bodies)
-        else:
-            self._set_loads(data, contacts, self._shapes)
+        self.touch.track(contacts, bodies)
         self.touch.send(contacts, bodies)
 
     def _warn_of_steps(self, data: Any) -> None:
@@ -222,11 +230,6 @@ class Session(EngineSession):
         listed, n = data.contact, data.ncon
         geoms = np.column_stack([listed.geom1, listed.geom2])[:n]
         return self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
-
-    def _reach(self, v: np.ndarray) -> float:
-        """Epsilon for a tool of that velocity: what it travels from the state that is known until these contacts are replaced,
-        and half of that for what it may accelerate."""
-        return max(self._epsilon, min(1.5 * self._frames.speed(v) * self._frames.delay(), self._largest_epsilon))
 
     def _take_back_pushes(self, data: Any) -> None:
         for body, push in self._pushes.items():
@@ -254,21 +257,31 @@ class Session(EngineSession):
             else:
                 gap[which] = _NO_FORCE
 
-    def _list_early(self, epsilon: float) -> None:
-        """Of all geoms, so that it is the same for each pair of them: the force begins where it did, and the list
-        `epsilon` before."""
-        model = self._model
-        of_geom = epsilon / 2 if self._version >= _ADDED_UP else epsilon
-        for margin, gap, early in ((model.geom_margin, model.geom_gap, of_geom),
-                                   (model.pair_margin, model.pair_gap, epsilon)):
-            gap += early
+    def _list_early(self, geoms: np.ndarray) -> None:
+        """geoms: of each whether it is meant. The force begins where it did, and the list of contacts epsilon before; where
+        both geoms of a pair have a share in it, each has half."""
+        model, epsilon = self._model, self._epsilon
+        if self._own_force is not None:
+            self._set_force(True)
+        self._listed_early = self._listed_early | geoms
+        of_geom = epsilon / 2 if geoms.all() and self._version >= _ADDED_UP else epsilon
+        pairs = geoms[model.pair_geom1] | geoms[model.pair_geom2]
+        for margin, gap, which, early in ((model.geom_margin, model.geom_gap, geoms, of_geom),
+                                          (model.pair_margin, model.pair_gap, pairs, epsilon)):
+            gap[which] += early
             if self._version < _GAP_BEYOND:
-                margin += early
+                margin[which] += early
         # MuJoCo 3 looks at a pair of bodies with several geoms only within these, which its compiler found.
         if hasattr(model, "body_margin"):
             np.maximum.at(model.body_margin, model.geom_bodyid, model.geom_margin + model.geom_gap)
+        of_tool = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
+        #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
+        self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
+                        ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, of_tool))]
+        self._own_force = None
 
-    def _contacts(self, data: Any) -> np.ndarray:
+    def _contacts(self, data: Any, geoms: np.ndarray) -> np.ndarray:
+        """geoms: of each whether its contacts are meant."""
         model, n = self._model, data.ncon
         found, listed = haptic.contacts(n), data.contact
         geom1, geom2 = np.asarray(listed.geom1)[:n], np.asarray(listed.geom2)[:n]
@@ -289,7 +302,8 @@ class Session(EngineSession):
         found["friction"] = np.asarray(listed.friction)[:n].reshape(n, 5)[:, 0]
         found["load"] = self._loads(data)
         found["load"][a == self._tool] = 0
-        found = found[(found["a_kind"] != haptic.WORLD) & (a != b) & (geom1 >= 0) & (geom2 >= 0)]  # -1: a flex
+        found = found[(found["a_kind"] != haptic.WORLD) & (a != b) & (geom1 >= 0) & (geom2 >= 0)  # -1: a flex
+                      & (geoms[geom1] | geoms[geom2])]
         return np.ascontiguousarray(self._near(found))
 
     @staticmethod
@@ -304,19 +318,6 @@ class Session(EngineSession):
         kept = found[of_tool | np.isin(found["a_index"], list(near))]
         order = np.argsort(kept["separation"], kind="stable")
         return kept[order[:haptic.MAX_CONTACTS]]
-
-    def _set_loads(self, data: Any, contacts: np.ndarray, shapes: Shapes) -> None:
-        """MuJoCo's normal forces, each on the nearest contact of the same two geoms without the tool."""
-        listed, n = data.contact, data.ncon
-        geoms = np.sort(shapes.geoms_of_contacts, axis=1)
-        pairs = np.sort(np.column_stack([listed.geom1, listed.geom2])[:n], axis=1)
-        points, loads = np.asarray(listed.pos)[:n], self._loads(data)
-        others = contacts["a_kind"] != haptic.TOOL_LINK
-        for i in np.flatnonzero(loads):
-            same = np.flatnonzero((geoms == pairs[i]).all(axis=1) & others)
-            if len(same) > 0:
-                away = np.linalg.norm(contacts["point"][same] - points[i], axis=1)
-                contacts["load"][same[np.argmin(away)]] += loads[i]
 
     def _loads(self, data: Any) -> np.ndarray:
         """Normal forces of all contacts of MuJoCo, N."""

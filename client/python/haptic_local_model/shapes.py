@@ -1,4 +1,4 @@
-"""Shapes of a world: for haptic.Session.offer(), with which the server finds contacts itself, or haptic.proximity.
+"""Shapes of a world: for haptic.Session.offer(), with which the server finds contacts itself.
 
     touch.offer([haptic.shapes.box((0.04, 0.04, 0.04), haptic.TOOL_LINK), haptic.shapes.half_space()])
 """

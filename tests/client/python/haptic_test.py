@@ -21,7 +21,7 @@ os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 sys.path.insert(0, str(PACKAGE))
 
 import haptic_local_model as haptic  # noqa: E402
-import haptic_local_model.proximity  # noqa: E402
+import haptic_local_model.shapes  # noqa: E402
 import haptic_local_model.shapes  # noqa: E402
 import numpy as np  # noqa: E402
 
@@ -481,86 +481,16 @@ class Mistakes(unittest.TestCase):
         self.assertIn("set HAPTIC_LIBRARY to its file: /nowhere/libhaptic.so", done.stderr)
 
 
-class Proximity(unittest.TestCase):
-    """A ball that the hand holds over two boxes that lie on each other on the ground."""
-
-    def setUp(self):
-        near = haptic.proximity
-        self.shapes = [near.sphere(0.02, haptic.TOOL_LINK), near.box((0.04, 0.04, 0.04), haptic.MOVABLE_BODY, 7),
-                       near.box((0.06, 0.06, 0.06), haptic.MOVABLE_BODY, 8), near.half_space()]
-        self.places = np.array([[0, 0, 0.123], [0, 0, 0.08], [0, 0, 0.03], [0, 0, 0]])
-        self.turns = np.tile([1.0, 0, 0, 0], (4, 1))
-
-    def find(self, excluded=()):
-        return haptic.proximity.Proximity(self.shapes, excluded).find(self.places, self.turns, 0.005)
-
-    def test_the_tool_and_what_bears_the_bodies_below_it_are_found(self):
-        found = self.find()
-        sides = [tuple(sorted(((a, i), (b, j)))) for a, i, b, j in
-                 zip(found["a_kind"], found["a_index"], found["b_kind"], found["b_index"])]
-        world, tool, body = haptic.WORLD, haptic.TOOL_LINK, haptic.MOVABLE_BODY
-        self.assertEqual(sides.count(((tool, 0), (body, 7))), 1)
-        self.assertEqual(sides.count(((body, 7), (body, 8))), 4)
-        self.assertEqual(sides.count(((world, 0), (body, 8))), 4)
-        self.assertAlmostEqual(found["separation"][0], 0.003, delta=1e-6)  # m
-        self.assertEqual(len(set(found["identity"].tolist())), 9)
-
-    def test_identities_last_while_the_tool_and_a_body_move(self):
-        before = self.find()["identity"]
-        self.places[:2, 0] += 0.004
-        np.testing.assert_array_equal(self.find()["identity"], before)
-
-    def test_what_is_excluded_does_not_touch(self):
-        self.assertEqual(len(self.find([(0, 1)])), 0)
-
-    def test_a_shape_that_cannot_be_used_is_named(self):
-        self.shapes[2] = haptic.proximity.box((0.06, -1, 0.06))
-        with self.assertRaisesRegex(haptic.HapticError, "shape 2: "):
-            self.find()
-
-    def test_poses_that_are_not_finite_have_no_contacts(self):
-        self.places[0, 2] = np.nan
-        self.assertEqual(len(self.find()), 0)
-
-
-    def test_positions_and_rotations_that_are_not_one_for_each_shape_are_named(self):
-        near = haptic.proximity.Proximity(self.shapes)
-        with self.assertRaisesRegex(haptic.HapticError, r"positions: shape \(3,\) must be \(4, 3\)"):
-            near.find(self.places[0], self.turns, 0.005)
-        with self.assertRaisesRegex(haptic.HapticError, r"rotations: shape \(3, 4\) must be \(4, 4\)"):
-            near.find(self.places, self.turns[:3], 0.005)
-
-    def test_a_rotation_of_zero_is_named(self):
-        self.turns[2] = 0
-        with self.assertRaisesRegex(haptic.HapticError, "the rotation of shape 2 must not be zero"):
-            self.find()
-
-    def test_whose_plane_a_contact_lies_on_is_said(self):
-        """A box of the tool flat on the corner of another, and the other way round."""
-        half = 0.5 * np.arccos(3**-0.5)  # Half the angle from (1, 1, 1) to z.
-        corner_up = (np.cos(half), np.sin(half) / 2**0.5, -np.sin(half) / 2**0.5, 0)
-        self.shapes = [haptic.proximity.box((0.04,) * 3, haptic.TOOL_LINK), haptic.proximity.box((0.04,) * 3)]
-        for plane, turns in ((1, [(1, 0, 0, 0), corner_up]), (0, [corner_up, (1, 0, 0, 0)])):
-            with self.subTest(plane=plane):
-                self.places = np.array([[0, 0, 0.02 + 0.02 * 3**0.5 + 0.001], [0, 0, 0]])
-                self.turns = np.array(turns)
-                found = self.find()
-                nearest = found[found["axis"] == 0]
-                self.assertAlmostEqual(nearest["separation"][0], 0.001, delta=1e-6)  # m
-                self.assertEqual(nearest["plane"].tolist(), [plane])
-
-
 class Interface(unittest.TestCase):
     def test_the_libraries_show_the_functions_of_their_headers_and_no_others(self):
-        for name in ("haptic", "haptic_proximity"):
-            header = (PACKAGE.parent / f"{name}.h").read_text()
-            declared = set(re.findall(r"HAPTIC_API [\w* ]+?\b(haptic_\w+)\(", header))
-            printed = subprocess.run(["nm", "-D", "--defined-only", LIBRARY.with_name(f"lib{name}.so")], text=True,
-                                     check=True, stdout=subprocess.PIPE).stdout
-            found = {line.split()[2].split("@")[0] for line in printed.splitlines() if line.split()[1] in "TWVu"}
-            self.assertEqual(found, declared)
-            listed = set(re.findall(r"\b(haptic_\w+);", (PACKAGE.parent / f"{name}.map").read_text()))
-            self.assertEqual(listed, declared)
+        header = (PACKAGE.parent / "haptic.h").read_text()
+        declared = set(re.findall(r"HAPTIC_API [\w* ]+?\b(haptic_\w+)\(", header))
+        printed = subprocess.run(["nm", "-D", "--defined-only", LIBRARY], text=True, check=True,
+                                 stdout=subprocess.PIPE).stdout
+        found = {line.split()[2].split("@")[0] for line in printed.splitlines() if line.split()[1] in "TWVu"}
+        self.assertEqual(found, declared)
+        listed = set(re.findall(r"\b(haptic_\w+);", (PACKAGE.parent / "haptic.map").read_text()))
+        self.assertEqual(listed, declared)
 
     def test_records_have_the_layout_of_the_header(self):
         """A C compiler says what the header's structs are."""
@@ -569,13 +499,13 @@ class Interface(unittest.TestCase):
         import ctypes
         for name, kind in (("haptic_link", _library.Link), ("haptic_options", _library.Options),
                            ("haptic_state", _library.State), ("haptic_impulse", _library.Impulse),
-                           ("haptic_shape", haptic.proximity.Shape)):
+                           ("haptic_shape", haptic.shapes.Shape)):
             kinds[name] = ctypes.sizeof(kind)
         offsets = {field: haptic.CONTACT.fields[field][1] for field in haptic.CONTACT.names}
         claims = [f"_Static_assert(sizeof({name}) == {size}, \"{name}\");" for name, size in kinds.items()]
         claims += [f"_Static_assert(offsetof(haptic_contact, {field}) == {offset}, \"{field}\");"
                    for field, offset in offsets.items()]
-        code = '#include "haptic_proximity.h"\n' + "\n".join(claims)
+        code = '#include "haptic.h"\n' + "\n".join(claims)
         subprocess.run(["cc", "-std=c99", "-Wall", "-Wpedantic", "-Werror", "-fsyntax-only", "-x", "c",
                         f"-I{PACKAGE.parent}", "-D_Static_assert(a,b)=extern int claim[(a)?1:-1]", "-"], input=code,
                        text=True, check=True)

@@ -40,7 +40,7 @@ sys.path.insert(0, str(PACKAGE))
 
 import haptic_local_model as haptic  # noqa: E402
 import haptic_local_model.mujoco  # noqa: E402
-import haptic_local_model.proximity  # noqa: E402
+import haptic_local_model.shapes  # noqa: E402
 import haptic_local_model.shapes  # noqa: E402
 import numpy as np  # noqa: E402
 from haptic_local_model import _library  # noqa: E402
@@ -118,10 +118,6 @@ def sent_poses(shapes, count=1, **fields):
     return with_session(use)
 
 
-def found(shapes=(BALL,), positions=((0, 0, 0),), rotations=((1, 0, 0, 0),), epsilon=0.005, excluded=()):
-    return lambda: haptic.proximity.Proximity(shapes, excluded).find(positions, rotations, epsilon)
-
-
 def with_key(content, mode=0o600):
     def use():
         with tempfile.NamedTemporaryFile() as file:
@@ -136,7 +132,6 @@ def in_environment(use, **variables):
     def run():
         os.environ.update(variables)
         _library.load.cache_clear()
-        _library.load_proximity.cache_clear()
         return use()
     return run
 
@@ -323,9 +318,6 @@ PYTHON = [
     ("vertices in one row", lambda: haptic.shapes.shape("hull", vertices=[0, 0, 0, 1]), r"vertices: shape \(4,\) must be \(n, 3\)"),
     ("vertices of NaN", offered([haptic.shapes.shape("hull", side=TOOL, vertices=np.full((4, 3), NAN))]), "shape 0: .*nan"),
     ("a hull of 3 points", offered([haptic.shapes.shape("hull", side=TOOL, vertices=np.eye(3))]), "shape 0: .*3 points; at least 4"),
-    ("proximity of a hull in a plane",
-     found(shapes=[haptic.shapes.shape("hull", side=TOOL, vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])]),
-     "shape 0: .*lie in a plane"),
     ("a mesh without triangles", offered([BALL, haptic.shapes.shape("mesh", vertices=np.eye(3))]), "shape 1: .*triangles"),
     ("a corner that there is not", offered([BALL, haptic.shapes.shape("mesh", vertices=np.eye(3), triangles=[[1, 2, 3]])]),
      "shape 1: .*corner 3 of a triangle must be below 3"),
@@ -350,13 +342,6 @@ PYTHON = [
     ("an excluded pair of one", offered([BALL], excluded=[(0,)]), r"excluded: shape \(1, 1\) must be \(n, 2\)"),
     ("an excluded shape that there is not", offered([BALL], excluded=[(0, 5)]), "apart.*5|5.*apart"),
     ("a negative excluded shape", offered([BALL], excluded=[(0, -1)]), r"excluded \[\(0, -1\)\] must be whole numbers"),
-    ("proximity of a text", found(positions="here"), "positions 'here' must be numbers"),
-    ("proximity within a negative epsilon", found(epsilon=-1), "epsilon -1 must be 0 to 1 m"),
-    ("proximity within epsilon in millimetres", found(epsilon=5), "epsilon 5 must be 0 to 1 m"),
-    ("proximity of what is no shape", found(shapes=[None]), "shape 0 must be a haptic.Shape, not None"),
-    ("proximity of a mesh whose corner is missing",
-     found(shapes=[haptic.shapes.shape("mesh", vertices=np.eye(3), triangles=[[0, 1, 3]])]), "shape 0: corner 3 of triangle 0"),
-    ("proximity without what is excluded", found(excluded=[(0, 5)]), "excluded .*5"),
     # The hand and the page.
     ("hold() at infinity", with_session(lambda touch: touch.hold((INF, 0, 0))), "position of the hand inf m must be"),
     ("hold() at a text", with_session(lambda touch: touch.hold("up")), "position 'up' must be numbers"),
@@ -369,8 +354,6 @@ PYTHON = [
     ("HAPTIC_LIBRARY is a folder", in_environment(session, HAPTIC_LIBRARY="/tmp"), "libhaptic is not found; .*HAPTIC_LIBRARY.*/tmp"),
     ("HAPTIC_LIBRARY is another library", in_environment(session, HAPTIC_LIBRARY="libm.so.6"),
      r"libm.so.6 has no haptic_abi\(\): it is another library, or older"),
-    ("HAPTIC_PROXIMITY_LIBRARY is another library", in_environment(found(), HAPTIC_PROXIMITY_LIBRARY=str(LIBRARY)),
-     r"has no haptic_proximity_open\(\): it is another library"),
     ("HAPTIC_SERVER_PROGRAM is a folder", in_environment(
         lambda: haptic.Session(), HAPTIC_SERVER=NOBODY, HAPTIC_SERVER_PROGRAM="/tmp"),
      "there is no haptic_server to start: looked for /tmp"),
@@ -401,18 +384,16 @@ class C:
 
     def __init__(self):
         self.library = ctypes.CDLL(str(LIBRARY))
-        self.near = ctypes.CDLL(str(LIBRARY.with_name("libhaptic_proximity.so")))
         for library, function, result in (
                 (self.library, "default_options", _library.Options), (self.library, "open", ctypes.c_void_p),
                 (self.library, "show", ctypes.c_char_p), (self.library, "own_server", ctypes.c_char_p),
                 (self.library, "send", ctypes.c_int64), (self.library, "take_impulses", ctypes.c_size_t),
-                (self.library, "error", ctypes.c_char_p), (self.library, "box", haptic.Link),
-                (self.near, "proximity_open", ctypes.c_void_p), (self.near, "proximity_find", ctypes.c_size_t)):
+                (self.library, "error", ctypes.c_char_p), (self.library, "box", haptic.Link)):
             getattr(library, "haptic_" + function).restype = result
         self.session = None
 
     def __getattr__(self, name):
-        return getattr(self.near if name.startswith("proximity") else self.library, "haptic_" + name)
+        return getattr(self.library, "haptic_" + name)
 
     def opened(self, **options):
         """Why a session with such options is not opened."""
@@ -529,15 +510,7 @@ IN_C = [
     ("a position NULL", called(lambda c: c.hold(c.session, NULL, SIX)), "position of the hand must not be NULL"),
     ("impulses NULL", called(lambda c: c.take_impulses(c.session, STEP, NULL), 0), "impulses must not be NULL"),
     ("impulses of no time", called(lambda c: c.take_impulses(c.session, NO_STEP, RECORDS), 0), "period 0 s must be above 0"),
-    ("proximity of shapes NULL", in_c(lambda c: proximity(c, NULL, TWO)), "shapes must not be NULL"),
-    ("proximity of nothing", quietly(lambda c: c.proximity_find(NULL, RECORDS, STEP, RECORDS, NULL)), "nothing"),
 ]
-
-
-def proximity(c, shapes, count):
-    error = ctypes.create_string_buffer(512)
-    assert c.proximity_open(shapes, count, NULL, NONE, error, ctypes.c_size_t(len(error))) is None
-    return error.value.decode()
 
 
 def error_of(use):
