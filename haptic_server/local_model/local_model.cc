@@ -19,9 +19,6 @@ constexpr double kHealingTime = 0.2;
 /// Most energy that is kept to heal with, J: that of 5 N over 20 mm. More would let an old blow pay
 /// for a wall that comes much later.
 constexpr double kTankSize = 0.1;
-/// How often a step is solved again because planes that closed in it were none there. With one, a
-/// corner that passes a corner is still felt now and then.
-constexpr int kLooksAtEnd = 2;
 
 ProxyContactState proxy_state(const std::array<const LocalContacts*, 2>& sets) noexcept {
   ProxyContactState state = ProxyContactState::kFreeMotion;
@@ -111,9 +108,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
          {limits_.contacts(), law},
          {present_supports(), support_law(dt_, kSupportFriction)}}};
     x = solve_contact_step(groups, frames, system);
-    for (int i = 0; i < kLooksAtEnd && look_at_end(groups[0], frames, x); ++i) {
-      x = solve_contact_step(groups, frames, system);
-    }
+    correct_step(groups, frames, system, x);
     tau = apply_contact_forces(groups[0], frames, x).head(d);
     tau += apply_contact_forces(groups[1], frames, x).head(d);
     apply_contact_forces(groups[2], frames, x);

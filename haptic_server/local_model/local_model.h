@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "hlm/common/tool_model.h"
@@ -164,8 +165,13 @@ class LocalModel {
   void advance_near_bodies() noexcept;
   void place_scene(const ToolModel& tool, const LocalBodies& bodies, double ahead = 0) noexcept;
   void look_around() noexcept;
-  bool look_at_end(const ContactGroup& group, const FrameMotions& frames,
-                   const Unknowns& x) noexcept;
+  struct StepEnd {
+    FramePoses poses;
+    MetContacts met;
+  };
+  std::optional<StepEnd> meet_at_end(const FrameMotions& frames, const Unknowns& x) noexcept;
+  void correct_step(ContactGroups groups, const FrameMotions& frames, const StepSystem& system,
+                    Unknowns& x) noexcept;
   void meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
                  MetContacts& met) noexcept;
   void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,

@@ -249,13 +249,9 @@ void LocalModel::look_around() noexcept {
   sort_by_identity(present_supports());
 }
 
-/// Contacts of the scene that were open and act in a step that ends with x are looked for once more
-/// where it ends: a plane has no end, what it stands for has. Returns whether one is another then.
-bool LocalModel::look_at_end(const ContactGroup& group, const FrameMotions& frames,
-                             const Unknowns& x) noexcept {
-  if (scene_ == nullptr) return false;
-  const ClosingContacts closing = find_closing(group, frames, x);
-  if (closing.empty()) return false;
+/// What the scene's contacts are where the step ends that ends with x. Empty if not all are known.
+std::optional<LocalModel::StepEnd> LocalModel::meet_at_end(const FrameMotions& frames,
+                                                           const Unknowns& x) noexcept {
   ToolModel tool = proxy_;
   Velocity v = x.head(proxy_.dof());
   move_freely(tool, v, dt_);
@@ -263,10 +259,30 @@ bool LocalModel::look_at_end(const ContactGroup& group, const FrameMotions& fram
   advance_bodies(bodies, proxy_, frames, x, dt_);
   place_scene(tool, bodies, dt_);
   scene_->forget();
-  MetContacts met;
-  meet(scene_->of_tool_ahead(kEndMargin, work_in_tick(kWorkAtEnd)), bodies, met);
-  if (scene_->cut() != geometry::FinderCut{}) return false;
-  return correct_closing(closing, met, poses_of(tool, bodies), frames, dt_);
+  StepEnd end;
+  end.poses = poses_of(tool, bodies);
+  meet(scene_->of_tool_ahead(kEndMargin, work_in_tick(kWorkAtEnd)), bodies, end.met);
+  if (scene_->cut() != geometry::FinderCut{}) return std::nullopt;
+  return end;
+}
+
+/// A plane has no end within a step, what it stands for has. So contacts of the scene that were
+/// open and act in the step that ends with x are looked for once more where it ends: what is not
+/// there is left out of the step, and comes back where it touches at the end of that.
+void LocalModel::correct_step(ContactGroups groups, const FrameMotions& frames,
+                              const StepSystem& system, Unknowns& x) noexcept {
+  if (scene_ == nullptr) return;
+  const ClosingContacts closing = find_closing(groups[0], frames, x);
+  if (closing.empty()) return;
+  std::optional<StepEnd> end = meet_at_end(frames, x);
+  if (!end) return;
+  const ClosingContacts left_out = leave_out(closing, end->met, frames, x, dt_);
+  if (left_out.empty()) return;
+  x = solve_contact_step(groups, frames, system);
+  end = meet_at_end(frames, x);
+  if (end && bring_back(left_out, end->met, end->poses, frames, x, dt_)) {
+    x = solve_contact_step(groups, frames, system);
+  }
 }
 
 /// Contacts of the scene after an update, for which `bodies` are where they were reported.

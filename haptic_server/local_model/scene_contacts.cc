@@ -28,6 +28,9 @@ constexpr double kSamePlane = 1e-6;
 /// And its normal within so much of it, cosine: 1 degree.
 constexpr double kSameNormal = 0.99985;
 
+/// Separation of a contact that takes no part in the step, m.
+constexpr double kBeyond = 1e3;
+
 /// Friction of bodies with what is not the tool, where neither says: as in SDFormat.
 constexpr double kUnsaidFriction = 1;
 
@@ -256,16 +259,34 @@ ClosingContacts find_closing(const ContactGroup& group, const FrameMotions& fram
   for (LocalContact& contact : group.contacts) {
     if (!contact.of_scene || contact.now.s <= 0 || !takes_part(contact, group.law)) continue;
     const Vector3 arm = contact.now.p_W - frames.reference_W();
-    const Twist& V = relative.of(contact);
-    const RelativeVelocity v = relative_velocity(contact, V, arm);
-    if (penalty(contact, v.normal, group.law) <= 0) continue;
-    const Vector3 moved = group.law.dt * point_velocity(twists[contact.frame_a], arm);
-    closing.push_back({&contact, contact.now.s + group.law.dt * v.normal, contact.now.p_W + moved});
+    const RelativeVelocity v = relative_velocity(contact, relative.of(contact), arm);
+    if (penalty(contact, v.normal, group.law) > 0) closing.push_back(&contact);
   }
   return closing;
 }
 
 namespace {
+
+/// Of the met contacts of the same two sides that may stand for a contact the nearest to its point
+/// at the end of the step; met.size() if there is none.
+template <class May>
+std::size_t nearest_met(const LocalContact& contact, const MetContacts& met,
+                        const FrameTwists& twists, const FrameMotions& frames, double dt,
+                        May may) noexcept {
+  const Vector3 arm = contact.now.p_W - frames.reference_W();
+  const Vector3 there = contact.now.p_W + dt * point_velocity(twists[contact.frame_a], arm);
+  std::size_t nearest = met.size();
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < met.size(); ++i) {
+    const geometry::FoundContact& found = *met[i].found;
+    if (found.key.a != contact.a || found.key.b != contact.b || !may(found)) continue;
+    const double away = (found.p_WC + found.separation * found.n_W - there).norm();
+    if (away >= least) continue;
+    least = away;
+    nearest = i;
+  }
+  return nearest;
+}
 
 /// The plane that was met at the end of the step, over which the contact is open at its start.
 void put_on(LocalContact& contact, const MetContact& met, const FramePoses& end,
@@ -282,44 +303,50 @@ void put_on(LocalContact& contact, const MetContact& met, const FramePoses& end,
   }
   locate(contact, frames[contact.frame_a].X_W, frames[contact.frame_b].X_W);
   contact.now.s = std::max(contact.now.s, 0.0);
+  const FrameTwists twists = frames.twists();
+  const Vector3 arm = contact.now.p_W - frames.reference_W();
+  const Twist V = twists[contact.frame_a] - twists[contact.frame_b];
+  contact.now.v_n = contact.now.n_W.dot(point_velocity(V, arm) - contact.constraint.v_WC);
 }
 
 }  // namespace
 
-bool correct_closing(const ClosingContacts& closing, const MetContacts& met, const FramePoses& end,
-                     const FrameMotions& frames, double dt) noexcept {
-  const FrameTwists twists = frames.twists();
+ClosingContacts leave_out(const ClosingContacts& closing, const MetContacts& met,
+                          const FrameMotions& frames, const Unknowns& x, double dt) noexcept {
+  ClosingContacts left_out;
+  const FrameTwists twists = frames.twists(x);
   RelativeTwists relative(twists);
-  bool corrected = false;
-  for (const auto& [contact, s_end, p_end_W] : closing) {
-    const MetContact* nearest = nullptr;
-    double least = std::numeric_limits<double>::infinity();
-    for (const MetContact& one : met) {
-      const geometry::FoundContact& found = *one.found;
-      if (one.a != contact->frame_a || found.key.a != contact->a || found.key.b != contact->b) {
-        continue;
-      }
-      if (found.n_W.dot(contact->now.n_W) <= kGoesOn && found.separation > 0) continue;
-      const double away = (found.p_WC + found.separation * found.n_W - p_end_W).norm();
-      if (away >= least) continue;
-      least = away;
-      nearest = &one;
-    }
-    if (nearest == nullptr) {
-      contact->now.s = kLast;
-      corrected = true;
-      continue;
-    }
-    const double sigma = nearest->found->separation + contact->deformation.delta;
-    const bool leans = nearest->found->n_W.dot(contact->now.n_W) < kSameNormal;
-    if (sigma <= s_end + kSamePlane && !leans) continue;
-    put_on(*contact, *nearest, end, frames, dt);
+  for (LocalContact* contact : closing) {
     const Vector3 arm = contact->now.p_W - frames.reference_W();
-    contact->now.v_n =
-        contact->now.n_W.dot(point_velocity(relative.of(*contact), arm) - contact->constraint.v_WC);
-    corrected = true;
+    const RelativeVelocity v = relative_velocity(*contact, relative.of(*contact), arm);
+    const double s_end = contact->now.s + dt * v.normal;
+    const std::size_t same =
+        nearest_met(*contact, met, twists, frames, dt, [&](const geometry::FoundContact& found) {
+          return found.n_W.dot(contact->now.n_W) > kSameNormal &&
+                 found.separation + contact->deformation.delta <= s_end + kSamePlane;
+        });
+    if (same < met.size()) continue;
+    contact->now.s = kBeyond;
+    left_out.push_back(contact);
   }
-  return corrected;
+  return left_out;
+}
+
+bool bring_back(const ClosingContacts& left_out, MetContacts& met, const FramePoses& end,
+                const FrameMotions& frames, const Unknowns& x, double dt) noexcept {
+  const FrameTwists twists = frames.twists(x);
+  bool any = false;
+  for (LocalContact* contact : left_out) {
+    const std::size_t place =
+        nearest_met(*contact, met, twists, frames, dt, [&](const geometry::FoundContact& found) {
+          return found.separation + contact->deformation.delta <= 0;
+        });
+    if (place == met.size()) continue;
+    put_on(*contact, met[place], end, frames, dt);
+    met.erase(met.begin() + static_cast<std::ptrdiff_t>(place));  // One contact is on each plane.
+    any = true;
+  }
+  return any;
 }
 
 }  // namespace hlm::server

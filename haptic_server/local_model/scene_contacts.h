@@ -59,21 +59,21 @@ void renew_supports(const LocalContacts& existing, const MetContacts& met,
                     const UpdateFrames& frames, const GeometryChange& change,
                     LocalContacts& updated) noexcept;
 
-/// Contacts of the scene that were open at the start of a step and act in it.
-struct ClosingContact {
-  LocalContact* contact = nullptr;
-  double s_end = 0;  ///< Separation of its plane at the end of the step, m.
-  Vector3 p_end_W = Vector3::Zero();
-};
-using ClosingContacts = StaticVector<ClosingContact, kMaxLocalContacts>;
+/// Contacts of the scene that were open at the start of a step.
+using ClosingContacts = StaticVector<LocalContact*, kMaxLocalContacts>;
 
-/// Those of a group in a step that ends with x.
+/// Those of a group that act in a step that ends with x.
 ClosingContacts find_closing(const ContactGroup& group, const FrameMotions& frames,
                              const Unknowns& x) noexcept;
 
-/// Gives those that are farther apart where the step ends than their planes have it the planes that
-/// were met there, or none. end: the poses there. Returns whether one was changed.
-bool correct_closing(const ClosingContacts& closing, const MetContacts& met, const FramePoses& end,
-                     const FrameMotions& frames, double dt) noexcept;
+/// Leaves those out of the step whose planes are not among those that were met where it ends with
+/// x, and returns them.
+ClosingContacts leave_out(const ClosingContacts& closing, const MetContacts& met,
+                          const FrameMotions& frames, const Unknowns& x, double dt) noexcept;
+
+/// Gives those that were left out and touch where the step ends with x the planes that were met
+/// there. end: the poses there. Returns whether there are any.
+bool bring_back(const ClosingContacts& left_out, MetContacts& met, const FramePoses& end,
+                const FrameMotions& frames, const Unknowns& x, double dt) noexcept;
 
 }  // namespace hlm::server

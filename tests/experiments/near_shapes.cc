@@ -40,6 +40,20 @@ struct Ghosts {
   double largest = 0;  // N
 };
 
+/// With a clearance of 0.02 to 3 mm, at 0.05 to 1 m/s.
+Entry random_entry(Walls walls, bool wanders, std::uint64_t seed) {
+  std::mt19937_64 engine(seed * 100 + 2 * static_cast<std::uint64_t>(walls) + wanders);
+  const auto between = [&](double low, double high) {
+    return low * std::pow(high / low, uniform(engine, 0, 1));
+  };
+  const double clearance = between(2e-5, 3e-3);
+  return {.clearance = clearance,
+          .speed = between(0.05, 1),
+          .wanders = wanders,
+          .seed = seed,
+          .walls = walls};
+}
+
 /// Free entries into every kind of hole.
 void free_entries(Bench& bench) {
   constexpr std::array kKinds{Walls::kApart, Walls::kTestbed, Walls::kBars,
@@ -57,13 +71,7 @@ void free_entries(Bench& bench) {
       for (const bool wanders : {false, true}) {
         for (const double delay : delays) {
           for (const Source& source : kSources) {
-            cases.push_back({{.clearance = 0.001,
-                              .speed = 0.3,
-                              .wanders = wanders,
-                              .seed = seed,
-                              .walls = walls},
-                             delay,
-                             &source});
+            cases.push_back({random_entry(walls, wanders, seed), delay, &source});
           }
         }
       }
