@@ -180,6 +180,23 @@ TEST_CASE("A joint whose limits do not include 0 starts at the nearest, with all
              ContainsSubstring("limits 1e+09 to 2e+09 must include a position within"));
 }
 
+TEST_CASE("What fixed joints join to the world is fixed: it may be a plane, and needs no mass") {
+  const std::string weld = "<joint name='w' type='fixed'><parent>world</parent><child>a</child>";
+  const WorldDescription world = world_of(
+      "<model name='m'><link name='a'><inertial><mass>0</mass></inertial><collision name='c'>"
+      "<geometry><plane><normal>0 0 1</normal></plane></geometry></collision></link>"
+      "<link name='c'/><link name='b'/>"
+      "<joint name='v' type='fixed'><parent>b</parent><child>c</child></joint>"
+      "<joint name='u' type='fixed'><parent>a</parent><child>b</child></joint>" +
+      weld +
+      "</joint><link name='d'/><joint name='t' type='revolute'><parent>c</parent><child>d</child>"
+      "<axis><xyz>0 0 1</xyz></axis></joint></model>");
+  CHECK(world.bodies.at(0).fixed);
+  CHECK(world.bodies.at(1).fixed);
+  CHECK(world.bodies.at(2).fixed);
+  CHECK_FALSE(world.bodies.at(3).fixed);
+}
+
 TEST_CASE("Of <physics> the step and the iterations count, where they are given") {
   const WorldDescription plain = world_of("");
   CHECK_FALSE(plain.solver.largest_step);

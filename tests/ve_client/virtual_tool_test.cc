@@ -80,6 +80,19 @@ const std::string kTree =
     "<joint name='b' type='continuous'><pose>0 0.1 0 0 0.3 0</pose><parent>slide</parent>"
     "<child>tip</child><axis><xyz>0 0.6 0.8</xyz></axis></joint></model>";
 
+TEST_CASE("A tool whose root is welded to the world moves with the joints beyond") {
+  const WorldDescription world = world_of(
+      "<model name='arm'><link name='base'>" + kInertial + "</link><link name='rod'>" + kInertial +
+      "</link><joint name='weld' type='fixed'><parent>world</parent><child>base</child></joint>"
+      "<joint name='j' type='revolute'><parent>base</parent><child>rod</child><axis><xyz>0 0 1"
+      "</xyz></axis></joint></model>");
+  CHECK(world.bodies.at(0).fixed);
+  Scene scene(world, "arm");
+  scene.follow(Configuration::Constant(1, 0.3), 60);
+  CHECK(scene.tool.q()[0] == Approx(0.3).margin(0.01));
+  CHECK(scene.world.X_WB(0).p.isZero(1e-9));
+}
+
 TEST_CASE("A kinematic tool is exactly where the proxy is, with its velocity") {
   const std::string models = GENERATE(kFree, kPlanar, kTree);
   Scene scene(world_of(models), "tool", {.mode = FollowMode::kKinematic});

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 
 #include <sdf/Collision.hh>
 #include <sdf/Geometry.hh>
@@ -100,8 +101,10 @@ class ModelReader {
 
   void read_contents(const sdf::Model& model, const Pose& X_WM, const std::string& scope,
                      bool fixed) {
+    find_held(model, scope);
     for (std::uint64_t i = 0; i < model.LinkCount(); ++i) {
-      read_link(*model.LinkByIndex(i), X_WM, scope, fixed);
+      const sdf::Link& link = *model.LinkByIndex(i);
+      read_link(link, X_WM, scope, fixed || held_.contains(scope + "::" + link.Name()));
     }
     for (std::uint64_t i = 0; i < model.ModelCount(); ++i) {
       const sdf::Model& nested = *model.ModelByIndex(i);
@@ -110,6 +113,25 @@ class ModelReader {
     }
     for (std::uint64_t i = 0; i < model.JointCount(); ++i) {
       read_joint(*model.JointByIndex(i), X_WM, scope);
+    }
+  }
+
+  /// Links that fixed joints join to the world, directly or by others, never move.
+  void find_held(const sdf::Model& model, const std::string& scope) {
+    for (bool found = true; found;) {
+      found = false;
+      for (std::uint64_t i = 0; i < model.JointCount(); ++i) {
+        const sdf::Joint& joint = *model.JointByIndex(i);
+        std::string parent;
+        std::string child;
+        if (joint.Type() != sdf::JointType::FIXED || !joint.ResolveParentLink(parent).empty() ||
+            !joint.ResolveChildLink(child).empty()) {
+          continue;
+        }
+        if (parent == "world" || held_.contains(scope + "::" + parent)) {
+          found = held_.insert(scope + "::" + child).second || found;
+        }
+      }
     }
   }
 
@@ -210,6 +232,7 @@ class ModelReader {
   WorldDescription& world_;
   Diagnostics& diagnostics_;
   std::vector<Start> starts_;
+  std::set<std::string> held_;  ///< Scoped names of links.
 };
 
 }  // namespace

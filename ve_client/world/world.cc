@@ -77,7 +77,10 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   dWorldSetContactMaxCorrectingVel(world_.get(), kMaxCorrectingVelocity);
   dWorldSetContactSurfaceLayer(world_.get(), 0);
   dWorldSetAutoDisableFlag(world_.get(), 0);  // Rest does it, of whole piles and repeatably.
-  for (const int body : tool_bodies_) is_tool_[at(body)] = true;
+  for (const int body : tool_bodies_) {
+    is_tool_[at(body)] = true;
+    description_.bodies[at(body)].fixed = false;  // The tool moves it, if only with its root.
+  }
   add_bodies();
   broad_phase_.emplace(description_, bodies_, shapes_, is_tool_);
   pieces_.emplace(sources_of(description_, shapes_));
