@@ -49,7 +49,3 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   hlm::fuzz::read({reinterpret_cast<const char*>(data), size});
   return 0;
 }
-
-/// The parser of URDF keeps links and joints that know each other.
-extern "C" const char* __lsan_default_suppressions();
-extern "C" const char* __lsan_default_suppressions() { return "leak:urdf::parseURDF\n"; }

@@ -103,7 +103,7 @@ TEST_CASE("Links of a URDF file without mass leave no trace, and small masses le
   CHECK(base.mass == 2);
   CHECK(base.X_WB.p.isApprox(Vector3(0, 0, 0.5), 1e-12));
   CHECK(base.I_B.isApprox(0.01 * Matrix3::Identity(), 1e-12));
-  CHECK(body(world, "robot::needle").mass == 1.1e-6);
+  CHECK(body(world, "robot::needle").mass == 2e-7);
   CHECK(world.joints.size() == 1);
 }
 

@@ -129,7 +129,3 @@ TEST_CASE("A file of the corpus that is refused is an error of one line with its
 
 }  // namespace
 }  // namespace hlm::ve
-
-/// The parser of URDF keeps links and joints that know each other.
-extern "C" const char* __lsan_default_suppressions();
-extern "C" const char* __lsan_default_suppressions() { return "leak:urdf::parseURDF\n"; }

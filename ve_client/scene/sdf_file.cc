@@ -7,7 +7,7 @@
 
 #include "hlm/scene/resources.h"
 #include "hlm/scene/sdf_elements.h"
-#include "hlm/scene/urdf_check.h"
+#include "hlm/scene/urdf.h"
 
 namespace hlm::ve {
 namespace {
@@ -74,7 +74,7 @@ bool read_version(SdfFile& file, Diagnostics& diagnostics) {
 
 /// Elements whose names others refer to.
 bool is_referred_to(std::string_view type) {
-  constexpr std::string_view kTypes[] = {"robot", "model", "link", "joint", "frame", "collision"};
+  constexpr std::string_view kTypes[] = {"model", "link", "joint", "frame", "collision"};
   return std::ranges::find(kTypes, type) != std::end(kTypes);
 }
 
@@ -133,8 +133,10 @@ bool read_root(SdfFile& file, Diagnostics& diagnostics) {
     return false;
   }
   const std::string name = file.root->Name();
-  file.urdf = name == "robot";
-  if (file.urdf) return check_urdf(file, diagnostics) && have_names(file, diagnostics);
+  if (name == "robot") {
+    file.version = kLatestVersion;
+    return rewrite_urdf(file, diagnostics) && have_names(file, diagnostics);
+  }
   if (name == "sdf") return read_version(file, diagnostics) && have_names(file, diagnostics);
   diagnostics.refuse(place_of(*file.root, file),
                      tag(name) + " must be <sdf>, or <robot> of a URDF file");
@@ -236,7 +238,7 @@ std::shared_ptr<SdfFile> parse_file(const std::string& text, const std::string& 
 }
 
 XMLElement* find_root_model(const SdfFile& file, Diagnostics& diagnostics) {
-  if (file.urdf) return file.root;
+  if (std::string_view(file.root->Name()) == "model") return file.root;  // It was a <robot>.
   XMLElement* model = file.root->FirstChildElement("model");
   if (model == nullptr) {
     if (!ignore_lights(file, diagnostics)) {
@@ -297,10 +299,6 @@ std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile&
 
 std::string text_of(const XMLElement& element, const SdfFile& file) {
   PrinterOnLines printer;
-  if (file.urdf) {
-    element.Accept(&printer);
-    return printer.CStr();
-  }
   printer.OpenElement("sdf", true);
   printer.PushAttribute("version", file.version.c_str());
   const bool is_world = std::string_view(element.Name()) == "world";

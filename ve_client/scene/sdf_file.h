@@ -19,9 +19,8 @@ struct SdfFile {
   std::string name;            ///< Name for messages.
   std::filesystem::path path;  ///< Empty: it was given as text.
   std::unique_ptr<tinyxml2::XMLDocument> document;
-  tinyxml2::XMLElement* root = nullptr;  ///< <sdf> or <robot>.
+  tinyxml2::XMLElement* root = nullptr;  ///< <sdf>, or the <model> of a URDF file.
   std::string version;                   ///< SDFormat version, as the parser is to convert it.
-  bool urdf = false;
   std::vector<std::filesystem::path> includers;  ///< The files that led here, the first one first.
 };
 

@@ -1,6 +1,5 @@
 #include "hlm/scene/sdf_messages.h"
 
-#include <algorithm>
 #include <iostream>
 #include <stdexcept>
 
@@ -17,12 +16,6 @@ std::string CapturedMessages::first_error() const {
   constexpr std::string_view kPositionEnd = "]\033[0m ";
   const std::string text = text_.str();
   const std::size_t error = text.find("Error [");
-  constexpr std::string_view kUrdf = "Error:";
-  if (const std::size_t urdf = text.find(kUrdf); urdf < error) {
-    const std::size_t begin =
-        std::min(text.find_first_not_of(" ", urdf + kUrdf.size()), text.size());
-    return text.substr(begin, text.find('\n', begin) - begin);
-  }
   if (error == text.npos) return "";
   const std::size_t position_end = text.find(kPositionEnd, error);
   if (position_end == text.npos) return "";

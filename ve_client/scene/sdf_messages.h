@@ -10,8 +10,8 @@
 
 namespace hlm::ve {
 
-/// While it lives, what anyone writes to std::cerr is kept instead of printed: the parser, and the
-/// URDF parser that it tries next, print their details there and leave them out of their errors.
+/// While it lives, what anyone writes to std::cerr is kept instead of printed: the parser prints
+/// its details there and leaves them out of its errors.
 class CapturedMessages {
  public:
   CapturedMessages();

@@ -51,35 +51,6 @@ bool is_relative(const XMLElement& element) {
   return pose != nullptr && !(word(*pose, "relative_to") + word(*pose, "frame")).empty();
 }
 
-/// The parser's lines of a URDF file are those of a translation. Those of the file are found by the
-/// names of links and joints.
-int line_in_urdf(const SdfFile& file, const std::string& type, const std::string& name) {
-  for (const XMLElement* child = file.root->FirstChildElement(type.c_str()); child != nullptr;
-       child = child->NextSiblingElement(type.c_str())) {
-    if (word(*child, "name") == name) return child->GetLineNum();
-  }
-  return 0;
-}
-
-int line_in_urdf(const SdfFile& file, const std::vector<NamedElement>& above) {
-  int line = 0;
-  for (const auto& [type, name] : above) line = std::max(line, line_in_urdf(file, type, name));
-  return line > 0 ? line : file.root->GetLineNum();
-}
-
-void set_urdf_lines(const ElementPtr& element, int line, const SdfFile& file) {
-  const std::string& type = element->GetName();
-  if (type == "link" || type == "joint") {
-    const int own = line_in_urdf(file, type, element->Get<std::string>("name"));
-    if (own > 0) line = own;
-  }
-  element->SetLineNumber(line);
-  element->SetFilePath(file.name);
-  for (ElementPtr child = element->GetFirstElement(); child; child = child->GetNextElement()) {
-    set_urdf_lines(child, line, file);
-  }
-}
-
 std::string text_in(const XMLElement* element) {
   return element != nullptr && element->GetText() != nullptr ? element->GetText() : "";
 }
@@ -176,7 +147,7 @@ sdf::ParserConfig parser_config() {
 
 SdfTrees::SdfTrees(SdfFile& file, CapturedMessages& messages, Diagnostics& diagnostics)
     : file_(file), messages_(messages), diagnostics_(diagnostics) {
-  if (!file.urdf) world_ = file.root->FirstChildElement("world");
+  world_ = file.root->FirstChildElement("world");
   if (world_ == nullptr) {
     if (XMLElement* model = find_root_model(file, diagnostics)) models_.push_back(model);
     return;
@@ -233,10 +204,9 @@ ElementPtr SdfTrees::read_include(const XMLElement& include, const SdfFile& file
 }
 
 ElementPtr SdfTrees::read_model(XMLElement& model, SdfFile& file, const std::string& scope) {
-  const std::vector<XMLElement*> inner =
-      file.urdf ? std::vector<XMLElement*>{} : cut_models(model, *file.document);
+  const std::vector<XMLElement*> inner = cut_models(model, *file.document);
   ElementPtr element = parse(model, file, scope);
-  if (element && !file.urdf) element = element->FindElement("world");
+  if (element) element = element->FindElement("world");
   if (element) element = element->FindElement("model");
   if (!element) return nullptr;
   element->SetFilePath(file.name);
@@ -271,7 +241,6 @@ ElementPtr SdfTrees::parse(const XMLElement& element, const SdfFile& file,
   if (!done) return nullptr;
   const ElementPtr root = sdf->Root();
   root->SetFilePath(file.name);
-  if (file.urdf) set_urdf_lines(root, file.root->GetLineNum(), file);
   drop_unused(root, diagnostics_);
   check_values(root, diagnostics_);
   return root;
@@ -292,7 +261,6 @@ void SdfTrees::report_attribute(const sdf::Error& error, const SdfFile& file,
   Place place{file.name, error.LineNumber().value_or(0), scope};
   if (!scope.empty() && !at.above.empty()) place.element += " ";
   place.element += describe(at.above);
-  if (file.urdf) place.line = line_in_urdf(file, at.above);
   std::string remedy = tag(owner) + " has no such attribute";
   if (has_value(at.path)) {
     remedy = "write " + tag(name) + value + tag("/" + name) + " in " + tag(owner);
@@ -313,7 +281,6 @@ void SdfTrees::report(const sdf::Errors& errors, const SdfFile& file, const std:
     Place place{file.name, error.LineNumber().value_or(0), scope};
     if (!scope.empty() && !at.above.empty()) place.element += " ";
     place.element += describe(at.above);
-    if (file.urdf) place.line = line_in_urdf(file, at.above);
     if (error.Code() != sdf::ErrorCode::ELEMENT_INCORRECT_TYPE || at.path.empty()) {
       if (error.LineNumber()) diagnostics_.refuse(place, error.Message());
       continue;
