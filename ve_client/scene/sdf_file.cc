@@ -92,6 +92,12 @@ void check_names(XMLElement& element, bool read, const SdfFile& file, Diagnostic
   const char* given = element.Attribute("name");
   if (given == nullptr) return;
   std::string name = given;
+  if (type == "link" && name == "world") {  // Those who refer to it mean the world.
+    name = "world_link";
+    element.SetAttribute("name", name.c_str());
+    diagnostics.approximate(place_of(element, file),
+                            "'world' is the world's own name: the link is named so here");
+  }
   const bool in_path = name.find("::") != name.npos;
   if (!read || !is_referred_to(type)) {
     std::ranges::replace(name, ':', '_');
@@ -138,8 +144,11 @@ bool read_root(SdfFile& file, Diagnostics& diagnostics) {
     return rewrite_urdf(file, diagnostics) && have_names(file, diagnostics);
   }
   if (name == "sdf") return read_version(file, diagnostics) && have_names(file, diagnostics);
-  diagnostics.refuse(place_of(*file.root, file),
-                     tag(name) + " must be <sdf>, or <robot> of a URDF file");
+  diagnostics.refuse(
+      place_of(*file.root, file),
+      tag(name) + (name == "mujoco" ? " is a model of MuJoCo; the MuJoCo adapter takes those: "
+                                      "haptic_local_model.mujoco, in Python"
+                                    : " must be <sdf>, or <robot> of a URDF file"));
   return false;
 }
 
