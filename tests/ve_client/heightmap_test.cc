@@ -119,7 +119,7 @@ TEST_CASE("A ball over a sloping heightmap is as far from it as from a plane") {
   }
 }
 
-TEST_CASE("A heightmap that cannot be used is refused with its place") {
+TEST_CASE("A heightmap that cannot be used is left out or refused, with its place") {
   const Folder folder;
   const auto load = [&](const std::string& map, bool fixed = true) {
     std::ofstream(folder / "w.sdf")
@@ -127,45 +127,59 @@ TEST_CASE("A heightmap that cannot be used is refused with its place") {
         << (fixed ? "true" : "false") << "</static><link name='l'>\n"
         << "<collision name='c'><geometry>\n<heightmap>" << map
         << "</heightmap></geometry></collision></link></model></world></sdf>";
-    return load_world(folder / "w.sdf");
+    Diagnostics diagnostics;
+    WorldDescription world = load_world(folder / "w.sdf", diagnostics);
+    return std::pair(std::move(world), std::move(diagnostics));
   };
-  const auto refused = [&](const std::string& map, const std::string& why, bool fixed = true) {
+  const auto found = [&](Verdict verdict, const std::string& map, const std::string& why,
+                         bool fixed) {
     CAPTURE(map);
-    CHECK_THROWS_WITH(
-        load(map, fixed),
+    const auto [world, diagnostics] = load(map, fixed);
+    const auto& findings = diagnostics.findings();
+    const auto finding = std::ranges::find(findings, verdict, &Finding::verdict);
+    REQUIRE(finding != findings.end());
+    CHECK_THAT(
+        to_string(*finding),
         ContainsSubstring("w.sdf:3: model 'm' link 'l' collision 'c': ") && ContainsSubstring(why));
+    CHECK(diagnostics.usable() == (verdict != Verdict::kRefused));
+  };
+  const auto refused = [&](const std::string& map, const std::string& why) {
+    found(Verdict::kRefused, map, why, true);
+  };
+  const auto left_out = [&](const std::string& map, const std::string& why, bool fixed = true) {
+    found(Verdict::kApproximated, map, why, fixed);
   };
   const auto sized = [](const std::string& size) {
     return "<uri>good.png</uri><size>" + size + "</size>";
   };
   write_png(folder / "good.png", 3, 2, Bytes{0, 255, 51, 102, 0, 204});
-  const auto map =
-      load(sized("1 1 1") + "<sampling>2</sampling><texture><size>10</size></texture>");
+  const auto [map, said] =
+      load(sized("1 1 1") + "<sampling>2</sampling><texture><size>10</size></texture>", true);
   CHECK(map.bodies.at(0).collisions.size() == 4);
-  refused(sized("1 1 1"), "a heightmap cannot move: put it into a model with <static>", false);
-  refused(sized("1 1 0"), "size z 0 m must be 1e-06 to 1000 m");
+  left_out(sized("1 1 1"), "a heightmap cannot move: put it into a model with <static>true", false);
+  left_out(sized("1 1 0"), "size z 0 m must be 1e-06 to 1000 m");
   refused(sized("1 -1 1"), "size y -1 m must be 0.001 to 1000 m");
   refused(sized("1 1 nan"), "<heightmap> <size> '1 1 nan' must be 3 numbers");
-  refused(sized("1e-9 1 1"), "size x 1e-09 m must be 0.001 to 1000 m");
+  left_out(sized("1e-9 1 1"), "size x 1e-09 m must be 0.001 to 1000 m");
   refused("<uri>none.png</uri>", "heightmap 'none.png' is not found; give a path");
   refused("<uri>.</uri>", "heightmap '.' is not a file (");
   refused("", "<uri> is not given");
 
   std::ofstream(folder / "text.png") << "no image at all\n";
-  refused("<uri>text.png</uri>", "text.png: is not a PNG file");
+  left_out("<uri>text.png</uri>", "text.png: is not a PNG file");
   std::ofstream(folder / "empty.png").flush();
-  refused("<uri>empty.png</uri>", "empty.png: is not a PNG file");
+  left_out("<uri>empty.png</uri>", "empty.png: is not a PNG file");
   write_png(folder / "big.png", 129, 129, Words(129 * 129, 1));
   fs::resize_file(folder / "big.png", fs::file_size(folder / "big.png") / 2);
-  refused("<uri>big.png</uri>", "big.png: ");
+  found(Verdict::kApproximated, "<uri>big.png</uri>", "big.png: ", true);
   fs::resize_file(folder / "big.png", 12);
-  refused("<uri>big.png</uri>", "big.png: ");
+  found(Verdict::kApproximated, "<uri>big.png</uri>", "big.png: ", true);
   write_png(folder / "red.png", 2, 2, Bytes{9, 9, 9, 9, 9, 9, 9, 9, 9, 10, 9, 9}, PNG_FORMAT_RGB);
-  refused("<uri>red.png</uri>", "red.png: has colours; allowed are shades of grey");
+  left_out("<uri>red.png</uri>", "red.png: has colours; allowed are shades of grey");
   write_png(folder / "dot.png", 1, 1, Bytes{9});
-  refused("<uri>dot.png</uri>", "dot.png: width 1 pixels must be 2 to 129 pixels");
+  left_out("<uri>dot.png</uri>", "dot.png: width 1 pixels must be 2 to 129 pixels");
   write_png(folder / "long.png", 2, 10000, Bytes(20000, 9));
-  refused("<uri>long.png</uri>", "long.png: height 10000 pixels must be 2 to 129 pixels");
+  left_out("<uri>long.png</uri>", "long.png: height 10000 pixels must be 2 to 129 pixels");
 }
 
 }  // namespace hlm::ve::test

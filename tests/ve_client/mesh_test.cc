@@ -372,7 +372,7 @@ TEST_CASE("A mesh of a world file is a skin if it is fixed, and parts if it move
   for (const CollisionDescription& part : hook) CHECK(part.friction == 0.4);
 }
 
-TEST_CASE("A mesh of a world file that cannot be used is refused with its place") {
+TEST_CASE("A mesh of a world file that is wrong is refused, and one without a shape left out") {
   const fs::path folder = fs::temp_directory_path() / "haptic_mesh_world";
   fs::create_directories(folder);
   const auto load = [&](const std::string& mesh, bool fixed) {
@@ -397,8 +397,15 @@ TEST_CASE("A mesh of a world file that cannot be used is refused with its place"
   CHECK(load(cup + "<haptic:pieces>hull</haptic:pieces>", false).bodies[0].collisions.size() == 1);
   std::ofstream(folder / "flat.obj") << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
   CHECK(load("<uri>flat.obj</uri>", true).bodies[0].collisions.size() == 4);
-  CHECK_THROWS_WITH(load("<uri>flat.obj</uri><haptic:pieces>hull</haptic:pieces>", true),
-                    ContainsSubstring("collision 'c'") && ContainsSubstring("lie in a plane"));
+  std::ofstream(folder / "pointer.stl") << "version https://git-lfs.github.com/spec/v1\n";
+  for (const std::string none :
+       {"flat.obj</uri><haptic:pieces>hull</haptic:pieces>", "pointer.stl</uri>", "w.sdf</uri>"}) {
+    CHECK(load("<uri>" + none, true).bodies[0].collisions.empty());
+    Diagnostics diagnostics;
+    load_world(folder / "w.sdf", diagnostics);
+    CHECK_THAT(to_string(diagnostics.findings().front()),
+               ContainsSubstring("collision 'c'") && ContainsSubstring("is left out"));
+  }
   fs::remove_all(folder);
 }
 

@@ -17,7 +17,8 @@ constexpr std::string_view kHard = "contacts are as stiff as the server sets";
 constexpr std::string_view kAll = "everything collides with everything";
 constexpr std::string_view kIsotropic = "friction is the same in all directions, with mu";
 constexpr std::string_view kMesh =
-    "make it a mesh, or of box, sphere, cylinder, cone, capsule or ellipsoid";
+    "the collision is left out; make it a mesh, or of box, sphere, cylinder, cone, capsule or "
+    "ellipsoid";
 
 constexpr ElementRule kRules[] = {
     {"world/model", kUsed, ""},
@@ -116,8 +117,8 @@ constexpr ElementRule kRules[] = {
     {"model/link/collision/geometry/plane", kUsed,
      "a half-space, in static models, whatever its size"},
     {"model/link/collision/geometry/empty", kApproximated, "the collision is left out"},
-    {"model/link/collision/geometry/image", kRefused, kMesh},
-    {"model/link/collision/geometry/polyline", kRefused, kMesh},
+    {"model/link/collision/geometry/image", kApproximated, kMesh},
+    {"model/link/collision/geometry/polyline", kApproximated, kMesh},
     {"model/link/collision/surface/friction/ode/mu", kUsed,
      "1 if it is not given; more than 10 counts as 10"},
     {"model/link/collision/surface/friction/ode/mu2", kApproximated, kIsotropic},

@@ -42,9 +42,17 @@ constexpr Range kConeSizes{1e-6, 1000, "m"};
 constexpr Range kMapSide{1e-3, 1000, "m"};
 constexpr Range kMapHeight{1e-6, 1000, "m"};
 
-/// Throws std::runtime_error, for to_collision() to report.
+/// Why a collision has no shape although nothing in the file is wrong: it alone is left out.
+struct NoShape : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Throws std::runtime_error, for to_collision() to report. What has no extent is no mistake: files
+/// have spheres of radius 0 as points.
 double ranged_size(double value, const std::string& what, const Range& range) {
-  if (const auto error = find_error(what, value, range)) throw std::runtime_error(*error);
+  const auto error = find_error(what, value, range);
+  if (error && value >= 0 && value < range.least) throw NoShape(*error);
+  if (error) throw std::runtime_error(*error);
   return value;
 }
 
@@ -176,11 +184,16 @@ FileCollision to_pieces(const sdf::Mesh& source, CollisionDescription common, bo
   const std::string name = "mesh " + file.string();
   const Place place = place_of(source.Element());
   std::vector<std::string> repairs;
-  const auto mesh = std::make_shared<const Mesh>(
-      read_mesh({file, source.Submesh(), source.CenterSubmesh(), scale}, repairs));
-  for (const std::string& repair : repairs) diagnostics.approximate(place, repair);
+  std::shared_ptr<const Mesh> mesh;
   try {
-    const Pieces pieces = pieces_of(source, *mesh, fixed);
+    mesh = std::make_shared<const Mesh>(
+        read_mesh({file, source.Submesh(), source.CenterSubmesh(), scale}, repairs));
+  } catch (const std::exception& error) {
+    throw NoShape(error.what());
+  }
+  for (const std::string& repair : repairs) diagnostics.approximate(place, repair);
+  const Pieces pieces = pieces_of(source, *mesh, fixed);
+  try {
     if (pieces == Pieces::kTriangles) common.mesh = mesh;
     if (pieces == Pieces::kTriangles && mesh->is_sheet()) {
       diagnostics.approximate(
@@ -197,20 +210,24 @@ FileCollision to_pieces(const sdf::Mesh& source, CollisionDescription common, bo
     }
     return read;
   } catch (const std::exception& error) {
-    throw std::runtime_error(name + ": " + error.what());
+    throw NoShape(name + ": " + error.what());
   }
 }
 
 FileCollision to_pieces(const sdf::Heightmap& source, CollisionDescription common, bool fixed,
                         Diagnostics& diagnostics) {
   if (!fixed) {
-    throw std::runtime_error("a heightmap cannot move: put it into a model with <static>true");
+    throw NoShape("a heightmap cannot move: put it into a model with <static>true");
   }
   const Vector3 size{ranged_size(source.Size().X(), "size x", kMapSide),
                      ranged_size(source.Size().Y(), "size y", kMapSide),
                      ranged_size(source.Size().Z(), "size z", kMapHeight)};
   const std::filesystem::path file = file_of(source);
-  common.mesh = std::make_shared<const Mesh>(read_heightmap(file, size));
+  try {
+    common.mesh = std::make_shared<const Mesh>(read_heightmap(file, size));
+  } catch (const std::exception& error) {
+    throw NoShape(error.what());
+  }
   common.X_BG = common.X_BG * Pose{to_vector(source.Position()), Quaternion::Identity()};
   std::vector<Hull> skin = skin_of(*common.mesh);
   return {with_shapes(std::move(common), std::move(skin), "heightmap " + file.string(),
@@ -274,6 +291,7 @@ FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS,
     if (heightmap != nullptr) return to_pieces(*heightmap, std::move(result), fixed, diagnostics);
     result.shape = to_shape(*collision.Geom());
     if (const sdf::Plane* plane = collision.Geom()->PlaneShape()) {
+      if (!fixed) throw NoShape("a plane is allowed in static models only");
       if (!(plane->Normal().Length() > 0)) throw std::runtime_error("normal must not be 0 0 0");
       const sdf::ElementPtr size = plane->Element()->FindElement("size");
       if (size && size->GetExplicitlySetInFile()) {
@@ -289,7 +307,12 @@ FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS,
     const sdf::ElementPtr element = mesh != nullptr        ? mesh->Element()
                                     : heightmap != nullptr ? heightmap->Element()
                                                            : collision.Element();
-    diagnostics.refuse(place_of(element), error.what());
+    if (dynamic_cast<const NoShape*>(&error) != nullptr) {
+      diagnostics.approximate(place_of(element),
+                              error.what() + std::string("; the collision is left out"));
+    } else {
+      diagnostics.refuse(place_of(element), error.what());
+    }
     return {};
   }
 }

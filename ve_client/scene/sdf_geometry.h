@@ -32,10 +32,10 @@ struct FileCollision {
 /// friction μ if the file has it; `fixed`: the link never moves. A mesh is its convex hull if it is
 /// convex or <haptic:pieces> in <mesh> says "hull", its triangles if it is fixed or that says
 /// "triangles", and else its convex decomposition ("parts"). A heightmap is its triangles, and must
-/// be fixed. Without pieces if it cannot be used; what is
-/// refused or approximated goes to `diagnostics`, with its place: sizes that are not from 1 µm to
-/// 1000 km, friction < 0, shapes that are not supported, meshes and images that are not found,
-/// cannot be used or were repaired.
+/// be fixed. Without pieces if it cannot be used; what is refused or approximated goes to
+/// `diagnostics`, with its place. Refused is what is wrong in the file: sizes below 0 or above
+/// 1000 km, friction < 0, meshes and images that are not found. A collision that can have no shape,
+/// as a sphere of radius 0 or a file without a mesh, is approximated: it alone is left out.
 FileCollision to_collision(const sdf::Collision& collision, const Vector3& p_BS, bool fixed,
                            Diagnostics& diagnostics);
 

@@ -1,6 +1,7 @@
 #include "hlm/scene/sdf_models.h"
 
 #include <algorithm>
+#include <iterator>
 #include <optional>
 #include <set>
 
@@ -169,13 +170,7 @@ class ModelReader {
       }
       FileCollision read = to_collision(source, body.p_BS, body.fixed, diagnostics_);
       if (read.solid_B) all = all ? together(*all, *read.solid_B) : *read.solid_B;
-      for (CollisionDescription& piece : read.pieces) {
-        if (!body.fixed && std::holds_alternative<HalfSpace>(piece.shape)) {
-          diagnostics_.refuse(place_of(source.Element()),
-                              "a plane is allowed in static models only");
-        }
-        body.collisions.push_back(std::move(piece));
-      }
+      std::ranges::move(read.pieces, std::back_inserter(body.collisions));
     }
     return all;
   }
