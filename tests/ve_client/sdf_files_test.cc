@@ -49,6 +49,24 @@ TEST_CASE("A model's folder stands for its file of the latest version that can b
   CHECK(std::holds_alternative<Sphere>(body(world, "old_crate::body").collisions.at(0).shape));
 }
 
+TEST_CASE("The parts of a model that is merged are those of the model around it") {
+  const WorldDescription world = load("include_merged.sdf");
+  REQUIRE(world.models.size() == 1);
+  CHECK(world.bodies.size() == 4);
+  // The model stands at z = 0.5 m; what is merged is turned by a quarter about z at x = 1 m.
+  const BodyDescription& lid = body(world, "robot::lid");
+  CHECK_FALSE(lid.fixed);
+  CHECK(lid.X_WB.p.isApprox(Vector3(1, 0.2, 0.6), 1e-12));
+  CHECK((lid.X_WB * lid.collisions.at(0).X_BG).p.isApprox(Vector3(1, 0, 0.8), 1e-12));
+  CHECK(body(world, "robot::box").X_WB.p.isApprox(Vector3(1, 0, 0.5), 1e-12));
+  CHECK(body(world, "robot::knob").X_WB.p.isApprox(Vector3(1, 0.2, 0.7), 1e-12));
+  CHECK(body(world, "robot::crate::body").X_WB.p.isApprox(Vector3(0, 0, 0.5), 1e-12));
+  const JointDescription& hinge =
+      *std::ranges::find(world.joints, "robot::hinge", &JointDescription::name);
+  CHECK(world.bodies.at(static_cast<std::size_t>(hinge.parent)).name == "robot::box");
+  CHECK((hinge.X_WJ.R * hinge.axis_J).isApprox(Vector3::UnitY(), 1e-12));
+}
+
 TEST_CASE("A model that is included in a model is part of it, and its joints reach it") {
   const WorldDescription world = load("include_in_model.sdf");
   REQUIRE(world.models.size() == 1);

@@ -264,12 +264,6 @@ std::shared_ptr<SdfFile> read_included(const XMLElement& include, const SdfFile&
                                        Diagnostics& diagnostics) {
   const Place place = place_of(include, file);
   const std::string uri = text_in(include, "uri");
-  if (include.BoolAttribute("merge")) {
-    diagnostics.refuse(place, "<include> of '" + uri +
-                                  "' has merge='true', which is not supported; include it as a "
-                                  "model of its own, and name its links MODEL::LINK");
-    return nullptr;
-  }
   const auto found = find_resource(uri, file.path);
   const fs::path path = found ? model_file(*found) : fs::path();
   if (!found && is_sun(uri)) {

@@ -73,6 +73,67 @@ void carry_over(const XMLElement& given, const SdfFile& file, const ElementPtr& 
   check_values(own, diagnostics);
 }
 
+void set_attribute(const ElementPtr& element, const char* name, const std::string& from,
+                   const std::string& to) {
+  const sdf::ParamPtr attribute = element->GetAttribute(name);
+  if (attribute && attribute->GetAsString() == from) attribute->SetFromString(to);
+}
+
+/// Lets all below `element` that refers to its model refer to that frame.
+void set_model_frame(const ElementPtr& element, const std::string& frame) {
+  constexpr const char* kModel = "__model__";
+  for (const char* name : {"relative_to", "attached_to", "expressed_in"}) {
+    set_attribute(element, name, kModel, frame);
+  }
+  const sdf::ParamPtr value = element->GetValue();
+  const bool is_end = element->GetName() == "parent" || element->GetName() == "child";
+  if (is_end && value && value->GetAsString() == kModel) value->SetFromString(frame);
+  for (ElementPtr child = element->GetFirstElement(); child; child = child->GetNextElement()) {
+    if (child->GetName() != "model" || element->GetName() != "model") set_model_frame(child, frame);
+  }
+}
+
+/// The link to which a model's frame is attached; empty if it has none.
+std::string canonical_link(const ElementPtr& model) {
+  std::string name = model->Get<std::string>("canonical_link");
+  if (!name.empty()) return name;
+  if (const ElementPtr link = model->FindElement("link")) return link->Get<std::string>("name");
+  for (ElementPtr inner = model->FindElement("model"); inner;
+       inner = inner->GetNextElement("model")) {
+    name = canonical_link(inner);
+    if (!name.empty()) return inner->Get<std::string>("name") + "::" + name;
+  }
+  return "";
+}
+
+/// Puts the parts of an included model into another, as <include merge="true"> says. As in
+/// libsdformat a frame stands for the included model's own.
+void merge(const ElementPtr& included, const ElementPtr& model) {
+  const std::string name = "_merged__" + included->Get<std::string>("name") + "__model__";
+  const ElementPtr frame = model->AddElement("frame");
+  frame->GetAttribute("name")->SetFromString(name);
+  frame->GetAttribute("attached_to")->SetFromString(canonical_link(included));
+  const ElementPtr pose = included->GetElement("pose")->Clone();
+  set_attribute(pose, "relative_to", "", "__model__");
+  pose->SetParent(frame);
+  frame->InsertElement(pose);
+  for (ElementPtr child = included->GetFirstElement(); child;) {
+    const ElementPtr next = child->GetNextElement();
+    const std::string type = child->GetName();
+    const bool placed = type == "link" || type == "model";
+    if (placed || type == "joint" || type == "frame" || type.find(':') != type.npos) {
+      if (placed) set_attribute(child->GetElement("pose"), "relative_to", "", name);
+      if (type == "frame") set_attribute(child, "attached_to", "", name);
+      set_model_frame(child, name);
+      if (child->FilePath().empty()) child->SetFilePath(included->FilePath());
+      included->RemoveChild(child);
+      child->SetParent(model);
+      model->InsertElement(child);
+    }
+    child = next;
+  }
+}
+
 /// Whether an element may stand once in its parent.
 bool is_single(const ElementPtr& parent, const std::string& name) {
   const std::string& required = parent->GetElementDescription(name)->GetRequired();
@@ -191,6 +252,13 @@ ElementPtr SdfTrees::read_include(const XMLElement& include, const SdfFile& file
                                   const std::string& scope) {
   const std::shared_ptr<SdfFile> included = read_included(include, file, diagnostics_);
   if (!included) return nullptr;
+  if (include.BoolAttribute("merge") &&
+      (scope.empty() || include.FirstChildElement("placement_frame") != nullptr)) {
+    diagnostics_.refuse(place_of(include, file),
+                        "merge='true' is allowed for an <include> in a <model>, without "
+                        "<placement_frame>");
+    return nullptr;
+  }
   XMLElement& model = *find_root_model(*included, diagnostics_);
   ElementPtr element = read_model(model, *included, scope);
   if (!element) return nullptr;
@@ -214,6 +282,15 @@ ElementPtr SdfTrees::read_model(XMLElement& model, SdfFile& file, const std::str
   for (XMLElement* each : inner) {
     const ElementPtr nested = read_either(*each, file, scope.empty() ? own : scope + " " + own);
     if (!nested) continue;
+    if (each->BoolAttribute("merge")) {
+      if (nested->Get<bool>("static", false).first) {
+        diagnostics_.approximate(place_of(*each, file),
+                                 "<static> of a model that is merged is not read: that of the "
+                                 "model around it counts");
+      }
+      merge(nested, element);
+      continue;
+    }
     nested->SetParent(element);
     element->InsertElement(nested);
   }
