@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "hlm/scene/tool_assembly.h"
+#include "hlm/world/mobility.h"
 #include "tests/support/catch.h"
 #include "tests/support/worlds.h"
 
@@ -336,6 +337,38 @@ TEST_CASE("A door's spring turns it to its rest, with the period of its inertia"
   CHECK(world.joints().position(0) == Approx(0.8).margin(0.02));
   run(world, period / 2);
   CHECK(world.joints().position(0) == Approx(0).margin(0.02));
+}
+
+TEST_CASE("A damped joint goes as fast as its load drives it, however much it is damped") {
+  const auto damped = [](const std::string& type, const std::string& axis, double damping) {
+    return world_of("<model name='m'><link name='base'>" + kInertial +
+                        "</link><link name='part'><pose>0.1 0 0 0 0 0</pose>" + kInertial +
+                        "</link><joint name='weld' type='fixed'><parent>world</parent>"
+                        "<child>base</child></joint><joint name='j' type='" +
+                        type +
+                        "'><pose>-0.1 0 0 0 0 0</pose><parent>base</parent>"
+                        "<child>part</child><axis><xyz>" +
+                        axis + "</xyz><dynamics><damping>" + std::to_string(damping) +
+                        "</damping></dynamics></axis></joint></model>",
+                    kEarth);
+  };
+  // Semi-implicit steps could take 960 N·s/m and 10.6 N·m·s/rad. The weight is 9.81 N, 0.1 m out.
+  for (const double damping : {100.0, 2000.0, 1e6}) {
+    CAPTURE(damping);
+    World slide(damped("prismatic", "0 0 1", damping), {});
+    run(slide, 1);
+    CHECK(slide.joints().velocity(1) == Approx(-9.81 / damping).epsilon(0.01));
+    World hinge(damped("revolute", "0 1 0", damping), {});
+    run(hinge, 0.5);
+    const double arm = 0.1 * std::cos(hinge.joints().position(1));
+    CHECK(hinge.joints().velocity(1) == Approx(9.81 * arm / damping).epsilon(0.01).margin(2e-4));
+    CHECK(mobility_of(hinge, 1).A_W.norm() < 2);  // 89 without damping.
+    // A push is taken up within a step, and told as no more than that.
+    slide.set_velocity(1, (Twist() << 0, 0, 1, 0, 0, 0).finished());
+    CHECK(mobility_of(slide, 1).A_W.norm() < 1.1 / slide.longest_step());
+    run(slide, 0.1);
+    CHECK(std::abs(slide.joints().velocity(1)) < 0.1);
+  }
 }
 
 TEST_CASE("Worlds of two threads do not disturb each other: both as if alone, bit for bit") {

@@ -54,6 +54,28 @@ dJointID create(dWorldID world, const JointDescription& joint, dBodyID child, dB
   return fixed;
 }
 
+/// Damping as the solver takes it implicitly, stable in steps of any length: a motor that stands
+/// still and yields by 1/c for each unit of force.
+void add_damper(dWorldID world, const JointDescription& joint, dBodyID child, dBodyID parent) {
+  constexpr int kFirstBody = 1;
+  const Vector3 axis = joint.X_WJ.R * joint.axis_J;
+  if (joint.type == BodyJoint::kRevolute) {
+    const dJointID motor = dJointCreateAMotor(world, nullptr);
+    dJointAttach(motor, child, parent);
+    dJointSetAMotorNumAxes(motor, 1);
+    dJointSetAMotorAxis(motor, 0, kFirstBody, axis.x(), axis.y(), axis.z());
+    dJointSetAMotorParam(motor, dParamFMax, dInfinity);
+    dJointSetAMotorParam(motor, dParamCFM, 1 / joint.damping);
+  } else {
+    const dJointID motor = dJointCreateLMotor(world, nullptr);
+    dJointAttach(motor, child, parent);
+    dJointSetLMotorNumAxes(motor, 1);
+    dJointSetLMotorAxis(motor, 0, kFirstBody, axis.x(), axis.y(), axis.z());
+    dJointSetLMotorParam(motor, dParamFMax, dInfinity);
+    dJointSetLMotorParam(motor, dParamCFM, 1 / joint.damping);
+  }
+}
+
 }  // namespace
 
 Joints::Joints(dWorldID world, const WorldDescription& description,
@@ -70,6 +92,7 @@ Joints::Joints(dWorldID world, const WorldDescription& description,
     if (moves && joint.limited()) {
       dJointSetFeedback(joints_.back().handle, &joints_.back().feedback);
     }
+    if (moves && joint.damping > 0) add_damper(world, joint, child, parent);
   }
 }
 
@@ -94,9 +117,8 @@ double Joints::velocity(int joint) const {
 double Joints::spring_force(int joint) const {
   const JointDescription& description = at(joint).description;
   const dJointID handle = at(joint).handle;
-  if (handle == nullptr || !description.sprung()) return 0;
-  return -description.stiffness * (position(joint) - description.rest) -
-         description.damping * velocity(joint);
+  if (handle == nullptr || description.stiffness == 0) return 0;
+  return -description.stiffness * (position(joint) - description.rest);
 }
 
 double Joints::limit_force(int joint) const {

@@ -20,8 +20,8 @@ class Joints {
   double position(int joint) const;
   /// Rate of the joint, rad/s or m/s.
   double velocity(int joint) const;
-  /// What its spring and damping do along its axis: torque or force on the child, N·m or N; the
-  /// parent gets the opposite.
+  /// What its spring does along its axis: torque or force on the child, N·m or N; the parent gets
+  /// the opposite. Damping is the solver's own.
   double spring_force(int joint) const;
   /// Load on the joint's limit along its axis in the latest step of the solver, N·m or N, >= 0.
   double limit_force(int joint) const;

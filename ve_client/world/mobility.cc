@@ -25,12 +25,14 @@ class JointedGroup {
     const Eigen::MatrixXd A_plus = decomposition.pseudoInverse();
     W_ -= L_inverse.transpose() * (A_plus * A) * L_inverse;
     to_bias_ = -L_inverse.transpose() * A_plus;
+    add_damping();
   }
 
   Matrix6 inverse_inertia(int body) const { return W_.block<6, 6>(row(body), row(body)); }
 
   Vector6 free_acceleration(int body) const {
-    const Eigen::VectorXd a = W_ * free_forces() + to_bias_ * bias();
+    const Eigen::VectorXd bias_part = to_bias_ * bias();
+    const Eigen::VectorXd a = W_ * free_forces(bias_part) + bias_part;
     return a.segment<6>(row(body));
   }
 
@@ -55,6 +57,17 @@ class JointedGroup {
   Eigen::Index row(int body) const {
     const auto found = std::ranges::find(bodies_, body);
     return found == bodies_.end() ? kNone : 6 * (found - bodies_.begin());
+  }
+
+  /// The solver takes damping by the velocity after the step of h: M + h c s sᵀ instead of M, for
+  /// each axis s.
+  void add_damping() {
+    for (const int i : joints_) {
+      const double impulse = world_.longest_step() * joint(i).damping;
+      const Eigen::VectorXd axis = along_axis(i);
+      const Eigen::VectorXd W_axis = W_ * axis;
+      W_ -= impulse / (1 + impulse * axis.dot(W_axis)) * W_axis * W_axis.transpose();
+    }
   }
 
   void add_joints_of(int body) {
@@ -192,7 +205,8 @@ class JointedGroup {
     return force;
   }
 
-  Eigen::VectorXd free_forces() const {
+  /// All but contacts. `bias_part`: the acceleration by the joints' bias alone.
+  Eigen::VectorXd free_forces(const Eigen::VectorXd& bias_part) const {
     Eigen::VectorXd forces(size());
     for (const int body : bodies_) {
       const Vector3 w = world_.V_WB(body).tail<3>();
@@ -200,7 +214,11 @@ class JointedGroup {
       forces.segment<6>(row(body)) << heavy * world_.description().gravity_W,
           -w.cross(inertia(body) * w);
     }
-    for (const int i : joints_) forces += world_.joints().spring_force(i) * along_axis(i);
+    for (const int i : joints_) {
+      const Eigen::VectorXd axis = along_axis(i);
+      const double rate = world_.joints().velocity(i) + world_.longest_step() * axis.dot(bias_part);
+      forces += (world_.joints().spring_force(i) - joint(i).damping * rate) * axis;
+    }
     return forces;
   }
 

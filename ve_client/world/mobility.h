@@ -7,8 +7,8 @@
 namespace hlm::ve {
 
 /// One body's part, about its centre of mass, world axes, linear and exact. Bodies that joints
-/// connect answer together, M a = f + Jᵀ λ with J a = -J̇ v for all of them. Limits of joints take
-/// no part.
+/// connect answer together, M a = f + Jᵀ λ with J a = -J̇ v for all of them. Damping of joints
+/// counts as in a step of the solver: implicitly. Limits of joints take no part.
 struct Mobility {
   /// The acceleration for each wrench on the body, 1/kg and 1/(kg·m²), symmetric: that body's block
   /// of M⁻¹ − M⁻¹Jᵀ (J M⁻¹ Jᵀ)⁺ J M⁻¹.

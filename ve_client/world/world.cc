@@ -90,24 +90,24 @@ World::World(const WorldDescription& description, std::span<const int> tool_bodi
   require_slow_springs();
 }
 
-/// Throws where a spring or damping would not be stable in steps of the solver.
+/// Throws where a spring would not be stable in steps of the solver.
 void World::require_slow_springs() const {
-  const double h = description_.solver.largest_step.value_or(1 / kSolverRate);
+  const double h = longest_step();
   for (int i = 0; i < static_cast<int>(description_.joints.size()); ++i) {
     const JointDescription& joint = description_.joints[at(i)];
-    if (!joint.sprung()) continue;
-    // Half of what semi-implicit Euler can take alone, so that both together are stable.
-    const double mobility = joint_mobility(*this, i);
-    const auto require = [&](const char* what, double value, double factor) {
-      const double most = 1 / (factor * mobility);
-      if (const auto error = find_error(joint.name + ": " + what, value, {0, most})) {
-        throw std::runtime_error("joint " + *error + " to be stable in steps of " +
-                                 shortest_text(h) + " s (physics: max_step_size)");
-      }
-    };
-    require("spring_stiffness", joint.stiffness, h * h);
-    require("damping", joint.damping, h);
+    if (joint.stiffness == 0) continue;
+    // A quarter of what semi-implicit Euler can take.
+    const double most = 1 / (h * h * joint_mobility(*this, i));
+    const std::string name = joint.name + ": spring_stiffness";
+    if (const auto error = find_error(name, joint.stiffness, {0, most})) {
+      throw std::runtime_error("joint " + *error + " to be stable in steps of " + shortest_text(h) +
+                               " s (physics: max_step_size)");
+    }
   }
+}
+
+double World::longest_step() const noexcept {
+  return description_.solver.largest_step.value_or(1 / kSolverRate);
 }
 
 void World::add_bodies() {
@@ -233,8 +233,7 @@ int World::substeps(double dt) const noexcept {
   if (!description_.solver.largest_step && !has_movable_) return 1;
   // A frame that is a whole number of steps long, up to rounding, gets no further one.
   constexpr double kRounding = 1e-9;
-  const double largest = description_.solver.largest_step.value_or(1 / kSolverRate);
-  return std::max(1, static_cast<int>(std::ceil(dt / largest - kRounding)));
+  return std::max(1, static_cast<int>(std::ceil(dt / longest_step() - kRounding)));
 }
 
 void World::step(double dt, std::span<const ToolContact> tool_contacts, const Drive& drive) {

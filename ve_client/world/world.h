@@ -90,6 +90,8 @@ class World {
   /// How many steps of the solver a step of dt seconds is: as many as the description's largest
   /// step needs; where it gives none, 960 a second, or one where nothing but the tool can move.
   int substeps(double dt) const noexcept;
+  /// The longest step of the solver, s.
+  double longest_step() const noexcept;
   /// Advances by dt (s, > 0). `tool_contacts` are those of the present poses, and stay with the
   /// surfaces of their bodies meanwhile. They let the tool approach by no more than σ: it comes to
   /// rest on a wall, however fast it came, instead of inside.
