@@ -188,6 +188,12 @@ TEST_CASE("Friction of a link is what a file says for Gazebo or Bullet") {
   CHECK(body(rubber, "b").weightless);
 }
 
+TEST_CASE("A joint of Bullet's type spherical is a ball joint, and a robot needs no name") {
+  const Loaded arm = robot(link("a", kMass) + link("b", kMass) + joint("spherical", "a", "b"));
+  CHECK(arm.world.joints.at(0).type == BodyJoint::kBall);
+  CHECK_NOTHROW(parse_world("<robot>" + link("a", kMass) + "</robot>", "r.urdf"));
+}
+
 TEST_CASE("A URDF file that is no tree is refused, with the links that make it none") {
   const auto error_of = [](const std::string& contents) {
     try {

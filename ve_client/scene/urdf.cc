@@ -170,7 +170,7 @@ class Rewriter {
     robot_.SetName("model");
     const std::string name = attribute(&robot_, "name");
     clear_attributes(robot_);  // Among them names of other programs.
-    robot_.SetAttribute("name", name.c_str());
+    robot_.SetAttribute("name", name.empty() ? "robot" : name.c_str());
     if (!apply_rules(robot_) || !read_tree()) return false;
     for (XMLElement* gazebo : children(robot_, "gazebo")) extend(*gazebo);
     for (auto& [own, link] : links_) read_link(own, *link.element);
@@ -521,7 +521,8 @@ class Rewriter {
     attribute_to_text(joint.FirstChildElement("child"), "link");
     if (XMLElement* origin = joint.FirstChildElement("origin")) remove(*origin);  // Its child's.
     const std::string type = attribute(&joint, "type");
-    if (type == "fixed") {
+    if (type == "spherical") joint.SetAttribute("type", "ball");  // Bullet's.
+    if (type == "fixed" || type == "spherical") {
       for (const char* name : {"axis", "limit", "dynamics"}) {
         if (XMLElement* unused = joint.FirstChildElement(name)) remove(*unused);
       }
