@@ -106,9 +106,7 @@ void move_linkage(ToolModel& tool, Velocity& v, double dt) noexcept {
   if (reached > 0) v *= std::sqrt(energy / reached);
 }
 
-}  // namespace
-
-void move_freely(ToolModel& tool, Velocity& v, double dt) noexcept {
+void move(ToolModel& tool, Velocity& v, double dt) noexcept {
   const Link& root = tool.description().links[0];
   const bool rigid = tool.links() == 1;
   if (rigid && root.joint == JointType::kFree) return move_rigid_body(tool, v, dt);
@@ -117,6 +115,18 @@ void move_freely(ToolModel& tool, Velocity& v, double dt) noexcept {
     return tool.set_configuration(tool.integrate(tool.configuration(), v, dt));
   }
   move_linkage(tool, v, dt);
+}
+
+}  // namespace
+
+void move_freely(ToolModel& tool, Velocity& v, double dt) noexcept {
+  const Configuration q_0 = tool.configuration();
+  const Velocity v_0 = v;
+  move(tool, v, dt);
+  if (v.allFinite() && tool.configuration().allFinite()) return;
+  // Faster than the equations of motion can be evaluated: it stays for this step.
+  tool.set_configuration(q_0);
+  v = v_0;
 }
 
 }  // namespace hlm::server
