@@ -243,7 +243,8 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
   add_pairs(search);
   merge();
   if (search.all_axes) keep_whole_pairs(contacts_, merge_space_);
-  crowded_[first_body] = Work::done() - before > search.work / kCrowded;
+  // A search that leaves no trace has its own allowance.
+  if (search.remembers) crowded_[first_body] = Work::done() - before > search.work / kCrowded;
   return contacts_;
 }
 

@@ -126,7 +126,7 @@ INTRODUCTION = {
     "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
     "shapes": "The server has the world's shapes and finds the contacts at every tick, or gets planes from the client. Left: how "
     "far from a wall force begins that is met at 0.05 to 1 m/s; at the top: never. Right: what is felt in holes that a peg "
-    "enters without touching them, at 0.3 m/s, with 1 mm to spare on each side.",
+    "enters without touching them, at 0.05 to 1 m/s, with 0.02 to 3 mm to spare on each side.",
     "ocean": "Shapes: the server has the world's shapes and finds contacts at every tick. Planes: it gets planes from "
     "the client. IR: the paper's intermediate representation, coupled directly, 1 kN/m. Direct: the engine's "
     "force, held between frames, 0.5 kN/m; its spring is felt in free motion too. Drawn at 60 Hz and 0.3 m/s "

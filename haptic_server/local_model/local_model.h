@@ -143,9 +143,10 @@ class LocalModel {
   const ToolModel& ve_tool() const noexcept { return ve_tool_; }
 
  private:
-  /// Share of the work of a search that the tool has; bodies have the rest. The tool is what is
-  /// felt.
+  /// Shares of a tick's work of searching: the tool's, which is what is felt, and each look of it
+  /// at the end of a step, of which there are two at most; bodies have the rest.
   static constexpr double kWorkOfTool = 0.6;
+  static constexpr double kWorkAtEnd = 0.05;
 
   LocalContacts& present() noexcept { return contacts_[current_].acting; }
   LocalContacts& present_supports() noexcept { return supports_[current_]; }

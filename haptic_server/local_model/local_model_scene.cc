@@ -16,10 +16,9 @@ constexpr double kLeastMargin = 1e-3;
 /// Largest margin, m: what is faster is no hand's.
 constexpr double kLargestMargin = 0.05;
 
-/// Contacts are looked for within this at the end of a step, m.
+/// Contacts are looked for within this at the end of a step, m. Less: what is no farther from its
+/// plane than a step goes is taken for what is not there. More: time.
 constexpr double kEndMargin = 1e-3;
-/// Share of the work of a search that the tool has there.
-constexpr double kWorkAtEnd = 0.2;
 
 /// Work in a second of searching for contacts (geometry::Work): about a tick for each tick, for
 /// what the worlds that are shipped take at worst. More: ticks are late where much overlaps. Less:
@@ -204,8 +203,8 @@ void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& exist
 void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,
                              MetContacts& met) noexcept {
   const double epsilon = margin(2 * fastest_body(bodies), existing, dt);
-  const double share =
-      (1 - kWorkOfTool) / static_cast<double>(std::max<std::size_t>(1, bodies.size()));
+  const double share = (1 - kWorkOfTool - 2 * kWorkAtEnd) /
+                       static_cast<double>(std::max<std::size_t>(1, bodies.size()));
   for (const LocalBody& body : bodies) {
     meet(scene_->of_body(body.id, epsilon, work_in_tick(share)), bodies, met);
     cut_ += scene_->cut();
@@ -271,16 +270,21 @@ std::optional<LocalModel::StepEnd> LocalModel::meet_at_end(const FrameMotions& f
 /// there is left out of the step, and comes back where it touches at the end of that.
 void LocalModel::correct_step(ContactGroups groups, const FrameMotions& frames,
                               const StepSystem& system, Unknowns& x) noexcept {
-  if (scene_ == nullptr) return;
+  if (scene_ == nullptr || cut_ != geometry::FinderCut{}) return;
   const ClosingContacts closing = find_closing(groups[0], frames, x);
   if (closing.empty()) return;
   std::optional<StepEnd> end = meet_at_end(frames, x);
   if (!end) return;
   const ClosingContacts left_out = leave_out(closing, end->met, frames, x, dt_);
   if (left_out.empty()) return;
-  x = solve_contact_step(groups, frames, system);
+  const Unknowns with_all = std::exchange(x, solve_contact_step(groups, frames, system));
   end = meet_at_end(frames, x);
-  if (end && bring_back(left_out, end->met, end->poses, frames, x, dt_)) {
+  if (!end) {  // What may be there stays.
+    x = with_all;
+    for (LocalContact* contact : left_out) {
+      locate(*contact, frames[contact->frame_a].X_W, frames[contact->frame_b].X_W);
+    }
+  } else if (bring_back(left_out, end->met, end->poses, frames, x, dt_)) {
     x = solve_contact_step(groups, frames, system);
   }
 }

@@ -174,6 +174,72 @@ TEST_CASE(
   CHECK(session.last().F_env[0] < -10);
 }
 
+/// A peg of 40 mm is led at up to `speed` (m/s) into a hole that is wider by `clearance` on each
+/// side (m), and touches nothing. Returns the largest force, N. `phase`: of the way within a tick,
+/// s.
+double enter_freely(double clearance, double speed, double phase) {
+  constexpr double kLength = 0.12;  // m
+  const auto block = [&](const std::string& name, double side) {
+    const double x = side * (0.07 + clearance);
+    return fixed_model(name, std::to_string(x) + " -0.07 0 0 0 0", box("0.1 0.14 0.04"));
+  };
+  VirtualSessionOptions options;
+  options.world = world_of(block("left", -1) + block("right", 1) +
+                           model("peg", "0 0.1 0 0 0 0", box("0.04 0.08 0.04"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  options.device.dry_friction = 0;
+  options.device.max_force = 100;
+  options.device.max_force_rate = 1e9;
+  options.servo.limits.max_force = 100;
+  options.servo.handle = {.max_speed = 1e9, .max_rate = 1e9, .workspace = 1e9};
+  options.frame.shapes = true;
+  server::Reach reach;
+  reach.grip = {.stiffness = 2000, .damping = 80, .max_force = 100};
+  reach.position = Vector3(0, 0.1, 0);
+  options.hand.segments.push_back({0.3 + phase, reach});
+  reach.position = Vector3(0, 0.1 - kLength, 0);
+  const double duration = 1.875 * kLength / speed;  // Of a reach with minimum jerk.
+  options.hand.segments.push_back({duration, reach});
+  options.hand.after = server::AfterLastSegment::kHold;
+  double most = 0;
+  VirtualSession session(
+      options, [&](const TickRecord& tick) { most = std::max(most, tick.F_env.head<3>().norm()); });
+  session.run(0.5 + phase + duration);
+  CHECK(session.client().has_scene());
+  CHECK(session.last().X_WP.p.y() < -0.015);  // It is in.
+  return most;
+}
+
+TEST_CASE("A peg that touches nothing on its way into a hole is not felt, however fast it is") {
+  for (const auto& [clearance, speed] :
+       {std::pair{1e-4, 0.3}, {3e-4, 1.0}, {5e-5, 0.1}, {2e-5, 0.5}}) {
+    for (int i = 0; i < 7; ++i) {
+      CAPTURE(clearance, speed, i);
+      CHECK(enter_freely(clearance, speed, i * 1e-3 / 7) == 0);
+    }
+  }
+}
+
+TEST_CASE("A plate thinner than the way of a tick stops the tool on its side") {
+  const double thickness = GENERATE(0.0002, 0.0005, 0.002);  // m
+  VirtualSessionOptions options = before_wall(0.0);
+  options.world = world_of(fixed_model("plate", std::to_string(0.06 + thickness / 2) + " 0 0 0 0 0",
+                                       box(std::to_string(thickness) + " 0.2 0.2")) +
+                           model("peg", "0 0 0 0 0 0", box("0.02 0.02 0.02"),
+                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
+  options.hand = constant_push(force(15, 0));
+  options.hand.segments.insert(options.hand.segments.begin(), {0.3, server::Push{}});
+  double fastest = 0;   // m/s
+  double farthest = 0;  // m
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    fastest = std::max(fastest, tick.V_WP[0]);
+    farthest = std::max(farthest, tick.X_WP.p.x());
+  });
+  session.run(0.6);
+  CHECK(fastest > 0.5);
+  CHECK(farthest < 0.05 + 0.01);
+}
+
 TEST_CASE("A client with shapes that falls silent takes the force with it, and may come back") {
   VirtualSessionOptions options = before_wall(0.005);
   options.servo.silence_time.reset();

@@ -475,7 +475,11 @@ class Rewriter {
           "a root without mass is fixed to the world, as in other engines of URDF");
     }
     XMLElement* joint = robot_.InsertNewChildElement("joint");
-    joint->SetAttribute("name", "fixed_to_world");
+    std::string own = "fixed_to_world";
+    for (const XMLElement* other : children(robot_, "joint")) {
+      if (attribute(other, "name") == own) own += "_";
+    }
+    joint->SetAttribute("name", own.c_str());
     joint->SetAttribute("type", "fixed");
     joint->InsertNewChildElement("parent")->SetAttribute("link", kWorldName);
     joint->InsertNewChildElement("child")->SetAttribute("link", root_.c_str());

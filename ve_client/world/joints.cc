@@ -59,20 +59,18 @@ dJointID create(dWorldID world, const JointDescription& joint, dBodyID child, dB
 void add_damper(dWorldID world, const JointDescription& joint, dBodyID child, dBodyID parent) {
   constexpr int kFirstBody = 1;
   const Vector3 axis = joint.X_WJ.R * joint.axis_J;
+  const auto add = [&](auto create, auto set_axes, auto set_axis, auto set) {
+    const dJointID motor = create(world, nullptr);
+    dJointAttach(motor, child, parent);
+    set_axes(motor, 1);
+    set_axis(motor, 0, kFirstBody, axis.x(), axis.y(), axis.z());
+    set(motor, dParamFMax, dInfinity);
+    set(motor, dParamCFM, 1 / joint.damping);
+  };
   if (joint.type == BodyJoint::kRevolute) {
-    const dJointID motor = dJointCreateAMotor(world, nullptr);
-    dJointAttach(motor, child, parent);
-    dJointSetAMotorNumAxes(motor, 1);
-    dJointSetAMotorAxis(motor, 0, kFirstBody, axis.x(), axis.y(), axis.z());
-    dJointSetAMotorParam(motor, dParamFMax, dInfinity);
-    dJointSetAMotorParam(motor, dParamCFM, 1 / joint.damping);
+    add(dJointCreateAMotor, dJointSetAMotorNumAxes, dJointSetAMotorAxis, dJointSetAMotorParam);
   } else {
-    const dJointID motor = dJointCreateLMotor(world, nullptr);
-    dJointAttach(motor, child, parent);
-    dJointSetLMotorNumAxes(motor, 1);
-    dJointSetLMotorAxis(motor, 0, kFirstBody, axis.x(), axis.y(), axis.z());
-    dJointSetLMotorParam(motor, dParamFMax, dInfinity);
-    dJointSetLMotorParam(motor, dParamCFM, 1 / joint.damping);
+    add(dJointCreateLMotor, dJointSetLMotorNumAxes, dJointSetLMotorAxis, dJointSetLMotorParam);
   }
 }
 
