@@ -272,7 +272,7 @@ class Session(EngineSession):
             if self._version < _GAP_BEYOND:
                 margin[which] += early
         # MuJoCo 3 looks at a pair of bodies with several geoms only within these, which its compiler found.
-        if hasattr(model, "body_margin"):
+        if geoms.any() and hasattr(model, "body_margin"):
             np.maximum.at(model.body_margin, model.geom_bodyid, model.geom_margin + model.geom_gap)
         of_tool = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
         #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
