@@ -315,6 +315,13 @@ class LivePage(PageTest):
         self.driver.switch_to.window(first)
         wait_for(lambda: self.frame()["F_hand"] == [0, 0, 0, 0, 0, 0], "the hand to let go")
 
+    def test_a_page_that_is_left_frees_its_place(self):
+        for _ in range(6):   # of four places; tearDown finds what was refused
+            show(self.driver, self.url)
+        self.driver.get("about:blank")
+        self.driver.back()
+        wait_for(lambda: self.ask("window.haptic && haptic.frame && haptic.frame.device"), "the page again")
+
     def test_a_page_that_hangs_costs_the_others_nothing(self):
         hanging = browser()
         try:

@@ -9,6 +9,7 @@ const CONGESTED_BYTES = 65536;
 export class Connection {
   #socket = null;
   #failures = 0;
+  #retry = 0;
 
   /** `handlers`: world, frame, refused (messages), ticks(firstStep, count, rows), opened(), closed(). */
   constructor(url, handlers) {
@@ -17,6 +18,9 @@ export class Connection {
     this.open = false;
     this.#connect();
     document.addEventListener('visibilitychange', () => this.#askForTelemetry());
+    // A browser may keep the socket of a page that was left open, and unread, for many seconds.
+    addEventListener('pagehide', () => this.#leave());
+    addEventListener('pageshow', ({ persisted }) => { if (persisted) this.#connect(); });
   }
 
   /** Whether it could be sent. */
@@ -47,7 +51,15 @@ export class Connection {
     this.open = false;
     this.handlers.closed();
     const delay = RETRY_MS[Math.min(this.#failures++, RETRY_MS.length - 1)];
-    setTimeout(() => this.#connect(), delay);
+    this.#retry = setTimeout(() => this.#connect(), delay);
+  }
+
+  #leave() {
+    this.#socket.onclose = null;
+    this.#socket.close();
+    this.open = false;
+    clearTimeout(this.#retry);
+    this.handlers.closed();
   }
 
   #askForTelemetry() {
