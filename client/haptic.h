@@ -91,7 +91,7 @@ enum haptic_side { HAPTIC_WORLD = 0, HAPTIC_TOOL_LINK = 1, HAPTIC_MOVABLE_BODY =
 typedef struct haptic_contact {
   uint64_t identity; /* the same from frame to frame, unique in one; see haptic_track() */
   uint32_t pair;     /* which two convex pieces; 0 if the engine does not say */
-  uint16_t axis;     /* which separating axis of the pair; 0 if only one is sent */
+  uint16_t axis;     /* 0 */
   uint8_t a_kind;    /* enum haptic_side */
   uint8_t b_kind;
   uint32_t a_index; /* of the link; of a body, your own number for it */

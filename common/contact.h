@@ -113,11 +113,8 @@ struct ReportedContact {
   /// The same from update to update while the contact lasts, different for any two contacts of one
   /// update. Whoever makes contacts chooses it: feature pairs, or a tracker's own numbers.
   std::uint64_t identity = 0;
-  /// The pair of convex pieces that the contact belongs to, and which of the pair's separating axes
-  /// it lies on. Contacts of one axis share the normal. Of the tool's contacts, only those of the
-  /// axis with the largest gap act. One within kOneAxis of a loaded one of lower number carries
-  /// nothing.
-  std::uint32_t pair = 0;
+  std::uint32_t pair = 0;  ///< Which two convex pieces; 0 if the environment does not say.
+  /// 0. Clients before 0.5 sent the pair's other separating axes besides; those do nothing.
   std::uint16_t axis = 0;
   ContactSide a{SideKind::kToolLink,
                 0};  ///< The side that the normal points to: the tool, if it takes part.

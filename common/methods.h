@@ -15,13 +15,12 @@ struct Method {
   std::string_view help;   ///< One phrase for a person.
   UpdateRule update_rule = UpdateRule::kRetain;
   ControllerKind controller = ControllerKind::kFourChannel;
-  double epsilon = 0;          ///< m.
-  double largest_epsilon = 0;  ///< m; above `epsilon`, ε adapts.
-  bool on_page = false;        ///< The live page has a button for it.
-  bool shapes = false;         ///< The server has the shapes; otherwise contacts are sent.
+  double epsilon = 0;    ///< m.
+  bool on_page = false;  ///< The live page has a button for it.
+  bool shapes = false;   ///< The server has the shapes; otherwise contacts are sent.
 };
 
-inline constexpr std::array<Method, 19> kMethods{{
+inline constexpr std::array<Method, 18> kMethods{{
     // The paper's three, as the paper has them: its baseline couples directly.
     {.name = "ir",
      .label = "IR",
@@ -38,16 +37,11 @@ inline constexpr std::array<Method, 19> kMethods{{
      .help = "Local model; contacts are sent up to 5 mm before they are touched",
      .epsilon = 0.005,
      .on_page = true},
-    {.name = "lm-adaptive",
-     .label = "LM adaptive ε",
-     .help = "Local model; epsilon grows with speed and delay",
-     .epsilon = 0.005,
-     .largest_epsilon = 0.2,
-     .on_page = true},
     // No planes at all.
     {.name = "shapes",
      .label = "LM shapes",
      .help = "Local model; the server has the shapes and finds contacts at every tick",
+     .on_page = true,
      .shapes = true},
     {.name = "shapes-direct",
      .label = "LM shapes direct",

@@ -55,7 +55,7 @@ struct Hello {
 struct Capabilities {
   bool movable_bodies = false;  ///< Bodies of an update and their contacts; otherwise a contact's
                                 ///< point moves with its v_WC.
-  bool axes = false;            ///< Only one axis of each pair acts; otherwise all that are sent.
+  bool axes = false;            ///< Before 0.5: contacts on all axes of a pair.
   bool self_contacts = false;   ///< Contacts between two links of the tool.
   bool scenes = false;          ///< Shapes and placements, by the scene stream.
 

@@ -43,7 +43,6 @@ STYLES = {
     "LM₅ direct": ("#1b4332", "--"),
     "LM₅ coupler": ("#1b4332", ":"),
     "LM₅ rule P": ("#1b4332", "-."),
-    "LM adaptive ε": ("#7209b7", (0, (4, 3))),
     "LM shapes": ("#2a9d8f", "-"),
     "LM shapes direct": ("#2a9d8f", "--"),
 }
@@ -60,7 +59,6 @@ SECTIONS = {
     "limits": "Largest stable stiffness, side by side",
     "maps": "Where each method stops working",
     "approach": "Where a wall is felt, over approach speed",
-    "corners": "Convex edges: all near axes of each pair of shapes, or the best one alone",
     "shapes": "The geometry near the hand in the server, across delays",
     "ocean": "Across an ocean: what a hand perceives, over the round trip",
     "roams": "A peg about the testbed's hole: the same in motion, tick by tick",
@@ -121,9 +119,6 @@ INTRODUCTION = {
     "approach": "A peg meets a wall at a steady speed, 20 ms away one way, environment at 30 to 60 Hz. "
     "Left: where the handle comes to rest, from where it should. Middle: how far it gets beyond the wall. "
     "Right: how far handle and the environment's tool drift apart on the way.",
-    "corners": "A peg enters holes with 0.2 to 3 mm to spare on each side, straight or askew, at up to 0.5 m/s, "
-    "between two blocks, in the testbed, and among bars or tiles whose level tops touch; 0 and 20 ms each way, the environment at 30 to 60 Hz. Each mark is an entry that touches nothing: what is "
-    "felt should be nothing. Also a wall that is met at 0.5 m/s, up to 100 ms each way.",
     "shapes": "The server has the world's shapes and finds the contacts at every tick, or gets planes from the client. Left: how "
     "far from a wall force begins that is met at 0.05 to 1 m/s; at the top: never. Right: what is felt in holes that a peg "
     "enters without touching them, at 0.05 to 1 m/s, with 0.02 to 3 mm to spare on each side.",
@@ -433,24 +428,6 @@ def draw_approach(folder):
     return figure
 
 
-def draw_corners(folder):
-    rows = [r for r in read_table(folder / "corners.csv") if float(r["least_gap_m"]) > 1e-5]
-    epsilons = sorted({float(row["epsilon_m"]) for row in rows})
-    figure, panel = panels(len(epsilons), 4)
-    for axis, epsilon in zip(panel, epsilons):
-        for axes, color, shift in (("one", "#d62728", 0.93), ("all", "#1f77b4", 1.07)):
-            points = [r for r in rows if r["axes"] == axes and float(r["epsilon_m"]) == epsilon]
-            x = [1e3 * shift * float(point["clearance_m"]) for point in points]
-            y = [max(float(point["largest_force_n"]), 1e-3) for point in points]
-            axis.plot(x, y, "o", markersize=4, color=color, alpha=0.5,
-                      label="best axis alone" if axes == "one" else "all near axes")
-        axis.axhline(0.5, color="#999999", linewidth=0.8)
-        axis.set(xscale="log", yscale="log", title=f"ε = {1e3 * epsilon:g} mm")
-        label(axis, "to spare on each side, mm", "largest force felt, N (0.001: none)")
-        axis.legend(fontsize=7)
-    return figure
-
-
 def draw_shapes(folder):
     figure, axes = panels(2, 4)
     colors = {"planes": "#d62728", "shapes": "#1f77b4"}
@@ -589,8 +566,8 @@ def draw_roams(folder):
 def draw_posts(folder):
     rows = read_table(folder / "posts.csv")
     figure, axes = panels(2, 4)
-    for axis, name, title in zip(axes, ("all", "one"), ("ε adapts", "best axis alone, ε = 50 mm")):
-        draw_bars(axis, [row for row in rows if row["axes"] == name], "posts", mean_percent("ghosts"),
+    for axis, name, title in zip(axes, ("shapes", "planes"), ("shapes", "planes, ε = 5 mm")):
+        draw_bars(axis, [row for row in rows if row["contacts"] == name], "posts", mean_percent("ghosts"),
                   "ticks with force from nothing, %")
         axis.set_title(title)
     return figure
@@ -816,7 +793,6 @@ DRAW = {
     "limits": draw_limits,
     "maps": draw_maps,
     "approach": draw_approach,
-    "corners": draw_corners,
     "shapes": draw_shapes,
     "ocean": draw_ocean,
     "roams": draw_roams,

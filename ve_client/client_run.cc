@@ -200,7 +200,7 @@ void ClientRun::begin(Asked asked) {
     options.telemetry = i == 0 ? page_.get() : nullptr;
     const ToolAssembly& tool = environment_->tools[i].assembly;
     sessions_[i].begin(options, tool);
-    if (settings_.frame.shapes) offer_scene(i);
+    offer_scene(i);
   }
   if (page_) {
     page_->forget_session();
@@ -208,11 +208,16 @@ void ClientRun::begin(Asked asked) {
   }
 }
 
+/// The world's shapes; none where a person wants contacts.
 void ClientRun::offer_scene(std::size_t tool) {
+  offered_shapes_ = live_.frame.shapes;
+  protocol::SceneOffer scene;
+  if (live_.frame.shapes) {
+    scene = scene_of(environment_->world, environment_->tools[tool].assembly,
+                     settings_.frame.report_friction[tool]);
+  }
   try {
-    sessions_[tool].client().offer_scene(scene_of(environment_->world,
-                                                  environment_->tools[tool].assembly,
-                                                  settings_.frame.report_friction[tool]));
+    sessions_[tool].client().offer_scene(std::move(scene));
   } catch (const std::invalid_argument& error) {
     spdlog::warn("no shapes, but contacts: {}", error.what());
   }
@@ -258,6 +263,9 @@ void ClientRun::take_page_requests() {
   change_scene();
   for (int steps = page_->take_steps(); steps > 0; --steps) environment_->pace.step();
   set_conditions(live_.network);
+  if (live_.frame.shapes != offered_shapes_) {
+    for (std::size_t i = 0; i < sessions_.size(); ++i) offer_scene(i);
+  }
   first_client().control(page_->control(live_, own_tuning_));
 }
 

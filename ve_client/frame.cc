@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "hlm/common/uniform.h"
-#include "hlm/geometry/select_pairs.h"
 #include "hlm/world/catch_up.h"
 #include "hlm/world/scene_shapes.h"
 
@@ -51,11 +50,9 @@ VirtualEnvironment::VirtualEnvironment(const WorldDescription& description,
 
 namespace {
 
-/// Factor on the time until contacts are replaced. 1 covers steady speed and equal periods only;
-/// larger values send more contacts.
+/// Factor on the time until an update is replaced. 1 covers steady speed and equal periods only;
+/// larger values send more.
 constexpr double kMargin = 1.5;
-/// Farthest from the proxy that what separates the tool from a shape says something of it, m.
-constexpr double kFarthestLag = 0.05;
 /// Farthest that a body is held beyond ε, m.
 constexpr double kFarthestHold = 0.05;
 /// With shapes, bodies within this are sent, m, and within what the tool travels until the next
@@ -65,17 +62,6 @@ constexpr double kNearBodies = 0.02;
 constexpr double kUsualSpeed = 0.3;
 constexpr double kLosses = 3;
 constexpr double kFarthestBodies = 0.3;
-
-}  // namespace
-
-double adapted_epsilon(const FrameOptions& options, double speed, double lifetime) {
-  return std::clamp(speed * lifetime, options.epsilon,
-                    std::max(options.epsilon, options.largest_epsilon));
-}
-
-double lifetime(double delay, double period) { return kMargin * (delay + 2 * period); }
-
-namespace {
 
 /// Takes over what the server says: where the tool goes, and its impulses on bodies, which a world
 /// that stands still does not get. Returns these as wrenches during the frame.
@@ -103,49 +89,33 @@ bool finds_contacts(const HapticClient& client, const FrameOptions& options) {
   return options.shapes && client.has_scene();
 }
 
-/// Within which the tool's contacts are sent, and for how long.
-struct Search {
-  double epsilon;   ///< m.
-  double smallest;  ///< Smallest epsilon of shapes with one axis, m.
-  double lifetime;  ///< s.
-  bool all_axes;
-};
+/// How old the proxy's state that an update is for gets until the update is replaced, s: the state
+/// was sent as the frame before began.
+double age_when_replaced(const HapticClient& client, double period, const FrameOptions& options) {
+  return kMargin * (client.round_trip() + options.delay + 2 * period);
+}
 
-Search search_for(const VirtualTool& tool, const HapticClient& client, double period,
-                  const FrameOptions& options) {
-  const double delay = client.round_trip() + options.delay;
-  const double matters_for = lifetime(delay, period);
-  if (finds_contacts(client, options)) {
-    const double epsilon =
-        std::min(kNearBodies + kLosses * matters_for * std::max(tool.target_speed(), kUsualSpeed),
-                 kFarthestBodies);
-    return {.epsilon = epsilon, .smallest = epsilon, .lifetime = matters_for, .all_axes = false};
-  }
-  // Which axes separate the tool from a shape says nothing of a proxy that is elsewhere, as it is
-  // where contacts come late: without prediction always.
-  const bool all_axes = client.connected() && client.welcome().capabilities.axes &&
-                        !options.one_axis && options.epsilon > 0 && tool.lag() <= kFarthestLag;
-  return {.epsilon = all_axes ? adapted_epsilon(options, tool.target_speed(), matters_for)
-                              : options.epsilon,
-          .smallest = options.epsilon,
-          .lifetime = matters_for,
-          .all_axes = all_axes};
+/// Within which the tool's contacts are looked for, m. With shapes they tell which bodies it may
+/// push until the update is replaced.
+double reach_of(const VirtualTool& tool, double age, bool shapes, const FrameOptions& options) {
+  if (!shapes) return options.epsilon;
+  return std::min(kNearBodies + kLosses * age * std::max(tool.target_speed(), kUsualSpeed),
+                  kFarthestBodies);
 }
 
 /// The contacts of the tool within ε. A body in the engine follows the tool's impulses late: what
 /// was reported of it is, until it is farther than both can have moved meanwhile.
-std::vector<FoundContact> tool_contacts(const World& world, HeldTool& held, const Search& search) {
+std::vector<FoundContact> tool_contacts(const World& world, HeldTool& held, double epsilon,
+                                        double age) {
   const VirtualTool& tool = held.tool;
   const Surroundings& surroundings = held.surroundings;
   const bool holds = !surroundings.bodies().empty();
-  const auto found = held.proximity.query(tool, search.epsilon + (holds ? kFarthestHold : 0),
-                                          search.all_axes, search.lifetime);
+  const auto found = held.proximity.query(tool, epsilon + (holds ? kFarthestHold : 0));
   std::vector<FoundContact> contacts(found.begin(), found.end());
   std::erase_if(contacts, [&](const FoundContact& contact) {
-    const double travel = search.lifetime * (tool.target_speed() + contact.v_WC.norm());
+    const double travel = age * (tool.target_speed() + contact.v_WC.norm());
     const double hold = surroundings.reports(contact.key.b) ? std::min(travel, kFarthestHold) : 0;
-    const bool one_axis = is_on_skin(world.pieces(), contact);
-    return contact.separation > (one_axis ? search.smallest : search.epsilon) + hold;
+    return contact.separation > epsilon + hold;
   });
   held.skin_contacts.name(
       world.pieces(), [&](int link) { return tool.X_WB(link); }, contacts);
@@ -253,24 +223,18 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
                      double period, const FrameOptions& options, FrameResult& result) {
   HeldTool& held = environment.tools[i];
   Surroundings& surroundings = held.surroundings;
-  const Search search = search_for(held.tool, client, period, options);
-  result.epsilon = search.epsilon;
-  std::vector<FoundContact> found = tool_contacts(environment.world, held, search);
-  result.found = static_cast<std::size_t>(std::ranges::count(found, 0, &FoundContact::axis));
   const bool shapes = finds_contacts(client, options);
-  std::vector<FoundContact> contacts = std::move(found);
+  const double age = age_when_replaced(client, period, options);
+  result.epsilon = reach_of(held.tool, age, shapes, options);
+  std::vector<FoundContact> contacts = tool_contacts(environment.world, held, result.epsilon, age);
+  result.found = contacts.size();
   if (!shapes) {
-    contacts = select_pairs(held.selection, std::move(contacts), options.epsilon,
-                            held.assembly.planar_normal_W,
-                            [&](const ContactSide& side) { return surroundings.reports(side); });
+    const auto selected = held.selection.select(contacts, held.assembly.planar_normal_W);
+    contacts = std::vector<FoundContact>(selected.begin(), selected.end());
   }
-  for (const FoundContact& contact : contacts) {
-    if (contact.axis > 0) {
-      ++result.on_other_axes;
-    } else {
-      ++(contact.separation <= 0 ? result.active : result.predicted);
-    }
-  }
+  result.active = static_cast<std::size_t>(std::ranges::count_if(
+      contacts, [](const FoundContact& contact) { return contact.separation <= 0; }));
+  result.predicted = contacts.size() - result.active;
   if (!options.report_friction[i]) {
     for (FoundContact& contact : contacts) contact.friction = -1;
   }

@@ -64,23 +64,13 @@ struct FrameResult {
   /// Why the world stands still (World::fault); nothing is sent any more, so force fades. Null as
   /// long as it moves.
   const std::string* fault = nullptr;
-  std::size_t found =
-      0;  ///< Contacts of the tool within ε on the best axes, before any was left out.
-  std::size_t active = 0;         ///< Contacts of the tool sent with σ <= 0, on the best axes.
-  std::size_t predicted = 0;      ///< Contacts of the tool sent with σ > 0, on the best axes.
-  std::size_t on_other_axes = 0;  ///< Contacts of the tool sent on others.
-  std::size_t bodies = 0;         ///< Movable bodies sent.
-  std::size_t supports = 0;       ///< Contacts sent of bodies without the tool.
-  double epsilon = 0;             ///< ε of this frame, m.
+  std::size_t found = 0;      ///< Contacts of the tool within ε, before any was left out.
+  std::size_t active = 0;     ///< Of these with σ <= 0.
+  std::size_t predicted = 0;  ///< Of these with σ > 0.
+  std::size_t bodies = 0;     ///< Movable bodies sent.
+  std::size_t supports = 0;   ///< Contacts sent of bodies without the tool.
+  double epsilon = 0;         ///< ε of this frame, m.
 };
-
-/// ε for a tool whose fastest point moves at `speed` (m/s): what it travels in the lifetime, s.
-double adapted_epsilon(const FrameOptions& options, double speed, double lifetime);
-
-/// How old the proxy's state that contacts are found for gets until they are replaced, s, with a
-/// margin for what the tool may accelerate and for longer frames: the state was sent as the frame
-/// before began. delay: from the proxy's state here to contacts there, s. period: of the frames, s.
-double lifetime(double delay, double period);
 
 /// One frame of `period` seconds of the hand's time, with a client for each tool, in their order.
 /// The clients' links and `clock` decide whether it runs on UDP and real time or in memory and

@@ -20,24 +20,18 @@ struct BodyPull {
 };
 
 struct FrameOptions {
-  double pace = 1;         ///< Of the world's time beside the hand's: see WorldPace.
-  double epsilon = 0.005;  ///< ε, m, >= 0; where it adapts, the smallest.
-  /// Largest ε, m. Above `epsilon`, ε adapts: see adapted_epsilon(). Without prediction, and to a
-  /// server that does not choose among axes, it does not: there, larger values let the tool feel
-  /// walls past the edges where they end.
-  double largest_epsilon = 0.2;
+  double pace = 1;  ///< Of the world's time beside the hand's: see WorldPace.
+  /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
+  /// Otherwise those within ε are sent, one manifold for each pair of shapes.
+  bool shapes = true;
+  double epsilon = 0.005;  ///< ε of contacts that are sent, m, >= 0.
   /// Artificial delay, s, >= 0: the update is held this long after the tool was sampled, as if the
   /// engine needed that long for its contacts. compute_time includes it, as it would there.
   double delay = 0;
   /// For each tool: its contacts carry the friction of the materials where the world states it;
   /// otherwise its server's own holds everywhere.
   std::array<bool, kMostTools> report_friction{true, true};
-  /// Only the best axis of each pair of shapes is sent, also to a server that chooses among all
-  /// near ones. For comparisons.
-  bool one_axis = false;
   std::optional<BodyPull> pull{};  ///< Empty: nothing is pulled.
-  /// A server that has the world's shapes (HapticClient::offer_scene) finds contacts itself.
-  bool shapes = false;
   /// The tool pushes bodies in the engine as it follows the proxy, and the server takes them for
   /// moving constraints: what a server without movable bodies gets. For comparisons.
   bool push_by_following = false;

@@ -81,14 +81,13 @@ class CommandLine {
 
   void add_frame(Table& table) {
     table.group("Contacts and frames");
-    table.number("epsilon", settings_.frame.epsilon, kEpsilons,
-                 "Report contacts up to this separation at least; 0 is touching ones only");
-    table.number("largest-epsilon", settings_.frame.largest_epsilon, kEpsilons,
-                 "That separation grows with the tool's speed and the delay up to this; 0 is off");
     table.flag(
-        "shapes", settings_.frame.shapes,
-        "Give the server the world's shapes once: it finds their contacts at every tick, also "
-        "across long delays");
+        "contacts", contacts_,
+        "Send the contacts of each frame, as the paper has it and as is always done with two "
+        "tools; otherwise the server has the world's shapes and finds their contacts at "
+        "every tick, also across long delays");
+    table.number("epsilon", settings_.frame.epsilon, kEpsilons,
+                 "With --contacts: report them up to this separation; 0 is touching ones only");
     table.number("rate", rate_, kFrameRates, "Frames per second");
     table.interval("rate-range", rate_range_, kFrameRates,
                    "Instead of --rate, draw the rate of each frame uniformly between these");
@@ -160,6 +159,7 @@ class CommandLine {
       settings_.rate_high = rate_range_[1];
     }
     if (quiet_) settings_.log_level = "warn";
+    settings_.frame.shapes = !contacts_ && second_.server.empty();
     settings_.tools = {first_};
     if (!second_.server.empty()) {
       settings_.tools.push_back(second_);
@@ -173,11 +173,6 @@ class CommandLine {
     if (const auto error =
             find_error("--delay", frame.delay, Range{0, 1 / settings_.rate_high, "s"})) {
       throw UsageError(*error + ", the shortest frame");
-    }
-    if (frame.largest_epsilon > 0 && frame.largest_epsilon < frame.epsilon) {
-      throw UsageError("--largest-epsilon " + shortest_text(frame.largest_epsilon) +
-                       " m must be 0, which is off, or at least --epsilon, " +
-                       shortest_text(frame.epsilon) + " m");
     }
     // A configuration can be printed without a world.
     if (!command_line_.prints_configuration() && settings_.world.empty()) {
@@ -202,6 +197,7 @@ class CommandLine {
   ToolSettings second_;
   double rate_ = 60;
   std::vector<double> rate_range_;
+  bool contacts_ = false;
   bool quiet_ = false;
 };
 

@@ -5,8 +5,6 @@
 #include <limits>
 #include <tuple>
 
-#include "hlm/local_model/pair_axes.h"
-
 namespace hlm::server {
 namespace {
 
@@ -120,39 +118,6 @@ void match(const PlacedReports& reports, const LocalContacts& existing, Reported
   while (skip_those_of_scene()) unreported(*old++);
 }
 
-/// The gaps of the axes where the proxy is, deformed as it is on the axis that acted.
-void measure_axes(const PlacedReports& reports, const LocalContacts& existing,
-                  const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                  PairAxes& axes) noexcept {
-  if (axes.empty()) return;
-  for (PairAxis& axis : axes) axis.gap = std::numeric_limits<double>::infinity();
-  match(
-      reports, existing,
-      [&](const Placed& placed, const LocalContact* known) {
-        if (placed.axis == kOnlyAxis) return;
-        LocalContact contact;
-        describe(contact, placed, frames, age);
-        const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
-        double s = true_separation(contact, frames.now, x_W);
-        PairAxis& axis = axes[placed.axis];
-        if (known != nullptr && !known->orphaned()) {
-          axis.acts = true;
-          s = updated_separation(policy.rule, s, held(known, frames, policy));
-        }
-        axis.gap = axis.next = std::min(axis.gap, s);
-      },
-      [](const LocalContact&) {});
-}
-
-/// A contact on an axis that does not act.
-void set_waiting(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
-                 double age) noexcept {
-  describe(contact, placed, frames, age);
-  const Vector3 x_W = frames.moved[placed.a] * reported_point(placed);
-  const double sigma = true_separation(contact, frames.now, x_W);
-  place_contact_point(contact, frames.now[placed.a], x_W, sigma, sigma);
-}
-
 }  // namespace
 
 void place_contact_point(LocalContact& contact, const Placement& X_WA, const Vector3& x_W,
@@ -219,15 +184,12 @@ std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& f
   constraint.c_B = X_WB.inverse() * contact.now.c_W;
   constraint.n_P =
       (constraint.plane == PlaneOwner::kA ? X_WA : X_WB).R.transpose() * contact.now.n_W;
-  contact.axis = kOnlyAxis;
   contact.of_scene = false;
   return contact;
 }
 
-void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept {
-  LocalContacts& contacts = updated.acting;
-  const std::size_t used = std::min(contacts.size() + updated.waiting.size(), contacts.capacity());
-  const std::size_t room = contacts.capacity() - used;
+void add_released(LocalContacts& contacts, LocalContacts& orphans) noexcept {
+  const std::size_t room = contacts.capacity() - contacts.size();
   if (orphans.size() > room) {
     std::nth_element(
         orphans.begin(), orphans.begin() + static_cast<std::ptrdiff_t>(room), orphans.end(),
@@ -246,15 +208,11 @@ double updated_separation(UpdateRule rule, double sigma, std::optional<double> s
 
 double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                    ToolContacts& updated) noexcept {
+                    LocalContacts& updated) noexcept {
   const bool only_active = policy.traits().active_only;
-  PlacedReports reports = sorted_reports(
+  const PlacedReports reports = sorted_reports(
       reported, frames, [](const ReportedContact& report) noexcept { return is_tool(report.a); });
-  updated.acting.clear();
-  updated.waiting.clear();
-  updated.axes = axes_of(reports);
-  measure_axes(reports, existing, frames, age, policy, updated.axes);
-  decide_axes(updated.axes);
+  updated.clear();
   LocalContacts orphans;
   const auto orphan = [&](const LocalContact& contact) {
     if (!policy.traits().releases_load) return;
@@ -264,28 +222,21 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   match(
       reports, existing,
       [&](const Placed& placed, const LocalContact* known) {
-        if (placed.axis != kOnlyAxis && !updated.axes[placed.axis].acts) {
-          set_waiting(add_to(updated.waiting), placed, frames, age);
-          if (known != nullptr) orphan(*known);
-          return;
-        }
         if (only_active && placed.report->separation > 0) return;
-        LocalContact& contact = add_to(updated.acting);
+        LocalContact& contact = add_to(updated);
         set_tool_contact(contact, placed, known, frames, age, policy);
         if (known == nullptr || !contact.latest.loaded || !touches_body(contact)) return;
         unspent += contact.latest.f_W.dot(contact.now.n_W) *
                    (known->deformation.deferred - contact.deformation.deferred);
       },
       orphan);
-  if (only_active) updated.waiting.clear();
   if (!orphans.empty()) add_released(updated, orphans);
   return unspent;
 }
 
-void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
+void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept {
-  erase_if(contacts.waiting, touches_body);
-  erase_if(contacts.acting, [&](LocalContact& contact) {
+  erase_if(contacts, [&](LocalContact& contact) {
     if (!touches_body(contact)) return false;
     const auto orphan = released(contact, frames, policy);
     if (orphan) contact = *orphan;

@@ -51,7 +51,7 @@ std::optional<LocalContact> released(LocalContact contact, const UpdateFrames& f
                                      const UpdatePolicy& policy) noexcept;
 
 /// Adds the released contacts for which there is room: the most loaded. Sorts all by identity.
-void add_released(ToolContacts& updated, LocalContacts& orphans) noexcept;
+void add_released(LocalContacts& updated, LocalContacts& orphans) noexcept;
 
 /// Places the local contact point so that Eq. 3 gives s_plus with the frame of a at X_WA, over the
 /// foot of a's true point x_W on the constraint: deforms the proxy.
@@ -64,20 +64,20 @@ LocalContact& add_to(LocalContacts& contacts) noexcept;
 bool touches_body(const LocalContact& contact) noexcept;
 
 /// The contacts of the tool after an update into `updated` (`existing` is in another object:
-/// contacts are large, so callers keep two sets and swap roles). existing: the acting contacts
-/// before, sorted by identity, their constraints advanced to now. reported: contacts of
+/// contacts are large, so callers keep two sets and swap roles). existing: the contacts before,
+/// sorted by identity, their constraints advanced to now. reported: contacts of
 /// the environment, `age` seconds old where their constraint is the world's. Those without the
 /// tool, of links that it does not have, or with the identity of one before them are left out.
 /// Returns the energy that loaded contacts with movable bodies may heal with for it, J: a body that
 /// was pushed here farther than there has taken work that it did not do.
 double adopt_update(const LocalContacts& existing, const ReportedContacts& reported,
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
-                    ToolContacts& updated) noexcept;
+                    LocalContacts& updated) noexcept;
 
-/// Nothing is known of the bodies any more: the acting contacts of the tool with them stay in the
-/// world as contacts that are no longer reported, the waiting ones go. frames: without bodies,
+/// Nothing is known of the bodies any more: the contacts of the tool with them stay in the world
+/// as contacts that are no longer reported. frames: without bodies,
 /// except `before`.
-void release_bodies(ToolContacts& contacts, const UpdateFrames& frames,
+void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept;
 
 /// The contacts of the bodies without the tool, as they were when the environment found them.

@@ -13,14 +13,10 @@
 
 namespace hlm::server {
 
-/// PairAxis of a contact whose pair has but one.
-inline constexpr std::uint16_t kOnlyAxis = std::numeric_limits<std::uint16_t>::max();
-
 /// The order of the fields counts: with the material behind the evaluation, steps that are repeated
 /// at an update took 13 % longer.
 struct LocalContact {
   std::uint64_t identity = 0;
-  std::uint16_t axis = kOnlyAxis;  ///< Index among ToolContacts::axes.
   /// The sides as reported. a is a link of the tool or a movable body, whose point p_A is; b may
   /// also be the world, which moves regardless of the tool.
   ContactSide a{SideKind::kToolLink, 0};
@@ -123,26 +119,5 @@ inline void locate(LocalContact& contact, const Placement& X_WA, const Placement
 /// Contacts of one update and the released rest of the update before.
 inline constexpr std::size_t kMaxLocalContacts = 2 * kMaxContacts;
 using LocalContacts = StaticVector<LocalContact, kMaxLocalContacts>;
-
-/// One of several axes that a pair of convex pieces has. The pieces are apart if any axis separates
-/// them, so only one acts: the one with the greatest gap (docs/method.md 2.8).
-struct PairAxis {
-  std::uint16_t pair = 0;  ///< Index of the first axis of the pair; the others follow it.
-  bool acts = false;
-  bool bears = true;  ///< Else it only tells whether the pieces are apart.
-  double gap = 0;     ///< Least separation of the axis' contacts, m,
-  double next = 0;    ///< and what it would be at the end of the step.
-};
-/// An axis takes over from the one that acts if its gap is larger by more than this, m. Less lets
-/// trembling change the axis, more lets the tool run into what is not there by as much.
-inline constexpr double kAxisAdvantage = 1e-5;
-using PairAxes = StaticVector<PairAxis, kMaxContacts>;
-
-/// The contacts of the tool.
-struct ToolContacts {
-  LocalContacts acting;   ///< Sorted by identity.
-  LocalContacts waiting;  ///< Contacts on axes that do not act: they carry nothing.
-  PairAxes axes;          ///< Axes of the pairs that have several.
-};
 
 }  // namespace hlm::server

@@ -5,7 +5,6 @@
 
 #include "hlm/local_model/collision.h"
 #include "hlm/local_model/free_motion.h"
-#include "hlm/local_model/pair_axes.h"
 
 namespace hlm::server {
 namespace {
@@ -209,7 +208,6 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   advance_bodies(bodies_, proxy_, frames, x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);
   advance_constraints(present_supports(), dt_);
-  advance_constraints(contacts_[current_].waiting, dt_);
   advance_contacts(present(), poses, policy(), dt_, tank_);
   advance_near_bodies();
 }
@@ -296,7 +294,6 @@ void LocalModel::limit_stiffness(const FrameMotions& frames, const Eigen::LLT<Ma
 
 void LocalModel::evaluate(const FrameMotions& frames) noexcept {
   evaluate_contacts(present(), frames);
-  choose_axes(contacts_[current_], frames, policy(), dt_);
   limits_.place(proxy_);
   evaluate_contacts(limits_.contacts(), frames);
   evaluate_contacts(present_supports(), frames);

@@ -120,10 +120,8 @@ class LocalModel {
   const Velocity& velocity() const noexcept { return v_; }
   /// Twist of the hand's frame, world axes.
   Twist hand_twist() const noexcept { return proxy_.hand_jacobian().lazyProduct(v_); }
-  /// Contacts of the tool, of each pair of convex pieces on the axis that acts.
-  const LocalContacts& contacts() const noexcept { return contacts_[current_].acting; }
-  /// Those on the axes that do not act.
-  const LocalContacts& waiting() const noexcept { return contacts_[current_].waiting; }
+  /// Contacts of the tool, sorted by identity.
+  const LocalContacts& contacts() const noexcept { return contacts_[current_]; }
   /// Contacts of the bodies without the tool.
   const LocalContacts& supports() const noexcept { return supports_[current_]; }
   /// Limits of the tool's joints.
@@ -148,7 +146,7 @@ class LocalModel {
   static constexpr double kWorkOfTool = 0.6;
   static constexpr double kWorkAtEnd = 0.05;
 
-  LocalContacts& present() noexcept { return contacts_[current_].acting; }
+  LocalContacts& present() noexcept { return contacts_[current_]; }
   LocalContacts& present_supports() noexcept { return supports_[current_]; }
   UpdatePolicy policy() const noexcept;
   ContactLaw contact_law(ContactStep step) const noexcept;
@@ -204,7 +202,7 @@ class LocalModel {
   ToolModel proxy_;
   ToolModel ve_tool_;
   Velocity v_;
-  std::array<ToolContacts, 2> contacts_;   ///< The present ones, and room for the next update.
+  std::array<LocalContacts, 2> contacts_;  ///< The present ones, and room for the next update.
   std::array<LocalContacts, 2> supports_;  ///< Supports, in the same two places.
   std::size_t current_ = 0;
   JointLimits limits_;

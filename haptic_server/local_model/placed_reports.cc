@@ -33,7 +33,7 @@ PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrame
                              bool (*wanted)(const ReportedContact&) noexcept) noexcept {
   PlacedReports sorted;
   for (const ReportedContact& report : reported) {
-    if (!wanted(report)) continue;
+    if (!wanted(report) || report.axis > 0) continue;
     const auto a = frame_of(report.a, frames.tool, frames.bodies);
     const auto b = frame_of(report.b, frames.tool, frames.bodies);
     if (!a || !b || *a == kWorldFrame || *a == *b) continue;
@@ -53,44 +53,10 @@ PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrame
   return sorted;
 }
 
-PairAxes axes_of(PlacedReports& reports) noexcept {
-  PairAxes axes;
-  const auto has_others = [](const Placed& placed) { return placed.report->axis > 0; };
-  if (std::none_of(reports.begin(), reports.end(), has_others)) return axes;
-  const auto pair = [](const Placed* placed) {
-    return std::tie(placed->report->pair, placed->report->a);
-  };
-  StaticVector<Placed*, kMaxContacts> sorted;
-  for (Placed& placed : reports) sorted.push_back(&placed);
-  std::sort(sorted.begin(), sorted.end(), [&](const Placed* x, const Placed* y) {
-    return pair(x) != pair(y) ? pair(x) < pair(y) : x->report->axis < y->report->axis;
-  });
-  for (auto first = sorted.begin(); first != sorted.end();) {
-    const auto last =
-        std::find_if(first, sorted.end(), [&](const Placed* p) { return pair(p) != pair(*first); });
-    const bool several = (*first)->report->axis != (*(last - 1))->report->axis;
-    const auto of_pair = static_cast<std::uint16_t>(axes.size());
-    const auto begin = first;
-    for (const Placed* before = nullptr; first != last; before = *first++) {
-      if (!several) continue;
-      if (before == nullptr || before->report->axis != (*first)->report->axis) {
-        const auto parallel = [&](const Placed* p) {
-          return axes[p->axis].bears &&
-                 p->report->n_W.dot((*first)->report->n_W) > std::cos(kOneAxis);
-        };
-        axes.push_back({.pair = of_pair, .bears = std::none_of(begin, first, parallel)});
-      }
-      (*first)->axis = static_cast<std::uint16_t>(axes.size() - 1);
-    }
-  }
-  return axes;
-}
-
 void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,
               double age) noexcept {
   const ReportedContact& report = *placed.report;
   contact.identity = report.identity;
-  contact.axis = placed.axis;
   contact.a = report.a;
   contact.b = report.b;
   contact.frame_a = placed.a;

@@ -1,4 +1,4 @@
-// The contacts of an update, each with the frames of its sides and the axis of its pair.
+// The contacts of an update, each with the frames of its sides.
 #pragma once
 
 #include <optional>
@@ -32,16 +32,12 @@ struct Placed {
   const ReportedContact* report;
   FrameIndex a;
   FrameIndex b;
-  std::uint16_t axis = kOnlyAxis;  ///< LocalContact::axis.
 };
 using PlacedReports = StaticVector<Placed, kMaxContacts>;
 
 /// The reports that are wanted and have a place, sorted by identity, of equal ones the first.
 PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrames& frames,
                              bool (*wanted)(const ReportedContact&) noexcept) noexcept;
-
-/// The axes of all pairs that have several; writes into the reports which is theirs.
-PairAxes axes_of(PlacedReports& reports) noexcept;
 
 /// Fills in the contact as reported, its constraint `age` (s) older; without its point on a.
 void describe(LocalContact& contact, const Placed& placed, const UpdateFrames& frames,

@@ -183,12 +183,12 @@ void sort_met(MetContacts& met) noexcept {
 
 double renew_contacts(const LocalContacts& existing, const MetContacts& met,
                       const UpdateFrames& frames, const GeometryChange& change,
-                      const UpdatePolicy& policy, ToolContacts& updated) noexcept {
+                      const UpdatePolicy& policy, LocalContacts& updated) noexcept {
   const Succession succession(existing, met);
   double unspent = 0;
   for (std::size_t i = 0; i < met.size(); ++i) {
-    if (updated.acting.size() + updated.waiting.size() >= updated.acting.capacity()) break;
-    LocalContact& contact = add_to(updated.acting);
+    if (updated.size() == updated.capacity()) break;
+    LocalContact& contact = add_to(updated);
     contact = met_contact(met[i], frames.now);
     const double sigma = met[i].found->separation;
     const Predecessor& from = succession.of(i);
@@ -211,7 +211,7 @@ double renew_contacts(const LocalContacts& existing, const MetContacts& met,
   LocalContacts orphans;
   succession.for_each_gone([&](const LocalContact& contact) {
     if (change.keeps(contact)) {
-      if (updated.acting.size() < updated.acting.capacity()) updated.acting.push_back(contact);
+      if (updated.size() < updated.capacity()) updated.push_back(contact);
       return;
     }
     // By motion over the geometry alone only what is not deformed may go.

@@ -51,7 +51,7 @@ struct GeometryChange {
 /// adopt_update(). Returns the energy that contacts with movable bodies may heal with for it, J.
 double renew_contacts(const LocalContacts& existing, const MetContacts& met,
                       const UpdateFrames& frames, const GeometryChange& change,
-                      const UpdatePolicy& policy, ToolContacts& updated) noexcept;
+                      const UpdatePolicy& policy, LocalContacts& updated) noexcept;
 
 /// The same of bodies without the tool, which nobody feels: they keep their load where a body is
 /// corrected.

@@ -196,7 +196,6 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   telemetry_.begin();
   session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_,
                                {.movable_bodies = true,
-                                .axes = true,
                                 .self_contacts = true,
                                 .scenes = scenes_ != nullptr}));
 }

@@ -141,7 +141,7 @@ void bodies_over(Bench& bench) {
   std::vector<SweptCell> cells;
   const auto variants = bench.over().variants(WantedBody{}, declare_wanted_body);
   for (const Kind& kind : kKinds) {
-    for (const Method& method : bench.methods_or({"lm-adaptive", "shapes"})) {
+    for (const Method& method : bench.methods_or({"lm5", "shapes"})) {
       for (const auto& [wanted, given] : variants) {
         BodyPlace place{&kind, wanted.mass, wanted.conditions};
         place.conditions.method = method;

@@ -41,7 +41,6 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   options.servo.silence_time = 2;
   options.servo.local_model.stiffness = conditions.stiffness;
   options.frame.epsilon = conditions.epsilon;
-  options.frame.largest_epsilon = 0;
   options.frame.push_by_following = conditions.by_following;
   options.frame.shapes = conditions.shapes;
   if (conditions.method) {

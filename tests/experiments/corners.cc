@@ -1,19 +1,16 @@
-// What is felt at convex edges: pegs that enter holes and touch nothing, and a wall that is met in
-// full motion; all near axes of each pair of shapes against the best one alone.
+// Pegs that enter holes and touch nothing, and a wall that is met in full motion.
 #include "tests/experiments/corners.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numbers>
 #include <random>
 
 #include <spdlog/fmt/fmt.h>
 
 #include "hlm/common/uniform.h"
-#include "tests/experiments/experiments.h"
 #include "tests/experiments/over.h"
 #include "tests/support/mesh_model.h"
 #include "tests/support/virtual_session.h"
@@ -222,10 +219,7 @@ test::VirtualSessionOptions session_options(const server::HandScript& hand,
   options.seed = seed;
   options.rate_low = conditions.ve_low;
   options.rate_high = conditions.ve_high;
-  options.frame = {.epsilon = conditions.epsilon,
-                   .largest_epsilon = conditions.largest_epsilon,
-                   .one_axis = conditions.one_axis,
-                   .shapes = conditions.shapes};
+  options.frame = {.shapes = conditions.shapes, .epsilon = conditions.epsilon};
   use_device(conditions.device, options.device);
   if (conditions.method) {
     use(*conditions.method, conditions.stiffness, options.servo.local_model.damping, options);
@@ -371,42 +365,11 @@ double wall_error(double speed, const CornerConditions& conditions, std::uint64_
 
 namespace {
 
-struct Way {
-  Entry entry;
-  double delay;  ///< s.
-};
-
-struct Case {
-  std::size_t way;
-  CornerConditions conditions;
-};
-
-struct Count {
-  int entries = 0;
-  int felt = 0;
-  int stuck = 0;
-  double largest = 0;  // N
-};
-
-struct WallsWords {
-  Walls walls;
-  const char* name;
-  const char* hole;
-};
-constexpr std::array kWallsWords{
-    WallsWords{Walls::kApart, "apart", "holes between two blocks"},
-    WallsWords{Walls::kTestbed, "testbed",
-               "the testbed's hole, whose walls its floor adjoins, with 1 mm on each side"},
-    WallsWords{Walls::kBars, "bars", "a hole between four bars with level tops that touch"},
-    WallsWords{Walls::kTiles, "tiles", "the gap that one of nine level tiles leaves"},
-    WallsWords{Walls::kMesh, "mesh", "a slot in a block that is one mesh"},
-    WallsWords{Walls::kWedges, "wedges", "a hole with chamfers of wedges on blocks"}};
+constexpr std::array<const char*, 6> kWalls{"apart", "testbed", "bars", "tiles", "mesh", "wedges"};
 
 }  // namespace
 
-const char* name_of(Walls walls) {
-  return std::ranges::find(kWallsWords, walls, &WallsWords::walls)->name;
-}
+const char* name_of(Walls walls) { return kWalls[static_cast<std::size_t>(walls)]; }
 
 Inputs inputs_of(const Entry& entry) {
   return {{"walls", name_of(entry.walls)},
@@ -414,129 +377,6 @@ Inputs inputs_of(const Entry& entry) {
           {"speed_m_s", entry.speed},
           {"wanders", entry.wanders},
           {"seed", entry.seed}};
-}
-
-namespace {
-
-void entries(Bench& bench) {
-  const bool quick = bench.quick();
-  const std::vector<double> speeds =
-      quick ? std::vector{0.1, 0.5} : std::vector{0.1, 0.2, 0.35, 0.5};
-  const std::vector<double> epsilons =
-      quick ? std::vector{0.005, 0.02} : std::vector{0.005, 0.02, 0.05};
-  struct Hole {
-    double clearance;  // m
-    Walls walls;
-  };
-  const std::array holes{Hole{0.0002, Walls::kApart}, Hole{0.001, Walls::kApart},
-                         Hole{0.003, Walls::kApart},  Hole{0.001, Walls::kTestbed},
-                         Hole{0.001, Walls::kBars},   Hole{0.001, Walls::kTiles}};
-  std::vector<Way> ways;
-  for (const std::uint64_t seed : bench.seed_list(quick ? 1 : 5)) {
-    for (const auto& [clearance, walls] : holes) {
-      for (const double speed : speeds) {
-        for (const bool wanders : {false, true}) {
-          for (const double delay : {0.0, 0.02}) {
-            ways.push_back({{clearance, speed, wanders, seed, walls}, delay});
-          }
-        }
-      }
-    }
-  }
-  std::vector<Case> cases;
-  for (std::size_t way = 0; way < ways.size(); ++way) {
-    for (const double epsilon : epsilons) {
-      for (const bool one_axis : {false, true}) {
-        cases.push_back(
-            {way, {.delay = ways[way].delay, .epsilon = epsilon, .one_axis = one_axis}});
-      }
-    }
-  }
-  const auto gaps = bench.map(
-      ways,
-      [](const Way& w) {
-        return Inputs{{"of", "least gap"}, {"delay_s", w.delay}} + inputs_of(w.entry);
-      },
-      [](const Way& w) { return least_gap(w.entry, {.delay = w.delay}); });
-  const auto outcomes = bench.map(
-      cases,
-      [&](const Case& c) {
-        return Inputs{{"axes", c.conditions.one_axis ? "one" : "all"},
-                      {"epsilon_m", c.conditions.epsilon},
-                      {"delay_s", c.conditions.delay}} +
-               inputs_of(ways[c.way].entry);
-      },
-      [&](const Case& c) { return enter(ways[c.way].entry, c.conditions); });
-  Table& table =
-      bench.table("corners",
-                  "axes,walls,clearance_m,speed_m_s,wanders,delay_s,epsilon_m,seed,least_gap_m,"
-                  "largest_force_n,enters,contacts");
-  std::map<std::pair<Walls, bool>, Count> counts;  // By walls and one_axis.
-  for (std::size_t i = 0; i < cases.size(); ++i) {
-    const auto& [way, conditions] = cases[i];
-    const Entry& entry = ways[way].entry;
-    const EntryOutcome& o = outcomes[i];
-    table.row(conditions.one_axis ? "one" : "all", name_of(entry.walls), entry.clearance,
-              entry.speed, entry.wanders ? 1.0 : 0.0, conditions.delay, conditions.epsilon,
-              static_cast<double>(entry.seed), gaps[way], o.largest_force, o.enters ? 1.0 : 0.0,
-              o.acting_contacts);
-    if (gaps[way] < kTouchesNothing) continue;
-    Count& count = counts[{entry.walls, conditions.one_axis}];
-    ++count.entries;
-    count.felt += o.largest_force > kGhostForce;
-    count.stuck += !o.enters;
-    count.largest = std::max(count.largest, o.largest_force);
-  }
-  for (const auto& [walls, name, hole] : kWallsWords) {
-    if (!counts.contains({walls, false})) continue;
-    const Count& all = counts[{walls, false}];
-    const Count& one = counts[{walls, true}];
-    bench.claim(
-        {.what = fmt::format("entries into {}, all near axes", hole),
-         .criterion = "no entry that touches nothing meets more than 0.5 N; all get in",
-         .measured = fmt::format("{} of {} entries, up to {:.2g} N; {} do not get in (best axis "
-                                 "alone: {} of {}, up to {:.2g} N; {})",
-                                 all.felt, all.entries, all.largest, all.stuck, one.felt,
-                                 one.entries, one.largest, one.stuck),
-         .holds = all.entries > 0 && all.felt == 0 && all.stuck == 0});
-  }
-}
-
-void walls(Bench& bench) {
-  struct Wall {
-    CornerConditions conditions;
-    std::uint64_t seed;
-  };
-  std::vector<Wall> cases;
-  for (const std::uint64_t seed : bench.seed_list(bench.quick() ? 2 : 10)) {
-    for (const double delay : {0.0, 0.02, 0.1}) {
-      cases.push_back({{.delay = delay, .largest_epsilon = kLargestEpsilon}, seed});
-    }
-  }
-  const auto errors = bench.map(
-      cases,
-      [](const Wall& wall) {
-        return Inputs{{"of", "wall"}, {"delay_s", wall.conditions.delay}, {"seed", wall.seed}};
-      },
-      [](const Wall& wall) { return wall_error(0.5, wall.conditions, wall.seed); });
-  Table& table = bench.table("corner_walls", "delay_s,seed,error_m");
-  double worst = 0;
-  for (std::size_t i = 0; i < cases.size(); ++i) {
-    const auto& [conditions, seed] = cases[i];
-    table.row(conditions.delay, static_cast<double>(seed), errors[i]);
-    worst = std::max(worst, errors[i]);
-  }
-  bench.claim({.what = "a wall that is met at 0.5 m/s, ε adapts, 0, 20 and 100 ms each way",
-               .criterion = "felt within 1 mm of where it is",
-               .measured = fmt::format("{:.2f} mm at worst", 1e3 * worst),
-               .holds = worst < 1e-3});
-}
-
-}  // namespace
-
-void corners(Bench& bench) {
-  entries(bench);
-  walls(bench);
 }
 
 }  // namespace hlm::experiments

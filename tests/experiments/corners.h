@@ -13,19 +13,16 @@ namespace hlm::experiments {
 struct CornerConditions {
   double delay = 0;                ///< One way, s.
   double epsilon = 0.005;          ///< m.
-  bool one_axis = false;           ///< Only the best axis of each pair of shapes is sent.
   double ve_low = 30;              ///< Hz. The rate of each frame is drawn between these.
   double ve_high = 60;             ///< Hz.
-  double largest_epsilon = 0;      ///< m; above `epsilon`, ε adapts.
-  bool shapes = false;             ///< The server has the shapes and finds contacts at every tick.
+  bool shapes = true;              ///< The server has the shapes and finds contacts at every tick.
   double loss = 0;                 ///< Share of datagrams.
   double outage = 0;               ///< So long is all lost when it matters most, s.
   double settling = 0;             ///< So much longer does the hand wait before it begins, s.
-  std::optional<Method> method{};  ///< Instead of ε, axes and shapes; none: the local model.
+  std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
   double stiffness = server::LocalModelParameters{}.stiffness;  ///< With a method, N/m.
   std::string device{};  ///< File of the user's; empty: one without friction, with strong motors.
 };
-inline constexpr double kLargestEpsilon = ve::FrameOptions{}.largest_epsilon;
 
 /// A device and a server whose limits are far away, with this hand.
 test::VirtualSessionOptions session_options(const server::HandScript& hand,

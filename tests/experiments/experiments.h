@@ -14,7 +14,6 @@ void updates(Bench& bench);                ///< What adopting an update changes.
 void stiffness_limits(Bench& bench);       ///< k_max of each method, side by side.
 void stiffness_maps(Bench& bench);         ///< k_max over rates, delays, jitter, loss.
 void approach_map(Bench& bench);           ///< Perceived wall and drift over approach speed.
-void corners(Bench& bench);                ///< Convex edges.
 void near_shapes(Bench& bench);            ///< The geometry near the hand in the server.
 void ocean(Bench& bench);                  ///< What a hand perceives across an ocean.
 void roams(Bench& bench);                  ///< A peg about the testbed's hole.

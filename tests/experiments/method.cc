@@ -23,8 +23,6 @@ bool couples_engine(const Method& method) { return !traits(method.controller).us
 void use(const Method& method, double stiffness, double damping,
          test::VirtualSessionOptions& options) {
   options.frame.epsilon = method.epsilon;
-  options.frame.largest_epsilon = method.largest_epsilon;
-  options.frame.one_axis = method.largest_epsilon == 0;  // As the paper has it.
   options.frame.shapes = method.shapes;
   server::ServoOptions& servo = options.servo;
   servo.controller = method.controller;

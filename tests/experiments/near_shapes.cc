@@ -29,7 +29,6 @@ CornerConditions conditions(const Source& source, double delay) {
   return {.delay = delay,
           .ve_low = source.shapes ? 20.0 : 30.0,
           .ve_high = 60,
-          .largest_epsilon = kLargestEpsilon,
           .shapes = source.shapes};
 }
 

@@ -28,7 +28,7 @@ struct Sight {
   bool bodies;  ///< It can move some.
 };
 constexpr std::array kSights{Sight{"shapes", "shapes", 4000, "shapes", true},
-                             Sight{"planes", "lm-adaptive", 4000, "shapes", true},
+                             Sight{"planes", "lm5", 4000, "shapes", true},
                              Sight{"IR", "ir", 1000, "shapes-direct", true},
                              Sight{"direct", "engine", 500, "shapes-direct", false}};
 
@@ -83,16 +83,6 @@ double settling(const Ocean& ocean) {
   return 10 / ocean.rate + (ocean.network.loss > 0 ? 1 + 4 * ocean.round_trip : 0);
 }
 
-/// Where the server has shapes the client still reports what the tool may soon touch: bodies.
-Method method_of(const char* name) {
-  Method result = method(name);
-  if (result.shapes) {
-    result.epsilon = ve::FrameOptions{}.epsilon;
-    result.largest_epsilon = kLargestEpsilon;
-  }
-  return result;
-}
-
 CornerConditions corner_conditions(const Ocean& ocean, const Sight& sight) {
   return {.delay = ocean.round_trip / 2,
           .ve_low = ocean.rate,
@@ -100,7 +90,7 @@ CornerConditions corner_conditions(const Ocean& ocean, const Sight& sight) {
           .loss = ocean.network.loss,
           .outage = ocean.network.outage,
           .settling = settling(ocean),
-          .method = method_of(sight.method),
+          .method = method(sight.method),
           .stiffness = sight.stiffness,
           .device = ocean.device};
 }
@@ -167,7 +157,7 @@ BodyConditions body_conditions(const Ocean& ocean, const char* name, double stif
                             .delay = ocean.round_trip / 2,
                             .loss = ocean.network.loss,
                             .stiffness = stiffness,
-                            .method = method_of(name),
+                            .method = method(name),
                             .device = ocean.device};
   if (ocean.network.outage > 0) {
     const double duration = ocean.network.outage;
@@ -324,7 +314,6 @@ constexpr std::array kPromises{Promise{"wall", "shapes", 1, 15, 1, true, true},
                                Promise{"weight", "shapes", 0.5, 60, 1, false, false},
                                Promise{"push", "shapes", 1, 15, 0.3, false, false},
                                Promise{"door", "shapes", 1, 60, 0.3, false, false},
-                               Promise{"wall", "planes", 0.2, 15, 0.3, true, false},
                                Promise{"weight", "planes", 0.2, 60, 1, false, false},
                                Promise{"push", "planes", 0.5, 15, 0.3, false, false},
                                Promise{"door", "planes", 0.05, 60, 0.3, false, false}};

@@ -88,8 +88,8 @@ std::string described(const HeldPegs& o) {
 }  // namespace
 
 void tight_hole(Bench& bench) {
-  auto of = shake_all(bench, "fig16", hole_task(1, 4000, 30), {"ir", "lm0", "lm5", "lm-adaptive"});
-  for (const char* name : {"lm5", "lm-adaptive"}) {
+  auto of = shake_all(bench, "fig16", hole_task(1, 4000, 30), {"ir", "lm0", "lm5", "shapes"});
+  for (const char* name : {"lm5", "shapes"}) {
     const HeldPegs& o = of[name];
     if (o.trials == 0) continue;
     bench.claim({.what = fmt::format("16, {}", method(name).label),
@@ -116,8 +116,7 @@ void tight_hole(Bench& bench) {
 }
 
 void stiff_hole(Bench& bench) {
-  auto of = shake_all(bench, "fig17", hole_task(3, 15'000, 100),
-                      {"ir", "lm0", "lm5", "lm-adaptive", "shapes"});
+  auto of = shake_all(bench, "fig17", hole_task(3, 15'000, 100), {"ir", "lm0", "lm5", "shapes"});
   if (const HeldPegs& o = of["ir"]; o.trials > 0) {
     bench.claim({.what = "17, IR",
                  .paper = "unstable",
@@ -125,7 +124,7 @@ void stiff_hole(Bench& bench) {
                  .measured = described(o),
                  .holds = o.unstable == o.trials});
   }
-  for (const char* name : {"lm0", "lm5", "lm-adaptive", "shapes"}) {
+  for (const char* name : {"lm0", "lm5", "shapes"}) {
     const HeldPegs& o = of[name];
     if (o.trials == 0) continue;
     bench.claim({.what = fmt::format("17, {}", method(name).label),

@@ -45,7 +45,7 @@ Task spatial_task(ve::WorldDescription world, const server::HandSegment& hand, d
 }
 
 std::vector<Job> jobs_of(const Bench& bench) {
-  return bench.jobs({"ir", "lm0", "lm5", "lm-adaptive"}, bench.quick() ? 2 : bench.seeds());
+  return bench.jobs({"ir", "lm0", "lm5", "shapes"}, bench.quick() ? 2 : bench.seeds());
 }
 
 /// Of all seeds of one method.
@@ -100,7 +100,7 @@ void square_hole(Bench& bench) {
       series.row(method.label, time, x, y, z, rotation);
     }
   }
-  for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
+  for (const char* name : {"lm0", "lm5", "shapes"}) {
     const ShakenPegs& o = of[name];
     if (o.energy.empty()) continue;
     const bool predicts = std::string(name) != "lm0";
@@ -167,8 +167,7 @@ void box_on_edge(Bench& bench) {
                        spread(rest.sway, 1e3));
   };
   // Without prediction the late contacts keep the tilt at which they arrived.
-  const std::map<std::string_view, double> largest_tilt{
-      {"lm0", 15}, {"lm5", 3}, {"lm-adaptive", 0.1}};
+  const std::map<std::string_view, double> largest_tilt{{"lm0", 15}, {"lm5", 3}, {"shapes", 0.1}};
   for (const auto& [name, degrees] : largest_tilt) {
     const Rest& rest = of[name];
     if (rest.tilt.empty()) continue;

@@ -59,7 +59,7 @@ Settled settled(const Trace& trace, bool with_series) {
 }  // namespace
 
 void static_contact(Bench& bench) {
-  const std::vector<Job> jobs = bench.jobs({"ir", "lm0", "lm5", "lm-adaptive"}, bench.seeds());
+  const std::vector<Job> jobs = bench.jobs({"ir", "lm0", "lm5", "shapes"}, bench.seeds());
   const std::vector<Settled> results = bench.map(jobs, [&](const Job& job) {
     return settled(run({task(), job.method, {}, job.seed}), job.seed == bench.seed());
   });
@@ -79,7 +79,7 @@ void static_contact(Bench& bench) {
     arrival[name].push_back(o.arrival);
     for (const auto& [time, y, theta] : o.series) series.row(label, time, y, theta);
   }
-  for (const char* name : {"lm0", "lm5", "lm-adaptive"}) {
+  for (const char* name : {"lm0", "lm5", "shapes"}) {
     if (sway[name].empty()) continue;
     bench.claim({.what = fmt::format("14(b), {}", method(name).label),
                  .paper = "the device settles on the wall",

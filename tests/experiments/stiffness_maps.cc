@@ -109,7 +109,7 @@ Fit fit_over_age(Map& delay, std::string_view method) {
 void stiffness_maps(Bench& bench) {
   std::vector<Place> places;
   const std::vector<Method> compared =
-      bench.methods({"ir", "ir-rot", "vrpn", "coupler", "engine", "lm0", "lm5", "lm-adaptive",
+      bench.methods({"ir", "ir-rot", "vrpn", "coupler", "engine", "lm0", "lm5", "shapes",
                      "lm5-direct", "lm5-coupler", "ir-four"});
   for (const Axis& axis : axes()) {
     for (const double value : axis.values) {

@@ -44,7 +44,6 @@ constexpr Experiment kExperiments[] = {
     {"spatial", spatial, 0.04},
     {"collisions", collisions, 0.03},
     {"linkages", linkages, 0.5},
-    {"corners", corners, 0.02},
     {"shapes", near_shapes, 0.3},
     {"ocean", ocean, 0.1, true, true},
     {"roams", roams, 0.4},

@@ -115,6 +115,7 @@ BothHeld play(const Hold& hold, const BodyConditions& conditions, int judged, st
   const double end = hold.end;
   test::VirtualSessionOptions options;
   options.world = hold.world;
+  options.frame.shapes = false;  // As ve_client with two tools.
   options.tool = "left";
   options.hand = hold.left;
   options.others = {{"right", hold.right}};

@@ -25,8 +25,7 @@ struct Effects {
 }  // namespace
 
 void updates(Bench& bench) {
-  const std::vector<std::string> names{"ir",  "vrpn", "lm0-paper",  "lm5-paper",
-                                       "lm0", "lm5",  "lm-adaptive"};
+  const std::vector<std::string> names{"ir", "vrpn", "lm0-paper", "lm5-paper", "lm0", "lm5"};
   const std::vector<Job> jobs = bench.jobs(names, bench.seeds());
   const Task task = hole_task(1, 4000, 30);
   const auto found = bench.map(jobs, [&](const Job& job) {

@@ -903,7 +903,7 @@ class OfferedLittle(PageTest):
         const message = parse(text);
         if (message.type === 'world') {
           for (const name of ['scenes', 'starts', 'start', 'methods', 'controllers', 'update_rules']) delete message[name];
-          for (const name of ['epsilon', 'largest_epsilon', 'rate', 'delay', 'jitter', 'loss']) delete message.ranges[name];
+          for (const name of ['epsilon', 'rate', 'delay', 'jitter', 'loss']) delete message.ranges[name];
           for (const body of message.bodies) body.name = '';
         }
         for (const name of ['environment', 'method', 'chain', 'recording']) if (message.type === 'frame') delete message[name];

@@ -79,7 +79,7 @@ TEST_CASE("Pressed on a wall: force within 2 % of the push, separation within 2 
                                                  "friction=0"});
   REQUIRE(haptic_server.wait_for_error("listening", 10));
   Arguments client_of_wall = client(port) + Arguments{"--duration", "6"};
-  if (shapes) client_of_wall.push_back("--shapes");
+  if (!shapes) client_of_wall.push_back("--contacts");
   const Finished session = run(client_of_wall, 30);
   CHECK(session.exit_code == 0);
   haptic_server.send_signal(SIGTERM);
@@ -106,7 +106,7 @@ TEST_CASE("A recorded run in which both sides stalled replays offline bit for bi
                           Arguments{"--record", directory.file("run.pcap")});
     REQUIRE(haptic_server.wait_for_error("listening", 10));
     Arguments stalled = client(port) + Arguments{"--duration", "3"};
-    if (shapes) stalled.push_back("--shapes");
+    if (!shapes) stalled.push_back("--contacts");
     Process haptic_client(stalled);
     // Both stall, long enough that force fades.
     std::this_thread::sleep_for(std::chrono::milliseconds(1000));

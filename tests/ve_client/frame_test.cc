@@ -18,16 +18,6 @@
 namespace hlm::ve {
 namespace {
 
-TEST_CASE("Ε grows with speed and delay between its bounds") {
-  const FrameOptions options{.epsilon = 0.005, .largest_epsilon = 0.08};
-  const double time = lifetime(0.04, 0.03);
-  CHECK(adapted_epsilon(options, 0.01, time) == 0.005);
-  CHECK(adapted_epsilon(options, 0.2, time) > 0.2 * 0.1);  // m: what the tool travels
-  CHECK(adapted_epsilon(options, 0.2, time) < 2 * 0.2 * 0.1);
-  CHECK(adapted_epsilon(options, 10, time) == 0.08);
-  CHECK(adapted_epsilon({.epsilon = 0.005, .largest_epsilon = 0}, 10, time) == 0.005);
-}
-
 /// A server without a local model: its proxy moves at a constant velocity from where hello put it.
 class ScriptedServer {
  public:

@@ -102,9 +102,6 @@ TEST_CASE("A mistake is one line that names the option, its value and what is al
              ContainsSubstring("--follow magic must be one of implicit, kinematic"));
   CHECK_THAT(error_of({"--colour", "red"}), ContainsSubstring("--colour"));
   CHECK_THAT(error_of({"--epsilom", "0.005"}), ContainsSubstring("did you mean '--epsilon'?"));
-  CHECK_THAT(error_of({"--largest-epsilon", "0.002"}),
-             ContainsSubstring("--largest-epsilon 0.002 m must be 0") &&
-                 ContainsSubstring("at least --epsilon, 0.005 m"));
   CHECK_THAT(error_of({"--config", "/nonexistent.toml"}), ContainsSubstring("/nonexistent.toml"));
   const Parsed no_world = parse({});
   CHECK(no_world.arguments.exit_code == 2);

@@ -4,8 +4,8 @@
 const EXPERT = 'expert';
 const PLACES = ['scene', 'start'];
 const WORDS = { controller: 'controllers', update_rule: 'update_rules' };
-const OF_THE_CLIENT = ['epsilon', 'largest_epsilon', 'rate', 'delay', 'jitter', 'loss', 'pace'];
-const OF_A_METHOD = ['controller', 'update_rule', 'epsilon', 'largest_epsilon'];
+const OF_THE_CLIENT = ['epsilon', 'rate', 'delay', 'jitter', 'loss', 'pace'];
+const OF_A_METHOD = ['controller', 'update_rule', 'epsilon'];
 
 export class Address {
   /** `request(message)` sends it as if a person had asked for it; `complain(text)` says what cannot be brought back;

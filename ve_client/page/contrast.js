@@ -25,7 +25,6 @@ const COUPLINGS = {
                   coupling_angular_stiffness: 0, coupling_angular_damping: 0 }),
   right: (k) => ({ controller: 'direct', update_rule: 'retain', stiffness: k, damping: 100 }),
 };
-const EPSILONS = { left: { epsilon: 0, largest_epsilon: 0 }, right: { epsilon: 0.02, largest_epsilon: 0.2 } };
 
 const byId = (id) => document.getElementById(id);
 const wanted = { stiffness: STIFFNESS.first, delay: 0 };
@@ -61,7 +60,7 @@ class Side {
 
   /** Makes it what the page says. */
   set() {
-    this.send({ type: 'environment', rate: 60, delay: present.delay, jitter: 0, loss: 0, ...EPSILONS[this.name] });
+    this.send({ type: 'environment', rate: 60, delay: present.delay, jitter: 0, loss: 0 });
     this.send({ type: 'settings', ...COUPLINGS[this.name](present.stiffness) });
   }
 

@@ -18,7 +18,7 @@ const GROUPS = [
     ['stiffness', 'Stiffness', 'kN/m', [100, 1e5]], ['damping', 'Damping b'], ['friction', 'Friction µ'],
     ['restitution', 'Restitution e']]],
   ['environment', 'Prediction', [
-    ['epsilon', 'Epsilon ε', 'mm'], ['largest_epsilon', 'Largest ε (0: fixed)', 'mm'], ['rate', 'Frame rate']]],
+    ['epsilon', 'ε of contacts that are sent', 'mm'], ['rate', 'Frame rate']]],
   ['environment', 'Injected on the network', [
     ['delay', 'Delay, one way', 'ms'], ['jitter', 'Jitter', 'ms'], ['loss', 'Loss', '%']]],
   ['settings', 'Controller', [

@@ -33,10 +33,8 @@ struct EnvironmentRange : Range {
   const char* name;
   double& (*number)(LiveSettings&);
 };
-inline constexpr std::array<EnvironmentRange, 7> kEnvironmentRanges{{
+inline constexpr std::array<EnvironmentRange, 6> kEnvironmentRanges{{
     {kEpsilons, "epsilon", [](LiveSettings& s) -> double& { return s.frame.epsilon; }},
-    {kEpsilons, "largest_epsilon",
-     [](LiveSettings& s) -> double& { return s.frame.largest_epsilon; }},
     {{5, 200, "Hz"}, "rate", [](LiveSettings& s) -> double& { return s.rate; }},
     {{0, kLongestDelay, "s"}, "delay", [](LiveSettings& s) -> double& { return s.network.delay; }},
     {{0, kLongestJitter, "s"},

@@ -15,7 +15,6 @@ inline LiveSettings with_method(const Method& method, LiveSettings settings) {
   settings.tuning.update_rule = method.update_rule;
   settings.tuning.controller = method.controller;
   settings.frame.epsilon = method.epsilon;
-  settings.frame.largest_epsilon = method.largest_epsilon;
   settings.frame.shapes = method.shapes;
   return settings;
 }
@@ -26,8 +25,7 @@ inline const Method* method_in_effect(const LiveSettings& settings) {
     if (method.on_page && settings.frame.shapes == method.shapes &&
         settings.tuning.update_rule == method.update_rule &&
         settings.tuning.controller == method.controller &&
-        settings.frame.epsilon == method.epsilon &&
-        settings.frame.largest_epsilon == method.largest_epsilon) {
+        (method.shapes || settings.frame.epsilon == method.epsilon)) {
       return &method;
     }
   }

@@ -129,16 +129,6 @@ LiveSettings with_environment(const json& message, LiveSettings settings) {
       refuse(field, value, "one of the settings in docs/page_messages.md");
     range->number(settings) = number(range->name, value, *range);
   }
-  const FrameOptions& frame = settings.frame;
-  if (frame.largest_epsilon > 0 && frame.largest_epsilon < frame.epsilon) {
-    if (message.contains("largest_epsilon")) {
-      refuse("largest_epsilon", frame.largest_epsilon,
-             "0, which is off, or at least epsilon, " + shortest_text(frame.epsilon) + " m");
-    }
-    refuse("epsilon", frame.epsilon,
-           "at most largest_epsilon, " + shortest_text(frame.largest_epsilon) +
-               " m, unless that is 0, which is off");
-  }
   return settings;
 }
 

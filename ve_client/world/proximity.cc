@@ -127,16 +127,8 @@ std::span<const FoundContact> Proximity::find(const VirtualTool& tool,
   return contacts_;
 }
 
-std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon,
-                                               bool all_axes, double ahead) {
-  ContactFinder::Search search{.epsilon = epsilon, .all_axes = all_axes, .of_tool = true};
-  if (ahead > 0) {
-    search.travel_W = [&tool, ahead](int link, const Vector3& p_W) -> Vector3 {
-      const Vector3 v_W = tool.target_velocity_at(link, p_W);
-      return possible_travel(v_W.norm(), ahead) * v_W.normalized();
-    };
-  }
-  return find(tool, search);
+std::span<const FoundContact> Proximity::query(const VirtualTool& tool, double epsilon) {
+  return find(tool, {.epsilon = epsilon, .of_tool = true});
 }
 
 std::span<const FoundContact> Proximity::query(int body, double epsilon) {
@@ -174,7 +166,7 @@ Overlap Proximity::overlap(const VirtualTool& tool,
 std::span<const ToolContact> Proximity::within_reach(
     const VirtualTool& tool, double reach, const std::function<bool(int body)>& stops_tool) {
   within_reach_.clear();
-  query(tool, reach, true);
+  find(tool, {.epsilon = reach, .all_axes = true, .of_tool = true});
   keep_axes_in_the_way(tool, contacts_);
   for (const FoundContact& found : contacts_) {
     // What the links do to each other is the proxy's business: the world's tool follows it.

@@ -60,7 +60,7 @@ UpdatePolicy policy(UpdateRule rule) {
 LocalContacts adopted(const LocalContacts& existing, const ReportedContacts& reported,
                       const ToolModel& ve_tool, const ToolModel& proxy, double age,
                       UpdateRule rule) {
-  ToolContacts updated;
+  LocalContacts updated;
   const LocalBodies none;
   UpdateFrames frames{.tool = proxy,
                       .bodies = none,
@@ -68,7 +68,7 @@ LocalContacts adopted(const LocalContacts& existing, const ReportedContacts& rep
                       .before = poses_of(proxy, none)};
   frames.set_now(poses_of(proxy, none));
   adopt_update(existing, reported, frames, age, policy(rule), updated);
-  return updated.acting;
+  return updated;
 }
 
 double separation(const LocalContact& contact, const ToolModel& proxy) {
@@ -98,10 +98,10 @@ TEST_CASE(
                       .reported = poses_of(tool, bodies),
                       .before = poses_of(tool, bodies)};
   frames.set_now(frames.reported);
-  ToolContacts updated;
+  LocalContacts updated;
   adopt_update({}, reported, frames, 0, policy(UpdateRule::kRetain), updated);
-  REQUIRE(updated.acting.size() == 1);
-  LocalContact& contact = updated.acting[0];
+  REQUIRE(updated.size() == 1);
+  LocalContact& contact = updated[0];
 
   // The body rolls by 0.1 rad about its centre, the tool turns by 0.02 rad the other way.
   bodies[0].X_WB.R = rotation_from_vector({0, 0.1, 0});

@@ -32,7 +32,6 @@ void crowd(ReportedContacts& contacts, MovableBodies& bodies, double depth) {
     ReportedContact contact;
     contact.identity = 2 * i;
     contact.pair = body;
-    contact.axis = static_cast<std::uint16_t>(i % 3);
     contact.n_W = Vector3(i % 3 == 2 ? 1 : 0, 0, 1).normalized();
     contact.b = {SideKind::kMovableBody, body};
     contact.p_WC = p;

@@ -129,10 +129,10 @@ TEST_CASE("A loaded contact that a cut search did not get to stays as a plane") 
   UpdateFrames frames{.tool = proxy, .bodies = bodies, .reported = poses, .before = poses};
   frames.now = poses;
   for (const bool is_cut : {false, true}) {
-    const auto updated = std::make_unique<ToolContacts>();
+    const auto updated = std::make_unique<LocalContacts>();
     renew_contacts(existing, {}, frames, {.is_known_in_part = is_cut}, {}, *updated);
-    REQUIRE(updated->acting.size() == (is_cut ? 1u : 0u));
-    if (is_cut) CHECK(updated->acting[0].identity == 5);
+    REQUIRE(updated->size() == (is_cut ? 1u : 0u));
+    if (is_cut) CHECK((*updated)[0].identity == 5);
   }
 }
 

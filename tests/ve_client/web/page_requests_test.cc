@@ -51,9 +51,9 @@ TEST_CASE("A method sets rule, controller and ε together") {
   CHECK(ir.tuning.update_rule == UpdateRule::kIntermediateRepresentation);
   CHECK(ir.tuning.controller == ControllerKind::kDirect);
   CHECK(ir.frame.epsilon == 0);
-  const auto adaptive =
-      parsed<SettingsRequest>(R"({"type":"method","name":"lm-adaptive"})").settings;
-  CHECK(adaptive.frame.largest_epsilon > adaptive.frame.epsilon);
+  CHECK_FALSE(ir.frame.shapes);
+  const auto shapes = parsed<SettingsRequest>(R"({"type":"method","name":"shapes"})").settings;
+  CHECK(shapes.frame.shapes);
 }
 
 TEST_CASE("Each method is recognised by what it sets, and by nothing else") {
@@ -85,7 +85,7 @@ TEST_CASE("A tool of several links is refused what puts the device in its place"
         parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, linkage);
     CHECK(refusal.field == "name");
     CHECK_THAT(refusal.text,
-               ContainsSubstring("must be lm0, lm5, lm-adaptive: the tool has several"));
+               ContainsSubstring("must be lm0, lm5, shapes: the tool has several"));
   }
   const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, linkage);
   CHECK_THAT(refusal.text,
@@ -113,15 +113,6 @@ TEST_CASE("A scene is one of the menu, and nothing else is a way to a file") {
   CHECK(refusal.text == "scene " + name + " must be door, push");
 }
 
-TEST_CASE("Epsilon cannot be set above the largest epsilon") {
-  LiveSettings adaptive;
-  adaptive.frame.largest_epsilon = 0.02;
-  const std::string request = R"({"type":"environment","epsilon":0.05})";
-  CHECK(parsed<Refusal>(request, adaptive).text ==
-        "epsilon 0.05 must be at most largest_epsilon, 0.02 m, unless that is 0, which is off");
-  CHECK(parsed<SettingsRequest>(request, {}).settings.frame.epsilon == 0.05);
-}
-
 TEST_CASE("What cannot be done is refused with the field, its value and what is allowed") {
   const auto [text, field, allowed] = GENERATE(table<std::string, std::string, std::string>({
       {R"({"type":"settings","stiffness":-1})", "stiffness", "-1 must be 1 to 1000000 N/m"},
@@ -129,14 +120,12 @@ TEST_CASE("What cannot be done is refused with the field, its value and what is 
       {R"({"type":"settings","controller":"magic"})", "controller", "four_channel, three_channel"},
       {R"({"type":"settings","colour":1})", "colour", "one of the settings"},
       {R"({"type":"environment","loss":1})", "loss", "0 to 0.5"},
-      {R"({"type":"environment","epsilon":0.01,"largest_epsilon":0.005})", "largest_epsilon",
-       "0.005 must be 0, which is off, or at least epsilon, 0.01 m"},
       {R"({"type":"hand","hold":true})", "target", "7 numbers"},
       {R"({"type":"hand","hold":true,"target":[0,0,0,1,1,0,0]})", "target", "unit quaternion"},
       {R"({"type":"hand","hold":true,"target":[1e9,0,0,1,0,0,0]})", "target", "within 10 m"},
       {R"({"type":"hand","hold":7})", "hold", "true or false"},
       {R"({"type":"hand","hold":true,"grab":1,"target":[0,0,0,1,0,0,0]})", "grab", "true or false"},
-      {R"({"type":"method","name":"x"})", "name", "lm5, lm-adaptive"},
+      {R"({"type":"method","name":"x"})", "name", "lm5, shapes"},
       {R"({"type":"dance"})", "type", "hand, settings"},
       {"[]", "type", "hand, settings"},
       {"{", "", "must be JSON"},
