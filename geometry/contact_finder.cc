@@ -262,10 +262,6 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   pair.keeps_side = of_tool && (body_of(other).movable || keeps_all) && !of_sheet;
   pair.may_pass_beside =
       of_tool && body.link == 0 && planar_normal_W_ && pieces_.is_fixed(other.id.body);
-  // Edges of adjoining pieces are no edges; it is not known where a movable body goes.
-  const bool looks_ahead =
-      of_tool && !pair.keeps_side && own.adjoining.empty() && other.adjoining.empty();
-  if (looks_ahead && search.travel_W) pair.travel_W = search.travel_W(body.link, X_WG.p);
   std::optional<Vector3> before;
   if (pair.keeps_side) {
     if (const Vector3* known = sides_before_.find({own.id, other.id})) before = *known;
@@ -346,7 +342,7 @@ AxesManifold ContactFinder::manifold_of(Pair& pair, const Search& search,
   // The axes of one piece of a skin do not tell whether the tool is apart from the mesh.
   if (search.all_axes && !pair.other.mesh) {
     return find_axes(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_, near_O,
-                     pair.travel_W, kMayAllocate);
+                     kMayAllocate);
   }
   const Manifold best = find_contacts(own, pair.X_WG, other, pair.X_WO, search.epsilon, statistics_,
                                       near_O, kMayAllocate, &pair.known);

@@ -40,8 +40,7 @@ struct FinderCut {
 
 /// Shapes once, poses whenever they change. A body is a link of a tool or one of the world's.
 ///
-/// After its construction nothing allocates, takes a lock or throws, if `may_touch` and `travel_W`
-/// do neither.
+/// After its construction nothing allocates, takes a lock or throws, if `may_touch` does not.
 class ContactFinder {
  public:
   struct Body {
@@ -63,8 +62,6 @@ class ContactFinder {
     /// Work that it may do. Where a search of the same bodies has come near to it, the next one
     /// begins with the pairs that may be deepest.
     std::uint64_t work = std::numeric_limits<std::uint64_t>::max();
-    /// How far a point of a link, now at p_W, is about to move, m; empty: not at all.
-    std::function<Vector3(int link, const Vector3& p_W)> travel_W = {};
   };
 
   /// `bodies`: by their numbers in `pieces`, which outlives this. All are at the world's origin.
@@ -95,9 +92,8 @@ class ContactFinder {
     const Piece& other;
     Pose X_WG;
     Pose X_WO;
-    Vector3 travel_W = Vector3::Zero();  ///< How far it is about to move, m; 0: not asked.
-    bool keeps_side = false;             ///< The tool stays on its side of a movable body.
-    bool may_pass_beside = false;        ///< A planar tool may be beside it for good.
+    bool keeps_side = false;       ///< The tool stays on its side of a movable body.
+    bool may_pass_beside = false;  ///< A planar tool may be beside it for good.
     KnownSeparation known = {};
   };
 

@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "hlm/geometry/clip.h"
-#include "hlm/geometry/look_ahead.h"
 #include "hlm/geometry/penetration.h"
 #include "hlm/geometry/separation.h"
 #include "hlm/geometry/tolerances.h"
@@ -294,32 +293,9 @@ bool sharp(const CorePair& pair) {
          pair.body.margin() == 0;
 }
 
-/// Those along a normal that turns with every motion of the shapes: none of a face, which has an
-/// axis of its own.
-FeaturePairs rounded_features(const CorePair& pair, const CoreSeparation& separation) {
-  FeaturePairs pairs = facing_edges(pair, separation.n_B);
-  if (!stands_for(pairs, separation.n_B, separation.gap)) {
-    put(pairs, witness_features(pair, separation));
-  }
-  return pairs;
-}
-
 /// Whether no list of normals decides if the shapes overlap.
 bool turns(const CorePair& pair) {
   return !sharp(pair) || pair.tool.is_hull() || pair.body.is_hull();
-}
-
-/// The features that meet at a look, where they are now: on a line along the normal there.
-FeaturePairs features_ahead(const CorePair& pair, const Look& look, const Vector3& travel_B) {
-  const Vector3& n = look.separation.n_B;
-  const Vector3 way = look.share * travel_B;
-  FeaturePairs pairs = rounded_features(moved(pair, way), look.separation);
-  for (FeaturePair& p : pairs) {
-    const double gap = gap_of(p, n) - n.dot(way);
-    p.p_tool -= way;
-    p.p_body = p.p_tool - gap * n;
-  }
-  return pairs;
 }
 
 /// The signed distance if it is within epsilon and confirmed.
@@ -380,8 +356,7 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B, const Vector3& travel_W,
-                       bool may_allocate) {
+                       const std::optional<Vector3>& before_B, bool may_allocate) {
   CorePair pair(tool, X_WT, body, X_WB);
   pair.may_allocate = may_allocate;
   const auto separation = near_separation(pair, epsilon, statistics, before_B);
@@ -391,9 +366,8 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
   Axes kept;
   Axes bearing;  // Axes of these that are meant to carry load.
   std::uint16_t count = 0;
-  std::size_t room = kMaxAxesPoints;
   const auto add = [&](const Axis& axis, const FeaturePairs& pairs, bool bears = true) {
-    if (pairs.empty() || manifold.size() + pairs.size() > room) return;
+    if (pairs.empty() || manifold.size() + pairs.size() > kMaxAxesPoints) return;
     for (const FeaturePair& p : pairs) {
       ManifoldPoint& point = manifold.emplace_back(manifold_point(pair, X_WB, p, axis.n_B));
       point.axis = count;
@@ -433,19 +407,6 @@ AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body,
       continue;
     }
     kept.push_back(axis);
-  }
-  if (turns(pair) && !body.is_half_space() && !travel_W.isZero()) {
-    room = manifold.capacity();
-    const Vector3 travel_B = X_WB.R.conjugate() * travel_W;
-    for (const Look& look : looks_ahead(pair, *separation, travel_B)) {
-      const Axis axis{look.separation.n_B, pair.gap(look.separation.n_B)};
-      const bool is_new = std::none_of(kept.begin(), kept.end(), [&](const Axis& other) {
-        return (axis.n_B - other.n_B).norm() < narrow::kSameAxis;
-      });
-      if (look.share == 0 || !is_new) continue;
-      add(axis, features_ahead(pair, look, travel_B), !is_known(axis.n_B));
-      if (kept.size() < kept.capacity()) kept.push_back(axis);
-    }
   }
   return manifold;
 }

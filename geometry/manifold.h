@@ -61,13 +61,8 @@ Manifold find_contacts(const Convex& tool, const Pose& X_WT, const Convex& body,
 /// the face's border. An axis within kOneAxis of an earlier load-bearing one bears no load: of
 /// these only normals of the body's faces are listed, which tell whether the shapes are apart as
 /// the tool turns.
-///
-/// The normals of curved shapes, and of the edges of hulls, turn as the tool moves. With
-/// `travel_W`, how far it is about to move relative to the body (m), they are also those that
-/// become the best along that way.
 AxesManifold find_axes(const Convex& tool, const Pose& X_WT, const Convex& body, const Pose& X_WB,
                        double epsilon, ProximityStatistics& statistics,
-                       const std::optional<Vector3>& before_B = {},
-                       const Vector3& travel_W = Vector3::Zero(), bool may_allocate = true);
+                       const std::optional<Vector3>& before_B = {}, bool may_allocate = true);
 
 }  // namespace hlm::geometry

@@ -5,7 +5,6 @@
 
 #include <benchmark/benchmark.h>
 
-#include "hlm/geometry/select_pairs.h"
 #include "hlm/scene/scene.h"
 #include "hlm/ve/frame.h"
 
@@ -49,10 +48,9 @@ void ScaleQuery(benchmark::State& state) {
     v.head<2>() = kSpeed * Eigen::Vector2d(-std::sin(angle), std::cos(angle));
     held.tool.set_target(held.tool.q(), v);
     state.ResumeTiming();
-    const auto found = held.proximity.query(held.tool, epsilon, true, epsilon / kSpeed);
-    std::vector<FoundContact> of_tool =
-        select_pairs(held.selection, {found.begin(), found.end()}, kSmallest, {},
-                     [](const ContactSide&) { return false; });
+    const auto found = held.proximity.query(held.tool, epsilon);
+    const auto selected = held.selection.select(found, {});
+    std::vector<FoundContact> of_tool(selected.begin(), selected.end());
     held.surroundings.find(of_tool, kSmallest);
     contacts += static_cast<double>(of_tool.size() + held.surroundings.contacts().size());
     bodies += static_cast<double>(held.surroundings.bodies().size());

@@ -137,9 +137,6 @@ TEST_CASE("A search of the tool allocates nothing, from 20 mm deep to apart", "[
   for (int i = 0; i < 600; ++i) {
     finder->place(tool, zoo.near_touch(random));
     search.remembers = i % 3 > 0;
-    if (all_axes) {
-      search.travel_W = [](int, const Vector3&) { return Vector3(0.01, 0, -0.02); };
-    }
     const NoMalloc guard;
     contacts += finder->find({&tool, 1}, search).size();
     allocations += guard.allocations();

@@ -27,12 +27,12 @@ class Proximity {
   /// `world` outlives this.
   Proximity(World& world, const ToolAssembly& assembly);
 
-  /// All contacts with σ <= epsilon (m, >= 0) in the present poses, on the best axis of each pair of
-  /// shapes, in an order that depends on the world alone; the velocities are those of the bodies.
-  /// Bodies and shapes are named by their index in the world's description; all bodies count as the
-  /// world. Where the tool overlaps a movable body it stays on the side on which it was at the call
-  /// before. Of two links the normal points to the one farther from the root, and the velocity is
-  /// zero: both are the tool's. Valid until the next call.
+  /// All contacts with σ <= epsilon (m, >= 0) in the present poses, on the best axis of each pair
+  /// of shapes, in an order that depends on the world alone; the velocities are those of the
+  /// bodies. Bodies and shapes are named by their index in the world's description; all bodies
+  /// count as the world. Where the tool overlaps a movable body it stays on the side on which it
+  /// was at the call before. Of two links the normal points to the one farther from the root, and
+  /// the velocity is zero: both are the tool's. Valid until the next call.
   std::span<const FoundContact> query(const VirtualTool& tool, double epsilon);
   /// The contacts of a body that is not fixed, whose normals point to it, with all bodies that
   /// the engine lets it touch. Valid until the next call.

@@ -74,11 +74,6 @@ void VirtualTool::set_target(const Configuration& q, const Velocity& v) {
   }
 }
 
-Vector3 VirtualTool::target_velocity_at(int link, const Vector3& p_W) const {
-  const Vector3 p_W_target = X_WB_target(link) * (X_WB(link).inverse() * p_W);
-  return (target_.jacobian(link, p_W_target) * v_proxy_).head<3>();
-}
-
 double VirtualTool::point_speed(const Twist& V_WB) const noexcept {
   // No point of the tool is farther from a link's centre of mass than twice its length.
   return V_WB.head<3>().norm() + 2 * assembly_.description.length * V_WB.tail<3>().norm();

@@ -38,13 +38,6 @@ struct FollowOptions {
   double max_force = 50;
 };
 
-/// How far a hand may take a point that moves at `speed` (m/s) in `time` (s), m. 5 m/s² is a firm
-/// push of 5 N on a tool of 1 kg.
-constexpr double possible_travel(double speed, double time) noexcept {
-  constexpr double kAcceleration = 5;
-  return speed * time + 0.5 * kAcceleration * time * time;
-}
-
 /// Owns the tool's part of a World. Not thread-safe.
 class VirtualTool {
  public:
@@ -62,8 +55,6 @@ class VirtualTool {
   void set_target(const Configuration& q, const Velocity& v);
   /// Upper bound on the speed of any point of the latest target, m/s.
   double target_speed() const noexcept { return target_speed_; }
-  /// Velocity that the latest target had where a link's point at p_W is drawn to, m/s.
-  Vector3 target_velocity_at(int link, const Vector3& p_W) const;
 
   /// The world's time goes by `pace` (> 0) seconds in one of the hand's, in which targets and v()
   /// are. 1 at first.
