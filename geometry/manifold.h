@@ -1,5 +1,5 @@
 // All basic contacts of one pair of convex shapes within ε (docs/method.md 8.3), on the best of its
-// separating axes or on all near ones (2.8).
+// separating axes or on all near ones.
 #pragma once
 
 #include <cstdint>
@@ -26,10 +26,9 @@ struct ManifoldPoint {
 inline constexpr std::uint32_t kTellsApart = std::uint32_t{1} << 31;
 inline constexpr std::size_t kMaxManifoldPoints = 32;
 using Manifold = StaticVector<ManifoldPoint, kMaxManifoldPoints>;
-/// Most contacts on all near axes, and on those ahead, which are the last.
+/// Most contacts on all near axes.
 inline constexpr std::size_t kMaxAxesPoints = 4 * kMaxManifoldPoints;
-inline constexpr std::size_t kMaxPointsAhead = 12;
-using AxesManifold = StaticVector<ManifoldPoint, kMaxAxesPoints + kMaxPointsAhead>;
+using AxesManifold = StaticVector<ManifoldPoint, kMaxAxesPoints>;
 
 /// Counts of answers that were refused, over the life of the caller's program.
 struct ProximityStatistics {

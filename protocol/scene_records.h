@@ -95,7 +95,7 @@ struct SceneLimits {
   std::size_t record_bytes = std::size_t{16} << 20u;  ///< Of one record, bytes.
   std::size_t vertices = 50'000;                      ///< Of one shape; so are the triangles.
   std::size_t triangles = 50'000;
-  std::size_t placements = 10'000;
+  std::size_t placements = 20'000;
   std::size_t shape_bytes = std::size_t{16} << 20u;  ///< Of all shapes, bytes.
   std::size_t apart = 100'000;                       ///< Pairs that never touch.
 };

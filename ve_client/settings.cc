@@ -190,8 +190,8 @@ class CommandLine {
        .purpose = "Simulates a virtual environment and sends the haptic server what its tool "
                   "touches, or nearly touches.",
        .footer = kFooter,
-       .usual = {"world", "tool", "server", "key-file", "page", "rate", "epsilon", "record",
-                 "duration", "check"}}};
+       .usual = {"world", "tool", "server", "key-file", "page", "rate", "contacts", "epsilon",
+                 "record", "duration", "check"}}};
   Settings settings_;
   ToolSettings first_{{}, "127.0.0.1:47800", {}};
   ToolSettings second_;

@@ -228,8 +228,7 @@ Finding round_trip(const std::vector<double>& sorted) {
   constexpr double kUnsteady = 0.02;  // s: more than a frame.
   if (median <= kLong && jitter <= kUnsteady) return {Verdict::kGood, "round trip", text, ""};
   return {Verdict::kWarning, "round trip", text,
-          "use a cable in place of radio, and a shorter way; ve_client --largest-epsilon lets "
-          "epsilon grow with the delay"};
+          "use a cable in place of radio, and a shorter way; give the server shapes, not contacts"};
 }
 
 Finding loss(std::size_t sent, std::size_t acknowledged) {

@@ -57,7 +57,7 @@ TEST_CASE("A wall that comes at 0.2 m/s is where it is at each tick, to half a t
   options.tool = "tool";
   options.link = {.delay = delay};
   options.rate_low = options.rate_high = 50;
-  options.frame = {.epsilon = 0.09, .push_by_following = true};
+  options.frame = {.shapes = false, .epsilon = 0.09, .push_by_following = true};
   VirtualSession* running = nullptr;
   Vector3 found;             // m: the wall as the newest frame has it,
   double found_at = 0;       // s, since then.

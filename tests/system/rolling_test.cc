@@ -120,6 +120,7 @@ TEST_CASE("A rod with edges under a flat pad is not thrown out: its edges meet t
   write_octagonal_rod(directory.file("rod.obj"));
   VirtualSessionOptions options;
   options.world = table_with("<mesh><uri>" + directory.file("rod.obj") + "</uri></mesh>", mass);
+  options.frame.shapes = false;
   options.tool = "pad";
   options.device.freedom = server::DeviceFreedom::kSpatial;
   options.hand = roll();

@@ -164,10 +164,12 @@ TEST_CASE(
   options.world = world_of(wall + model("peg", "0 0 0 0 0 0", box("0.02 0.02 0.02"),
                                         "<haptic:tool_joint>planar</haptic:tool_joint>"));
   options.hand = constant_push(force(20, 0));  // The device gives 12 N.
-  double farthest = 0;                         // m
+  options.hand.segments.insert(options.hand.segments.begin(),
+                               {0.3, server::Push{}});  // Until the shapes are there.
+  double farthest = 0;                                  // m
   VirtualSession session(
       options, [&](const TickRecord& tick) { farthest = std::max(farthest, tick.X_WP.p.x()); });
-  session.run(0.6);
+  session.run(0.9);
   REQUIRE(session.client().has_scene());
   CHECK(session.last().X_WD.p.x() > 0.1);  // It is past the wall.
   CHECK(farthest < 0.04 + 0.006);

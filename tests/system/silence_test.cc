@@ -242,6 +242,7 @@ class StalledScene {
     const ve::Scene scene = ve::load_scene(HLM_WORLDS "/" + name + ".sdf");
     VirtualSessionOptions options;
     options.world = scene.world;
+    options.frame.shapes = false;
     options.tool = scene.tools.front();
     options.device.freedom = server::DeviceFreedom::kSpatial;
     options.hand = server::read_hand_script(HLM_WORLDS "/hands/" + name + ".toml");

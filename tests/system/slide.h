@@ -92,6 +92,7 @@ struct Task {
   double turn = 0;  ///< About z on the way, rad.
   double push = 1;  ///< N.
   double friction = 0;
+  bool shapes = true;  ///< The server finds the contacts; else the client does.
 };
 
 /// What the hand felt on the way.
@@ -120,6 +121,7 @@ inline Slide slide(const Task& task) {
   options.servo.local_model.static_friction = task.friction;
   options.servo.local_model.kinetic_friction = task.friction;
   options.frame.report_friction = {};
+  options.frame.shapes = task.shapes;
   const server::Grip grip;
   const Vector3 down(0, 0, -0.002 - task.push / grip.stiffness);
   const Vector3 turn(0, 0, task.turn);

@@ -30,7 +30,7 @@ class ScriptedServer {
       hellos.push_back(*inbox.hello);
       session_.accept(now, {.servo_rate = 1000,
                             .fingerprint = 0,
-                            .capabilities = {.movable_bodies = movable_bodies, .axes = axes}});
+                            .capabilities = {.movable_bodies = movable_bodies}});
       began_ = now;
       impulses = {};
     }
@@ -52,7 +52,6 @@ class ScriptedServer {
   std::optional<Configuration> forced_q;  ///< Sent instead of the proxy's configuration.
   bool goodbye = false;
   bool movable_bodies = false;
-  bool axes = false;
   std::optional<Wrench> push;  ///< On a body.
   std::uint32_t pushed_body = 0;
   protocol::Impulses impulses;  ///< Of the session.
@@ -196,11 +195,10 @@ TEST_CASE("Each update has the contacts of the very configuration that it carrie
   CHECK(with_contacts > 10);
 }
 
-TEST_CASE("A tool that approaches fast gets a wall from farther away, if its server knows axes") {
-  const auto farthest = [](const FrameOptions& options, bool axes = true) {
+TEST_CASE("Without shapes a tool that approaches gets a wall from epsilon on") {
+  const auto farthest = [](double epsilon) {
     Setup setup({.delay = 0.02}, 1, Vector3(0, 0.3, 0));
-    setup.server->axes = axes;
-    setup.run(1, options);
+    setup.run(1, {.epsilon = epsilon});
     double separation = 0;
     for (const protocol::ContactUpdate& update : setup.server->updates) {
       for (const ReportedContact& contact : update.contacts) {
@@ -209,36 +207,9 @@ TEST_CASE("A tool that approaches fast gets a wall from farther away, if its ser
     }
     return separation;
   };
-  CHECK(farthest({.epsilon = 0.005, .largest_epsilon = 0}) <= 0.005);  // m
-  CHECK(farthest({.epsilon = 0.005}, false) <= 0.005);
-  CHECK(farthest({.epsilon = 0}) <= 0);
-  // 0.3 m/s over 40 ms of round trip and a frame of 17 to 33 ms.
-  CHECK(farthest({.epsilon = 0.005}) > 0.3 * (0.04 + 0.017));
-}
-
-TEST_CASE(
-    "Of a skin, whose triangles have one axis each, contacts come from the smallest epsilon on") {
-  const test::TemporaryDirectory directory;
-  std::ofstream(directory / "skin.obj") << "v -1 0.05 -1\nv 1 0.05 -1\nv 1 0.05 1\nv -1 0.05 1\n"
-                                        << "f 1 2 3\nf 1 3 4\n";
-  const WorldDescription world =
-      test::world_of(test::fixed_model("skin", "0 0 0 0 0 0",
-                                       "<collision name='skin'><geometry><mesh><uri>" +
-                                           (directory / "skin.obj").string() +
-                                           "</uri></mesh></geometry></collision>") +
-                     test::model("peg", "0 -0.1 0 0 0 0", test::box("0.04 0.04 0.04"),
-                                 "<haptic:tool_joint>planar</haptic:tool_joint>"));
-  Setup setup({.delay = 0.02}, 1, Vector3(0, 0.3, 0), world);
-  setup.server->axes = true;
-  setup.run(1);
-  double farthest = -1;
-  for (const protocol::ContactUpdate& update : setup.server->updates) {
-    for (const ReportedContact& contact : update.contacts) {
-      farthest = std::max(farthest, contact.separation);
-    }
-  }
-  CHECK(farthest <= 0.005);  // m
-  CHECK(farthest > -0.01);
+  CHECK(farthest(0) <= 0);
+  CHECK(farthest(0.005) <= 0.005);  // m
+  CHECK(farthest(0.02) > 0.01);
 }
 
 TEST_CASE("An update tells simulated time, the step's length and the time since sampling") {

@@ -42,7 +42,7 @@ SERVER_OPTIONS = (
     "--handle-speed-limit", "50", "--silence-time", "0.5", "--max-gap", "60",
     "--device-option", "freedom=spatial", "--device-option", "max-force=10000")
 # The held force is that of a spring to the engine's tool: that is where the device is, as far as the floor lets it.
-HELD_OPTIONS = ("--follow-frequency", "1000", "--epsilon", "0", "--largest-epsilon", "0")
+HELD_OPTIONS = ("--follow-frequency", "1000", "--contacts", "--epsilon", "0")
 
 
 class _Ended(SystemExit):
