@@ -225,7 +225,7 @@ local TABLES = {
     field(F64, "fade_time [s]", "from full force to none, s", POSITIVE),
     field(F64, "least_update_rate [Hz]", "below this rate of updates force comes and goes, Hz", POSITIVE),
     flag("movable_bodies", "the server uses bodies and contacts between them"),
-    flag("axes", "of each pair only one axis acts"),
+    flag("axes", "0"),
     flag("self_contacts", "contacts between two links of the tool act"),
     field(F64, "max_force [N]", "rating of the device, N", NOT_NEGATIVE),
     field(F64, "max_torque [N·m]", "N·m", NOT_NEGATIVE),
@@ -281,7 +281,7 @@ local TABLES = {
   contact = {
     field(HEX64, "identity", "the same from update to update while the contact lasts, different for any two contacts of one update"),
     field(U32, "pair", "which pair of convex pieces it belongs to"),
-    field(U16, "axis", "which separating axis of the pair it lies on"),
+    field(U16, "axis"),
     code("a_kind", "of side a", {[0] = "world", [1] = "tool_link", [2] = "movable_body"}),
     code("b_kind", "of side b", {[0] = "world", [1] = "tool_link", [2] = "movable_body"}),
     field(U32, "a", "index of the link, or id of the body"),

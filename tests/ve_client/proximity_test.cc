@@ -274,7 +274,7 @@ TEST_CASE("Beside an ellipsoid on it a floor is still there") {
   Scene scene(world_of(model("tool", "0.09 0.09 0.012 0 0 0", ball) +
                        fixed_model("ground", "0 0 0 0 0 0", floor + dome)),
               "tool");
-  const auto contacts = scene.proximity.query(scene.tool, 0.005, true);
+  const auto contacts = scene.proximity.query(scene.tool, 0.005);
   REQUIRE(contacts.size() == 1);
   CHECK((contacts[0].n_W - Vector3::UnitZ()).norm() < 1e-9);
   CHECK(contacts[0].separation == Approx(0.002).margin(1e-9));  // m
@@ -299,7 +299,7 @@ using PairNormals = std::map<std::uint32_t, std::map<int, Vector3>>;
 PairNormals normals_at(Scene& scene, const Configuration& q, double epsilon) {
   scene.tool.place(q);
   PairNormals normals;
-  for (const FoundContact& contact : scene.proximity.query(scene.tool, epsilon, true)) {
+  for (const FoundContact& contact : scene.proximity.query(scene.tool, epsilon)) {
     normals[contact.pair][contact.axis] = contact.n_W;
   }
   return normals;
@@ -311,20 +311,6 @@ Configuration at(double x, double y, double z) {
   return q;
 }
 
-TEST_CASE("Over a hole between level pieces each tells whether the tool is beside it") {
-  Scene scene(level_bars(), "peg");
-  const PairNormals normals = normals_at(scene, at(0, 0, 0.023), 0.005);
-  CHECK(normals.size() == 4);
-  Vector3 walls = Vector3::Zero();
-  for (const auto& [pair, of_pair] : normals) {
-    REQUIRE(of_pair.size() == 2);
-    CHECK(of_pair.at(0) == Vector3::UnitZ());
-    CHECK(of_pair.at(1).z() == 0);
-    walls += of_pair.at(1).cwiseAbs();
-  }
-  CHECK(walls == Vector3(2, 2, 0));
-}
-
 TEST_CASE(
     "In a hole of level pieces the tool has contacts with walls alone, each on the side of its own "
     "piece") {
@@ -334,27 +320,13 @@ TEST_CASE(
   for (const auto& [pair, of_pair] : normals) CHECK(of_pair.at(0).z() == 0);
 }
 
-TEST_CASE(
-    "A piece tells that the tool has left it where that is over the hole, not over the next") {
-  Scene scene(level_bars(), "peg");
-  const auto with_sides = [](const PairNormals& normals) {
-    return std::ranges::count_if(normals, [](const auto& pair) {
-      return pair.second.at(0) == Vector3::UnitZ() && pair.second.size() > 1;
-    });
-  };
-  // 1 mm over left: straight before the hole, and with one corner before near.
-  CHECK(with_sides(normals_at(scene, at(-0.002, 0, 0.0199), 0.005)) == 1);
-  CHECK(with_sides(normals_at(scene, at(-0.002, -0.02, 0.0199), 0.005)) == 0);
-}
-
 TEST_CASE("All corners of a tool are borne, also one pressed in deeper than it is beyond a seam") {
   Scene scene(level_bars(), "peg");
-  for (const double x :
-       {-0.04, -0.0407, -0.0205, 0.0407}) {  // Over one side bar, or near, or both.
+  for (const double x : {-0.04, -0.0205}) {  // Over one side bar, or over it and near.
     CAPTURE(x);
     scene.tool.place(at(x, -0.06, 0.0196));
     std::set<Feature> corners;
-    for (const FoundContact& contact : scene.proximity.query(scene.tool, 0.005, true)) {
+    for (const FoundContact& contact : scene.proximity.query(scene.tool, 0.005)) {
       CHECK(contact.n_W == Vector3::UnitZ());
       CHECK(contact.separation == Approx(-4e-4).margin(1e-9));
       corners.insert(contact.key.a_feature);

@@ -500,7 +500,7 @@ IN_C = [
     ("shapes NULL", called(lambda c: c.offer(c.session, NULL, RECORDS, NULL, TWO, NULL, NONE)), "2 shapes must not be NULL"),
     ("poses of shapes NULL", called(lambda c: c.offer(c.session, SHAPES, NULL, NULL, TWO, NULL, NONE)), "2 poses of shapes must not be NULL"),
     ("excluded pairs NULL", called(lambda c: c.offer(c.session, SHAPES, RECORDS, NULL, TWO, NULL, TWO)), "2 excluded pairs must not be NULL"),
-    ("a count of shapes too large", called(lambda c: c.offer(c.session, SHAPES, RECORDS, NULL, MANY, NULL, NONE)), "shapes must be at most 10000"),
+    ("a count of shapes too large", called(lambda c: c.offer(c.session, SHAPES, RECORDS, NULL, MANY, NULL, NONE)), "shapes must be at most 20000"),
     ("a count of vertices too large", called(lambda c: c.offer(
         c.session, ctypes.byref(haptic.shapes.Shape(kind=5, side=1, vertex_count=2**32 - 1, vertices=ctypes.addressof(RECORDS))),
         RECORDS, NULL, ctypes.c_size_t(1), NULL, NONE)), "shape 0: 4294967295 vertices must be at most 50000"),
