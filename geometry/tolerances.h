@@ -102,9 +102,6 @@ inline constexpr double kParallelRoundEdges = 25e-3;
 /// rim that rolls loses its contact at each of its corners. Smaller: a flat cap has a contact that
 /// jumps about its rim.
 inline constexpr double kLeans = 1e-3;
-/// m. How far the tool may leave its way to either side of shapes that it passes. Larger: more
-/// looks ahead, 10 µs each. Smaller: a hand that turns off its way feels what it has passed.
-inline constexpr double kClear = 0.01;
 
 // Hulls.
 
