@@ -65,6 +65,7 @@ class Convex {
   /// A polytope with so many of both that trying all takes too long: a hull of more than six
   /// vertices.
   bool is_hull() const noexcept { return kind_ == Kind::kHull; }
+  bool is_box() const noexcept { return kind_ == Kind::kBox; }
   bool is_cylinder() const noexcept { return kind_ == Kind::kCylinder; }
   bool is_ellipsoid() const noexcept { return kind_ == Kind::kEllipsoid; }
   /// Half the length of a cylinder, m.

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "hlm/geometry/work.h"
+#include "hlm/server_scene/join_boxes.h"
 #include "hlm/server_scene/thin_out.h"
 
 namespace hlm::server {
@@ -59,6 +60,7 @@ Scene::Scene(std::vector<PlacedShape> shapes,
   }
   for (const auto& [a, b] : apart) apart_.push_back(std::minmax(a, b));
   std::ranges::sort(apart_);
+  join_boxes(shapes_, apart_);
   gather_bodies();
   make_finder();
 }
@@ -77,6 +79,7 @@ void Scene::make_finder() {
   std::vector<PieceSource> sources;
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const PlacedShape& shape = shapes_[i];
+    if (!shape.shape) continue;  // Another box includes it.
     const std::size_t index = *find_body(shape.side);
     Body& body = bodies_[index];
     for (std::size_t k = 0; k < shape.shape->pieces.size(); ++k) {

@@ -1,11 +1,14 @@
 // A scene names the sides that touch, and leaves out what never touches.
 #include "hlm/server_scene/scene.h"
 
+#include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <string>
 
 #include "tests/support/catch.h"
 #include "tests/support/no_malloc.h"
+#include "tests/support/random.h"
 #include "tests/support/random_tool.h"
 
 namespace hlm::server {
@@ -267,6 +270,75 @@ TEST_CASE("More contacts than can be told are the most telling, and bodies beyon
   CHECK(scene->of_body(kBody.index, kEpsilon).empty());
   scene->forget();
   CHECK_FALSE(scene->of_body(kBody.index, kEpsilon).empty());
+}
+
+/// A box of 1 x 2 x 3 m that is cut along its axes at random, each part at its place, in any order.
+std::vector<PlacedShape> cut_box(test::Random& random, const Pose& X_WB) {
+  const Vector3 size(1, 2, 3);
+  std::array<std::vector<double>, 3> cuts;
+  for (int axis = 0; axis < 3; ++axis) {
+    auto& at = cuts[static_cast<std::size_t>(axis)];
+    at = {-size[axis] / 2, size[axis] / 2};
+    for (int i = random.integer(0, 4); i > 0; --i) at.push_back(random.uniform(at[0], at[1]));
+    std::ranges::sort(at);
+  }
+  std::vector<PlacedShape> parts;
+  for (std::size_t i = 1; i < cuts[0].size(); ++i) {
+    for (std::size_t j = 1; j < cuts[1].size(); ++j) {
+      for (std::size_t k = 1; k < cuts[2].size(); ++k) {
+        const Vector3 from(cuts[0][i - 1], cuts[1][j - 1], cuts[2][k - 1]);
+        const Vector3 to(cuts[0][i], cuts[1][j], cuts[2][k]);
+        const AnyShape part = geometry::Shape(geometry::Box{to - from});
+        parts.push_back(placed(part, kWorld, {X_WB * Vector3((from + to) / 2), X_WB.R}));
+      }
+    }
+  }
+  std::ranges::shuffle(parts, random.engine());
+  return parts;
+}
+
+TEST_CASE("Boxes that make one box together are one, wherever it lies and however it is cut") {
+  test::Random random;
+  for (int i = 0; i < 50; ++i) {
+    const Pose X_WB = random.pose(1);
+    const Touching touching{cut_box(random, X_WB)};
+    INFO(touching.shapes.size() << " parts");
+    const auto scene = touching.scene();
+    CHECK(scene->pieces() == 1);
+    CHECK(scene->shapes() == touching.shapes.size());
+    Touching with_tool = touching;
+    with_tool.shapes.push_back(placed(ball(), kTool));
+    const auto touched = with_tool.scene();
+    touched->place(kTool, X_WB * at(random.uniform(-0.4, 0.4), random.uniform(-0.8, 0.8), 1.595));
+    const auto found = touched->of_tool(kEpsilon);
+    REQUIRE(found.size() == 1);
+    CHECK(found[0].separation == Approx(-0.005).margin(1e-9));
+    CHECK((found[0].n_W - X_WB.R * Vector3::UnitZ()).norm() < 1e-9);
+  }
+}
+
+TEST_CASE("Boxes stay apart that differ in more than their place, or leave a gap or a step") {
+  const PlacedShape first = placed(box(), kWorld);
+  const auto pieces = [&](PlacedShape other, std::vector<std::pair<unsigned, unsigned>> apart = {}) {
+    return Touching{{first, std::move(other)}, std::move(apart)}.scene()->pieces();
+  };
+  PlacedShape other = placed(box(), kWorld, at(0.2));
+  CHECK(pieces(other) == 1);
+  CHECK(pieces(placed(box(), kWorld, at(0.1))) == 1);
+  CHECK(pieces(first) == 1);
+  CHECK(pieces(placed(box(), kWorld, at(0.20001))) == 2);
+  CHECK(pieces(placed(box(), kWorld, at(0.2, 0, 1e-5))) == 2);
+  CHECK(pieces(placed(box(), kBody, at(0.2))) == 2);
+  CHECK(pieces(placed(ball(), kWorld, at(0.2))) == 2);
+  CHECK(pieces(other, {{0, 1}}) == 2);
+  other.friction = {0.3};
+  CHECK(pieces(other) == 2);
+  other = placed(box(), kWorld, at(0.2));
+  other.group = 2;
+  CHECK(pieces(other) == 2);
+  other = placed(box(), kWorld, at(0.2));
+  other.mask = 1;
+  CHECK(pieces(other) == 2);
 }
 
 TEST_CASE("Placing and finding allocate nothing") {
