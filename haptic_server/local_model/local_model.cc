@@ -287,8 +287,11 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
 
 void LocalModel::limit_stiffness(const FrameMotions& frames, const Eigen::LLT<MassMatrix>& D,
                                  const HandMap& H) noexcept {
+  if (contacts().empty()) return;  // A hand that bounces back finds what it left.
   const double target = stiffness_limit_.scale(proxy_, contacts(), frames, D, H, parameters_);
-  const double change = kStiffnessScaleRate * dt_;
+  const bool touches =
+      std::ranges::any_of(contacts(), [](const auto& contact) { return contact.now.s < 0; });
+  const double change = touches ? kStiffnessScaleRate * dt_ : 1;
   stiffness_scale_ = std::clamp(target, stiffness_scale_ - change, stiffness_scale_ + change);
 }
 
