@@ -6,6 +6,7 @@
 
 #include "hlm/geometry/mesh_normals.h"
 #include "hlm/geometry/mesh_pieces.h"
+#include "hlm/geometry/union.h"
 #include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
@@ -30,6 +31,14 @@ constexpr std::uint64_t kToPair = 10;
 /// From such a part of its work on, a search is crowded.
 constexpr std::uint64_t kCrowded = 2;
 
+/// Pairs with solids of which something is known. Of more each search finds out anew.
+constexpr std::size_t kKnownSolids = 1024;
+
+/// Contacts of one feature of the tool with several solids that are nearer than this, m, with
+/// normals within 0.15 rad (cosine), are one.
+constexpr double kOnePlace = 1e-3;
+constexpr double kOneSurface = 0.989;
+
 /// Cosine to a triangle's normal from which on a tool is pressed onto it and not onto a rim.
 constexpr double kOnFace = 0.7;
 
@@ -37,6 +46,35 @@ Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double by) {
   box.min().array() -= by;
   box.max().array() += by;
   return box;
+}
+
+/// Whether a contact is with an edge or a corner of a solid that the whole has not: a face there
+/// goes on in another piece, to where the normal leans from it.
+bool goes_on_beyond(const Assembly& around, const Piece& piece, const SolidContact& contact) {
+  if (contact.beyond_S.isZero(0)) return false;
+  const Pose& X_FS = piece.X_FG;
+  const Vector3 p_F = X_FS * contact.p_S;
+  const MeshSolid& solid = *piece.solid;
+  if (!solid.is_closed()) {
+    return goes_on(around, piece, p_F, X_FS.R * contact.face_S, X_FS.R * contact.beyond_S);
+  }
+  bool found = false;
+  const auto look = [&](const MeshSolid::Triangle& t) {
+    constexpr double kLeans = 0.03;  // Sine.
+    const double along = t.n.dot(contact.n_S);
+    const Vector3 beyond = contact.n_S - along * t.n;
+    if (found || along <= 0 || beyond.norm() < kLeans) return;
+    found = goes_on(around, piece, p_F, X_FS.R * t.n, X_FS.R * beyond.normalized());
+  };
+  if (contact.solid_kind == FeatureKind::kVertex) {
+    solid.for_each_at(contact.solid_feature, look);
+  } else {
+    const MeshSolid::Triangle& t = solid.triangles()[contact.solid_feature / 3];
+    look(t);
+    const std::int32_t across = t.across[contact.solid_feature % 3];
+    if (across >= 0) look(solid.triangles()[static_cast<std::size_t>(across)]);
+  }
+  return found;
 }
 
 /// Whether a shape, at X_FG, is farther than `epsilon` before the triangle of a piece of a skin.
@@ -120,6 +158,13 @@ ContactFinder::ContactFinder(const Pieces& pieces, std::vector<Body> bodies, May
   for (Sides* sides : {&sides_, &sides_before_}) sides->reserve(room_.pairs);
   for (Apart* apart : {&apart_, &apart_before_}) apart->reserve(room_.pairs);
   for (Pressed* pressed : {&pressed_, &pressed_before_}) pressed->reserve(room_.pairs);
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    for (const Piece& piece : pieces.of(static_cast<int>(i))) {
+      if (piece.solid != nullptr) solids_.push_back(&piece);
+    }
+  }
+  searches_.resize(bodies_.size(), 0);
+  known_solids_.reserve(std::min(kKnownSolids, (count - solids_.size()) * solids_.size()));
 }
 
 Pose ContactFinder::X_WG(const Piece& piece) const {
@@ -237,6 +282,9 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
       pressed_before_.copy(pressed_);
     }
   }
+  if (search.remembers) {
+    for (const int body : bodies) ++searches_[static_cast<std::size_t>(body)];
+  }
   gather(bodies, search);
   const std::size_t first_body = bodies.empty() ? 0 : static_cast<std::size_t>(bodies.front());
   if (crowded_[first_body]) sort_deepest_first();
@@ -251,6 +299,7 @@ std::span<const FoundContact> ContactFinder::find(std::span<const int> bodies,
 void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& other,
                              const Search& search) {
   Work::add(kPairWork);
+  if (other.solid != nullptr) return add_of_solid(own, X_WG, other, search);
   Pair pair{.own = own, .other = other, .X_WG = X_WG, .X_WO = this->X_WG(other)};
   if (stays_apart(pair, search)) return;
   const Body& body = body_of(own);
@@ -379,13 +428,101 @@ double ContactFinder::add_contacts(Pair& pair, const Search& search,
 
 /// Adds those contacts of a pair that are on its surfaces.
 void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifold) {
-  if (contacts_.size() + manifold.size() > room_.contacts) {
-    cut_.contacts += manifold.size();
-    return;
+  if (!has_room_for(manifold.size())) return;
+  const std::size_t first = contacts_.size();
+  for (const ManifoldPoint& point : manifold) add_contact(pair.own, pair.other, point);
+  shared_ |=
+      resolve_seams(pieces_, {pair.own, pair.X_WG}, {pair.other, pair.X_WO}, contacts_, first);
+  drop_in_solids(pair, first);
+}
+
+/// Adds the contacts of a convex piece with a solid that are on the surface of both their bodies.
+void ContactFinder::add_of_solid(const Piece& own, const Pose& X_WG, const Piece& other,
+                                 const Search& search) {
+  const Pose X_WO = this->X_WG(other);
+  const std::pair key{&own, &other};
+  const std::uint64_t number = searches_[static_cast<std::size_t>(own.id.body)];
+  const KnownSolid* known = known_solids_.find(key);
+  const bool is_fresh = known != nullptr && known->search + (search.remembers ? 1 : 0) == number;
+  KnownSolid now{.search = number, .memory = {}};
+  const SolidContacts found =
+      find_solid_contacts(*own.convex, X_WO.inverse() * X_WG, *other.solid, search.epsilon,
+                          is_fresh ? &known->memory : nullptr, now.memory);
+  ++statistics_.queries;
+  if (search.remembers && (known != nullptr || known_solids_.has_room())) {
+    known_solids_.put(key, now);
   }
-  Work::add(kContactWork * manifold.size());
-  const Piece& own = pair.own;
-  const Piece& other = pair.other;
+  if (!has_room_for(found.size())) return;
+  const Assembly& around = pieces_.assembly_of(other);
+  const Assembly& around_own = pieces_.assembly_of(own);
+  const Pose X_FO = other.X_FG;
+  for (const SolidContact& contact : found) {
+    const ManifoldPoint point{.tool_feature = contact.tool_feature,
+                              .body_feature = {contact.solid_kind, 0, 0},
+                              .p_WC = X_WO * contact.p_S,
+                              .n_W = X_WO.R * contact.n_S,
+                              .separation = contact.separation,
+                              .face = contact.solid_feature};
+    const Vector3 p_F = X_FO * contact.p_S;
+    const Vector3 n_F = X_FO.R * contact.n_S;
+    // On the border of a face it is looked for on that.
+    Vector3 inwards_S = Vector3::Zero();
+    if (contact.solid_kind == FeatureKind::kFace) {
+      const MeshSolid::Triangle& t = other.solid->triangles()[contact.solid_feature];
+      const MeshSolid& solid = *other.solid;
+      const Vector3 middle = (solid.corner(t, 0) + solid.corner(t, 1) + solid.corner(t, 2)) / 3;
+      inwards_S = kSeamStep * (contact.p_S - middle).normalized();
+    } else if (contact.beyond_S.isZero(0)) {
+      inwards_S = kSeamStep * contact.face_S;
+    }
+    const Vector3 inwards = X_FO.R * inwards_S;
+    if (!is_on_union(around, other, p_F - inwards, n_F)) continue;
+    if (goes_on_beyond(around, other, contact)) continue;
+    const Vector3 on_own = point.p_WC + point.separation * point.n_W;
+    const Pose X_FW = own.X_FG * X_WG.inverse();
+    const Vector3 own_F = X_FW * on_own;
+    const Vector3 into_own = kSeamStep * (own.bounds_F.center() - own_F).normalized();
+    if (!is_on_union(around_own, own, own_F + into_own, -(X_FW.R * point.n_W))) continue;
+    // A feature of the tool that is over two solids, where one goes on in the other, is over one.
+    const auto same = std::ranges::find_if(contacts_, [&](const FoundContact& one) {
+      return one.own == own.id && one.other != other.id &&
+             one.key.a_feature.kind == point.tool_feature.kind &&
+             one.key.a_feature.index == point.tool_feature.index &&
+             pieces_.is_fixed(one.other.body) && pieces_.of(one.other).solid != nullptr &&
+             one.n_W.dot(point.n_W) > kOneSurface && (one.p_WC - point.p_WC).norm() < kOnePlace;
+    });
+    if (same == contacts_.end()) {
+      add_contact(own, other, point);
+    } else if (point.separation < same->separation) {
+      contacts_.erase(same);
+      add_contact(own, other, point);
+    }
+  }
+}
+
+/// Drops contacts of a pair, from one on, whose point on the other piece lies in a solid of its
+/// body.
+void ContactFinder::drop_in_solids(const Pair& pair, std::size_t first) {
+  if (solids_.empty() || !pieces_.is_fixed(pair.other.id.body)) return;
+  const auto is_inside = [&](const FoundContact& contact) {
+    return !is_outside(solids_, pair.other, contact.p_WC, contact.n_W);
+  };
+  contacts_.erase(std::remove_if(contacts_.begin() + static_cast<std::ptrdiff_t>(first),
+                                 contacts_.end(), is_inside),
+                  contacts_.end());
+}
+
+/// Whether there is room for so many more contacts; otherwise they are counted as cut.
+bool ContactFinder::has_room_for(std::size_t count) {
+  if (contacts_.size() + count > room_.contacts) {
+    cut_.contacts += count;
+    return false;
+  }
+  Work::add(kContactWork * count);
+  return true;
+}
+
+void ContactFinder::add_contact(const Piece& own, const Piece& other, const ManifoldPoint& point) {
   const auto side_of = [&](const Piece& piece, SideKind kind) {
     const int link = body_of(piece).link;
     return link >= 0 ? ContactSide{SideKind::kToolLink, static_cast<std::uint32_t>(link)}
@@ -393,12 +530,8 @@ void ContactFinder::add_on_surface(const Pair& pair, const AxesManifold& manifol
   };
   const ContactSide a = side_of(own, SideKind::kMovableBody);
   const ContactSide b = side_of(other, SideKind::kWorld);
-  const std::size_t first = contacts_.size();
-  for (const ManifoldPoint& point : manifold) {
-    contacts_.push_back(found_contact(point, a, own.id, b, other.id));
-    contacts_.back().friction = combine(own.friction, other.friction);
-  }
-  shared_ |= resolve_seams(pieces_, {own, pair.X_WG}, {other, pair.X_WO}, contacts_, first);
+  contacts_.push_back(found_contact(point, a, own.id, b, other.id));
+  contacts_.back().friction = combine(own.friction, other.friction);
 }
 
 }  // namespace hlm::geometry

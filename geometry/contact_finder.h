@@ -15,6 +15,7 @@
 #include "hlm/geometry/merge.h"
 #include "hlm/geometry/pieces.h"
 #include "hlm/geometry/seams.h"
+#include "hlm/geometry/solid_contacts.h"
 
 namespace hlm::geometry {
 
@@ -119,6 +120,10 @@ class ContactFinder {
   void add_pairs(const Search& search);
   void merge();
   void add_pair(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
+  void add_of_solid(const Piece& own, const Pose& X_WG, const Piece& other, const Search& search);
+  void drop_in_solids(const Pair& pair, std::size_t first);
+  bool has_room_for(std::size_t count);
+  void add_contact(const Piece& own, const Piece& other, const ManifoldPoint& point);
   bool stays_apart(const Pair& pair, const Search& search);
   bool is_inside(const Pair& pair, const FoundContact& contact) const;
   bool is_before_sheet(const Pair& pair, const Search& search) const;
@@ -131,6 +136,13 @@ class ContactFinder {
   using Sides = FlatMap<std::pair<CollisionId, CollisionId>, Vector3>;
   /// Front or back of the sheets onto which the tool is pressed, by its piece, sheet and triangle.
   using Pressed = FlatMap<std::tuple<CollisionId, const Mesh*, std::size_t>, const Mesh*>;
+
+  /// What is known of pairs of a piece and a solid, and of which search of the piece's body.
+  struct KnownSolid {
+    std::uint64_t search = 0;
+    SolidMemory memory;
+  };
+  using KnownSolids = FlatMap<std::pair<const Piece*, const Piece*>, KnownSolid>;
 
   /// Normals along which pairs are apart, in the frame of the other shape.
   using Apart = FlatMap<std::pair<const Piece*, const Piece*>, Vector3>;
@@ -155,6 +167,9 @@ class ContactFinder {
   Pressed pressed_;
   Apart apart_before_;
   Apart apart_;
+  KnownSolids known_solids_;
+  std::vector<std::uint64_t> searches_;  ///< By body: how many have been remembered.
+  std::vector<const Piece*> solids_;     ///< All of them.
   ProximityStatistics statistics_;
 };
 

@@ -20,6 +20,7 @@ class FlatMap {
     entries_.assign(other.entries_.begin(), other.entries_.end());
   }
 
+  bool has_room() const noexcept { return entries_.size() < entries_.capacity(); }
   /// Null if there is none.
   const Value* find(const Key& key) const noexcept {
     const auto at = std::ranges::lower_bound(entries_, key, {}, &Entry::first);

@@ -1,9 +1,8 @@
 #include "hlm/geometry/mesh.h"
 
 #include <algorithm>
-#include <map>
+#include <numeric>
 #include <optional>
-#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -11,6 +10,7 @@
 #include "hlm/common/range.h"
 #include "hlm/geometry/index.h"
 #include "hlm/geometry/interruption.h"
+#include "hlm/geometry/mesh_edges.h"
 
 namespace hlm::geometry {
 namespace {
@@ -31,11 +31,11 @@ std::string counted(std::size_t count, const std::string& what) {
   return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
 }
 
-void require_usable(const Mesh& mesh, const std::string& name) {
+void require_usable(const Mesh& mesh, const std::string& name, std::size_t most) {
   if (mesh.triangles.empty()) fail(name, "has no triangles");
-  if (mesh.triangles.size() > kMostTriangles) {
+  if (mesh.triangles.size() > most) {
     fail(name, std::to_string(mesh.triangles.size()) + " triangles; at most " +
-                   std::to_string(kMostTriangles) +
+                   std::to_string(most) +
                    " are allowed: reduce it in a mesh editor, or use simpler shapes");
   }
   for (const Vector3& p : mesh.points) {
@@ -47,15 +47,31 @@ void require_usable(const Mesh& mesh, const std::string& name) {
 
 /// Makes one point of those at the same place, and forgets those that no triangle uses.
 void join_points(Mesh& mesh) {
-  std::map<std::array<double, 3>, int> known;
+  std::vector<std::size_t> order(mesh.points.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto place = [&](std::size_t i) {
+    const Vector3& p = mesh.points[i];
+    return std::array{p.x() + 0.0, p.y() + 0.0, p.z() + 0.0};
+  };
+  std::ranges::sort(order, [&](std::size_t i, std::size_t k) {
+    return std::pair(place(i), i) < std::pair(place(k), k);
+  });
+  interruption_point();
+  std::vector<std::size_t> same(order.size());  // The first point in each one's place.
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool is_new = i == 0 || place(order[i]) != place(order[i - 1]);
+    same[order[i]] = is_new ? order[i] : same[order[i - 1]];
+  }
+  std::vector<int> number(mesh.points.size(), -1);
   std::vector<Vector3> points;
   for (Corners& triangle : mesh.triangles) {
     for (int& corner : triangle) {
-      const Vector3& p = mesh.points[at(corner)];
-      const auto [entry, is_new] = known.try_emplace({p.x() + 0.0, p.y() + 0.0, p.z() + 0.0},
-                                                     static_cast<int>(points.size()));
-      if (is_new) points.push_back(p);
-      corner = entry->second;
+      int& known = number[same[at(corner)]];
+      if (known < 0) {
+        known = static_cast<int>(points.size());
+        points.push_back(mesh.points[at(corner)]);
+      }
+      corner = known;
     }
   }
   mesh.points = std::move(points);
@@ -73,11 +89,19 @@ std::size_t drop_flat_triangles(Mesh& mesh) {
 
 /// Leaves of triangles with the same corners the first: the other side of a sheet.
 std::size_t drop_doubles(Mesh& mesh) {
-  std::set<Corners> known;
-  return std::erase_if(mesh.triangles, [&](Corners t) {
-    std::ranges::sort(t);
-    return !known.insert(t).second;
-  });
+  std::vector<std::pair<Corners, std::size_t>> known;
+  known.reserve(mesh.triangles.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    known.emplace_back(mesh.triangles[t], t);
+    std::ranges::sort(known.back().first);
+  }
+  std::ranges::sort(known);
+  std::vector<bool> doubles(mesh.triangles.size(), false);
+  for (std::size_t i = 1; i < known.size(); ++i) {
+    doubles[known[i].second] = known[i].first == known[i - 1].first;
+  }
+  std::size_t next = 0;
+  return std::erase_if(mesh.triangles, [&](const Corners&) { return doubles[next++]; });
 }
 
 /// Throws if so many triangles meet in a point that a contact there takes too long.
@@ -89,78 +113,55 @@ void require_no_fan(const Mesh& mesh, const std::string& name) {
   }
 }
 
-/// Which triangles have which edges.
-class Edges {
- public:
-  explicit Edges(Mesh& mesh) : mesh_(mesh) {
-    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-      for (std::size_t i = 0; i < 3; ++i) triangles_[edge(t, i)].push_back(t);
-    }
+std::vector<MeshEdges::Corners> corners_of(const Mesh& mesh) {
+  std::vector<MeshEdges::Corners> corners;
+  corners.reserve(mesh.triangles.size());
+  for (const auto& [a, b, c] : mesh.triangles) {
+    corners.push_back({static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b),
+                       static_cast<std::uint32_t>(c)});
   }
+  return corners;
+}
 
-  std::size_t open() const {
-    return count([](std::size_t n) { return n == 1; });
-  }
-  std::size_t crowded() const {
-    return count([](std::size_t n) { return n > 2; });
-  }
-
-  /// Turns triangles until neighbours agree, as far as edges of two triangles reach. Returns how
-  /// many were turned: of each part the smaller share.
-  std::size_t turn_to_agree() {
-    std::size_t turned = 0;
-    std::vector<int> sign(mesh_.triangles.size());
-    for (std::size_t seed = 0; seed < sign.size(); ++seed) {
-      if (sign[seed] != 0) continue;
-      std::vector<std::size_t> part{seed};
-      sign[seed] = 1;
-      for (std::size_t next = 0; next < part.size(); ++next) spread(part[next], sign, part);
-      const auto wrong = static_cast<std::size_t>(
-          std::count_if(part.begin(), part.end(), [&](std::size_t t) { return sign[t] < 0; }));
-      const int keep = 2 * wrong > part.size() ? -1 : 1;
-      for (const std::size_t t : part) {
-        if (sign[t] == keep) continue;
-        std::swap(mesh_.triangles[t][1], mesh_.triangles[t][2]);
-        ++turned;
+/// Turns triangles until neighbours agree, as far as edges of two triangles reach. Returns how many
+/// were turned: of each part the smaller share.
+std::size_t turn_to_agree(Mesh& mesh, const std::vector<MeshEdges::Corners>& corners,
+                          const MeshEdges& edges) {
+  struct Neighbour {
+    std::int32_t triangle = -1;
+    bool agrees = true;
+  };
+  std::vector<std::array<Neighbour, 3>> across(corners.size());
+  edges.for_each_pair([&](std::size_t t, std::size_t i, std::size_t u, std::size_t j) {
+    const bool agrees = corners[t][i] != corners[u][j];
+    across[t][i] = {static_cast<std::int32_t>(u), agrees};
+    across[u][j] = {static_cast<std::int32_t>(t), agrees};
+  });
+  std::size_t turned = 0;
+  std::vector<int> sign(corners.size());
+  std::vector<std::size_t> part;
+  for (std::size_t seed = 0; seed < sign.size(); ++seed) {
+    if (sign[seed] != 0) continue;
+    part.assign(1, seed);
+    sign[seed] = 1;
+    for (std::size_t next = 0; next < part.size(); ++next) {
+      for (const auto& [other, agrees] : across[part[next]]) {
+        if (other < 0 || sign[at(other)] != 0) continue;
+        sign[at(other)] = agrees ? sign[part[next]] : -sign[part[next]];
+        part.push_back(at(other));
       }
     }
-    return turned;
-  }
-
- private:
-  std::pair<int, int> edge(std::size_t t, std::size_t i) const {
-    const Corners& corners = mesh_.triangles[t];
-    return std::minmax(corners[i], corners[(i + 1) % 3]);
-  }
-  template <class Wanted>
-  std::size_t count(Wanted wanted) const {
-    return static_cast<std::size_t>(
-        std::count_if(triangles_.begin(), triangles_.end(),
-                      [&](const auto& entry) { return wanted(entry.second.size()); }));
-  }
-  void spread(std::size_t from, std::vector<int>& sign, std::vector<std::size_t>& part) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto& both = triangles_[edge(from, i)];
-      if (both.size() != 2) continue;
-      const std::size_t other = both[0] == from ? both[1] : both[0];
-      if (sign[other] != 0) continue;
-      sign[other] = runs_as(other, mesh_.triangles[from][i], mesh_.triangles[from][(i + 1) % 3])
-                        ? -sign[from]
-                        : sign[from];
-      part.push_back(other);
+    const auto wrong = static_cast<std::size_t>(
+        std::count_if(part.begin(), part.end(), [&](std::size_t t) { return sign[t] < 0; }));
+    const int keep = 2 * wrong > part.size() ? -1 : 1;
+    for (const std::size_t t : part) {
+      if (sign[t] == keep) continue;
+      std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
+      ++turned;
     }
   }
-  bool runs_as(std::size_t t, int first, int second) const {
-    const Corners& c = mesh_.triangles[t];
-    for (std::size_t i = 0; i < 3; ++i) {
-      if (c[i] == first && c[(i + 1) % 3] == second) return true;
-    }
-    return false;
-  }
-
-  Mesh& mesh_;
-  std::map<std::pair<int, int>, std::vector<std::size_t>> triangles_;
-};
+  return turned;
+}
 
 /// Turns all triangles.
 void turn(Mesh& mesh) {
@@ -187,11 +188,12 @@ void Mesh::find_around() {
   }
 }
 
-Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repairs) {
+Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repairs,
+              std::size_t most) {
   const auto say = [&](const std::string& what) {
     repairs.push_back(one_line("mesh " + name + ": " + what));
   };
-  require_usable(mesh, name);
+  require_usable(mesh, name, most);
   interruption_point();
   join_points(mesh);
   interruption_point();
@@ -203,9 +205,10 @@ Mesh repaired(Mesh mesh, const std::string& name, std::vector<std::string>& repa
   }
   join_points(mesh);
   interruption_point();
-  Edges edges(mesh);
+  const std::vector<MeshEdges::Corners> corners = corners_of(mesh);
+  const MeshEdges edges(corners);
   interruption_point();
-  if (const std::size_t turned = edges.turn_to_agree(); turned > 0) {
+  if (const std::size_t turned = turn_to_agree(mesh, corners, edges); turned > 0) {
     say(counted(turned, "triangle") + " turned to agree with the others");
   }
   if (edges.crowded() > 0) say(counted(edges.crowded(), "edge") + " with more than two triangles");

@@ -21,6 +21,9 @@ constexpr double kSameDirection = 1.7e-3;
 /// Distance within which pieces are looked for from a point, m: where its neighbourhood is probed.
 constexpr double kNeighbourhood = 6e-4;
 
+/// How far beyond a sheet what is pressed onto it is looked for, m. Less: a level sheet loses it.
+constexpr double kDeepInSheet = 0.03;
+
 Eigen::AlignedBox3d grown(Eigen::AlignedBox3d box, double by) {
   box.min().array() -= by;
   box.max().array() += by;
@@ -223,6 +226,16 @@ Pieces::Pieces(std::span<const PieceSource> sources, std::size_t most_adjoining)
     piece.is_by_skin = source.mesh != nullptr;
     piece.triangle = source.triangle;
     piece.X_FG = source.X_FG;
+    piece.solid = source.solid;
+    if (piece.solid != nullptr) {
+      for (int corner = 0; corner < 8; ++corner) {
+        const auto which = static_cast<Eigen::AlignedBox3d::CornerType>(corner);
+        piece.bounds_F.extend(piece.X_FG * Vector3(piece.solid->bounds().corner(which)));
+      }
+      // What is pressed through a sheet is still before it.
+      if (!piece.solid->is_closed()) piece.bounds_F = grown(piece.bounds_F, kDeepInSheet);
+      continue;
+    }
     piece.bounds_F = piece.convex->bounds(piece.X_FG);
     for (const Vector3& n_G : piece.convex->face_normals()) {
       const Vector3 on_face =
@@ -249,6 +262,10 @@ Pieces::Pieces(std::span<const PieceSource> sources, std::size_t most_adjoining)
   for (auto& [body, pieces] : together) {
     std::vector<BoxTree::Box> boxes;
     for (const Piece* piece : pieces) boxes.push_back(piece->bounds_F);
+    assembly_of_.resize(fixed_.size(), 0);
+    for (const Piece* piece : pieces) {
+      assembly_of_[static_cast<std::size_t>(piece->id.body)] = assemblies_.size();
+    }
     assemblies_.push_back({body, std::move(pieces), BoxTree(boxes)});
     const Assembly& assembly = assemblies_.back();
     if (assembly.pieces.size() < 2) continue;
@@ -268,11 +285,12 @@ void Pieces::find_adjoining(const Assembly& assembly, std::size_t most) {
   std::size_t pairs = 0;
   for (std::size_t i = 0; i < assembly.pieces.size(); ++i) {
     Piece& a = *assembly.pieces[i];
+    if (a.solid != nullptr) continue;
     const Eigen::AlignedBox3d reach = grown(a.bounds_F, kSeamGap);
     const auto meets = [&](const BoxTree::Box& box) { return reach.intersects(box); };
     assembly.tree.visit(meets, [&](std::size_t j) {
       Piece& b = *assembly.pieces[j];
-      if (j <= i || !reach.intersects(b.bounds_F)) return;
+      if (j <= i || b.solid != nullptr || !reach.intersects(b.bounds_F)) return;
       interruption_point();
       if (!adjoin(a, b)) return;
       if (++pairs / assembly.pieces.size() > most) {

@@ -18,6 +18,7 @@
 #include "hlm/geometry/convex.h"
 #include "hlm/geometry/feature.h"
 #include "hlm/geometry/mesh.h"
+#include "hlm/geometry/mesh_solid.h"
 #include "hlm/geometry/work.h"
 
 namespace hlm::geometry {
@@ -28,7 +29,8 @@ inline constexpr double kSeamGap = 1.5e-4;
 /// Faces whose heights differ by less make no step, m. More hides steps that can be felt.
 inline constexpr double kSeamStep = 3e-5;
 
-/// One convex piece, in the frame F of its assembly: the world for fixed bodies, else its body's.
+/// One piece, convex or a solid, in the frame F of its assembly: the world for fixed bodies, else
+/// its body's.
 struct Piece {
   struct Plane {
     Vector3 n_F;
@@ -44,7 +46,8 @@ struct Piece {
   };
 
   CollisionId id;
-  const Convex* convex = nullptr;
+  const Convex* convex = nullptr;  ///< Null: a solid.
+  const MeshSolid* solid = nullptr;
   Pose X_FG;
   Friction friction = {};               ///< Of its material.
   const Mesh* mesh = nullptr;           ///< What it is of the skin of, in G; mostly null.
@@ -107,7 +110,7 @@ void for_each_side(const Piece& piece, const Vector3& p_F, Use use) {
 
 /// A point, or about the nearest to it in a piece.
 Vector3 within(const Piece& piece, const Vector3& p_F);
-/// Whether a point is in a piece or no farther outside of each of its sides than `slack`, m.
+/// Whether a point is in a convex piece or no farther outside of each of its sides than `slack`, m.
 bool contains(const Piece& piece, const Vector3& p_F, double slack);
 /// The sides that are no farther from a point than `reach` on either side, m; the first kMaxSides.
 PieceSides sides_at(const Piece& piece, const Vector3& p_F, double reach);
@@ -121,6 +124,7 @@ struct PieceSource {
   Friction friction = {};      ///< Piece::friction.
   const Mesh* mesh = nullptr;  ///< Piece::mesh.
   std::size_t triangle = 0;
+  const MeshSolid* solid = nullptr;  ///< Instead of a convex shape: of fixed bodies alone.
 };
 
 /// Pieces that are fixed to each other.
@@ -153,6 +157,10 @@ class Pieces {
   bool is_fixed(int body) const { return fixed_[static_cast<std::size_t>(body)]; }
   /// That of the fixed bodies first, if there are any.
   std::span<const Assembly> assemblies() const { return assemblies_; }
+  /// The pieces that are fixed to a piece, it among them.
+  const Assembly& assembly_of(const Piece& piece) const {
+    return assemblies_[assembly_of_[static_cast<std::size_t>(piece.id.body)]];
+  }
   /// The pieces of a body.
   std::span<const Piece> of(int body) const {
     const auto index = static_cast<std::size_t>(body);
@@ -169,8 +177,9 @@ class Pieces {
   std::vector<Piece> pieces_;
   std::vector<Assembly> assemblies_;
   std::map<std::pair<Piece::Surface, Piece::Surface>, std::uint16_t> borders_;
-  std::vector<std::size_t> first_;  ///< First piece of each body, and how many there are.
-  std::vector<bool> fixed_;         ///< Fixed or not, for each body.
+  std::vector<std::size_t> first_;        ///< First piece of each body, and how many there are.
+  std::vector<bool> fixed_;               ///< Fixed or not, for each body.
+  std::vector<std::size_t> assembly_of_;  ///< By body.
 };
 
 /// The pieces at a point of a piece: that one, and those that adjoin it there. Should more

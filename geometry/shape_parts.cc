@@ -15,6 +15,8 @@ namespace {
 /// Extents of shapes, m.
 constexpr double kSmallest = 1e-6;
 constexpr double kLargest = 2e6;
+/// Most corners of a mesh that becomes solids and may be convex: a hull of more is no better.
+constexpr std::size_t kMostOfHull = 256;
 
 void require_usable_size(const Convex& convex) {
   if (convex.is_half_space()) return;
@@ -39,17 +41,29 @@ void add_skin(const Mesh& mesh, ShapeParts& parts) {
 
 }  // namespace
 
-ShapeParts parts_of(AnyShape shape, const std::string& name) {
+std::size_t ShapeParts::solid_triangles() const noexcept {
+  std::size_t count = 0;
+  for (const MeshSolid& solid : solids) count += solid.triangles().size();
+  return count;
+}
+
+ShapeParts parts_of(AnyShape shape, const std::string& name, MeshUse use) {
   ShapeParts parts;
   if (const auto* convex = std::get_if<Shape>(&shape)) {
     require_usable_size(parts.pieces.emplace_back(*convex));
     return parts;
   }
   std::vector<std::string> repairs;  // Nobody to tell.
-  auto mesh =
-      std::make_unique<const Mesh>(repaired(std::get<Mesh>(std::move(shape)), name, repairs));
-  if (is_convex(*mesh)) {
+  const bool to_solids = use == MeshUse::kSolids;
+  auto mesh = std::make_unique<const Mesh>(repaired(std::get<Mesh>(std::move(shape)), name, repairs,
+                                                    to_solids ? kMostOfSolids : kMostTriangles));
+  const bool may_be_hull = !to_solids || mesh->points.size() <= kMostOfHull;
+  if (may_be_hull && is_convex(*mesh)) {
     parts.pieces.emplace_back(Hull{mesh->points});
+    return parts;
+  }
+  if (to_solids) {
+    parts.solids = solids_of(*mesh);
     return parts;
   }
   add_skin(*mesh, parts);

@@ -29,8 +29,14 @@ Unusable unusable(std::uint32_t placement, const std::string& why) {
 Unusable too_many(std::size_t pieces) {
   return Unusable({SceneError::kLimit, 0,
                    std::to_string(pieces) +
-                       " pieces (each triangle of a mesh is one) must be at most " +
+                       " pieces (each triangle of a mesh that moves is one) must be at most " +
                        std::to_string(SceneMaker::kMostPieces)});
+}
+
+Unusable too_many_triangles(std::size_t triangles) {
+  return Unusable({SceneError::kLimit, 0,
+                   std::to_string(triangles) + " triangles of the world's meshes must be at most " +
+                       std::to_string(SceneMaker::kMostTriangles)});
 }
 
 }  // namespace
@@ -59,10 +65,11 @@ std::unique_ptr<Scene> SceneMaker::scene_of(const SceneOrder& order) {
   std::vector<PlacedShape> shapes;
   std::map<std::uint32_t, std::uint32_t> place_of;  // By id.
   std::size_t pieces = 0;
+  std::size_t triangles = 0;
   for (const protocol::ScenePlacement& placement : order.placements) {
     geometry::interruption_point();
     try {
-      PlacedShape shape{.shape = parts_of(order, placement.shape),
+      PlacedShape shape{.shape = parts_of(order, placement),
                         .side = placement.side,
                         .X_BS = placement.X_BS,
                         .friction = placement.friction,
@@ -75,7 +82,9 @@ std::unique_ptr<Scene> SceneMaker::scene_of(const SceneOrder& order) {
     } catch (const std::exception& error) {
       throw unusable(placement.id, error.what());
     }
+    triangles += shapes.back().shape->solid_triangles();
     if (pieces > kMostPieces) throw too_many(pieces);
+    if (triangles > kMostTriangles) throw too_many_triangles(triangles);
   }
   std::vector<std::pair<std::uint32_t, std::uint32_t>> apart;
   for (const protocol::SceneApart& pair : order.apart) {
@@ -88,11 +97,15 @@ std::unique_ptr<Scene> SceneMaker::scene_of(const SceneOrder& order) {
   }
 }
 
-const SceneMaker::Parts& SceneMaker::parts_of(const SceneOrder& order, std::uint64_t shape) {
-  Parts& parts = parts_[shape];
+const SceneMaker::Parts& SceneMaker::parts_of(const SceneOrder& order,
+                                              const protocol::ScenePlacement& placement) {
+  const geometry::MeshUse use = placement.side.kind == SideKind::kWorld
+                                    ? geometry::MeshUse::kSolids
+                                    : geometry::MeshUse::kPieces;
+  Parts& parts = parts_[{placement.shape, use}];
   if (!parts) {
     parts = std::make_shared<const geometry::ShapeParts>(
-        geometry::parts_of(any_shape(*order.shapes.at(shape)), "of it"));
+        geometry::parts_of(any_shape(*order.shapes.at(placement.shape)), "of it", use));
   }
   return parts;
 }

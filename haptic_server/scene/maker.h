@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "hlm/common/tool_description.h"
@@ -39,9 +40,11 @@ struct SceneOutcome {
 /// Keeps what it has made of shapes as long as a scene of the session has them.
 class SceneMaker {
  public:
-  /// Pieces of one scene: each triangle of a mesh is one. More take the loader's time and memory,
-  /// some 5 kB each.
+  /// Pieces of one scene: each triangle of a mesh that moves is one. More take the loader's time
+  /// and memory, some 5 kB each.
   static constexpr std::size_t kMostPieces = 60'000;
+  /// Triangles of all meshes of the world, some 180 bytes each.
+  static constexpr std::size_t kMostTriangles = 2'000'000;
 
   /// Asks interruption_point() on the way, which alone can end it by an exception.
   SceneOutcome make(const SceneOrder& order);
@@ -50,10 +53,10 @@ class SceneMaker {
   using Parts = std::shared_ptr<const geometry::ShapeParts>;
 
   std::unique_ptr<Scene> scene_of(const SceneOrder& order);
-  const Parts& parts_of(const SceneOrder& order, std::uint64_t shape);
+  const Parts& parts_of(const SceneOrder& order, const protocol::ScenePlacement& placement);
 
   std::uint64_t session_ = 0;
-  std::map<std::uint64_t, Parts> parts_;  ///< By shape.
+  std::map<std::pair<std::uint64_t, geometry::MeshUse>, Parts> parts_;  ///< By shape.
 };
 
 }  // namespace hlm::server

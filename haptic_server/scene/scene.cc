@@ -37,16 +37,20 @@ std::optional<Vector3> planar_normal(const ToolDescription& tool) {
 }  // namespace
 
 void require_place(const PlacedShape& shape, const ToolDescription& tool) {
-  const bool half_space = shape.shape->pieces.front().is_half_space();
+  const bool half_space =
+      !shape.shape->pieces.empty() && shape.shape->pieces.front().is_half_space();
   if (half_space && shape.side.kind != SideKind::kWorld) {
     throw std::invalid_argument("a half-space must be the world's");
+  }
+  if (shape.side.kind == SideKind::kMovableBody && !shape.shape->solids.empty()) {
+    throw std::invalid_argument("solids must be the world's");
   }
   if (shape.side.kind != SideKind::kToolLink) return;
   if (shape.side.index >= tool.links.size()) {
     throw std::invalid_argument("link " + std::to_string(shape.side.index) +
                                 " must be one of the tool's " + std::to_string(tool.links.size()));
   }
-  if (shape.shape->is_skin()) {
+  if (shape.shape->is_mesh()) {
     throw std::invalid_argument("a mesh of the tool must be convex: divide it into hulls");
   }
 }
@@ -82,16 +86,22 @@ void Scene::make_finder() {
     if (!shape.shape) continue;  // Another box includes it.
     const std::size_t index = *find_body(shape.side);
     Body& body = bodies_[index];
-    for (std::size_t k = 0; k < shape.shape->pieces.size(); ++k) {
-      const bool is_skin = shape.shape->is_skin();
-      sources.push_back({.id = {static_cast<int>(index), static_cast<int>(body.shape_of.size())},
-                         .convex = &shape.shape->pieces[k],
-                         .X_FG = shape.X_BS,
-                         .fixed = shape.side.kind == SideKind::kWorld,
-                         .friction = shape.friction,
-                         .mesh = is_skin ? shape.shape->skins[k] : nullptr,
-                         .triangle = is_skin ? shape.shape->triangles[k] : 0});
+    const bool is_skin = shape.shape->is_skin();
+    const auto add = [&](PieceSource source) {
+      source.id = {static_cast<int>(index), static_cast<int>(body.shape_of.size())};
+      source.X_FG = shape.X_BS;
+      source.fixed = shape.side.kind == SideKind::kWorld;
+      source.friction = shape.friction;
+      sources.push_back(source);
       body.shape_of.push_back(static_cast<std::uint32_t>(i));
+    };
+    for (const MeshSolid& solid : shape.shape->solids) add({.id = {}, .X_FG = {}, .solid = &solid});
+    for (std::size_t k = 0; k < shape.shape->pieces.size(); ++k) {
+      add({.id = {},
+           .convex = &shape.shape->pieces[k],
+           .X_FG = {},
+           .mesh = is_skin ? shape.shape->skins[k] : nullptr,
+           .triangle = is_skin ? shape.shape->triangles[k] : 0});
       const Eigen::AlignedBox3d box = shape.shape->pieces[k].bounds(shape.X_BS);
       body.reach = std::max(body.reach, box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).norm());
     }

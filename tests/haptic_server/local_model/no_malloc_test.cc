@@ -83,9 +83,12 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
 }
 
 PlacedShape placed(const geometry::AnyShape& shape, const ContactSide& side, const Pose& X_BS) {
-  return {.shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test")),
-          .side = side,
-          .X_BS = X_BS};
+  const auto use =
+      side.kind == SideKind::kWorld ? geometry::MeshUse::kSolids : geometry::MeshUse::kPieces;
+  return {
+      .shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test", use)),
+      .side = side,
+      .X_BS = X_BS};
 }
 
 /// A box as tool between eight movable ones on a floor, and a wavy skin beside them.

@@ -18,7 +18,8 @@ constexpr std::uint32_t kBody = 7;
 
 PlacedShape placed(geometry::AnyShape shape, ContactSide side, const Vector3& p = Vector3::Zero()) {
   PlacedShape one;
-  one.shape = std::make_shared<geometry::ShapeParts>(geometry::parts_of(std::move(shape), "test"));
+  one.shape = std::make_shared<geometry::ShapeParts>(
+      geometry::parts_of(std::move(shape), "test", geometry::MeshUse::kSolids));
   one.side = side;
   one.X_BS.p = p;
   one.friction = {0};
@@ -31,12 +32,13 @@ PlacedShape ball() {
 
 /// A free tool of 0.5 kg at p_W in a scene.
 struct Model {
-  Model(std::vector<PlacedShape> shapes, const Vector3& p_W)
+  Model(std::vector<PlacedShape> shapes, const Vector3& p_W, double stiffness = 4000)
       : tool(test::rigid_tool(0.5, Matrix3::Identity() * 1e-3)),
         scene(std::move(shapes), {}, tool) {
     Configuration q = ToolModel(tool).neutral();
     q.head<3>() = p_W;
     LocalModelParameters parameters;
+    parameters.stiffness = stiffness;
     parameters.static_friction = parameters.kinetic_friction = 0;
     model = std::make_unique<LocalModel>(tool, q, parameters, kStep);
     model->set_scene(&scene);
@@ -106,6 +108,44 @@ TEST_CASE(
     }
   }
   CHECK(m.position().x() < 0.02);  // m: it slid
+}
+
+/// An open sheet of triangles, level or wavy.
+geometry::Mesh sheet(double height) {
+  geometry::Mesh mesh;
+  constexpr int kCells = 20;
+  for (int i = 0; i <= kCells; ++i) {
+    for (int j = 0; j <= kCells; ++j) {
+      const double x = 0.01 * (i - kCells / 2);
+      const double y = 0.01 * (j - kCells / 2);
+      mesh.points.emplace_back(x, y, height * std::cos(60 * x) * std::cos(60 * y) - height);
+    }
+  }
+  for (int i = 0; i < kCells; ++i) {
+    for (int j = 0; j < kCells; ++j) {
+      const int a = i * (kCells + 1) + j;
+      mesh.triangles.push_back({a, a + kCells + 1, a + kCells + 2});
+      mesh.triangles.push_back({a, a + kCells + 2, a + 1});
+    }
+  }
+  return mesh;
+}
+
+TEST_CASE(
+    "A sheet holds a ball of 2 mm and a plate of 0.5 mm that are pressed in deeper than that") {
+  for (const double stiffness : {4000.0, 1000.0}) {
+    const auto held = [&](const geometry::Shape& shape, double touching, const Vector3& at) {
+      Model m({placed(shape, {SideKind::kToolLink, 0}), placed(sheet(0), {})},
+              at + Vector3(0, 0, touching + 1e-4), stiffness);
+      double force = 0;
+      for (int i = 0; i < 1500; ++i) force = m.step({0, 0, -9});
+      CHECK(force == Approx(9).margin(0.05));
+      CHECK(m.position().z() > touching - 1.2 * 9 / stiffness);
+      CHECK(m.position().z() < touching);
+    };
+    held(geometry::Sphere{0.001}, 0.001, {0.0013, 0.0007, 0});
+    held(geometry::Box{{0.04, 0.04, 0.0005}}, 0.00025, {0.0013, 0.0007, 0});
+  }
 }
 
 TEST_CASE("A tool that is inside as its scene comes feels no step, and is pushed out slowly") {

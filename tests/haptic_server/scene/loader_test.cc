@@ -221,7 +221,9 @@ TEST_CASE("More pieces than a scene may have are refused, with how many there ar
   const SceneShape mesh = floor_mesh();
   Loader loader;
   Stream records = stream({mesh});
-  for (std::uint32_t i = 0; i < 42; ++i) append(placement(i, mesh), records);
+  // Of a mesh that moves each triangle is a piece.
+  const ContactSide body{SideKind::kMovableBody, 1};
+  for (std::uint32_t i = 0; i < 42; ++i) append(placement(i, mesh, body), records);
   append(SceneCommit{1}, records);
   CHECK(loader.make(records) == nullptr);
   CHECK(loader->state().error == SceneError::kLimit);

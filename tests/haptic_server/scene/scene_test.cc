@@ -26,9 +26,12 @@ constexpr ContactSide kBody{SideKind::kMovableBody, 7};
 Pose at(double x, double y = 0, double z = 0) { return {{x, y, z}, Quaternion::Identity()}; }
 
 PlacedShape placed(const AnyShape& shape, const ContactSide& side, const Pose& X_BS = {}) {
-  return {.shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test")),
-          .side = side,
-          .X_BS = X_BS};
+  const auto use =
+      side.kind == SideKind::kWorld ? geometry::MeshUse::kSolids : geometry::MeshUse::kPieces;
+  return {
+      .shape = std::make_shared<const geometry::ShapeParts>(parts_of(shape, "of the test", use)),
+      .side = side,
+      .X_BS = X_BS};
 }
 
 /// With a radius or half an edge of 0.1 m.
