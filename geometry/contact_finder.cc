@@ -324,9 +324,21 @@ void ContactFinder::add_pair(const Piece& own, const Pose& X_WG, const Piece& ot
   }
   if (other.mesh && overlap > 0) {
     add_deep_contacts(pair, search);
-  } else {
-    lost_ = lost_ || overlap > kDeepInSeam;
+  } else if (overlap > 0) {
+    if (!search.all_axes) add_on_next_axis(pair, search);
+    lost_ = lost_ || (contacts_.size() == first && overlap > kDeepInSeam);
   }
+}
+
+/// Adds the contacts of a pair whose best axis leads into a piece that goes on there, on the next
+/// one that is a surface's: a tool at a seam may be pressed in deeper than it reaches beyond.
+void ContactFinder::add_on_next_axis(const Pair& pair, const Search& search) {
+  const std::size_t first = contacts_.size();
+  add_on_surface(pair, find_axes(*pair.own.convex, pair.X_WG, *pair.other.convex, pair.X_WO,
+                                 search.epsilon, statistics_, {}, kMayAllocate));
+  const auto begin = contacts_.begin() + static_cast<std::ptrdiff_t>(first);
+  const auto tells_apart = [](const FoundContact& contact) { return contact.axis > 0; };
+  contacts_.erase(std::remove_if(begin, contacts_.end(), tells_apart), contacts_.end());
 }
 
 /// Whether a pair is still apart along the normal along which it was at the search before: 40 ns in

@@ -128,6 +128,7 @@ class ContactFinder {
   bool is_inside(const Pair& pair, const FoundContact& contact) const;
   bool is_before_sheet(const Pair& pair, const Search& search) const;
   void add_deep_contacts(Pair& pair, const Search& search);
+  void add_on_next_axis(const Pair& pair, const Search& search);
   void add_on_surface(const Pair& pair, const AxesManifold& manifold);
   double add_contacts(Pair& pair, const Search& search, const std::optional<Vector3>& near_O);
   AxesManifold manifold_of(Pair& pair, const Search& search, const std::optional<Vector3>& near_O);

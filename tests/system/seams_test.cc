@@ -138,7 +138,6 @@ TEST_CASE("A tool that turns on its way across a tiled square slides as on one s
 TEST_CASE("Seams keep the friction anchor: a box feels its friction and no more") {
   Task task{kBox, tiled_square(0, kGap), {0.05, 0.06, 0}, {0.12, 0.1, 0}};
   task.friction = 0.3;
-  task.shapes = false;
   const Slide felt = slide(task);
   CHECK(felt.sideways == Approx(0.3).epsilon(0.05));  // N
   CHECK(felt.highest - felt.lowest <= 5e-5);          // m
