@@ -51,31 +51,69 @@ Eigen::AlignedBox3d inflated(Eigen::AlignedBox3d box, double by) {
 /// Whether a contact is with an edge or a corner of a solid that the whole has not: a face there
 /// goes on in another piece, to where the normal leans from it.
 bool goes_on_beyond(const Assembly& around, const Piece& piece, const SolidContact& contact) {
-  if (contact.beyond_S.isZero(0)) return false;
+  if (contact.solid_kind == FeatureKind::kFace) return false;
   const Pose& X_FS = piece.X_FG;
   const Vector3 p_F = X_FS * contact.p_S;
+  const Vector3 n_F = X_FS.R * contact.n_S;
   const MeshSolid& solid = *piece.solid;
   if (!solid.is_closed()) {
-    return goes_on(around, piece, p_F, X_FS.R * contact.face_S, X_FS.R * contact.beyond_S);
+    if (contact.beyond_S.isZero(0)) return false;
+    const std::uint32_t feature = contact.solid_feature;
+    const bool on_rim = contact.solid_kind == FeatureKind::kVertex
+                            ? solid.is_on_rim(feature)
+                            : solid.triangles()[feature / 3].across[feature % 3] < 0;
+    return goes_on(around, piece, p_F, X_FS.R * contact.face_S, X_FS.R * contact.beyond_S, on_rim);
   }
-  bool found = false;
-  const auto look = [&](const MeshSolid::Triangle& t) {
-    constexpr double kLeans = 0.03;  // Sine.
-    const double along = t.n.dot(contact.n_S);
-    const Vector3 beyond = contact.n_S - along * t.n;
-    if (found || along <= 0 || beyond.norm() < kLeans) return;
-    found = goes_on(around, piece, p_F, X_FS.R * t.n, X_FS.R * beyond.normalized());
+  const auto leans_over = [&](const Vector3& face_S) {
+    constexpr double kLeans = 0.03;    // Sine: as much as a step in a seam's gap may rise.
+    constexpr double kUpright = 1e-5;  // Sine: rounding.
+    const double along = face_S.dot(contact.n_S);
+    const Vector3 beyond = contact.n_S - along * face_S;
+    const double leans = beyond.norm();
+    if (along <= 0 || leans < kUpright) return false;
+    const Vector3 beyond_F = X_FS.R * (beyond / leans);
+    if (leans < kLeans) return rises_to(around, piece, p_F, n_F, beyond_F);
+    return goes_on(around, piece, p_F, X_FS.R * face_S, beyond_F);
   };
+  bool found = false;
+  const auto look = [&](const MeshSolid::Triangle& t) { found = found || leans_over(t.n); };
   if (contact.solid_kind == FeatureKind::kVertex) {
     solid.for_each_at(contact.solid_feature, look);
   } else {
     const MeshSolid::Triangle& t = solid.triangles()[contact.solid_feature / 3];
     look(t);
-    const std::int32_t across = t.across[contact.solid_feature % 3];
-    if (across >= 0) look(solid.triangles()[static_cast<std::size_t>(across)]);
+    const std::int32_t across_edge = t.across[contact.solid_feature % 3];
+    if (across_edge >= 0) look(solid.triangles()[static_cast<std::size_t>(across_edge)]);
   }
   return found;
 }
+
+/// A solid's surface where no other piece of its assembly covers it or goes on.
+class Uncovered final : public OpenSurface {
+ public:
+  Uncovered(const Assembly& around, const Piece& piece) : around_(around), piece_(piece) {}
+
+  bool has(const SolidContact& contact) const noexcept override {
+    const MeshSolid& solid = *piece_.solid;
+    // On the border of a face it is looked for on that.
+    Vector3 inwards_S = Vector3::Zero();
+    if (contact.solid_kind == FeatureKind::kFace) {
+      const MeshSolid::Triangle& t = solid.triangles()[contact.solid_feature];
+      const Vector3 middle = (solid.corner(t, 0) + solid.corner(t, 1) + solid.corner(t, 2)) / 3;
+      inwards_S = kSeamStep * (contact.p_S - middle).normalized();
+    } else if (contact.beyond_S.isZero(0)) {
+      inwards_S = kSeamStep * contact.face_S;
+    }
+    const Pose& X_FS = piece_.X_FG;
+    const Vector3 p_F = X_FS * Vector3(contact.p_S - inwards_S);
+    return is_on_union(around_, piece_, p_F, X_FS.R * contact.n_S) &&
+           !goes_on_beyond(around_, piece_, contact);
+  }
+
+ private:
+  const Assembly& around_;
+  const Piece& piece_;
+};
 
 /// Whether a shape, at X_FG, is farther than `epsilon` before the triangle of a piece of a skin.
 bool is_far_before(const Piece& piece, const Convex& shape, const Pose& X_FG, double epsilon) {
@@ -457,17 +495,16 @@ void ContactFinder::add_of_solid(const Piece& own, const Pose& X_WG, const Piece
   const KnownSolid* known = known_solids_.find(key);
   const bool is_fresh = known != nullptr && known->search + (search.remembers ? 1 : 0) == number;
   KnownSolid now{.search = number, .memory = {}};
+  const Uncovered open(pieces_.assembly_of(other), other);
   const SolidContacts found =
       find_solid_contacts(*own.convex, X_WO.inverse() * X_WG, *other.solid, search.epsilon,
-                          is_fresh ? &known->memory : nullptr, now.memory);
+                          is_fresh ? &known->memory : nullptr, now.memory, &open);
   ++statistics_.queries;
   if (search.remembers && (known != nullptr || known_solids_.has_room())) {
     known_solids_.put(key, now);
   }
   if (!has_room_for(found.size())) return;
-  const Assembly& around = pieces_.assembly_of(other);
   const Assembly& around_own = pieces_.assembly_of(own);
-  const Pose X_FO = other.X_FG;
   for (const SolidContact& contact : found) {
     const ManifoldPoint point{.tool_feature = contact.tool_feature,
                               .body_feature = {contact.solid_kind, 0, 0},
@@ -475,21 +512,6 @@ void ContactFinder::add_of_solid(const Piece& own, const Pose& X_WG, const Piece
                               .n_W = X_WO.R * contact.n_S,
                               .separation = contact.separation,
                               .face = contact.solid_feature};
-    const Vector3 p_F = X_FO * contact.p_S;
-    const Vector3 n_F = X_FO.R * contact.n_S;
-    // On the border of a face it is looked for on that.
-    Vector3 inwards_S = Vector3::Zero();
-    if (contact.solid_kind == FeatureKind::kFace) {
-      const MeshSolid::Triangle& t = other.solid->triangles()[contact.solid_feature];
-      const MeshSolid& solid = *other.solid;
-      const Vector3 middle = (solid.corner(t, 0) + solid.corner(t, 1) + solid.corner(t, 2)) / 3;
-      inwards_S = kSeamStep * (contact.p_S - middle).normalized();
-    } else if (contact.beyond_S.isZero(0)) {
-      inwards_S = kSeamStep * contact.face_S;
-    }
-    const Vector3 inwards = X_FO.R * inwards_S;
-    if (!is_on_union(around, other, p_F - inwards, n_F)) continue;
-    if (goes_on_beyond(around, other, contact)) continue;
     const Vector3 on_own = point.p_WC + point.separation * point.n_W;
     const Pose X_FW = own.X_FG * X_WG.inverse();
     const Vector3 own_F = X_FW * on_own;

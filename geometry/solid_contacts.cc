@@ -76,7 +76,7 @@ class Search {
     bounds_.max().array() += epsilon + depth_;
   }
 
-  SolidContacts run(SolidMemory& now);
+  SolidContacts run(SolidMemory& now, const OpenSurface* open);
 
  private:
   struct Lowest {
@@ -105,6 +105,7 @@ class Search {
   void add_clear(const SolidContact& contact);
   void add(const Candidate& candidate);
   bool is_ended_by(const SolidContact& contact, const Vector3& way) const;
+  void keep_open(const OpenSurface& open);
   void keep_shortest_ways();
   void merge();
 
@@ -562,6 +563,15 @@ bool Search::is_ended_by(const SolidContact& contact, const Vector3& way) const 
   return (is_outside ? nearest->distance : -nearest->distance) > margin - kEnded;
 }
 
+/// Leaves what is on the surface of all. Before ways are compared: one that leads into another
+/// piece would end the others.
+void Search::keep_open(const OpenSurface& open) {
+  const auto is_covered = [&](const Candidate& candidate) {
+    return Work::is_spent() || !open.has(candidate.contact);
+  };
+  found_.erase(std::remove_if(found_.begin(), found_.end(), is_covered), found_.end());
+}
+
 /// What overlaps has several ways out, of each of its features. Where the way out of one ends the
 /// overlap of another, whose own way is longer, that is left out; what was there at the search
 /// before comes first.
@@ -629,12 +639,13 @@ void Search::merge() {
   found_.resize(std::min(kept, kMaxSolidContacts));
 }
 
-SolidContacts Search::run(SolidMemory& now) {
+SolidContacts Search::run(SolidMemory& now, const OpenSurface* open) {
   now = {};
   SolidContacts contacts;
   if (!find_side()) return contacts;
   solid_.visit([&](const MeshSolid::Node& node) { return enters(node); },
                [&](std::uint32_t index) { look_at(index); });
+  if (open != nullptr) keep_open(*open);
   keep_shortest_ways();
   merge();
   now.side = side_;
@@ -652,9 +663,9 @@ SolidContacts Search::run(SolidMemory& now) {
 }  // namespace
 
 SolidContacts find_solid_contacts(const Convex& tool, const Pose& X_ST, const MeshSolid& solid,
-                                  double epsilon, const SolidMemory* before,
-                                  SolidMemory& now) noexcept {
-  return Search(tool, X_ST, solid, epsilon, before).run(now);
+                                  double epsilon, const SolidMemory* before, SolidMemory& now,
+                                  const OpenSurface* open) noexcept {
+  return Search(tool, X_ST, solid, epsilon, before).run(now, open);
 }
 
 }  // namespace hlm::geometry

@@ -26,6 +26,15 @@ struct SolidContact {
 inline constexpr std::size_t kMaxSolidContacts = 64;
 using SolidContacts = StaticVector<SolidContact, kMaxSolidContacts>;
 
+/// What of a solid's surface is also that of all that it is a part of: the rest is no way out.
+class OpenSurface {
+ public:
+  virtual bool has(const SolidContact& contact) const noexcept = 0;
+
+ protected:
+  ~OpenSurface() = default;
+};
+
 /// What is known of a pair from the search before, so that it stays on the side on which it was.
 struct SolidMemory {
   /// A contact that overlapped.
@@ -43,9 +52,9 @@ struct SolidMemory {
 /// tool's lowest points over triangles, sharp vertices and edges of the solid against the tool. One
 /// counts if no neighbour of its feature is nearer along its normal, and nothing else of the solid
 /// lies between. `before`: of the search before, null if there was none; `now`: set, of this one.
-/// Allocates nothing.
+/// `open`: null if all of the surface is. Allocates nothing.
 SolidContacts find_solid_contacts(const Convex& tool, const Pose& X_ST, const MeshSolid& solid,
-                                  double epsilon, const SolidMemory* before,
-                                  SolidMemory& now) noexcept;
+                                  double epsilon, const SolidMemory* before, SolidMemory& now,
+                                  const OpenSurface* open = nullptr) noexcept;
 
 }  // namespace hlm::geometry

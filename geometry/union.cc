@@ -17,6 +17,9 @@ constexpr double kParallel = 0.035;
 /// How far inside of a piece a point of its surface is looked for, m.
 constexpr double kUnder = 2e-5;
 
+/// Height that rounding leaves in doubt, m.
+constexpr double kRounding = 1e-7;
+
 /// The nearest way out of a piece.
 struct WayOut {
   Vector3 n_F = Vector3::UnitZ();  ///< Unit.
@@ -89,28 +92,45 @@ bool is_outside(std::span<const Piece* const> solids, const Piece& piece, const 
   });
 }
 
-bool goes_on(const Assembly& assembly, const Piece& piece, const Vector3& p_F,
-             const Vector3& face_F, const Vector3& beyond_F) noexcept {
-  const Vector3 ahead = p_F + kSeamGap * beyond_F;
-  const Vector3 under = ahead - (kSeamStep + kUnder) * face_F;
-  const auto has = [&](const Piece& other) {
-    const bool is_sheet = other.solid != nullptr && !other.solid->is_closed();
-    if (&other == &piece && !is_sheet) return false;  // A sheet may go on in itself.
-    if (other.solid == nullptr) return contains(other, under, 0);
-    const MeshSolid& solid = *other.solid;
-    const Pose X_SF = other.X_FG.inverse();
-    if (!is_sheet) return solid.contains(X_SF * under);
-    return solid.nearest(X_SF * ahead, kSeamGap / 2).has_value();
-  };
+namespace {
+
+/// Whether any of the pieces that are near `ahead` `has` it, other than `piece` or `or_itself`.
+bool is_in_another(const Assembly& assembly, const Piece& piece, bool or_itself,
+                   const Vector3& ahead, const auto& has) {
   bool found = false;
   const auto is_near = [&](const BoxTree::Box& box) {
     return !found && box.exteriorDistance(ahead) <= kSeamGap;
   };
   assembly.tree.visit(is_near, [&](std::size_t place) {
     const Piece& other = *assembly.pieces[place];
+    if (&other == &piece && !or_itself) return;
     found = found || (is_near(other.bounds_F) && has(other));
   });
   return found;
+}
+
+}  // namespace
+
+bool goes_on(const Assembly& assembly, const Piece& piece, const Vector3& p_F,
+             const Vector3& face_F, const Vector3& beyond_F, bool on_rim) noexcept {
+  const Vector3 ahead = p_F + kSeamGap * beyond_F;
+  const Vector3 under = ahead - (kSeamStep + kUnder) * face_F;
+  return is_in_another(assembly, piece, on_rim, ahead, [&](const Piece& other) {
+    if (other.solid == nullptr) return contains(other, under, 0);
+    const Pose X_SF = other.X_FG.inverse();
+    if (other.solid->is_closed()) return other.solid->contains(X_SF * under);
+    return other.solid->nearest(X_SF * ahead, kSeamGap / 2).has_value();
+  });
+}
+
+bool rises_to(const Assembly& assembly, const Piece& piece, const Vector3& p_F, const Vector3& n_F,
+              const Vector3& beyond_F) noexcept {
+  const Vector3 ahead = p_F + kSeamGap * across(beyond_F, n_F).normalized();
+  const Vector3 under = ahead - kRounding * n_F;
+  return is_in_another(assembly, piece, false, ahead, [&](const Piece& other) {
+    if (other.solid == nullptr) return contains(other, under, 0);
+    return other.solid->contains(other.X_FG.inverse() * under);
+  });
 }
 
 }  // namespace hlm::geometry

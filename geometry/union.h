@@ -16,8 +16,14 @@ bool is_on_union(const Assembly& assembly, const Piece& piece, const Vector3& p_
 bool is_outside(std::span<const Piece* const> solids, const Piece& piece, const Vector3& p_F,
                 const Vector3& n_F) noexcept;
 /// Whether the surface goes on in another piece beyond the border of a face of this one, at a point
-/// of that: `face_F` is the face's normal, `beyond_F` the direction along it, both unit.
+/// of that: `face_F` is the face's normal, `beyond_F` the direction along it, both unit. `on_rim`:
+/// it is on the rim of a sheet, which may go on in itself across a T-junction; where it bends, its
+/// triangles adjoin.
 bool goes_on(const Assembly& assembly, const Piece& piece, const Vector3& p_F,
-             const Vector3& face_F, const Vector3& beyond_F) noexcept;
+             const Vector3& face_F, const Vector3& beyond_F, bool on_rim = false) noexcept;
+/// Whether another piece is, a little along `beyond_F` from a point of this one, as high along the
+/// normal as that point, to rounding: then the normal is none of all together. All unit, m.
+bool rises_to(const Assembly& assembly, const Piece& piece, const Vector3& p_F, const Vector3& n_F,
+              const Vector3& beyond_F) noexcept;
 
 }  // namespace hlm::geometry

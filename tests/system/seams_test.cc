@@ -362,9 +362,7 @@ void check_random_floors(int count) {
     const Tool& tool = tools[static_cast<std::size_t>(random.integer(0, 3))];
     const Vector3 start(random.uniform(0.04, 0.08), random.uniform(0.04, 0.08), 0);
     const Vector3 path(random.uniform(0.08, 0.12), random.uniform(-0.01, 0.12), 0);
-    Task task{tool, floor.models, start, path, random.integer(0, 1) * 0.5};
-    task.shapes = false;
-    const Slide felt = slide(task);
+    const Slide felt = slide({tool, floor.models, start, path, random.integer(0, 1) * 0.5});
     const double depth = felt.highest - felt.lowest;
     pushed += felt.sideways > 0.05;
     uneven += depth > 5e-5;
