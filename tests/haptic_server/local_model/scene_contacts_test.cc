@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "hlm/local_model/local_model.h"
@@ -187,6 +188,38 @@ TEST_CASE(
   }
   CHECK(fall <= 0.51);  // N: the release step
   CHECK(before < 0.01);
+}
+
+/// A ring of 16 boxes, 6 mm thick, at a mean radius of 22 mm. wide: their width, in parts of that with
+/// which they meet at the mean radius; at 1.136 at the outer one, but for a notch of 0.01 mm.
+std::vector<PlacedShape> ring(double wide) {
+  constexpr int kBoxes = 16;
+  constexpr double kRadius = 0.022;
+  std::vector<PlacedShape> boxes;
+  for (int i = 0; i < kBoxes; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kBoxes;
+    const double width = 2 * kRadius * std::tan(std::numbers::pi / kBoxes) * wide;
+    PlacedShape box = placed(geometry::Shape(geometry::Box{{0.006, width, 0.012}}),
+                             {SideKind::kToolLink, 0},
+                             {kRadius * std::cos(angle), kRadius * std::sin(angle), 0.006});
+    box.X_BS.R = rotation_from_vector(Vector3(0, 0, angle));
+    boxes.push_back(box);
+  }
+  return boxes;
+}
+
+TEST_CASE("A ring of boxes rests on a slab, however narrow the notches between them are") {
+  const double wide = GENERATE(0.9, 1.0, 1.1, 1.115, 1.125, 1.13, 1.135, 1.1364, 1.14, 1.2);
+  std::vector<PlacedShape> shapes = ring(wide);
+  shapes.push_back(placed(geometry::Shape(geometry::Box{{0.2, 0.2, 0.1}}), {}, {0, 0, -0.05}));
+  Model m(shapes, {0, 0, 1e-4});
+  double force = 0;
+  for (int i = 0; i < 500; ++i) force = m.step({0, 0, -2});
+  CAPTURE(wide, m.position().z());
+  CHECK(force == Approx(2).epsilon(0.01));
+  CHECK(m.position().z() > -2 / 4000.0);  // m: on more than one contact
+  const Quaternion R = m.model->proxy().X_WH().R;
+  CHECK(R.vec().norm() < 1e-4);
 }
 
 TEST_CASE("Over the seam of two tiles a contact goes on as the one that it was") {
