@@ -48,7 +48,6 @@ std::vector<ContactAudit::Seen> ContactAudit::see(const ContactUpdate& update) {
   std::vector<Seen> seen;
   tool_.set_configuration(update.q_VE);
   for (const ReportedContact& contact : update.contacts) {
-    if (contact.axis > 0) continue;  // It tells whether the pieces are apart.
     const bool of_tool = contact.a.kind == SideKind::kToolLink &&
                          contact.a.index < static_cast<std::uint32_t>(tool_.links());
     if (!of_tool) continue;

@@ -33,7 +33,7 @@ PlacedReports sorted_reports(const ReportedContacts& reported, const UpdateFrame
                              bool (*wanted)(const ReportedContact&) noexcept) noexcept {
   PlacedReports sorted;
   for (const ReportedContact& report : reported) {
-    if (!wanted(report) || report.axis > 0) continue;
+    if (!wanted(report)) continue;
     const auto a = frame_of(report.a, frames.tool, frames.bodies);
     const auto b = frame_of(report.b, frames.tool, frames.bodies);
     if (!a || !b || *a == kWorldFrame || *a == *b) continue;
