@@ -108,6 +108,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
          {present_supports(), support_law(dt_, kSupportFriction)}}};
     x = solve_contact_step(groups, frames, system);
     correct_step(groups, frames, system, x);
+    if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
     tau = apply_contact_forces(groups[0], frames, x).head(d);
     tau += apply_contact_forces(groups[1], frames, x).head(d);
     apply_contact_forces(groups[2], frames, x);
