@@ -194,10 +194,9 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   controller_ = Controller(options_.controller, options_.gains);
   energy_.begin();
   telemetry_.begin();
-  session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_,
-                               {.movable_bodies = true,
-                                .self_contacts = true,
-                                .scenes = scenes_ != nullptr}));
+  session_.accept(
+      now, welcome(options_, fingerprint_, silence_time(period_), device_,
+                   {.movable_bodies = true, .self_contacts = true, .scenes = scenes_ != nullptr}));
 }
 
 /// Forwards new chunks of the scene stream and adopts the newest scene. Drops a scene that takes

@@ -49,7 +49,9 @@ void add_slab(Shapes& shapes) {
   add(shapes, kWorld, geometry::Box{{0.6, 0.6, 0.02}}, {0, 0, -0.01});
 }
 
-void add_plate(Shapes& shapes) { add(shapes, kTool, geometry::Box{{0.1, 0.1, 0.02}}, {0, 0, 0.01}); }
+void add_plate(Shapes& shapes) {
+  add(shapes, kTool, geometry::Box{{0.1, 0.1, 0.02}}, {0, 0, 0.01});
+}
 
 /// A floor and twenty walls around it.
 void add_mug(Shapes& shapes) {

@@ -115,7 +115,8 @@ BothHeld play(const Hold& hold, const BodyConditions& conditions, int judged, st
   const double end = hold.end;
   test::VirtualSessionOptions options;
   options.world = hold.world;
-  options.frame = {.shapes = false, .epsilon = 0.02};  // As ve_client --epsilon 0.02 with two tools.
+  options.frame = {.shapes = false,
+                   .epsilon = 0.02};  // As ve_client --epsilon 0.02 with two tools.
   options.tool = "left";
   options.hand = hold.left;
   options.others = {{"right", hold.right}};

@@ -190,8 +190,8 @@ TEST_CASE(
   CHECK(before < 0.01);
 }
 
-/// A ring of 16 boxes, 6 mm thick, at a mean radius of 22 mm. wide: their width, in parts of that with
-/// which they meet at the mean radius; at 1.136 at the outer one, but for a notch of 0.01 mm.
+/// A ring of 16 boxes, 6 mm thick, at a mean radius of 22 mm. wide: their width, in parts of that
+/// with which they meet at the mean radius; at 1.136 at the outer one, but for a notch of 0.01 mm.
 std::vector<PlacedShape> ring(double wide) {
   constexpr int kBoxes = 16;
   constexpr double kRadius = 0.022;
@@ -199,9 +199,9 @@ std::vector<PlacedShape> ring(double wide) {
   for (int i = 0; i < kBoxes; ++i) {
     const double angle = 2 * std::numbers::pi * i / kBoxes;
     const double width = 2 * kRadius * std::tan(std::numbers::pi / kBoxes) * wide;
-    PlacedShape box = placed(geometry::Shape(geometry::Box{{0.006, width, 0.012}}),
-                             {SideKind::kToolLink, 0},
-                             {kRadius * std::cos(angle), kRadius * std::sin(angle), 0.006});
+    PlacedShape box =
+        placed(geometry::Shape(geometry::Box{{0.006, width, 0.012}}), {SideKind::kToolLink, 0},
+               {kRadius * std::cos(angle), kRadius * std::sin(angle), 0.006});
     box.X_BS.R = rotation_from_vector(Vector3(0, 0, angle));
     boxes.push_back(box);
   }

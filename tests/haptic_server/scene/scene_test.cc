@@ -322,7 +322,8 @@ TEST_CASE("Boxes that make one box together are one, wherever it lies and howeve
 
 TEST_CASE("Boxes stay apart that differ in more than their place, or leave a gap or a step") {
   const PlacedShape first = placed(box(), kWorld);
-  const auto pieces = [&](PlacedShape other, std::vector<std::pair<unsigned, unsigned>> apart = {}) {
+  const auto pieces = [&](PlacedShape other,
+                          std::vector<std::pair<unsigned, unsigned>> apart = {}) {
     return Touching{{first, std::move(other)}, std::move(apart)}.scene()->pieces();
   };
   PlacedShape other = placed(box(), kWorld, at(0.2));

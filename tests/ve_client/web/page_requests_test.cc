@@ -84,8 +84,7 @@ TEST_CASE("A tool of several links is refused what puts the device in its place"
     const auto refusal =
         parsed<Refusal>(R"({"type":"method","name":")" + name + R"("})", {}, linkage);
     CHECK(refusal.field == "name");
-    CHECK_THAT(refusal.text,
-               ContainsSubstring("must be lm0, lm5, shapes: the tool has several"));
+    CHECK_THAT(refusal.text, ContainsSubstring("must be lm0, lm5, shapes: the tool has several"));
   }
   const auto refusal = parsed<Refusal>(R"({"type":"settings","controller":"direct"})", {}, linkage);
   CHECK_THAT(refusal.text,
