@@ -200,17 +200,23 @@ void ClientRun::begin(Asked asked) {
     options.telemetry = i == 0 ? page_.get() : nullptr;
     const ToolAssembly& tool = environment_->tools[i].assembly;
     sessions_[i].begin(options, tool);
-    offer_scene(i);
   }
+  offered_shapes_ = false;
+  offer_scenes();
   if (page_) {
     page_->forget_session();
     show_world(nullptr);
   }
 }
 
-/// The world's shapes; none where a person wants contacts.
-void ClientRun::offer_scene(std::size_t tool) {
+/// The world's shapes; none where a person does not want them any more.
+void ClientRun::offer_scenes() {
+  if (live_.frame.shapes == offered_shapes_) return;
   offered_shapes_ = live_.frame.shapes;
+  for (std::size_t i = 0; i < sessions_.size(); ++i) offer_scene(i);
+}
+
+void ClientRun::offer_scene(std::size_t tool) {
   protocol::SceneOffer scene;
   if (live_.frame.shapes) {
     scene = scene_of(environment_->world, environment_->tools[tool].assembly,
@@ -263,9 +269,7 @@ void ClientRun::take_page_requests() {
   change_scene();
   for (int steps = page_->take_steps(); steps > 0; --steps) environment_->pace.step();
   set_conditions(live_.network);
-  if (live_.frame.shapes != offered_shapes_) {
-    for (std::size_t i = 0; i < sessions_.size(); ++i) offer_scene(i);
-  }
+  offer_scenes();
   first_client().control(page_->control(live_, own_tuning_));
 }
 

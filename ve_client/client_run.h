@@ -43,6 +43,7 @@ class ClientRun {
   LiveSettings settings_at_start() const;
   /// Sessions with the present scene as it was at the start.
   void begin(Asked asked);
+  void offer_scenes();
   void offer_scene(std::size_t tool);
   void frame(double period);
   void report(const std::string& fault);

@@ -338,7 +338,7 @@ TEST_CASE("The doctor judges the contacts of a session that goes on, where the s
   Clinic clinic;
   std::optional<Finished> last;
   SECTION("recorded") {
-    clinic.start_session({"--record", clinic.directory.file("run.pcap")});
+    clinic.start_session({"--record", clinic.directory.file("run.pcap")}, {"--contacts"});
     CHECK(wait_until(20, [&] {
       last = clinic.doctor("contacts");
       return last->output.find("change as the tool moves") != std::string::npos;

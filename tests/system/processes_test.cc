@@ -145,7 +145,8 @@ TEST_CASE("A live replay says whether the server's answers are the recorded ones
     Process haptic_server(server(port) + physics +
                           Arguments{"--record", directory.file("run.pcap")});
     REQUIRE(haptic_server.wait_for_error("listening", 10));
-    CHECK(run(client(port) + Arguments{"--duration", "3"}, 30).exit_code == 0);
+    // The tick at which a scene comes into force is not the recorded one.
+    CHECK(run(client(port) + Arguments{"--duration", "3", "--contacts"}, 30).exit_code == 0);
   }
   const Arguments replay{HLM_REPLAY, directory.file("run.pcap"), "--server", address(port)};
   {
