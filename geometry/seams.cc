@@ -24,10 +24,6 @@ constexpr double kStandsIn = 1e-3;
 /// How far out of a piece, m, its nearest point is outermost in that direction.
 constexpr double kOutwards = 0.01;
 
-/// How far along its border a surface is looked at for a corner, m: longer than gaps, shorter than
-/// what anyone makes a ring of.
-constexpr double kStraight = 1e-3;
-
 /// A contact as one of its pieces sees it, in the frame of that piece's assembly.
 struct Meeting {
   FoundContact contact;
@@ -41,7 +37,6 @@ struct Meeting {
 struct Border {
   bool goes_on = false;                  ///< The face does so beyond it, in another piece's.
   bool within = false;                   ///< And the overlap of the two shapes has no corner there.
-  bool bends = false;                    ///< The surface's own border has a corner there.
   std::optional<std::size_t> open_face;  ///< The piece's face at which the surface ends.
 };
 
@@ -206,11 +201,9 @@ Border Resolver::border_at(const Meeting& meeting, const Vector3& n,
     if (is_face_itself || side.height < -kSeamStep || Work::is_spent()) continue;
     const Vector3 step = kSeamGap * out.normalized();
     const Vector3 ahead = meeting.at + step;
-    const Vector3 far_ahead = meeting.at + kStraight * out.normalized();
     if (on_surface(ahead, &own_) && !is_covered(ahead + kSeamGap * n, own_, pieces) &&
         on_surface(meeting.at - step, nullptr)) {
       border.goes_on = true;
-      border.bends = border.bends || !on_surface(far_ahead, nullptr);
       border.within = border.within || (under_other(meeting.opposite + step) &&
                                         under_other(meeting.opposite - step));
     } else {
@@ -334,7 +327,7 @@ bool Resolver::settle(Meeting& meeting) {
       name_surface(meeting.contact, *face);
       return true;
     }
-    if (border.within) return border.bends && border.open_face;
+    if (border.within) return false;
     if (!put_on_edge(meeting)) return true;
   } else if (feature.kind != FeatureKind::kEdge) {
     return true;
