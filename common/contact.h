@@ -114,7 +114,7 @@ struct ReportedContact {
   /// update. Whoever makes contacts chooses it: feature pairs, or a tracker's own numbers.
   std::uint64_t identity = 0;
   std::uint32_t pair = 0;  ///< Which two convex pieces; 0 if the environment does not say.
-  /// 0. Clients before 0.5 sent the pair's other separating axes besides; those do nothing.
+  /// 0, without meaning: clients before 0.5 number separating axes of the pair.
   std::uint16_t axis = 0;
   ContactSide a{SideKind::kToolLink,
                 0};  ///< The side that the normal points to: the tool, if it takes part.

@@ -74,8 +74,8 @@ class ClientRun {
   SteadyClock clock_;
   Tuning own_tuning_;  ///< What the first server was started with.
   LiveSettings live_;
-  bool offered_shapes_ = true;  ///< Of live_.frame.shapes, when it was last looked at.
-  double spread_;               ///< Spread of the drawn rates about live_.rate, Hz.
+  bool offered_shapes_ = false;  ///< Whether the servers have been offered the shapes.
+  double spread_;                ///< Spread of the drawn rates about live_.rate, Hz.
   std::mt19937_64 engine_;
   std::optional<FramePeriods> periods_;
   double low_ = 0;                    ///< Lowest rate of periods_, Hz.

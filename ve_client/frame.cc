@@ -141,7 +141,8 @@ void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* con
     reported.push_back(held.surroundings.bodies());
     round_trip = std::max(round_trip, clients[i]->round_trip());
   }
-  if (length > 0) environment.shared.push(pushes, reported, length, round_trip);
+  const auto hands = std::ranges::count_if(clients, &HapticClient::connected);
+  if (length > 0) environment.shared.push(pushes, reported, length, round_trip, hands > 1);
 }
 
 /// What stops a tool in the engine.

@@ -37,11 +37,11 @@ double share(double rate, double period) { return 1 - std::exp(-rate * period); 
 }  // namespace
 
 void SharedBodies::push(std::span<const Pushes> pushes, std::span<const MovableBodies> reported,
-                        double period, double round_trip) {
+                        double period, double round_trip, bool several) {
   if (pushes.size() < 2) return;
   estimate_loop(period, round_trip);
   find_shared(pushes, reported);
-  add_inertia(period);
+  add_inertia(period, several);
   for (std::size_t tool = 0; tool < pushes.size(); ++tool) learn(tool, pushes, period);
 }
 
@@ -82,15 +82,16 @@ void SharedBodies::find_shared(std::span<const Pushes> pushes,
   }
 }
 
-/// While a body is shared its added mass never falls: what falls gives no momentum back.
-void SharedBodies::add_inertia(double period) {
+/// While a body is shared its added mass never falls: what falls gives no momentum back. Where one
+/// hand is left it goes at once: it has no weight, and would leave that hand as this comes to rest.
+void SharedBodies::add_inertia(double period, bool several) {
   for (const int body : now_) added_.try_emplace(body, 0);
   for (auto& [body, added] : added_) {
     const bool now = std::ranges::find(now_, body) != now_.end();
     if (now) {
       added += share(1 / kTaking, period) * std::max(0.0, kImpedance * loop_ - added);
     } else {
-      added -= share(1 / kLeaving, period) * added;
+      added -= (several ? share(1 / kLeaving, period) : 1) * added;
       if (added < kNoMass) added = 0;
     }
     const double mass = world_.description().bodies[static_cast<std::size_t>(body)].mass;

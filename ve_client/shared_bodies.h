@@ -25,9 +25,10 @@ class SharedBodies {
   SharedBodies(World& world, std::size_t tools) : world_(world), of_tools_(tools) {}
 
   /// A frame of `period` seconds begins, in which each tool pushes so; `reported`: the bodies of
-  /// reported to each tool's server. round_trip: the longest to a server, s, >= 0.
+  /// reported to each tool's server. round_trip: the longest to a server, s, >= 0. several: whether
+  /// more than one hand is there.
   void push(std::span<const Pushes> pushes, std::span<const MovableBodies> reported, double period,
-            double round_trip);
+            double round_trip, bool several);
   /// Adds what the other tools do to the bodies that are reported to a tool's server.
   void add_others(std::size_t tool, MovableBodies& bodies) const;
 
@@ -44,7 +45,7 @@ class SharedBodies {
   void estimate_loop(double period, double round_trip);
   std::set<int> moved(const Pushes& pushes, const MovableBodies& reported) const;
   void find_shared(std::span<const Pushes> pushes, std::span<const MovableBodies> reported);
-  void add_inertia(double period);
+  void add_inertia(double period, bool several);
   void learn(std::size_t tool, std::span<const Pushes> pushes, double period);
 
   World& world_;

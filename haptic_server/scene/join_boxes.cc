@@ -18,8 +18,9 @@ std::int64_t rounded(double x) { return std::llround(x / kSame); }
 
 /// A box, or some that have become one, in the frame of their orientation.
 struct Block {
-  std::uint32_t place;  ///< Of the first one.
-  Eigen::AlignedBox3d box;
+  std::uint32_t place;      ///< Of the first one.
+  Eigen::AlignedBox3d box;  ///< m.
+  bool joined = false;
 };
 
 /// What boxes have in common that can become one.
@@ -56,6 +57,7 @@ bool join_along(int axis, std::vector<Block>& blocks) {
     }
     joined.back().box.extend(block.box);
     joined.back().place = std::min(joined.back().place, block.place);
+    joined.back().joined = true;
   }
   const bool any = joined.size() < blocks.size();
   blocks = std::move(joined);
@@ -69,7 +71,7 @@ void join(std::span<PlacedShape> shapes, std::span<const std::uint32_t> places) 
   for (const std::uint32_t place : places) {
     const Vector3 middle = R.conjugate() * shapes[place].X_BS.p;
     const Vector3 half = shapes[place].shape->pieces.front().half_extents();
-    blocks.push_back({place, {middle - half, middle + half}});
+    blocks.push_back({.place = place, .box = {middle - half, middle + half}});
   }
   for (int tried = 0, axis = 0; tried < 3; axis = (axis + 1) % 3) {
     tried = join_along(axis, blocks) ? 0 : tried + 1;
@@ -78,6 +80,7 @@ void join(std::span<PlacedShape> shapes, std::span<const std::uint32_t> places) 
   std::set<std::uint32_t> gone(places.begin(), places.end());
   for (const Block& block : blocks) {
     gone.erase(block.place);
+    if (!block.joined) continue;
     const geometry::Shape box = geometry::Box{block.box.sizes()};
     shapes[block.place].shape =
         std::make_shared<const geometry::ShapeParts>(geometry::parts_of(box, "of boxes"));

@@ -141,9 +141,8 @@ TEST_CASE("Two servers, one client: a killed server ends its hand's push, the ot
   INFO("pushed with " << pushed << " N");
   CHECK(pushed > 0.5);
   CHECK(borne(ticks, 7.2, 8) == Approx(kWeight).epsilon(0.03));
-  // The limiter would let the command change by 24 N in a tick. As the push ends, the block leaves
-  // the tray in one run of three, and lands with 4 to 6 N (docs/limitations.md).
-  CHECK(largest_step(ticks, 5) < 8);
+  // The limiter would let the command change by 24 N in a tick.
+  CHECK(largest_step(ticks, 5) < 3);
 }
 
 TEST_CASE("Two servers on hosts of their own, one client on a third: the tray bears the block") {

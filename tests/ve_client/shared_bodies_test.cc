@@ -20,7 +20,8 @@ struct Shared {
         bodies(world, 2) {}
 
   /// A frame in which the tools push so, N along x; zero: they do not touch it.
-  void push(double first, double second, double period = kPeriod, double round_trip = kRoundTrip) {
+  void push(double first, double second, double period = kPeriod, double round_trip = kRoundTrip,
+            bool several = true) {
     Pushes pushes[2];
     MovableBodies reported[2];
     for (int tool = 0; tool < 2; ++tool) {
@@ -31,7 +32,7 @@ struct Shared {
       world.add_wrench(0, F);
       reported[tool].emplace_back().id = 0;
     }
-    bodies.push(pushes, reported, period, round_trip);
+    bodies.push(pushes, reported, period, round_trip, several);
     world.step(period, {});
   }
 
@@ -148,10 +149,20 @@ TEST_CASE("Of two bodies that both servers know, only what both hands push gets 
     for (const Pushes& push : pushes) {
       if (presses) world.add_wrench(push.begin()->first, push.begin()->second);
     }
-    bodies.push(pushes, reported, kPeriod, kRoundTrip);
+    bodies.push(pushes, reported, kPeriod, kRoundTrip, true);
     world.step(kPeriod, {});
   }
   for (const int body : {0, 1}) CHECK((world.inertia_factor(body) > 2) == presses);
+}
+
+TEST_CASE("Where one hand is left a body has its own mass at once") {
+  Shared shared("0 0 0");
+  for (int frame = 0; frame < 60; ++frame) shared.push(2, -2);
+  CHECK(shared.world.inertia_factor(0) > 2);
+  shared.push(2, 0);
+  CHECK(shared.world.inertia_factor(0) > 2);
+  shared.push(2, 0, kPeriod, kRoundTrip, false);
+  CHECK(shared.world.inertia_factor(0) == 1);
 }
 
 TEST_CASE("With one tool nothing is added") {
@@ -160,7 +171,7 @@ TEST_CASE("With one tool nothing is added") {
   const Pushes pushes{{0, (Wrench() << 2, 0, 0, 0, 0, 0).finished()}};
   MovableBodies reported;
   reported.emplace_back().id = 0;
-  alone.push({&pushes, 1}, {&reported, 1}, kPeriod, kRoundTrip);
+  alone.push({&pushes, 1}, {&reported, 1}, kPeriod, kRoundTrip, false);
   const MovableBodies before = reported;
   alone.add_others(0, reported);
   CHECK(reported[0].A_W == before[0].A_W);
