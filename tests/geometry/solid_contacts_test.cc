@@ -62,7 +62,7 @@ const SolidContact& deepest(const SolidContacts& contacts) {
   return *std::ranges::min_element(contacts, {}, &SolidContact::separation);
 }
 
-TEST_CASE("A convex solid is touched as far as its hull is, by all kinds of tools") {
+TEST_CASE("A convex solid is touched as far as its hull is, by all kinds of tools", "[optimised]") {
   Random random;
   const Mesh block = test::block({-0.05, -0.04, -0.03}, {0.05, 0.04, 0.03});
   Random smooth;
@@ -270,7 +270,7 @@ TEST_CASE("A sheet is not left on its other side, however thin the tool and deep
   CHECK(pressed(plate, level, 0.00025, 0.005, rotation_from_vector({0, 0, 0.5})).size() == 4);
 }
 
-TEST_CASE("Where a tool slides over a mesh its overlap does not jump") {
+TEST_CASE("Where a tool slides over a mesh its overlap does not jump", "[optimised]") {
   Random random;
   for (const int kind : {0, 1, 2, 3, 4}) {
     const Convex tool = random_tool(random, kind);

@@ -61,7 +61,8 @@ Mesh made(Mesh mesh) {
   return repaired(std::move(mesh), "test", said);
 }
 
-TEST_CASE("Distances to closed meshes are those of all triangles, and negative inside") {
+TEST_CASE("Distances to closed meshes are those of all triangles, and negative inside",
+          "[optimised]") {
   Random random;
   for (const double rough : {0.0, 0.3}) {
     const Mesh mesh = made(test::bumpy_ball(24, 0.1, rough, random));

@@ -208,7 +208,8 @@ std::vector<PlacedShape> ring(double wide) {
   return boxes;
 }
 
-TEST_CASE("A ring of boxes rests on a slab, however narrow the notches between them are") {
+TEST_CASE("A ring of boxes rests on a slab, however narrow the notches between them are",
+          "[optimised]") {
   const double wide = GENERATE(0.9, 1.0, 1.1, 1.115, 1.125, 1.13, 1.135, 1.1364, 1.14, 1.2);
   std::vector<PlacedShape> shapes = ring(wide);
   shapes.push_back(placed(geometry::Shape(geometry::Box{{0.2, 0.2, 0.1}}), {}, {0, 0, -0.05}));
