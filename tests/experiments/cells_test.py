@@ -21,7 +21,7 @@ WORLDS = SCRIPTS.parent / "worlds"
 sys.path.insert(0, str(SCRIPTS))
 import sweeps  # noqa: E402
 
-MIXED = ["--quick", "--seeds", "2", "--only", "fig06", "corners", "external", "collisions", "updates"]
+MIXED = ["--quick", "--seeds", "2", "--only", "fig06", "approach", "external", "collisions", "updates"]
 
 
 def run(*arguments, program=PROGRAM, **options):
@@ -55,7 +55,7 @@ class Case(unittest.TestCase):
 
 
 class Mixed(Case):
-    """Some 300 cells of five experiments."""
+    """Some 90 cells of five experiments."""
 
     @classmethod
     def setUpClass(cls):
@@ -108,12 +108,12 @@ class Mixed(Case):
     def test_a_cut_file_is_run_again(self):
         folder = self.root / "cut"
         shutil.copytree(self.whole, folder)
-        cut, empty = folder / "cells/corners/corners-00007.json", folder / "cells/updates/updates-00001.json"
+        cut, empty = folder / "cells/approach/approach-00007.json", folder / "cells/updates/updates-00001.json"
         cut.write_bytes(cut.read_bytes()[:-20])
         empty.write_bytes(b"")
         merged = run("--out", folder, "--merge")
         self.assertEqual(merged.returncode, 3)
-        self.assertIn("corners-00007", merged.stderr)
+        self.assertIn("approach-00007", merged.stderr)
         self.assertIn("updates-00001", merged.stderr)
         before = files(folder)
         self.assertEqual(run(*MIXED, "--out", folder).returncode, 0)
@@ -128,7 +128,7 @@ class Mixed(Case):
         lacking = tables(folder)
         self.assertIn(b"fig06-00003", lacking["missing.csv"])
         self.assertNotIn(b"fig06,", lacking["claims.csv"])
-        self.assertEqual(lacking["corners.csv"], self.due["corners.csv"])
+        self.assertEqual(lacking["approach.csv"], self.due["approach.csv"])
         self.assertEqual(run("--out", folder, "--cell", "fig06-00003").returncode, 0)
         self.assertEqual(run("--out", folder, "--merge").returncode, 0)
         self.assertEqual(tables(folder), self.due)
@@ -158,7 +158,7 @@ class Mixed(Case):
         shutil.copytree(self.whole, folder)
         self.assertEqual(run("--quick", "--only", "fig06", "--seeds", "2", "--out", folder, "--replace").returncode, 0)
         self.assertEqual(len(files(folder)), 8)
-        self.assertNotIn("corners.csv", tables(folder))
+        self.assertNotIn("approach.csv", tables(folder))
 
     def test_a_folder_of_something_else_is_left_alone(self):
         folder = self.root / "else"
