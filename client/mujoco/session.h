@@ -175,7 +175,7 @@ class Session {
  private:
   /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
   /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
-  static constexpr int kHandOver = 2;
+  static constexpr int kHandOver = 4;
 
   /// Bodies within this distance are sent, plus how far the tool travels until the third update
   /// from now has come, up to the farthest, m: a body that was not sent is a wall.

@@ -20,7 +20,7 @@ _NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
 _USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
 # Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
 # some millimetres, more would push it twice.
-_HAND_OVER = 2
+_HAND_OVER = 4
 _Session = TypeVar("_Session", bound="EngineSession")
 _TOOL = -1  # the carrier of the tool's shapes
 
