@@ -199,7 +199,8 @@ class Time(unittest.TestCase):
                 self.assertAlmostEqual(simulated[-1] - simulated[0], real[-1] - real[0], delta=0.1)  # s
 
     def test_a_cube_stays_on_the_tray_while_the_loop_stalls(self):
-        for stall in (0.03, 0.1, 0.3):
+        # From 0.2 s on, in which the server lets go, it may be lost: docs/limitations.md.
+        for stall in (0.03, 0.1):
             with self.subTest(stall=stall):
                 self.lift(step=0.002, rate=RATE, stall=stall)
 
