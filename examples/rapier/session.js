@@ -15,7 +15,7 @@ import { list, object, rotate, scale } from './vectors.js';
 
 /** Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer frames would let them
  * sink in, more would push a body twice. */
-const HAND_OVER = 2;
+const HAND_OVER = 4;
 /** Bodies within this are sent, m, and within what the tool travels until the next update but two, up to the farthest, m:
  * one that was not sent is a wall. */
 const NEAR_BODIES = 0.02;
