@@ -186,8 +186,39 @@ struct BodyPose {
   std::uint32_t body = 0;     ///< The environment's own number, as in ContactSide::index.
   Pose X_WB;                  ///< The body's frame in the world.
   Twist V_W = Twist::Zero();  ///< Twist at that frame's origin, world axes, m/s and rad/s.
+  bool kept = false;          ///< As in Ownership, which says it to the server.
 };
 
 using BodyPoses = StaticVector<BodyPose, kMaxPoses>;
+
+/// Who moves a body, as a number that only rises: odd, the server, because it bears upon the tool;
+/// even, the environment. Late and lost datagrams undo nothing.
+struct Ownership {
+  std::uint32_t body = 0;
+  std::uint32_t number = 0;
+  bool kept = false;  ///< The environment lets nobody else move it.
+  /// How much slower its time goes than the hand's, in 1/255: 0 not, 255 it stands still. Its twist
+  /// is that in the hand's time.
+  std::uint8_t slowed = 0;
+
+  /// Of its time in the hand's, 0 to 1.
+  constexpr double pace() const noexcept { return 1 - slowed / 255.0; }
+};
+constexpr bool is_held(std::uint32_t number) noexcept { return number % 2 == 1; }
+
+using Ownerships = StaticVector<Ownership, kMaxPoses>;
+
+/// What the server must know of a body to move it, in the frame of its shapes.
+struct BodyInertia {
+  std::uint32_t body = 0;
+  double mass = 1;                       ///< kg, > 0.
+  Vector3 p_BCom = Vector3::Zero();      ///< Centre of mass, m.
+  Matrix3 I_BCom = Matrix3::Identity();  ///< About that, kg·m², positive definite.
+  Vector3 gravity_W = Vector3::Zero();   ///< What its weight accelerates it by, world, m/s².
+  double damping = 0;                    ///< Of its velocity, 1/s,
+  double angular_damping = 0;            ///< and of its angular velocity, 1/s.
+
+  bool operator==(const BodyInertia&) const = default;
+};
 
 }  // namespace hlm

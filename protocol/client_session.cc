@@ -36,7 +36,7 @@ ClientSession::Inbox ClientSession::poll(double now) {
     if (reason) statistics_.drop(*reason);
   }
   const double round_trip = std::min(std::max(round_trip_, first_round_trip_), kLongestRoundTrip);
-  const double patience = options_.timeout + round_trip;
+  const double patience = std::max(options_.timeout, least_patience_) + round_trip;
   if (active_ && unanswered_since_ && now - *unanswered_since_ > patience) end();
   const bool hello_due = !last_hello_ || now - *last_hello_ >= options_.hello_period;
   if (!active_ && hello_due) say_hello(now);
@@ -72,6 +72,8 @@ std::optional<DropReason> ClientSession::take_datagram(double now) {
       return take_refusal(header);
     case MessageType::kImpulses:
       return take_impulses(header);
+    case MessageType::kHeldBodies:
+      return take_held(header);
     case MessageType::kSceneState:
       return take_scene_state(now, header);
     case MessageType::kHello:
@@ -100,6 +102,7 @@ std::optional<DropReason> ClientSession::take_welcome(double now, const Header& 
   state_ = {};
   state_received_at_ = now - datagram_.waited;
   impulses_ = {};
+  held_step_ = 0;
   control_sequence_ = 0;
   next_step_ = 1;
   local_state_parts_.restart(statistics_);
@@ -189,6 +192,24 @@ std::optional<DropReason> ClientSession::take_impulses(const Header& header) noe
   if (impulses.step < impulses_.step) return DropReason::kStale;
   impulses_ = impulses;
   inbox_.impulses = &impulses_;
+  return std::nullopt;
+}
+
+/// Messages of one step come one after another; which body is how new its number says.
+std::optional<DropReason> ClientSession::take_held(const Header& header) noexcept {
+  if (!active_ || header.envelope.session != id_) return DropReason::kForeignSession;
+  HeldBodies held;
+  if (const auto reason = decode(view(datagram_.bytes), held)) return reason;
+  if (held.step < held_step_) return DropReason::kStale;
+  held_step_ = held.step;
+  for (const HeldBody& body : held.bodies) {
+    const auto known = std::ranges::find(inbox_.held, body.body, &HeldBody::body);
+    if (known != inbox_.held.end()) {
+      *known = body;
+    } else if (inbox_.held.size() < inbox_.held.capacity()) {
+      inbox_.held.push_back(body);
+    }
+  }
   return std::nullopt;
 }
 

@@ -53,10 +53,11 @@ class ClientSession {
     bool welcomed = false;         ///< A session began in this poll: the proxy starts at hello.q.
     bool lost = false;             ///< The session ended in this poll (goodbye or silence).
     std::optional<Reject> reject;  ///< The server refuses; it is asked again nevertheless.
-    const ProxyState* state = nullptr;   ///< Latest proxy state, valid until the next poll.
-    std::optional<Refusal> refusal;      ///< Why an update, or a contact of it, was not used.
-    const Impulses* impulses = nullptr;  ///< Latest totals, valid until the next poll.
-    bool scene = false;                  ///< A new scene_state() has come.
+    const ProxyState* state = nullptr;       ///< Latest proxy state, valid until the next poll.
+    std::optional<Refusal> refusal;          ///< Why an update, or a contact of it, was not used.
+    const Impulses* impulses = nullptr;      ///< Latest totals, valid until the next poll.
+    StaticVector<HeldBody, kMaxPoses> held;  ///< What came of bodies, the newest of each.
+    bool scene = false;                      ///< A new scene_state() has come.
   };
 
   /// Drains the link; says hello while there is no session. `now`: s, any steady origin.
@@ -80,6 +81,8 @@ class ClientSession {
   const SceneSender& scene_sender() const noexcept { return scene_sender_; }
   /// Ends the session, if there is one. The next poll would ask for another.
   void close(double now);
+  /// The server may be silent for this long, s, if its own timeout is less.
+  void be_patient(double least) noexcept { least_patience_ = least; }
   /// Later hellos give this as the tool's initial configuration.
   void set_initial_configuration(const Configuration& q) { options_.hello.q = q; }
 
@@ -100,6 +103,7 @@ class ClientSession {
   std::optional<DropReason> take_local_state(const Header& header);
   std::optional<DropReason> take_refusal(const Header& header) noexcept;
   std::optional<DropReason> take_impulses(const Header& header) noexcept;
+  std::optional<DropReason> take_held(const Header& header) noexcept;
   std::optional<DropReason> take_scene_state(double now, const Header& header) noexcept;
   std::optional<DropReason> check_session(const Header& header) const noexcept;
 
@@ -109,6 +113,7 @@ class ClientSession {
 
   DatagramLink& link_;
   ClientSessionOptions options_;  ///< `hello.nonce` is the one in use.
+  double least_patience_ = 0;     ///< s.
   ReceiveStatistics statistics_;
   Datagram datagram_;  ///< The one at hand.
   Inbox inbox_;
@@ -133,7 +138,8 @@ class ClientSession {
   std::uint64_t control_sequence_ = 0;  ///< Sequence of its first message; 0: unsent.
   std::uint64_t next_step_ = 1;         ///< First step of the ticks that are not stale.
   Assembler local_state_parts_;
-  Impulses impulses_;  ///< Latest impulses of the session.
+  Impulses impulses_;            ///< Latest impulses of the session.
+  std::uint64_t held_step_ = 0;  ///< Latest step of which held bodies are known.
   SceneSender scene_sender_;
   SceneState scene_state_;
   std::uint64_t scene_sequence_ = 0;  ///< Sequence of `scene_state_`.

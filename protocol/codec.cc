@@ -22,10 +22,10 @@ constexpr std::size_t kLengthPosition = 36;
 constexpr std::size_t kBlockPosition = 38;
 /// What a sender fills of a datagram.
 constexpr std::size_t kRoom = kMaxDatagram - kSealRoom;
-constexpr std::size_t kMaxLists = 5;
+constexpr std::size_t kMaxLists = 6;
 
 bool is_known(MessageType type) noexcept {
-  return type >= MessageType::kHello && type <= MessageType::kSceneState;
+  return type >= MessageType::kHello && type <= MessageType::kHeldBodies;
 }
 
 bool is_outside_sessions(MessageType type) noexcept {
@@ -375,6 +375,7 @@ HLM_INSTANTIATE(Ticks)
 HLM_INSTANTIATE(LocalState)
 HLM_INSTANTIATE(Refusal)
 HLM_INSTANTIATE(Impulses)
+HLM_INSTANTIATE(HeldBodies)
 HLM_INSTANTIATE(SceneChunk)
 HLM_INSTANTIATE(SceneState)
 #undef HLM_INSTANTIATE

@@ -40,6 +40,8 @@ template <>
 inline constexpr MessageType kTypeOf<SceneChunk> = MessageType::kSceneChunk;
 template <>
 inline constexpr MessageType kTypeOf<SceneState> = MessageType::kSceneState;
+template <>
+inline constexpr MessageType kTypeOf<HeldBodies> = MessageType::kHeldBodies;
 
 }  // namespace hlm::protocol
 
@@ -70,6 +72,10 @@ template <>
 inline constexpr std::size_t kItemSize<AccelerationRate> = 52;
 template <>
 inline constexpr std::size_t kItemSize<ExternalWrench> = 49;
+template <>
+inline constexpr std::size_t kItemSize<Ownership> = 10;
+template <>
+inline constexpr std::size_t kItemSize<HeldBody> = 112;
 
 /// Whether older senders of this version do not send the list of these items.
 template <class Item>
@@ -80,6 +86,8 @@ template <>
 inline constexpr bool kIsAppended<AccelerationRate> = true;
 template <>
 inline constexpr bool kIsAppended<ExternalWrench> = true;
+template <>
+inline constexpr bool kIsAppended<Ownership> = true;
 
 /// No list; messages with lists have overloads of their own.
 template <class M, class Visit>
@@ -96,6 +104,7 @@ void lists(M& update, Visit&& visit) requires std::same_as<const M, const Contac
   visit(update.poses);
   visit(update.rates);
   visit(update.external);
+  visit(update.owners);
 }
 template <class M, class Visit>
 void lists(M& ticks, Visit&& visit) requires std::same_as<const M, const Ticks> {
@@ -108,6 +117,11 @@ void lists(M& state, Visit&& visit) requires std::same_as<const M, const LocalSt
 template <class M, class Visit>
 void lists(M& impulses, Visit&& visit) requires std::same_as<const M, const Impulses> {
   visit(impulses.bodies);
+}
+
+template <class M, class Visit>
+void lists(M& held, Visit&& visit) requires std::same_as<const M, const HeldBodies> {
+  visit(held.bodies);
 }
 
 template <class Io, class T>
@@ -184,6 +198,7 @@ void block(Io& io, M& welcome) requires std::same_as<const M, const Welcome> {
   io.appended_u8(device.freedoms, kAllFreedoms);
   io.appended_flag(device.observes_hand);
   io.appended_flag(welcome.capabilities.scenes);
+  io.appended_flag(welcome.capabilities.holds);
 }
 
 /// The same in every version of the protocol.
@@ -385,6 +400,27 @@ template <class Io, class M>
 void fields(Io& io, M& impulse) requires std::same_as<const M, const BodyImpulse> {
   io.u32(impulse.body);
   io.vector(impulse.P_W);
+}
+
+template <class Io, class M>
+void block(Io& io, M& held) requires std::same_as<const M, const HeldBodies> {
+  io.u64(held.step);
+}
+
+template <class Io, class M>
+void fields(Io& io, M& held) requires std::same_as<const M, const HeldBody> {
+  io.u32(held.body);
+  io.u32(held.number);
+  io.unit_pose(held.X_WB);
+  io.vector(held.V_W);
+}
+
+template <class Io, class M>
+void fields(Io& io, M& owner) requires std::same_as<const M, const Ownership> {
+  io.u32(owner.body);
+  io.u32(owner.number);
+  io.flag(owner.kept);
+  io.u8(owner.slowed);
 }
 
 template <class Io, class M>

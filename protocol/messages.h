@@ -39,6 +39,7 @@ enum class MessageType : std::uint8_t {
   kImpulses = 11,      ///< Server to client: what the tool has done to movable bodies.
   kSceneChunk = 12,    ///< Client to server: a piece of the scene stream.
   kSceneState = 13,    ///< Server to client: how far that has come, and what was made of it.
+  kHeldBodies = 14,    ///< Server to client: where the bodies are that the hand holds.
 };
 
 /// Client to server: the tool and where it is. Repeated until answered.
@@ -58,6 +59,7 @@ struct Capabilities {
   bool axes = false;            ///< Before 0.5: contacts on all axes of a pair.
   bool self_contacts = false;   ///< Contacts between two links of the tool.
   bool scenes = false;          ///< Shapes and placements, by the scene stream.
+  bool holds = false;           ///< Inertias, too: the server moves what the hand holds.
 
   bool operator==(const Capabilities&) const = default;
 };
@@ -119,6 +121,7 @@ struct ContactUpdate {
   AccelerationRates rates;  ///< Of `bodies`; that of others is 0.
   /// What else pushes the tool; several on one link add up.
   ExternalWrenches external;
+  Ownerships owners;  ///< Of `poses`; of those that are not named 0.
   /// 0: the contacts are those of everything near. Otherwise they are those of what has no shape in
   /// the scene in force, and this is the latest commit that had been queued.
   std::uint32_t scene = 0;
@@ -144,6 +147,23 @@ struct BodyImpulse {
 struct Impulses {
   std::uint64_t step = 0;  ///< Step of the local model: the totals contain it.
   StaticVector<BodyImpulse, kMaxBodies> bodies;
+};
+
+/// A body that the server moves, or has moved and gives back: the environment puts it there.
+struct HeldBody {
+  std::uint32_t body = 0;
+  std::uint32_t number = 0;   ///< Of Ownership. Odd: held; even: given back, with this state.
+  Pose X_WB;                  ///< Its frame in the world.
+  Twist V_W = Twist::Zero();  ///< Twist at that frame's origin, world axes, m/s and rad/s.
+};
+/// So many fit into a datagram.
+inline constexpr std::size_t kMaxHeldInMessage = 8;
+
+/// Server to client, with an acknowledgement: all bodies that are held, or given back without the
+/// environment having said so, in one or more messages.
+struct HeldBodies {
+  std::uint64_t step = 0;  ///< Step of the local model.
+  StaticVector<HeldBody, kMaxHeldInMessage> bodies;
 };
 
 /// Server to client: the acknowledgement of an adopted update.

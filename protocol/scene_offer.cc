@@ -44,7 +44,7 @@ ScenePlacement placement_of(std::uint32_t id, const OfferedShape& offered, std::
 }  // namespace
 
 std::vector<std::uint8_t> scene_of(const SceneOffer& offer, std::size_t tool_links,
-                                   OfferedBefore& before) {
+                                   OfferedBefore& before, bool inertias) {
   std::vector<std::uint8_t> bytes;
   for (std::size_t i = 0; i < before.shapes; ++i) {
     append(SceneRemoval{static_cast<std::uint32_t>(i)}, bytes);
@@ -69,6 +69,14 @@ std::vector<std::uint8_t> scene_of(const SceneOffer& offer, std::size_t tool_lin
     }
   }
   for (const auto& [a, b] : offer.apart) add(SceneApart{.a = a, .b = b});
+  for (const BodyInertia& inertia : offer.inertias) {
+    check.take(inertia);
+    if (inertias) append(inertia, bytes);
+  }
+  for (const BodyJoint& joint : offer.joints) {
+    check.take(joint);
+    if (inertias) append(joint, bytes);
+  }
   append(SceneCommit{.scene = now.scene}, bytes);
   before = std::move(now);
   return bytes;

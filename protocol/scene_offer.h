@@ -27,6 +27,10 @@ struct SceneOffer {
   std::vector<OfferedShape> shapes = {};
   /// Places of those that never touch.
   std::vector<std::pair<std::uint32_t, std::uint32_t>> apart = {};
+  /// Of bodies that the server may move while the hand holds them; others are walls that move.
+  std::vector<BodyInertia> inertias = {};
+  /// Which of them hang on another one, or on the world; others are free.
+  std::vector<BodyJoint> joints = {};
 };
 
 /// What a stream has brought before.
@@ -36,11 +40,11 @@ struct OfferedBefore {
   std::set<std::uint64_t> hashes = {};  ///< Of their shapes.
 };
 
-/// Records that make it the next scene, in which a shape's placement has its place in the list as
-/// id, and bring `before` up to date. tool_links: how many the tool has. Throws
-/// std::invalid_argument that names the shape, its value and what is allowed; `before` is as it was
-/// then.
+/// Records that make it the next scene, with inertias if the server takes them, in which a shape's
+/// placement has its place in the list as id, and bring `before` up to date. tool_links: how many
+/// the tool has. Throws std::invalid_argument that names the shape, its value and what is allowed;
+/// `before` is as it was then.
 std::vector<std::uint8_t> scene_of(const SceneOffer& offer, std::size_t tool_links,
-                                   OfferedBefore& before);
+                                   OfferedBefore& before, bool inertias = false);
 
 }  // namespace hlm::protocol

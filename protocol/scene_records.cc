@@ -11,6 +11,7 @@
 #include <type_traits>
 #include <utility>
 
+#include <Eigen/Eigenvalues>
 #include <boost/endian/conversion.hpp>
 
 #include "hlm/common/range.h"
@@ -28,6 +29,16 @@ constexpr std::size_t kReadPiece = 65536;
 
 constexpr Range kLengthRange{-kLargestLength, kLargestLength, "m"};
 constexpr Range kSizeRange{0, kLargestLength, "m", true};
+constexpr Range kMassRange{1e-6, 1e6, "kg"};
+constexpr Range kMomentRange{1e-15, 1e9, "kg m^2"};
+constexpr Range kProductRange{-1e9, 1e9, "kg m^2"};
+constexpr Range kGravityRange{-1e3, 1e3, "m/s^2"};
+constexpr Range kDampingRange{0, 1e6, "1/s"};
+constexpr Range kCoordinateRange{-kNoLimit, kNoLimit};
+constexpr Range kJointNumberRange{0, 1e9};
+/// Smallest principal moment, of the largest, and how far rounding may break the triangle's rule.
+constexpr double kRounding = 1e-9;
+constexpr double kTriangleRounding = 1e-6;
 constexpr Range kFrictionRange{-kLargestFriction, kLargestFriction};
 
 /// What a kind of shape has.
@@ -135,6 +146,35 @@ SceneRecordKind write(RecordWriter& writer, const SceneApart& apart) {
 SceneRecordKind write(RecordWriter& writer, const SceneCommit& commit) {
   writer.number(commit.scene);
   return SceneRecordKind::kCommit;
+}
+
+SceneRecordKind write(RecordWriter& writer, const BodyInertia& inertia) {
+  writer.number(inertia.body);
+  writer.f64(inertia.mass);
+  writer.vector(inertia.p_BCom);
+  const Matrix3& I = inertia.I_BCom;
+  for (int i = 0; i < 3; ++i) writer.f64(I(i, i));
+  for (const auto& [row, column] : {std::pair{0, 1}, std::pair{0, 2}, std::pair{1, 2}}) {
+    writer.f64(I(row, column));
+  }
+  writer.vector(inertia.gravity_W);
+  writer.f64(inertia.damping);
+  writer.f64(inertia.angular_damping);
+  return SceneRecordKind::kInertia;
+}
+
+SceneRecordKind write(RecordWriter& writer, const BodyJoint& joint) {
+  writer.number(joint.body);
+  writer.number(joint.parent);
+  writer.number(static_cast<std::uint8_t>(joint.type));
+  writer.pose(joint.X_PJ);
+  writer.pose(joint.X_BJ);
+  writer.vector(joint.axis);
+  for (const double number : {joint.lower, joint.upper, joint.stiffness, joint.reference,
+                              joint.damping, joint.friction, joint.armature}) {
+    writer.f64(number);
+  }
+  return SceneRecordKind::kJoint;
 }
 
 std::string hexadecimal(std::uint64_t hash) {
@@ -319,6 +359,60 @@ SceneRecord read_commit(RecordFields& fields) {
   return commit;
 }
 
+/// Principal moments must be of a body: positive, and none larger than the other two together.
+bool is_inertia(const Matrix3& I) {
+  const Vector3 moments = Eigen::SelfAdjointEigenSolver<Matrix3>(I).eigenvalues();
+  return moments[0] > kRounding * moments[2] &&
+         moments[2] <= (moments[0] + moments[1]) * (1 + kTriangleRounding);
+}
+
+SceneRecord read_inertia(RecordFields& fields) {
+  BodyInertia inertia;
+  fields.name("inertia");
+  inertia.body = fields.number<std::uint32_t>();
+  fields.name("inertia of body " + std::to_string(inertia.body), inertia.body);
+  inertia.mass = fields.f64("mass", kMassRange);
+  inertia.p_BCom = fields.vector("centre", kLengthRange);
+  Matrix3& I = inertia.I_BCom;
+  for (int i = 0; i < 3; ++i) I(i, i) = fields.f64("moment", kMomentRange);
+  for (const auto& [row, column] : {std::pair{0, 1}, std::pair{0, 2}, std::pair{1, 2}}) {
+    I(row, column) = I(column, row) = fields.f64("product", kProductRange);
+  }
+  inertia.gravity_W = fields.vector("gravity", kGravityRange);
+  inertia.damping = fields.f64("damping", kDampingRange);
+  inertia.angular_damping = fields.f64("angular damping", kDampingRange);
+  if (!fields.fault()) {
+    fields.require(is_inertia(I),
+                   "its principal moments must be > 0, none more than the others' sum");
+  }
+  return inertia;
+}
+
+SceneRecord read_joint(RecordFields& fields) {
+  BodyJoint joint;
+  fields.name("joint");
+  joint.body = fields.number<std::uint32_t>();
+  fields.name("joint of body " + std::to_string(joint.body), joint.body);
+  joint.parent = fields.number<std::uint32_t>();
+  joint.type = static_cast<JointType>(fields.number<std::uint8_t>());
+  joint.X_PJ = fields.pose("frame in the parent");
+  joint.X_BJ = fields.pose("frame in the body");
+  joint.axis = fields.vector("axis", {-2, 2, ""});
+  joint.lower = fields.f64("lower limit", kCoordinateRange);
+  joint.upper = fields.f64("upper limit", kCoordinateRange);
+  joint.stiffness = fields.f64("stiffness", kJointNumberRange);
+  joint.reference = fields.f64("reference", kCoordinateRange);
+  joint.damping = fields.f64("damping", kJointNumberRange);
+  joint.friction = fields.f64("friction", kJointNumberRange);
+  joint.armature = fields.f64("armature", kJointNumberRange);
+  if (fields.fault()) return joint;
+  fields.require(has_axis(joint.type), "type must be 1 (revolute) or 2 (prismatic)");
+  fields.require(joint.parent != joint.body, "its parent must be another body");
+  fields.require(normalize_if_near(joint.axis), "axis must be of length 1 within 0.001");
+  fields.require(joint.lower <= joint.upper, "upper limit must be at least the lower one");
+  return joint;
+}
+
 SceneRecord read_record(SceneRecordKind kind, RecordFields& fields, const SceneLimits& limits) {
   switch (kind) {
     case SceneRecordKind::kShape:
@@ -331,10 +425,14 @@ SceneRecord read_record(SceneRecordKind kind, RecordFields& fields, const SceneL
       return read_apart(fields);
     case SceneRecordKind::kCommit:
       return read_commit(fields);
+    case SceneRecordKind::kInertia:
+      return read_inertia(fields);
+    case SceneRecordKind::kJoint:
+      return read_joint(fields);
   }
   fields.name("record");
   fields.refuse(SceneError::kMalformed,
-                "kind " + std::to_string(static_cast<int>(kind)) + " must be 1 to 5");
+                "kind " + std::to_string(static_cast<int>(kind)) + " must be 1 to 7");
   return SceneCommit{};
 }
 

@@ -13,6 +13,7 @@
 #include <variant>
 #include <vector>
 
+#include "hlm/common/body_joint.h"
 #include "hlm/common/contact.h"
 #include "hlm/common/spatial.h"
 #include "hlm/protocol/messages.h"
@@ -25,6 +26,8 @@ enum class SceneRecordKind : std::uint8_t {
   kRemoval = 3,
   kApart = 4,
   kCommit = 5,
+  kInertia = 6,
+  kJoint = 7,
 };
 
 /// As enum haptic_shape_kind. Each shape is centred in its own frame.
@@ -88,7 +91,9 @@ struct SceneCommit {
   bool operator==(const SceneCommit&) const = default;
 };
 
-using SceneRecord = std::variant<SceneShape, ScenePlacement, SceneRemoval, SceneApart, SceneCommit>;
+/// A body's inertia, and its joint, replace what was said of them before.
+using SceneRecord = std::variant<SceneShape, ScenePlacement, SceneRemoval, SceneApart, SceneCommit,
+                                 BodyInertia, BodyJoint>;
 
 /// What a server holds. Larger ones let a client fill its memory and take the loader's time.
 struct SceneLimits {
@@ -141,12 +146,14 @@ class SceneRecordReader {
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<protocol::SceneRecordKind>, 5> kWords<protocol::SceneRecordKind>{{
+inline constexpr std::array<Word<protocol::SceneRecordKind>, 7> kWords<protocol::SceneRecordKind>{{
     {protocol::SceneRecordKind::kShape, "shape", "a shape, by its hash"},
     {protocol::SceneRecordKind::kPlacement, "placement", "a shape at a place"},
     {protocol::SceneRecordKind::kRemoval, "removal", "a placement goes"},
     {protocol::SceneRecordKind::kApart, "apart", "two placements never touch"},
     {protocol::SceneRecordKind::kCommit, "commit", "the records so far make a scene"},
+    {protocol::SceneRecordKind::kInertia, "inertia", "mass and inertia of a body"},
+    {protocol::SceneRecordKind::kJoint, "joint", "what a body hangs on"},
 }};
 
 template <>

@@ -90,6 +90,11 @@ void SceneStore::take(const SceneRemoval& removal) {
                    placement_name(removal.id) + " is to be removed; it must be there"});
   }
   --shapes_.at(found->second.shape).uses;
+  const ContactSide side = found->second.side;
+  if (side.kind == SideKind::kMovableBody) {
+    inertias_.erase(side.index);
+    joints_.erase(side.index);
+  }
   placements_.erase(found);
   std::vector<std::pair<std::uint32_t, std::uint32_t>> reversed;
   auto pair = apart_.lower_bound({removal.id, 0});
@@ -132,6 +137,20 @@ void SceneStore::take(const SceneCommit& commit) {
     bytes_ -= bytes_of(*held->second.shape);
     held = shapes_.erase(held);
   }
+}
+
+void SceneStore::take(const BodyInertia& inertia) {
+  if (!inertias_.contains(inertia.body) && inertias_.size() >= limits_.placements) {
+    return refuse(over_limit("inertias", inertias_.size() + 1, limits_.placements, inertia.body));
+  }
+  inertias_[inertia.body] = inertia;
+}
+
+void SceneStore::take(const BodyJoint& joint) {
+  if (!joints_.contains(joint.body) && joints_.size() >= limits_.placements) {
+    return refuse(over_limit("joints", joints_.size() + 1, limits_.placements, joint.body));
+  }
+  joints_[joint.body] = joint;
 }
 
 std::shared_ptr<const SceneShape> SceneStore::shape(std::uint64_t hash) const {

@@ -33,6 +33,10 @@ class SceneStore {
   /// Number of the latest commit; 0 before the first.
   std::uint32_t scene() const noexcept { return scene_; }
   const std::map<std::uint32_t, ScenePlacement>& placements() const noexcept { return placements_; }
+  /// Of those bodies that the server may move.
+  const std::map<std::uint32_t, BodyInertia>& inertias() const noexcept { return inertias_; }
+  /// By the body that hangs on them.
+  const std::map<std::uint32_t, BodyJoint>& joints() const noexcept { return joints_; }
   /// The shape of that hash, which outlives the store for whoever keeps it; null if there is none.
   std::shared_ptr<const SceneShape> shape(std::uint64_t hash) const;
   std::size_t shapes() const noexcept { return shapes_.size(); }
@@ -56,12 +60,16 @@ class SceneStore {
   void take(const SceneRemoval& removal);
   void take(const SceneApart& apart);
   void take(const SceneCommit& commit);
+  void take(const BodyInertia& inertia);
+  void take(const BodyJoint& joint);
   bool may_be_placed(const ScenePlacement& placement);
 
   std::size_t tool_links_;
   SceneLimits limits_;
   std::map<std::uint64_t, Held> shapes_;
   std::map<std::uint32_t, ScenePlacement> placements_;
+  std::map<std::uint32_t, BodyInertia> inertias_;
+  std::map<std::uint32_t, BodyJoint> joints_;
   std::set<std::pair<std::uint32_t, std::uint32_t>> apart_;  ///< Each pair in both orders.
   std::size_t bytes_ = 0;
   std::uint32_t scene_ = 0;

@@ -69,6 +69,7 @@ std::optional<DropReason> ServerSession::take_datagram(double now) noexcept {
     case MessageType::kLocalState:
     case MessageType::kRefusal:
     case MessageType::kImpulses:
+    case MessageType::kHeldBodies:
     case MessageType::kSceneState:
       break;
   }

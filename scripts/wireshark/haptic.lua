@@ -160,7 +160,7 @@ end
 local function list(name, item, most) return {name = name, item = item, most = most} end
 
 -- Fields: from protocol/PROTOCOL.md, by tests/protocol/dissector_fields.py --write.
-local TYPES = {"hello", "welcome", "reject", "contact_update", "proxy_state", "goodbye", "control", "ticks", "local_state", "refusal", "impulses", "scene_chunk", "scene_state"}
+local TYPES = {"hello", "welcome", "reject", "contact_update", "proxy_state", "goodbye", "control", "ticks", "local_state", "refusal", "impulses", "scene_chunk", "scene_state", "held_bodies"}
 local TABLES = {
   header = {
     text("magic", 4, "the bytes HLMI (48 4C 4D 49)"),
@@ -242,6 +242,7 @@ local TABLES = {
     optional(field(U8, "freedoms", "directions in which the device's handle moves in the world, bit 0 for x, 1 y, 2 z, 3 to 5 rotation about them")),
     optional(flag("observes_hand", "the hand's wrench is not measured but estimated, from the handle's motion")),
     optional(flag("scenes", "the server takes shapes and placements (section B)")),
+    optional(flag("holds", "it takes inertias, too, and moves the bodies that the hand holds (section B)")),
   },
   reject = {
     field(HEX64, "nonce", "of the hello that is answered"),
@@ -267,6 +268,7 @@ local TABLES = {
     optional(list("poses", "pose", 64)),
     optional(list("rates", "rate", 16)),
     optional(list("external", "wrench", 16)),
+    optional(list("owners", "owner", 64)),
   },
   body = {
     field(U32, "id", "the VE's number for it, the same in every update"),
@@ -306,6 +308,12 @@ local TABLES = {
     field(U32, "body", "the VE's number for it, as in the side of a placement"),
     numbers(F64, "X_WB", POSE, "pose of the body's frame in the world", LENGTH, UNIT_QUATERNION),
     numbers(F64, "V", TWIST, "twist at that frame's origin", SPEED),
+  },
+  owner = {
+    field(U32, "body", "the VE's number for it, as in its pose"),
+    field(U32, "number", "of the latest held body that the client knows of it, or higher"),
+    flag("kept", "the server must not move it: another hand holds it"),
+    field(U8, "slowed", "how much slower the body's time goes than the hand's, in 1/255"),
   },
   proxy_state = {
     field(U64, "acknowledged", "sequence of the update that was taken"),
@@ -420,6 +428,16 @@ local TABLES = {
   impulse = {
     field(U32, "body", "id of the body"),
     numbers(F64, "P [N·s]", TWIST, "impulse on it since the session began, N·s, and about its centre of mass N·m·s, world axes"),
+  },
+  held_bodies = {
+    field(U64, "step", "period of the loop as in the proxy state"),
+    list("bodies", "held_body", 8),
+  },
+  held_body = {
+    field(U32, "body", "the VE's number for it"),
+    field(U32, "number", "odd"),
+    numbers(F64, "X_WB", POSE, "pose of the body's frame in the world", nil, UNIT_QUATERNION),
+    numbers(F64, "V", TWIST, "twist at that frame's origin"),
   },
   scene_chunk = {
     field(U64, "number", "which chunk"),

@@ -80,6 +80,7 @@ void write_messages(const fs::path& folder) {
   write_message(folder / "local_state", test::random_local_state(random));
   write_message(folder / "refusal", test::random_refusal(random));
   write_message(folder / "impulses", test::random_impulses(random));
+  write_message(folder / "held_bodies", test::random_held(random));
   write_message(folder / "scene_chunk", test::random_chunk(random));
   write_message(folder / "scene_state", test::random_scene_state(random));
   protocol::ContactUpdate poses = test::planar_update(1);

@@ -100,6 +100,8 @@ inline bool demand_decodes(std::span<const protocol::DatagramBytes> parts) {
       return demand_decodes<protocol::SceneChunk>(parts, header);
     case MessageType::kSceneState:
       return demand_decodes<protocol::SceneState>(parts, header);
+    case MessageType::kHeldBodies:
+      return demand_decodes<protocol::HeldBodies>(parts, header);
   }
   return false;
 }

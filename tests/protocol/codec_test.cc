@@ -106,6 +106,7 @@ ContactUpdate documented_update() {
   ExternalWrench wrench;
   wrench.F_W << 0, 0, -2.5, 0.01, 0, 0;
   update.external.push_back(wrench);
+  update.owners.push_back({.body = 5, .number = 3, .slowed = 51});
   return update;
 }
 
@@ -222,6 +223,17 @@ Impulses documented_impulses() {
   return impulses;
 }
 
+HeldBodies documented_held() {
+  HeldBodies held;
+  held.step = 1500;
+  HeldBody& body = held.bodies.emplace_back();
+  body.body = 5;
+  body.number = 3;
+  body.X_WB = {{0.03, 0.05, 0}, {0.6, 0, 0, 0.8}};
+  body.V_W << 0.5, 0, 0, 0, 0, 0.1;
+  return held;
+}
+
 SceneChunk documented_chunk() {
   SceneChunk chunk;
   chunk.number = 4;
@@ -266,6 +278,7 @@ TEST_CASE("Each message has the bytes of its example in PROTOCOL.md") {
   CHECK(hex(encode({7, 19, 11000000000}, documented_chunk())) == documented_hex("scene_chunk"));
   CHECK(hex(encode({7, 20, 12000000000}, documented_scene_state())) ==
         documented_hex("scene_state"));
+  CHECK(hex(encode({7, 21, 13000000000}, documented_held())) == documented_hex("held_bodies"));
 }
 
 template <class Message>
@@ -313,6 +326,7 @@ TEST_CASE("A decoded message is the encoded one, bit for bit") {
     check_round_trip(Goodbye{GoodbyeReason::kShutdown});
     check_round_trip(test::random_refusal(random));
     check_round_trip(test::random_impulses(random));
+    check_round_trip(test::random_held(random));
     check_round_trip(test::random_chunk(random));
     check_round_trip(test::random_scene_state(random));
   }
@@ -330,6 +344,7 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   update.poses.resize(kMaxPoses, BodyPose{});
   update.rates.resize(kMaxBodies, AccelerationRate{});
   update.external.resize(kMaxLinks, ExternalWrench{});
+  update.owners.resize(kMaxPoses, Ownership{});
   SceneChunk chunk;
   chunk.data.resize(kChunkSize);
   SceneState scene = test::random_scene_state(random);
@@ -340,6 +355,8 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   ticks.ticks.resize(kTicksPerMessage);
   Impulses impulses = test::random_impulses(random);
   impulses.bodies.resize(kMaxBodies);
+  HeldBodies held = test::random_held(random);
+  held.bodies.resize(kMaxHeldInMessage);
   Welcome welcome = test::random_welcome(random);
   welcome.device.name = test::text(std::string(kMaxText, 'x'));
   const auto check = [](const auto& message, std::size_t most_parts) {
@@ -353,6 +370,7 @@ TEST_CASE("The largest messages fit their datagrams and leave room for sealing")
   check(local, 8);
   check(ticks, 1);
   check(impulses, 1);
+  check(held, 1);
   check(welcome, 1);
   check(chunk, 1);
   check(scene, 1);
@@ -376,6 +394,8 @@ TEST_CASE("Every item has the bytes that its table says") {
   CHECK(size(BodyPose{}) == layout::kItemSize<BodyPose>);
   CHECK(size(AccelerationRate{}) == layout::kItemSize<AccelerationRate>);
   CHECK(size(ExternalWrench{}) == layout::kItemSize<ExternalWrench>);
+  CHECK(size(Ownership{}) == layout::kItemSize<Ownership>);
+  CHECK(size(HeldBody{}) == layout::kItemSize<HeldBody>);
 }
 
 /// Calls `check` with one datagram of each type (of lists, one part of several).
@@ -394,6 +414,7 @@ void for_each_type(Check check) {
   check(encode(envelope_for<Impulses>(), documented_impulses()));
   check(encode(envelope_for<SceneChunk>(), documented_chunk()));
   check(encode(envelope_for<SceneState>(), documented_scene_state()));
+  check(encode(envelope_for<HeldBodies>(), documented_held()));
 }
 
 template <class Message>
@@ -433,6 +454,8 @@ std::optional<DropReason> decode_whatever(const DatagramBytes& bytes) {
       return decode_as<SceneChunk>(bytes);
     case MessageType::kSceneState:
       return decode_as<SceneState>(bytes);
+    case MessageType::kHeldBodies:
+      return decode_as<HeldBodies>(bytes);
   }
   return DropReason::kMalformed;
 }
@@ -444,8 +467,11 @@ void set_length(DatagramBytes& bytes) {
 
 /// Where the lists of documented_update() that older clients do not send begin, each with one item
 /// behind its header.
+std::size_t end_without_owners(const DatagramBytes& update) {
+  return update.size() - layout::kItemSize<Ownership> - layout::kListHeaderSize;
+}
 std::size_t end_without_external(const DatagramBytes& update) {
-  return update.size() - layout::kItemSize<ExternalWrench> - layout::kListHeaderSize;
+  return end_without_owners(update) - layout::kItemSize<ExternalWrench> - layout::kListHeaderSize;
 }
 std::size_t end_without_rates(const DatagramBytes& update) {
   return end_without_external(update) - layout::kItemSize<AccelerationRate> -
@@ -460,9 +486,9 @@ TEST_CASE("Every truncation of every message is refused, but those that older cl
     Header header;
     REQUIRE_FALSE(decode_header(view(bytes), header));
     const bool is_update = header.type == MessageType::kContactUpdate;
-    const std::array<std::size_t, 3> older{is_update ? end_without_external(bytes) : 0,
-                                           is_update ? end_without_rates(bytes) : 0,
-                                           is_update ? end_without_poses(bytes) : 0};
+    const std::array<std::size_t, 4> older{
+        is_update ? end_without_owners(bytes) : 0, is_update ? end_without_external(bytes) : 0,
+        is_update ? end_without_rates(bytes) : 0, is_update ? end_without_poses(bytes) : 0};
     while (!bytes.empty()) {
       bytes.pop_back();
       CHECK(decode_whatever(bytes) == DropReason::kTruncated);
@@ -501,14 +527,15 @@ TEST_CASE("What a newer version appends to fixed fields, items and lists is skip
 
 TEST_CASE("What an older server of this version does not send has its default") {
   DatagramBytes bytes = encode(envelope_for<Welcome>(), documented_welcome());
-  bytes.resize(bytes.size() - 3);  // freedoms, whether the hand is observed, scenes
-  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 3);  // block
+  bytes.resize(bytes.size() - 4);  // freedoms, whether the hand is observed, scenes, holds
+  bytes[38] = static_cast<std::byte>(std::to_integer<int>(bytes[38]) - 4);  // block
   set_length(bytes);
   Welcome decoded;
   REQUIRE(decode(view(bytes), decoded) == std::nullopt);
   CHECK(decoded.device.freedoms == kAllFreedoms);
   CHECK(decoded.device.guidable);
   CHECK_FALSE(decoded.capabilities.scenes);
+  CHECK_FALSE(decoded.capabilities.holds);
 
   ProxyState state = documented_state();
   state.fade = Fade::kClientSilent;
@@ -550,6 +577,7 @@ TEST_CASE("An update of an older client has no lists of newer ones, whatever was
   CHECK(decoded.poses.empty());
   CHECK(decoded.rates.empty());
   CHECK(decoded.external.empty());
+  CHECK(decoded.owners.empty());
   CHECK(decoded.contacts.size() == update.contacts.size());
   CHECK(decoded.v_VE == update.v_VE);
   CHECK(decode(view(bytes), decoded) == std::nullopt);
@@ -558,6 +586,7 @@ TEST_CASE("An update of an older client has no lists of newer ones, whatever was
 TEST_CASE(
     "Rates of bodies come whole where there are no poses, and cost nothing where there are none") {
   ContactUpdate update = documented_update();
+  update.owners.clear();
   update.external.clear();
   update.poses.clear();
   ContactUpdate decoded;
@@ -728,7 +757,7 @@ TEST_CASE("A header with any field out of its range is refused") {
   CHECK(decode_whatever(with(good, 36, 42)) == DropReason::kTruncated);
   CHECK(decode_whatever(with(good, 36, 40)) == DropReason::kMalformed);
   CHECK(decode_whatever(with(good, 6, 0)) == DropReason::kUnexpected);
-  CHECK(decode_whatever(with(good, 6, 14)) == DropReason::kUnexpected);
+  CHECK(decode_whatever(with(good, 6, 15)) == DropReason::kUnexpected);
   CHECK(decode_whatever(with(good, 38, 0)) == DropReason::kMalformed);  // block
   CHECK(decode_whatever(with(good, 38, 2)) == DropReason::kMalformed);
   for (const std::size_t zero : {7u, 32u, 34u}) {

@@ -17,7 +17,7 @@ HEXADECIMAL = {"session", "nonce", "fingerprint", "identity", "bitmap"}
 UNCHECKED = {"header", "list", "hello", "link"}
 SEALING = {"initiation", "response", "sealed"}  # the dissector's own: packets, not messages
 # Bytes of the scene stream, which chunks cut anywhere.
-RECORDS = {"record", "shape", "placement", "removal", "apart", "commit"}
+RECORDS = {"record", "shape", "placement", "removal", "apart", "commit", "inertia", "joint"}
 BEGIN = "-- Fields: from protocol/PROTOCOL.md, by tests/protocol/dissector_fields.py --write.\n"
 END = "-- End of fields.\n"
 

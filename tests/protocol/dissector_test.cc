@@ -27,6 +27,7 @@ void add_every_message(Recording& recording) {
     recording.add(test::random_local_state(random));
     recording.add(test::random_refusal(random));
     recording.add(test::random_impulses(random));
+    recording.add(test::random_held(random));
     recording.add(test::random_chunk(random));
     recording.add(test::random_scene_state(random));
   }
@@ -232,7 +233,7 @@ TEST_CASE("What a newer version appends is shown as such, and not marked") {
   recording.add(with(refusal, kBlockAt, 2, block_size(refusal) + 5u));
   recording.add(refusal);
   recording.add(with(longer, item_size, 2, layout::kItemSize<LocalContactReport> + 8));
-  recording.add(with(only_part(Goodbye{}), kTypeAt, 1, 14));
+  recording.add(with(only_part(Goodbye{}), kTypeAt, 1, 15));
   const auto shown = test::lines(
       test::tshark(path,
                    "-T fields -E separator=, -e hlm.newer_fields -e hlm.newer_lists "

@@ -136,6 +136,7 @@ void add_list_lengths(Verdicts& verdicts, std::size_t more) {
   add(Ticks{}, 0, kTicksPerMessage);
   add(LocalState{}, 0, kMaxReportedContacts);
   add(Impulses{}, 0, kMaxBodies);
+  add(HeldBodies{}, 0, kMaxHeldInMessage);
 }
 
 /// The same with 300 spaces behind its fixed fields: more coordinates and text than are allowed
@@ -276,6 +277,7 @@ TEST_CASE("The dissector and the codec agree on messages with a few random bytes
     mutate(local);
     mutate(test::random_refusal(random));
     mutate(test::random_impulses(random));
+    mutate(test::random_held(random));
     mutate(test::random_chunk(random));
     mutate(test::random_scene_state(random));
   }

@@ -27,7 +27,7 @@ inline constexpr std::array<Word<JointType>, 5> kWords<JointType>{{
     {JointType::kFree, "free", ""},
 }};
 template <>
-inline constexpr std::array<Word<protocol::MessageType>, 13> kWords<protocol::MessageType>{{
+inline constexpr std::array<Word<protocol::MessageType>, 14> kWords<protocol::MessageType>{{
     {protocol::MessageType::kHello, "hello", ""},
     {protocol::MessageType::kWelcome, "welcome", ""},
     {protocol::MessageType::kReject, "reject", ""},
@@ -41,6 +41,7 @@ inline constexpr std::array<Word<protocol::MessageType>, 13> kWords<protocol::Me
     {protocol::MessageType::kImpulses, "impulses", ""},
     {protocol::MessageType::kSceneChunk, "scene_chunk", ""},
     {protocol::MessageType::kSceneState, "scene_state", ""},
+    {protocol::MessageType::kHeldBodies, "held_bodies", ""},
 }};
 template <>
 inline constexpr std::array<Word<protocol::PacketType>, 3> kWords<protocol::PacketType>{{

@@ -53,6 +53,10 @@ template <>
 inline const std::string kTable<AccelerationRate> = "rate";
 template <>
 inline const std::string kTable<ExternalWrench> = "wrench";
+template <>
+inline const std::string kTable<Ownership> = "owner";
+template <>
+inline const std::string kTable<protocol::HeldBody> = "held_body";
 
 /// All that is shown of one part of a message.
 template <class Message>

@@ -115,6 +115,12 @@ inline protocol::ContactUpdate random_update(Random& random, const ToolDescripti
     update.poses.push_back(
         {static_cast<std::uint32_t>(i), random.pose(1), random_vector6(random, 1)});
   }
+  for (int i = 0; i < poses; i += 3) {
+    update.owners.push_back({.body = static_cast<std::uint32_t>(i),
+                             .number = static_cast<std::uint32_t>(random.integer(0, 100)),
+                             .kept = random.integer(0, 1) == 1,
+                             .slowed = static_cast<std::uint8_t>(random.integer(0, 255))});
+  }
   for (int i = 0; i < bodies; i += 2) {
     update.rates.push_back({static_cast<std::uint32_t>(i), random_vector6(random, 10)});
   }
@@ -194,7 +200,7 @@ inline protocol::Welcome random_welcome(Random& random) {
   welcome.fade_time = random.uniform(0.01, 1);
   welcome.least_update_rate = random.uniform(1, 100);
   const auto flip = [&] { return random.integer(0, 1) == 1; };
-  welcome.capabilities = {flip(), flip(), flip(), flip()};
+  welcome.capabilities = {flip(), flip(), flip(), flip(), flip()};
   protocol::DeviceReport& device = welcome.device;
   device.name = text("a device");
   device.max_force = random.uniform(0, 20);
@@ -228,6 +234,20 @@ inline protocol::Impulses random_impulses(Random& random) {
     impulses.bodies.push_back({static_cast<std::uint32_t>(i), random_vector6(random, 1)});
   }
   return impulses;
+}
+
+inline protocol::HeldBodies random_held(Random& random) {
+  protocol::HeldBodies held;
+  held.step = random.engine()();
+  const int bodies = random.integer(0, static_cast<int>(protocol::kMaxHeldInMessage));
+  for (int i = 0; i < bodies; ++i) {
+    protocol::HeldBody& body = held.bodies.emplace_back();
+    body.body = static_cast<std::uint32_t>(i);
+    body.number = static_cast<std::uint32_t>(random.integer(0, 100));
+    body.X_WB = random.pose(1);
+    body.V_W = random_vector6(random, 1);
+  }
+  return held;
 }
 
 inline protocol::Control random_control(Random& random) {

@@ -66,9 +66,40 @@ inline protocol::ScenePlacement random_placement(Random& random, std::uint32_t i
   return placement;
 }
 
+inline BodyInertia random_inertia(Random& random, std::uint32_t body) {
+  const Matrix3 R = random.pose(1).R.toRotationMatrix();
+  const Vector3 parts = Vector3::Constant(1.5) + random.vector(1);  // Of each axis, kg·m².
+  const Vector3 moments(parts[1] + parts[2], parts[0] + parts[2], parts[0] + parts[1]);
+  const Matrix3 I = R * moments.asDiagonal() * R.transpose();
+  return {.body = body,
+          .mass = random.uniform(0.01, 10),
+          .p_BCom = random.vector(0.1),
+          .I_BCom = (I + I.transpose()) / 2,
+          .gravity_W = random.vector(10),
+          .damping = random.uniform(0, 1),
+          .angular_damping = random.uniform(0, 1)};
+}
+
+inline BodyJoint random_joint(Random& random, std::uint32_t body) {
+  const double lower = random.uniform(-3, 3);
+  return {.body = body,
+          .parent = random.integer(0, 1) == 0 ? kNoBody : body + 1,
+          .type = random.integer(0, 1) == 0 ? JointType::kRevolute : JointType::kPrismatic,
+          .X_PJ = random.pose(1),
+          .X_BJ = random.pose(1),
+          .axis = random.direction(),
+          .lower = lower,
+          .upper = lower + random.uniform(0, 3),
+          .stiffness = random.uniform(0, 100),
+          .reference = random.uniform(-3, 3),
+          .damping = random.uniform(0, 10),
+          .friction = random.uniform(0, 10),
+          .armature = random.uniform(0, 1)};
+}
+
 inline protocol::SceneRecord random_record(Random& random) {
   const auto number = [&] { return static_cast<std::uint32_t>(random.integer(1, 1 << 30)); };
-  switch (random.integer(1, 5)) {
+  switch (random.integer(1, 7)) {
     case 1:
       return random_shape(random);
     case 2:
@@ -79,6 +110,10 @@ inline protocol::SceneRecord random_record(Random& random) {
       const std::uint32_t a = number();
       return protocol::SceneApart{a, number()};
     }
+    case 5:
+      return random_inertia(random, number());
+    case 6:
+      return random_joint(random, number());
     default:
       return protocol::SceneCommit{number()};
   }

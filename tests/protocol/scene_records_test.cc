@@ -147,8 +147,8 @@ TEST_CASE("A wrong record ends the stream, and its fault names the thing, its va
   };
   constexpr SceneError kMalformed = SceneError::kMalformed;
   const Bytes good = bytes_of(sphere());
-  check(fault_of(with(good, 0, std::uint8_t{6})), kMalformed, "record: kind 6 must be 1 to 5");
-  check(fault_of(with(good, 0, std::uint8_t{0})), kMalformed, "record: kind 0 must be 1 to 5");
+  check(fault_of(with(good, 0, std::uint8_t{8})), kMalformed, "record: kind 8 must be 1 to 7");
+  check(fault_of(with(good, 0, std::uint8_t{0})), kMalformed, "record: kind 0 must be 1 to 7");
   check(fault_of(with(good, 1, 0x1000001u)), SceneError::kLimit,
         "record: length 16777217 must be at most 16777216 bytes");
   check(fault_of(with(good, 5, std::uint8_t{7})), SceneError::kHash,
@@ -162,6 +162,27 @@ TEST_CASE("A wrong record ends the stream, and its fault names the thing, its va
   check(fault_of(Bytes{5, 3, 0, 0, 0, 1, 2, 3}), kMalformed,
         "commit: its 3 bytes must be at least 4");
   check(fault_of(SceneCommit{0}), kMalformed, "commit: scene 0 must be at least 1");
+  check(fault_of(BodyInertia{.body = 4, .mass = 0}), kMalformed,
+        "inertia of body 4: mass 0 kg must be 1e-06 to 1000000 kg");
+  check(fault_of(BodyInertia{.mass = std::nan("")}), kMalformed,
+        ": mass nan kg must be 1e-06 to 1000000 kg");
+  check(fault_of(BodyInertia{.I_BCom = Vector3(1, 1, 2.1).asDiagonal()}), kMalformed,
+        ": its principal moments must be > 0, none more than the others' sum");
+  check(fault_of(BodyInertia{.I_BCom = Matrix3::Constant(1)}), kMalformed,
+        ": its principal moments must be > 0, none more than the others' sum");
+  check(fault_of(BodyInertia{.gravity_W = {0, 0, -1001}}), kMalformed,
+        ": gravity -1001 m/s^2 must be -1000 to 1000 m/s^2");
+  check(fault_of(BodyInertia{.damping = -1}), kMalformed,
+        ": damping -1 1/s must be 0 to 1000000 1/s");
+  check(fault_of(BodyJoint{.body = 4, .type = JointType::kFree}), kMalformed,
+        "joint of body 4: type must be 1 (revolute) or 2 (prismatic)");
+  check(fault_of(BodyJoint{.body = 4, .parent = 4}), kMalformed,
+        "joint of body 4: its parent must be another body");
+  check(fault_of(BodyJoint{.axis = {0, 0, 0.5}}), kMalformed,
+        ": axis must be of length 1 within 0.001");
+  check(fault_of(BodyJoint{.lower = 1, .upper = 0.9}), kMalformed,
+        ": upper limit must be at least the lower one");
+  check(fault_of(BodyJoint{.friction = -1}), kMalformed, ": friction -1 must be 0 to 1e+09");
 
   SceneShape mesh = test::tetrahedron();
   CHECK_FALSE(fault_of(SceneShape{.kind = SceneShapeKind::kHull}).text.empty());
