@@ -24,10 +24,12 @@ FrameMotions::FrameMotions(const ToolModel& tool, const Velocity* v, const Local
     }
   }
   for (const LocalBody& body : bodies) {
+    const int before = frames_.back().first;
     FrameMotion& frame = frames_.emplace_back();
     frame.X_W = Placement(body.X_WB);
-    frame.first = unknowns_;
-    unknowns_ += static_cast<int>(body.B.cols());
+    const bool shares = body.mechanism >= 0 && body.member > 0;
+    frame.first = shares ? before : unknowns_;
+    if (!shares) unknowns_ += static_cast<int>(body.B.cols());
     const Vector3 arm = O_W_ - body.X_WB.p;
     frame.V = shifted(body.V_W, arm);
     frame.V_bias = shifted(body.free_twist(dt), arm);
@@ -52,13 +54,19 @@ FrameTwists FrameMotions::twists(const Unknowns& x) const noexcept {
   return twists;
 }
 
-void advance_bodies(LocalBodies& bodies, const ToolModel& tool, const FrameMotions& frames,
-                    const Unknowns& x, double dt) noexcept {
+void advance_bodies(LocalBodies& bodies, Mechanisms& mechanisms, const ToolModel& tool,
+                    const FrameMotions& frames, const Unknowns& x, double dt) noexcept {
   for (std::size_t slot = 0; slot < bodies.size(); ++slot) {
     LocalBody& body = bodies[slot];
     const FrameMotion& frame = frames[frame_of_body(tool, slot)];
-    const Twist change = body.B.lazyProduct(x.segment(frame.first, frame.J.cols()));
-    body.advance(body.free_twist(dt) + change, dt);
+    const auto y = x.segment(frame.first, frame.J.cols());
+    if (body.mechanism < 0) {
+      body.advance(body.free_twist(dt) + body.B.lazyProduct(y), dt);
+      continue;
+    }
+    Mechanism& mechanism = mechanisms[static_cast<std::size_t>(body.mechanism)];
+    if (body.member == 0) mechanism.advance(y);
+    move_with(body, mechanism);
   }
 }
 

@@ -66,7 +66,7 @@ class FrameMotions {
 };
 
 /// Moves the bodies by a step of dt (s) that ends with the unknowns x. tool: the one of the frames.
-void advance_bodies(LocalBodies& bodies, const ToolModel& tool, const FrameMotions& frames,
-                    const Unknowns& x, double dt) noexcept;
+void advance_bodies(LocalBodies& bodies, Mechanisms& mechanisms, const ToolModel& tool,
+                    const FrameMotions& frames, const Unknowns& x, double dt) noexcept;
 
 }  // namespace hlm::server

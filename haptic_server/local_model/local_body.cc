@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
+
 namespace hlm::server {
 namespace {
 
@@ -13,6 +15,10 @@ constexpr double kJointRounding = 1e-9;
 /// Mobility that is none, 1/kg and 1/(kg·m²): of a body of a thousand million tons. With much less,
 /// such as 1e-310, proxy and body become no numbers.
 constexpr double kLeastMobility = 1e-12;
+
+/// How fast the pace of a held body's time follows the environment's, 1/s: somewhat faster than a
+/// client changes it. Faster is felt as a blow at each update.
+constexpr double kPaceRate = 5;
 
 /// Speeds at which nothing that a hand touches moves, m/s and rad/s: a body beyond them is the
 /// product of numbers without sense.
@@ -52,6 +58,57 @@ LocalBody::LocalBody(const MovableBody& reported) noexcept
   X_WB.p = reported.p_WCom;
 }
 
+LocalBody::LocalBody(const BodyInertia& known, const BodyPose& pose) noexcept
+    : inertia(known), id(known.body) {
+  X_WB = {pose.X_WB * known.p_BCom, pose.X_WB.R};
+  V_W = shifted(pose.V_W, X_WB.p - pose.X_WB.p);
+  const Eigen::SelfAdjointEigenSolver<Matrix3> principal(known.I_BCom);
+  R_CP = principal.eigenvectors();
+  if (R_CP.determinant() < 0) R_CP.col(0) *= -1;
+  mobility_P = principal.eigenvalues().cwiseSqrt().cwiseInverse();
+  p_reported_W = X_WB.p;
+  V_reported_W = V_W;
+}
+
+void LocalBody::begin_step(double dt) noexcept {
+  if (!inertia || stands_still) return;
+  const double before = pace;
+  pace = std::clamp(wanted_pace, before - kPaceRate * dt, before + kPaceRate * dt);
+  if (mechanism >= 0) return;
+  if (pace != before) V_W *= before > 0 ? pace / before : 0;  // What stood still begins anew.
+  const Matrix3 R_WP = X_WB.R.toRotationMatrix() * R_CP;
+  B.setZero(6, 6);
+  B.topLeftCorner<3, 3>().diagonal().setConstant(pace / std::sqrt(inertia->mass));
+  B.bottomRightCorner<3, 3>() = pace * R_WP * mobility_P.asDiagonal();
+  const Vector3 omega_P = R_WP.transpose() * V_W.tail<3>();
+  const Vector3 inverse_P = mobility_P.cwiseAbs2();
+  const Vector3 gyroscopic_P =
+      inverse_P.cwiseProduct(omega_P.cwiseQuotient(inverse_P).cross(omega_P));
+  const double damping = pace * inertia->damping;
+  const double angular_damping = pace * inertia->angular_damping;
+  A_W.head<3>() = pace * pace * inertia->gravity_W - damping / (1 + dt * damping) * V_W.head<3>();
+  A_W.tail<3>() =
+      R_WP * gyroscopic_P - angular_damping / (1 + dt * angular_damping) * V_W.tail<3>();
+}
+
+void move_with(LocalBody& body, const Mechanism& mechanism) noexcept {
+  const Pose X_WB = mechanism.X_WB(body.member);
+  body.X_WB = {X_WB * body.inertia->p_BCom, X_WB.R};
+  body.V_W = mechanism.velocity(body.member, body.X_WB.p);
+}
+
+void begin_step(LocalBodies& bodies, Mechanisms& mechanisms, double dt) noexcept {
+  for (LocalBody& body : bodies) {
+    body.begin_step(dt);
+    if (body.mechanism < 0) continue;
+    Mechanism& mechanism = mechanisms[static_cast<std::size_t>(body.mechanism)];
+    if (body.member == 0) mechanism.begin_step(dt, body.pace);
+    move_with(body, mechanism);
+    body.B = mechanism.mobility(body.member, body.X_WB.p);
+    body.A_W = mechanism.acceleration(body.member, body.X_WB.p);
+  }
+}
+
 Twist LocalBody::free_twist(double dt) const noexcept {
   Twist V = V_W + dt * (A_W + std::min(dt, A_changes_for) / 2 * A_rate_W);
   if (correction_steps > 0) V += correction / correction_steps;
@@ -73,6 +130,7 @@ bool LocalBody::is_plausible() const noexcept {
 
 void LocalBody::hold(const Pose& X_WHeld) noexcept {
   X_WB = X_WHeld;
+  stands_still = true;
   V_W.setZero();
   A_W.setZero();
   A_rate_W.setZero();

@@ -1,10 +1,13 @@
 // A movable body near the tool, as the local model moves it between updates (docs/method.md 11).
 #pragma once
 
+#include <optional>
+
 #include "hlm/common/contact.h"
 #include "hlm/common/spatial.h"
 #include "hlm/common/static_vector.h"
 #include "hlm/common/tool_model.h"
+#include "hlm/server_scene/mechanism.h"
 
 namespace hlm::server {
 
@@ -24,6 +27,22 @@ struct LocalBody {
   LocalBody() = default;
   /// A body in the state that was reported.
   explicit LocalBody(const MovableBody& reported) noexcept;
+  /// One that the server moves itself from there on.
+  LocalBody(const BodyInertia& inertia, const BodyPose& pose) noexcept;
+
+  /// What the server knows of one that it moves itself. Such a body has no impulses.
+  std::optional<BodyInertia> inertia;
+  bool stands_still = false;             ///< hold() has been called.
+  Matrix3 R_CP = Matrix3::Identity();    ///< Principal axes of its inertia,
+  Vector3 mobility_P = Vector3::Zero();  ///< and 1/√ of its moments about them.
+  double pace = 1;         ///< Of its time in the hand's, in which it has 1/pace² of its mass,
+  double wanted_pace = 1;  ///< and what that comes to.
+  /// Place of its mechanism among those of the local model, and in that; -1: no joint holds it.
+  int mechanism = -1;
+  std::size_t member = 0;
+  /// The step of dt, s, begins: pace, and from its inertia B and A_W where it is now. Of others
+  /// they are reported, or its mechanism's.
+  void begin_step(double dt) noexcept;
 
   std::uint32_t id = 0;
   std::size_t slot = 0;  ///< Slot of the body's impulses.
@@ -64,10 +83,17 @@ struct LocalBody {
   void advance(const Twist& V, double dt) noexcept;
   /// Whether it is somewhere, and no faster than anything that a hand touches.
   bool is_plausible() const noexcept;
-  /// Makes it a body at X_WHeld that nothing moves, until the next update.
+  /// Makes it a body at X_WHeld that nothing moves, until it is reported again.
   void hold(const Pose& X_WHeld) noexcept;
 };
 
+/// Bodies of one mechanism follow each other.
 using LocalBodies = StaticVector<LocalBody, kMaxMovedBodies>;
+using Mechanisms = StaticVector<Mechanism, kMaxMovedBodies>;
+
+/// The step of dt, s, begins, of all bodies.
+void begin_step(LocalBodies& bodies, Mechanisms& mechanisms, double dt) noexcept;
+/// Body and mechanism are the same again: where the body is, and how it moves.
+void move_with(LocalBody& body, const Mechanism& mechanism) noexcept;
 
 }  // namespace hlm::server

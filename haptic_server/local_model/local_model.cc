@@ -71,6 +71,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   const Eigen::LLT<MassMatrix> D(mass);
   const Jacobian J_h = proxy_.hand_jacobian();
   const HandMap H = hand_map(proxy_, D, J_h);
+  begin_step(bodies_, mechanisms_, dt_);
   FrameMotions frames(proxy_, &v_, bodies_, dt_);
   evaluate(frames);
   limit_stiffness(frames, D, H);
@@ -105,7 +106,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     const std::array<ContactGroup, 3> groups{
         {{present(), law},
          {limits_.contacts(), law},
-         {present_supports(), support_law(dt_, kSupportFriction)}}};
+         {present_supports(), support_law(dt_, holds() ? 1 : kSupportFriction)}}};
     x = solve_contact_step(groups, frames, system);
     correct_step(groups, frames, system, x);
     if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
@@ -131,6 +132,7 @@ ContactWrench LocalModel::follow(const Configuration& q, const Velocity& v) noex
   look_around();
   const Eigen::LLT<MassMatrix> D(proxy_.mass_matrix());
   const HandMap H = hand_map(proxy_, D, proxy_.hand_jacobian());
+  begin_step(bodies_, mechanisms_, dt_);
   const FrameMotions frames(proxy_, &v_, bodies_, dt_);
   evaluate(frames);
   limit_stiffness(frames, D, H);
@@ -159,7 +161,7 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   x.head(d) = v_;
   Unknowns tau = apply_contact_forces({present(), law}, frames, x);
   tau += apply_contact_forces({limits_.contacts(), law}, frames, x);
-  const ContactGroup supports{present_supports(), support_law(dt_, kSupportFriction)};
+  const ContactGroup supports{present_supports(), support_law(dt_, holds() ? 1 : kSupportFriction)};
   StepSystem system = unit_system(frames);
   system.r.tail(x.size() - d) = dt_ * tau.tail(x.size() - d);
   x.tail(x.size() - d) = solve_contact_step({&supports, 1}, frames, system).tail(x.size() - d);
@@ -178,7 +180,7 @@ void LocalModel::report_impulses() noexcept {
       return contact.latest.loaded && contact.frame_a >= first && contact.frame_b >= first &&
              (contact.a == side || contact.b == side);
     };
-    if (std::ranges::any_of(supports(), leans)) evenly.push_back(body.slot);
+    if (!body.inertia && std::ranges::any_of(supports(), leans)) evenly.push_back(body.slot);
   }
   impulses_.report(evenly);
 }
@@ -206,7 +208,7 @@ void LocalModel::end_step(const FrameMotions& frames, const Unknowns& x) noexcep
   // What the springs hold comes back when they are let go: that much debt is not forgotten.
   tank_ = std::max(tank_, -kTankSize - stored);
   impulses_.end_step();
-  advance_bodies(bodies_, proxy_, frames, x, dt_);
+  advance_bodies(bodies_, mechanisms_, proxy_, frames, x, dt_);
   const FramePoses poses = poses_of(proxy_, bodies_);
   advance_constraints(present_supports(), dt_);
   advance_contacts(present(), poses, policy(), dt_, tank_);
@@ -224,6 +226,7 @@ void LocalModel::add_impulse(const LocalContact& contact, const Vector3& P_W) no
     const auto first = frame_of_body(proxy_, 0);
     if (frame < first) return;
     const LocalBody& body = bodies_[static_cast<std::size_t>(frame - first)];
+    if (body.inertia) return;
     Vector6 P;
     P << impulse, (contact.now.p_W - body.X_WB.p).cross(impulse);
     impulses_.add(body.slot, P);
@@ -277,7 +280,12 @@ GeneralisedForce LocalModel::collide(const FrameMotions& frames,
   const std::size_t first = frame_of_body(proxy_, 0);
   for (std::size_t slot = 0; slot < bodies_.size(); ++slot) {
     const FrameMotion& frame = frames[static_cast<FrameIndex>(first + slot)];
-    bodies_[slot].V_W += bodies_[slot].B.lazyProduct(u.segment(frame.first, frame.J.cols()));
+    LocalBody& body = bodies_[slot];
+    const auto y = u.segment(frame.first, frame.J.cols());
+    body.V_W += body.B.lazyProduct(y);
+    if (body.mechanism >= 0 && body.member == 0) {
+      mechanisms_[static_cast<std::size_t>(body.mechanism)].push(y);
+    }
   }
   for (std::size_t i = 0; i < felt; ++i) {
     if (p[static_cast<Eigen::Index>(i)] == 0) continue;

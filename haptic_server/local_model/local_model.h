@@ -21,6 +21,7 @@
 #include "hlm/local_model/hand_map.h"
 #include "hlm/local_model/joint_limits.h"
 #include "hlm/local_model/local_contact.h"
+#include "hlm/local_model/near_body.h"
 #include "hlm/local_model/parameters.h"
 #include "hlm/local_model/scene_contacts.h"
 #include "hlm/local_model/stiffness_limit.h"
@@ -48,6 +49,7 @@ inline const MovableBodies kNoBodies;
 inline const BodyPoses kNoPoses;
 inline const AccelerationRates kNoRates;
 inline const ExternalWrenches kNoWrenches;
+inline const Ownerships kNoOwners;
 
 /// What the environment reports.
 struct ModelUpdate {
@@ -63,6 +65,14 @@ struct ModelUpdate {
   const Velocity* v_VE = nullptr;             ///< Of the tool at q_VE; null: nothing is external.
   /// Several on one link add up; of a link that is not named there is none.
   const ExternalWrenches& external = kNoWrenches;
+  const Ownerships& owners = kNoOwners;  ///< Of `poses`.
+  bool holds = true;                     ///< The server may move what bears upon the tool.
+};
+
+/// Where a body is that the server moves, or gives back.
+struct HeldState {
+  std::uint32_t number = 0;  ///< Of Ownership.
+  BodyPose pose;
 };
 
 class LocalModel {
@@ -80,6 +90,8 @@ class LocalModel {
   /// there is none. Its bodies are where the latest update said.
   void set_scene(Scene* scene) noexcept;
   const Scene* scene() const noexcept { return scene_; }
+  /// Whether it says enough of bodies that the server moves what the hand holds.
+  bool holds() const noexcept { return scene_ != nullptr && scene_->holds(); }
   /// What would be left out of a scene whose contacts were searched for now: more than a tick has
   /// time for.
   geometry::FinderCut try_scene(Scene& scene) noexcept;
@@ -127,6 +139,8 @@ class LocalModel {
   /// Limits of the tool's joints.
   const LocalContacts& limits() const noexcept { return limits_.contacts(); }
   const LocalBodies& bodies() const noexcept { return bodies_; }
+  /// What the environment must place, or take back.
+  StaticVector<HeldState, kMaxPoses> held() const noexcept;
   /// τ of weight and external wrenches in the latest step, N or N·m.
   const GeneralisedForce& load() const noexcept { return load_; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
@@ -156,6 +170,21 @@ class LocalModel {
   void begin_external(MassMatrix& E, GeneralisedForce& r) noexcept;
   GeneralisedForce end_external() noexcept;
   void adopt_poses(const ModelUpdate& update, const LocalBodies& reported) noexcept;
+  void adopt_held(const ModelUpdate& update) noexcept;
+  void adopt_owners(const ModelUpdate& update) noexcept;
+  void set_bodies(const LocalBodies& bodies) noexcept;
+  bool is_local(std::uint32_t body) const noexcept;
+  NearBody* near_body(const ContactSide& side) noexcept;
+  bool is_as_it_was(std::uint32_t body) const noexcept;
+  LocalBodies that_stay(const ModelUpdate& update) noexcept;
+  bool take(NearBody& body) noexcept;
+  bool take_mechanism(const Mechanism& mechanism) noexcept;
+  void begin_holding(NearBody& near, LocalBody& local) noexcept;
+  void keep_mechanisms() noexcept;
+  bool bears(const geometry::FoundContact& found) noexcept;
+  void take_bearing(std::span<const geometry::FoundContact> found) noexcept;
+  void give_back(const MetContacts& met, const MetContacts& met_by_bodies) noexcept;
+  Vector3 velocity_of(const ContactSide& side, const Vector3& p_W) noexcept;
   void adopt_supports_of_scene(const LocalContacts& existing, UpdateFrames& frames,
                                const LocalBodies& bodies) noexcept;
   void adopt_contacts_of_scene(const LocalContacts& existing, const UpdateFrames& frames,
@@ -171,9 +200,9 @@ class LocalModel {
   std::optional<StepEnd> meet_at_end(const FrameMotions& frames, const Unknowns& x) noexcept;
   void correct_step(ContactGroups groups, const FrameMotions& frames, const StepSystem& system,
                     Unknowns& x) noexcept;
-  void meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
+  void meet_tool(const LocalBodies& bodies, const LocalContacts& existing, bool takes,
                  MetContacts& met) noexcept;
-  void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,
+  void meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt, bool takes,
                    MetContacts& met) noexcept;
   void meet(std::span<const geometry::FoundContact> found, const LocalBodies& bodies,
             MetContacts& met) const noexcept;
@@ -210,6 +239,7 @@ class LocalModel {
   double most_external_ = std::numeric_limits<double>::infinity();  ///< N.
   GeneralisedForce load_;
   LocalBodies bodies_;
+  Mechanisms mechanisms_;
   double usual_time_ = 1;    ///< From one update to the next, s.
   double adopted_time_ = 0;  ///< Of the latest update, the environment's, s.
   double adopted_step_ = 0;  ///< World step that the latest update is about.
@@ -221,13 +251,10 @@ class LocalModel {
   double tank_ = 0;  ///< J.
   double rendered_ = 1;
 
-  /// A body of the scene, where it is now or, if the local model moves it, was reported.
-  struct NearBody {
-    BodyPose pose;
-    Pose X_CB;  ///< Its frame in that of the local body.
-  };
   Scene* scene_ = nullptr;
-  StaticVector<NearBody, kMaxPoses> near_bodies_;
+  NearBodies near_bodies_;
+  bool may_hold_ = true;         ///< Bodies that bear upon the tool are taken.
+  double unheard_ = 0;           ///< Since the latest update, s.
   GeometryChange change_;        ///< Since its contacts were found.
   geometry::FinderCut cut_;      ///< Of tool and bodies.
   bool looked_ = false;          ///< They are those of the present poses.

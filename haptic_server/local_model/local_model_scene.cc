@@ -20,6 +20,10 @@ constexpr double kLargestMargin = 0.05;
 /// plane than a step goes is taken for what is not there. More: time.
 constexpr double kEndMargin = 1e-3;
 
+/// What the environment moves stands still where no update has come for so long, s: nobody knows
+/// where it is. Less stops it between the updates of a slow environment.
+constexpr double kLongestUnheard = 0.25;
+
 /// Work in a second of searching for contacts (geometry::Work): about a tick for each tick, for
 /// what the worlds that are shipped take at worst. More: ticks are late where much overlaps. Less:
 /// contacts are cut that a tick has the time for.
@@ -28,15 +32,6 @@ constexpr double kWorkPerSecond = 1.25e9;
 /// Of something whose origin has that twist, and which reaches so far from it, m.
 double speed(const Twist& V, double reach) noexcept {
   return V.head<3>().norm() + reach * V.tail<3>().norm();
-}
-
-void advance(BodyPose& pose, double dt) noexcept {
-  pose.X_WB.p += dt * pose.V_W.head<3>();
-  pose.X_WB.R = (rotation_from_vector(dt * pose.V_W.tail<3>()) * pose.X_WB.R).normalized();
-}
-
-Vector3 velocity_at(const BodyPose& pose, const Vector3& p_W) noexcept {
-  return pose.V_W.head<3>() + pose.V_W.tail<3>().cross(p_W - pose.X_WB.p);
 }
 
 void copy_reported(const LocalContacts& from, LocalContacts& to) noexcept {
@@ -74,9 +69,9 @@ geometry::FinderCut LocalModel::try_scene(Scene& scene) noexcept {
   }
   place_scene(proxy_, bodies_);
   MetContacts met;
-  meet_tool(bodies_, contacts(), met);
+  meet_tool(bodies_, contacts(), false, met);
   met.clear();
-  meet_bodies(bodies_, supports(), dt_, met);
+  meet_bodies(bodies_, supports(), dt_, false, met);
   scene.forget();
   scene_ = in_force;
   return std::exchange(cut_, before);
@@ -160,7 +155,11 @@ void LocalModel::meet(std::span<const geometry::FoundContact> found, const Local
 /// What the local model does not move goes on as it was reported.
 void LocalModel::advance_near_bodies() noexcept {
   looked_ = false;
-  for (NearBody& body : near_bodies_) advance(body.pose, dt_);
+  unheard_ += dt_;
+  for (NearBody& body : near_bodies_) {
+    if (unheard_ > kLongestUnheard) body.pose.V_W.setZero();
+    advance(body.pose, dt_);
+  }
 }
 
 /// How far contacts are looked for, m, of something of that speed, m/s, that moves on by steps of
@@ -186,7 +185,7 @@ double LocalModel::fastest_body(const LocalBodies& bodies) const noexcept {
   return fastest;
 }
 
-void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& existing,
+void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& existing, bool takes,
                            MetContacts& met) noexcept {
   double fastest = 0;
   for (int link = 0; link < proxy_.links(); ++link) {
@@ -195,20 +194,26 @@ void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& exist
     fastest = std::max(fastest, speed(V, reach));
   }
   const double epsilon = margin(fastest + fastest_body(bodies), existing, dt_);
-  meet(scene_->of_tool(epsilon, work_in_tick(kWorkOfTool)), bodies, met);
+  const auto found = scene_->of_tool(epsilon, work_in_tick(kWorkOfTool));
   cut_ += scene_->cut();
+  if (takes) take_bearing(found);
+  meet(found, bodies, met);
   sort_met(met);
 }
 
+/// takes: those that bear upon them, too.
 void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,
-                             MetContacts& met) noexcept {
+                             bool takes, MetContacts& met) noexcept {
   const double epsilon = margin(2 * fastest_body(bodies), existing, dt);
   const double share = (1 - kWorkOfTool - 2 * kWorkAtEnd) /
                        static_cast<double>(std::max<std::size_t>(1, bodies.size()));
-  for (const LocalBody& body : bodies) {
-    meet(scene_->of_body(body.id, epsilon, work_in_tick(share)), bodies, met);
+  StaticVector<std::span<const geometry::FoundContact>, kMaxMovedBodies> found;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    found.push_back(scene_->of_body(bodies[i].id, epsilon, work_in_tick(share)));
     cut_ += scene_->cut();
+    if (takes) take_bearing(found.back());
   }
+  for (const auto& of_one : found) meet(of_one, bodies, met);
   sort_met(met);
 }
 
@@ -227,8 +232,13 @@ void LocalModel::look_around() noexcept {
   if (scene_ != nullptr) {
     place_scene(proxy_, bodies_);
     scene_->forget();
-    meet_tool(bodies_, contacts(), met);
-    meet_bodies(bodies_, supports(), dt_, met_by_bodies);
+    const bool takes = scene_->holds();
+    if (takes) {
+      for (const LocalBody& body : bodies_) change.steady.push_back(body.id);
+    }
+    meet_tool(bodies_, contacts(), takes, met);
+    meet_bodies(bodies_, supports(), dt_, takes, met_by_bodies);
+    if (takes) give_back(met, met_by_bodies);
   }
   change.is_known_in_part = cut_ != geometry::FinderCut{};
   const FramePoses poses = poses_of(proxy_, bodies_);
@@ -253,7 +263,8 @@ std::optional<LocalModel::StepEnd> LocalModel::meet_at_end(const FrameMotions& f
   Velocity v = x.head(proxy_.dof());
   move_freely(tool, v, dt_);
   LocalBodies bodies = bodies_;
-  advance_bodies(bodies, proxy_, frames, x, dt_);
+  Mechanisms mechanisms = mechanisms_;
+  advance_bodies(bodies, mechanisms, proxy_, frames, x, dt_);
   place_scene(tool, bodies, dt_);
   scene_->forget();
   StepEnd end;
@@ -296,7 +307,7 @@ void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFr
   MetContacts met;
   place_scene(proxy_, bodies);
   scene_->forget();
-  meet_bodies(bodies, existing, dt_, met);
+  meet_bodies(bodies, existing, dt_, false, met);
   frames.now = frames.reported;
   renew_supports(existing, met, frames, change_, present_supports());
   sort_by_identity(present_supports());
@@ -309,7 +320,7 @@ void LocalModel::look_along(LocalBodies& bodies, double dt) noexcept {
   MetContacts met;
   place_scene(proxy_, bodies);
   scene_->forget();
-  meet_bodies(bodies, supports(), dt, met);
+  meet_bodies(bodies, supports(), dt, false, met);
   const FramePoses poses = poses_of(proxy_, bodies);
   UpdateFrames frames{.tool = proxy_, .bodies = bodies, .reported = poses, .before = poses};
   frames.now = poses;
@@ -329,7 +340,7 @@ void LocalModel::adopt_contacts_of_scene(const LocalContacts& existing, const Up
   if (scene_ != nullptr) {
     place_scene(proxy_, bodies);
     scene_->forget();
-    meet_tool(bodies, existing, met);
+    meet_tool(bodies, existing, false, met);
   }
   change.is_known_in_part = cut_ != geometry::FinderCut{};
   fill_tank(renew_contacts(existing, met, frames, change, policy(), contacts_[current_]));

@@ -42,6 +42,8 @@ std::uint64_t whole_steps(double steps) noexcept {
 void LocalModel::adopt(const ModelUpdate& update) noexcept {
   ve_tool_.set_configuration(update.q_VE);
   adopt_external(update);
+  unheard_ = 0;
+  if (holds()) return adopt_held(update);
   impulses_.end_silence();
   const auto now = static_cast<double>(impulses_.world_step());
   // An environment that does not say which step its bodies are at has them as old as its contacts.
@@ -94,6 +96,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   adopted_step_ = state_step;
   adopted_time_ = update.time;
   bodies_ = bodies;
+  mechanisms_.clear();
 }
 
 void LocalModel::release_bodies() noexcept {
@@ -107,6 +110,7 @@ void LocalModel::release_bodies() noexcept {
   present_supports().clear();
   forget_bodies_of_scene();
   bodies_.clear();
+  mechanisms_.clear();
   impulses_.begin_silence();
 }
 
@@ -141,7 +145,8 @@ void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
     const ContactGroup group{supports, support_law(dt, 1)};
     const Unknowns x = solve_contact_step({&group, 1}, frames, unit_system(frames));
     apply_contact_forces(group, frames, x);
-    advance_bodies(bodies, proxy_, frames, x, dt);
+    Mechanisms none;
+    advance_bodies(bodies, none, proxy_, frames, x, dt);
     advance_constraints(supports, dt);
     done = next;
   }

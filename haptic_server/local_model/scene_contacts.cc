@@ -181,6 +181,12 @@ void sort_met(MetContacts& met) noexcept {
   met.erase(std::unique(met.begin(), met.end(), same), met.end());
 }
 
+void keep_scene(const LocalContacts& from, LocalContacts& to) noexcept {
+  for (const LocalContact& contact : from) {
+    if (contact.of_scene && to.size() < to.capacity()) to.push_back(contact);
+  }
+}
+
 double renew_contacts(const LocalContacts& existing, const MetContacts& met,
                       const UpdateFrames& frames, const GeometryChange& change,
                       const UpdatePolicy& policy, LocalContacts& updated) noexcept {

@@ -5,6 +5,7 @@
 // body whose pose an update corrects, a shape that goes. There the rules of an update decide it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -33,14 +34,17 @@ struct GeometryChange {
   bool of_all = false;     ///< or the scene is another one.
   /// A search was cut: what it did not find may be there still.
   bool is_known_in_part = false;
+  /// Bodies that the local model moves itself, and moved before: nothing corrects them.
+  StaticVector<std::uint32_t, kMaxMovedBodies> steady{};
 
   /// Whether a contact that was not met stays as it was, as a plane.
   bool keeps(const LocalContact& contact) const noexcept {
     return is_known_in_part && contact.latest.loaded && !concerns(contact);
   }
   bool concerns(const LocalContact& contact) const noexcept {
-    const auto is_body = [](const ContactSide& side) {
-      return side.kind == SideKind::kMovableBody;
+    const auto is_body = [this](const ContactSide& side) {
+      return side.kind == SideKind::kMovableBody &&
+             std::ranges::find(steady, side.index) == steady.end();
     };
     return of_all || (of_bodies && (is_body(contact.a) || is_body(contact.b)));
   }
@@ -58,6 +62,9 @@ double renew_contacts(const LocalContacts& existing, const MetContacts& met,
 void renew_supports(const LocalContacts& existing, const MetContacts& met,
                     const UpdateFrames& frames, const GeometryChange& change,
                     LocalContacts& updated) noexcept;
+
+/// Adds those of the scene, as they are.
+void keep_scene(const LocalContacts& from, LocalContacts& to) noexcept;
 
 /// Contacts of the scene that were open at the start of a step.
 using ClosingContacts = StaticVector<LocalContact*, kMaxLocalContacts>;

@@ -175,4 +175,21 @@ protocol::Impulses impulses_of(const LocalModel& model, double contained) noexce
   return impulses;
 }
 
+void tell_held(double now, std::uint64_t step, const LocalModel& model,
+               protocol::ServerSession& session) noexcept {
+  protocol::HeldBodies message{.step = step, .bodies = {}};
+  const auto send = [&] {
+    if (!message.bodies.empty()) session.inform(now, message);
+    message.bodies.clear();
+  };
+  for (const HeldState& held : model.held()) {
+    if (message.bodies.size() == message.bodies.capacity()) send();
+    message.bodies.push_back({.body = held.pose.body,
+                              .number = held.number,
+                              .X_WB = held.pose.X_WB,
+                              .V_W = held.pose.V_W});
+  }
+  send();
+}
+
 }  // namespace hlm::server

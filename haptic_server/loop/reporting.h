@@ -37,4 +37,8 @@ protocol::ProxyState proxy_state(const TickRecord& record, std::uint64_t step,
 /// after `contained`, the step up to which the environment has the impulses.
 protocol::Impulses impulses_of(const LocalModel& model, double contained) noexcept;
 
+/// Sends where the bodies are that the environment must place, or take back.
+void tell_held(double now, std::uint64_t step, const LocalModel& model,
+               protocol::ServerSession& session) noexcept;
+
 }  // namespace hlm::server

@@ -149,8 +149,10 @@ void Servo::shut_down(double now) noexcept {
   local_model_.reset();
 }
 
+/// What the hand holds goes on without its environment for as long as the scene may.
 double Servo::silence_time(double period) const noexcept {
-  return options_.silence_time.value_or(default_silence_time(period));
+  const bool holds = local_model_ && local_model_->holds();
+  return options_.silence_time.value_or(holds ? kOldestPoses : default_silence_time(period));
 }
 
 void Servo::reject_in_fault(double now) noexcept {
@@ -194,9 +196,11 @@ void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   controller_ = Controller(options_.controller, options_.gains);
   energy_.begin();
   telemetry_.begin();
-  session_.accept(
-      now, welcome(options_, fingerprint_, silence_time(period_), device_,
-                   {.movable_bodies = true, .self_contacts = true, .scenes = scenes_ != nullptr}));
+  session_.accept(now, welcome(options_, fingerprint_, silence_time(period_), device_,
+                               {.movable_bodies = true,
+                                .self_contacts = true,
+                                .scenes = scenes_ != nullptr,
+                                .holds = scenes_ != nullptr}));
 }
 
 /// Forwards new chunks of the scene stream and adopts the newest scene. Drops a scene that takes
@@ -281,8 +285,11 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
     cause_ = kUnguarded;
   }
   limiter_.allow(renders_force(machine_.state()) && !clutched_ && !unguarded_);
-  // Nobody moves the bodies, and a hand without force holds none.
-  if (machine_.state() == ServerState::kFading && before != ServerState::kFading) {
+  // A hand without force holds nothing, nor moves anybody the bodies; what lives here waits for an
+  // environment that is silent.
+  const bool waits =
+      local_model_ && local_model_->holds() && machine_.fade() == Fade::kClientSilent;
+  if (machine_.state() == ServerState::kFading && before != ServerState::kFading && !waits) {
     local_model_->release_bodies();
   }
   if (machine_.state() == ServerState::kOff && before != ServerState::kOff) {
@@ -335,7 +342,9 @@ void Servo::adopt(const protocol::ContactUpdate& update) noexcept {
                        .rates = update.rates,
                        .time = update.ve_time,
                        .v_VE = &update.v_VE,
-                       .external = young ? update.external : kNoWrenches});
+                       .external = young ? update.external : kNoWrenches,
+                       .owners = update.owners,
+                       .holds = moves_bodies});
   energy_.adopted(stored, stored_energy(*local_model_, stiffness));
   contained_impulses_ = update.impulse_step;
   const ToolModel& tool = local_model_->ve_tool();
@@ -484,6 +493,7 @@ void Servo::acknowledge(double now) noexcept {
   telemetry_.contacts(now, step_, *model, session_);
   const protocol::Impulses impulses = impulses_of(*model, contained_impulses_);
   if (!impulses.bodies.empty()) session_.inform(now, impulses);
+  tell_held(now, step_, *model, session_);
   local_model_->report_impulses();
 }
 

@@ -66,6 +66,7 @@ class SessionReader {
       case MessageType::kLocalState:
       case MessageType::kRefusal:
       case MessageType::kImpulses:
+      case MessageType::kHeldBodies:
       case MessageType::kSceneState:
         return;
     }

@@ -144,11 +144,15 @@ void SceneLoader::keep_commit() {
                    .number = store_->scene(),
                    .placements = {},
                    .apart = store_->apart(),
+                   .inertias = {},
+                   .joints = {},
                    .shapes = {}};
   for (const auto& [id, placement] : store_->placements()) {
     order.placements.push_back(placement);
     order.shapes.emplace(placement.shape, store_->shape(placement.shape));
   }
+  for (const auto& [body, inertia] : store_->inertias()) order.inertias.push_back(inertia);
+  for (const auto& [body, joint] : store_->joints()) order.joints.push_back(joint);
   order_ = std::move(order);
 }
 

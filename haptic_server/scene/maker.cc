@@ -91,8 +91,9 @@ std::unique_ptr<Scene> SceneMaker::scene_of(const SceneOrder& order) {
     apart.emplace_back(place_of.at(pair.a), place_of.at(pair.b));
   }
   try {
-    return std::make_unique<Scene>(std::move(shapes), apart, order.tool);
-  } catch (const std::length_error& error) {  // Most of its pieces lie in one place.
+    return std::make_unique<Scene>(std::move(shapes), apart, order.tool, order.inertias,
+                                   order.joints);
+  } catch (const std::logic_error& error) {  // Most pieces lie in one place, or joints make a loop.
     throw Unusable({SceneError::kGeometry, 0, error.what()});
   }
 }

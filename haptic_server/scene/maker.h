@@ -21,6 +21,8 @@ struct SceneOrder {
   std::uint32_t number = 0;
   std::vector<protocol::ScenePlacement> placements;
   std::vector<protocol::SceneApart> apart;
+  std::vector<BodyInertia> inertias;
+  std::vector<BodyJoint> joints;
   std::map<std::uint64_t, std::shared_ptr<const protocol::SceneShape>> shapes;  ///< By hash.
 };
 

@@ -57,8 +57,14 @@ void require_place(const PlacedShape& shape, const ToolDescription& tool) {
 
 Scene::Scene(std::vector<PlacedShape> shapes,
              std::span<const std::pair<std::uint32_t, std::uint32_t>> apart,
-             const ToolDescription& tool)
-    : shapes_(std::move(shapes)), tool_(tool), planar_normal_W_(planar_normal(tool)) {
+             const ToolDescription& tool, std::span<const BodyInertia> inertias,
+             std::span<const BodyJoint> joints)
+    : shapes_(std::move(shapes)),
+      tool_(tool),
+      inertias_(inertias.begin(), inertias.end()),
+      planar_normal_W_(planar_normal(tool)) {
+  std::ranges::sort(inertias_, {}, &BodyInertia::body);
+  mechanisms_ = mechanisms_of(inertias_, joints);
   for (PlacedShape& shape : shapes_) {
     if (shape.side.kind == SideKind::kWorld) shape.side.index = 0;  // All of it is one surface.
   }
@@ -159,6 +165,20 @@ bool Scene::may_touch(const CollisionId& a, const CollisionId& b) const noexcept
   if ((one.group & other.mask) == 0 && (other.group & one.mask) == 0) return false;
   return !std::ranges::binary_search(
       apart_, std::pair{std::min(shape_a, shape_b), std::max(shape_a, shape_b)});
+}
+
+const BodyInertia* Scene::inertia(std::uint32_t body) const noexcept {
+  const auto found = std::ranges::lower_bound(inertias_, body, {}, &BodyInertia::body);
+  return found == inertias_.end() || found->body != body ? nullptr : &*found;
+}
+
+const Mechanism* Scene::mechanism(std::uint32_t body) const noexcept {
+  for (const Mechanism& mechanism : mechanisms_) {
+    for (std::size_t i = 0; i < mechanism.size(); ++i) {
+      if (mechanism.body(i) == body) return &mechanism;
+    }
+  }
+  return nullptr;
 }
 
 double Scene::reach(const ContactSide& side) const noexcept {

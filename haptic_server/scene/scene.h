@@ -16,6 +16,7 @@
 #include "hlm/geometry/contact_finder.h"
 #include "hlm/geometry/select.h"
 #include "hlm/geometry/shape_parts.h"
+#include "hlm/server_scene/mechanism.h"
 
 namespace hlm::server {
 
@@ -41,14 +42,21 @@ class Scene {
   /// shapes: as require_place() has them. apart: places in the list of pairs that never touch.
   /// Throws std::length_error with one line where most of very many shapes lie in one place.
   Scene(std::vector<PlacedShape> shapes,
-        std::span<const std::pair<std::uint32_t, std::uint32_t>> apart,
-        const ToolDescription& tool);
+        std::span<const std::pair<std::uint32_t, std::uint32_t>> apart, const ToolDescription& tool,
+        std::span<const BodyInertia> inertias = {}, std::span<const BodyJoint> joints = {});
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
 
   /// Where a link is, or a body that it knows; without a pose it touches nothing. At first only the
   /// world has its place.
   void place(const ContactSide& side, const std::optional<Pose>& X_WB) noexcept;
+
+  /// What is known of a body that the server may move; null: nothing.
+  const BodyInertia* inertia(std::uint32_t body) const noexcept;
+  /// What a body is in, as nothing moves it; null: no joint holds it.
+  const Mechanism* mechanism(std::uint32_t body) const noexcept;
+  /// Whether it may move any: what bears upon the tool is the server's then.
+  bool holds() const noexcept { return !inertias_.empty(); }
 
   /// How far a link or body that it knows reaches from its origin, m; 0 of others.
   double reach(const ContactSide& side) const noexcept;
@@ -92,6 +100,8 @@ class Scene {
   std::vector<PlacedShape> shapes_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> apart_;  ///< Sorted, the smaller first.
   ToolDescription tool_;
+  std::vector<BodyInertia> inertias_;  ///< By body.
+  std::vector<Mechanism> mechanisms_;
   std::optional<Vector3> planar_normal_W_;
   std::vector<Body> bodies_;  ///< By side; their numbers in pieces_.
   std::vector<int> links_;    ///< Those of the tool.
