@@ -188,7 +188,48 @@ BodyPose body_pose_of(const haptic_body_pose& from) {
   }
   require_unit("its rotation", made.X_WB.R.norm());
   made.X_WB.R.normalize();
+  made.kept = from.kept != 0;
   return made;
+}
+
+/// bodies: those that have shapes. Throws what is wrong with it; the rest the scene says.
+BodyInertia inertia_of(const haptic_dynamics& from, const std::set<std::uint32_t>& bodies) {
+  const std::string name = "dynamics of body " + std::to_string(from.body) + ": ";
+  if (!bodies.contains(from.body)) {
+    throw std::invalid_argument(name + "a shape of it must be offered, too");
+  }
+  if (from.joint != HAPTIC_FREE && from.joint != HAPTIC_REVOLUTE &&
+      from.joint != HAPTIC_PRISMATIC) {
+    throw std::invalid_argument(name + "joint " + std::to_string(from.joint) +
+                                " must be 1 (revolute), 2 (prismatic) or 4 (free)");
+  }
+  BodyInertia made{.body = from.body,
+                   .mass = from.mass,
+                   .p_BCom = vector_of(from.centre),
+                   .gravity_W = vector_of(from.gravity),
+                   .damping = from.damping,
+                   .angular_damping = from.angular_damping};
+  made.I_BCom = Eigen::Map<const Matrix3>(from.inertia);
+  if (!made.I_BCom.isApprox(made.I_BCom.transpose(), 1e-6)) {
+    throw std::invalid_argument(name + "its inertia must be symmetric");
+  }
+  return made;
+}
+
+BodyJoint joint_of(const haptic_dynamics& from) {
+  return {.body = from.body,
+          .parent = from.parent,
+          .type = static_cast<JointType>(from.joint),
+          .X_PJ = pose_of(from.in_parent),
+          .X_BJ = pose_of(from.in_body),
+          .axis = vector_of(from.axis),
+          .lower = from.lower,
+          .upper = from.upper,
+          .stiffness = from.stiffness,
+          .reference = from.reference,
+          .damping = from.joint_damping,
+          .friction = from.friction,
+          .armature = from.armature};
 }
 
 /// There is no session, and no force.
@@ -197,6 +238,12 @@ void set_off(haptic_state& state) {
   state.active = state.predicted = 0;
   std::fill_n(state.command, 6, 0.0);
   std::fill_n(state.contact_wrench, 6, 0.0);
+}
+
+void store(const Pose& from, haptic_pose& to) {
+  store(from.p, to.position);
+  const Eigen::Vector4d wxyz(from.R.w(), from.R.x(), from.R.y(), from.R.z());
+  store(wxyz, to.rotation);
 }
 
 void store(const protocol::ProxyState& proxy, haptic_state& state) {
@@ -387,6 +434,7 @@ void take_news(haptic_session& session, haptic_state& state) {
   state.round_trip = client.round_trip();
   state.servo_rate = client.connected() ? client.welcome().servo_rate : 0;
   state.scene = client.has_scene() ? 1 : 0;
+  state.holds = client.holds() ? 1 : 0;
   session.news->hear(now, client, inbox);
   copy(session.message(), state.message, HAPTIC_MAX_TEXT);
   if (!state.connected) set_off(state);
@@ -410,6 +458,25 @@ int haptic_take_steps(haptic_session* session, double step) {
   return in_session(session, -1, [&] {
     refuse(find_error("step", step, kDuration));
     return session->client->take_steps(step);
+  });
+}
+
+std::size_t haptic_take_held(haptic_session* session, haptic_held_body* bodies) {
+  return in_session(session, std::size_t{0}, [&] {
+    require(bodies, "bodies");
+    std::size_t count = 0;
+    for (const HeldPlace& held : session->client->take_held()) {
+      // Whatever a server says, it can move no body that was not offered to it.
+      if (!session->offered.contains(held.body) || count == HAPTIC_MAX_POSES) continue;
+      haptic_held_body& to = bodies[count++];
+      to.body = held.body;
+      to.let_go = is_held(held.number) ? 0 : 1;
+      store(held.X_WB, to.pose);
+      store(held.V_W, to.velocity);
+      to.q = held.joint.q;
+      to.v = held.joint.v;
+    }
+    return count;
   });
 }
 
@@ -536,12 +603,14 @@ int haptic_external_wrench(haptic_session* session, std::int32_t link, const dou
 
 int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses,
                  const haptic_material* materials, std::size_t count, const std::uint32_t* excluded,
-                 std::size_t excluded_count) {
+                 std::size_t excluded_count, const haptic_dynamics* dynamics,
+                 std::size_t dynamics_count) {
   return in_session(session, -1, [&] {
     constexpr protocol::SceneLimits kLimits;
     require_list(shapes, count, kLimits.placements, "shapes");
     require_list(poses, count, count, "poses of shapes");
     require_list(excluded, excluded_count, kLimits.apart, "excluded pairs");
+    require_list(dynamics, dynamics_count, kLimits.placements, "dynamics of bodies");
     protocol::SceneOffer offer;
     for (std::size_t i = 0; i < count; ++i) {
       const haptic_material material = materials == nullptr ? kNoMaterial : materials[i];
@@ -557,6 +626,10 @@ int haptic_offer(haptic_session* session, const haptic_shape* shapes, const hapt
       has_tool = has_tool || shape.side.kind == SideKind::kToolLink;
     }
     if (!has_tool) throw std::invalid_argument("a shape must be of the tool, or nothing is felt");
+    for (std::size_t i = 0; i < dynamics_count; ++i) {
+      offer.inertias.push_back(inertia_of(dynamics[i], bodies));
+      if (dynamics[i].joint != HAPTIC_FREE) offer.joints.push_back(joint_of(dynamics[i]));
+    }
     session->client->offer_scene(std::move(offer));
     session->offered = std::move(bodies);
     return 0;

@@ -35,7 +35,7 @@ extern "C" {
 #endif
 
 /* Incremented whenever a struct or function below changes; haptic_abi() returns the library's. */
-#define HAPTIC_ABI 4
+#define HAPTIC_ABI 5
 
 #define HAPTIC_MAX_DOF 16
 #define HAPTIC_MAX_CONFIGURATION 17
@@ -43,6 +43,7 @@ extern "C" {
 #define HAPTIC_MAX_BODIES 16
 #define HAPTIC_MAX_POSES 64
 #define HAPTIC_MAX_TEXT 240
+#define HAPTIC_NO_BODY 0xffffffffu
 
 enum haptic_joint {
   HAPTIC_FIXED = 0,
@@ -171,10 +172,44 @@ typedef struct haptic_pose {
 /* Where a body is whose shapes were offered: its frame, and that frame's velocity. */
 typedef struct haptic_body_pose {
   uint32_t body;
-  uint32_t reserved;
+  uint32_t kept; /* 1: nobody else may move it, as when it was reset: the hand lets go of it */
   haptic_pose pose;
   double velocity[6]; /* of the frame's origin, linear (m/s), angular (rad/s), world axes */
 } haptic_body_pose;
+
+/* What the server must know of a body to move it while the hand holds it: its inertia, and the
+ * joint that it hangs on, if any. Of several joints on one body it can be told none. */
+typedef struct haptic_dynamics {
+  uint32_t body;
+  int32_t joint;          /* enum haptic_joint: FREE, or REVOLUTE or PRISMATIC with what follows
+                             below `angular_damping` */
+  double mass;            /* kg, 1e-6 to 1e6 */
+  double centre[3];       /* of mass, in the body's frame, m */
+  double inertia[9];      /* about the centre of mass, body's axes, kg m^2 */
+  double gravity[3];      /* what its weight accelerates it by, world, m/s^2 */
+  double damping;         /* of its velocity, 1/s, */
+  double angular_damping; /* and of its angular velocity; of a free body without others on it */
+  uint32_t parent; /* the body that it hangs on, also one of these; HAPTIC_NO_BODY: the world */
+  uint32_t reserved;
+  haptic_pose in_parent; /* the joint's frame in the parent's, or in the world, */
+  haptic_pose in_body;   /* and in the body's; q is 0 where both lie on each other */
+  double axis[3];        /* of growing q, unit, in the joint's frame */
+  double lower, upper;   /* limits of q, rad or m; +-1e9: none */
+  double stiffness;      /* of a spring, N/m or N m/rad, */
+  double reference;      /* which is at rest at this q */
+  double joint_damping;  /* N s/m or N m s/rad */
+  double friction;       /* largest dry friction, N or N m */
+  double armature;       /* inertia of a motor in it, kg or kg m^2 */
+} haptic_dynamics;
+
+/* Where the server has a body. */
+typedef struct haptic_held_body {
+  uint32_t body;
+  uint32_t let_go; /* 1: for the last time; from here on the body is yours */
+  haptic_pose pose;
+  double velocity[6]; /* of the frame's origin, as in haptic_body_pose */
+  double q, v;        /* of its joint, if it hangs on one */
+} haptic_held_body;
 
 /* What the tool did to a body: apply impulse / period as a wrench at its centre during the step. */
 typedef struct haptic_impulse {
@@ -207,11 +242,11 @@ typedef struct haptic_state {
   double command[6];        /* what the device was given, after limits */
   double device_position[3];
   double device_rotation[4];
-  int32_t server;            /* enum haptic_server */
-  int32_t active, predicted; /* local contacts */
-  uint32_t buttons;          /* bit i: button i is down */
-  int32_t scene;             /* 1: the server finds the contacts of the shapes offered to it */
-  int32_t reserved;
+  int32_t server;                /* enum haptic_server */
+  int32_t active, predicted;     /* local contacts */
+  uint32_t buttons;              /* bit i: button i is down */
+  int32_t scene;                 /* 1: the server finds the contacts of the shapes offered to it */
+  int32_t holds;                 /* 1: it moves what the hand holds, see haptic_take_held() */
   double gripper;                /* 0 closed to 1 open */
   double round_trip;             /* s */
   double servo_rate;             /* Hz */
@@ -264,15 +299,19 @@ HAPTIC_API void haptic_close(haptic_session* session);
  * poses: of each shape in the frame of its link or body, of the world's in the world. materials: of
  * each shape, or NULL: friction is the server's own. excluded: twice `excluded_count` indices of
  * shapes that never touch, or NULL; shapes of one link or body never do. What is fixed to each
- * other is one surface, whose inner edges are not felt. 0, or -1 with haptic_error(), which names
- * the shape. */
+ * other is one surface, whose inner edges are not felt.
+ *
+ * dynamics: of the bodies that the tool can push, or NULL. With them the server moves what the hand
+ * holds, see haptic_take_held(); other bodies are walls that move then. 0, or -1 with
+ * haptic_error(), which names shape or body. */
 HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
                             const haptic_pose* poses, const haptic_material* materials,
-                            size_t count, const uint32_t* excluded, size_t excluded_count);
+                            size_t count, const uint32_t* excluded, size_t excluded_count,
+                            const haptic_dynamics* dynamics, size_t dynamics_count);
 /* Where the bodies of offered shapes are, for the next haptic_send(). If there are more than
- * HAPTIC_MAX_POSES, give those near the tool: a body without a pose does not exist. Bodies that the
- * tool can push also go to haptic_send(); the others keep their velocity. 0, or -1 with
- * haptic_error(). */
+ * HAPTIC_MAX_POSES, give those near the tool: a body without a pose does not exist. Unless
+ * state.holds, bodies that the tool can push also go to haptic_send(); the others keep their
+ * velocity. 0, or -1 with haptic_error(). */
 HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
 /* Once per step, before it. `state` is zero before the first call and the same one in each: what
@@ -282,6 +321,12 @@ HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
  * haptic_poll(). This makes up for late frames. 0: take, sample and send nothing in this frame;
  * -1 with haptic_error() if `step` is not > 0. */
 HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
+/* Before each step: the bodies that the hand holds, to be put there as the tool is, and moved by
+ * nothing else during the step; and once more each that it has let go of. Returns how many, at most
+ * HAPTIC_MAX_POSES, which `bodies` must hold. Where state.holds, haptic_send() gets no bodies,
+ * nothing is pushed by impulses, and the tool pushes in your engine what is not held, as what lies
+ * on it when a session begins. */
+HAPTIC_API size_t haptic_take_held(haptic_session* session, haptic_held_body* bodies);
 /* The impulses for a step of `period` seconds, > 0, that begins. Returns how many, at most
  * HAPTIC_MAX_BODIES, which `impulses` must hold. */
 HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,

@@ -93,9 +93,12 @@ void HapticClient::control(const protocol::Control& control) {
 }
 
 HapticClient::Inbox HapticClient::poll(double now) {
+  session_.be_patient(holds() ? kOldestPoses : 0);
   const Inbox inbox = session_.poll(now);
   if (inbox.welcomed || inbox.lost) {
     playout_.reset();
+    take_back();
+    held_.clear();
     doubt_ = BodyDoubt::kNone;
   }
   polled_at_ = now;
@@ -113,6 +116,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
     doubt_ = inbox.state->doubt;
     doubted_ = inbox.state->doubted;
   }
+  hear_held(inbox);
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
@@ -130,7 +134,8 @@ void HapticClient::offer() {
 
 void HapticClient::queue_scene() {
   protocol::OfferedBefore offered = offered_;
-  const std::vector<std::uint8_t> records = protocol::scene_of(*scene_, tool_links_, offered);
+  const std::vector<std::uint8_t> records =
+      protocol::scene_of(*scene_, tool_links_, offered, welcome().capabilities.holds);
   if (const auto problem = session_.queue_scene(records)) {
     scene_problem_ = *problem;
   } else {
@@ -149,6 +154,11 @@ void HapticClient::offer_scene(protocol::SceneOffer scene) {
 bool HapticClient::waits_for_scene() const noexcept {
   return scene_ && connected() && !scene_in_force_ && scene_problem_.empty() &&
          polled_at_ - welcomed_at_ < kLongestStandstill;
+}
+
+bool HapticClient::holds() const noexcept {
+  return scene_ && !scene_->inertias.empty() && (has_scene() || waits_for_scene()) &&
+         welcome().capabilities.holds;
 }
 
 int HapticClient::take_steps(double step) {
@@ -174,6 +184,68 @@ DueImpulses HapticClient::take_impulses(double period) {
   if (short_stall && !in_real_time_) playout_.skip();
   const double usual = in_real_time_ ? 1 / ve_rate_ : 0;
   return playout_.take(period * welcome().servo_rate, usual * welcome().servo_rate);
+}
+
+void HapticClient::hear_held(const Inbox& inbox) {
+  for (const protocol::HeldBody& body : inbox.held) {
+    auto known = std::ranges::find(held_, body.body, &HeldPlace::body);
+    if (known == held_.end()) {
+      known = held_.insert(held_.end(), HeldPlace());
+      known->body = body.body;
+    }
+    if (body.number < known->number || (body.number == known->number && !is_held(body.number))) {
+      continue;
+    }
+    const bool is_let_go = !is_held(body.number);
+    static_cast<protocol::HeldBody&>(*known) = body;
+    if (is_let_go) let_go(*known);
+  }
+}
+
+/// It is placed once more. The newest place counts.
+void HapticClient::let_go(const HeldPlace& body) {
+  const auto known = std::ranges::find(let_go_, body.body, &HeldPlace::body);
+  if (known != let_go_.end()) {
+    *known = body;
+  } else {
+    let_go_.push_back(body);
+  }
+}
+
+/// Nobody else moves the bodies any more.
+void HapticClient::take_back() {
+  for (HeldPlace& body : held_) {
+    if (is_held(body.number)) take_back(body);
+  }
+}
+void HapticClient::take_back(HeldPlace& body) {
+  ++body.number;
+  let_go(body);
+}
+
+HeldPlaces HapticClient::take_held() {
+  if (!holds()) take_back();
+  HeldPlaces places = std::exchange(let_go_, {});
+  for (const HeldPlace& body : held_) {
+    if (is_held(body.number)) places.push_back(body);
+  }
+  find_joints(places);
+  return places;
+}
+
+/// What joints connect is held, and let go of, as a whole.
+void HapticClient::find_joints(HeldPlaces& places) const {
+  if (!scene_) return;
+  const auto pose_of = [&](std::uint32_t body) {
+    const auto found = std::ranges::find(places, body, &HeldPlace::body);
+    if (found == places.end()) return BodyPose();
+    return BodyPose{.body = body, .X_WB = found->X_WB, .V_W = found->V_W};
+  };
+  for (const BodyJoint& joint : scene_->joints) {
+    const auto found = std::ranges::find(places, joint.body, &HeldPlace::body);
+    if (found == places.end()) continue;
+    found->joint = joint_state(joint, pose_of(joint.parent), pose_of(joint.body));
+  }
 }
 
 void HapticClient::sample(double now, const Configuration& q, const Velocity& v, double period) {
@@ -217,6 +289,30 @@ void HapticClient::add_external(std::uint8_t link, const Wrench& F_W) {
   }
 }
 
+/// What is kept, and what is not there, the server does not hold any more.
+void HapticClient::tell_owners(const BodyPoses& poses) {
+  update_.owners.clear();
+  for (HeldPlace& body : held_) {
+    const auto pose = std::ranges::find(poses, body.body, &BodyPose::body);
+    if (!is_held(body.number) || (pose != poses.end() && !pose->kept)) continue;
+    ++body.number;
+    if (pose != poses.end()) {  // It stays where it is now.
+      body.X_WB = pose->X_WB;
+      body.V_W = pose->V_W;
+    }
+    let_go(body);
+  }
+  for (const BodyPose& pose : poses) {
+    const auto known = std::ranges::find(held_, pose.body, &HeldPlace::body);
+    const bool is_known = known != held_.end();
+    if (!is_known && !pose.kept && slowed_ == 0) continue;
+    update_.owners.push_back({.body = pose.body,
+                              .number = is_known ? known->number : 0,
+                              .kept = pose.kept,
+                              .slowed = slowed_});
+  }
+}
+
 std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
                                  const MovableBodies& bodies, const BodyPoses& poses) {
   update_.compute_time = now - sampled_at_;
@@ -228,6 +324,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
     contact.friction = usable_friction(contact.friction);
   }
   update_.poses = poses;
+  tell_owners(poses);
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
   if (telemetry_.page) telemetry_.page->show_update(now, update_);

@@ -2,11 +2,13 @@
 // examples/client is a whole simulator built on it.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "hlm/client/acceleration_trend.h"
 #include "hlm/client/impulse_playout.h"
@@ -33,6 +35,12 @@ struct HapticClientOptions {
   protocol::TelemetryObserver* telemetry = nullptr;  ///< See control(). Must outlive the client.
 };
 
+/// Where the server has a body; with an even number for the last time.
+struct HeldPlace : protocol::HeldBody {
+  JointState joint{};  ///< Of the joint that it hangs on.
+};
+using HeldPlaces = std::vector<HeldPlace>;
+
 /// The simulator's side of one haptic session at a time; it asks for a new one when the server has
 /// been silent or restarted. Never waits. Not thread-safe. `now`: s, any steady origin.
 class HapticClient {
@@ -55,6 +63,17 @@ class HapticClient {
   /// those bodies.
   DueImpulses take_impulses(double period);
 
+  /// Bodies that the simulator must place in the frame that begins, before its step, as it places
+  /// the tool: those that the hand holds, in each frame, and once more one that it has let go of,
+  /// which is the simulator's from there on. It says which are the server's in send().
+  HeldPlaces take_held();
+  /// Whether the server moves what the hand holds, or will as soon as it has the shapes, so that
+  /// send() needs no bodies. The simulator's tool carries what lies on it until it does.
+  bool holds() const noexcept;
+
+  /// The simulator's time goes at this pace in the hand's, 0 (it stands still) to 1, from the next
+  /// send() on, which reports what moves as the hand's time sees it.
+  void set_pace(double pace) { slowed_ = static_cast<std::uint8_t>(std::lround(255 * (1 - pace))); }
   /// After a step of `period` simulated seconds: the tool's configuration and velocity, for which
   /// the contacts of the next send() are computed.
   void sample(double now, const Configuration& q, const Velocity& v, double period);
@@ -123,6 +142,12 @@ class HapticClient {
     std::unique_ptr<SessionPage> page;
   };
 
+  void hear_held(const Inbox& inbox);
+  void let_go(const HeldPlace& body);
+  void take_back();
+  void take_back(HeldPlace& body);
+  void find_joints(HeldPlaces& places) const;
+  void tell_owners(const BodyPoses& poses);
   bool waits_for_scene() const noexcept;
   void offer();
   void queue_scene();
@@ -136,6 +161,9 @@ class HapticClient {
   protocol::ContactUpdate update_;  ///< Update of the latest sample.
   ImpulsePlayout playout_;
   AccelerationTrend trend_;
+  HeldPlaces held_;          ///< The newest that is known of each body.
+  std::uint8_t slowed_ = 0;  ///< As in Ownership, of all bodies.
+  HeldPlaces let_go_;        ///< Those to be placed for the last time.
   WorldTime world_time_;
   double ve_rate_;             ///< Hz.
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.

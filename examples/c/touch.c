@@ -17,7 +17,7 @@ int main(void) {
   haptic_session* touch = haptic_open(&options, error, sizeof error);
   haptic_state state = {0};
   const char* page;
-  if (touch == NULL || haptic_offer(touch, shapes, poses, NULL, 2, NULL, 0) != 0) {
+  if (touch == NULL || haptic_offer(touch, shapes, poses, NULL, 2, NULL, 0, NULL, 0) != 0) {
     fprintf(stderr, "touch: %s\n", touch == NULL ? error : haptic_error(touch));
     return 1;
   }

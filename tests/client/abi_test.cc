@@ -40,7 +40,7 @@ std::string layout() {
   FIELD(state, q), FIELD(state, v), FIELD(state, contact_wrench), FIELD(state, command);
   FIELD(state, device_position), FIELD(state, device_rotation), FIELD(state, server);
   FIELD(state, active), FIELD(state, predicted), FIELD(state, buttons), FIELD(state, scene);
-  FIELD(state, reserved), FIELD(state, gripper);
+  FIELD(state, holds), FIELD(state, gripper);
   FIELD(state, round_trip), FIELD(state, servo_rate), FIELD(state, message);
   STRUCT(shape);
   FIELD(shape, kind), FIELD(shape, side), FIELD(shape, index), FIELD(shape, group);
@@ -51,25 +51,38 @@ std::string layout() {
   STRUCT(material);
   FIELD(material, friction), FIELD(material, rule), FIELD(material, priority);
   STRUCT(body_pose);
-  FIELD(body_pose, body), FIELD(body_pose, reserved), FIELD(body_pose, pose);
+  FIELD(body_pose, body), FIELD(body_pose, kept), FIELD(body_pose, pose);
   FIELD(body_pose, velocity);
+  STRUCT(dynamics);
+  FIELD(dynamics, body), FIELD(dynamics, joint), FIELD(dynamics, mass), FIELD(dynamics, centre);
+  FIELD(dynamics, inertia), FIELD(dynamics, gravity), FIELD(dynamics, damping);
+  FIELD(dynamics, angular_damping), FIELD(dynamics, parent), FIELD(dynamics, reserved);
+  FIELD(dynamics, in_parent), FIELD(dynamics, in_body), FIELD(dynamics, axis);
+  FIELD(dynamics, lower), FIELD(dynamics, upper), FIELD(dynamics, stiffness);
+  FIELD(dynamics, reference), FIELD(dynamics, joint_damping), FIELD(dynamics, friction);
+  FIELD(dynamics, armature);
+  STRUCT(held_body);
+  FIELD(held_body, body), FIELD(held_body, let_go), FIELD(held_body, pose);
+  FIELD(held_body, velocity), FIELD(held_body, q), FIELD(held_body, v);
 #undef STRUCT
 #undef FIELD
   return text.str();
 }
 
 /// Sizes and offsets in bytes, by HAPTIC_ABI, on a machine of 64 bits.
-const std::map<int, std::string> kLayouts{{4, R"(
+const std::map<int, std::string> kLayouts{{5, R"(
 link 208: parent 0 joint 4 position 8 rotation 32 axis 64 mass 88 centre 96 inertia 120 lower 192 upper 200
 options 288: server 0 key_file 8 links 16 link_count 24 hand_link 32 hand_position 40 hand_rotation 64 gravity 96 length 120 q 128 rate 264 epsilon 272 clears_fault 280
 contact 128: identity 0 pair 8 axis 12 a_kind 14 b_kind 15 a_index 16 b_index 20 point 24 normal 48 separation 72 velocity 80 friction 104 load 112 plane 120
 body 440: id 0 round 4 centre 8 velocity 32 inverse_inertia 80 acceleration 368 axis 416
 impulse 56: body 0 reserved 4 impulse 8
-state 744: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 scene 472 reserved 476 gripper 480 round_trip 488 servo_rate 496 message 504
+state 744: connected 0 began 4 lost 8 fresh 12 step 16 acknowledged 24 q_count 32 v_count 36 q 40 v 176 contact_wrench 304 command 352 device_position 400 device_rotation 424 server 456 active 460 predicted 464 buttons 468 scene 472 holds 476 gripper 480 round_trip 488 servo_rate 496 message 504
 shape 72: kind 0 side 4 index 8 group 12 mask 16 vertex_count 20 size 24 vertices 48 triangles 56 triangle_count 64
 pose 56: position 0 rotation 24
 material 16: friction 0 rule 8 priority 12
-body_pose 112: body 0 reserved 4 pose 8 velocity 64)"}};
+body_pose 112: body 0 kept 4 pose 8 velocity 64
+dynamics 352: body 0 joint 4 mass 8 centre 16 inertia 40 gravity 112 damping 136 angular_damping 144 parent 152 reserved 156 in_parent 160 in_body 216 axis 272 lower 296 upper 304 stiffness 312 reference 320 joint_damping 328 friction 336 armature 344
+held_body 128: body 0 let_go 4 pose 8 velocity 64 q 112 v 120)"}};
 
 TEST_CASE("Structures of the C interface are those of its number, HAPTIC_ABI") {
   REQUIRE(kLayouts.count(HAPTIC_ABI) == 1);
