@@ -128,6 +128,20 @@ bool pushes_by_impulses(const HapticClient& client, const FrameOptions& options)
          !options.push_by_following;
 }
 
+/// Puts the bodies that the hand holds where the server has them.
+/// pace: of the world's time, in the hand's.
+void place_held(World& world, double pace, HapticClient& client, FrameResult& result) {
+  for (const HeldPlace& held : client.take_held()) {
+    const auto body = static_cast<int>(held.body);
+    if (held.body >= world.description().bodies.size() || !world.is_movable(body)) {
+      result.state_refused = true;
+      continue;
+    }
+    world.hold(body, held.X_WB, pace > 0 ? Twist(held.V_W / pace) : Twist(Twist::Zero()));
+    if (!is_held(held.number)) world.let_go(body);
+  }
+}
+
 /// What the servers say, for all tools. length: of the world's step, s.
 void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* const> clients,
                     double period, double length, std::span<FrameResult> results) {
@@ -138,6 +152,7 @@ void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* con
     HeldTool& held = environment.tools[i];
     pushes.push_back(
         follow_server(environment.world, length > 0, held.tool, *clients[i], period, results[i]));
+    place_held(environment.world, environment.pace.now(), *clients[i], results[i]);
     reported.push_back(held.surroundings.bodies());
     round_trip = std::max(round_trip, clients[i]->round_trip());
   }
@@ -153,8 +168,11 @@ std::function<bool(int body)> obstacles(const VirtualEnvironment& environment,
   const bool left = clients.size() > 1 && !clients[tool]->connected();
   const bool by_impulses = pushes_by_impulses(*clients[tool], options);
   const Surroundings& surroundings = environment.tools[tool].surroundings;
-  return [&world = environment.world, &surroundings, left, by_impulses](int body) {
+  const bool holds = clients[tool]->holds() && !options.push_by_following;
+  return [&world = environment.world, &surroundings, left, holds, by_impulses](int body) {
     if (left) return !world.is_movable(body);
+    // Until the server has it, as when a session begins, the tool carries it here.
+    if (holds) return !world.is_held(body);
     return !by_impulses || surroundings.is_obstacle(body);
   };
 }
@@ -240,13 +258,15 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
     for (FoundContact& contact : contacts) contact.friction = -1;
   }
   std::vector<FoundContact> none;
-  surroundings.find(pushes_by_impulses(client, options) ? contacts : none, options.epsilon, shapes);
+  const bool sends_bodies = pushes_by_impulses(client, options) && !client.holds();
+  surroundings.find(sends_bodies ? contacts : none, options.epsilon, shapes);
   if (shapes) contacts.clear();
   result.bodies = surroundings.bodies().size();
   result.supports = surroundings.contacts().size();
   contacts.insert(contacts.end(), surroundings.contacts().begin(), surroundings.contacts().end());
-  return {reports_of(contacts), surroundings.bodies(),
-          shapes ? body_poses(environment.world, held.tool) : BodyPoses()};
+  return {
+      reports_of(contacts), surroundings.bodies(),
+      shapes ? body_poses(environment.world, held.tool, options.push_by_following) : BodyPoses()};
 }
 
 /// What pulls a body, besides its contacts.
@@ -300,6 +320,7 @@ std::vector<FrameResult> run_frame(VirtualEnvironment& environment,
     environment.shared.add_others(i, reports.back().bodies);
     if (options.pull) add_pull(environment, *options.pull, reports.back().bodies);
     slow_down(reports.back(), pace);
+    clients[i]->set_pace(pace);
   }
   if (options.delay > 0) clock.sleep_until(sampled_at + options.delay);
   for (std::size_t i = 0; i < clients.size(); ++i) {

@@ -92,6 +92,30 @@ class Offer {
 
 }  // namespace
 
+namespace {
+
+/// Of the bodies that a server may move: all, if no joint holds any.
+std::vector<BodyInertia> inertias_of(const World& world) {
+  std::vector<BodyInertia> inertias;
+  const WorldDescription& description = world.description();
+  const auto is_jointed = [&](const JointDescription& joint) {
+    return world.is_movable(joint.child) || (joint.parent >= 0 && world.is_movable(joint.parent));
+  };
+  if (std::ranges::any_of(description.joints, is_jointed)) return inertias;
+  for (int i = 0; i < static_cast<int>(description.bodies.size()); ++i) {
+    if (!world.is_movable(i)) continue;
+    const BodyDescription& body = description.bodies[static_cast<std::size_t>(i)];
+    BodyInertia& inertia = inertias.emplace_back();
+    inertia.body = static_cast<std::uint32_t>(i);
+    inertia.mass = body.mass;
+    inertia.I_BCom = body.I_B;
+    if (!body.weightless) inertia.gravity_W = description.gravity_W;
+  }
+  return inertias;
+}
+
+}  // namespace
+
 protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool friction) {
   Offer offer(world, friction);
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
@@ -106,10 +130,12 @@ protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool
     }
   }
   offer.keep_joined_apart();
-  return offer.take();
+  protocol::SceneOffer scene = offer.take();
+  scene.inertias = inertias_of(world);
+  return scene;
 }
 
-BodyPoses body_poses(const World& world, const VirtualTool& tool) {
+BodyPoses body_poses(const World& world, const VirtualTool& tool, bool kept) {
   std::vector<std::pair<double, int>> bodies;
   const Vector3 here = tool.X_WB(0).p;
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
@@ -129,7 +155,8 @@ BodyPoses body_poses(const World& world, const VirtualTool& tool) {
   for (const auto& [away, body] : bodies) {
     poses.push_back({.body = static_cast<std::uint32_t>(body),
                      .X_WB = world.X_WB(body),
-                     .V_W = world.V_WB(body)});
+                     .V_W = world.V_WB(body),
+                     .kept = kept});
   }
   return poses;
 }

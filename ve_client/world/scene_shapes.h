@@ -14,7 +14,7 @@ namespace hlm::ve {
 protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool friction);
 
 /// Where the movable bodies are, and how they move; of more than kMaxPoses those whose surroundings
-/// are nearest to the tool.
-BodyPoses body_poses(const World& world, const VirtualTool& tool);
+/// are nearest to the tool. kept: no server may move them.
+BodyPoses body_poses(const World& world, const VirtualTool& tool, bool kept);
 
 }  // namespace hlm::ve

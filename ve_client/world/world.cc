@@ -174,6 +174,22 @@ void World::set_velocity(int body, const Twist& V) {
   dBodySetAngularVel(handle(body), V[3], V[4], V[5]);
 }
 
+void World::hold(int body, const Pose& X_WB, const Twist& V_WB) {
+  place(body, X_WB);
+  set_velocity(body, V_WB);
+  dBodySetKinematic(handle(body));
+}
+
+void World::let_go(int body) {
+  const Twist V = V_WB(body);
+  dBodySetDynamic(handle(body));
+  set_velocity(body, V);
+}
+
+bool World::is_held(int body) const {
+  return is_movable(body) && dBodyIsKinematic(handle(body)) != 0;
+}
+
 void World::add_wrench(int body, const Wrench& F) {
   if (F.isZero(0)) return;
   if (!stepping_) {

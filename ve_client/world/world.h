@@ -71,6 +71,11 @@ class World {
   /// Sets the pose of a movable body: wakes all, for any may have rested on it.
   void set_pose(int body, const Pose& X_WB);
   void set_velocity(int body, const Twist& V_WB);
+  /// Somebody else moves a movable body until let_go(): it is there, and goes on at V_WB whatever
+  /// it meets.
+  void hold(int body, const Pose& X_WB, const Twist& V_WB);
+  void let_go(int body);
+  bool is_held(int body) const;
   /// Applies a wrench about B's origin, world axes, during the next step.
   void add_wrench(int body, const Wrench& F);
   /// Makes a movable body resist acceleration `factor` (>= 1) times as much as the
