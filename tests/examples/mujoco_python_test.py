@@ -185,22 +185,20 @@ class Time(unittest.TestCase):
         jump = hand_session.largest_jump(ticks, 1.2, 3.9)
         print(f"{how}: cube {1e3 * min(gaps):.1f} to {1e3 * max(gaps):.1f} mm above the tray, at last "
               f"{1e3 * gaps[-1]:.1f} mm; force {-most:.2f} to {-least:.2f} N, at most {jump:.3f} N in an update")
-        self.assertLess(-least, weight + 1)
-        self.assertGreater(-most, weight - 1)
-        self.assertLess(max(gaps), 0.003)  # m: it is not thrown up
-        self.assertLess(jump, 0.3)         # N
-        self.assertAlmostEqual(statistics.median(gaps[-10:]), 0, delta=0.012)  # m: it has not fallen through
+        self.assertLess(-least, weight + 0.1)
+        self.assertGreater(-most, weight - 0.1)
+        self.assertLess(max(gaps), 0.0015)  # m
+        self.assertGreater(min(gaps), -0.0015)
+        self.assertLess(jump, 0.05)  # N
 
     def test_a_cube_is_carried_at_every_rate_of_the_user_s_loop(self):
-        # Below 35 Hz the cube falls through at the hand-over: docs/limitations.md.
-        for step, rate in ((0.002, 50), (0.002, 60), (0.004, 144)):
+        for step, rate in ((0.002, 15), (0.002, 25), (0.002, 50), (0.002, 60), (0.004, 144)):
             with self.subTest(step=step, rate=rate):
                 real, simulated, _ = zip(*self.lift(step=step, rate=rate))
                 self.assertAlmostEqual(simulated[-1] - simulated[0], real[-1] - real[0], delta=0.1)  # s
 
     def test_a_cube_stays_on_the_tray_while_the_loop_stalls(self):
-        # From 0.2 s on, in which the server lets go, it may be lost: docs/limitations.md.
-        for stall in (0.03, 0.1):
+        for stall in (0.03, 0.1, 0.3):
             with self.subTest(stall=stall):
                 self.lift(step=0.002, rate=RATE, stall=stall)
 

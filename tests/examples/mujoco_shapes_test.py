@@ -185,6 +185,79 @@ class Touch(unittest.TestCase):
                 self.assertAlmostEqual(mean(server.ticks(), "proxy_z_m", begin, end)[0], height, delta=1e-3)  # m
 
 
+class Reset(unittest.TestCase):
+    def test_what_is_held_is_where_the_reset_puts_it_and_the_hand_lets_go(self):
+        cube = '<body pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
+        scene = session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube)
+        model, data = session.loaded(scene)
+        heights = []
+        with hand_session.server(session.SERVER, reach(1, 0, 0.06) + reach(1, 0, 0.2)) as server:
+            with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes", server=server.address) as touch:
+                start = time.monotonic()
+                for frame in range(1, 4 * session.RATE + 1):
+                    for _ in range(touch.drive(data)):
+                        mujoco.mj_step(model, data)
+                    touch.send(data)
+                    heights.append(data.xpos[2][2])
+                    if frame == 3 * session.RATE:
+                        self.assertGreater(heights[-1], 0.2)  # m: it is held
+                        mujoco.mj_resetData(model, data)
+                    time.sleep(max(0, start + frame / session.RATE - time.monotonic()))
+            ticks = server.ticks()
+        after = heights[3 * session.RATE:]
+        self.assertLess(max(after), 0.076)  # m: it does not come back to the hand
+        self.assertAlmostEqual(after[-1], 0.02, delta=0.001)  # it has fallen onto the table
+        self.assertAlmostEqual(mean(ticks, "env_force_z_N", 3.2, 3.5)[0], -0.1 * session.GRAVITY, delta=0.01)
+        np.testing.assert_array_equal(model.dof_armature, 0)
+
+
+class Joints(unittest.TestCase):
+    """What joints hold: the hand pushes down with 1.57 N on a box that turns about a line 0.1 m beside its middle, or slides."""
+
+    PUSH, LEVER = 1.57, 0.1  # N, m
+    HINGE, SLIDE = 'type="hinge" axis="0 1 0" pos="-0.1 0 0"', 'type="slide" axis="0 0 -1"'
+    HELD = {
+        "a lid at its stop": (f'{HINGE} limited="true" range="-90 0"', 0),
+        "a door that is hard to turn": (f'{HINGE} frictionloss="0.5"', 0),
+        "a lever on its spring": (f'{HINGE} stiffness="40" damping="2"', PUSH * LEVER**2 / 40),
+        "a drawer at its stop": (f'{SLIDE} limited="true" range="-0.1 0"', 0),
+        "a drawer that is hard to move": (f'{SLIDE} frictionloss="3"', 0),
+        "a button of 300 N/m": (f'{SLIDE} stiffness="300" damping="2"', PUSH / 300),
+        "a button of 1000 N/m": (f'{SLIDE} stiffness="1000" damping="2"', PUSH / 1000)}
+
+    def push(self, joint, mass, rate=session.RATE):
+        """Mean and deviation of the force, N, and how far the box yields, m."""
+        box = (f'<body pos="0 0 0.1" gravcomp="1"><joint {joint}/><geom type="box" size="0.03 0.03 0.02" mass="{mass}"/></body>')
+        scene = session.SCENE.format(step=1 / 960, height=0.141, tool='type="sphere" size="0.02"', bodies=box).replace(
+            "<option ", '<option gravity="0 0 0" ')
+        ticks, moved = session.play(3, scene, reach(0.3, 0, 0.141) + push(4, 0, -self.PUSH), lambda data: data.xipos[2][2],
+                                    rate=rate, contacts="shapes")
+        return *mean(ticks, "env_force_z_N", 1.8, 2.4), 0.1 - moved[-1]
+
+    def test_they_bear_the_hand(self):
+        for (name, (joint, yields)), mass in zip(self.HELD.items(), (0.05, 0.3, 5, 0.05, 5, 0.3, 0.05)):
+            with self.subTest(name, mass=mass):
+                force, deviation, moved = self.push(joint, mass)
+                print(f"{name}, {mass} kg: {force:.4f} N, deviation {deviation:.4f} N, yields {1e3 * moved:.3f} mm")
+                self.assertAlmostEqual(force, self.PUSH, delta=0.01 * self.PUSH)  # N
+                self.assertLess(deviation, 0.01)
+                self.assertAlmostEqual(moved, yields, delta=1e-4 + 0.03 * yields)  # m
+
+    def test_a_rope_of_five_on_a_tray_weighs_what_it_weighs(self):
+        rope = "".join(f'<body name="l{i}" pos="{0.024 if i else -0.048} 0 {0 if i else 0.0651}">' + (
+            '<joint type="hinge" axis="0 0 1" pos="-0.012 0 0"/>' if i else "<freejoint/>") +
+            '<geom type="capsule" fromto="-0.01 0 0 0.01 0 0" size="0.005" mass="0.02"/>' for i in range(5)) + "</body>" * 5
+        scene = session.SCENE.format(step=1 / 960, height=0.05, tool='type="box" size="0.08 0.05 0.01"', bodies=rope)
+        ticks, moved = session.play(4, scene, reach(1, 0, 0.06) + reach(1.5, 0, 0.1), lambda data: np.array(data.xipos[2:]),
+                                    contacts="shapes")
+        weight, deviation = mean(ticks, "env_force_z_N", 3, 3.9)
+        due = (5 * 0.02 + 0.1) * session.GRAVITY
+        print(f"a rope of five: {-weight:.4f} N, due {due:.4f} N, deviation {deviation:.4f} N")
+        self.assertAlmostEqual(-weight, due, delta=0.01 * due)
+        self.assertLess(deviation, 0.02)
+        self.assertGreater(moved[-1][:, 2].min(), 0.1)  # m
+
+
 class Geoms(unittest.TestCase):
     def test_every_kind_of_geom_is_found_where_it_is(self):
         """The lowest point of each kind, turned as it stands."""

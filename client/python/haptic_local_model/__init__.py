@@ -36,12 +36,13 @@ from haptic_local_model._frame import frame_of
 from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Impulse,
                              Link, Options, Shape, State, load)
 
-__all__ = ["BODY", "CONTACT", "FRICTION_RULES", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
-           "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "poses", "sphere"]
+__all__ = ["BODY", "CONTACT", "DYNAMICS", "FRICTION_RULES", "HELD", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "NO_BODY", "NO_LIMIT", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
+           "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "dynamics", "poses", "sphere"]
 
 __version__ = "0.4.0"
 _MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "proximity", "pybullet", "robosuite", "shapes")
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
+NO_BODY = 2**32 - 1  #: The parent of what hangs on the world.
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
 JOINTS = {"fixed": 0, "revolute": 1, "prismatic": 2, "planar": 3, "free": 4}
 #: The mean of two coefficients (as Rapier, PhysX), the smaller, their product (Bullet), the larger one (MuJoCo).
@@ -88,10 +89,43 @@ BODY = np.dtype([
 #: Where a body is whose shapes were offered: its frame, and that frame's velocity.
 POSE = np.dtype([
     ("body", "u4"),
-    ("reserved", "u4"),
+    ("kept", "u4"),          # 1: nobody else may move it, as when it was reset: the hand lets go of it
     ("position", "f8", 3),   # m
     ("rotation", "f8", 4),   # w, x, y, z
     ("velocity", "f8", 6),   # linear, angular, world axes
+], align=True)
+
+#: Where the server has a body: its frame, and that frame's velocity.
+HELD = np.dtype([
+    ("body", "u4"),
+    ("let_go", "u4"),        # 1: for the last time
+    ("position", "f8", 3),
+    ("rotation", "f8", 4),
+    ("velocity", "f8", 6),
+    ("q", "f8"), ("v", "f8"),   # of its joint, if it hangs on one
+], align=True)
+
+#: What the server must know of a body to move it while the hand holds it: its inertia, and the joint that it hangs on, if any.
+DYNAMICS = np.dtype([
+    ("body", "u4"),
+    ("joint", "i4"),              # of JOINTS: "free", or "revolute" or "prismatic" with what follows below `angular_damping`
+    ("mass", "f8"),               # kg
+    ("centre", "f8", 3),          # of mass, in the body's frame, m
+    ("inertia", "f8", (3, 3)),    # about the centre of mass, body's axes, kg m²
+    ("gravity", "f8", 3),         # what its weight accelerates it by, world axes, m/s²
+    ("damping", "f8"),            # of its velocity, 1/s,
+    ("angular_damping", "f8"),    # and of its angular velocity; of a free body without others on it
+    ("parent", "u4"),             # the body that it hangs on, also one of these; NO_BODY: the world
+    ("reserved", "u4"),
+    ("place_in_parent", "f8", 3), ("turn_in_parent", "f8", 4),  # the joint's frame in the parent's, or in the world,
+    ("place_in_body", "f8", 3), ("turn_in_body", "f8", 4),      # and in the body's; q is 0 where both lie on each other
+    ("axis", "f8", 3),            # of growing q, unit, in the joint's frame
+    ("lower", "f8"), ("upper", "f8"),  # limits of q, rad or m; NO_LIMIT: none
+    ("stiffness", "f8"),          # of a spring, N/m or N m/rad,
+    ("reference", "f8"),          # which is at rest at this q
+    ("joint_damping", "f8"),      # N s/m or N m s/rad
+    ("friction", "f8"),           # largest dry friction, N or N m
+    ("armature", "f8"),           # inertia of a motor in it, kg or kg m²
 ], align=True)
 
 
@@ -106,6 +140,15 @@ def contacts(count: int) -> np.ndarray:
 def bodies(count: int) -> np.ndarray:
     """`count` bodies, all zero: fill in the fields of BODY. id: as in contacts, shapes and poses."""
     return np.zeros(_arguments.integer(count, "count"), BODY)
+
+
+def dynamics(count: int) -> np.ndarray:
+    """`count` free bodies of no mass yet: fill in the fields of DYNAMICS."""
+    made = np.zeros(_arguments.integer(count, "count"), DYNAMICS)
+    made["joint"], made["parent"] = JOINTS["free"], NO_BODY
+    made["turn_in_parent"][:, 0] = made["turn_in_body"][:, 0] = made["axis"][:, 2] = 1
+    made["lower"], made["upper"] = -NO_LIMIT, NO_LIMIT
+    return made
 
 
 def poses(count: int) -> np.ndarray:
@@ -192,6 +235,7 @@ class Session:
         self._q_now = np.frombuffer(self._state.q)[:count]
         self._address = ctypes.addressof(self._state)
         self._impulses = (Impulse * MAX_BODIES)()
+        self._held = np.zeros(MAX_POSES, HELD)
         v_count = count - 1 if count and (not links or links[0].joint == JOINTS["free"]) else count
         self._v_now = np.frombuffer(self._state.v)[:v_count]
         self._q_shape, self._v_shape = self._q_now.shape, self._v_now.shape
@@ -237,7 +281,7 @@ class Session:
     def offer(self, shapes: Sequence[Shape], positions: Optional[ArrayLike] = None,
               rotations: Optional[ArrayLike] = None, friction: Optional[ArrayLike] = None,
               rule: str = "minimum", priority: Optional[ArrayLike] = None,
-              excluded: ArrayLike = ()) -> None:
+              excluded: ArrayLike = (), dynamics: Optional[np.ndarray] = None) -> None:
         """Gives the server the shapes (haptic.shapes) of the world, the tool and bodies: it then finds their contacts itself,
         at every step of the hand, and send() needs none of them: see has_scene. Best before the first poll(). Where shapes
         come, go or change, all are offered again: those before stay until the server has these.
@@ -245,6 +289,9 @@ class Session:
         positions (n, 3), m, and rotations (n, 4): of each shape in the frame of its link or body, of the world's in the world;
         default: there. friction: of each; negative: that of the other, of two such the server's own. rule: what two
         coefficients make of a contact, one of FRICTION_RULES. priority: of each, 0 to 255: of two the higher one's friction counts alone. excluded: pairs that never touch, by their places.
+
+        dynamics: records of DYNAMICS of the bodies that the tool can push. With them the server moves what the hand holds: see
+        held(). Other bodies are walls that move then.
         Raises HapticError that names the shape."""
         listed = _arguments.items(shapes, Shape, "shape")
         count = len(listed)
@@ -259,7 +306,8 @@ class Session:
         materials["priority"] = 0 if priority is None else _arguments.array(priority, (count,), "priority", np.uint8)
         pairs = _arguments.array(excluded, (None, 2), "excluded", np.uint32)
         if self._library.haptic_offer(self._open(), (Shape * count)(*listed), at.ctypes.data,
-                                      materials.ctypes.data, count, pairs.ctypes.data, len(pairs)) != 0:
+                                      materials.ctypes.data, count, pairs.ctypes.data, len(pairs),
+                                      *_arguments.records(dynamics, DYNAMICS, "dynamics")) != 0:
             self._fail()
 
     @property
@@ -267,6 +315,18 @@ class Session:
         """Whether the server finds the contacts of the shapes that offer() gave it. Until then, and where it never does, as
         `message` says, send() needs contacts."""
         return bool(self._state.scene)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the server moves what the hand holds, or will as soon as it has the shapes: send() needs no bodies then,
+        nothing is pushed by impulses, and the tool pushes in the engine what is not held."""
+        return bool(self._state.holds)
+
+    def held(self) -> np.ndarray:
+        """Before each step, as records of HELD: the bodies that the hand holds, to be put there as the tool is, and moved by
+        nothing else during the step; and once more each that it has let go of, which is the engine's from here on."""
+        count = self._library.haptic_take_held(self._open(), self._held.ctypes.data)
+        return self._held[:count].copy()
 
     def poll(self) -> bool:
         """Takes what arrived. Once per step, before it. Returns `running`."""

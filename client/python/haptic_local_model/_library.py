@@ -8,7 +8,7 @@ import os
 import pathlib
 from typing import Any, Iterable
 
-ABI = 4
+ABI = 5
 MAX_DOF, MAX_CONFIGURATION, MAX_CONTACTS, MAX_BODIES, MAX_POSES, MAX_TEXT = 16, 17, 192, 16, 64, 240
 NO_LIMIT = 1e9  # rad or m: a joint's limit that is none
 
@@ -49,7 +49,7 @@ class State(ctypes.Structure):
                 ("v_count", _int), ("q", _double * MAX_CONFIGURATION), ("v", _double * MAX_DOF),
                 ("contact_wrench", _double * 6), ("command", _double * 6), ("device_position", _double * 3),
                 ("device_rotation", _double * 4), ("server", _int), ("active", _int), ("predicted", _int),
-                ("buttons", ctypes.c_uint32), ("scene", _int), ("reserved", _int), ("gripper", _double), ("round_trip", _double),
+                ("buttons", ctypes.c_uint32), ("scene", _int), ("holds", _int), ("gripper", _double), ("round_trip", _double),
                 ("servo_rate", _double), ("message", ctypes.c_char * MAX_TEXT)]
 
 
@@ -94,10 +94,12 @@ def _functions() -> Iterable[tuple[Any, ...]]:
         ("haptic_own_server", ctypes.c_char_p, session),
         ("haptic_show", ctypes.c_char_p, session, ctypes.c_uint16, ctypes.c_int),
         ("haptic_close", None, session),
-        ("haptic_offer", ctypes.c_int, session, ctypes.POINTER(Shape), address, address, _size, address, _size),
+        ("haptic_offer", ctypes.c_int, session, ctypes.POINTER(Shape), address, address, _size, address, _size,
+         address, _size),
         ("haptic_place", ctypes.c_int, session, address, _size),
         ("haptic_poll", None, session, address),
         ("haptic_take_steps", ctypes.c_int, session, _double),
+        ("haptic_take_held", _size, session, address),
         ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
         ("haptic_sample", ctypes.c_int, session, address, address, _double),
         ("haptic_track", None, session, address, _size, address, _size),

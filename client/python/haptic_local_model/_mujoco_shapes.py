@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable
+from typing import Any, Iterable, Optional
 
 import numpy as np
 
@@ -47,7 +47,12 @@ class Shapes:
         self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms], self._carrier, tool)
         self._mocap: dict[int, np.ndarray] = {}  # Pose of each in the frame before.
 
-    def offer(self, touch: haptic.Session, data: Any) -> None:
+    @property
+    def bodies(self) -> set[int]:
+        """Those that have shapes."""
+        return set(self._carrier.tolist())
+
+    def offer(self, touch: haptic.Session, data: Any, dynamics: Optional[np.ndarray]) -> None:
         """Gives them to the server, at the poses that bodies have now."""
         positions, rotations = self._places(data)
         for i, carrier in enumerate(self._carrier):
@@ -60,7 +65,7 @@ class Shapes:
         friction = np.asarray(self._model.geom_friction)[self._geoms, 0]
         _, priority = np.unique(np.asarray(self._model.geom_priority)[self._geoms], return_inverse=True)
         touch.offer(self._shapes, positions, quaternions(rotations), friction, "maximum",
-                    np.minimum(priority, 255), self._apart)
+                    np.minimum(priority, 255), self._apart, dynamics)
 
     def _places(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
         """Of the geoms in the world: positions, and rotations as matrices."""

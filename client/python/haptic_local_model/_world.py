@@ -33,11 +33,13 @@ class Frames:
         the server was offered them."""
         self._touch, self._period, self._arm, self._has_shapes = touch, period, arm, has_shapes
         self.length = 0.0  #: Of the steps of the present frame, s.
+        self.held = np.zeros(0, haptic.HELD)  #: Bodies to be put where the server has them, as haptic.Session.held().
         self._answered = 0  # frames since the first proxy state of the session
 
     def begin(self, step: float) -> int:
         """Takes what arrived. Returns how many steps, of `step` seconds, are due."""
         self._touch.poll()
+        self.held = self._touch.held()
         steps = self._touch.steps(step)
         if not self._touch.connected or self.waits():
             self._answered = 0
@@ -53,7 +55,10 @@ class Frames:
 
     @property
     def tool_collides(self) -> bool:
-        """Whether the tool's contacts in the engine have their force: until the server's impulses come."""
+        """Whether the tool's contacts in the engine have their force: until the server's impulses come, or where it holds no
+        body."""
+        if self._touch.holds:
+            return bool(self.held["let_go"].all())
         return self._answered <= _HAND_OVER
 
     def delay(self) -> float:
@@ -157,7 +162,8 @@ class WorldSession(EngineSession, abc.ABC):
 
     def __init__(self, link: haptic.Link, q: np.ndarray, gravity: Sequence[float], rule: str, period: float,
                  options: dict[str, Any]):
-        """link, q: the tool and where it is. rule: that of friction, one of haptic.FRICTION_RULES."""
+        """link, q: the tool and where it is. gravity: of the world. rule: that of friction, one of haptic.FRICTION_RULES."""
+        self._gravity_W = np.array(gravity, dtype=float)
         self._placed, self._rule, self._warned = self._shapes(), rule, False
         self._pushes: dict[int, np.ndarray] = {}
         arm = self._placed.arm
@@ -175,15 +181,35 @@ class WorldSession(EngineSession, abc.ABC):
     def _give(self) -> None:
         placed = self._placed
         self.touch.offer(placed.shapes, np.reshape(placed.positions, (-1, 3)), np.reshape(placed.rotations, (-1, 4)),
-                         placed.friction, self._rule, None, placed.excluded)
+                         placed.friction, self._rule, None, placed.excluded, self._dynamics())
+
+    def _dynamics(self) -> Optional[np.ndarray]:
+        """Of the bodies that can be pushed; None where one cannot be described: the server holds none then."""
+        bodies = [body for body in self._placed.bodies if self._can_be_pushed(body)]
+        found = haptic.dynamics(len(bodies))
+        for to, body in zip(found, bodies):
+            described = self._inertia(body)
+            if described is None:
+                return None
+            to["body"], to["gravity"] = body, self._gravity_W
+            to["mass"], to["centre"], to["inertia"], to["damping"] = described
+            to["angular_damping"] = to["damping"]
+        return found
 
     def _begin_frame(self, step: float) -> int:
         """The proxy's pose, the tool's impulses on bodies, and how many steps of the engine are due."""
         steps = self._frames.begin(step)
         self._q, self._v = self.touch.q, self.touch.v
         length = self._frames.length
+        self._place_held()
         self._pushes = {body: impulse / length for body, impulse in self.touch.impulses(length).items()} if steps else {}
         return steps
+
+    def _place_held(self, after: float = 0) -> None:
+        """Puts the bodies that the hand holds where they are so long after the frame's beginning, s."""
+        for body, let_go, position, turn, velocity, *_ in self._frames.held.tolist():
+            if not (let_go and after):
+                self._place(body, np.array(position) + after * np.array(velocity[:3]), np.array(turn), np.array(velocity))
 
     def _end_frame(self) -> None:
         """Sends where bodies are, and what the tool may push."""
@@ -196,6 +222,9 @@ class WorldSession(EngineSession, abc.ABC):
         poses = haptic.poses(len(gaps))
         for to, body in zip(poses, gaps):
             to["body"], (to["position"], to["rotation"], to["velocity"]) = body, placed[body]
+        if self.touch.holds:
+            self.touch.send(None, None, poses)
+            return
         pushable = {body: gap for body, gap in gaps.items() if self._can_be_pushed(body)}
         reach = self._frames.reach(self._v)
         near = with_touching([body for body, gap in pushable.items() if gap < reach], self._touching, pushable)
@@ -226,6 +255,15 @@ class WorldSession(EngineSession, abc.ABC):
     @abc.abstractmethod
     def _pose(self, body: int) -> tuple[Any, Any, Any]:
         """Position, rotation and velocity of a body's frame."""
+
+    @abc.abstractmethod
+    def _place(self, body: int, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> None:
+        """Puts a body that nothing holds in its place; arguments as _pose() returns them."""
+
+    @abc.abstractmethod
+    def _inertia(self, body: int) -> Optional[tuple[float, Any, Any, float]]:
+        """Mass, its centre in the body's frame, inertia about that in the body's axes, and what share of its velocity is lost
+        in a second. None if joints hold it, or what else than contacts and its weight moves it."""
 
     @abc.abstractmethod
     def _can_be_pushed(self, body: int) -> bool:

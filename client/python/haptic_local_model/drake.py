@@ -16,7 +16,7 @@ moves the body.
 
 from __future__ import annotations
 
-from typing import Any, Iterable
+from typing import Any, Iterable, Optional
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -64,7 +64,6 @@ class Session(WorldSession):
         link = haptic.box(inertia.get_mass(), (0, 0, 0))
         link.centre[:] = inertia.get_com()
         link.inertia[:] = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3().ravel()
-        self._held = -inertia.get_mass() * plant.gravity_field().gravity_vector()  # N: the tool is not to fall
         position, turn = self._frame(self._tool)
         super().__init__(link, np.array([*position, *turn]), plant.gravity_field().gravity_vector(), "minimum", period, options)
 
@@ -74,18 +73,26 @@ class Session(WorldSession):
         steps = self._begin_frame(self._plant.time_step())
         if self._frames.tool_collides != (self._filter is None):
             self._set_collides(self._frames.tool_collides)
-        self._plant.SetFreeBodyPose(self._context, self._tool, RigidTransform(Quaternion(self._q[3:] / np.linalg.norm(self._q[3:])),
-                                                                              self._q[:3]))
-        self._plant.SetFreeBodySpatialVelocity(context=self._context, body=self._tool,
-                                               V_JpJc=SpatialVelocity(self._v[3:], self._v[:3]))
-        wrenches = {int(self._tool.index()): np.array([*self._held, 0, 0, 0]), **self._pushes}
+        self._place(int(self._tool.index()), self._q[:3], self._q[3:], self._v)
+        wrenches = {int(self._tool.index()): self._weightless(self._tool), **self._pushes}
+        for number in self._frames.held["body"][self._frames.held["let_go"] == 0].tolist():
+            wrenches[number] = self._weightless(self._body(number))
         self._plant.get_applied_spatial_force_input_port().FixValue(self._context, [
             self._force(number, wrench) for number, wrench in wrenches.items()])
         return steps
 
+    def close(self) -> None:
+        """Says goodbye, and ends a server that the session started. Bodies have their weight again."""
+        super().close()
+        self._plant.get_applied_spatial_force_input_port().FixValue(self._context, [])
+
+    def _weightless(self, body: Any) -> np.ndarray:
+        """The wrench with which it does not fall."""
+        return np.array([*(-body.get_mass(self._context) * self._gravity_W), 0, 0, 0])
+
     def send(self) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to."""
-        if self._frames.length > 0:
+        if self._frames.length > 0 and not self.touch.holds:
             self._mobility = np.linalg.inv(self._plant.CalcMassMatrix(self._context))
             self._speedup = self._mobility @ (self._plant.CalcGravityGeneralizedForces(self._context)
                                               - self._plant.CalcBiasTerm(self._context))
@@ -154,6 +161,20 @@ class Session(WorldSession):
     def _pose(self, number: int) -> tuple[Any, Any, Any]:
         velocity = self._plant.EvalBodySpatialVelocityInWorld(self._context, self._body(number)).get_coeffs()
         return (*self._frame(self._body(number)), velocity[_LINEAR_FIRST])
+
+    def _place(self, number: int, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> None:
+        plant, body = self._plant, self._body(number)
+        plant.SetFreeBodyPose(self._context, body, RigidTransform(Quaternion(turn / np.linalg.norm(turn)), position))
+        plant.SetFreeBodySpatialVelocity(context=self._context, body=body, V_JpJc=SpatialVelocity(velocity[3:], velocity[:3]))
+
+    def _inertia(self, number: int) -> Optional[tuple[float, Any, Any, float]]:
+        body = self._body(number)
+        carries = any(self._plant.get_joint(joint).parent_body().index() == body.index() for joint in self._plant.GetJointIndices())
+        if not body.is_floating_base_body() or carries or self._plant.num_constraints() > 0:
+            return None
+        inertia = body.CalcSpatialInertiaInBodyFrame(self._context)
+        centre = inertia.get_com()
+        return inertia.get_mass(), centre, inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), 0.0
 
     def _can_be_pushed(self, number: int) -> bool:
         return True

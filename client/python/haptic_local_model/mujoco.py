@@ -31,6 +31,7 @@ import numpy as np
 
 import haptic_local_model as haptic
 from haptic_local_model import _arguments
+from haptic_local_model._mujoco_bodies import Bodies
 from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
 from haptic_local_model._world import EngineSession, Frames, rotation, with_touching
 
@@ -41,12 +42,10 @@ _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
-_HELD = 1e6  # kg and kg m²: what the tool resists with between two calls of drive()
 _NO_FORCE = 1e3  # m: a depth that none reaches
 # Versions from which on margins and gaps of a pair's geoms add up, before the larger counts; and a gap lies beyond the
 # margin, where contacts have no force, before within it.
 _ADDED_UP, _GAP_BEYOND = (3, 5), (3, 9)
-_NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 
 
 class Session(EngineSession):
@@ -89,12 +88,12 @@ class Session(EngineSession):
             raise haptic.HapticError(f"body {tool!r} must have a free joint, as the tool moves freely in the hand")
         self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
         self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
-        self._begin = 0.0  # s: MuJoCo's time when the present frame began
+        self._begin = 0.0  # s: MuJoCo's time when the present frame began, and
+        self._ended = -np.inf  # when the one before ended.
+        self._was_reset = False  # in between
         self._warned = False
-        for inertia in (model.dof_armature, model.dof_M0):  # For free joints MuJoCo reads the second alone.
-            inertia[self._v] = _HELD
-        if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
-            model.tree_sleep_policy[model.body_treeid[self._tool]] = _NEVER_SLEEPS
+        self._placed = Bodies(binding, model, self._tool)
+        self._placed.keep(self._tool)
         self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
         self._epsilon = epsilon
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
@@ -119,7 +118,13 @@ class Session(EngineSession):
         arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
         self._frames = Frames(self.touch, period, arm, has_shapes=self._shapes is not None)
         if self._shapes is not None:
-            self._shapes.offer(self.touch, data)
+            whole = not self._shapes.by_engine.any()
+            self._shapes.offer(self.touch, data, self._placed.dynamics(data, self._shapes.bodies) if whole else None)
+
+    def close(self) -> None:
+        """Says goodbye, and ends a server that the session started. Tool and bodies resist as the model has it again."""
+        super().close()
+        self._placed.let_go_of_all()
 
     def drive(self, data: Any) -> int:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
@@ -127,9 +132,8 @@ class Session(EngineSession):
         self._take_back_pushes(data)  # of a frame that was not sent
         steps = self._frames.begin(self._model.opt.timestep)
         self._set_force(self._frames.tool_collides)
-        data.qpos[self._q] = self.touch.q
-        data.qvel[self._v] = self.touch.v
-        data.qvel[self._v][3:] = rotation(self.touch.q[3:]).T @ self.touch.v[3:]
+        self._placed.place(data, self._tool, self.touch.q, self.touch.v)
+        self._place_held(data)
         self._begin, frame = data.time, self._frames.length
         if steps > 0:
             self._pushes = {body: impulse / frame for body, impulse in self.touch.impulses(frame).items()}
@@ -140,6 +144,7 @@ class Session(EngineSession):
     def send(self, data: Any) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to."""
         self._warn_of_steps(data)
+        self._was_reset, self._ended = self._was_reset or data.time < self._begin, data.time
         if self._frames.length == 0:
             return
         by_shapes = self._shapes is not None and (self.touch.has_scene or self._frames.waits())
@@ -156,6 +161,17 @@ class Session(EngineSession):
             self._send_poses(data, v, self._shapes)
         else:
             self._send_contacts(data)
+
+    def _place_held(self, data: Any) -> None:
+        """The bodies that the hand holds where the server has them. What was reset is let go of."""
+        self._was_reset = self._was_reset or data.time < self._ended
+        for body, let_go, position, turn, velocity, *joint in self._frames.held.tolist():
+            if let_go or self._was_reset:
+                self._placed.let_go(body)
+            else:
+                self._placed.keep(body)
+            if not self._was_reset:
+                self._placed.place(data, body, np.array([*position, *turn]), np.array(velocity), joint)
 
     def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
         try:
@@ -176,6 +192,11 @@ class Session(EngineSession):
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         reach = self._frames.reach(v)
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
+        poses = shapes.poses(data, gaps, self._frames.length, self._binding)
+        poses["kept"], self._was_reset = self._was_reset, False
+        if self.touch.holds:
+            self.touch.send(None, None, poses)
+            return
         pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
         near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
@@ -184,7 +205,7 @@ class Session(EngineSession):
         if contacts is not None:
             self._set_velocities(contacts, bodies)
             self.touch.track(contacts, bodies)
-        self.touch.send(contacts, bodies, shapes.poses(data, gaps, self._frames.length, self._binding))
+        self.touch.send(contacts, bodies, poses)
 
     def _external_wrench(self, data: Any) -> np.ndarray:
         """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""

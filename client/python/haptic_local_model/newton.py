@@ -20,7 +20,7 @@ acceleration. Motors, friction and limits of joints take no part: they are felt 
 
 from __future__ import annotations
 
-from typing import Any, Iterable
+from typing import Any, Iterable, Optional
 
 import newton
 import numpy as np
@@ -52,7 +52,7 @@ class Session(WorldSession):
     def __init__(self, model: Any, state: Any, tool: int, *, step: float, rule: str = "average", period: float = 1 / 60,
                  **options: Any):
         self._model, self._tool, self._step, self._state = model, tool, step, state
-        self._mass, self._inertia, self._com = (array.numpy() for array in (model.body_mass, model.body_inertia, model.body_com))
+        self._mass, self._inertia_of, self._com = (array.numpy() for array in (model.body_mass, model.body_inertia, model.body_com))
         self._gravity = model.gravity.numpy().reshape(-1, 3)[0].astype(float)
         parents, children = model.joint_parent.numpy(), model.joint_child.numpy()
         holds = [joint for joint in np.flatnonzero(children == tool) if model.joint_type.numpy()[joint] != JointType.FREE]
@@ -61,7 +61,7 @@ class Session(WorldSession):
         self._joints = {int(child): joint for joint, child in reversed(list(enumerate(children)))}
         self._moves = model.body_inv_mass.numpy() > 0
         link = haptic.box(float(self._mass[tool]), (0, 0, 0))
-        link.centre[:], link.inertia[:] = self._com[tool], self._inertia[tool].ravel()
+        link.centre[:], link.inertia[:] = self._com[tool], self._inertia_of[tool].ravel()
         for mobility in (model.body_inv_mass, model.body_inv_inertia):
             _put(mobility, tool, 0)
         self._of_tool = np.flatnonzero(model.shape_body.numpy() == tool)
@@ -71,15 +71,19 @@ class Session(WorldSession):
 
     def drive(self, state: Any) -> int:
         """Before a frame. Returns how many steps to take."""
-        self._state = state
+        self._state, self._steps = state, 0
         steps = self._begin_frame(self._step)
         _put(self._model.shape_gap, self._of_tool, self._gaps_of_tool if self._frames.tool_collides else _NO_CONTACT)
-        self._place(state)
+        self._place_tool(state)
         return steps
 
     def push(self, state: Any) -> None:
-        """Before each step, after state.clear_forces(): the tool where the proxy is, and its impulses on bodies."""
-        self._place(state)
+        """Before each step, after state.clear_forces(): the tool where the proxy is, what the hand holds where that is, and the
+        tool's impulses on bodies."""
+        self._state = state
+        self._place_tool(state)
+        self._place_held(self._steps * self._step)
+        self._steps += 1
         for number, wrench in self._pushes.items():
             _put(state.body_f, number - 1, state.body_f.numpy()[number - 1] + wrench)
 
@@ -89,10 +93,20 @@ class Session(WorldSession):
         self._trees: dict[int, Tree] = {}
         self._end_frame()
 
-    def _place(self, state: Any) -> None:
-        _put(state.body_q, self._tool, [*self._q[:3], *np.roll(self._q[3:], -1)])
-        arm = rotation(self._q[3:]) @ self._com[self._tool]
-        _put(state.body_qd, self._tool, [*(self._v[:3] + np.cross(self._v[3:], arm)), *self._v[3:]])
+    def _place_tool(self, state: Any) -> None:
+        self._place(self._tool + 1, self._q[:3], self._q[3:], self._v)
+
+    def _place(self, number: int, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> None:
+        body, spin = number - 1, velocity[3:]
+        _put(self._state.body_q, body, [*position, *np.roll(turn, -1)])
+        _put(self._state.body_qd, body, [*(velocity[:3] + np.cross(spin, rotation(turn) @ self._com[body])), *spin])
+
+    def _inertia(self, number: int) -> Optional[tuple[float, Any, Any, float]]:
+        body, model = number - 1, self._model
+        joint = self._joints.get(body)
+        if (joint is not None and model.joint_type.numpy()[joint] != JointType.FREE) or body in model.joint_parent.numpy():
+            return None
+        return float(self._mass[body]), self._com[body], self._inertia_of[body], 0.0
 
     def _shapes(self) -> Placed:
         model, placed, places = self._model, Placed(), {}
@@ -155,7 +169,7 @@ class Session(WorldSession):
             turns = [rotation(self._frame(each)[1]) for each in found]
             self._trees[chain[0]] = Tree(
                 [found.index(self._parent(each)) if self._parent(each) >= 0 else -1 for each in found], self._mass[found],
-                [R @ self._inertia[each] @ R.T for R, each in zip(turns, found)], [self._centre(each)[0] for each in found],
+                [R @ self._inertia_of[each] @ R.T for R, each in zip(turns, found)], [self._centre(each)[0] for each in found],
                 freedoms, self._gravity)
         return self._trees[chain[0]], found.index(body)
 

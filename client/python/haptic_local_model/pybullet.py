@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import functools
 import pathlib
-from typing import Any, Iterable, Iterator
+from typing import Any, Iterable, Iterator, Optional
 
 import numpy as np
 import pybullet
@@ -28,6 +28,7 @@ import haptic_local_model as haptic
 from haptic_local_model._mobility import Freedom, Tree, free
 from haptic_local_model._world import Placed, WorldSession, of_tool, rotation, upright
 
+_DAMPING = 0.04  # 1/s: of every body, unless changeDynamics says otherwise, which PyBullet does not tell
 _BASE = -1  # PyBullet's number of a body's base; its links are 0, 1, …
 _LINKS = 4096  # of a body, at most: a number of ours is that of a body and a link
 _AWAKE = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
@@ -58,19 +59,23 @@ class Session(WorldSession):
         link.inertia[:] = np.diag(inertia).ravel()
         self._world.changeDynamics(tool, _BASE, mass=0)
         self._trees: dict[int, Tree] = {}  # of bodies, at the end of the present frame
+        self._step, self._steps = 0.0, 0  # length, s, and how many the present frame has had
         position, turn = self._world.getBasePositionAndOrientation(tool)
         super().__init__(link, np.array([*position, *_w_first(turn)]), self._gravity(), "product", period, options)
 
     def drive(self) -> int:
         """Before a frame: the tool where the proxy is. Returns how many steps to take."""
-        steps = self._begin_frame(self._world.getPhysicsEngineParameters()["fixedTimeStep"])
+        self._step, self._steps = self._world.getPhysicsEngineParameters()["fixedTimeStep"], 0
+        steps = self._begin_frame(self._step)
         self._world.setCollisionFilterGroupMask(self._tool, _BASE, *((1, -1) if self._frames.tool_collides else (0, 0)))
         self._world.resetBasePositionAndOrientation(self._tool, self._q[:3].tolist(), np.roll(self._q[3:], -1).tolist())
         self._world.resetBaseVelocity(self._tool, self._v[:3].tolist(), self._v[3:].tolist())
         return steps
 
     def push(self) -> None:
-        """Before each step: the tool's impulses on bodies, as forces for this step."""
+        """Before each step: what the hand holds where it is, and the tool's impulses on bodies, as forces for this step."""
+        self._place_held(self._steps * self._step)
+        self._steps += 1
         for number, wrench in self._pushes.items():
             body, link = _body_and_link(number)
             at, frame = self._pose(number)[0], pybullet.WORLD_FRAME
@@ -151,6 +156,18 @@ class Session(WorldSession):
         body, link = _body_and_link(number)
         position, turn = self._frame(body, link)
         return position, _w_first(turn), self._tree(body).velocity(link + 1, self._speeds(body))
+
+    def _place(self, number: int, position: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> None:
+        body, _ = _body_and_link(number)
+        self._world.resetBasePositionAndOrientation(body, position.tolist(), np.roll(turn, -1).tolist())
+        self._world.resetBaseVelocity(body, velocity[:3].tolist(), velocity[3:].tolist())
+
+    def _inertia(self, number: int) -> Optional[tuple[float, Any, Any, float]]:
+        body, _ = _body_and_link(number)
+        if self._world.getNumJoints(body) > 0 or self._world.getNumConstraints() > 0:
+            return None
+        mass, _, inertia = self._world.getDynamicsInfo(body, _BASE)[:3]
+        return (mass, (0, 0, 0), np.diag(inertia), _DAMPING) if min(inertia) > 0 else None
 
     def _can_be_pushed(self, number: int) -> bool:
         return True

@@ -1,0 +1,185 @@
+"""The bodies of a MuJoCo model: what the server must know to move them, and how they are put in a place."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Collection, Optional
+
+import numpy as np
+
+import haptic_local_model as haptic
+from haptic_local_model._world import quaternions, rotation
+
+_FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
+_JOINTS = {_SLIDE: haptic.JOINTS["prismatic"], _HINGE: haptic.JOINTS["revolute"]}
+_KEPT = 1e6  # kg and kg m²: what a coordinate resists with that is put in its place before each frame
+_LEAST_MASS = 1e-6  # kg
+_NEVER_SLEEPS = 3  # mjSLEEP_NEVER
+_OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY = range(6)  # mjtTrn
+_CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
+_SITE_OBJECT = 6  # mjOBJ_SITE
+_ROUND_JOINT, _OVER_PULLEY, _THROUGH_SITE = 1, 2, 3  # of mjtWrap
+
+
+class Bodies:
+    """Of one model. A body has its own number; what is welded to it counts as a part."""
+
+    def __init__(self, binding: Any, model: Any, tool: int):
+        self._binding, self._model, self._tool = binding, model, tool
+        self._own: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # of those that are kept: what they resist with by themselves
+        self._sleep: dict[int, int] = {}  # and their trees' policies
+
+    def place(self, data: Any, body: int, X: np.ndarray, v: np.ndarray, joint: tuple[float, float] = (0, 0)) -> None:
+        """X: position and rotation of its frame; v: that frame's velocity, world axes; joint: the same of its joint, if it hangs
+        on one."""
+        at, along = self._places(body)
+        if at.stop - at.start == 1:
+            q = joint[0] + float(self._model.qpos0[at][0])
+            if self._model.jnt_type[self._model.body_jntadr[body]] == _HINGE:  # A pose does not tell how often it has turned.
+                q += 2 * math.pi * round((float(data.qpos[at][0]) - q) / (2 * math.pi))
+            data.qpos[at], data.qvel[along] = q, joint[1]
+            return
+        data.qpos[at], data.qvel[along] = X, v
+        data.qvel[along][3:] = rotation(X[3:]).T @ v[3:]
+
+    def keep(self, body: int) -> None:
+        """Nothing moves it within a frame, until let_go()."""
+        if body in self._own:
+            return
+        model, along = self._model, self._places(body)[1]
+        self._own[body] = (np.array(model.dof_armature[along]), np.array(model.dof_M0[along]))
+        model.dof_armature[along] = model.dof_M0[along] = _KEPT  # For free joints MuJoCo reads the second alone.
+        if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
+            self._sleep[body] = int(model.tree_sleep_policy[model.body_treeid[body]])
+            model.tree_sleep_policy[model.body_treeid[body]] = _NEVER_SLEEPS
+
+    def let_go(self, body: int) -> None:
+        if body in self._own:
+            along = self._places(body)[1]
+            self._model.dof_armature[along], self._model.dof_M0[along] = self._own.pop(body)
+            if body in self._sleep:
+                self._model.tree_sleep_policy[self._model.body_treeid[body]] = self._sleep.pop(body)
+
+    def let_go_of_all(self) -> None:
+        for body in [*self._own]:
+            self.let_go(body)
+
+    def dynamics(self, data: Any, offered: Collection[int]) -> Optional[np.ndarray]:
+        """Records of haptic.DYNAMICS of all bodies that can be pushed. None where one of them has no shape that was offered, or is
+        moved by what the server cannot be told: it can hold none then."""
+        model = self._model
+        welded = np.asarray(model.body_weldid)
+        roots = [int(body) for body in np.flatnonzero((welded == np.arange(model.nbody)) & (np.asarray(model.body_dofnum) > 0))
+                 if body != self._tool]
+        if not all(body in offered and self._can_be_told(body) for body in roots) or self._others_move(set(roots)):
+            return None
+        found = haptic.dynamics(len(roots))
+        for to, root in zip(found, roots):
+            self._describe(data, root, np.flatnonzero(welded == root), to)
+            self._describe_joint(root, to)
+        return found if (found["mass"] >= _LEAST_MASS).all() else None
+
+    def _places(self, body: int) -> tuple[slice, slice]:
+        """In qpos and in qvel."""
+        model, joint = self._model, int(self._model.body_jntadr[body])
+        first, along = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        is_free = model.jnt_type[joint] == _FREE
+        return slice(first, first + (7 if is_free else 1)), slice(along, along + (6 if is_free else 1))
+
+    def _can_be_told(self, body: int) -> bool:
+        """It has one joint, free, a slide or a hinge, and hangs on no mocap body."""
+        model, joint = self._model, int(self._model.body_jntadr[body])
+        if model.body_jntnum[body] != 1:
+            return False
+        if model.jnt_type[joint] == _FREE:
+            along = self._places(body)[1]
+            return not (model.jnt_stiffness[joint].any() or model.dof_frictionloss[along].any()
+                        or model.dof_armature[along].any() or model.dof_damping[along].any())
+        root, _ = self._from_root(int(model.body_parentid[body]))
+        low, high = model.jnt_range[joint]
+        if model.jnt_type[joint] == _HINGE and (high - low > 2 * math.pi if model.jnt_limited[joint] else model.jnt_stiffness[joint].any()):
+            return False  # How often it has turned decides.
+        curved = (getattr(model, name, np.zeros(0)) for name in ("jnt_stiffnesspoly", "dof_dampingpoly"))
+        return model.jnt_type[joint] in _JOINTS and root != self._tool and model.body_mocapid[root] < 0 and not any(map(np.any, curved))
+
+    def _from_root(self, body: int) -> tuple[int, np.ndarray]:
+        """The body that it is welded to, 0 for the world, and its frame in that one's, 4 × 4."""
+        model, X = self._model, np.eye(4)
+        while body != 0 and model.body_dofnum[body] == 0 and model.body_mocapid[body] < 0:
+            X = _frame(model.body_pos[body], model.body_quat[body]) @ X
+            body = int(model.body_parentid[body])
+        return body, X
+
+    def _others_move(self, bodies: set[int]) -> bool:
+        """Whether fluids, equalities, tendons, actuators or flexes move one of them."""
+        model, option = self._model, self._model.opt
+        if option.density > 0 or option.viscosity > 0 or getattr(model, "nflex", 0) > 0:
+            return bool(bodies)
+        return not bodies.isdisjoint(np.asarray(model.body_weldid)[sorted(self._named())].tolist())
+
+    def _named(self) -> set[int]:
+        """Bodies that equalities, tendons and actuators name, by themselves, a joint or a site."""
+        model = self._model
+        of_site, of_joint, named = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid), {0}
+        kinds = model.eq_objtype if hasattr(model, "eq_objtype") else np.zeros(model.neq, int)
+        for equality, kind, *items in zip(model.eq_type, kinds, model.eq_obj1id, model.eq_obj2id):
+            if equality == _OF_JOINTS:
+                named.update(int(of_joint[item]) for item in items if item >= 0)
+            elif equality in (_CONNECT, _WELD):
+                named.update(int(of_site[item] if kind == _SITE_OBJECT else item) for item in items)
+        for kind, item in zip(model.wrap_type, model.wrap_objid):
+            if kind in (_ROUND_JOINT, _THROUGH_SITE):
+                named.add(int((of_joint if kind == _ROUND_JOINT else of_site)[item]))
+            elif kind > _THROUGH_SITE:
+                named.add(int(model.geom_bodyid[item]))
+        for kind, items in zip(model.actuator_trntype, np.asarray(model.actuator_trnid).reshape(-1, 2)):
+            if kind in (_OF_JOINT, _OF_JOINT_IN_PARENT):
+                named.add(int(of_joint[items[0]]))
+            elif kind in (_OF_SLIDER_CRANK, _OF_SITE):
+                named.update(int(of_site[item]) for item in items if item >= 0)
+            elif kind == _OF_BODY:
+                named.add(int(items[0]))
+        return named - {0}
+
+    def _describe(self, data: Any, root: int, parts: np.ndarray, to: np.ndarray) -> None:
+        model = self._model
+        masses = np.asarray(model.body_mass)[parts]
+        R = np.reshape(data.xmat[root], (3, 3))
+        centres = (np.asarray(data.xipos)[parts] - data.xpos[root]) @ R
+        to["body"], to["mass"] = root, masses.sum()
+        to["centre"] = centre = masses @ centres / max(to["mass"], _LEAST_MASS)
+        for part, mass, place in zip(parts, masses, centres - centre):
+            turn = R.T @ np.reshape(data.ximat[part], (3, 3))
+            to["inertia"] += (turn * model.body_inertia[part]) @ turn.T + mass * (place @ place * np.eye(3) - np.outer(place, place))
+        weights = masses * (1 - np.asarray(model.body_gravcomp)[parts])
+        if self._is_on("GRAVITY"):
+            to["gravity"] = weights.sum() / max(to["mass"], _LEAST_MASS) * np.asarray(model.opt.gravity)
+
+    def _describe_joint(self, body: int, to: np.ndarray) -> None:
+        model, joint, (at, along) = self._model, int(self._model.body_jntadr[body]), self._places(body)
+        if model.jnt_type[joint] == _FREE:
+            return
+        root, X = self._from_root(int(model.body_parentid[body]))
+        X = X @ _frame(model.body_pos[body], model.body_quat[body]) @ _frame(model.jnt_pos[joint], (1, 0, 0, 0))
+        zero = float(model.qpos0[at][0])
+        to["joint"], to["parent"] = _JOINTS[int(model.jnt_type[joint])], root or haptic.NO_BODY
+        to["place_in_parent"], to["turn_in_parent"] = X[:3, 3], quaternions(X[None, :3, :3])[0]
+        to["place_in_body"], to["axis"] = model.jnt_pos[joint], model.jnt_axis[joint]
+        if model.jnt_limited[joint] and self._is_on("LIMIT"):
+            to["lower"], to["upper"] = model.jnt_range[joint] - zero
+        to["reference"], to["armature"] = model.qpos_spring[at][0] - zero, model.dof_armature[along][0]
+        for name, value, *flags in (("stiffness", model.jnt_stiffness[joint], "PASSIVE", "SPRING"),
+                                    ("joint_damping", model.dof_damping[along], "PASSIVE", "DAMPER"),
+                                    ("friction", model.dof_frictionloss[along], "FRICTIONLOSS")):
+            to[name] = np.ravel(value)[0] if all(map(self._is_on, flags)) else 0
+
+    def _is_on(self, flag: str) -> bool:
+        """Unless the model's flags disable it. Which there are depends on MuJoCo's version."""
+        bit = getattr(self._binding.mjtDisableBit, "mjDSBL_" + flag, None)
+        return bit is None or not int(self._model.opt.disableflags) & int(bit)
+
+
+def _frame(position: Any, turn: Any) -> np.ndarray:
+    X = np.eye(4)
+    X[:3, 3], X[:3, :3] = position, rotation(turn)
+    return X
