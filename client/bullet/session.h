@@ -11,6 +11,7 @@
 #pragma once
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -73,7 +74,7 @@ class Session {
     tool.setCollisionFlags((tool.getCollisionFlags() & ~btCollisionObject::CF_STATIC_OBJECT) |
                            btCollisionObject::CF_KINEMATIC_OBJECT);
     tool.setActivationState(DISABLE_DEACTIVATION);
-    shapes_.offer(client_);
+    offer();
   }
 
   /// Before a frame: puts the tool where the proxy is, and applies its impulses on bodies as forces
@@ -91,7 +92,8 @@ class Session {
     frame_ = steps * step_;
     const bool hands_over = steps > 0 && client_.has_scene() && (answered_ > 0 || proxy != nullptr);
     if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
-    place();
+    const bool holds_any = place_held();
+    place(client_.holds() ? !holds_any : answered_ <= kHandOver);
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       btCollisionObject* object = reported_.contains(due.body) ? find(world_, due.body) : nullptr;
       btRigidBody* body = object != nullptr ? movable(*object) : nullptr;
@@ -110,7 +112,7 @@ class Session {
     if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     model_.set_configuration(q_);
-    shapes_.offer(client_);
+    offer();
     const std::vector<WorldShapes::Moving> moving = shapes_.moving();
     protocol::ContactUpdate update;
     update.q_VE = q_;
@@ -123,7 +125,7 @@ class Session {
     std::vector<btRigidBody*> near;
     for (const auto& [object, gap] : moving) {
       btRigidBody* body = movable(*object);
-      if (body != nullptr && gap <= reach()) near.push_back(body);
+      if (body != nullptr && !client_.holds() && gap <= reach()) near.push_back(body);
     }
     add_touching(world_, tool_, near);
     std::vector<JointedBodies> groups;
@@ -141,8 +143,14 @@ class Session {
     client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 
-  /// Ends the session.
-  void close() { client_.close(steady_seconds()); }
+  /// Ends the session. Bodies that the hand held have their weight again.
+  void close() {
+    client_.close(steady_seconds());
+    for (int i = 0; i < world_.getNumCollisionObjects(); ++i) {
+      btRigidBody* body = movable(*world_.getCollisionObjectArray()[i]);
+      if (body != nullptr) let_go(*body);
+    }
+  }
 
   HapticClient& client() { return client_; }
   /// Where the tool is, and how many contacts it has.
@@ -185,14 +193,54 @@ class Session {
     return client;
   }
 
-  void place() {
+  /// Puts the bodies that the hand holds where the server has them. Whether it holds any.
+  bool place_held() {
+    bool holds_any = false;
+    for (const HeldPlace& held : client_.take_held()) {
+      btCollisionObject* object = find(world_, held.body);
+      btRigidBody* body = object != nullptr && object != &tool_ ? movable(*object) : nullptr;
+      if (body == nullptr) continue;
+      body->setWorldTransform(transform_of(held.X_WB));
+      body->setInterpolationWorldTransform(body->getWorldTransform());
+      body->setLinearVelocity(bullet_vector(held.V_W.head<3>()));
+      body->setAngularVelocity(bullet_vector(held.V_W.tail<3>()));
+      body->activate();
+      if (is_held(held.number)) {  // It is not to fall.
+        held_.try_emplace(body, body->getGravity());
+        body->setGravity({0, 0, 0});
+      } else {
+        let_go(*body);
+      }
+      holds_any = holds_any || is_held(held.number);
+    }
+    return holds_any;
+  }
+
+  void let_go(btRigidBody& body) {
+    const auto own = held_.find(&body);
+    if (own == held_.end()) return;
+    body.setGravity(own->second);
+    held_.erase(own);
+  }
+  void offer() {
+    shapes_.offer(client_, [this](const btRigidBody& body) {
+      const auto own = held_.find(&body);
+      return own == held_.end() ? body.getGravity() : own->second;
+    });
+  }
+
+  static btTransform transform_of(const Pose& X) {
+    const auto number = [](double x) { return static_cast<btScalar>(x); };
+    const btQuaternion turn(number(X.R.x()), number(X.R.y()), number(X.R.z()), number(X.R.w()));
+    return btTransform(turn, bullet_vector(X.p));
+  }
+
+  /// collides: it pushes what it touches in Bullet.
+  void place(bool collides) {
     constexpr int kNoForce = btCollisionObject::CF_NO_CONTACT_RESPONSE;
     const int flags = tool_.getCollisionFlags();
-    tool_.setCollisionFlags(answered_ > kHandOver ? flags | kNoForce : flags & ~kNoForce);
-    const Quaternion R(q_[3], q_[4], q_[5], q_[6]);
-    const auto number = [](double x) { return static_cast<btScalar>(x); };
-    const btTransform X_WT(btQuaternion(number(R.x()), number(R.y()), number(R.z()), number(R.w())),
-                           bullet_vector(q_.head<3>()));
+    tool_.setCollisionFlags(collides ? flags & ~kNoForce : flags | kNoForce);
+    const btTransform X_WT = transform_of({q_.head<3>(), {q_[3], q_[4], q_[5], q_[6]}});
     tool_.setWorldTransform(X_WT);
     if (tool_.getMotionState() != nullptr) tool_.getMotionState()->setWorldTransform(X_WT);
   }
@@ -207,6 +255,7 @@ class Session {
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
   int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
+  std::map<const btRigidBody*, btVector3> held_;  ///< Gravity of what the hand holds.
   std::set<std::uint32_t> reported_;  ///< Bodies. The server can push no others, whatever it says.
   std::size_t contacts_ = 0;          ///< Of the tool, at the server.
 };

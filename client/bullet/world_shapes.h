@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -49,7 +50,9 @@ class WorldShapes {
 
   /// Gives them to the server, again where objects or their shapes have come, gone or changed.
   /// Throws std::invalid_argument, which names the object, if a shape cannot be used.
-  void offer(HapticClient& client) {
+  /// gravity_of: what a body's weight accelerates it by.
+  template <class Gravity>
+  void offer(HapticClient& client, const Gravity& gravity_of) {
     std::vector<Source> now = sources();
     if (is_offered_ && now == sources_) return;
     protocol::SceneOffer offer;
@@ -65,6 +68,7 @@ class WorldShapes {
         if (are_apart(*source_of[i], *source_of[j])) offer.apart.emplace_back(j, i);
       }
     }
+    add_inertias(now, gravity_of, offer);
     client.offer_scene(std::move(offer));
     sources_ = std::move(now);
     is_offered_ = true;
@@ -187,6 +191,33 @@ class WorldShapes {
       shape.side = {SideKind::kMovableBody, source.number};
     }
     return shape;
+  }
+
+  /// Of all bodies that forces move. None where a joint, or Bullet's factors, hold one of them: the
+  /// server cannot move it then.
+  template <class Gravity>
+  void add_inertias(const std::vector<Source>& sources, const Gravity& gravity_of,
+                    protocol::SceneOffer& offer) const {
+    const auto* world = dynamic_cast<const btDynamicsWorld*>(&world_);
+    if (world == nullptr || world->getNumConstraints() > 0) return;
+    std::vector<BodyInertia> inertias;
+    for (const Source& source : sources) {
+      const btRigidBody* body = movable(*source.object);
+      if (body == nullptr || source.object == &tool_) continue;
+      const btVector3 one(1, 1, 1);
+      if (body->getLinearFactor() != one || body->getAngularFactor() != one) return;
+      if (body->getLinearDamping() >= 1 || body->getAngularDamping() >= 1) return;
+      const btVector3& turns = body->getInvInertiaDiagLocal();
+      if (turns.x() <= 0 || turns.y() <= 0 || turns.z() <= 0) return;
+      BodyInertia& to = inertias.emplace_back();
+      to.body = source.number;
+      to.mass = 1 / double{body->getInvMass()};
+      to.I_BCom = vector_of(body->getLocalInertia()).asDiagonal();
+      to.gravity_W = vector_of(gravity_of(*body));
+      to.damping = -std::log1p(-double{body->getLinearDamping()});  // Shares lost in a second.
+      to.angular_damping = -std::log1p(-double{body->getAngularDamping()});
+    }
+    offer.inertias = std::move(inertias);
   }
 
   static bool are_apart(const Source& a, const Source& b) {

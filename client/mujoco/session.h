@@ -16,6 +16,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <mujoco/mujoco.h>
@@ -23,6 +24,7 @@
 #include "hlm/client/contact_check.h"
 #include "hlm/client/haptic_client.h"
 #include "hlm/client/mujoco/bodies.h"
+#include "hlm/client/mujoco/dynamics.h"
 #include "hlm/client/mujoco/shapes.h"
 #include "hlm/common/steady_seconds.h"
 
@@ -89,14 +91,14 @@ class Session {
         virtual_tool_(tool_of(model, tool_)),
         q_(Eigen::Map<const Configuration>(data.qpos + q_at_, 7)),
         client_(link, client_options(options)),
-        shapes_(model, tool_) {
-    constexpr double kHeld = 1e6;  // kg and kg·m². Of free joints MuJoCo reads the second alone.
-    std::fill_n(model.dof_armature + v_at_, 6, kHeld);
-    std::fill_n(model.dof_M0 + v_at_, 6, kHeld);
-    keep_awake(model, tool_);
+        shapes_(model, tool_),
+        bodies_(model, tool_) {
     of_tool_ = listings(model, [this](int body) { return body == tool_; });
     mj_forward(&model, &data);
-    client_.offer_scene(shapes_.offer(data));
+    protocol::SceneOffer offer = shapes_.offer(data);
+    bodies_.add_dynamics(data, offer);
+    bodies_.keep(tool_);
+    client_.offer_scene(std::move(offer));
   }
 
   /// Before a frame: puts the tool where the proxy is, and applies its impulses on bodies as
@@ -115,11 +117,10 @@ class Session {
     if (!client_.has_scene()) answered_ = 0;
     const bool hands_over = steps > 0 && client_.has_scene() && (answered_ > 0 || proxy != nullptr);
     if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
-    for (const Listing& listing : of_tool_) listing.set_force(answered_ <= kHandOver);
-    std::copy(q_.begin(), q_.end(), data_.qpos + q_at_);
-    const Vector3 w_T = rotation_of(data_.qpos + q_at_ + 3).conjugate() * v_.tail<3>();
-    std::copy_n(v_.data(), 3, data_.qvel + v_at_);
-    std::copy_n(w_T.data(), 3, data_.qvel + v_at_ + 3);  // MuJoCo's has the body's axes.
+    bodies_.place(data_, tool_, {q_.head<3>(), {q_[3], q_[4], q_[5], q_[6]}}, v_);
+    const bool holds_any = place_held();
+    const bool collides = client_.holds() ? !holds_any : answered_ <= kHandOver;
+    for (const Listing& listing : of_tool_) listing.set_force(collides);
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       // Whatever a server says, it can push no body that was not reported to it.
       if (!reported_.contains(due.body)) continue;
@@ -146,7 +147,7 @@ class Session {
     update.poses = shapes_.poses_of(data_, moving, frame_);
     std::vector<int> near;
     for (const auto& [body, gap] : moving) {
-      if (gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
+      if (!client_.holds() && gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
     }
     shapes_.add_touching(data_, near);
     for (const int body : near) {
@@ -164,8 +165,11 @@ class Session {
     client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 
-  /// Ends the session.
-  void close() { client_.close(steady_seconds()); }
+  /// Ends the session. Tool and bodies resist as the model has it again.
+  void close() {
+    client_.close(steady_seconds());
+    bodies_.let_go_of_all();
+  }
 
   HapticClient& client() { return client_; }
   /// Where the proxy is, and how many contacts it has.
@@ -185,6 +189,21 @@ class Session {
     constexpr double kUsualSpeed = 0.3;  // m/s: of a hand that was at rest.
     const double delay = client_.round_trip() + 2 * frame_;
     return std::min(kNear + 4.5 * delay * std::max(v_.head<3>().norm(), kUsualSpeed), kFarthest);
+  }
+
+  /// Puts the bodies that the hand holds where the server has them. Whether it holds any.
+  bool place_held() {
+    bool holds_any = false;
+    for (const HeldPlace& held : client_.take_held()) {
+      const auto body = static_cast<int>(held.body);
+      // Whatever a server says, it can move no body that is not there.
+      if (body <= 0 || body >= model_.nbody || body == tool_) continue;
+      if (model_.body_jntnum[body] != 1) continue;
+      bodies_.place(data_, body, held.X_WB, held.V_W, held.joint);
+      is_held(held.number) ? bodies_.keep(body) : bodies_.let_go(body);
+      holds_any = holds_any || is_held(held.number);
+    }
+    return holds_any;
   }
 
   /// What the tool does to a body in this frame.
@@ -225,6 +244,7 @@ class Session {
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
   WorldShapes shapes_;
+  Bodies bodies_;
   std::vector<Listing> of_tool_;
   int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
   std::vector<Push> pushes_;          ///< What is in xfrc_applied now.

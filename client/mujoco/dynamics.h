@@ -1,0 +1,243 @@
+// What a haptic server must know of MuJoCo's bodies to move them, and how they are put in a place.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <numbers>
+#include <set>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "hlm/client/haptic_client.h"
+#include "hlm/client/mujoco/bodies.h"
+#include "hlm/common/body_joint.h"
+
+namespace hlm::mujoco {
+
+/// The bodies of one model; what is welded to one counts as a part of it. It changes the model:
+/// what is kept in its place resists nothing else.
+class Bodies {
+ public:
+  Bodies(mjModel& model, int tool) : model_(model), tool_(tool) {}
+
+  /// Puts a body with a joint in its place; of a free one pose and twist of its frame.
+  void place(mjData& data, int body, const Pose& X_WB, const Twist& V_W,
+             const JointState& state = {}) const {
+    const int joint = model_.body_jntadr[body];
+    mjtNum* q = data.qpos + model_.jnt_qposadr[joint];
+    mjtNum* v = data.qvel + model_.jnt_dofadr[joint];
+    if (model_.jnt_type[joint] != mjJNT_FREE) {
+      const double due = state.q + model_.qpos0[model_.jnt_qposadr[joint]];
+      constexpr double kTurn =
+          2 * std::numbers::pi;  // A pose does not tell how often it has turned.
+      const bool turns = model_.jnt_type[joint] == mjJNT_HINGE;
+      *q = turns ? due + kTurn * std::round((*q - due) / kTurn) : due;
+      *v = state.v;
+      return;
+    }
+    std::copy_n(X_WB.p.data(), 3, q);
+    q[3] = X_WB.R.w();
+    std::copy_n(X_WB.R.vec().data(), 3, q + 4);
+    const Vector3 spin_B = X_WB.R.conjugate() * Vector3(V_W.tail<3>());  // As MuJoCo has it.
+    std::copy_n(V_W.data(), 3, v);
+    std::copy_n(spin_B.data(), 3, v + 3);
+  }
+
+  /// Nothing moves it within a frame, until let_go().
+  void keep(int body) {
+    if (own_.contains(body)) return;
+    constexpr double kKept = 1e6;  // kg and kg·m². Of free joints MuJoCo reads dof_M0 alone.
+    const int along = model_.body_dofadr[body];
+    for (int i = along; i < along + model_.body_dofnum[body]; ++i) {
+      own_[body].push_back({model_.dof_armature[i], model_.dof_M0[i]});
+      model_.dof_armature[i] = model_.dof_M0[i] = kKept;
+    }
+    keep_awake(model_, body);
+  }
+  void let_go(int body) {
+    const auto own = own_.find(body);
+    if (own == own_.end()) return;
+    const int along = model_.body_dofadr[body];
+    for (std::size_t i = 0; i < own->second.size(); ++i) {
+      model_.dof_armature[along + static_cast<int>(i)] = own->second[i].armature;
+      model_.dof_M0[along + static_cast<int>(i)] = own->second[i].M0;
+    }
+    own_.erase(own);
+  }
+
+  void let_go_of_all() {
+    while (!own_.empty()) let_go(own_.begin()->first);
+  }
+
+  /// Adds inertias and joints of all bodies that can be pushed, where they are now. None where one
+  /// of them has no shape among those that are offered, or is moved by what the server cannot be
+  /// told.
+  void add_dynamics(const mjData& data, protocol::SceneOffer& offer) const {
+    std::set<int> roots;
+    for (int body = 1; body < model_.nbody; ++body) {
+      if (model_.body_dofnum[body] > 0 && body != tool_) roots.insert(body);
+    }
+    const auto has_shape = [&](int body) {
+      return std::ranges::any_of(offer.shapes, [&](const protocol::OfferedShape& shape) {
+        return shape.side == ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(body)};
+      });
+    };
+    const std::set<int> named = others_move();
+    for (const int body : roots) {
+      if (!has_shape(body) || !can_be_told(body) || named.contains(body)) return;
+    }
+    for (const int body : roots) {
+      offer.inertias.push_back(inertia_of(data, body));
+      const int joint = model_.body_jntadr[body];
+      if (model_.jnt_type[joint] != mjJNT_FREE) offer.joints.push_back(joint_of(body, joint));
+    }
+  }
+
+ private:
+  struct Own {
+    mjtNum armature, M0;
+  };
+  struct Root {
+    int body;   ///< 0: the world.
+    Pose X_RB;  ///< Of the body that is welded to it.
+  };
+
+  Pose own_frame(int body) const {
+    return {row3(model_.body_pos, body), rotation_of(model_.body_quat + std::ptrdiff_t{4} * body)};
+  }
+  Root root_of(int body) const {
+    Root root{body, {}};
+    while (root.body != 0 && model_.body_dofnum[root.body] == 0 &&
+           model_.body_mocapid[root.body] < 0) {
+      root.X_RB = own_frame(root.body) * root.X_RB;
+      root.body = model_.body_parentid[root.body];
+    }
+    return root;
+  }
+
+  /// It has one joint, free, a slide or a hinge, and hangs on no mocap body and not on the tool.
+  bool can_be_told(int body) const {
+    if (model_.body_jntnum[body] != 1) return false;
+    const int joint = model_.body_jntadr[body];
+    const int along = model_.jnt_dofadr[joint];
+    if (model_.jnt_type[joint] == mjJNT_FREE) {
+      bool loose = model_.jnt_stiffness[joint] == 0;
+      for (int i = along; i < along + 6; ++i) {
+        loose = loose && model_.dof_frictionloss[i] == 0 && model_.dof_armature[i] == 0 &&
+                model_.dof_damping[i] == 0;
+      }
+      return loose;
+    }
+    const Root root = root_of(model_.body_parentid[body]);
+    const bool one_axis =
+        model_.jnt_type[joint] == mjJNT_SLIDE || model_.jnt_type[joint] == mjJNT_HINGE;
+    const double range = model_.jnt_range[2 * joint + 1] - model_.jnt_range[2 * joint];
+    const bool counts_turns = model_.jnt_type[joint] == mjJNT_HINGE &&
+                              (model_.jnt_limited[joint] ? range > 2 * std::numbers::pi
+                                                         : model_.jnt_stiffness[joint] > 0);
+    return one_axis && !counts_turns && root.body != tool_ && model_.body_mocapid[root.body] < 0;
+  }
+
+  /// Bodies that fluids, equalities, tendons, actuators or flexes may move: all, if there are any
+  /// besides equalities of the tool.
+  std::set<int> others_move() const {
+    std::set<int> all;
+    for (int body = 1; body < model_.nbody; ++body) all.insert(body);
+    const bool fluid = model_.opt.density > 0 || model_.opt.viscosity > 0;
+    // What a model switches off besides gravity is off in all its joints.
+    if ((model_.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_FRICTIONLOSS)) != 0) return all;
+    if (fluid || has_flexes() || model_.ntendon > 0 || model_.nu > 0) return all;
+    std::set<int> named;
+    for (int i = 0; i < model_.neq; ++i) {
+      if (model_.eq_type[i] != mjEQ_CONNECT && model_.eq_type[i] != mjEQ_WELD) return all;
+      for (const int item : {model_.eq_obj1id[i], model_.eq_obj2id[i]}) {
+#if mjVERSION_HEADER >= 324
+        if (model_.eq_objtype[i] == mjOBJ_SITE) return all;
+#endif
+        named.insert(model_.body_weldid[item]);
+      }
+    }
+    return named;
+  }
+
+  /// What MuJoCo 2 does not have.
+  bool has_flexes() const {
+#if mjVERSION_HEADER >= 300
+    return model_.nflex > 0;
+#else
+    return false;
+#endif
+  }
+  double buoyancy([[maybe_unused]] int body) const {
+#if mjVERSION_HEADER >= 300
+    return model_.body_gravcomp[body];
+#else
+    return 0;
+#endif
+  }
+
+  BodyInertia inertia_of(const mjData& data, int root) const {
+    BodyInertia to;
+    to.body = static_cast<std::uint32_t>(root);
+    to.mass = 0;
+    double weight = 0;
+    const Quaternion R = rotation_of(data.xquat + std::ptrdiff_t{4} * root).conjugate();
+    const auto for_parts = [&](auto&& use) {
+      for (int part = 1; part < model_.nbody; ++part) {
+        if (model_.body_weldid[part] != root) continue;
+        use(part, model_.body_mass[part], R * (row3(data.xipos, part) - row3(data.xpos, root)));
+      }
+    };
+    for_parts([&](int part, double mass, const Vector3& centre) {
+      to.mass += mass;
+      to.p_BCom += mass * centre;
+      weight += mass * (1 - buoyancy(part));
+    });
+    to.p_BCom /= to.mass;
+    to.I_BCom.setZero();
+    for_parts([&](int part, double mass, const Vector3& centre) {
+      const Eigen::Map<const Eigen::Matrix<mjtNum, 3, 3, Eigen::RowMajor>> X(data.ximat + 9 * part);
+      const Matrix3 turn = R.toRotationMatrix() * X;
+      const Vector3 arm = centre - to.p_BCom;
+      to.I_BCom += turn * row3(model_.body_inertia, part).asDiagonal() * turn.transpose() +
+                   mass * (arm.squaredNorm() * Matrix3::Identity() - arm * arm.transpose());
+    });
+    const bool falls = (model_.opt.disableflags & mjDSBL_GRAVITY) == 0;
+    if (falls) to.gravity_W = weight / to.mass * row3(model_.opt.gravity, 0);
+    return to;
+  }
+
+  BodyJoint joint_of(int body, int joint) const {
+    const int along = model_.jnt_dofadr[joint];
+    const int at = model_.jnt_qposadr[joint];
+    const double zero = model_.qpos0[at];
+    const Root root = root_of(model_.body_parentid[body]);
+    const Pose X_BJ{row3(model_.jnt_pos, joint), Quaternion::Identity()};
+    BodyJoint to;
+    to.body = static_cast<std::uint32_t>(body);
+    to.parent = root.body == 0 ? kNoBody : static_cast<std::uint32_t>(root.body);
+    to.type = model_.jnt_type[joint] == mjJNT_HINGE ? JointType::kRevolute : JointType::kPrismatic;
+    to.X_PJ = root.X_RB * own_frame(body) * X_BJ;
+    to.X_BJ = X_BJ;
+    to.axis = row3(model_.jnt_axis, joint);
+    if (model_.jnt_limited[joint]) {
+      to.lower = model_.jnt_range[2 * joint] - zero;
+      to.upper = model_.jnt_range[2 * joint + 1] - zero;
+    }
+    to.stiffness = model_.jnt_stiffness[joint];
+    to.reference = model_.qpos_spring[at] - zero;
+    to.damping = model_.dof_damping[along];
+    to.friction = model_.dof_frictionloss[along];
+    to.armature = model_.dof_armature[along];
+    return to;
+  }
+
+  mjModel& model_;
+  int tool_;
+  std::map<int, std::vector<Own>> own_;  ///< Of those that are kept: what they resist with else.
+};
+
+}  // namespace hlm::mujoco
