@@ -10,10 +10,10 @@
 //   touch.close();
 //
 // With server: null one is started where none listens; touch.ownServer says so, touch.hold() is its hand. The library is
-// libhaptic.so.4, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
+// libhaptic.so.5, or what HAPTIC_LIBRARY names. Fields are those of haptic.h.
 import koffi from 'koffi';
 
-const ABI = 4;
+const ABI = 5;
 const MAX_ERROR = 512;
 export const MAX_CONTACTS = 192;
 export const MAX_BODIES = 16;
@@ -50,7 +50,7 @@ koffi.struct('haptic_state', {
   connected: 'int32_t', began: 'int32_t', lost: 'int32_t', fresh: 'int32_t', step: 'uint64_t', acknowledged: 'uint64_t',
   q_count: 'int32_t', v_count: 'int32_t', q: doubles(17), v: doubles(16), contact_wrench: doubles(6),
   command: doubles(6), device_position: doubles(3), device_rotation: doubles(4), server: 'int32_t', active: 'int32_t',
-  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', reserved: 'int32_t', gripper: 'double',
+  predicted: 'int32_t', buttons: 'uint32_t', scene: 'int32_t', holds: 'int32_t', gripper: 'double',
   round_trip: 'double', servo_rate: 'double',
   message: koffi.array('char', 240, 'String'),
 });
@@ -60,7 +60,16 @@ koffi.struct('haptic_shape', {
 });
 koffi.struct('haptic_pose', { position: doubles(3), rotation: doubles(4) });
 koffi.struct('haptic_material', { friction: 'double', rule: 'int32_t', priority: 'int32_t' });
-koffi.struct('haptic_body_pose', { body: 'uint32_t', reserved: 'uint32_t', pose: 'haptic_pose', velocity: doubles(6) });
+koffi.struct('haptic_body_pose', { body: 'uint32_t', kept: 'uint32_t', pose: 'haptic_pose', velocity: doubles(6) });
+koffi.struct('haptic_dynamics', {
+  body: 'uint32_t', joint: 'int32_t', mass: 'double', centre: doubles(3), inertia: doubles(9), gravity: doubles(3),
+  damping: 'double', angular_damping: 'double', parent: 'uint32_t', reserved: 'uint32_t', in_parent: 'haptic_pose',
+  in_body: 'haptic_pose', axis: doubles(3), lower: 'double', upper: 'double', stiffness: 'double', reference: 'double',
+  joint_damping: 'double', friction: 'double', armature: 'double',
+});
+koffi.struct('haptic_held_body', {
+  body: 'uint32_t', let_go: 'uint32_t', pose: 'haptic_pose', velocity: doubles(6), q: 'double', v: 'double',
+});
 koffi.opaque('haptic_session');
 
 function find() {
@@ -94,7 +103,9 @@ function load() {
     send: library.func('int64_t haptic_send(haptic_session* session, const haptic_contact* contacts, size_t count, ' +
       'const haptic_body* bodies, size_t body_count)'),
     offer: library.func('int haptic_offer(haptic_session* session, const haptic_shape* shapes, const haptic_pose* poses, ' +
-      'const haptic_material* materials, size_t count, const uint32_t* excluded, size_t excluded_count)'),
+      'const haptic_material* materials, size_t count, const uint32_t* excluded, size_t excluded_count, ' +
+      'const haptic_dynamics* dynamics, size_t dynamics_count)'),
+    takeHeld: library.func('size_t haptic_take_held(haptic_session* session, _Out_ haptic_held_body* bodies)'),
     place: library.func('int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count)'),
     hold: library.func('int haptic_hold(haptic_session* session, const double* position, const double* rotation)'),
     release: library.func('void haptic_release(haptic_session* session)'),
@@ -120,6 +131,7 @@ export class Session {
   #handle;
   #state = {}; // What a poll without news leaves as it is.
   #impulses = Array.from({ length: MAX_BODIES }, () => ({}));
+  #held = Array.from({ length: MAX_POSES }, () => ({}));
 
   /** `options`: fields of haptic_options that are not its default, with `links` an array. Throws where one cannot be
    * used. */
@@ -159,6 +171,13 @@ export class Session {
     return steps;
   }
 
+  /** Before each step: the bodies that the hand holds, as haptic_held_body, to be put there; and once more each that it has
+   * let go of. */
+  takeHeld() {
+    const count = library().takeHeld(this.#session, this.#held);
+    return this.#held.slice(0, Number(count));
+  }
+
   /** For a step of `period` seconds that begins: a list of { body, impulse }. */
   takeImpulses(period) {
     const count = library().takeImpulses(this.#session, period, this.#impulses);
@@ -179,10 +198,12 @@ export class Session {
 
   /** Gives the server all shapes, fields of haptic_shape each, at these poses in the frames of their bodies, { position,
    * rotation }, with these materials, { friction, rule, priority }: state.scene is 1 once it finds their contacts itself. `excluded`:
-   * pairs of places that never touch. Again where one comes, goes or changes. Throws where one cannot be used. */
-  offer(shapes, poses, materials, excluded = []) {
+   * pairs of places that never touch. `dynamics`: of bodies that the server may move, fields of haptic_dynamics. Again where
+   * one comes, goes or changes. Throws where one cannot be used. */
+  offer(shapes, poses, materials, excluded = [], dynamics = []) {
     const pairs = Uint32Array.from(excluded.flat());
-    if (library().offer(this.#session, shapesOf(shapes), poses, materials, shapes.length, pairs, excluded.length) !== 0) {
+    if (library().offer(this.#session, shapesOf(shapes), poses, materials, shapes.length, pairs, excluded.length, dynamics,
+      dynamics.length) !== 0) {
       this.#fail();
     }
   }

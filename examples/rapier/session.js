@@ -8,10 +8,10 @@
 //   }
 //   touch.close();
 import RAPIER from '@dimforge/rapier3d-compat';
-import { describe } from './bodies.js';
+import { describe, dynamicsOf } from './bodies.js';
 import { MAX_BODIES, Session as Client, box } from './haptic.js';
 import { WorldShapes } from './world_shapes.js';
-import { list, object, rotate, scale } from './vectors.js';
+import { add, cross, list, object, rotate, scale, subtract } from './vectors.js';
 
 /** Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer frames would let them
  * sink in, more would push a body twice. */
@@ -66,6 +66,7 @@ export class Session {
   #nextNumber = 1; // The server may know of the bodies before.
   #reported = new Map(); // Bodies by number. The server can push no others, whatever it says.
   #pushes = [];
+  #held = new Map(); // Of bodies that the hand holds: their own scale of gravity, by handle.
 
   /** `tool`: a dynamic body. `period`: about that of the frames, s. Other options are those of haptic_options. */
   constructor(world, tool, { period, ...options }) {
@@ -78,7 +79,7 @@ export class Session {
       rate: 1 / period, ...options,
     });
     this.#period = period;
-    this.#shapes = new WorldShapes(world, tool, (body) => this.#numberOf(body));
+    this.#shapes = new WorldShapes(world, tool, (body) => this.#numberOf(body), (bodies) => this.#dynamicsOf(bodies));
     this.#shapes.offer(this.#client);
     tool.setBodyType(RAPIER.RigidBodyType.KinematicPositionBased, true);
     for (const collider of this.#colliders()) {
@@ -102,7 +103,8 @@ export class Session {
     this.#frame = steps * this.#world.timestep;
     const handsOver = steps > 0 && state.scene && (this.#answered > 0 || state.fresh);
     if (handsOver) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
-    this.#place();
+    this.#placeHeld();
+    this.#place(state.holds ? this.#held.size === 0 : this.#answered <= HAND_OVER);
     for (const { body, impulse } of this.#client.takeImpulses(this.#frame)) {
       const pushed = this.#reported.get(body);
       if (!pushed?.isValid() || !pushed.isDynamic()) continue;
@@ -121,12 +123,13 @@ export class Session {
     this.#shapes.offer(this.#client);
     const bodies = this.#shapes.bodies();
     this.#client.place(this.#shapes.poses(bodies));
-    this.#client.send([], this.#near(bodies));
+    this.#client.send([], this.#state.holds ? [] : this.#near(bodies));
   }
 
   /** Ends the session. */
   close() {
     this.#client.close();
+    for (const { body } of this.#numbers.values()) if (body.isValid()) this.#letGo(body);
   }
 
   /** The newest news of the server, as haptic_state; null before the first drive(). */
@@ -143,12 +146,46 @@ export class Session {
     return Array.from({ length: this.#tool.numColliders() }, (_, i) => this.#tool.collider(i));
   }
 
-  #place() {
+  /** None where joints hold bodies, or their freedoms are locked: the server cannot move them then. */
+  #dynamicsOf(bodies) {
+    if (this.#world.impulseJoints.len() + this.#world.multibodyJoints.len() > 0) return [];
+    const gravity = list(this.#world.gravity);
+    const all = bodies.map((body) => dynamicsOf(body, this.#numberOf(body), scale(this.#held.get(body.handle) ??
+      body.gravityScale(), gravity)));
+    return all.includes(null) ? [] : all;
+  }
+
+  /** The bodies that the hand holds where the server has them; they do not fall within a frame. */
+  #placeHeld() {
+    const numbered = new Map([...this.#numbers.values()].map(({ number, body }) => [number, body]));
+    for (const { body: number, let_go: letGo, pose, velocity } of this.#client.takeHeld()) {
+      const body = numbered.get(number);
+      if (!body?.isValid() || !body.isDynamic()) continue;
+      const [w, x, y, z] = pose.rotation;
+      body.setTranslation(object(pose.position), true);
+      body.setRotation({ w, x, y, z }, true);
+      const spin = velocity.slice(3);
+      const arm = subtract(list(body.worldCom()), [...pose.position]);
+      body.setLinvel(object(add([...velocity.slice(0, 3)], cross(spin, arm))), true);
+      body.setAngvel(object(spin), true);
+      if (letGo) this.#letGo(body);
+      else if (!this.#held.has(body.handle)) this.#held.set(body.handle, body.gravityScale());
+      if (!letGo) body.setGravityScale(0, true);
+    }
+  }
+
+  #letGo(body) {
+    if (this.#held.has(body.handle)) body.setGravityScale(this.#held.get(body.handle), true);
+    this.#held.delete(body.handle);
+  }
+
+  /** `collides`: whether it pushes what it touches in Rapier. */
+  #place(collides) {
     const [w, x, y, z] = this.#q.slice(3);
     this.#tool.setTranslation(object(this.#q), true);
     this.#tool.setRotation({ w, x, y, z }, true);
     for (const collider of this.#colliders()) {
-      const groups = this.#answered > HAND_OVER ? 0 : this.#groups.get(collider.handle) ?? 0;
+      const groups = collides ? this.#groups.get(collider.handle) ?? 0 : 0;
       if (collider.solverGroups() !== groups) collider.setSolverGroups(groups);
     }
   }
@@ -175,6 +212,7 @@ export class Session {
     for (const [handle, { number, body }] of this.#numbers) {
       if (body.isValid()) continue;
       this.#reported.delete(number);
+      this.#held.delete(handle);
       this.#numbers.delete(handle);
     }
   }

@@ -18,11 +18,13 @@ export class WorldShapes {
   #world;
   #tool;
   #numberOf;
+  #dynamics;
   #state = null; // Of the colliders that were offered.
   #parts = []; // { collider, body, radius }
 
-  /** `tool`: a body. `numberOf(body)`: its index. */
-  constructor(world, tool, numberOf) {
+  /** `tool`: a body. `numberOf(body)`: its index. `dynamics(bodies)`: as haptic_dynamics, of those that may be held. */
+  constructor(world, tool, numberOf, dynamics) {
+    this.#dynamics = dynamics;
     this.#world = world;
     this.#tool = tool;
     this.#numberOf = numberOf;
@@ -42,7 +44,9 @@ export class WorldShapes {
       { friction: collider.friction(), rule: RULES[collider.frictionCombineRule()], priority: 0 }));
     const excluded = shapes.flatMap(({ side }, i) => (side === Side.WORLD ? [] :
       shapes.flatMap((_, j) => (i === j || mayCollide(colliders[i], colliders[j]) ? [] : [[i, j]]))));
-    client.offer(shapes, poses, materials, excluded);
+    const bodies = new Map(this.#parts.map(({ body }) => [body?.handle, body]));
+    bodies.delete(this.#tool.handle);
+    client.offer(shapes, poses, materials, excluded, this.#dynamics([...bodies.values()].filter((body) => body?.isDynamic())));
   }
 
   /** The bodies that move, except the tool, those nearest to it first: { body, gap }, at least m. */
@@ -67,7 +71,7 @@ export class WorldShapes {
       const position = list(body.translation());
       return {
         body: this.#numberOf(body),
-        reserved: 0,
+        kept: 0,
         pose: { position, rotation: [w, x, y, z].map((part) => part / length) },
         velocity: [...list(body.velocityAtPoint(object(position))), ...list(body.angvel())],
       };
