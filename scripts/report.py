@@ -70,6 +70,7 @@ SECTIONS = {
     "bodies": "Bodies that move when pushed",
     "bodylimits": "Where bodies that move end",
     "holding": "Bodies that hold each other, and a loop that stalls",
+    "held": "What the hand holds, against a world without delay",
     "external": "Loads and walls that are stated as a wrench",
     "scenes": "The shipped scenes",
 }
@@ -163,6 +164,9 @@ INTRODUCTION = {
     "holding": "3 kg on a plate that is carried; two to ten cubes on each other that are pressed with 2 N, of which the "
     "device's dry friction may bear 0.2 N; a wall of 60 kg that swings, pressed with 2 N, whose bar is its own "
     "acceleration; a cube of 0.4 kg that is held while the server's loop stands still for 5 to 25 ms four times a second.",
+    "held": "A cube and towers are lifted by a tray, carried to the side and put down, thrown up and caught, pressed from "
+    "above; a plate carries a load; bricks are pushed. Each run is compared, tick by tick, with one at 240 Hz without "
+    "delay. Bars: the mean difference of the force over the last half second.",
     "external": "An environment states in each frame what pushes the tool, and no contact: a force, a payload that is welded "
     "to it, a wall whose force it measures. The tool has 0.3 kg. Walls are pressed by a hand of 200 N/m; a payload also "
     "moved to and fro, where the bar is its inertia.",
@@ -706,6 +710,23 @@ def draw_holding(folder):
     return figure
 
 
+def draw_held(folder):
+    rows = [row for row in read_table(folder / "held.csv") if float(row["outage_s"]) < 1]
+    tasks = list(collections.OrderedDict.fromkeys(row["task"] for row in rows))
+    figure, axes = panels(2, 12)
+    markers = {0.0: ("o", "#1f77b4"), 0.02: ("s", "#d62728"), 0.1: ("^", "#1b4332"), 0.5: ("v", "#999999")}
+    for axis, name, factor, text in ((axes[0], "rms_N", 1, "force off, rms, N"), (axes[1], "away_m", 1e3, "apart at the end, mm")):
+        for delay, (marker, colour) in markers.items():
+            points = [row for row in rows if float(row["delay_s"]) == delay]
+            axis.plot([tasks.index(row["task"]) for row in points], [max(factor * float(row[name]), 1e-5) for row in points], marker,
+                      color=colour, markersize=4, label=f"{1e3 * delay:.0f} ms each way")
+        axis.set_yscale("log")
+        axis.set_xticks(range(len(tasks)), [textwrap.fill(task, 12) for task in tasks])
+        label(axis, "", text)
+    axes[0].legend(fontsize=7)
+    return figure
+
+
 def draw_external(folder):
     figure = draw_forces([row for row in read_table(folder / "external.csv") if float(row["due_N"]) != 0], (0.9, 1.1))
     label(figure.axes[0], "in each group: the hand's wrench unknown, then measured", "force felt / force due")
@@ -804,6 +825,7 @@ DRAW = {
     "bodies": draw_bodies,
     "bodylimits": draw_bodylimits,
     "holding": draw_holding,
+    "held": draw_held,
     "external": draw_external,
     "scenes": draw_scenes,
 }

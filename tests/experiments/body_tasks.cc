@@ -162,6 +162,42 @@ BodyTask carry_on_plate(double plate, double load) {
   return task;
 }
 
+BodyTask carry_tower(int count) {
+  const Vector3 rail(0.01, 0.1, 0.02);
+  std::string models = fixed("rails", collision("left", rail, {-0.02, 0, -0.01}, 0.4) +
+                                          collision("right", rail, {0.02, 0, -0.01}, 0.4)) +
+                       body("tool", 0.5, {0.026, 0.06, 0.01}, {0, 0, -0.01}, 0.4);
+  for (int i = 0; i < count; ++i) {
+    models += body(i == count - 1 ? "body" : fmt::format("cube{}", i), 0.3, {0.05, 0.05, 0.05},
+                   {0, 0, 0.025 + 0.05 * i}, 0.4);
+  }
+  BodyTask task;
+  task.world = test::world_of(models, kDown);
+  task.hand = script({move({0, 0, 0}, 0.4), move({0, 0, 0.1}, 1), move({0, 0.05, 0.1}, 1),
+                      move({0, 0, 0.1}, 1), move({0, 0, -0.01}, 1.5), move({0, 0, -0.01}, 1.5)});
+  task.duration = 6;
+  return task;
+}
+
+BodyTask throw_up(double mass) {
+  BodyTask task = lift(mass);
+  task.hand = script({move({0, 0, 0}, 0.4), move({0, 0, 0.05}, 1.0), move({0, 0, 0.12}, 0.15),
+                      move({0, 0, 0.12}, 5)});
+  return task;
+}
+
+BodyTask slide_two(double mass) {
+  const Vector3 size(0.1, 0.1, 0.05);
+  BodyTask task;
+  task.world = test::world_of(table(0.4) + body("near", mass, size, {0, 0, 0.025}, 0.4) +
+                                  body("body", mass, size, {0.11, 0, 0.025}, 0.4) +
+                                  finger({-0.073, 0, 0.025}, 0.4),
+                              kDown);
+  task.hand = script({force({0, 0, 0}, 0.5), move({0.2, 0, 0}, 3), move({0.15, 0, 0}, 1.5)});
+  task.duration = 5;
+  return task;
+}
+
 BodyTask rest_on_cubes(int count, double lowest, double highest) {
   const Vector3 cube(0.05, 0.05, 0.05);
   std::string models = table(0.4);

@@ -43,6 +43,13 @@ inline constexpr double kDoorStroke = 0.08;  // m
 BodyTask open_door(double from_hinge, double speed);
 /// A plate is lifted by the tray of lift(), with a load on it. Masses in kg; the load is watched.
 BodyTask carry_on_plate(double plate, double load);
+/// So many cubes of 0.3 kg on each other are lifted by the tray of lift(), carried and put down;
+/// the highest is watched.
+BodyTask carry_tower(int count);
+/// The tray of lift() throws the cube up, and catches it.
+BodyTask throw_up(double mass);
+/// A brick pushes another.
+BodyTask slide_two(double mass);
 /// The hand rests with 2 N on so many cubes on each other, the masses, kg, going evenly (as their
 /// logarithms do) from the lowest to the highest, which is watched.
 BodyTask rest_on_cubes(int count, double lowest, double highest);

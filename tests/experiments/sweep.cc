@@ -51,6 +51,7 @@ constexpr Experiment kExperiments[] = {
     {"bodies", bodies, 0.1},
     {"bodylimits", body_limits, 0.1, false, true},
     {"holding", holding, 0.45},
+    {"held", held, 0.6},
     {"external", external, 0.06},
     {"audit", audit, 0.16},
     {"twotools", two_tools, 0.4},
