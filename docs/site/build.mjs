@@ -49,6 +49,7 @@ const MENU = {
     ['docs/method/prior.md', 'Prior local models'],
     ['docs/method/scene.md', 'The geometry near the hand'],
     ['docs/method/external.md', 'External wrenches'],
+    ['docs/method/held.md', 'What the hand holds'],
   ],
   'Reference': [
     ['protocol/PROTOCOL.md', 'Protocol'],
