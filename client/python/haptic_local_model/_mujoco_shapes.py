@@ -19,9 +19,6 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
 _EXCLUDED_FROM_0 = (3, 0)
 
 
-_XBODY = 2  # mjOBJ_XBODY: a body's own frame
-
-
 class Shapes:
     """The model's geoms. The index of a body is its own, or that of what it is welded to."""
 
@@ -75,19 +72,19 @@ class Shapes:
         """How far each body is from the tool at least, m, those nearest first; by balls around the geoms."""
         return self._gaps.find(np.asarray(data.geom_xpos)[self._geoms])
 
-    def poses(self, data: Any, bodies: Iterable[int], period: float, binding: Any) -> np.ndarray:
-        """Where bodies are, and how they move; period: since the frame before, s."""
-        chosen = list(bodies)[:haptic.MAX_POSES]
-        found, velocity = haptic.poses(len(chosen)), np.zeros(6)
-        for to, body in zip(found, chosen):
-            to["body"], to["position"], to["rotation"] = body, data.xpos[body], data.xquat[body]
-            if self._model.body_mocapid[body] < 0:
-                binding.mj_objectVelocity(self._model, data, _XBODY, body, velocity, 0)
-                to["velocity"][:3], to["velocity"][3:] = velocity[3:], velocity[:3]  # MuJoCo's has the angular part first.
-            else:
-                before = self._mocap.get(body, data.xpos[body])
-                to["velocity"][:3] = (data.xpos[body] - before) / period
-                self._mocap[body] = np.array(data.xpos[body])
+    def poses(self, data: Any, bodies: Iterable[int], period: float) -> np.ndarray:
+        """Where bodies are, and how they move, after mj_forward(); period: since the frame before, s."""
+        model, chosen = self._model, np.fromiter(bodies, int)[:haptic.MAX_POSES]
+        found, position = haptic.poses(len(chosen)), np.asarray(data.xpos)[chosen]
+        found["body"], found["position"], found["rotation"] = chosen, position, np.asarray(data.xquat)[chosen]
+        # MuJoCo's twist is at the centre of mass of all that moves with the body, the angular part first.
+        twist, arm = np.asarray(data.cvel)[chosen], position - np.asarray(data.subtree_com)[model.body_rootid[chosen]]
+        found["velocity"][:, :3], found["velocity"][:, 3:] = twist[:, 3:] + np.cross(twist[:, :3], arm), twist[:, :3]
+        for place in np.flatnonzero(np.asarray(model.body_mocapid)[chosen] >= 0):
+            body = int(chosen[place])
+            found["velocity"][place] = 0
+            found["velocity"][place, :3] = (position[place] - self._mocap.get(body, position[place])) / period
+            self._mocap[body] = position[place]
         return found
 
     def _shape(self, geom: int, owner: int, tool: int) -> haptic.shapes.Shape:

@@ -192,7 +192,7 @@ class Session(EngineSession):
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         reach = self._frames.reach(v)
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
-        poses = shapes.poses(data, gaps, self._frames.length, self._binding)
+        poses = shapes.poses(data, gaps, self._frames.length)
         poses["kept"], self._was_reset = self._was_reset, False
         if self.touch.holds:
             self.touch.send(None, None, poses)
