@@ -83,11 +83,13 @@ void keep_deepest(const std::vector<FoundContact>& contacts, Places& places, std
   std::ranges::sort(places, deeper);
 }
 
-/// Of contacts that differ only in their place along the planar tool's normal one stays.
+/// Of contacts that differ only in their place along the planar tool's normal one stays, but those
+/// of a body, which is turned by them out of that plane.
 void keep_planar(const std::vector<FoundContact>& contacts, const Vector3& along, Places& places) {
   std::ranges::sort(places, {}, [&](std::uint16_t place) { return contacts[place].key; });
   const auto is_same = [&](const FoundContact& other, const FoundContact& contact) {
-    return are_of_same(other, contact) && (other.n_W - contact.n_W).norm() < kSamePlace &&
+    return contact.key.b.kind != SideKind::kMovableBody && are_of_same(other, contact) &&
+           (other.n_W - contact.n_W).norm() < kSamePlace &&
            in_plane(other.p_WC - contact.p_WC, along).norm() < kSamePlace;
   };
   places.resize(keep_first(contacts, places, places.size(), is_same));
