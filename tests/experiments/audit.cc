@@ -131,6 +131,7 @@ void audit(Bench& bench) {
                           {.ve_rate = rate,
                            .delay = delay,
                            .loss = loss,
+                           .server_holds = false,
                            .shapes = shapes,
                            .fault = adapter.fault},
                           bench.seed()});

@@ -43,6 +43,7 @@ test::VirtualSessionOptions session_options(const BodyTask& task, const BodyCond
   options.frame.epsilon = conditions.epsilon;
   options.frame.push_by_following = conditions.by_following;
   options.frame.shapes = conditions.shapes;
+  options.server_holds = conditions.server_holds;
   if (conditions.method) {
     use(*conditions.method, conditions.stiffness, options.servo.local_model.damping, options);
   }

@@ -45,7 +45,8 @@ struct BodyConditions {
   double friction_scale =
       1;  ///< On the friction that updates report, against the environment's own.
   bool by_following = false;
-  bool shapes = false;  ///< The server has the shapes and finds contacts at every tick.
+  bool server_holds = true;  ///< With shapes it moves what the hand holds.
+  bool shapes = false;       ///< The server has the shapes and finds contacts at every tick.
   Outage outage{};
   Stalls stalls{};
   AdapterFault fault{};

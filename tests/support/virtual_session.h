@@ -49,6 +49,7 @@ struct VirtualSessionOptions {
   /// A frame begins only when the update of the one before has been acknowledged, or this long
   /// after it, s; 0: without waiting.
   double acknowledgement_timeout = 0;
+  bool server_holds = true;  ///< The server gets what it must know to move bodies.
   std::uint64_t seed = 1;
   /// What stands between the simulated device and the server; empty: nothing.
   std::function<std::unique_ptr<server::Device>(std::unique_ptr<server::Device>)> wrap_device;
@@ -224,8 +225,10 @@ class VirtualSession {
                                             .telemetry = options_.telemetry});
     clients_.push_back(&owned_.back());
     if (!options_.frame.shapes) return;
-    owned_.back().offer_scene(
-        ve::scene_of(environment_.world, assembly, options_.frame.report_friction[index]));
+    protocol::SceneOffer scene =
+        ve::scene_of(environment_.world, assembly, options_.frame.report_friction[index]);
+    if (!options_.server_holds) scene.inertias.clear();
+    owned_.back().offer_scene(std::move(scene));
   }
 
   void tick(double now) {
