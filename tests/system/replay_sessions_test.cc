@@ -251,7 +251,7 @@ class ShapeSession {
     options_.recorded = true;
     options_.frame.shapes = true;
     options_.link = {.delay = 0.01, .jitter = 0.01, .loss = 0.1};
-    options_.hand = constant_push(force(2, 0.3));
+    options_.hand = constant_push(force(2, 0.05));
   }
   ~ShapeSession() { std::filesystem::remove(path_); }
   ShapeSession(const ShapeSession&) = delete;
@@ -269,7 +269,7 @@ class ShapeSession {
     }
     REQUIRE(session.server_link().lost() == 0);
     REQUIRE(session.servo().scene_exchange().number == 1);
-    REQUIRE(touching_ > 500);
+    REQUIRE(touching_ > 2000);
     CHECK(session.last().scene == 1);
     CHECK(session.last().placements > 5);
     CHECK(session.last().pieces >= session.last().placements);
