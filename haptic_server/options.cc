@@ -41,7 +41,8 @@ void add_servo_options(Table& table, ServoOptions& o) {
   table.number("silence-time", o.silence_time, kSilenceTimes,
                "Force fades when nothing of the client has come for this long. Unset: 4.5 of its "
                "frames, within " +
-                   to_string(kDefaultSilenceTimes));
+                   to_string(kDefaultSilenceTimes) +
+                   ", or 2 s where the server moves what the hand holds");
   table.numbers(o, kServoNumbers);
 }
 

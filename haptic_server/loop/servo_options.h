@@ -21,7 +21,8 @@ struct ServoOptions {
   ControllerGains gains;
   LimiterOptions limits;
   HandleLimits handle;
-  /// Silence of the client after which force fades to zero, s; unset: default_silence_time().
+  /// Silence of the client after which force fades to zero, s; unset: default_silence_time(), or
+  /// kOldestPoses where the server moves what the hand holds.
   /// Shorter than a hiccup of the simulator and force comes and goes; longer and it outlives a dead
   /// client.
   std::optional<double> silence_time;
