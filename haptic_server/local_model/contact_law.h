@@ -16,7 +16,7 @@ struct ContactLaw {
   double damping = 0;           ///< b, N·s/m.
   double static_friction = 0;   ///< μ_s where a contact has no coefficient of its own.
   double kinetic_friction = 0;  ///< μ_k, in the same case.
-  double friction_scale = 1;    ///< Factor on a contact's own coefficient.
+  double ahead = 1;             ///< Factor on the own coefficient of what is moved ahead.
   double dt = 0;                ///< Step, s.
   double rendered = 1;          ///< Explicit step: share of the force before that did its work.
   ContactStep step = ContactStep::kImplicit;
@@ -27,7 +27,7 @@ struct ContactLaw {
 /// their separation is felt.
 inline constexpr double kSupportStiffness = 1e6;
 inline constexpr double kSupportDamping = 1e3;
-/// Factor on the friction of contacts without the tool between updates. With 1, a body that slides
+/// Factor on the friction of bodies that are moved ahead of their reports. With 1, one that slides
 /// in the environment sticks here now and then: it is lost and hit again.
 inline constexpr double kSupportFriction = 0.9;
 
@@ -85,7 +85,8 @@ inline double penalty(const LocalContact& contact, double v_n, const ContactLaw&
 /// μ_s, μ_k: the materials' own where the environment gives it, else the local model's.
 inline double coefficient(const LocalContact::Material& material, const ContactLaw& law,
                           double otherwise) noexcept {
-  const double mu = material.friction >= 0 ? law.friction_scale * material.friction : otherwise;
+  const double ahead = material.ahead ? law.ahead : 1;
+  const double mu = material.friction >= 0 ? ahead * material.friction : otherwise;
   return material.scale * mu;
 }
 inline double static_friction(const LocalContact& contact, const ContactLaw& law) noexcept {

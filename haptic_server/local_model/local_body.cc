@@ -66,8 +66,6 @@ LocalBody::LocalBody(const BodyInertia& known, const BodyPose& pose) noexcept
   R_CP = principal.eigenvectors();
   if (R_CP.determinant() < 0) R_CP.col(0) *= -1;
   mobility_P = principal.eigenvalues().cwiseSqrt().cwiseInverse();
-  p_reported_W = X_WB.p;
-  V_reported_W = V_W;
 }
 
 void LocalBody::begin_step(double dt) noexcept {

@@ -30,6 +30,7 @@ struct LocalContact {
   struct Material {
     double friction = -1;  ///< Coefficient; negative: the local model's own.
     double scale = 1;      ///< On either (body_friction.h).
+    bool ahead = false;    ///< A body is moved ahead of its reports on it.
   };
   Material material;
 

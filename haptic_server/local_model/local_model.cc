@@ -106,7 +106,7 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
     const std::array<ContactGroup, 3> groups{
         {{present(), law},
          {limits_.contacts(), law},
-         {present_supports(), support_law(dt_, holds() ? 1 : kSupportFriction)}}};
+         {present_supports(), support_law(dt_, kSupportFriction)}}};
     x = solve_contact_step(groups, frames, system);
     correct_step(groups, frames, system, x);
     if (!x.allFinite()) x.setZero();  // Levers and speeds beyond numbers: what is deep pushes.
@@ -161,7 +161,7 @@ GeneralisedForce LocalModel::apply_explicitly(const FrameMotions& frames, const 
   x.head(d) = v_;
   Unknowns tau = apply_contact_forces({present(), law}, frames, x);
   tau += apply_contact_forces({limits_.contacts(), law}, frames, x);
-  const ContactGroup supports{present_supports(), support_law(dt_, holds() ? 1 : kSupportFriction)};
+  const ContactGroup supports{present_supports(), support_law(dt_, kSupportFriction)};
   StepSystem system = unit_system(frames);
   system.r.tail(x.size() - d) = dt_ * tau.tail(x.size() - d);
   x.tail(x.size() - d) = solve_contact_step({&supports, 1}, frames, system).tail(x.size() - d);
@@ -331,12 +331,12 @@ ContactLaw LocalModel::contact_law(ContactStep step) const noexcept {
           .step = step};
 }
 
-ContactLaw LocalModel::support_law(double dt, double friction_scale) const noexcept {
+ContactLaw LocalModel::support_law(double dt, double ahead) const noexcept {
   return {.stiffness = kSupportStiffness,
           .damping = kSupportDamping,
           .static_friction = parameters_.static_friction,
           .kinetic_friction = parameters_.kinetic_friction,
-          .friction_scale = friction_scale,
+          .ahead = ahead,
           .dt = dt,
           .step = ContactStep::kImplicit};
 }

@@ -113,9 +113,11 @@ class LocalModel {
   void miss(std::uint64_t steps, bool holds) noexcept;
   /// What bodies have received so far is reported to the environment.
   void report_impulses() noexcept;
-  /// The environment is silent: the tool lets go of the bodies. The next update brings them back as
-  /// they are then.
-  void release_bodies() noexcept;
+  /// The environment is silent: the tool lets go of the bodies, or if it `holds_on` of those that
+  /// are moved ahead of reports. The next update brings them back as they are then.
+  void release_bodies(bool holds_on = false) noexcept;
+  /// Whether a body is moved ahead of the environment's reports.
+  bool moves_ahead() const noexcept;
 
   /// Moves the proxy and the bodies by one step under the hand's wrench, weight and contacts
   /// (Eqs. 7-12).
@@ -164,23 +166,24 @@ class LocalModel {
   LocalContacts& present_supports() noexcept { return supports_[current_]; }
   UpdatePolicy policy() const noexcept;
   ContactLaw contact_law(ContactStep step) const noexcept;
-  ContactLaw support_law(double dt, double friction_scale) const noexcept;
+  ContactLaw support_law(double dt, double ahead) const noexcept;
 
   void adopt_external(const ModelUpdate& update) noexcept;
   void begin_external(MassMatrix& E, GeneralisedForce& r) noexcept;
   GeneralisedForce end_external() noexcept;
-  void adopt_poses(const ModelUpdate& update, const LocalBodies& reported) noexcept;
-  void adopt_held(const ModelUpdate& update) noexcept;
-  void adopt_owners(const ModelUpdate& update) noexcept;
+  LocalBodies with_reported(const LocalBodies& held, const ModelUpdate& update,
+                            double state_step) noexcept;
+  void adopt_poses(const ModelUpdate& update, const LocalBodies& bodies) noexcept;
+  void adopt_held(const ModelUpdate& update, const LocalBodies& held) noexcept;
   void set_bodies(const LocalBodies& bodies) noexcept;
   bool is_local(std::uint32_t body) const noexcept;
   NearBody* near_body(const ContactSide& side) noexcept;
   bool is_as_it_was(std::uint32_t body) const noexcept;
   LocalBodies that_stay(const ModelUpdate& update) noexcept;
-  bool take(NearBody& body) noexcept;
-  bool take_mechanism(const Mechanism& mechanism) noexcept;
+  void take(NearBody& body) noexcept;
+  void take_mechanism(const Mechanism& mechanism) noexcept;
   void begin_holding(NearBody& near, LocalBody& local) noexcept;
-  void keep_mechanisms() noexcept;
+  void keep_mechanisms(LocalBodies& bodies) noexcept;
   bool bears(const geometry::FoundContact& found) noexcept;
   void take_bearing(std::span<const geometry::FoundContact> found) noexcept;
   void give_back(const MetContacts& met, const MetContacts& met_by_bodies) noexcept;
@@ -189,7 +192,7 @@ class LocalModel {
                                const LocalBodies& bodies) noexcept;
   void adopt_contacts_of_scene(const LocalContacts& existing, const UpdateFrames& frames,
                                const LocalBodies& bodies) noexcept;
-  void forget_bodies_of_scene() noexcept;
+  void forget_bodies_of_scene(const LocalBodies& kept) noexcept;
   void advance_near_bodies() noexcept;
   void place_scene(const ToolModel& tool, const LocalBodies& bodies, double ahead = 0) noexcept;
   void look_around() noexcept;

@@ -16,32 +16,24 @@ constexpr double kStepsAhead = 2;
 /// and fro. More: the environment's own forces act late on it.
 constexpr double kGiveAfter = 0.3;
 
-Ownership owner_of(std::uint32_t body, const Ownerships& owners) noexcept {
-  const auto found = std::ranges::find(owners, body, &Ownership::body);
-  return found == owners.end() ? Ownership{.body = body} : *found;
-}
-
 /// A contact with a body goes over from the world's frame to the body's, or back.
 void reframe(LocalContact& contact, FrameIndex frame_b, const Placement& X_WB) noexcept {
-  LocalContact::Constraint& constraint = contact.constraint;
   const bool to_world = frame_b == kWorldFrame;
-  if (to_world == (contact.frame_b == kWorldFrame)) {
-    contact.frame_b = frame_b;
-    return;
-  }
+  const bool changes = to_world != (contact.frame_b == kWorldFrame);
+  contact.frame_b = frame_b;
+  if (!changes) return;
+  LocalContact::Constraint& constraint = contact.constraint;
   if (to_world) {
     constraint.c_B = contact.now.c_W;
     constraint.n_P = contact.now.n_W;
-    constraint.plane = PlaneOwner::kB;
   } else {
     constraint.c_B = X_WB.inverse() * constraint.c_B;
     constraint.n_P = X_WB.R.transpose() * constraint.n_P;
-    constraint.plane = PlaneOwner::kB;
   }
+  constraint.plane = PlaneOwner::kB;
   constraint.v_constr = 0;
   constraint.v_WC.setZero();
   constraint.v_reported_W.setZero();
-  contact.frame_b = frame_b;
 }
 
 }  // namespace
@@ -72,6 +64,8 @@ bool LocalModel::is_as_it_was(std::uint32_t body) const noexcept {
 /// Those that the server goes on to move, whatever an update says of where they are. What joints
 /// connect stays as a whole, or goes.
 LocalBodies LocalModel::that_stay(const ModelUpdate& update) noexcept {
+  LocalBodies stay;
+  if (!holds()) return stay;
   const auto stays = [&](std::uint32_t body) {
     const NearBody* known = near_body({SideKind::kMovableBody, body});
     const Ownership owner = owner_of(body, update.owners);
@@ -86,7 +80,6 @@ LocalBodies LocalModel::that_stay(const ModelUpdate& update) noexcept {
       whole.back() = whole.back() && stays(mechanism.body(i));
     }
   }
-  LocalBodies stay;
   for (const LocalBody& body : bodies_) {
     const bool is_alone = body.mechanism < 0;
     if (!(is_alone ? stays(body.id) : whole[static_cast<std::size_t>(body.mechanism)])) continue;
@@ -96,37 +89,11 @@ LocalBodies LocalModel::that_stay(const ModelUpdate& update) noexcept {
   return stay;
 }
 
-/// What an update says of who moves the bodies, and where those are that the environment moves. The
-/// others go on here, whatever it says of them.
-void LocalModel::adopt_owners(const ModelUpdate& update) noexcept {
-  NearBodies renewed;
-  const LocalBodies stay = that_stay(update);
-  for (const BodyPose& pose : update.poses) {
-    NearBody& body = renewed.emplace_back();
-    const NearBody* known = near_body({SideKind::kMovableBody, pose.body});
-    const Ownership owner = owner_of(pose.body, update.owners);
-    const std::uint32_t reported = owner.number;
-    if (std::ranges::find(stay, pose.body, &LocalBody::id) != stay.end()) {
-      body = *known;
-      continue;
-    }
-    body.pose = pose;
-    body.kept = owner.kept;
-    body.pace = owner.pace();
-    advance(body.pose, update.age);
-    body.number = std::max(reported, known != nullptr ? known->number : 0);
-    if (is_held(body.number)) ++body.number;  // Nobody moves it here.
-    if (body.number > reported) body.owner = Owner::kGivenBack;
-  }
-  near_bodies_ = renewed;
-  set_bodies(stay);
-}
-
 /// Other bodies are the local model's from here on: contacts go over to their frames. What was on
 /// one that is gone stays in the world, as the tool's, or goes.
 void LocalModel::set_bodies(const LocalBodies& bodies) noexcept {
   bodies_ = bodies;
-  keep_mechanisms();
+  keep_mechanisms(bodies_);
   const FramePoses poses = poses_of(proxy_, bodies_);
   const auto go_over = [&](LocalContacts& contacts) {
     erase_if(contacts, [&](LocalContact& contact) {
@@ -143,9 +110,9 @@ void LocalModel::set_bodies(const LocalBodies& bodies) noexcept {
 }
 
 /// Of the bodies that there are.
-void LocalModel::keep_mechanisms() noexcept {
+void LocalModel::keep_mechanisms(LocalBodies& bodies) noexcept {
   Mechanisms kept;
-  for (LocalBody& body : bodies_) {
+  for (LocalBody& body : bodies) {
     if (body.mechanism < 0) continue;
     if (body.member == 0) kept.push_back(mechanisms_[static_cast<std::size_t>(body.mechanism)]);
     body.mechanism = static_cast<int>(kept.size()) - 1;
@@ -154,12 +121,12 @@ void LocalModel::keep_mechanisms() noexcept {
 }
 
 /// All bodies of it, if there is room and all of them are known.
-bool LocalModel::take_mechanism(const Mechanism& mechanism) noexcept {
+void LocalModel::take_mechanism(const Mechanism& mechanism) noexcept {
   StaticVector<BodyPose, kMaxMovedBodies> poses;
-  if (bodies_.size() + mechanism.size() > bodies_.capacity()) return false;
+  if (bodies_.size() + mechanism.size() > bodies_.capacity()) return;
   for (std::size_t i = 0; i < mechanism.size(); ++i) {
     const NearBody* near = near_body({SideKind::kMovableBody, mechanism.body(i)});
-    if (near == nullptr || near->kept || is_local(mechanism.body(i))) return false;
+    if (near == nullptr || near->kept || is_local(mechanism.body(i))) return;
     poses.push_back(near->pose);
   }
   mechanisms_.push_back(mechanism);
@@ -174,7 +141,6 @@ bool LocalModel::take_mechanism(const Mechanism& mechanism) noexcept {
     move_with(local, mechanisms_.back());
   }
   set_bodies(bodies);
-  return true;
 }
 
 void LocalModel::begin_holding(NearBody& near, LocalBody& local) noexcept {
@@ -185,17 +151,16 @@ void LocalModel::begin_holding(NearBody& near, LocalBody& local) noexcept {
   near.apart = 0;
 }
 
-/// As the environment reported it last; false if there is no room, or nothing is known of it.
-bool LocalModel::take(NearBody& body) noexcept {
+/// As the environment reported it last, if there is room, and enough is known of it.
+void LocalModel::take(NearBody& body) noexcept {
   const BodyInertia* inertia = scene_->inertia(body.pose.body);
-  if (inertia == nullptr || body.kept || !may_hold_) return false;
+  if (inertia == nullptr || body.kept || !may_hold_) return;
   const Mechanism* mechanism = scene_->mechanism(body.pose.body);
   if (mechanism != nullptr) return take_mechanism(*mechanism);
-  if (bodies_.size() == bodies_.capacity()) return false;
+  if (bodies_.size() == bodies_.capacity()) return;
   LocalBodies bodies = bodies_;
   begin_holding(body, bodies.emplace_back(*inertia, body.pose));
   set_bodies(bodies);
-  return true;
 }
 
 /// The velocity of a side's point, world, m/s.
@@ -275,13 +240,9 @@ void LocalModel::give_back(const MetContacts& met, const MetContacts& met_by_bod
   }
 }
 
-/// What the environment says of everything that the server does not move itself.
-void LocalModel::adopt_held(const ModelUpdate& update) noexcept {
-  for (const NearBody& body : near_bodies_) {
-    scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
-  }
-  may_hold_ = update.holds;
-  adopt_owners(update);
+/// Nothing is moved ahead of reports: the contacts of what is held go on.
+void LocalModel::adopt_held(const ModelUpdate& update, const LocalBodies& held) noexcept {
+  set_bodies(held);
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies_,
                       .reported = poses_of(ve_tool_, bodies_),

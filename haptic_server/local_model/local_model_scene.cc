@@ -82,34 +82,46 @@ void LocalModel::keep_contacts() noexcept {
   keeps_contacts_ = true;
 }
 
-/// Where an update has the scene's bodies. reported: those that the local model moves, as they were
-/// reported.
-void LocalModel::adopt_poses(const ModelUpdate& update, const LocalBodies& reported) noexcept {
-  if (scene_ != nullptr) {
-    for (const NearBody& body : near_bodies_) {
-      scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
-    }
-  }
-  near_bodies_.clear();
+/// What an update says of who moves the bodies, and where those are that the environment moves. The
+/// others go on here, whatever it says of them. bodies: of the update, as they are reported.
+void LocalModel::adopt_poses(const ModelUpdate& update, const LocalBodies& bodies) noexcept {
+  NearBodies renewed;
   for (const BodyPose& pose : update.poses) {
-    NearBody& body = near_bodies_.emplace_back();
+    NearBody& body = renewed.emplace_back();
+    const NearBody* known = near_body({SideKind::kMovableBody, pose.body});
+    const auto local = std::ranges::find(bodies, pose.body, &LocalBody::id);
+    if (local != bodies.end() && local->inertia) {
+      body = *known;
+      continue;
+    }
+    const Ownership owner = owner_of(pose.body, update.owners);
     body.pose = pose;
-    const auto local = std::ranges::find(reported, pose.body, &LocalBody::id);
-    if (local != reported.end()) {
+    body.kept = owner.kept;
+    body.pace = owner.pace();
+    if (local != bodies.end()) {
       body.X_CB = local->X_WB.inverse() * pose.X_WB;
     } else {
       advance(body.pose, update.age);
     }
+    body.number = std::max(owner.number, known != nullptr ? known->number : 0);
+    if (is_held(body.number)) ++body.number;  // Nobody moves it here.
+    if (body.number > owner.number) body.owner = Owner::kGivenBack;
   }
+  for (const NearBody& body : near_bodies_) {
+    if (scene_ != nullptr) scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
+  }
+  near_bodies_ = renewed;
 }
 
-/// The bodies that the local model moves are not there any more.
-void LocalModel::forget_bodies_of_scene() noexcept {
+/// The bodies that the local model moved and does not keep are not there any more.
+void LocalModel::forget_bodies_of_scene(const LocalBodies& kept) noexcept {
+  const auto is_in = [](const LocalBodies& bodies, std::uint32_t body) {
+    return std::ranges::find(bodies, body, &LocalBody::id) != bodies.end();
+  };
   erase_if(near_bodies_, [&](const NearBody& body) {
-    const bool is_local =
-        std::ranges::find(bodies_, body.pose.body, &LocalBody::id) != bodies_.end();
-    if (is_local && scene_) scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
-    return is_local;
+    const bool goes = is_in(bodies_, body.pose.body) && !is_in(kept, body.pose.body);
+    if (goes && scene_) scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
+    return goes;
   });
 }
 

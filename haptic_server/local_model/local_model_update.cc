@@ -33,6 +33,14 @@ Vector3 gravity_on(const LocalBody& body, const Vector3& g_W) noexcept {
   return mobility > 0 ? Vector3(Wg / mobility) : Vector3(Vector3::Zero());
 }
 
+/// Nothing moves the first ones.
+void stand_still(LocalBodies& bodies, std::size_t count) noexcept {
+  for (std::size_t i = 0; i < count; ++i) {
+    bodies[i].hold(bodies[i].X_WB);
+    bodies[i].mechanism = -1;
+  }
+}
+
 std::uint64_t whole_steps(double steps) noexcept {
   return static_cast<std::uint64_t>(std::max(0.0, steps));
 }
@@ -43,26 +51,17 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   ve_tool_.set_configuration(update.q_VE);
   adopt_external(update);
   unheard_ = 0;
-  if (holds()) return adopt_held(update);
   impulses_.end_silence();
+  may_hold_ = update.holds;
+  const LocalBodies held = that_stay(update);
   const auto now = static_cast<double>(impulses_.world_step());
   // An environment that does not say which step its bodies are at has them as old as its contacts.
   const double state_step = update.impulse_step > 0
                                 ? std::min(impulses_.world_step(update.impulse_step), now)
                                 : now - update.age / dt_;
-  LocalBodies bodies;
-  for (const MovableBody& reported : update.bodies) {
-    if (bodies.size() == bodies.capacity()) break;
-    const auto has_id = [&](const LocalBody& body) { return body.id == reported.id; };
-    const std::optional<std::size_t> slot = impulses_.enrol(reported.id);
-    if (!slot || std::any_of(bodies.begin(), bodies.end(), has_id)) continue;
-    LocalBody& body = bodies.emplace_back(reported);
-    body.slot = *slot;
-    const auto rate = std::ranges::find(update.rates, reported.id, &AccelerationRate::body);
-    if (rate != update.rates.end()) body.A_rate_W = rate->A_rate_W;
-    body.pending_W = impulses_.total(*slot) - reported.P_W -
-                     impulses_.between(*slot, whole_steps(state_step), impulses_.world_step());
-  }
+  LocalBodies bodies = with_reported(held, update, state_step);
+  adopt_poses(update, bodies);
+  if (holds() && !moves_ahead() && bodies.size() == held.size()) return adopt_held(update, held);
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies,
                       .reported = poses_of(ve_tool_, bodies),
@@ -71,7 +70,8 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   const LocalContacts& existing_supports = supports();
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
-  adopt_poses(update, bodies);
+  for (const LocalBody& body : held) change_.steady.push_back(body.id);
+  stand_still(bodies, held.size());
   adopt_supports_of_scene(existing_supports, frames, bodies);
   scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
   const LocalBodies reported = bodies;
@@ -79,6 +79,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     if (!bodies[i].is_plausible()) bodies[i].hold(reported[i].X_WB);
   }
+  std::ranges::copy(held, bodies.begin());
   frames.set_now(poses_of(proxy_, bodies));
   fill_tank(
       adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
@@ -90,27 +91,53 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
                               .ahead = kSupportFriction,
                               .elapsed = (state_step - adopted_step_) * dt_,
                               .late = (now - state_step) * dt_};
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
+  for (std::size_t i = held.size(); i < bodies.size(); ++i) {
     learn_friction(bodies[i], reported[i].X_WB, reported[i].V_W, report);
   }
   adopted_step_ = state_step;
   adopted_time_ = update.time;
+  keep_mechanisms(bodies);
   bodies_ = bodies;
-  mechanisms_.clear();
 }
 
-void LocalModel::release_bodies() noexcept {
-  const LocalBodies none;
+/// Those that are held, then the bodies that the environment moves and the server moves ahead of
+/// its reports, as these have them.
+LocalBodies LocalModel::with_reported(const LocalBodies& held, const ModelUpdate& update,
+                                      double state_step) noexcept {
+  LocalBodies bodies = held;
+  for (const MovableBody& reported : update.bodies) {
+    if (bodies.size() == bodies.capacity()) break;
+    if (holds() && scene_->inertia(reported.id) != nullptr) continue;
+    const std::optional<std::size_t> slot = impulses_.enrol(reported.id);
+    if (!slot || std::ranges::find(bodies, reported.id, &LocalBody::id) != bodies.end()) continue;
+    LocalBody& body = bodies.emplace_back(reported);
+    body.slot = *slot;
+    const auto rate = std::ranges::find(update.rates, reported.id, &AccelerationRate::body);
+    if (rate != update.rates.end()) body.A_rate_W = rate->A_rate_W;
+    body.pending_W = impulses_.total(*slot) - reported.P_W -
+                     impulses_.between(*slot, whole_steps(state_step), impulses_.world_step());
+  }
+  return bodies;
+}
+
+bool LocalModel::moves_ahead() const noexcept {
+  return std::ranges::any_of(bodies_, [](const LocalBody& body) { return !body.inertia; });
+}
+
+void LocalModel::release_bodies(bool holds_on) noexcept {
+  if (holds_on && !moves_ahead()) return;
+  LocalBodies kept = bodies_;
+  erase_if(kept, [&](const LocalBody& body) { return !holds_on || !body.inertia; });
   UpdateFrames frames{.tool = proxy_,
-                      .bodies = none,
-                      .reported = poses_of(proxy_, none),
+                      .bodies = kept,
+                      .reported = poses_of(proxy_, kept),
                       .before = poses_of(proxy_, bodies_)};
   frames.set_now(frames.reported);
   server::release_bodies(contacts_[current_], frames, policy());
-  present_supports().clear();
-  forget_bodies_of_scene();
-  bodies_.clear();
-  mechanisms_.clear();
+  drop_supports(present_supports(), frames);
+  forget_bodies_of_scene(kept);
+  keep_mechanisms(kept);
+  bodies_ = kept;
   impulses_.begin_silence();
 }
 
@@ -162,7 +189,7 @@ void LocalModel::compare_with_reports(const LocalBodies& updated, double time) n
   for (const LocalBody& body : updated) {
     const auto known = std::ranges::find(bodies_, body.id, &LocalBody::id);
     if (known == bodies_.end() || !known->is_plausible() || !body.is_plausible()) continue;
-    if (known->B.cols() == 0 || body.B.cols() == 0) continue;  // Held.
+    if (body.inertia || known->B.cols() == 0 || body.B.cols() == 0) continue;  // Held.
     const Vector6 P = body.P_reported_W - known->P_reported_W;
     const Vector6 given = known->B * known->B.transpose().lazyProduct(P);
     audit_.add({.id = body.id,
@@ -184,7 +211,7 @@ void LocalModel::compare_with_reports(const LocalBodies& updated, double time) n
 void LocalModel::correct_gradually(LocalBodies& updated, double period) const noexcept {
   for (LocalBody& body : updated) {
     for (const LocalBody& known : bodies_) {
-      if (known.id != body.id || !known.is_plausible()) continue;
+      if (known.id != body.id || body.inertia || !known.is_plausible()) continue;
       body.correction = body.V_W - known.V_W;
       const double frame = std::clamp(period, dt_, kLongestCorrection) / dt_;
       const double gentle =

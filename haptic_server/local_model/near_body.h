@@ -1,6 +1,7 @@
 // The scene's bodies near the tool, and who moves them (docs/method.md 21).
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "hlm/common/contact.h"
@@ -23,6 +24,12 @@ struct NearBody {
   double pace = 1;           ///< Of its time, when it was reported.
   double apart = 0;          ///< Since it bore upon the tool, s.
 };
+/// What an update says of a body; nothing is the environment's from the beginning.
+inline Ownership owner_of(std::uint32_t body, const Ownerships& owners) noexcept {
+  const auto found = std::ranges::find(owners, body, &Ownership::body);
+  return found == owners.end() ? Ownership{.body = body} : *found;
+}
+
 /// It goes on as it was reported, for dt, s.
 inline void advance(BodyPose& pose, double dt) noexcept {
   pose.X_WB.p += dt * pose.V_W.head<3>();

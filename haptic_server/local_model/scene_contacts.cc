@@ -239,6 +239,7 @@ void renew_supports(const LocalContacts& existing, const MetContacts& met,
     if (contact.material.friction < 0) contact.material.friction = kUnsaidFriction;
     const double sigma = met[i].found->separation;
     const Predecessor& from = succession.of(i);
+    contact.material.ahead = touches_reported(contact, frames);
     if (from.known != nullptr) contact.material.scale = from.known->material.scale;
     if (from.known != nullptr && !change.concerns(contact)) {
       go_on(contact, from, frames.now, sigma);

@@ -149,10 +149,11 @@ void Servo::shut_down(double now) noexcept {
   local_model_.reset();
 }
 
-/// What the hand holds goes on without its environment for as long as the scene may.
+/// What the hand holds goes on without its environment for as long as the scene may; what is moved
+/// ahead of reports does not.
 double Servo::silence_time(double period) const noexcept {
-  const bool holds = local_model_ && local_model_->holds();
-  return options_.silence_time.value_or(holds ? kOldestPoses : default_silence_time(period));
+  const bool alone = local_model_ && local_model_->holds() && !local_model_->moves_ahead();
+  return options_.silence_time.value_or(alone ? kOldestPoses : default_silence_time(period));
 }
 
 void Servo::reject_in_fault(double now) noexcept {
@@ -289,8 +290,8 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   // environment that is silent.
   const bool waits =
       local_model_ && local_model_->holds() && machine_.fade() == Fade::kClientSilent;
-  if (machine_.state() == ServerState::kFading && before != ServerState::kFading && !waits) {
-    local_model_->release_bodies();
+  if (machine_.state() == ServerState::kFading && before != ServerState::kFading) {
+    local_model_->release_bodies(waits);
   }
   if (machine_.state() == ServerState::kOff && before != ServerState::kOff) {
     device_.disable();

@@ -25,7 +25,6 @@ constexpr double kAtStop = 1e-6;
 
 ToolDescription Mechanism::tree_of(std::span<const Member> members) {
   ToolDescription tree;
-  tree.links.clear();
   for (const auto& [inertia, joint] : members) {
     const std::string name = "body " + std::to_string(inertia.body);
     if (tree.links.size() == tree.links.capacity()) {
@@ -63,15 +62,7 @@ Mechanism::Mechanism(std::span<const Member> members)
                       .X_LB = joint.X_BJ.inverse(),
                       .gravity_W = inertia.gravity_W});
     for (int i = 0; i < joint_dof(joint.type); ++i) {
-      Force& force = forces_.emplace_back();
-      if (is_free) continue;
-      force.stiffness = joint.stiffness;
-      force.reference = joint.reference;
-      force.damping = joint.damping;
-      force.friction = joint.friction;
-      force.armature = joint.armature;
-      force.lower = joint.lower;
-      force.upper = joint.upper;
+      forces_.push_back({.part = parts_.size() - 1, .lower = joint.lower, .upper = joint.upper});
     }
   }
   if (const auto error = find_singular_error(model_)) {
@@ -128,23 +119,24 @@ void Mechanism::begin_step(double dt, double pace) noexcept {
   GeneralisedForce r = -model_.bias_force(v_);
   for (int i = 0; i < dof(); ++i) {
     Force& force = forces_[static_cast<std::size_t>(i)];
-    E(i, i) += force.armature;
+    const BodyJoint& joint = joint_of(force);
+    E(i, i) += joint.armature;
     force.inertia = E(i, i);
     force.grip = kGrip * E(i, i) / (dt * dt);
     force.grip_damping = kGripDamping * E(i, i) / dt;
     decide(force, v_[i]);
-    double stiffness = force.stiffness;
-    double damping = force.damping;
+    double stiffness = joint.stiffness;
+    double damping = joint.damping;
     double f = weight[i];
-    if (force.stiffness > 0) f -= force.stiffness * (q(i) - force.reference);
+    if (joint.stiffness > 0) f -= joint.stiffness * (q(i) - joint.reference);
     const auto grip = [&](double strain) {
       f -= force.grip * strain;
       stiffness += force.grip;
       damping += force.grip_damping;
     };
     if (force.slips != 0) {
-      f -= force.friction * force.slips;
-    } else if (force.friction > 0) {
+      f -= joint.friction * force.slips;
+    } else if (joint.friction > 0) {
       grip(force.strain);
     }
     if (force.at_stop != 0) grip(q(i) - force.bound());
@@ -185,25 +177,27 @@ double Mechanism::held_by(const Force& force, double strain, double v) const noe
 /// Whether dry friction sticks in a step that begins with v: it does not carry more than it can,
 /// nor turn the motion round.
 void Mechanism::decide(Force& force, double v) const noexcept {
-  if (force.friction == 0) return;
+  const double most = joint_of(force).friction;
+  if (most == 0) return;
   if (force.slips == 0) {
-    if (std::abs(held_by(force, force.strain, v)) > force.friction) force.slips = v > 0 ? 1 : -1;
+    if (std::abs(held_by(force, force.strain, v)) > most) force.slips = v > 0 ? 1 : -1;
     return;
   }
-  const bool stops = force.slips * v * force.inertia <= dt_ * force.friction;
-  if (!stops || std::abs(force.against) >= force.friction) return;
+  const bool stops = force.slips * v * force.inertia <= dt_ * most;
+  if (!stops || std::abs(force.against) >= most) return;
   force.slips = 0;
   force.strain = force.against / force.grip;
 }
 
 void Mechanism::settle(Force& force, double q, double v_before, double v) const noexcept {
-  if (force.friction > 0) {
+  const double most = joint_of(force).friction;
+  if (most > 0) {
     const double friction =
-        force.slips != 0 ? -force.friction * force.slips : held_by(force, force.strain, v);
+        force.slips != 0 ? -most * force.slips : held_by(force, force.strain, v);
     force.against = force.inertia * (v - v_before) / dt_ - friction;
     if (force.slips != 0) {
       if (force.slips * v < 0) force.slips = -force.slips;
-    } else if (std::abs(friction) > force.friction) {
+    } else if (std::abs(friction) > most) {
       force.slips = friction < 0 ? 1 : -1;
     } else {
       force.strain += dt_ * v;

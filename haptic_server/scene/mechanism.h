@@ -61,11 +61,7 @@ class Mechanism {
   };
   /// What acts on one coordinate.
   struct Force {
-    double stiffness = 0;
-    double reference = 0;
-    double damping = 0;
-    double friction = 0;
-    double armature = 0;
+    std::size_t part = 0;  ///< Of whose joint.
     double lower = -kNoLimit;
     double upper = kNoLimit;
 
@@ -81,6 +77,7 @@ class Mechanism {
   };
 
   static ToolDescription tree_of(std::span<const Member> members);
+  const BodyJoint& joint_of(const Force& force) const noexcept { return parts_[force.part].joint; }
   double q(int coordinate) const noexcept { return model_.configuration()[coordinate + extra_]; }
   void decide(Force& force, double v) const noexcept;
   /// After a step that began at q with v_before and ends with v.

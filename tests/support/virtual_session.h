@@ -227,7 +227,10 @@ class VirtualSession {
     if (!options_.frame.shapes) return;
     protocol::SceneOffer scene =
         ve::scene_of(environment_.world, assembly, options_.frame.report_friction[index]);
-    if (!options_.server_holds) scene.inertias.clear();
+    if (!options_.server_holds) {
+      scene.inertias.clear();
+      scene.joints.clear();
+    }
     owned_.back().offer_scene(std::move(scene));
   }
 

@@ -28,18 +28,18 @@ std::string box(const std::string& name, const std::string& size, const std::str
 }
 
 std::string body(const std::string& name, double mass, const std::string& pose,
-                 const std::string& elements) {
+                 const std::string& elements, const std::string& joint = "") {
   return fmt::format(
       "<model name='{}'><pose>{}</pose><link "
       "name='body'><inertial><mass>{}</mass><inertia><ixx>1.25e-4"
-      "</ixx><iyy>1.25e-4</iyy><izz>1.25e-4</izz></inertia></inertial>{}</link></model>",
-      name, pose, mass, elements);
+      "</ixx><iyy>1.25e-4</iyy><izz>1.25e-4</izz></inertia></inertial>{}</link>{}</model>",
+      name, pose, mass, elements, joint);
 }
 
 /// Cubes of 50 mm on each other on two rails, and a tray without weight below them.
-ve::WorldDescription tower(int cubes) {
+ve::WorldDescription tower(int cubes, const std::string& others = "") {
   std::string models =
-      "<model name='rails'><static>true</static><link name='body'>" +
+      others + "<model name='rails'><static>true</static><link name='body'>" +
       box("left", "0.01 0.1 0.02", "-0.02 0 -0.01 0 0 0") +
       box("right", "0.01 0.1 0.02", "0.02 0 -0.01 0 0 0") + "</link></model>" +
       body("tray", 0.4, "0 0 -0.01 0 0 0",
@@ -167,6 +167,55 @@ TEST_CASE(
     CHECK(most <= options.servo.limits.max_force + 1e-9);
     CHECK(session.last().fault == Fault::kNone);
   }
+}
+
+/// A cube on a tray is lifted, while a rod on a ball joint, of which the server cannot be told,
+/// hangs within the tool's reach.
+TEST_CASE("A cube is held while the environment moves something else nearby") {
+  VirtualSessionOptions options = carry(1, 60, {.delay = 0.05});
+  options.world =
+      tower(1, body("rod", 0.5, "0.06 0 0.1 0 0 0", box("box", "0.02 0.02 0.2", "0 0 0 0 0 0"),
+                    "<joint name='ball' type='ball'><pose>0 0 0.1 0 0 0</pose><parent>"
+                    "world</parent><child>body</child></joint>"));
+  std::vector<double> weights;
+  VirtualSession* running = nullptr;
+  VirtualSession session(options, [&](const TickRecord& tick) {
+    const double time = static_cast<double>(tick.step) * 1e-3;
+    if (time < kWait + 3 || time > kWait + 4) return;
+    weights.push_back(-tick.F_env[2]);
+    CHECK(running->servo().local_model()->moves_ahead());
+  });
+  running = &session;
+  session.run(kWait + 4);
+  REQUIRE(weights.size() > 900);
+  const auto [least, most] = std::ranges::minmax(weights);
+  CHECK(least == Approx(kMass * kGravity).epsilon(1e-3));
+  CHECK(most == Approx(kMass * kGravity).epsilon(1e-3));
+  // While nobody hears of it the rod is let go of, and the cube is not.
+  session.run_server_alone(1);
+  CHECK(session.servo().local_model()->held().size() == 1);
+  CHECK_FALSE(session.servo().local_model()->moves_ahead());
+}
+
+TEST_CASE("What the hand carries and puts down while nobody hears of it lies where it was put") {
+  VirtualSession session(carry(1, 60, {.delay = 0.02}));
+  session.run(kWait + 3.5);
+  session.run_server_alone(4);  // Beyond the silence: without force, but held.
+  session.run(3);
+  const ve::World& world = session.environment().world;
+  const Pose X = world.X_WB(body_named(world, "cube0"));
+  CHECK(X.p.z() == Approx(0.025).margin(1e-3));
+  CHECK(X.p.head<2>().norm() < 2e-3);
+  CHECK(session.servo().local_model()->held().empty());
+}
+
+TEST_CASE("Force is gone 2.1 s after the last word of a client whose server holds") {
+  VirtualSession session(carry(1, 60, {.delay = 0.02}));
+  session.run(kWait + 3);
+  session.run_server_alone(1.9);
+  CHECK(session.last().F_command.norm() > 1);  // N
+  session.run_server_alone(0.25);
+  CHECK(session.last().F_command.isZero(0));
 }
 
 TEST_CASE("Where the server dies, or its client does, what was held is the environment's again") {
