@@ -461,6 +461,10 @@ int haptic_take_steps(haptic_session* session, double step) {
   });
 }
 
+int haptic_tool_pushes(haptic_session* session) {
+  return in_session(session, 1, [&] { return session->client->tool_pushes() ? 1 : 0; });
+}
+
 std::size_t haptic_take_held(haptic_session* session, haptic_held_body* bodies) {
   return in_session(session, std::size_t{0}, [&] {
     require(bodies, "bodies");

@@ -301,17 +301,16 @@ HAPTIC_API void haptic_close(haptic_session* session);
  * shapes that never touch, or NULL; shapes of one link or body never do. What is fixed to each
  * other is one surface, whose inner edges are not felt.
  *
- * dynamics: of the bodies that the tool can push, or NULL. With them the server moves what the hand
- * holds, see haptic_take_held(); other bodies are walls that move then. 0, or -1 with
- * haptic_error(), which names shape or body. */
+ * dynamics: of bodies that the tool can push, or NULL. With them the server moves what the hand
+ * holds, see haptic_take_held(). 0, or -1 with haptic_error(), which names shape or body. */
 HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
                             const haptic_pose* poses, const haptic_material* materials,
                             size_t count, const uint32_t* excluded, size_t excluded_count,
                             const haptic_dynamics* dynamics, size_t dynamics_count);
 /* Where the bodies of offered shapes are, for the next haptic_send(). If there are more than
- * HAPTIC_MAX_POSES, give those near the tool: a body without a pose does not exist. Unless
- * state.holds, bodies that the tool can push also go to haptic_send(); the others keep their
- * velocity. 0, or -1 with haptic_error(). */
+ * HAPTIC_MAX_POSES, give those near the tool: a body without a pose does not exist. Bodies that the
+ * tool can push also go to haptic_send(), where state.holds but for those that were offered with
+ * dynamics; the others keep their velocity. 0, or -1 with haptic_error(). */
 HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
 /* Once per step, before it. `state` is zero before the first call and the same one in each: what
@@ -323,10 +322,13 @@ HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
 HAPTIC_API int haptic_take_steps(haptic_session* session, double step);
 /* Before each step: the bodies that the hand holds, to be put there as the tool is, and moved by
  * nothing else during the step; and once more each that it has let go of. Returns how many, at most
- * HAPTIC_MAX_POSES, which `bodies` must hold. Where state.holds, haptic_send() gets no bodies,
- * nothing is pushed by impulses, and the tool pushes in your engine what is not held, as what lies
- * on it when a session begins. */
+ * HAPTIC_MAX_POSES, which `bodies` must hold. */
 HAPTIC_API size_t haptic_take_held(haptic_session* session, haptic_held_body* bodies);
+/* Whether your tool itself pushes what it touches in your engine during this frame, after
+ * haptic_take_steps(), as what lies on it when a session begins: until the impulses cover whole
+ * frames and, where state.holds and haptic_send() had no bodies, while the hand holds none. 1 or
+ * 0. */
+HAPTIC_API int haptic_tool_pushes(haptic_session* session);
 /* The impulses for a step of `period` seconds, > 0, that begins. Returns how many, at most
  * HAPTIC_MAX_BODIES, which `impulses` must hold. */
 HAPTIC_API size_t haptic_take_impulses(haptic_session* session, double period,

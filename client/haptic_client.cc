@@ -36,6 +36,10 @@ constexpr double kSilenceAlone = 0.1;
 /// How long a world stands still until the server has its shapes, s.
 constexpr double kLongestStandstill = 10;
 
+/// Frames in which the tool still carries what lies on it, until the impulses cover whole ones.
+/// Fewer let it sink in by some millimetres, more push it twice.
+constexpr int kHandOver = 4;
+
 /// Chunks of a scene that one send() may send: 4 MB/s at 60 Hz.
 constexpr std::size_t kChunksPerSend = 64;
 
@@ -102,8 +106,10 @@ HapticClient::Inbox HapticClient::poll(double now) {
     doubt_ = BodyDoubt::kNone;
   }
   polled_at_ = now;
+  is_answered_ = inbox.state != nullptr;
   if (inbox.welcomed) {
     welcomed_at_ = now;
+    answered_ = 0;
     offer();
   }
   if (inbox.scene) {
@@ -161,8 +167,19 @@ bool HapticClient::holds() const noexcept {
          welcome().capabilities.holds;
 }
 
+bool HapticClient::holds(std::uint32_t body) const noexcept {
+  return holds() &&
+         std::ranges::find(scene_->inertias, body, &BodyInertia::body) != scene_->inertias.end();
+}
+
+bool HapticClient::tool_pushes() const noexcept {
+  if (!holds() || !update_.bodies.empty()) return answered_ <= kHandOver;
+  return std::ranges::none_of(held_, [](const HeldPlace& body) { return is_held(body.number); });
+}
+
 int HapticClient::take_steps(double step) {
   in_real_time_ = true;
+  if (!connected() || waits_for_scene()) answered_ = 0;
   if (waits_for_scene()) {
     world_time_ = WorldTime(1 / ve_rate_);
     sampled_at_ = polled_at_;
@@ -172,7 +189,10 @@ int HapticClient::take_steps(double step) {
   }
   if (stood_still_) playout_.skip();
   const double reported = connected() ? playout_.reported() / welcome().servo_rate : kSilenceAlone;
-  return world_time_.take_steps(step, reported);
+  const int steps = world_time_.take_steps(step, reported);
+  const bool counts = connected() && steps > 0 && (answered_ > 0 || is_answered_);
+  if (counts) answered_ = std::min(answered_ + 1, kHandOver + 1);
+  return steps;
 }
 
 DueImpulses HapticClient::take_impulses(double period) {
@@ -318,6 +338,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.compute_time = now - sampled_at_;
   update_.impulse_step = playout_.step();
   update_.bodies = bodies;
+  erase_if(update_.bodies, [this](const MovableBody& body) { return holds(body.id); });
   for (MovableBody& body : update_.bodies) body.P_W = playout_.taken(body.id);
   update_.contacts = contacts;
   for (ReportedContact& contact : update_.contacts) {

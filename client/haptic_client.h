@@ -67,9 +67,15 @@ class HapticClient {
   /// the tool: those that the hand holds, in each frame, and once more one that it has let go of,
   /// which is the simulator's from there on. It says which are the server's in send().
   HeldPlaces take_held();
-  /// Whether the server moves what the hand holds, or will as soon as it has the shapes, so that
-  /// send() needs no bodies. The simulator's tool carries what lies on it until it does.
+  /// Whether the server moves what the hand holds, or will as soon as it has the shapes: of the
+  /// bodies whose inertia was offered, which send() does not need.
   bool holds() const noexcept;
+  /// Whether that is one of them.
+  bool holds(std::uint32_t body) const noexcept;
+  /// Whether the simulator's tool itself pushes what it touches in the frame that begins, for a
+  /// program that calls take_steps(): until the impulses cover whole frames and, where send() had
+  /// no bodies as the server moves what the hand holds, while it holds none.
+  bool tool_pushes() const noexcept;
 
   /// The simulator's time goes at this pace in the hand's, 0 (it stands still) to 1, from the next
   /// send() on, which reports what moves as the hand's time sees it.
@@ -168,6 +174,8 @@ class HapticClient {
   double ve_rate_;             ///< Hz.
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
   bool stood_still_ = false;   ///< The world does not make up for the time before this frame.
+  bool is_answered_ = false;   ///< A proxy state has come with the latest poll().
+  int answered_ = 0;           ///< Frames since the session's first one, up to kHandOver + 1.
   double sampled_at_ = 0;
   double polled_at_ = 0;
   double welcomed_at_ = 0;

@@ -87,13 +87,10 @@ class Session {
       v_ = proxy->v;
       contacts_ = proxy->active_contacts;
     }
-    if (!client_.has_scene()) answered_ = 0;
     const int steps = client_.take_steps(step_);
     frame_ = steps * step_;
-    const bool hands_over = steps > 0 && client_.has_scene() && (answered_ > 0 || proxy != nullptr);
-    if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
-    const bool holds_any = place_held();
-    place(client_.holds() ? !holds_any : answered_ <= kHandOver);
+    place_held();
+    place(client_.tool_pushes());
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       btCollisionObject* object = reported_.contains(due.body) ? find(world_, due.body) : nullptr;
       btRigidBody* body = object != nullptr ? movable(*object) : nullptr;
@@ -125,13 +122,14 @@ class Session {
     std::vector<btRigidBody*> near;
     for (const auto& [object, gap] : moving) {
       btRigidBody* body = movable(*object);
-      if (body != nullptr && !client_.holds() && gap <= reach()) near.push_back(body);
+      if (body != nullptr && gap <= reach()) near.push_back(body);
     }
     add_touching(world_, tool_, near);
     std::vector<JointedBodies> groups;
     for (btRigidBody* body : near) {
       body->activate();
       if (update.bodies.size() == kMaxBodies || !has_pose(*body)) continue;
+      if (client_.holds(number_of(*body))) continue;
       auto group = std::ranges::find_if(groups, [&](const auto& g) { return g.has(*body); });
       if (group == groups.end()) group = groups.emplace(group, world_, *body);
       update.bodies.push_back(describe(*body, *group));
@@ -158,10 +156,6 @@ class Session {
   std::size_t contacts() const { return contacts_; }
 
  private:
-  /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
-  /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
-  static constexpr int kHandOver = 4;
-
   /// Bodies within this distance are sent, plus how far the tool travels until the third update
   /// from now has come, up to the farthest, m: a body that was not sent is a wall.
   double reach() const {
@@ -193,9 +187,8 @@ class Session {
     return client;
   }
 
-  /// Puts the bodies that the hand holds where the server has them. Whether it holds any.
-  bool place_held() {
-    bool holds_any = false;
+  /// Puts the bodies that the hand holds where the server has them.
+  void place_held() {
     for (const HeldPlace& held : client_.take_held()) {
       btCollisionObject* object = find(world_, held.body);
       btRigidBody* body = object != nullptr && object != &tool_ ? movable(*object) : nullptr;
@@ -211,9 +204,7 @@ class Session {
       } else {
         let_go(*body);
       }
-      holds_any = holds_any || is_held(held.number);
     }
-    return holds_any;
   }
 
   void let_go(btRigidBody& body) {
@@ -254,7 +245,6 @@ class Session {
   Configuration q_;
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
-  int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
   std::map<const btRigidBody*, btVector3> held_;  ///< Gravity of what the hand holds.
   std::set<std::uint32_t> reported_;  ///< Bodies. The server can push no others, whatever it says.
   std::size_t contacts_ = 0;          ///< Of the tool, at the server.

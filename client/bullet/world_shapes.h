@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -113,6 +114,7 @@ class WorldShapes {
     btScalar friction;
     bool responds;  ///< It makes force; of the tool, whether or not.
     bool moves;
+    bool jointed;                    ///< One of the world's constraints is on it.
     std::array<btScalar, 12> place;  ///< Of what stands still.
     auto operator<=>(const Source&) const = default;
   };
@@ -137,7 +139,18 @@ class WorldShapes {
     return double{gap.length()};
   }
 
+  std::set<const btCollisionObject*> jointed_objects() const {
+    std::set<const btCollisionObject*> jointed;
+    auto* world = dynamic_cast<btDynamicsWorld*>(&world_);
+    for (int i = 0; world != nullptr && i < world->getNumConstraints(); ++i) {
+      jointed.insert(&world->getConstraint(i)->getRigidBodyA());
+      jointed.insert(&world->getConstraint(i)->getRigidBodyB());
+    }
+    return jointed;
+  }
+
   std::vector<Source> sources() const {
+    const std::set<const btCollisionObject*> jointed = jointed_objects();
     std::vector<Source> sources;
     for (int i = 0; i < world_.getNumCollisionObjects(); ++i) {
       btCollisionObject* object = world_.getCollisionObjectArray()[i];
@@ -154,6 +167,7 @@ class WorldShapes {
                                       object->getFriction(),
                                       object == &tool_ || object->hasContactResponse(),
                                       !object->isStaticObject(),
+                                      jointed.contains(object),
                                       {}});
       if (source.moves) continue;
       const btTransform& X = object->getWorldTransform();
@@ -193,23 +207,20 @@ class WorldShapes {
     return shape;
   }
 
-  /// Of all bodies that forces move. None where a joint, or Bullet's factors, hold one of them: the
-  /// server cannot move it then.
+  /// Of the bodies that forces move and the server can: neither a joint nor one of Bullet's factors
+  /// holds them.
   template <class Gravity>
   void add_inertias(const std::vector<Source>& sources, const Gravity& gravity_of,
                     protocol::SceneOffer& offer) const {
-    const auto* world = dynamic_cast<const btDynamicsWorld*>(&world_);
-    if (world == nullptr || world->getNumConstraints() > 0) return;
-    std::vector<BodyInertia> inertias;
+    const btVector3 one(1, 1, 1);
     for (const Source& source : sources) {
       const btRigidBody* body = movable(*source.object);
-      if (body == nullptr || source.object == &tool_) continue;
-      const btVector3 one(1, 1, 1);
-      if (body->getLinearFactor() != one || body->getAngularFactor() != one) return;
-      if (body->getLinearDamping() >= 1 || body->getAngularDamping() >= 1) return;
+      if (body == nullptr || source.object == &tool_ || source.jointed) continue;
+      if (body->getLinearFactor() != one || body->getAngularFactor() != one) continue;
+      if (body->getLinearDamping() >= 1 || body->getAngularDamping() >= 1) continue;
       const btVector3& turns = body->getInvInertiaDiagLocal();
-      if (turns.x() <= 0 || turns.y() <= 0 || turns.z() <= 0) return;
-      BodyInertia& to = inertias.emplace_back();
+      if (turns.x() <= 0 || turns.y() <= 0 || turns.z() <= 0) continue;
+      BodyInertia& to = offer.inertias.emplace_back();
       to.body = source.number;
       to.mass = 1 / double{body->getInvMass()};
       to.I_BCom = vector_of(body->getLocalInertia()).asDiagonal();
@@ -217,7 +228,6 @@ class WorldShapes {
       to.damping = -std::log1p(-double{body->getLinearDamping()});  // Shares lost in a second.
       to.angular_damping = -std::log1p(-double{body->getAngularDamping()});
     }
-    offer.inertias = std::move(inertias);
   }
 
   static bool are_apart(const Source& a, const Source& b) {

@@ -72,24 +72,27 @@ class Bodies {
     while (!own_.empty()) let_go(own_.begin()->first);
   }
 
-  /// Adds inertias and joints of all bodies that can be pushed, where they are now. None where one
-  /// of them has no shape among those that are offered, or is moved by what the server cannot be
-  /// told.
+  /// Adds inertias and joints of the bodies that can be pushed and that the server can move, where
+  /// they are now: all that joints connect have a shape among those that are offered, and nothing
+  /// moves them that it cannot be told.
   void add_dynamics(const mjData& data, protocol::SceneOffer& offer) const {
-    std::set<int> roots;
-    for (int body = 1; body < model_.nbody; ++body) {
-      if (model_.body_dofnum[body] > 0 && body != tool_) roots.insert(body);
-    }
+    const std::set<int> moved = moved_by_others();
     const auto has_shape = [&](int body) {
       return std::ranges::any_of(offer.shapes, [&](const protocol::OfferedShape& shape) {
         return shape.side == ContactSide{SideKind::kMovableBody, static_cast<std::uint32_t>(body)};
       });
     };
-    const std::set<int> named = others_move();
-    for (const int body : roots) {
-      if (!has_shape(body) || !can_be_told(body) || named.contains(body)) return;
+    std::set<int> roots;
+    std::set<int> untold;  // Trees.
+    for (int body = 1; body < model_.nbody; ++body) {
+      if (model_.body_dofnum[body] == 0 || body == tool_) continue;
+      roots.insert(body);
+      if (!has_shape(body) || !can_be_told(body) || moved.contains(body)) {
+        untold.insert(tree_of(body));
+      }
     }
     for (const int body : roots) {
+      if (untold.contains(tree_of(body))) continue;
       offer.inertias.push_back(inertia_of(data, body));
       const int joint = model_.body_jntadr[body];
       if (model_.jnt_type[joint] != mjJNT_FREE) offer.joints.push_back(joint_of(body, joint));
@@ -120,7 +123,7 @@ class Bodies {
 
   /// It has one joint, free, a slide or a hinge, and hangs on no mocap body and not on the tool.
   bool can_be_told(int body) const {
-    if (model_.body_jntnum[body] != 1) return false;
+    if (model_.body_jntnum[body] != 1 || model_.body_subtreemass[body] <= 0) return false;
     const int joint = model_.body_jntadr[body];
     const int along = model_.jnt_dofadr[joint];
     if (model_.jnt_type[joint] == mjJNT_FREE) {
@@ -141,26 +144,38 @@ class Bodies {
     return one_axis && !counts_turns && root.body != tool_ && model_.body_mocapid[root.body] < 0;
   }
 
-  /// Bodies that fluids, equalities, tendons, actuators or flexes may move: all, if there are any
-  /// besides equalities of the tool.
-  std::set<int> others_move() const {
+  /// The body among those that joints connect with it that hangs on the world, or on what only
+  /// moves by itself.
+  int tree_of(int body) const {
+    const int parent = root_of(model_.body_parentid[body]).body;
+    return model_.body_dofnum[parent] == 0 ? body : tree_of(parent);
+  }
+
+  /// Bodies that fluids, equalities, tendons, actuators or flexes may move: all, where it is not
+  /// known which.
+  std::set<int> moved_by_others() const {
     std::set<int> all;
     for (int body = 1; body < model_.nbody; ++body) all.insert(body);
     const bool fluid = model_.opt.density > 0 || model_.opt.viscosity > 0;
     // What a model switches off besides gravity is off in all its joints.
     if ((model_.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_FRICTIONLOSS)) != 0) return all;
-    if (fluid || has_flexes() || model_.ntendon > 0 || model_.nu > 0) return all;
-    std::set<int> named;
+    if (fluid || has_flexes() || model_.ntendon > 0) return all;
+    std::set<int> moved;
+    for (int i = 0; i < model_.nu; ++i) {
+      const int kind = model_.actuator_trntype[i];
+      if (kind != mjTRN_JOINT && kind != mjTRN_JOINTINPARENT) return all;
+      moved.insert(model_.jnt_bodyid[model_.actuator_trnid[2 * i]]);
+    }
     for (int i = 0; i < model_.neq; ++i) {
       if (model_.eq_type[i] != mjEQ_CONNECT && model_.eq_type[i] != mjEQ_WELD) return all;
       for (const int item : {model_.eq_obj1id[i], model_.eq_obj2id[i]}) {
 #if mjVERSION_HEADER >= 324
         if (model_.eq_objtype[i] == mjOBJ_SITE) return all;
 #endif
-        named.insert(model_.body_weldid[item]);
+        moved.insert(model_.body_weldid[item]);
       }
     }
-    return named;
+    return moved;
   }
 
   /// What MuJoCo 2 does not have.

@@ -114,13 +114,9 @@ class Session {
     }
     const int steps = client_.take_steps(model_.opt.timestep);
     frame_ = steps * model_.opt.timestep;
-    if (!client_.has_scene()) answered_ = 0;
-    const bool hands_over = steps > 0 && client_.has_scene() && (answered_ > 0 || proxy != nullptr);
-    if (hands_over) answered_ = std::min(answered_ + 1, kHandOver + 1);
     bodies_.place(data_, tool_, {q_.head<3>(), {q_[3], q_[4], q_[5], q_[6]}}, v_);
-    const bool holds_any = place_held();
-    const bool collides = client_.holds() ? !holds_any : answered_ <= kHandOver;
-    for (const Listing& listing : of_tool_) listing.set_force(collides);
+    place_held();
+    for (const Listing& listing : of_tool_) listing.set_force(client_.tool_pushes());
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       // Whatever a server says, it can push no body that was not reported to it.
       if (!reported_.contains(due.body)) continue;
@@ -147,12 +143,13 @@ class Session {
     update.poses = shapes_.poses_of(data_, moving, frame_);
     std::vector<int> near;
     for (const auto& [body, gap] : moving) {
-      if (!client_.holds() && gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
+      if (gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
     }
     shapes_.add_touching(data_, near);
     for (const int body : near) {
       if (update.bodies.size() == kMaxBodies) break;
       const auto number = static_cast<std::uint32_t>(body);
+      if (client_.holds(number)) continue;
       if (std::ranges::find(update.poses, number, &BodyPose::body) == update.poses.end()) continue;
       update.bodies.push_back(describe(model_, data_, body, push_on(body)));
       reported_.insert(number);
@@ -177,10 +174,6 @@ class Session {
   std::size_t contacts() const { return contacts_; }
 
  private:
-  /// Until the impulses cover whole frames, the tool itself carries the bodies that lie on it.
-  /// Fewer frames would let them sink in by some millimetres, more would push a body twice.
-  static constexpr int kHandOver = 4;
-
   /// Bodies within this distance are sent, plus how far the tool travels until the third update
   /// from now has come, up to the farthest, m: a body that was not sent is a wall.
   double reach() const {
@@ -191,9 +184,8 @@ class Session {
     return std::min(kNear + 4.5 * delay * std::max(v_.head<3>().norm(), kUsualSpeed), kFarthest);
   }
 
-  /// Puts the bodies that the hand holds where the server has them. Whether it holds any.
-  bool place_held() {
-    bool holds_any = false;
+  /// Puts the bodies that the hand holds where the server has them.
+  void place_held() {
     for (const HeldPlace& held : client_.take_held()) {
       const auto body = static_cast<int>(held.body);
       // Whatever a server says, it can move no body that is not there.
@@ -201,9 +193,7 @@ class Session {
       if (model_.body_jntnum[body] != 1) continue;
       bodies_.place(data_, body, held.X_WB, held.V_W, held.joint);
       is_held(held.number) ? bodies_.keep(body) : bodies_.let_go(body);
-      holds_any = holds_any || is_held(held.number);
     }
-    return holds_any;
   }
 
   /// What the tool does to a body in this frame.
@@ -246,7 +236,6 @@ class Session {
   WorldShapes shapes_;
   Bodies bodies_;
   std::vector<Listing> of_tool_;
-  int answered_ = 0;  ///< Frames since the first proxy state of the session, up to kHandOver + 1.
   std::vector<Push> pushes_;          ///< What is in xfrc_applied now.
   std::set<std::uint32_t> reported_;  ///< Bodies.
   std::size_t contacts_ = 0;          ///< Of the tool, at the server.

@@ -96,6 +96,7 @@ function load() {
     takeImpulses: library.func(
       'size_t haptic_take_impulses(haptic_session* session, double period, _Out_ haptic_impulse* impulses)'),
     takeSteps: library.func('int haptic_take_steps(haptic_session* session, double step)'),
+    toolPushes: library.func('int haptic_tool_pushes(haptic_session* session)'),
     sample: library.func(
       'int haptic_sample(haptic_session* session, const double* q, const double* v, double period)'),
     track: library.func('void haptic_track(haptic_session* session, _Inout_ haptic_contact* contacts, size_t count, ' +
@@ -169,6 +170,11 @@ export class Session {
     const steps = library().takeSteps(this.#session, step);
     if (steps < 0) this.#fail();
     return steps;
+  }
+
+  /** Whether the tool itself pushes what it touches in this frame. */
+  toolPushes() {
+    return library().toolPushes(this.#session) !== 0;
   }
 
   /** Before each step: the bodies that the hand holds, as haptic_held_body, to be put there; and once more each that it has

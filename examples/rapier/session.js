@@ -13,9 +13,6 @@ import { MAX_BODIES, Session as Client, box } from './haptic.js';
 import { WorldShapes } from './world_shapes.js';
 import { add, cross, list, object, rotate, scale, subtract } from './vectors.js';
 
-/** Until the impulses cover whole frames, the tool itself bears the bodies that lie on it: fewer frames would let them
- * sink in, more would push a body twice. */
-const HAND_OVER = 4;
 /** Bodies within this are sent, m, and within what the tool travels until the next update but two, up to the farthest, m:
  * one that was not sent is a wall. */
 const NEAR_BODIES = 0.02;
@@ -60,7 +57,7 @@ export class Session {
   #q;
   #v = [0, 0, 0, 0, 0, 0];
   #state = null;
-  #answered = 0; // Frames since the first proxy state of the session, up to HAND_OVER + 1.
+  #told = new Set(); // Numbers of the bodies that the server can hold.
   #groups = new Map(); // Solver groups of the tool's colliders where it makes force, by handle.
   #numbers = new Map(); // { number, body } by handles of bodies.
   #nextNumber = 1; // The server may know of the bodies before.
@@ -98,13 +95,10 @@ export class Session {
       this.#q = [...state.q.slice(0, 7)];
       this.#v = [...state.v.slice(0, 6)];
     }
-    if (!state.connected || !state.scene) this.#answered = 0;
     const steps = this.#client.takeSteps(this.#world.timestep);
     this.#frame = steps * this.#world.timestep;
-    const handsOver = steps > 0 && state.scene && (this.#answered > 0 || state.fresh);
-    if (handsOver) this.#answered = Math.min(this.#answered + 1, HAND_OVER + 1);
     this.#placeHeld();
-    this.#place(state.holds ? this.#held.size === 0 : this.#answered <= HAND_OVER);
+    this.#place(this.#client.toolPushes());
     for (const { body, impulse } of this.#client.takeImpulses(this.#frame)) {
       const pushed = this.#reported.get(body);
       if (!pushed?.isValid() || !pushed.isDynamic()) continue;
@@ -123,7 +117,7 @@ export class Session {
     this.#shapes.offer(this.#client);
     const bodies = this.#shapes.bodies();
     this.#client.place(this.#shapes.poses(bodies));
-    this.#client.send([], this.#state.holds ? [] : this.#near(bodies));
+    this.#client.send([], this.#near(bodies));
   }
 
   /** Ends the session. */
@@ -146,13 +140,17 @@ export class Session {
     return Array.from({ length: this.#tool.numColliders() }, (_, i) => this.#tool.collider(i));
   }
 
-  /** None where joints hold bodies, or their freedoms are locked: the server cannot move them then. */
+  /** Of those that no joint holds, and that may move and turn freely: the server can move them. */
   #dynamicsOf(bodies) {
-    if (this.#world.impulseJoints.len() + this.#world.multibodyJoints.len() > 0) return [];
+    const jointed = new Set();
+    this.#world.impulseJoints.forEach((joint) => [joint.body1(), joint.body2()].forEach(({ handle }) => jointed.add(handle)));
+    if (this.#world.multibodyJoints.len() > 0) bodies.forEach(({ handle }) => jointed.add(handle)); // Whose is not said.
     const gravity = list(this.#world.gravity);
-    const all = bodies.map((body) => dynamicsOf(body, this.#numberOf(body), scale(this.#held.get(body.handle) ??
-      body.gravityScale(), gravity)));
-    return all.includes(null) ? [] : all;
+    const told = bodies.filter(({ handle }) => !jointed.has(handle)).map((body) => (
+      dynamicsOf(body, this.#numberOf(body), scale(this.#held.get(body.handle) ?? body.gravityScale(), gravity))))
+      .filter((each) => each !== null);
+    this.#told = new Set(told.map(({ body }) => body));
+    return told;
   }
 
   /** The bodies that the hand holds where the server has them; they do not fall within a frame. */
@@ -222,7 +220,8 @@ export class Session {
     const delay = (this.#state?.round_trip ?? 0) + 2 * Math.max(this.#frame, this.#period);
     const speed = Math.max(Math.hypot(...this.#v.slice(0, 3)), USUAL_SPEED);
     const reach = Math.min(NEAR_BODIES + 4.5 * delay * speed, FARTHEST_BODIES);
-    const near = bodies.filter(({ body, gap }) => gap < reach && body.isDynamic()).map(({ body }) => body);
+    const isHeld = (body) => this.#state.holds && this.#told.has(this.#numberOf(body));
+    const near = bodies.map(({ body, gap }) => gap < reach && body.isDynamic() && !isHeld(body) && body).filter(Boolean);
     near.forEach((body) => body.wakeUp());
     return near.slice(0, MAX_BODIES).map((body) => {
       const number = this.#numberOf(body);

@@ -290,8 +290,8 @@ class Session:
         default: there. friction: of each; negative: that of the other, of two such the server's own. rule: what two
         coefficients make of a contact, one of FRICTION_RULES. priority: of each, 0 to 255: of two the higher one's friction counts alone. excluded: pairs that never touch, by their places.
 
-        dynamics: records of DYNAMICS of the bodies that the tool can push. With them the server moves what the hand holds: see
-        held(). Other bodies are walls that move then.
+        dynamics: records of DYNAMICS of bodies that the tool can push. With them the server moves what the hand holds: see
+        held().
         Raises HapticError that names the shape."""
         listed = _arguments.items(shapes, Shape, "shape")
         count = len(listed)
@@ -318,9 +318,16 @@ class Session:
 
     @property
     def holds(self) -> bool:
-        """Whether the server moves what the hand holds, or will as soon as it has the shapes: send() needs no bodies then,
-        nothing is pushed by impulses, and the tool pushes in the engine what is not held."""
+        """Whether the server moves what the hand holds, or will as soon as it has the shapes: of the bodies that were offered with
+        their dynamics, which send() does not need."""
         return bool(self._state.holds)
+
+    @property
+    def tool_pushes(self) -> bool:
+        """Whether the tool itself pushes what it touches in the engine during this frame, after steps(), as what lies on it when a
+        session begins: until the impulses cover whole frames and, where `holds` and send() had no bodies, while the hand holds
+        none."""
+        return bool(self._library.haptic_tool_pushes(self._open()))
 
     def held(self) -> np.ndarray:
         """Before each step, as records of HELD: the bodies that the hand holds, to be put there as the tool is, and moved by

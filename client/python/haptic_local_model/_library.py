@@ -100,6 +100,7 @@ def _functions() -> Iterable[tuple[Any, ...]]:
         ("haptic_poll", None, session, address),
         ("haptic_take_steps", ctypes.c_int, session, _double),
         ("haptic_take_held", _size, session, address),
+        ("haptic_tool_pushes", ctypes.c_int, session),
         ("haptic_take_impulses", _size, session, _double, ctypes.POINTER(Impulse)),
         ("haptic_sample", ctypes.c_int, session, address, address, _double),
         ("haptic_track", None, session, address, _size, address, _size),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Collection, Optional
+from typing import Any, Collection
 
 import numpy as np
 
@@ -64,20 +64,24 @@ class Bodies:
         for body in [*self._own]:
             self.let_go(body)
 
-    def dynamics(self, data: Any, offered: Collection[int]) -> Optional[np.ndarray]:
-        """Records of haptic.DYNAMICS of all bodies that can be pushed. None where one of them has no shape that was offered, or is
-        moved by what the server cannot be told: it can hold none then."""
+    def dynamics(self, data: Any, offered: Collection[int]) -> np.ndarray:
+        """Records of haptic.DYNAMICS of the bodies that can be pushed and that the server can move: all that joints connect have
+        a shape that was offered, and nothing moves them that it cannot be told."""
         model = self._model
         welded = np.asarray(model.body_weldid)
         roots = [int(body) for body in np.flatnonzero((welded == np.arange(model.nbody)) & (np.asarray(model.body_dofnum) > 0))
                  if body != self._tool]
-        if not all(body in offered and self._can_be_told(body) for body in roots) or self._others_move(set(roots)):
-            return None
-        found = haptic.dynamics(len(roots))
-        for to, root in zip(found, roots):
+        moved = self._moved_by_others(roots)
+        trees: dict[int, list[int]] = {}
+        for root in roots:
+            trees.setdefault(self._tree_of(root), []).append(root)
+        told = [body for tree in trees.values() for body in tree
+                if all(each in offered and each not in moved and self._can_be_told(each) for each in tree)]
+        found = haptic.dynamics(len(told))
+        for to, root in zip(found, told):
             self._describe(data, root, np.flatnonzero(welded == root), to)
             self._describe_joint(root, to)
-        return found if (found["mass"] >= _LEAST_MASS).all() else None
+        return found
 
     def _places(self, body: int) -> tuple[slice, slice]:
         """In qpos and in qvel."""
@@ -87,9 +91,9 @@ class Bodies:
         return slice(first, first + (7 if is_free else 1)), slice(along, along + (6 if is_free else 1))
 
     def _can_be_told(self, body: int) -> bool:
-        """It has one joint, free, a slide or a hinge, and hangs on no mocap body."""
+        """It has mass and one joint, free, a slide or a hinge, and hangs on no mocap body."""
         model, joint = self._model, int(self._model.body_jntadr[body])
-        if model.body_jntnum[body] != 1:
+        if model.body_jntnum[body] != 1 or model.body_mass[np.asarray(model.body_weldid) == body].sum() < _LEAST_MASS:
             return False
         if model.jnt_type[joint] == _FREE:
             along = self._places(body)[1]
@@ -110,12 +114,17 @@ class Bodies:
             body = int(model.body_parentid[body])
         return body, X
 
-    def _others_move(self, bodies: set[int]) -> bool:
-        """Whether fluids, equalities, tendons, actuators or flexes move one of them."""
+    def _tree_of(self, body: int) -> int:
+        """The body among those that joints connect with it that hangs on the world, or on what only moves by itself."""
+        parent, _ = self._from_root(int(self._model.body_parentid[body]))
+        return body if parent == 0 or self._model.body_dofnum[parent] == 0 else self._tree_of(parent)
+
+    def _moved_by_others(self, bodies: list[int]) -> set[int]:
+        """Those that fluids, equalities, tendons, actuators or flexes move."""
         model, option = self._model, self._model.opt
         if option.density > 0 or option.viscosity > 0 or getattr(model, "nflex", 0) > 0:
-            return bool(bodies)
-        return not bodies.isdisjoint(np.asarray(model.body_weldid)[sorted(self._named())].tolist())
+            return set(bodies)
+        return set(np.asarray(model.body_weldid)[sorted(self._named())].tolist())
 
     def _named(self) -> set[int]:
         """Bodies that equalities, tendons and actuators name, by themselves, a joint or a site."""

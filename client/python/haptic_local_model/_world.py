@@ -18,9 +18,6 @@ import haptic_local_model.shapes
 # farthest, m: one that was not sent is a wall.
 _NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
 _USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
-# Frames in which the tool still carries what lies on it, until the impulses cover whole ones: with fewer a body sinks in by
-# some millimetres, more would push it twice.
-_HAND_OVER = 4
 _Session = TypeVar("_Session", bound="EngineSession")
 _TOOL = -1  # the carrier of the tool's shapes
 
@@ -34,17 +31,12 @@ class Frames:
         self._touch, self._period, self._arm, self._has_shapes = touch, period, arm, has_shapes
         self.length = 0.0  #: Of the steps of the present frame, s.
         self.held = np.zeros(0, haptic.HELD)  #: Bodies to be put where the server has them, as haptic.Session.held().
-        self._answered = 0  # frames since the first proxy state of the session
 
     def begin(self, step: float) -> int:
         """Takes what arrived. Returns how many steps, of `step` seconds, are due."""
         self._touch.poll()
         self.held = self._touch.held()
         steps = self._touch.steps(step)
-        if not self._touch.connected or self.waits():
-            self._answered = 0
-        elif steps > 0 and (self._answered > 0 or self._touch.state.fresh):
-            self._answered += 1
         self.length = steps * step
         return steps
 
@@ -52,14 +44,6 @@ class Frames:
         """Whether the server has the shapes to itself, and says neither that it uses them nor why it does not."""
         told = self._touch.connected and self._touch.message
         return self._has_shapes and not self._touch.has_scene and not told
-
-    @property
-    def tool_collides(self) -> bool:
-        """Whether the tool's contacts in the engine have their force: until the server's impulses come, or where it holds no
-        body."""
-        if self._touch.holds:
-            return bool(self.held["let_go"].all())
-        return self._answered <= _HAND_OVER
 
     def delay(self) -> float:
         """From the state that is known until what is sent now is replaced, s."""
@@ -183,14 +167,12 @@ class WorldSession(EngineSession, abc.ABC):
         self.touch.offer(placed.shapes, np.reshape(placed.positions, (-1, 3)), np.reshape(placed.rotations, (-1, 4)),
                          placed.friction, self._rule, None, placed.excluded, self._dynamics())
 
-    def _dynamics(self) -> Optional[np.ndarray]:
-        """Of the bodies that can be pushed; None where one cannot be described: the server holds none then."""
-        bodies = [body for body in self._placed.bodies if self._can_be_pushed(body)]
-        found = haptic.dynamics(len(bodies))
-        for to, body in zip(found, bodies):
-            described = self._inertia(body)
-            if described is None:
-                return None
+    def _dynamics(self) -> np.ndarray:
+        """Of the bodies that can be pushed and described: the server can hold them."""
+        inertias = {body: self._inertia(body) for body in self._placed.bodies if self._can_be_pushed(body)}
+        self._told = {body: described for body, described in inertias.items() if described is not None}
+        found = haptic.dynamics(len(self._told))
+        for to, (body, described) in zip(found, self._told.items()):
             to["body"], to["gravity"] = body, self._gravity_W
             to["mass"], to["centre"], to["inertia"], to["damping"] = described
             to["angular_damping"] = to["damping"]
@@ -222,10 +204,8 @@ class WorldSession(EngineSession, abc.ABC):
         poses = haptic.poses(len(gaps))
         for to, body in zip(poses, gaps):
             to["body"], (to["position"], to["rotation"], to["velocity"]) = body, placed[body]
-        if self.touch.holds:
-            self.touch.send(None, None, poses)
-            return
-        pushable = {body: gap for body, gap in gaps.items() if self._can_be_pushed(body)}
+        held = self._told if self.touch.holds else {}
+        pushable = {body: gap for body, gap in gaps.items() if self._can_be_pushed(body) and body not in held}
         reach = self._frames.reach(self._v)
         near = with_touching([body for body, gap in pushable.items() if gap < reach], self._touching, pushable)
         bodies = haptic.bodies(min(len(near), haptic.MAX_BODIES))

@@ -71,8 +71,8 @@ class Session(WorldSession):
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as forces for all of its steps. Returns
         how many steps to take."""
         steps = self._begin_frame(self._plant.time_step())
-        if self._frames.tool_collides != (self._filter is None):
-            self._set_collides(self._frames.tool_collides)
+        if self.touch.tool_pushes != (self._filter is None):
+            self._set_collides(self.touch.tool_pushes)
         self._place(int(self._tool.index()), self._q[:3], self._q[3:], self._v)
         wrenches = {int(self._tool.index()): self._weightless(self._tool), **self._pushes}
         for number in self._frames.held["body"][self._frames.held["let_go"] == 0].tolist():
@@ -92,11 +92,13 @@ class Session(WorldSession):
 
     def send(self) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to."""
-        if self._frames.length > 0 and not self.touch.holds:
-            self._mobility = np.linalg.inv(self._plant.CalcMassMatrix(self._context))
-            self._speedup = self._mobility @ (self._plant.CalcGravityGeneralizedForces(self._context)
-                                              - self._plant.CalcBiasTerm(self._context))
+        self._mobility: Optional[np.ndarray] = None
         self._end_frame()
+
+    def _find_mobility(self) -> None:
+        self._mobility = np.linalg.inv(self._plant.CalcMassMatrix(self._context))
+        self._speedup = self._mobility @ (self._plant.CalcGravityGeneralizedForces(self._context)
+                                          - self._plant.CalcBiasTerm(self._context))
 
     def _force(self, number: int, wrench: np.ndarray) -> Any:
         force, body = ExternallyAppliedSpatialForce(), self._body(number)
@@ -181,6 +183,8 @@ class Session(WorldSession):
 
     def _describe(self, number: int, to: np.ndarray) -> None:
         plant, body = self._plant, self._body(number)
+        if self._mobility is None:
+            self._find_mobility()
         centre = body.CalcCenterOfMassInBodyFrame(self._context)
         at = (JacobianWrtVariable.kV, body.body_frame(), centre, plant.world_frame(), plant.world_frame())
         J = plant.CalcJacobianSpatialVelocity(self._context, *at)[_LINEAR_FIRST]

@@ -119,7 +119,9 @@ class Session(EngineSession):
         self._frames = Frames(self.touch, period, arm, has_shapes=self._shapes is not None)
         if self._shapes is not None:
             whole = not self._shapes.by_engine.any()
-            self._shapes.offer(self.touch, data, self._placed.dynamics(data, self._shapes.bodies) if whole else None)
+            dynamics = self._placed.dynamics(data, self._shapes.bodies if whole else ())
+            self._told = set(dynamics["body"].tolist())
+            self._shapes.offer(self.touch, data, dynamics)
 
     def close(self) -> None:
         """Says goodbye, and ends a server that the session started. Tool and bodies resist as the model has it again."""
@@ -131,7 +133,7 @@ class Session(EngineSession):
         steps. Returns how many steps to take."""
         self._take_back_pushes(data)  # of a frame that was not sent
         steps = self._frames.begin(self._model.opt.timestep)
-        self._set_force(self._frames.tool_collides)
+        self._set_force(self.touch.tool_pushes)
         self._placed.place(data, self._tool, self.touch.q, self.touch.v)
         self._place_held(data)
         self._begin, frame = data.time, self._frames.length
@@ -194,10 +196,8 @@ class Session(EngineSession):
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         poses = shapes.poses(data, gaps, self._frames.length)
         poses["kept"], self._was_reset = self._was_reset, False
-        if self.touch.holds:
-            self.touch.send(None, None, poses)
-            return
-        pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}
+        held = self._told if self.touch.holds else ()
+        pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0 and body not in held}
         near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         contacts = self._contacts(data, shapes.by_engine) if shapes.by_engine.any() else None

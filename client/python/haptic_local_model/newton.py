@@ -73,7 +73,7 @@ class Session(WorldSession):
         """Before a frame. Returns how many steps to take."""
         self._state, self._steps = state, 0
         steps = self._begin_frame(self._step)
-        _put(self._model.shape_gap, self._of_tool, self._gaps_of_tool if self._frames.tool_collides else _NO_CONTACT)
+        _put(self._model.shape_gap, self._of_tool, self._gaps_of_tool if self.touch.tool_pushes else _NO_CONTACT)
         self._place_tool(state)
         return steps
 

@@ -67,7 +67,7 @@ class Session(WorldSession):
         """Before a frame: the tool where the proxy is. Returns how many steps to take."""
         self._step, self._steps = self._world.getPhysicsEngineParameters()["fixedTimeStep"], 0
         steps = self._begin_frame(self._step)
-        self._world.setCollisionFilterGroupMask(self._tool, _BASE, *((1, -1) if self._frames.tool_collides else (0, 0)))
+        self._world.setCollisionFilterGroupMask(self._tool, _BASE, *((1, -1) if self.touch.tool_pushes else (0, 0)))
         self._world.resetBasePositionAndOrientation(self._tool, self._q[:3].tolist(), np.roll(self._q[3:], -1).tolist())
         self._world.resetBaseVelocity(self._tool, self._v[:3].tolist(), self._v[3:].tolist())
         return steps
