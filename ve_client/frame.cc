@@ -160,6 +160,14 @@ void follow_servers(VirtualEnvironment& environment, std::span<HapticClient* con
   if (length > 0) environment.shared.push(pushes, reported, length, round_trip, hands > 1);
 }
 
+/// Those that the server moves once the hand holds them.
+std::function<bool(int body)> bodies_to_hold(const HapticClient& client,
+                                             const FrameOptions& options) {
+  return [&client, follows = options.push_by_following](int body) {
+    return !follows && client.holds(static_cast<std::uint32_t>(body));
+  };
+}
+
 /// What stops a tool in the engine.
 std::function<bool(int body)> obstacles(const VirtualEnvironment& environment,
                                         std::span<HapticClient* const> clients, std::size_t tool,
@@ -168,11 +176,11 @@ std::function<bool(int body)> obstacles(const VirtualEnvironment& environment,
   const bool left = clients.size() > 1 && !clients[tool]->connected();
   const bool by_impulses = pushes_by_impulses(*clients[tool], options);
   const Surroundings& surroundings = environment.tools[tool].surroundings;
-  const bool holds = clients[tool]->holds() && !options.push_by_following;
-  return [&world = environment.world, &surroundings, left, holds, by_impulses](int body) {
+  const auto held_by_server = bodies_to_hold(*clients[tool], options);
+  return [&world = environment.world, &surroundings, left, held_by_server, by_impulses](int body) {
     if (left) return !world.is_movable(body);
     // Until the server has it, as when a session begins, the tool carries it here.
-    if (holds) return !world.is_held(body);
+    if (held_by_server(body)) return !world.is_held(body);
     return !by_impulses || surroundings.is_obstacle(body);
   };
 }
@@ -258,8 +266,8 @@ Report find_contacts(VirtualEnvironment& environment, std::size_t i, const Hapti
     for (FoundContact& contact : contacts) contact.friction = -1;
   }
   std::vector<FoundContact> none;
-  const bool sends_bodies = pushes_by_impulses(client, options) && !client.holds();
-  surroundings.find(sends_bodies ? contacts : none, options.epsilon, shapes);
+  surroundings.find(pushes_by_impulses(client, options) ? contacts : none, options.epsilon, shapes,
+                    bodies_to_hold(client, options));
   if (shapes) contacts.clear();
   result.bodies = surroundings.bodies().size();
   result.supports = surroundings.contacts().size();

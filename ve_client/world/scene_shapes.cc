@@ -7,6 +7,7 @@
 
 #include "hlm/geometry/index.h"
 #include "hlm/protocol/scene_offer.h"
+#include "hlm/world/scene_dynamics.h"
 
 namespace hlm::ve {
 namespace {
@@ -92,30 +93,6 @@ class Offer {
 
 }  // namespace
 
-namespace {
-
-/// Of the bodies that a server may move: all, if no joint holds any.
-std::vector<BodyInertia> inertias_of(const World& world) {
-  std::vector<BodyInertia> inertias;
-  const WorldDescription& description = world.description();
-  const auto is_jointed = [&](const JointDescription& joint) {
-    return world.is_movable(joint.child) || (joint.parent >= 0 && world.is_movable(joint.parent));
-  };
-  if (std::ranges::any_of(description.joints, is_jointed)) return inertias;
-  for (int i = 0; i < static_cast<int>(description.bodies.size()); ++i) {
-    if (!world.is_movable(i)) continue;
-    const BodyDescription& body = description.bodies[static_cast<std::size_t>(i)];
-    BodyInertia& inertia = inertias.emplace_back();
-    inertia.body = static_cast<std::uint32_t>(i);
-    inertia.mass = body.mass;
-    inertia.I_BCom = body.I_B;
-    if (!body.weightless) inertia.gravity_W = description.gravity_W;
-  }
-  return inertias;
-}
-
-}  // namespace
-
 protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool friction) {
   Offer offer(world, friction);
   for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
@@ -131,7 +108,7 @@ protocol::SceneOffer scene_of(const World& world, const ToolAssembly& tool, bool
   }
   offer.keep_joined_apart();
   protocol::SceneOffer scene = offer.take();
-  scene.inertias = inertias_of(world);
+  add_dynamics(world, scene);
   return scene;
 }
 

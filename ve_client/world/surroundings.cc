@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "hlm/geometry/index.h"
 #include "hlm/world/joint_limits.h"
@@ -51,7 +52,9 @@ ContactSide Surroundings::side_of(int body) const {
           static_cast<std::uint32_t>(body)};
 }
 
-void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, bool shapes) {
+void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, bool shapes,
+                        std::function<bool(int body)> left_to) {
+  left_to_ = std::move(left_to);
   reported_.clear();
   left_out_.clear();
   bodies_.clear();
@@ -95,7 +98,7 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
 
 /// Takes a body in if it can be pushed and there is room.
 void Surroundings::report(int body) {
-  if (!pushable_[at(body)] || is_reported(body)) return;
+  if (!pushable_[at(body)] || is_reported(body) || (left_to_ && left_to_(body))) return;
   if (reported_.size() < kMaxMovedBodies) {
     reported_.push_back(body);
   } else if (!contains(left_out_, body)) {

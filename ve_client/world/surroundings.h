@@ -1,6 +1,7 @@
 // Which bodies can the tool push, and what do they rest on?
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -23,8 +24,9 @@ class Surroundings {
   /// and marks the contacts with one of them. The bodies' own contacts are those with the world,
   /// with each other and with bodies that are not reported, with friction and load, and the
   /// limits of their joints (find_limits); these alone with `shapes`, whose contacts are found
-  /// elsewhere.
-  void find(std::span<FoundContact> tool_contacts, double epsilon, bool shapes = false);
+  /// elsewhere. left_to: which bodies somebody else moves; none if it is empty.
+  void find(std::span<FoundContact> tool_contacts, double epsilon, bool shapes = false,
+            std::function<bool(int body)> left_to = {});
 
   const MovableBodies& bodies() const noexcept { return bodies_; }
   /// Contacts of the latest find(), sorted by key: at most so many that all fit into an update. If
@@ -49,6 +51,7 @@ class Surroundings {
   Proximity& proximity_;
   std::vector<bool> pushable_;  ///< Bodies that their joints let move.
   std::vector<BodyRoundness> round_;
+  std::function<bool(int body)> left_to_;
   std::vector<int> reported_;
   std::vector<int> left_out_;
   MovableBodies bodies_;
