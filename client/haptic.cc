@@ -311,7 +311,7 @@ struct haptic_session {
     if (own && !client->connected()) {
       if (const auto status = own->status()) return end_of(*status);
     }
-    return news->text().empty() ? client->body_problem() : news->text();
+    return news->text();
   }
 
   /// Whether this is what a fork copied: the session goes on in the process that opened it.

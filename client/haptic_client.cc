@@ -103,7 +103,6 @@ HapticClient::Inbox HapticClient::poll(double now) {
     playout_.reset();
     take_back();
     held_.clear();
-    doubt_ = BodyDoubt::kNone;
   }
   polled_at_ = now;
   is_answered_ = inbox.state != nullptr;
@@ -119,8 +118,6 @@ HapticClient::Inbox HapticClient::poll(double now) {
   if (inbox.state != nullptr) {
     playout_.hear(inbox.state->step);
     scene_in_force_ = inbox.state->scene > 0;
-    doubt_ = inbox.state->doubt;
-    doubted_ = inbox.state->doubted;
   }
   hear_held(inbox);
   if (inbox.impulses != nullptr) playout_.receive(*inbox.impulses);
@@ -281,12 +278,6 @@ void HapticClient::sample(double now, const Configuration& q, const Velocity& v,
 
 void HapticClient::follow_accelerations(const MovableBodies& bodies) {
   update_.rates = trend_.rates(bodies, update_.ve_time);
-}
-
-std::string HapticClient::body_problem() const {
-  if (!connected() || doubt_ == BodyDoubt::kNone) return {};
-  return "body " + std::to_string(doubted_) + ": " + std::string(meaning_of(doubt_)) + "; " +
-         std::string(remedy_of(doubt_));
 }
 
 Wrench HapticClient::external(std::uint8_t link) const {

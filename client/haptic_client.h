@@ -111,9 +111,6 @@ class HapticClient {
   /// Why the server does not find contacts in the offered scene, for a person; empty while there is
   /// no known reason.
   const std::string& scene_problem() const noexcept { return scene_problem_; }
-  /// How a body moves otherwise than its reports say, and what to do about it, for a person; empty
-  /// if none does. The server notices within some seconds in which the tool moves the body.
-  std::string body_problem() const;
   /// What the server says about the scene.
   const protocol::SceneState& scene_state() const noexcept { return session_.scene_state(); }
 
@@ -184,8 +181,6 @@ class HapticClient {
   protocol::OfferedBefore offered_;            ///< In this session.
   bool scene_in_force_ = false;
   std::string scene_problem_;
-  BodyDoubt doubt_ = BodyDoubt::kNone;  ///< Of the latest proxy state.
-  std::uint32_t doubted_ = 0;
 };
 
 }  // namespace hlm

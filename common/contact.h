@@ -18,7 +18,9 @@ inline constexpr std::size_t kMaxContacts = 192;
 /// Largest number of movable bodies in one update, and of those that our server moves. Each adds up
 /// to six unknowns to a step of its local model; bodies beyond are moving constraints to it.
 inline constexpr std::size_t kMaxBodies = 16;
-inline constexpr std::size_t kMaxMovedBodies = 8;
+inline constexpr std::size_t kMaxMovedBodies = 16;
+/// Of these, those that it moves ahead of reports, each of which repeats steps.
+inline constexpr std::size_t kMaxBodiesAhead = 8;
 /// Largest number of bodies whose poses are in one update.
 inline constexpr std::size_t kMaxPoses = 64;
 

@@ -316,38 +316,6 @@ inline constexpr std::array<Word<ForceLimit>, 7> kWords<ForceLimit>{{
     {ForceLimit::kEnergy, "energy", "the passivity controller"},
 }};
 
-/// What a body does otherwise than its reports say.
-enum class BodyDoubt : std::uint8_t {
-  kNone = 0,
-  kVelocity = 1,
-  kIgnored = 2,
-  kReversed = 3,
-  kTwice = 4,
-  kMass = 5,
-  kGravity = 6,
-  kSupport = 7,
-};
-template <>
-inline constexpr std::array<Word<BodyDoubt>, 8> kWords<BodyDoubt>{{
-    {BodyDoubt::kNone, "none", "nothing"},
-    {BodyDoubt::kVelocity, "velocity", "its velocity is not how its place changes",
-     "report the velocity of the centre of mass after the step, in world axes, and the period that "
-     "was simulated"},
-    {BodyDoubt::kIgnored, "ignored", "it does not gain what the tool's impulses give it",
-     "apply each impulse / period as a wrench at its centre of mass, with its sign and in every "
-     "step of the frame, and report gravity and what else holds it"},
-    {BodyDoubt::kReversed, "reversed", "it goes against the tool's impulses",
-     "apply the impulses with the sign that they come with"},
-    {BodyDoubt::kTwice, "twice", "it gains twice what the tool's impulses give it",
-     "apply the impulses once, let the tool's own contacts have no force, and report 1/mass"},
-    {BodyDoubt::kMass, "mass", "it is not as heavy as reported",
-     "report the inverse inertia: 1/mass in its first three elements"},
-    {BodyDoubt::kGravity, "gravity", "its reported acceleration lacks something, as gravity",
-     "report gravity, motors and springs as its acceleration"},
-    {BodyDoubt::kSupport, "support", "something bears it that is not reported",
-     "send its contacts with other things, or their shapes, and what its joints leave of it"},
-}};
-
 /// Why an update of contacts, or a contact of it, was not used.
 enum class UpdateError : std::uint8_t {
   kNone = 0,

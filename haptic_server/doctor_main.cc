@@ -10,7 +10,6 @@
 #include <sys/stat.h>
 
 #include "hlm/common/descriptor.h"
-#include "hlm/doctor/body_examination.h"
 #include "hlm/doctor/contact_examination.h"
 #include "hlm/doctor/device_access.h"
 #include "hlm/doctor/device_check.h"
@@ -28,14 +27,14 @@
 namespace hlm::server {
 
 /// What is examined.
-enum class Part { kAll, kMachine, kNetwork, kDevice, kForce, kContacts, kBodies };
+enum class Part { kAll, kMachine, kNetwork, kDevice, kForce, kContacts };
 
 }  // namespace hlm::server
 
 namespace hlm {
 
 template <>
-inline constexpr std::array<Word<server::Part>, 7> kWords<server::Part>{{
+inline constexpr std::array<Word<server::Part>, 6> kWords<server::Part>{{
     {server::Part::kAll, "all", "everything"},
     {server::Part::kMachine, "machine", "rights, kernel, clocks, the loop"},
     {server::Part::kNetwork, "network", "round trip, jitter, loss, order"},
@@ -43,7 +42,6 @@ inline constexpr std::array<Word<server::Part>, 7> kWords<server::Part>{{
     {server::Part::kForce, "force", "the chain from contact to force"},
     {server::Part::kContacts, "contacts",
      "whether the client's contacts can be trusted: of a capture, or where the server records"},
-    {server::Part::kBodies, "bodies", "whether its bodies do what it says of them: the same"},
 }};
 
 }  // namespace hlm
@@ -117,11 +115,10 @@ std::vector<Examination> examine_capture(const DoctorOptions& options) {
   for (const RecordedSession& session : read_sessions(options.subject)) {
     if (wanted(Part::kForce)) examinations.push_back(examine_force(session));
     if (wanted(Part::kContacts)) examinations.push_back(examine_contacts(session));
-    if (wanted(Part::kBodies)) examinations.push_back(examine_bodies(session));
   }
   if (examinations.empty()) {
     throw settings::UsageError("--check " + std::string(name_of(options.part)) +
-                               " must be all, force, contacts or bodies for a capture");
+                               " must be all, force or contacts for a capture");
   }
   return examinations;
 }
@@ -163,7 +160,6 @@ std::vector<Examination> examine_present(const DoctorOptions& options) {
   if (options.part == Part::kContacts) {
     return {examine_contacts(latest_session(running, options.part))};
   }
-  if (options.part == Part::kBodies) return {examine_bodies(latest_session(running, options.part))};
   std::vector<Examination> examinations;
   if (wanted(Part::kMachine)) {
     MachineOptions machine = options.machine;
@@ -239,7 +235,6 @@ const char* const kFooter =
   haptic_doctor device --udev                    udev's rules and the groups that a user needs
   haptic_doctor --check contacts                 whether a client's contacts can be trusted, while
                                                  a session goes on that the server records
-  haptic_doctor --check bodies                   whether its bodies do what it says of them
   haptic_doctor clear                            whoever stopped the force, or saw to a fault of the
                                                  device or the loop, lets it go on
   haptic_doctor run.pcap                         a session recorded with --record

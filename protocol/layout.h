@@ -317,8 +317,6 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.appended_flag(state.hand_observed);
   io.appended_f64(state.lowered);
   io.appended_u32(state.scene);
-  io.appended_enumeration(state.doubt);
-  io.appended_u32(state.doubted);
 }
 
 template <class Io, class M>

@@ -208,9 +208,7 @@ struct ProxyState {
   /// because the device does not support it: of the coupling, or of all contacts together where the
   /// controller does not couple translation.
   double lowered = 0;
-  std::uint32_t scene = 0;             ///< Number of the scene in force, 0 none.
-  BodyDoubt doubt = BodyDoubt::kNone;  ///< How a body moves otherwise than its reports say.
-  std::uint32_t doubted = 0;           ///< Which body.
+  std::uint32_t scene = 0;  ///< Number of the scene in force, 0 none.
 };
 
 /// How the hand's wrench is known, as status line, state file and page say it.

@@ -90,7 +90,6 @@ class Status {
   std::size_t found_ = 0;                     ///< Contacts of the tool, of the latest frame.
   std::size_t active_ = 0;                    ///< Active contacts of the latest frame.
   std::size_t predicted_ = 0;                 ///< Predicted contacts of the latest frame.
-  std::string doubt_;                         ///< What was last said of a body.
   std::optional<protocol::Refusal> refusal_;  ///< Refusal by the server, since the latest report.
   int refused_ = 0;         ///< Proxy states that could not be followed, since the start.
   int warned_refused_ = 0;  ///< Value of refused_ at the latest report.

@@ -84,15 +84,17 @@ class Bodies {
     };
     std::set<int> roots;
     std::set<int> untold;  // Trees.
+    std::map<int, int> freedoms;
     for (int body = 1; body < model_.nbody; ++body) {
       if (model_.body_dofnum[body] == 0 || body == tool_) continue;
       roots.insert(body);
+      freedoms[tree_of(body)] += model_.body_dofnum[body];
       if (!has_shape(body) || !can_be_told(body) || moved.contains(body)) {
         untold.insert(tree_of(body));
       }
     }
     for (const int body : roots) {
-      if (untold.contains(tree_of(body))) continue;
+      if (untold.contains(tree_of(body)) || freedoms[tree_of(body)] > kMaxDof) continue;
       offer.inertias.push_back(inertia_of(data, body));
       const int joint = model_.body_jntadr[body];
       if (model_.jnt_type[joint] != mjJNT_FREE) offer.joints.push_back(joint_of(body, joint));

@@ -33,11 +33,11 @@ class BodyImpulses {
     Vector6 reported_W = Vector6::Zero();
   };
 
-  using Slots = StaticVector<std::size_t, kMaxMovedBodies>;
+  using Slots = StaticVector<std::size_t, kMaxBodiesAhead>;
 
   /// The slot of a body, the same for the whole session. Empty if there is no room for another.
   std::optional<std::size_t> enrol(std::uint32_t body) noexcept;
-  /// Adds an impulse in the step that has begun, for at most kMaxMovedBodies bodies in a step.
+  /// Adds an impulse in the step that has begun, for at most kMaxBodiesAhead bodies in a step.
   void add(std::size_t slot, const Vector6& P_W) noexcept;
   void end_step() noexcept;
   /// `steps` steps like the latest one pass.
@@ -72,7 +72,7 @@ class BodyImpulses {
     std::size_t slot;
     Vector6 P_W;
   };
-  using Step = StaticVector<Impulse, kMaxMovedBodies>;
+  using Step = StaticVector<Impulse, kMaxBodiesAhead>;
   void even_out(const Slots& slots) noexcept;
   Step& at(std::uint64_t step) noexcept { return history_[step % kHistory]; }
   const Step& at(std::uint64_t step) const noexcept { return history_[step % kHistory]; }

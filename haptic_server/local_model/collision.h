@@ -9,7 +9,7 @@
 namespace hlm::server {
 
 /// Contacts that are resolved at once; the penalty stops the others.
-inline constexpr std::size_t kMaxCollisions = 256;
+inline constexpr std::size_t kMaxCollisions = 128;
 
 /// n×m: how a unit impulse of each contact changes u, the velocities in coordinates of unit mass
 /// (u = Lᵀ q̇ for D = L Lᵀ): kinetic energy is |u|²/2.

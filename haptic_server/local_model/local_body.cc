@@ -51,10 +51,7 @@ LocalBody::LocalBody(const MovableBody& reported) noexcept
       axis_B(reported.axis_W.normalized()),
       V_W(reported.V_W),
       B(square_root(reported.W)),
-      A_W(reported.A_W),
-      p_reported_W(reported.p_WCom),
-      V_reported_W(reported.V_W),
-      P_reported_W(reported.P_W) {
+      A_W(reported.A_W) {
   X_WB.p = reported.p_WCom;
 }
 

@@ -62,11 +62,6 @@ struct LocalBody {
   /// about.
   Vector6 pending_W = Vector6::Zero();
 
-  /// As it was reported, to compare the next report with.
-  Vector3 p_reported_W = Vector3::Zero();
-  Twist V_reported_W = Twist::Zero();
-  Vector6 P_reported_W = Vector6::Zero();
-
   /// What an update found V_W to be wrong by; it enters over the steps of one frame.
   Twist correction = Twist::Zero();
   int correction_steps = 0;  ///< Left.

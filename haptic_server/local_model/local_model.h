@@ -14,7 +14,6 @@
 
 #include "hlm/common/tool_model.h"
 #include "hlm/common/vocabulary.h"
-#include "hlm/local_model/body_audit.h"
 #include "hlm/local_model/body_impulses.h"
 #include "hlm/local_model/contact_forces.h"
 #include "hlm/local_model/contact_update.h"
@@ -146,8 +145,6 @@ class LocalModel {
   /// τ of weight and external wrenches in the latest step, N or N·m.
   const GeneralisedForce& load() const noexcept { return load_; }
   const BodyImpulses& impulses() const noexcept { return impulses_; }
-  /// Whether the bodies move as their reports say.
-  const BodyAudit& audit() const noexcept { return audit_; }
   ProxyContactState state() const noexcept { return state_; }
   /// Factor on the contacts' stiffness, 1 unless limited.
   double stiffness_scale() const noexcept { return stiffness_scale_; }
@@ -216,7 +213,6 @@ class LocalModel {
   void replay(LocalBodies& bodies, double from) noexcept;
   void look_along(LocalBodies& bodies, double dt) noexcept;
   void correct_gradually(LocalBodies& updated, double period) const noexcept;
-  void compare_with_reports(const LocalBodies& updated, double time) noexcept;
   double damping_on(const LocalBody& body) const noexcept;
   void evaluate(const FrameMotions& frames) noexcept;
   GeneralisedForce apply_explicitly(const FrameMotions& frames, const ContactLaw& law,
@@ -243,11 +239,8 @@ class LocalModel {
   GeneralisedForce load_;
   LocalBodies bodies_;
   Mechanisms mechanisms_;
-  double usual_time_ = 1;    ///< From one update to the next, s.
-  double adopted_time_ = 0;  ///< Of the latest update, the environment's, s.
   double adopted_step_ = 0;  ///< World step that the latest update is about.
   BodyImpulses impulses_;
-  BodyAudit audit_;
   ProxyContactState state_ = ProxyContactState::kFreeMotion;
   StiffnessLimit stiffness_limit_;
   double stiffness_scale_ = 1;

@@ -18,21 +18,6 @@ constexpr std::uint64_t kReplaySteps = 40;
 /// The same where so much overlaps that contacts are left out.
 constexpr std::uint64_t kReplayStepsInCrowd = 4;
 
-/// Time from one update to the next, as a multiple of what is usual, up to which none between is
-/// lost; what is usual may rise by so much in each.
-constexpr double kWithoutLoss = 1.5;
-constexpr double kMoreUsual = 1.05;
-
-/// What gravity accelerates a body by, as its joints let it, m/s². Of a body that is as heavy in
-/// all directions the whole of it.
-Vector3 gravity_on(const LocalBody& body, const Vector3& g_W) noexcept {
-  if (g_W.isZero(0) || body.B.cols() == 0) return Vector3::Zero();
-  const Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 6> B = body.B.topRows<3>();
-  const Vector3 Wg = B * B.transpose().lazyProduct(g_W);
-  const double mobility = (B * B.transpose()).trace() / 3;
-  return mobility > 0 ? Vector3(Wg / mobility) : Vector3(Vector3::Zero());
-}
-
 /// Nothing moves the first ones.
 void stand_still(LocalBodies& bodies, std::size_t count) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
@@ -84,7 +69,6 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   fill_tank(
       adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
   adopt_contacts_of_scene(existing, frames, bodies);
-  compare_with_reports(bodies, update.time - adopted_time_);
   correct_gradually(bodies, update.period);
   const FrictionReport report{.contacts = update.contacts,
                               .kinetic_friction = parameters_.kinetic_friction,
@@ -95,7 +79,6 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
     learn_friction(bodies[i], reported[i].X_WB, reported[i].V_W, report);
   }
   adopted_step_ = state_step;
-  adopted_time_ = update.time;
   keep_mechanisms(bodies);
   bodies_ = bodies;
 }
@@ -106,7 +89,7 @@ LocalBodies LocalModel::with_reported(const LocalBodies& held, const ModelUpdate
                                       double state_step) noexcept {
   LocalBodies bodies = held;
   for (const MovableBody& reported : update.bodies) {
-    if (bodies.size() == bodies.capacity()) break;
+    if (bodies.size() == std::min(bodies.capacity(), held.size() + kMaxBodiesAhead)) break;
     if (holds() && scene_->inertia(reported.id) != nullptr) continue;
     const std::optional<std::size_t> slot = impulses_.enrol(reported.id);
     if (!slot || std::ranges::find(bodies, reported.id, &LocalBody::id) != bodies.end()) continue;
@@ -176,33 +159,6 @@ void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
     advance_bodies(bodies, none, proxy_, frames, x, dt);
     advance_constraints(supports, dt);
     done = next;
-  }
-}
-
-/// What a body is found to do from its report on, against what it was found to do from the one
-/// before. time: between them, s.
-void LocalModel::compare_with_reports(const LocalBodies& updated, double time) noexcept {
-  audit_.begin(time);
-  const bool follows = time > 0 && time < kWithoutLoss * usual_time_;
-  if (time > 0) usual_time_ = std::min(time, kMoreUsual * usual_time_);
-  if (!follows) return;
-  for (const LocalBody& body : updated) {
-    const auto known = std::ranges::find(bodies_, body.id, &LocalBody::id);
-    if (known == bodies_.end() || !known->is_plausible() || !body.is_plausible()) continue;
-    if (body.inertia || known->B.cols() == 0 || body.B.cols() == 0) continue;  // Held.
-    const Vector6 P = body.P_reported_W - known->P_reported_W;
-    const Vector6 given = known->B * known->B.transpose().lazyProduct(P);
-    audit_.add({.id = body.id,
-                .time = time,
-                .moved_W = body.p_reported_W - known->p_reported_W,
-                .V_W = (body.V_reported_W + known->V_reported_W).head<3>() / 2,
-                .change_W = (body.V_reported_W - known->V_reported_W).head<3>(),
-                .error_W = (body.V_W - known->V_W - known->correction).head<3>(),
-                .given_W = given.head<3>(),
-                .A_W = known->A_W.head<3>(),
-                .A_change_W = (body.A_W - known->A_W).head<3>(),
-                .gravity_W = gravity_on(*known, proxy_.description().gravity_W),
-                .jointed = known->B.cols() < 6});
   }
 }
 

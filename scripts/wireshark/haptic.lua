@@ -354,8 +354,6 @@ local TABLES = {
     optional(flag("hand_observed", "F_hand is not measured but estimated, from the handle's motion")),
     optional(field(F64, "lowered", "share, 0 to 1, of the stiffness and damping that the control asks for that is not in effect, because the device is late and does not bear it")),
     optional(field(U32, "scene", "number of the scene in force (section B), 0 none")),
-    optional(code("doubt", "what a body does otherwise than its reports say", {[0] = "none", [1] = "velocity", [2] = "ignored", [3] = "reversed", [4] = "twice", [5] = "mass", [6] = "gravity", [7] = "support"})),
-    optional(field(U32, "doubted", "which body that is")),
   },
   goodbye = {
     code("reason", nil, {[0] = "finished", [1] = "shutdown"}),

@@ -131,7 +131,6 @@ std::vector<BodySample> run(const BodyTask& task, const BodyConditions& conditio
     sample.limited = record.limit != ForceLimit::kNone;
     const auto& model = running->servo().local_model();
     sample.bodies = model ? model->bodies().size() : 0;
-    if (model) sample.doubt = model->audit().finding().doubt;
     const ve::World& world = running->environment().world;
     sample.X_WB = world.X_WB(body);
     sample.V_WB = world.V_WB(body);

@@ -68,8 +68,7 @@ struct BodySample {
   bool colliding = false;
   bool limited = false;
   std::size_t bodies = 0;  ///< In the local model.
-  BodyDoubt doubt = BodyDoubt::kNone;
-  Pose X_WB;  ///< Of the body after the latest frame.
+  Pose X_WB;               ///< Of the body after the latest frame.
   Twist V_WB = Twist::Zero();
 };
 

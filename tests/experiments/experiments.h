@@ -26,7 +26,6 @@ void bodies(Bench& bench);                 ///< Bodies that move when pushed.
 void body_limits(Bench& bench);            ///< Where their forces are right.
 void holding(Bench& bench);                ///< Bodies that hold each other.
 void held(Bench& bench);                   ///< What the hand holds, against no delay.
-void audit(Bench& bench);                  ///< Adapters that report bodies wrongly.
 void external(Bench& bench);               ///< Wrenches that no contact explains.
 void two_tools(Bench& bench);              ///< Bodies that two tools hold.
 void scenes(Bench& bench);                 ///< The scenes of scripts/run.

@@ -53,7 +53,6 @@ constexpr Experiment kExperiments[] = {
     {"holding", holding, 0.45},
     {"held", held, 0.6},
     {"external", external, 0.06},
-    {"audit", audit, 0.16},
     {"twotools", two_tools, 0.4},
     {"scenes", scenes, 1.3},
     {"approach", approach_map, 0.03},

@@ -99,9 +99,8 @@ struct Held {
   std::array<double, 3> mean{};  ///< N, of F_env.
   double deviation = 0;          ///< Of its component that is judged, N.
   double step = 0;               ///< Largest change in the tick of an update, N.
-  int doubts = 0;                ///< Ticks in which something is said against a body.
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Held, mean, deviation, step, doubts)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Held, mean, deviation, step)
 
 struct BothHeld {
   Held left;
@@ -135,8 +134,6 @@ BothHeld play(const Hold& hold, const BodyConditions& conditions, int judged, st
   std::array<std::vector<double>, 2> forces;
   for (std::size_t i = 0; i < 2; ++i) {
     session.observe(i, [&, i, before = Vector3(0, 0, 0)](const server::TickRecord& tick) mutable {
-      const auto& model = session.server(i).servo().local_model();
-      held[i].doubts += model && model->audit().finding().doubt != BodyDoubt::kNone;
       const Vector3 f = tick.F_env.head<3>();
       const double time = 1e-3 * static_cast<double>(tick.step);
       if (time > begin && time <= end) {
@@ -183,7 +180,6 @@ void two_tools(Bench& bench) {
                              "task,ve_rate_Hz,delay_s,stiffness,left_x_N,left_z_N,right_x_N,"
                              "right_z_N,sd_left_N,sd_right_N,update_step_N");
   const std::vector<BodyConditions> conditions = grid();
-  int doubts = 0;
   const auto run_all = [&](const Hold& hold, int judged) {
     const auto outcomes = bench.map(
         conditions,
@@ -197,7 +193,6 @@ void two_tools(Bench& bench) {
       table.row(hold.name, c.ve_rate, c.delay, c.stiffness, left.mean[0], left.mean[2],
                 right.mean[0], right.mean[2], left.deviation, right.deviation,
                 std::max(left.step, right.step));
-      doubts += left.doubts + right.doubts > 0;
     }
     return outcomes;
   };
@@ -280,7 +275,6 @@ void two_tools(Bench& bench) {
                .measured = fmt::format("weight {:.2g} % off at most, share {:.2g} %, sd {:.2g} N",
                                        100 * off, 100 * share_off, deviation),
                .holds = whole && off <= 0.03 && share_off <= 0.06 && deviation <= 0.5});
-  bench.find(fmt::format("The audit doubts the body that two hands hold in {} runs.", doubts));
 }
 
 }  // namespace hlm::experiments

@@ -141,8 +141,6 @@ ProxyState documented_state() {
   state.hand_observed = true;
   state.lowered = 0.25;
   state.scene = 2;
-  state.doubt = BodyDoubt::kTwice;
-  state.doubted = 5;
   return state;
 }
 
@@ -541,8 +539,8 @@ TEST_CASE("What an older server of this version does not send has its default") 
   state.fade = Fade::kClientSilent;
   state.given = 1;
   bytes = encode(envelope_for<ProxyState>(), state);
-  // Fade, what passed the port, the hand, lowered, the scene, the doubt.
-  constexpr int kAppended = 1 + 5 * 8 + 1 + 8 + 4 + 5;
+  // Fade, what passed the port, the hand, lowered, the scene.
+  constexpr int kAppended = 1 + 5 * 8 + 1 + 8 + 4;
   bytes.resize(bytes.size() - kAppended);
   const int block =
       std::to_integer<int>(bytes[38]) + 256 * std::to_integer<int>(bytes[39]) - kAppended;
@@ -556,7 +554,6 @@ TEST_CASE("What an older server of this version does not send has its default") 
   CHECK_FALSE(older.hand_observed);
   CHECK(older.lowered == 0);
   CHECK(older.scene == 0);
-  CHECK(older.doubt == BodyDoubt::kNone);
   CHECK(older.v == state.v);
 }
 

@@ -108,7 +108,6 @@ TEST_CASE("The dissector's names are those of the vocabulary") {
       {"hlm.proxy_state.server", names<ServerState>()},
       {"hlm.proxy_state.fault", names<Fault>()},
       {"hlm.proxy_state.fade", names<Fade>()},
-      {"hlm.proxy_state.doubt", names<BodyDoubt>()},
       {"hlm.proxy_state.contact_state", names<ProxyContactState>()},
       {"hlm.proxy_state.limit", names<ForceLimit>()},
       {"hlm.tick.limit", names<ForceLimit>()},

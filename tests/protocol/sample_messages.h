@@ -169,8 +169,6 @@ inline protocol::ProxyState random_state(Random& random, const ToolDescription& 
   state.lowered = random.uniform(0, 1);
   state.fade = static_cast<Fade>(random.integer(0, 4));
   state.scene = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
-  state.doubt = static_cast<BodyDoubt>(random.integer(0, 7));
-  state.doubted = static_cast<std::uint32_t>(random.integer(0, 1 << 30));
   return state;
 }
 

@@ -175,8 +175,8 @@ TEST_CASE("Bodies behind the touched one take part, eight at most, the next is a
   scene.rest(0.1);
   scene.find();
   const MovableBodies& bodies = scene.surroundings.bodies();
-  REQUIRE(bodies.size() == kMaxMovedBodies);
-  for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i)
+  REQUIRE(bodies.size() == kMaxBodiesAhead);
+  for (std::uint32_t i = 0; i < kMaxBodiesAhead; ++i)
     CHECK(bodies[i].id == scene.body("cube0") + i);
   const std::uint32_t last = scene.body("cube7");
   const auto at_border = scene.between(last, last + 1);

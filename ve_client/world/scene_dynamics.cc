@@ -36,12 +36,13 @@ class Trees {
     }
   }
 
-  /// Those that a server can move, parents of their own numbers.
+  /// Those that a server can move.
   template <class Use>
   void for_each(Use use) const {
     for (const auto& [root, bodies] : trees_) {
-      if (bodies.size() > kMaxMovedBodies ||
-          !std::ranges::all_of(bodies, [&](int body) { return can_be_told(body); })) {
+      const std::size_t freedoms = bodies.size() + (joint_of(root) == nullptr ? 5 : 0);
+      const bool fits = bodies.size() <= kMaxMovedBodies && freedoms <= std::size_t{kMaxDof};
+      if (!fits || !std::ranges::all_of(bodies, [&](int body) { return can_be_told(body); })) {
         continue;
       }
       for (const int body : bodies) use(body, joint_of(body));

@@ -99,7 +99,7 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
 /// Takes a body in if it can be pushed and there is room.
 void Surroundings::report(int body) {
   if (!pushable_[at(body)] || is_reported(body) || (left_to_ && left_to_(body))) return;
-  if (reported_.size() < kMaxMovedBodies) {
+  if (reported_.size() < kMaxBodiesAhead) {
     reported_.push_back(body);
   } else if (!contains(left_out_, body)) {
     left_out_.push_back(body);

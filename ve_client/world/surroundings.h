@@ -13,7 +13,7 @@
 
 namespace hlm::ve {
 
-/// The movable bodies near the tool, at most kMaxMovedBodies: those with a contact of the tool,
+/// The movable bodies near the tool, at most kMaxBodiesAhead: those with a contact of the tool,
 /// then those with a contact of one of these, and so on; with their own contacts.
 class Surroundings {
  public:

@@ -14,6 +14,7 @@ _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
 _JOINTS = {_SLIDE: haptic.JOINTS["prismatic"], _HINGE: haptic.JOINTS["revolute"]}
 _KEPT = 1e6  # kg and kg m²: what a coordinate resists with that is put in its place before each frame
 _LEAST_MASS = 1e-6  # kg
+_MOST_FREEDOMS = 16  # of what joints connect, at the server
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 _OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY = range(6)  # mjtTrn
 _CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
@@ -76,7 +77,8 @@ class Bodies:
         for root in roots:
             trees.setdefault(self._tree_of(root), []).append(root)
         told = [body for tree in trees.values() for body in tree
-                if all(each in offered and each not in moved and self._can_be_told(each) for each in tree)]
+                if sum(model.body_dofnum[each] for each in tree) <= _MOST_FREEDOMS and
+                all(each in offered and each not in moved and self._can_be_told(each) for each in tree)]
         found = haptic.dynamics(len(told))
         for to, root in zip(found, told):
             self._describe(data, root, np.flatnonzero(welded == root), to)

@@ -62,7 +62,7 @@ TEST_CASE("Steps like the latest give bodies as much, to the totals and to what 
 
 TEST_CASE(
     "Impulses are spread only where that is asked for and steps have room, and none is lost") {
-  constexpr std::uint32_t kBodies = 2 * kMaxMovedBodies;
+  constexpr std::uint32_t kBodies = 2 * kMaxBodiesAhead;
   const auto impulses = std::make_unique<BodyImpulses>();
   BodyImpulses::Slots evenly;
   const auto push_all = [&] {  // One after another.
@@ -73,7 +73,7 @@ TEST_CASE(
   };
   push_all();
   impulses->report();
-  for (std::size_t slot = 0; slot < kMaxMovedBodies; ++slot) evenly.push_back(slot);
+  for (std::size_t slot = 0; slot < kMaxBodiesAhead; ++slot) evenly.push_back(slot);
   push_all();
   impulses->report(evenly);
   for (std::size_t slot = 0; slot < kBodies; ++slot) {
@@ -82,7 +82,7 @@ TEST_CASE(
     CHECK(total_z(*impulses, slot, kBodies, 2 * kBodies) == Approx(due));
     const double at_its_step = total_z(*impulses, slot, kBodies + slot, kBodies + slot + 1);
     // The last of them finds steps full.
-    CHECK(at_its_step == Approx(slot + 1 < kMaxMovedBodies ? due / kBodies : due));
+    CHECK(at_its_step == Approx(slot + 1 < kMaxBodiesAhead ? due / kBodies : due));
   }
 }
 

@@ -16,7 +16,7 @@
 namespace hlm::server {
 namespace {
 
-/// Eight bodies around a tool that touches all of them, each with as many contacts with a floor.
+/// Bodies around a tool that touches all of them, each with as many contacts with a floor.
 void crowd(ReportedContacts& contacts, MovableBodies& bodies, double depth) {
   for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
     MovableBody& body = bodies.emplace_back();
@@ -78,7 +78,7 @@ TEST_CASE("Steps and updates with the most bodies and contacts allocate nothing 
     model->step(hand);
   }
   CHECK(guard.allocations() == 0);
-  CHECK(model->bodies().size() == kMaxMovedBodies);
+  CHECK(model->bodies().size() == kMaxBodiesAhead);
   CHECK(model->velocity().allFinite());
 }
 
@@ -91,8 +91,9 @@ PlacedShape placed(const geometry::AnyShape& shape, const ContactSide& side, con
       .X_BS = X_BS};
 }
 
-/// A box as tool between eight movable ones on a floor, and a wavy skin beside them.
-std::unique_ptr<Scene> crowded_scene(const ToolDescription& tool) {
+/// A box as tool between movable ones on a floor, and a wavy skin beside them. held: it says enough
+/// of them to move them.
+std::unique_ptr<Scene> crowded_scene(const ToolDescription& tool, bool held) {
   const geometry::AnyShape box = geometry::Shape(geometry::Box{Vector3::Constant(0.1)});
   geometry::Mesh skin;
   skin.points = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0.5, 0.5, -0.1}};
@@ -101,19 +102,23 @@ std::unique_ptr<Scene> crowded_scene(const ToolDescription& tool) {
       placed(box, {SideKind::kToolLink, 0}, Pose{}),
       placed(geometry::Shape(geometry::HalfSpace{}), {}, {{0, 0, -0.05}, {}}),
       placed(skin, {}, {{-0.5, -0.5, -0.049}, {}})};
+  std::vector<BodyInertia> inertias;
   for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
     shapes.push_back(placed(box, {SideKind::kMovableBody, i}, Pose{}));
+    if (held) inertias.push_back({.body = i, .mass = 1, .I_BCom = Matrix3::Identity()});
   }
   return std::make_unique<Scene>(std::move(shapes),
-                                 std::span<const std::pair<std::uint32_t, std::uint32_t>>{}, tool);
+                                 std::span<const std::pair<std::uint32_t, std::uint32_t>>{}, tool,
+                                 inertias);
 }
 
 TEST_CASE("Ticks and updates with a scene, and its change, allocate nothing and stay finite") {
+  const bool held = GENERATE(false, true);
   const ToolDescription tool = test::rigid_tool(1, Matrix3::Identity() * 1e-3);
   const auto model =
       std::make_unique<LocalModel>(tool, ToolModel(tool).neutral(), LocalModelParameters{}, 1e-3);
-  const auto scene = crowded_scene(tool);
-  const auto next = crowded_scene(tool);
+  const auto scene = crowded_scene(tool, held);
+  const auto next = crowded_scene(tool, held);
   MovableBodies bodies;
   BodyPoses poses;
   for (std::uint32_t i = 0; i < kMaxMovedBodies; ++i) {
@@ -129,6 +134,7 @@ TEST_CASE("Ticks and updates with a scene, and its change, allocate nothing and 
   hand.F[0] = 2;
   hand.F[2] = -5;
   int most = 0;
+  std::size_t most_bodies = 0;
   const test::NoMalloc guard;
   for (int i = 0; i < 120; ++i) {
     if (i % 40 == 10) model->set_scene(scene.get());
@@ -145,9 +151,11 @@ TEST_CASE("Ticks and updates with a scene, and its change, allocate nothing and 
     }
     model->step(hand);
     most = std::max(most, static_cast<int>(model->contacts().size()));
+    most_bodies = std::max(most_bodies, model->bodies().size());
   }
   CHECK(guard.allocations() == 0);
   CHECK(most > 8);
+  CHECK(most_bodies == (held ? kMaxMovedBodies : kMaxBodiesAhead));
   CHECK(model->velocity().allFinite());
 }
 
