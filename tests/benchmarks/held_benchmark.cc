@@ -28,7 +28,8 @@ PlacedShape box(const Vector3& size, ContactSide side) {
   return one;
 }
 
-/// Cubes of 0.3 kg on each other on a tray that a spring holds and moves to and fro.
+/// Cubes of 0.3 kg on each other, sixteen in two columns, on a tray that a spring holds and moves
+/// to and fro.
 void Tower(benchmark::State& state) {
   ToolDescription tool;
   tool.links.emplace_back().mass = 0.5;
@@ -37,13 +38,16 @@ void Tower(benchmark::State& state) {
   std::vector<PlacedShape> shapes{box({0.1, 0.1, kTray}, {SideKind::kToolLink, 0})};
   std::vector<BodyInertia> inertias;
   BodyPoses poses;
+  const std::uint32_t columns = state.range(0) > 8 ? 4 : 1;
   for (std::uint32_t i = 0; i < static_cast<std::uint32_t>(state.range(0)); ++i) {
     shapes.push_back(box(Vector3::Constant(kEdge), {SideKind::kMovableBody, i}));
     inertias.push_back({.body = i,
                         .mass = 0.3,
                         .I_BCom = 0.3 * kEdge * kEdge / 6 * Matrix3::Identity(),
                         .gravity_W = {0, 0, -9.81}});
-    const Vector3 p(0, 0, kTray / 2 + kEdge / 2 + i * kEdge);
+    const double x = columns == 1 ? 0 : i % 2 == 0 ? -1 : 1;
+    const double y = columns == 1 ? 0 : i / 2 % 2 == 0 ? -1 : 1;
+    const Vector3 p(0.6 * kEdge * x, 0.6 * kEdge * y, kTray / 2 + kEdge * (0.5 + i / columns));
     poses.push_back({.body = i, .X_WB = {p, Quaternion::Identity()}});
   }
   Scene scene(std::move(shapes), std::span<const std::pair<std::uint32_t, std::uint32_t>>(), tool,
@@ -55,14 +59,13 @@ void Tower(benchmark::State& state) {
   const auto step = [&] {
     time += kStep;
     HandInput hand;
-    hand.stiffness << Vector3::Constant(500), Vector3::Constant(20);
-    hand.damping << Vector3::Constant(30), Vector3::Constant(0.5);
+    hand.stiffness << Vector3::Constant(5000), Vector3::Constant(50);
+    hand.damping << Vector3::Constant(200), Vector3::Constant(1);
     hand.F = -hand.damping.cwiseProduct(model.hand_twist());
     const double load = 0.3 * 9.81 * static_cast<double>(state.range(0));
     const Vector3 target(0.005 * std::sin(3 * time), 0, 0);
-    hand.F.head<3>() +=
-        500 * (target - model.proxy().X_WH().p) + Vector3(0, 0, std::min(1.0, time) * load);
-    hand.F.tail<3>() -= 20 * 2 * model.proxy().X_WH().R.vec();
+    hand.F.head<3>() += 5000 * (target - model.proxy().X_WH().p) + Vector3(0, 0, load);
+    hand.F.tail<3>() -= 50 * 2 * model.proxy().X_WH().R.vec();
     return model.step(hand);
   };
   for (int i = 0; i < 2000; ++i) step();
@@ -71,7 +74,8 @@ void Tower(benchmark::State& state) {
   state.counters["contacts"] =
       static_cast<double>(model.contacts().size() + model.supports().size());
 }
-BENCHMARK(Tower)->ArgName("bodies")->Arg(1)->Arg(2)->Arg(4)->Arg(8)->Unit(benchmark::kMicrosecond);
+BENCHMARK(Tower)->ArgName("bodies")->Arg(1)->Arg(2)->Arg(4)->Arg(8)->Arg(16)->Unit(
+    benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace hlm::server
