@@ -105,7 +105,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
     held_.clear();
   }
   polled_at_ = now;
-  is_answered_ = inbox.state != nullptr;
+  is_answered_ = inbox.state != nullptr && inbox.state->acknowledged >= first_in_scene_;
   if (inbox.welcomed) {
     welcomed_at_ = now;
     answered_ = 0;
@@ -130,6 +130,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
 /// A session begins: it gets the scene, or contacts go on.
 void HapticClient::offer() {
   scene_in_force_ = false;
+  first_in_scene_ = 0;
   scene_problem_.clear();
   offered_ = {};
   if (scene_) queue_scene();
@@ -170,6 +171,7 @@ bool HapticClient::holds(std::uint32_t body) const noexcept {
 }
 
 bool HapticClient::tool_pushes() const noexcept {
+  if (scene_ && !has_scene() && update_.contacts.empty()) return true;  // Nothing of it is felt.
   if (!holds() || !update_.bodies.empty()) return answered_ <= kHandOver;
   return std::ranges::none_of(held_, [](const HeldPlace& body) { return is_held(body.number); });
 }
@@ -339,6 +341,7 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   tell_owners(poses);
   update_.scene = has_scene() ? offered_.scene : 0;
   const std::uint64_t sequence = session_.send(now, update_);
+  if (first_in_scene_ == 0 && update_.scene > 0) first_in_scene_ = sequence;
   if (telemetry_.page) telemetry_.page->show_update(now, update_);
   update_.rates.clear();
   session_.send_scene(now, kChunksPerSend);

@@ -171,8 +171,9 @@ class HapticClient {
   double ve_rate_;             ///< Hz.
   bool in_real_time_ = false;  ///< The simulator asks how many steps to take.
   bool stood_still_ = false;   ///< The world does not make up for the time before this frame.
-  bool is_answered_ = false;   ///< A proxy state has come with the latest poll().
-  int answered_ = 0;           ///< Frames since the session's first one, up to kHandOver + 1.
+  bool is_answered_ = false;   ///< With the latest poll(), since what counts was sent.
+  std::uint64_t first_in_scene_ = 0;  ///< Sequence of the first update in a scene; 0: none yet.
+  int answered_ = 0;  ///< Frames since the session's first one, up to kHandOver + 1.
   double sampled_at_ = 0;
   double polled_at_ = 0;
   double welcomed_at_ = 0;

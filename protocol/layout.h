@@ -317,6 +317,7 @@ void block(Io& io, M& state) requires std::same_as<const M, const ProxyState> {
   io.appended_flag(state.hand_observed);
   io.appended_f64(state.lowered);
   io.appended_u32(state.scene);
+  // Clients of 0.4 read five bytes more, and take what is not 0 for something wrong with a body.
 }
 
 template <class Io, class M>

@@ -167,7 +167,7 @@ class WorldShapes {
                                       object->getFriction(),
                                       object == &tool_ || object->hasContactResponse(),
                                       !object->isStaticObject(),
-                                      jointed.contains(object),
+                                      !object->isStaticObject() && jointed.contains(object),
                                       {}});
       if (source.moves) continue;
       const btTransform& X = object->getWorldTransform();

@@ -102,6 +102,9 @@ class Bodies {
   }
 
  private:
+  static constexpr double kLeastMass = 1e-6;  // kg
+  static constexpr double kMostMass = 1e6;
+
   struct Own {
     mjtNum armature, M0;
   };
@@ -125,7 +128,11 @@ class Bodies {
 
   /// It has one joint, free, a slide or a hinge, and hangs on no mocap body and not on the tool.
   bool can_be_told(int body) const {
-    if (model_.body_jntnum[body] != 1 || model_.body_subtreemass[body] <= 0) return false;
+    double mass = 0;  // kg
+    for (int part = 1; part < model_.nbody; ++part) {
+      if (model_.body_weldid[part] == body) mass += model_.body_mass[part];
+    }
+    if (model_.body_jntnum[body] != 1 || mass < kLeastMass || mass > kMostMass) return false;
     const int joint = model_.body_jntadr[body];
     const int along = model_.jnt_dofadr[joint];
     if (model_.jnt_type[joint] == mjJNT_FREE) {

@@ -34,7 +34,8 @@ export class WorldShapes {
   offer(client) {
     const colliders = [];
     this.#world.forEachCollider((collider) => colliders.push(collider));
-    const state = colliders.map((collider) => this.#stateOf(collider)).join();
+    const joints = [this.#world.impulseJoints.len(), this.#world.multibodyJoints.len()];
+    const state = [...joints, ...colliders.map((collider) => this.#stateOf(collider))].join();
     if (state === this.#state) return;
     this.#state = state;
     const shapes = colliders.map((collider) => ({ ...shapeOf(collider), ...this.#sideOf(collider) }));

@@ -64,19 +64,6 @@ void set_tool_contact(LocalContact& contact, const Placed& placed, const LocalCo
   }
 }
 
-/// The contact goes over to the frames of other bodies. False if they lack one of its own.
-bool goes_over(LocalContact& contact, const UpdateFrames& frames) noexcept {
-  const auto lacks = [](FrameIndex before, FrameIndex now) {
-    return before != kWorldFrame && now == kWorldFrame;
-  };
-  const auto a = frame_of(contact.a, frames.tool, frames.bodies).value_or(kWorldFrame);
-  const auto b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
-  if (lacks(contact.frame_a, a) || lacks(contact.frame_b, b)) return false;
-  contact.frame_a = a;
-  contact.frame_b = b;
-  return true;
-}
-
 /// A contact among bodies and world, which begins with its load.
 void set_support(LocalContact& contact, const Placed& placed, const LocalContact* existing,
                  const UpdateFrames& frames, double stiffness) noexcept {
@@ -146,6 +133,18 @@ bool touches_body(const LocalContact& contact) noexcept {
     return side.kind == SideKind::kMovableBody && frame != kWorldFrame;
   };
   return is_local_body(contact.a, contact.frame_a) || is_local_body(contact.b, contact.frame_b);
+}
+
+bool goes_over(LocalContact& contact, const UpdateFrames& frames) noexcept {
+  const auto lacks = [](FrameIndex before, FrameIndex now) {
+    return before != kWorldFrame && now == kWorldFrame;
+  };
+  const auto a = frame_of(contact.a, frames.tool, frames.bodies).value_or(kWorldFrame);
+  const auto b = frame_of(contact.b, frames.tool, frames.bodies).value_or(kWorldFrame);
+  if (lacks(contact.frame_a, a) || lacks(contact.frame_b, b)) return false;
+  contact.frame_a = a;
+  contact.frame_b = b;
+  return true;
 }
 
 bool touches_reported(const LocalContact& contact, const UpdateFrames& frames) noexcept {
@@ -256,14 +255,10 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
   return unspent;
 }
 
-void drop_supports(LocalContacts& contacts, const UpdateFrames& frames) noexcept {
-  erase_if(contacts, [&](LocalContact& contact) { return !goes_over(contact, frames); });
-}
-
 void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept {
   erase_if(contacts, [&](LocalContact& contact) {
-    if (goes_over(contact, frames)) return false;
+    if (!touches_body(contact)) return false;
     const auto orphan = released(contact, frames, policy);
     if (orphan) contact = *orphan;
     return !orphan || !policy.traits().releases_load;

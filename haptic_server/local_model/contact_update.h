@@ -65,6 +65,8 @@ bool touches_body(const LocalContact& contact) noexcept;
 
 /// Or one that the environment moves, and the local model ahead of its reports.
 bool touches_reported(const LocalContact& contact, const UpdateFrames& frames) noexcept;
+/// The contact goes over to the frames of an update's bodies. False if they lack one of its own.
+bool goes_over(LocalContact& contact, const UpdateFrames& frames) noexcept;
 
 /// The contacts of the tool after an update into `updated` (`existing` is in another object:
 /// contacts are large, so callers keep two sets and swap roles). existing: the contacts before,
@@ -77,12 +79,11 @@ double adopt_update(const LocalContacts& existing, const ReportedContacts& repor
                     const UpdateFrames& frames, double age, const UpdatePolicy& policy,
                     LocalContacts& updated) noexcept;
 
-/// There are only the bodies of `frames` any more: the contacts of the tool with others stay in the
-/// world as contacts that are no longer reported.
+/// Nothing is known of the bodies any more: the contacts of the tool with them stay in the world
+/// as contacts that are no longer reported. frames: without bodies,
+/// except `before`.
 void release_bodies(LocalContacts& contacts, const UpdateFrames& frames,
                     const UpdatePolicy& policy) noexcept;
-/// And those without the tool that are of others go.
-void drop_supports(LocalContacts& contacts, const UpdateFrames& frames) noexcept;
 
 /// The contacts of the bodies without the tool, as they were when the environment found them.
 /// Nobody feels them, so they begin with the load that is reported, on a penalty of `stiffness`

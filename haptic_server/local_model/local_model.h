@@ -112,9 +112,11 @@ class LocalModel {
   void miss(std::uint64_t steps, bool holds) noexcept;
   /// What bodies have received so far is reported to the environment.
   void report_impulses() noexcept;
-  /// The environment is silent: the tool lets go of the bodies, or if it `holds_on` of those that
-  /// are moved ahead of reports. The next update brings them back as they are then.
-  void release_bodies(bool holds_on = false) noexcept;
+  /// The environment is silent: the tool lets go of the bodies. The next update brings them back as
+  /// they are then.
+  void release_bodies() noexcept;
+  /// Or it goes on holding, and what is moved ahead of reports stands still until then.
+  void stop_ahead() noexcept;
   /// Whether a body is moved ahead of the environment's reports.
   bool moves_ahead() const noexcept;
 
@@ -189,7 +191,9 @@ class LocalModel {
                                const LocalBodies& bodies) noexcept;
   void adopt_contacts_of_scene(const LocalContacts& existing, const UpdateFrames& frames,
                                const LocalBodies& bodies) noexcept;
-  void forget_bodies_of_scene(const LocalBodies& kept) noexcept;
+  void forget_bodies_of_scene() noexcept;
+  bool is_touched(const LocalBody& body) const noexcept;
+  double replay_start(double from) const noexcept;
   void advance_near_bodies() noexcept;
   void place_scene(const ToolModel& tool, const LocalBodies& bodies, double ahead = 0) noexcept;
   void look_around() noexcept;

@@ -227,7 +227,7 @@ void LocalModel::give_back(const MetContacts& met, const MetContacts& met_by_bod
   }
   for (std::size_t slot = 0; slot < bodies_.size(); ++slot) {
     NearBody* near = near_body({SideKind::kMovableBody, bodies_[slot].id});
-    if (near == nullptr) continue;
+    if (near == nullptr || !bodies_[slot].inertia) continue;
     const bool bears_now = reached[frame_of_body(proxy_, slot)];
     near->apart = bears_now ? 0 : near->apart + dt_;
     if (near->owner == Owner::kServer && near->apart > kGiveAfter) {

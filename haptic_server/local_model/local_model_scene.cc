@@ -41,6 +41,16 @@ void copy_reported(const LocalContacts& from, LocalContacts& to) noexcept {
   }
 }
 
+/// Those of bodies that are moved ahead of reports stay.
+void keep_reported(MetContacts& met, const UpdateFrames& frames) noexcept {
+  erase_if(met, [&](const MetContact& contact) {
+    LocalContact of;
+    of.frame_a = contact.a;
+    of.frame_b = contact.b;
+    return !touches_reported(of, frames);
+  });
+}
+
 void sort_by_identity(LocalContacts& contacts) noexcept {
   if (!std::ranges::is_sorted(contacts, {}, &LocalContact::identity)) {
     std::ranges::sort(contacts, {}, &LocalContact::identity);
@@ -113,15 +123,12 @@ void LocalModel::adopt_poses(const ModelUpdate& update, const LocalBodies& bodie
   near_bodies_ = renewed;
 }
 
-/// The bodies that the local model moved and does not keep are not there any more.
-void LocalModel::forget_bodies_of_scene(const LocalBodies& kept) noexcept {
-  const auto is_in = [](const LocalBodies& bodies, std::uint32_t body) {
-    return std::ranges::find(bodies, body, &LocalBody::id) != bodies.end();
-  };
+/// The bodies that the local model moves are not there any more.
+void LocalModel::forget_bodies_of_scene() noexcept {
   erase_if(near_bodies_, [&](const NearBody& body) {
-    const bool goes = is_in(bodies_, body.pose.body) && !is_in(kept, body.pose.body);
-    if (goes && scene_) scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
-    return goes;
+    if (!is_local(body.pose.body)) return false;
+    if (scene_) scene_->place({SideKind::kMovableBody, body.pose.body}, std::nullopt);
+    return true;
   });
 }
 
@@ -213,6 +220,14 @@ void LocalModel::meet_tool(const LocalBodies& bodies, const LocalContacts& exist
   sort_met(met);
 }
 
+/// Whether the tool does.
+bool LocalModel::is_touched(const LocalBody& body) const noexcept {
+  const ContactSide side{SideKind::kMovableBody, body.id};
+  return std::ranges::any_of(contacts(), [&](const LocalContact& contact) {
+    return contact.latest.loaded && contact.b == side;
+  });
+}
+
 /// takes: those that bear upon them, too.
 void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& existing, double dt,
                              bool takes, MetContacts& met) noexcept {
@@ -223,7 +238,7 @@ void LocalModel::meet_bodies(const LocalBodies& bodies, const LocalContacts& exi
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     found.push_back(scene_->of_body(bodies[i].id, epsilon, work_in_tick(share)));
     cut_ += scene_->cut();
-    if (takes) take_bearing(found.back());
+    if (takes && (bodies[i].inertia || is_touched(bodies[i]))) take_bearing(found.back());
   }
   for (const auto& of_one : found) meet(of_one, bodies, met);
   sort_met(met);
@@ -320,6 +335,8 @@ void LocalModel::adopt_supports_of_scene(const LocalContacts& existing, UpdateFr
   place_scene(proxy_, bodies);
   scene_->forget();
   meet_bodies(bodies, existing, dt_, false, met);
+  keep_reported(met, frames);
+  change_.is_known_in_part = cut_ != geometry::FinderCut{};
   frames.now = frames.reported;
   renew_supports(existing, met, frames, change_, present_supports());
   sort_by_identity(present_supports());
@@ -336,6 +353,7 @@ void LocalModel::look_along(LocalBodies& bodies, double dt) noexcept {
   const FramePoses poses = poses_of(proxy_, bodies);
   UpdateFrames frames{.tool = proxy_, .bodies = bodies, .reported = poses, .before = poses};
   frames.now = poses;
+  keep_reported(met, frames);
   const LocalContacts existing = supports();
   copy_reported(existing, present_supports());
   renew_supports(existing, met, frames, {.is_known_in_part = cut_ != geometry::FinderCut{}},
@@ -357,7 +375,8 @@ void LocalModel::adopt_contacts_of_scene(const LocalContacts& existing, const Up
   change.is_known_in_part = cut_ != geometry::FinderCut{};
   fill_tank(renew_contacts(existing, met, frames, change, policy(), contacts_[current_]));
   sort_by_identity(present());
-  looked_ = true;
+  looked_ = !holds();  // What is held looks around by itself.
+  change_.of_bodies = holds();
 }
 
 }  // namespace hlm::server

@@ -18,11 +18,16 @@ constexpr std::uint64_t kReplaySteps = 40;
 /// The same where so much overlaps that contacts are left out.
 constexpr std::uint64_t kReplayStepsInCrowd = 4;
 
-/// Nothing moves the first ones.
-void stand_still(LocalBodies& bodies, std::size_t count) noexcept {
+/// The first ones are where they were so long ago, s, if they moved as they do; nothing moves them
+/// otherwise from there on.
+void go_back(LocalBodies& bodies, std::size_t count, double time) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
-    bodies[i].hold(bodies[i].X_WB);
-    bodies[i].mechanism = -1;
+    LocalBody& body = bodies[i];
+    body.X_WB.p -= time * body.V_W.head<3>();
+    body.X_WB.R = (rotation_from_vector(-time * body.V_W.tail<3>()) * body.X_WB.R).normalized();
+    body.A_W.setZero();
+    body.B.resize(6, 0);
+    body.mechanism = -1;
   }
 }
 
@@ -47,6 +52,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   LocalBodies bodies = with_reported(held, update, state_step);
   adopt_poses(update, bodies);
   if (holds() && !moves_ahead() && bodies.size() == held.size()) return adopt_held(update, held);
+  go_back(bodies, held.size(), (now - replay_start(state_step)) * dt_);
   UpdateFrames frames{.tool = proxy_,
                       .bodies = bodies,
                       .reported = poses_of(ve_tool_, bodies),
@@ -56,7 +62,6 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
   current_ = 1 - current_;
   adopt_supports(existing_supports, update.contacts, frames, kSupportStiffness, present_supports());
   for (const LocalBody& body : held) change_.steady.push_back(body.id);
-  stand_still(bodies, held.size());
   adopt_supports_of_scene(existing_supports, frames, bodies);
   scale_friction(bodies, bodies_, frame_of_body(proxy_, 0), present_supports());
   const LocalBodies reported = bodies;
@@ -65,6 +70,7 @@ void LocalModel::adopt(const ModelUpdate& update) noexcept {
     if (!bodies[i].is_plausible()) bodies[i].hold(reported[i].X_WB);
   }
   std::ranges::copy(held, bodies.begin());
+  keep_supports_of_held(existing_supports, frames, present_supports());
   frames.set_now(poses_of(proxy_, bodies));
   fill_tank(
       adopt_update(existing, update.contacts, frames, update.age, policy(), contacts_[current_]));
@@ -107,21 +113,38 @@ bool LocalModel::moves_ahead() const noexcept {
   return std::ranges::any_of(bodies_, [](const LocalBody& body) { return !body.inertia; });
 }
 
-void LocalModel::release_bodies(bool holds_on) noexcept {
-  if (holds_on && !moves_ahead()) return;
-  LocalBodies kept = bodies_;
-  erase_if(kept, [&](const LocalBody& body) { return !holds_on || !body.inertia; });
+void LocalModel::release_bodies() noexcept {
+  const LocalBodies none;
   UpdateFrames frames{.tool = proxy_,
-                      .bodies = kept,
-                      .reported = poses_of(proxy_, kept),
+                      .bodies = none,
+                      .reported = poses_of(proxy_, none),
                       .before = poses_of(proxy_, bodies_)};
   frames.set_now(frames.reported);
   server::release_bodies(contacts_[current_], frames, policy());
-  drop_supports(present_supports(), frames);
-  forget_bodies_of_scene(kept);
-  keep_mechanisms(kept);
-  bodies_ = kept;
+  present_supports().clear();
+  forget_bodies_of_scene();
+  bodies_.clear();
+  mechanisms_.clear();
   impulses_.begin_silence();
+}
+
+void LocalModel::stop_ahead() noexcept {
+  if (!moves_ahead()) return;
+  for (NearBody& near : near_bodies_) {
+    const auto local = std::ranges::find(bodies_, near.pose.body, &LocalBody::id);
+    if (local == bodies_.end() || local->inertia) continue;
+    near.pose = {.body = near.pose.body, .X_WB = local->X_WB * near.X_CB};
+  }
+  LocalBodies held = bodies_;
+  erase_if(held, [](const LocalBody& body) { return !body.inertia; });
+  set_bodies(held);
+  impulses_.begin_silence();
+}
+
+/// The world step from which what an update says of bodies at that one is repeated.
+double LocalModel::replay_start(double from) const noexcept {
+  return std::clamp(from, static_cast<double>(impulses_.oldest()),
+                    static_cast<double>(impulses_.world_step()));
 }
 
 /// Brings bodies and their own contacts from the world step that an update is about to the present,
@@ -129,8 +152,7 @@ void LocalModel::release_bodies(bool holds_on) noexcept {
 void LocalModel::replay(LocalBodies& bodies, double from) noexcept {
   if (bodies.empty()) return;
   const std::uint64_t now = impulses_.world_step();
-  const double start =
-      std::clamp(from, static_cast<double>(impulses_.oldest()), static_cast<double>(now));
+  const double start = replay_start(from);
   for (LocalBody& body : bodies) {
     body.V_W += body.B * body.B.transpose().lazyProduct(body.pending_W);
   }

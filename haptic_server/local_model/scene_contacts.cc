@@ -165,6 +165,11 @@ void go_on(LocalContact& contact, const Predecessor& from, const FramePoses& pos
   if (!from.alone) contact.friction.z_W.setZero();
 }
 
+/// It stays as it is, among the bodies of an update.
+void keep(LocalContact contact, const UpdateFrames& frames, LocalContacts& updated) noexcept {
+  if (updated.size() < updated.capacity() && goes_over(contact, frames)) updated.push_back(contact);
+}
+
 /// The velocity with which damping and friction meet a moving constraint goes on.
 void keep_velocity(LocalContact& contact, const LocalContact& known) noexcept {
   const bool both = contact.frame_b == kWorldFrame && known.frame_b == kWorldFrame;
@@ -179,6 +184,18 @@ void sort_met(MetContacts& met) noexcept {
     return a.identity == b.identity;
   };
   met.erase(std::unique(met.begin(), met.end(), same), met.end());
+}
+
+void keep_supports_of_held(const LocalContacts& from, const UpdateFrames& frames,
+                           LocalContacts& to) noexcept {
+  for (LocalContact contact : from) {
+    if (!contact.of_scene || !goes_over(contact, frames)) continue;
+    if (touches_reported(contact, frames) || to.size() == to.capacity()) continue;
+    if (std::ranges::find(to, contact.identity, &LocalContact::identity) == to.end()) {
+      to.push_back(contact);
+    }
+  }
+  std::ranges::sort(to, {}, &LocalContact::identity);
 }
 
 void keep_scene(const LocalContacts& from, LocalContacts& to) noexcept {
@@ -216,10 +233,7 @@ double renew_contacts(const LocalContacts& existing, const MetContacts& met,
   }
   LocalContacts orphans;
   succession.for_each_gone([&](const LocalContact& contact) {
-    if (change.keeps(contact)) {
-      if (updated.size() < updated.capacity()) updated.push_back(contact);
-      return;
-    }
+    if (change.keeps(contact)) return keep(contact, frames, updated);
     // By motion over the geometry alone only what is not deformed may go.
     if (!change.concerns(contact) && contact.deformation.delta == 0) return;
     if (const auto left = released(contact, frames, policy)) orphans.push_back(*left);
@@ -254,7 +268,7 @@ void renew_supports(const LocalContacts& existing, const MetContacts& met,
     set_delta(contact, frames.now, sigma, s - sigma);
   }
   succession.for_each_gone([&](const LocalContact& contact) {
-    if (change.keeps(contact) && updated.size() < updated.capacity()) updated.push_back(contact);
+    if (change.keeps(contact)) keep(contact, frames, updated);
   });
 }
 

@@ -63,6 +63,11 @@ void renew_supports(const LocalContacts& existing, const MetContacts& met,
                     const UpdateFrames& frames, const GeometryChange& change,
                     LocalContacts& updated) noexcept;
 
+/// Adds those of the scene that touch no body that is moved ahead of reports, as they are. Sorts
+/// all by identity.
+void keep_supports_of_held(const LocalContacts& from, const UpdateFrames& frames,
+                           LocalContacts& to) noexcept;
+
 /// Adds those of the scene, as they are.
 void keep_scene(const LocalContacts& from, LocalContacts& to) noexcept;
 

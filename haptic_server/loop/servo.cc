@@ -291,7 +291,7 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   const bool waits =
       local_model_ && local_model_->holds() && machine_.fade() == Fade::kClientSilent;
   if (machine_.state() == ServerState::kFading && before != ServerState::kFading) {
-    local_model_->release_bodies(waits);
+    waits ? local_model_->stop_ahead() : local_model_->release_bodies();
   }
   if (machine_.state() == ServerState::kOff && before != ServerState::kOff) {
     device_.disable();

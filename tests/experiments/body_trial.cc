@@ -64,24 +64,14 @@ void alter(std::span<std::byte> bytes, const Change& change) {
   std::copy(altered.begin(), altered.end(), bytes.begin());
 }
 
-/// The client, and what it says and hears, as the conditions have it.
+/// The client says what the conditions have.
 void mislead(test::MemoryNetwork& network, const BodyConditions& conditions) {
-  if (conditions.friction_scale == 1 && !conditions.fault.report &&
-      conditions.fault.impulses == 1) {
-    return;
-  }
+  if (conditions.friction_scale == 1) return;
   network.set_alteration([&conditions](std::span<std::byte> bytes) {
     alter<protocol::ContactUpdate>(bytes, [&](protocol::ContactUpdate& update) {
       for (ReportedContact& contact : update.contacts) {
         contact.friction *= conditions.friction_scale;
       }
-      for (MovableBody& body : update.bodies) body.P_W /= conditions.fault.impulses;
-      if (conditions.fault.report) conditions.fault.report(update);
-    });
-  });
-  network.set_reply_alteration([&conditions](std::span<std::byte> bytes) {
-    alter<protocol::Impulses>(bytes, [&](protocol::Impulses& impulses) {
-      for (protocol::BodyImpulse& each : impulses.bodies) each.P_W *= conditions.fault.impulses;
     });
   });
 }

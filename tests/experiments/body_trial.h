@@ -30,12 +30,6 @@ struct Stalls {
   double every = 0.25;  ///< s, on average.
 };
 
-/// What an adapter does wrongly with bodies.
-struct AdapterFault {
-  std::function<void(protocol::ContactUpdate&)> report{};  ///< As it is, and as it is sent.
-  double impulses = 1;  ///< So many times they are applied; not 0.
-};
-
 struct BodyConditions {
   double ve_rate = 60;      ///< Hz.
   double delay = 0;         ///< One way, s.
@@ -49,7 +43,6 @@ struct BodyConditions {
   bool shapes = false;       ///< The server has the shapes and finds contacts at every tick.
   Outage outage{};
   Stalls stalls{};
-  AdapterFault fault{};
   std::optional<Method> method{};  ///< Instead of ε and shapes; none: the local model.
   std::string device{};  ///< File of the user's; empty: the usual one, with strong motors.
 };

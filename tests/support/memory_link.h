@@ -49,11 +49,6 @@ class MemoryNetwork {
     alter_ = std::move(alter);
   }
 
-  /// The same for what the server sends.
-  void set_reply_alteration(std::function<void(std::span<std::byte>)> alter) {
-    alter_reply_ = std::move(alter);
-  }
-
   /// Whether a datagram has arrived that the client has not taken.
   bool client_has_mail() const noexcept { return client_.has_mail(); }
 
@@ -92,8 +87,7 @@ class MemoryNetwork {
     protocol::DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
     protocol::DatagramBytes altered;
     protocol::copy(bytes, altered);
-    const auto& alter = to == kServer ? alter_ : alter_reply_;
-    if (alter) alter({altered.data(), altered.size()});
+    if (to == kServer && alter_) alter_({altered.data(), altered.size()});
     for (int i = 0; i < copies; ++i) {
       double arrival = now_ + conditions_.delay + uniform(engine_) * conditions_.jitter;
       if (drawn(conditions_.reordering)) arrival += conditions_.reorder_time;
@@ -106,7 +100,6 @@ class MemoryNetwork {
   LinkConditions conditions_;
   std::mt19937_64 engine_;
   std::function<void(std::span<std::byte>)> alter_;
-  std::function<void(std::span<std::byte>)> alter_reply_;
   double now_ = 0;
   End server_{*this, kServer};
   End client_{*this, kClient};

@@ -197,6 +197,43 @@ TEST_CASE("A cube is held while the environment moves something else nearby") {
   CHECK_FALSE(session.servo().local_model()->moves_ahead());
 }
 
+/// The tool pushes a brick, which is held, against a pendulum on a ball joint, which is not: 0.5 kg
+/// with its centre 0.1 m below the joint. Friction of the brick is 2.94 N.
+TEST_CASE("What is held pushes what the environment moves, and the hand feels both") {
+  for (const double delay : {0.0, 0.02, 0.1}) {
+    VirtualSessionOptions options = carry(0, 60, {.delay = delay});
+    options.world = world_of(
+        "<model name='table'><static>true</static><link name='body'>" +
+            box("top", "1 1 0.02", "0 0 -0.01 0 0 0") + "</link></model>" +
+            body("tray", 0.4, "0 0 0.025 0 0 0",
+                 "<gravity>false</gravity>" + box("box", "0.02 0.04 0.04", "0 0 0 0 0 0")) +
+            body("brick", kMass, "0.045 0 0.025 0 0 0",
+                 box("box", "0.05 0.05 0.05", "0 0 0 0 0 0")) +
+            body("rod", 0.5, "0.1 0 0.075 0 0 0", box("box", "0.02 0.04 0.12", "0 0 0 0 0 0"),
+                 "<joint name='ball' type='ball'><pose>0 0 0.1 0 0 0</pose><parent>world</parent>"
+                 "<child>body</child></joint>"),
+        "0 0 -9.81");
+    options.hand = {{reach({0, 0, 0}, kWait), reach({0.06, 0, 0}, 2), reach({0.06, 0, 0}, 2)},
+                    server::AfterLastSegment::kHold};
+    std::vector<double> steady;  // N
+    double most = 0;             // N, as the pendulum swings against the brick
+    VirtualSession session(options, [&](const TickRecord& tick) {
+      most = std::max(most, -tick.F_env[0]);
+      if (static_cast<double>(tick.step) * 1e-3 > kWait + 3) steady.push_back(-tick.F_env[0]);
+    });
+    session.run(kWait + 4);
+    INFO(delay << " s each way");
+    const auto& model = session.servo().local_model();
+    CHECK(model->held().size() == 1);
+    CHECK(model->moves_ahead());
+    CHECK(most < 8);
+    REQUIRE(steady.size() > 900);
+    const auto [least, largest] = std::ranges::minmax(steady);
+    CHECK(least == Approx(3.3).epsilon(0.015));
+    CHECK(largest == Approx(3.3).epsilon(0.015));
+  }
+}
+
 TEST_CASE("What the hand carries and puts down while nobody hears of it lies where it was put") {
   VirtualSession session(carry(1, 60, {.delay = 0.02}));
   session.run(kWait + 3.5);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "hlm/common/body_joint.h"
@@ -24,61 +25,64 @@ std::optional<JointType> type_of(BodyJoint joint) {
   return std::nullopt;
 }
 
-/// The movable bodies that joints connect, and the joints that they hang on.
-class Trees {
+/// The movable bodies, by what joints connect.
+class Groups {
  public:
-  explicit Trees(const World& world) : world_(world) {
+  explicit Groups(const World& world) : world_(world) {
+    const int count = static_cast<int>(world.description().bodies.size());
+    for (int body = 0; body < count; ++body) group_of_.push_back(body);
     for (const JointDescription& joint : world.description().joints) {
-      if (moves(joint.child)) hangs_on_[joint.child].push_back(&joint);
+      if (moves(joint.child) && moves(joint.parent)) join(joint.child, joint.parent);
     }
-    for (int body = 0; body < static_cast<int>(world.description().bodies.size()); ++body) {
-      if (moves(body)) trees_[root_of(body)].push_back(body);
+    for (int body = 0; body < count; ++body) {
+      if (moves(body)) groups_[group_of_[at(body)]].bodies.push_back(body);
+    }
+    for (const JointDescription& joint : world.description().joints) {
+      const int body = moves(joint.child) ? joint.child : joint.parent;
+      if (moves(body)) groups_[group_of_[at(body)]].joints.push_back(&joint);
     }
   }
 
-  /// Those that a server can move.
+  /// Those that a server can move, with their joints.
   template <class Use>
   void for_each(Use use) const {
-    for (const auto& [root, bodies] : trees_) {
-      const std::size_t freedoms = bodies.size() + (joint_of(root) == nullptr ? 5 : 0);
-      const bool fits = bodies.size() <= kMaxMovedBodies && freedoms <= std::size_t{kMaxDof};
-      if (!fits || !std::ranges::all_of(bodies, [&](int body) { return can_be_told(body); })) {
-        continue;
-      }
-      for (const int body : bodies) use(body, joint_of(body));
+    for (const auto& [number, group] : groups_) {
+      if (can_be_told(group)) use(group.bodies, group.joints);
     }
   }
 
  private:
+  struct Group {
+    std::vector<int> bodies;
+    std::vector<const JointDescription*> joints;
+  };
+
   bool moves(int body) const { return body >= 0 && world_.is_movable(body); }
 
-  const JointDescription* joint_of(int body) const {
-    const auto joint = hangs_on_.find(body);
-    return joint == hangs_on_.end() ? nullptr : joint->second.front();
+  void join(int a, int b) {
+    const int gone = group_of_[at(a)];
+    std::ranges::replace(group_of_, gone, group_of_[at(b)]);
   }
 
-  /// The body among those that joints connect that hangs on none of them, or is met again.
-  int root_of(int body) const {
-    std::size_t passed = 0;
-    for (const JointDescription* joint = joint_of(body); joint != nullptr && moves(joint->parent);
-         joint = joint_of(body)) {
-      body = joint->parent;
-      if (++passed > hangs_on_.size()) break;  // In a loop.
+  /// They are a tree that hangs on the world or on nothing: each body hangs on one joint at most,
+  /// and joints between them are fewer than they.
+  bool can_be_told(const Group& group) const {
+    std::set<int> hanging;
+    std::size_t between = 0;
+    for (const JointDescription* joint : group.joints) {
+      const bool of_tool = joint->parent >= 0 && world_.is_tool(joint->parent);
+      if (!moves(joint->child) || of_tool || !type_of(joint->type)) return false;
+      if (!hanging.insert(joint->child).second) return false;
+      between += moves(joint->parent) ? 1 : 0;
     }
-    return body;
-  }
-
-  bool can_be_told(int body) const {
-    const auto joints = hangs_on_.find(body);
-    if (joints == hangs_on_.end()) return true;
-    const JointDescription& joint = *joints->second.front();
-    const bool of_tool = joint.parent >= 0 && world_.is_tool(joint.parent);
-    return joints->second.size() == 1 && type_of(joint.type) && !of_tool;
+    const bool is_free = hanging.size() < group.bodies.size();
+    return between < group.bodies.size() && group.bodies.size() <= kMaxMovedBodies &&
+           hanging.size() + (is_free ? 6 : 0) <= std::size_t{kMaxDof};
   }
 
   const World& world_;
-  std::map<int, std::vector<const JointDescription*>> hangs_on_;  ///< By child.
-  std::map<int, std::vector<int>> trees_;                         ///< By root.
+  std::vector<int> group_of_;  ///< By body.
+  std::map<int, Group> groups_;
 };
 
 BodyInertia inertia_of(const World& world, int body) {
@@ -115,9 +119,9 @@ hlm::BodyJoint joint_of(const World& world, const JointDescription& joint) {
 }  // namespace
 
 void add_dynamics(const World& world, protocol::SceneOffer& scene) {
-  Trees(world).for_each([&](int body, const JointDescription* joint) {
-    scene.inertias.push_back(inertia_of(world, body));
-    if (joint != nullptr) scene.joints.push_back(joint_of(world, *joint));
+  Groups(world).for_each([&](const std::vector<int>& bodies, const auto& joints) {
+    for (const int body : bodies) scene.inertias.push_back(inertia_of(world, body));
+    for (const JointDescription* joint : joints) scene.joints.push_back(joint_of(world, *joint));
   });
 }
 

@@ -57,8 +57,10 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
   left_to_ = std::move(left_to);
   reported_.clear();
   left_out_.clear();
+  passed_.clear();
   bodies_.clear();
   contacts_.clear();
+  if (left_to_ && leaves_all()) tool_contacts = {};
   std::vector<FoundContact*> with_bodies;  // The others are of the tool's links with each other.
   for (FoundContact& contact : tool_contacts) {
     if (contact.key.b.kind != SideKind::kToolLink) with_bodies.push_back(&contact);
@@ -69,7 +71,13 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
   }
   for (FoundContact* contact : with_bodies) contact->key.b = side_of(body_of(contact->key.b));
 
-  for (std::size_t i = 0; i < reported_.size(); ++i) add_contacts_of(reported_[i], epsilon);
+  // What lies on a body that somebody else moves is met, too.
+  for (std::size_t i = 0, k = 0; i < reported_.size() || k < passed_.size();) {
+    add_contacts_of(i < reported_.size() ? reported_[i++] : passed_[k++], epsilon);
+  }
+  std::erase_if(contacts_, [&](const FoundContact& contact) {
+    return contains(passed_, body_of(contact.key.a));
+  });
   // Only now it is known which of them are reported.
   for (FoundContact& contact : contacts_) contact.key.b = side_of(body_of(contact.key.b));
   std::erase_if(contacts_, [](const FoundContact& contact) {  // Both bodies have found it.
@@ -82,6 +90,7 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
     add_limits(i, epsilon);
   }
   keep_most_telling(kMaxContacts - (shapes ? 0 : tool_contacts.size()));
+  left_to_ = {};
 
   for (const int body : reported_) {
     MovableBody& movable = bodies_.emplace_back();
@@ -96,9 +105,17 @@ void Surroundings::find(std::span<FoundContact> tool_contacts, double epsilon, b
   }
 }
 
+bool Surroundings::leaves_all() const {
+  for (int body = 0; body < static_cast<int>(pushable_.size()); ++body) {
+    if (pushable_[at(body)] && !left_to_(body)) return false;
+  }
+  return true;
+}
+
 /// Takes a body in if it can be pushed and there is room.
 void Surroundings::report(int body) {
-  if (!pushable_[at(body)] || is_reported(body) || (left_to_ && left_to_(body))) return;
+  if (!pushable_[at(body)] || is_reported(body) || contains(passed_, body)) return;
+  if (left_to_ && left_to_(body)) return passed_.push_back(body);
   if (reported_.size() < kMaxBodiesAhead) {
     reported_.push_back(body);
   } else if (!contains(left_out_, body)) {

@@ -40,6 +40,7 @@ class Surroundings {
 
  private:
   bool is_reported(int body) const;
+  bool leaves_all() const;
   void report(int body);
   void add_contacts_of(int body, double epsilon);
   void share_loads();
@@ -54,6 +55,7 @@ class Surroundings {
   std::function<bool(int body)> left_to_;
   std::vector<int> reported_;
   std::vector<int> left_out_;
+  std::vector<int> passed_;  ///< Those that somebody else moves.
   MovableBodies bodies_;
   std::vector<FoundContact> contacts_;
 };

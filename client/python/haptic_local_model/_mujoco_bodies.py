@@ -13,7 +13,7 @@ from haptic_local_model._world import quaternions, rotation
 _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
 _JOINTS = {_SLIDE: haptic.JOINTS["prismatic"], _HINGE: haptic.JOINTS["revolute"]}
 _KEPT = 1e6  # kg and kg m²: what a coordinate resists with that is put in its place before each frame
-_LEAST_MASS = 1e-6  # kg
+_LEAST_MASS, _MOST_MASS = 1e-6, 1e6  # kg
 _MOST_FREEDOMS = 16  # of what joints connect, at the server
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 _OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY = range(6)  # mjtTrn
@@ -95,7 +95,8 @@ class Bodies:
     def _can_be_told(self, body: int) -> bool:
         """It has mass and one joint, free, a slide or a hinge, and hangs on no mocap body."""
         model, joint = self._model, int(self._model.body_jntadr[body])
-        if model.body_jntnum[body] != 1 or model.body_mass[np.asarray(model.body_weldid) == body].sum() < _LEAST_MASS:
+        mass = model.body_mass[np.asarray(model.body_weldid) == body].sum()
+        if model.body_jntnum[body] != 1 or not _LEAST_MASS <= mass <= _MOST_MASS:
             return False
         if model.jnt_type[joint] == _FREE:
             along = self._places(body)[1]

@@ -204,10 +204,8 @@ class WorldSession(EngineSession, abc.ABC):
         poses = haptic.poses(len(gaps))
         for to, body in zip(poses, gaps):
             to["body"], (to["position"], to["rotation"], to["velocity"]) = body, placed[body]
-        held = self._told if self.touch.holds else {}
-        pushable = {body: gap for body, gap in gaps.items() if self._can_be_pushed(body) and body not in held}
-        reach = self._frames.reach(self._v)
-        near = with_touching([body for body, gap in pushable.items() if gap < reach], self._touching, pushable)
+        near = near_bodies({body: gap for body, gap in gaps.items() if self._can_be_pushed(body)}, self._frames.reach(self._v),
+                           self._touching, self._told if self.touch.holds else {})
         bodies = haptic.bodies(min(len(near), haptic.MAX_BODIES))
         for to, body in zip(bodies, near):
             to["id"] = body
@@ -283,18 +281,18 @@ class Gaps:
         return dict(zip(self._bodies[order].tolist(), nearest[order].tolist()))
 
 
-def with_touching(bodies: list[int], pairs: Any, pushable: Any) -> list[int]:
-    """Those bodies, what touches one of them, what touches that, and so on: what lies on a body moves with it. pairs(): of
-    bodies that touch, asked for where there are bodies."""
-    found = list(bodies)
-    if not found:
-        return found
+def near_bodies(pushable: dict[int, float], reach: float, pairs: Any, left_out: Any) -> list[int]:
+    """Those within reach, what touches one of them, what touches that, and so on: what lies on a body moves with it. pushable:
+    all that there are, with their gaps, m. pairs(): of bodies that touch. left_out: those that are not asked for."""
+    found = [body for body, gap in pushable.items() if gap < reach]
+    if not found or all(body in left_out for body in pushable):
+        return []
     touching = np.array(list(pairs()), dtype=np.int64).reshape(-1, 2)
     for body in found:
         for other in touching[(touching == body).any(axis=1)].ravel().tolist():
             if other in pushable and other not in found:
                 found.append(other)
-    return found
+    return [body for body in found if body not in left_out]
 
 
 def rotation(quaternion: ArrayLike) -> np.ndarray:

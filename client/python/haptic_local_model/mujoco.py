@@ -33,7 +33,7 @@ import haptic_local_model as haptic
 from haptic_local_model import _arguments
 from haptic_local_model._mujoco_bodies import Bodies
 from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
-from haptic_local_model._world import EngineSession, Frames, rotation, with_touching
+from haptic_local_model._world import EngineSession, Frames, rotation, near_bodies
 
 _FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
@@ -196,9 +196,8 @@ class Session(EngineSession):
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         poses = shapes.poses(data, gaps, self._frames.length)
         poses["kept"], self._was_reset = self._was_reset, False
-        held = self._told if self.touch.holds else ()
-        pushable = {body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0 and body not in held}
-        near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
+        near = near_bodies({body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}, reach,
+                           lambda: self._touching(data), self._told if self.touch.holds else ())
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         contacts = self._contacts(data, shapes.by_engine) if shapes.by_engine.any() else None
         self._take_back_pushes(data)
