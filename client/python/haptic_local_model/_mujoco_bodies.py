@@ -8,6 +8,7 @@ from typing import Any, Collection, Optional
 import numpy as np
 
 import haptic_local_model as haptic
+from haptic_local_model._mujoco_changes import Changes
 from haptic_local_model._world import quaternions, rotation
 
 _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
@@ -24,10 +25,9 @@ _ROUND_JOINT, _OVER_PULLEY, _THROUGH_SITE = 1, 2, 3  # of mjtWrap
 class Bodies:
     """Of one model. A body has its own number; what is welded to it counts as a part."""
 
-    def __init__(self, binding: Any, model: Any, tool: int):
-        self._binding, self._model, self._tool = binding, model, tool
-        self._own: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # of those that are kept: what they resist with by themselves
-        self._sleep: dict[int, int] = {}  # and their trees' policies
+    def __init__(self, binding: Any, model: Any, tool: int, changes: Changes):
+        self._binding, self._model, self._tool, self._changes = binding, model, tool, changes
+        self._kept: set[int] = set()
 
     def place(self, data: Any, body: int, X: np.ndarray, v: np.ndarray, joint: tuple[float, float] = (0, 0)) -> None:
         """X: position and rotation of its frame; v: that frame's velocity, world axes; joint: the same of its joint, if it hangs
@@ -44,25 +44,24 @@ class Bodies:
 
     def keep(self, body: int) -> None:
         """Nothing moves it within a frame, until let_go()."""
-        if body in self._own:
+        if body in self._kept:
             return
-        model, along = self._model, self._places(body)[1]
-        self._own[body] = (np.array(model.dof_armature[along]), np.array(model.dof_M0[along]))
-        model.dof_armature[along] = model.dof_M0[along] = _KEPT  # For free joints MuJoCo reads the second alone.
-        if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
-            self._sleep[body] = int(model.tree_sleep_policy[model.body_treeid[body]])
-            model.tree_sleep_policy[model.body_treeid[body]] = _NEVER_SLEEPS
+        self._kept.add(body)
+        for name in ("dof_armature", "dof_M0"):  # For free joints MuJoCo reads the second alone.
+            self._changes.set(name, self._places(body)[1], _KEPT)
+        if hasattr(self._model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
+            self._changes.set("tree_sleep_policy", int(self._model.body_treeid[body]), _NEVER_SLEEPS)
 
     def let_go(self, body: int) -> None:
-        if body in self._own:
-            along = self._places(body)[1]
-            self._model.dof_armature[along], self._model.dof_M0[along] = self._own.pop(body)
-            if body in self._sleep:
-                self._model.tree_sleep_policy[self._model.body_treeid[body]] = self._sleep.pop(body)
-
-    def let_go_of_all(self) -> None:
-        for body in [*self._own]:
-            self.let_go(body)
+        if body not in self._kept:
+            return
+        self._kept.discard(body)
+        for name in ("dof_armature", "dof_M0"):
+            self._changes.give_back(name, self._places(body)[1])
+        if hasattr(self._model, "tree_sleep_policy"):
+            tree = int(self._model.body_treeid[body])
+            if all(int(self._model.body_treeid[other]) != tree for other in self._kept):
+                self._changes.give_back("tree_sleep_policy", tree)
 
     def dynamics(self, data: Any, offered: Collection[int]) -> Optional[np.ndarray]:
         """Records of haptic.DYNAMICS of all bodies that can be pushed. None where one of them has no shape that was offered, or is
@@ -94,7 +93,7 @@ class Bodies:
         if model.jnt_type[joint] == _FREE:
             along = self._places(body)[1]
             return not (model.jnt_stiffness[joint].any() or model.dof_frictionloss[along].any()
-                        or model.dof_armature[along].any() or model.dof_damping[along].any())
+                        or self._changes.own("dof_armature")[along].any() or model.dof_damping[along].any())
         root, _ = self._from_root(int(model.body_parentid[body]))
         low, high = model.jnt_range[joint]
         if model.jnt_type[joint] == _HINGE and (high - low > 2 * math.pi if model.jnt_limited[joint] else model.jnt_stiffness[joint].any()):
@@ -167,7 +166,7 @@ class Bodies:
         to["place_in_body"], to["axis"] = model.jnt_pos[joint], model.jnt_axis[joint]
         if model.jnt_limited[joint] and self._is_on("LIMIT"):
             to["lower"], to["upper"] = model.jnt_range[joint] - zero
-        to["reference"], to["armature"] = model.qpos_spring[at][0] - zero, model.dof_armature[along][0]
+        to["reference"], to["armature"] = model.qpos_spring[at][0] - zero, self._changes.own("dof_armature")[along][0]
         for name, value, *flags in (("stiffness", model.jnt_stiffness[joint], "PASSIVE", "SPRING"),
                                     ("joint_damping", model.dof_damping[along], "PASSIVE", "DAMPER"),
                                     ("friction", model.dof_frictionloss[along], "FRICTIONLOSS")):

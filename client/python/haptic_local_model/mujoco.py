@@ -32,6 +32,8 @@ import numpy as np
 import haptic_local_model as haptic
 from haptic_local_model import _arguments
 from haptic_local_model._mujoco_bodies import Bodies
+from haptic_local_model._mujoco_changes import Changes, Pushes
+from haptic_local_model._mujoco_listing import Listing
 from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
 from haptic_local_model._world import EngineSession, Frames, rotation, with_touching
 
@@ -42,10 +44,6 @@ _BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 _NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
-_NO_FORCE = 1e3  # m: a depth that none reaches
-# Versions from which on margins and gaps of a pair's geoms add up, before the larger counts; and a gap lies beyond the
-# margin, where contacts have no force, before within it.
-_ADDED_UP, _GAP_BEYOND = (3, 5), (3, 9)
 
 
 class Session(EngineSession):
@@ -92,15 +90,12 @@ class Session(EngineSession):
         self._ended = -np.inf  # when the one before ended.
         self._was_reset = False  # in between
         self._warned = False
-        self._placed = Bodies(binding, model, self._tool)
-        self._placed.keep(self._tool)
-        self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
+        self._changes, self._pushes = Changes(model), Pushes()
+        self._placed = Bodies(binding, model, self._tool, self._changes)
         self._epsilon = epsilon
         self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
-        self._own_force: Optional[bool] = None
+        self._listing = Listing(model, self._changes, self._version, epsilon, self._geoms)
         self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
-        self._listed_early = np.zeros(model.ngeom, bool)
-        self._list_early(np.ones(model.ngeom, bool) if self._shapes is None else self._shapes.by_engine)
         welded = np.flatnonzero(np.asarray(model.body_weldid) == self._tool)
         if len(welded) > 1:
             raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
@@ -110,35 +105,38 @@ class Session(EngineSession):
                           "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
-        binding.mj_forward(model, data)
         self._size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
         defaults = {"length": self._size, "gravity": model.opt.gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
                                     **{**defaults, **options})
         arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
         self._frames = Frames(self.touch, period, arm, has_shapes=self._shapes is not None)
-        if self._shapes is not None:
-            whole = not self._shapes.by_engine.any()
-            self._shapes.offer(self.touch, data, self._placed.dynamics(data, self._shapes.bodies) if whole else None)
+        self._placed.keep(self._tool)
+        self._listing.list_early(np.ones(model.ngeom, bool) if self._shapes is None else self._shapes.by_engine)
+        binding.mj_forward(model, data)
+        try:
+            self._offer(data)
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
-        """Says goodbye, and ends a server that the session started. Tool and bodies resist as the model has it again."""
+        """Says goodbye, and ends a server that the session started. The model is as it was before, and so is xfrc_applied."""
         super().close()
-        self._placed.let_go_of_all()
+        self._pushes.take_back()
+        self._changes.give_all_back()
 
     def drive(self, data: Any) -> int:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
         steps. Returns how many steps to take."""
-        self._take_back_pushes(data)  # of a frame that was not sent
+        self._pushes.take_back()  # of a frame that was not sent
         steps = self._frames.begin(self._model.opt.timestep)
-        self._set_force(self._frames.tool_collides)
+        self._listing.set_force(self._frames.tool_collides)
         self._placed.place(data, self._tool, self.touch.q, self.touch.v)
         self._place_held(data)
         self._begin, frame = data.time, self._frames.length
         if steps > 0:
-            self._pushes = {body: impulse / frame for body, impulse in self.touch.impulses(frame).items()}
-        for body, push in self._pushes.items():
-            data.xfrc_applied[body] += push
+            self._pushes.put(data, {body: impulse / frame for body, impulse in self.touch.impulses(frame).items()})
         return steps
 
     def send(self, data: Any) -> None:
@@ -148,10 +146,10 @@ class Session(EngineSession):
         if self._frames.length == 0:
             return
         by_shapes = self._shapes is not None and (self.touch.has_scene or self._frames.waits())
-        if not by_shapes and not self._listed_early.all():
+        if not by_shapes and not self._listing.early.all():
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as the server finds none: "
                           f"{self.touch.message}", stacklevel=2)
-            self._list_early(~self._listed_early)
+            self._listing.list_early(~self._listing.early)
         self._binding.mj_forward(self._model, data)
         q, v = data.qpos[self._q], np.array(data.qvel[self._v])
         v[3:] = rotation(q[3:]) @ v[3:]
@@ -161,6 +159,12 @@ class Session(EngineSession):
             self._send_poses(data, v, self._shapes)
         else:
             self._send_contacts(data)
+
+    def _offer(self, data: Any) -> None:
+        """Gives the server the shapes, and the bodies if it can be told all of them."""
+        if self._shapes is not None:
+            whole = not self._shapes.by_engine.any()
+            self._shapes.offer(self.touch, data, self._placed.dynamics(data, self._shapes.bodies) if whole else None)
 
     def _place_held(self, data: Any) -> None:
         """The bodies that the hand holds where the server has them. What was reset is let go of."""
@@ -201,7 +205,7 @@ class Session(EngineSession):
         near = with_touching([body for body, gap in pushable.items() if gap < reach], lambda: self._touching(data), pushable)
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         contacts = self._contacts(data, shapes.by_engine) if shapes.by_engine.any() else None
-        self._take_back_pushes(data)
+        self._pushes.take_back()
         if contacts is not None:
             self._set_velocities(contacts, bodies)
             self.touch.track(contacts, bodies)
@@ -225,14 +229,14 @@ class Session(EngineSession):
         return wrench
 
     def _send_contacts(self, data: Any) -> None:
-        contacts = self._contacts(data, self._listed_early)
+        contacts = self._contacts(data, self._listing.early)
         # Those first that the tool touches, the nearest before the others: the server moves eight.
         first = np.argsort(contacts["a_kind"] != haptic.TOOL_LINK, kind="stable")
         sides = [(each[side + "_kind"], int(each[side + "_index"])) for each in contacts[first] for side in "ba"]
         near = dict.fromkeys(index for kind, index in sides if kind == haptic.MOVABLE_BODY
                              and self._model.body_mocapid[index] < 0)
         bodies = self._bodies(data, list(near)[:haptic.MAX_BODIES])
-        self._take_back_pushes(data)
+        self._pushes.take_back()
         self._set_velocities(contacts, bodies)
         self.touch.track(contacts, bodies)
         self.touch.send(contacts, bodies)
@@ -252,11 +256,6 @@ class Session(EngineSession):
         geoms = np.column_stack([listed.geom1, listed.geom2])[:n]
         return self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
 
-    def _take_back_pushes(self, data: Any) -> None:
-        for body, push in self._pushes.items():
-            data.xfrc_applied[body] -= push
-        self._pushes = {}
-
     def _link(self) -> haptic.Link:
         model, body = self._model, self._tool
         link = haptic.box(mass=float(model.body_mass[body]), size=(0, 0, 0))
@@ -264,42 +263,6 @@ class Session(EngineSession):
         R = rotation(model.body_iquat[body])
         link.inertia[:] = ((R * model.body_inertia[body]) @ R.T).ravel()
         return link
-
-    def _set_force(self, own: bool) -> None:
-        """Whether the tool's contacts have MuJoCo's force; they are listed where they were."""
-        if own == self._own_force:
-            return
-        self._own_force = own
-        for margin, gap, which, own_margin, own_gap in self._listed:
-            if own:
-                margin[which], gap[which] = own_margin, own_gap
-            elif self._version >= _GAP_BEYOND:
-                margin[which], gap[which] = -_NO_FORCE, _NO_FORCE + own_margin + own_gap
-            else:
-                gap[which] = _NO_FORCE
-
-    def _list_early(self, geoms: np.ndarray) -> None:
-        """geoms: of each whether it is meant. The force begins where it did, and the list of contacts epsilon before; where
-        both geoms of a pair have a share in it, each has half."""
-        model, epsilon = self._model, self._epsilon
-        if self._own_force is not None:
-            self._set_force(True)
-        self._listed_early = self._listed_early | geoms
-        of_geom = epsilon / 2 if geoms.all() and self._version >= _ADDED_UP else epsilon
-        pairs = geoms[model.pair_geom1] | geoms[model.pair_geom2]
-        for margin, gap, which, early in ((model.geom_margin, model.geom_gap, geoms, of_geom),
-                                          (model.pair_margin, model.pair_gap, pairs, epsilon)):
-            gap[which] += early
-            if self._version < _GAP_BEYOND:
-                margin[which] += early
-        # MuJoCo 3 looks at a pair of bodies with several geoms only within these, which its compiler found.
-        if geoms.any() and hasattr(model, "body_margin"):
-            np.maximum.at(model.body_margin, model.geom_bodyid, model.geom_margin + model.geom_gap)
-        of_tool = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
-        #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
-        self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
-                        ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, of_tool))]
-        self._own_force = None
 
     def _contacts(self, data: Any, geoms: np.ndarray) -> np.ndarray:
         """geoms: of each whether its contacts are meant."""
@@ -365,7 +328,7 @@ class Session(EngineSession):
             to["centre"] = data.xipos[body]
             to["velocity"] = J @ data.qvel
             to["inverse_inertia"] = 0.5 * (W + W.T)
-            to["acceleration"] = J @ slowed(data.qacc_smooth) - W @ self._pushes.get(body, np.zeros(6))
+            to["acceleration"] = J @ slowed(data.qacc_smooth) - W @ self._pushes.on(body)
             to["round"], to["axis"] = self._roundness(data, body)
         return found
 
