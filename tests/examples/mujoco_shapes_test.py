@@ -276,8 +276,9 @@ class Geoms(unittest.TestCase):
         self.assertEqual(shapes._shapes[1].vertex_count, 4)
 
     def test_a_tool_that_can_be_given_no_shape_is_named(self):
-        model, data = session.loaded(self.TEXT.format(geom='type="sphere" size="0.02" contype="0" conaffinity="0"', height=0.1,
-                                                      world="", last="", contact=""))
+        hills = '<asset><hfield name="hills" nrow="2" ncol="2" size="0.1 0.1 0.02 0.01" elevation="1 1 1 1"/></asset>'
+        model, data = session.loaded(self.TEXT.format(geom='type="hfield" hfield="hills"', height=0.1, world="", last="",
+                                                      contact="").replace("<worldbody>", hills + "<worldbody>"))
         with self.assertRaisesRegex(haptic.HapticError, "no geom of the tool can be given as a shape"):
             haptic.mujoco.from_mujoco(model, 1, mujoco)
 
@@ -285,10 +286,10 @@ class Geoms(unittest.TestCase):
         """A ball on a post that stands still: MuJoCo takes the post for the world."""
         post = '<body name="post" pos="0 0 0.06"><geom type="box" size="0.02 0.02 0.02"/></body>'
         ball = 'type="sphere" size="0.02"'
-        self.assertEqual(self.shapes(ball, 0.101, world=post)[0]._apart, [])
+        self.assertEqual(self.shapes(ball, 0.101, world=post)[0]._shaped.apart, [])
         exclude = '<contact><exclude body1="post" body2="tool"/></contact>'
         for last in ("", '<body pos="1 0 1"><freejoint/><geom size="0.02"/></body>'):  # Versions count from 0 or from 1.
-            self.assertEqual(self.shapes(ball, 0.101, world=post, last=last, contact=exclude)[0]._apart, [(2, 1)])
+            self.assertEqual(self.shapes(ball, 0.101, world=post, last=last, contact=exclude)[0]._shaped.apart, [(2, 1)])
 
     TEXT = """<mujoco><asset><mesh name="tent" vertex="0 0 0  0.02 0 0  0 0.02 0  0 0 0.02"/></asset><worldbody>
         <geom type="plane" size="1 1 0.1"/>{world}<body name="tool" pos="0 0 {height}"><freejoint/>

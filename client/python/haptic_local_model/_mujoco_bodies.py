@@ -9,6 +9,7 @@ import numpy as np
 
 import haptic_local_model as haptic
 from haptic_local_model._mujoco_changes import Changes
+from haptic_local_model._mujoco_pairs import has_flag
 from haptic_local_model._world import quaternions, rotation
 
 _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
@@ -63,18 +64,18 @@ class Bodies:
             if all(int(self._model.body_treeid[other]) != tree for other in self._kept):
                 self._changes.give_back("tree_sleep_policy", tree)
 
-    def dynamics(self, data: Any, offered: Collection[int]) -> Optional[np.ndarray]:
+    def dynamics(self, data: Any, offered: Collection[int], carriers: np.ndarray) -> Optional[np.ndarray]:
         """Records of haptic.DYNAMICS of all bodies that can be pushed. None where one of them has no shape that was offered, or is
-        moved by what the server cannot be told: it can hold none then."""
+        moved by what the server cannot be told: it can hold none then. carriers: of each body what it moves with."""
         model = self._model
         welded = np.asarray(model.body_weldid)
         roots = [int(body) for body in np.flatnonzero((welded == np.arange(model.nbody)) & (np.asarray(model.body_dofnum) > 0))
                  if body != self._tool]
-        if not all(body in offered and self._can_be_told(body) for body in roots) or self._others_move(set(roots)):
+        if not all(body in offered and self._can_be_told(body, carriers) for body in roots) or self._others_move(data, set(roots)):
             return None
         found = haptic.dynamics(len(roots))
         for to, root in zip(found, roots):
-            self._describe(data, root, np.flatnonzero(welded == root), to)
+            self._describe(root, to)
             self._describe_joint(root, to)
         return found if (found["mass"] >= _LEAST_MASS).all() else None
 
@@ -85,8 +86,8 @@ class Bodies:
         is_free = model.jnt_type[joint] == _FREE
         return slice(first, first + (7 if is_free else 1)), slice(along, along + (6 if is_free else 1))
 
-    def _can_be_told(self, body: int) -> bool:
-        """It has one joint, free, a slide or a hinge, and hangs on no mocap body."""
+    def _can_be_told(self, body: int, carriers: np.ndarray) -> bool:
+        """It has one joint, free, a slide or a hinge, and hangs on no wall that moves."""
         model, joint = self._model, int(self._model.body_jntadr[body])
         if model.body_jntnum[body] != 1:
             return False
@@ -94,12 +95,13 @@ class Bodies:
             along = self._places(body)[1]
             return not (model.jnt_stiffness[joint].any() or model.dof_frictionloss[along].any()
                         or self._changes.own("dof_armature")[along].any() or model.dof_damping[along].any())
-        root, _ = self._from_root(int(model.body_parentid[body]))
+        root = carriers[model.body_parentid[body]]
         low, high = model.jnt_range[joint]
         if model.jnt_type[joint] == _HINGE and (high - low > 2 * math.pi if model.jnt_limited[joint] else model.jnt_stiffness[joint].any()):
             return False  # How often it has turned decides.
         curved = (getattr(model, name, np.zeros(0)) for name in ("jnt_stiffnesspoly", "dof_dampingpoly"))
-        return model.jnt_type[joint] in _JOINTS and root != self._tool and model.body_mocapid[root] < 0 and not any(map(np.any, curved))
+        is_held = root != self._tool and (root == 0 or model.body_dofnum[root] > 0)
+        return model.jnt_type[joint] in _JOINTS and is_held and not any(map(np.any, curved))
 
     def _from_root(self, body: int) -> tuple[int, np.ndarray]:
         """The body that it is welded to, 0 for the world, and its frame in that one's, 4 × 4."""
@@ -109,19 +111,22 @@ class Bodies:
             body = int(model.body_parentid[body])
         return body, X
 
-    def _others_move(self, bodies: set[int]) -> bool:
+    def _others_move(self, data: Any, bodies: set[int]) -> bool:
         """Whether fluids, equalities, tendons, actuators or flexes move one of them."""
         model, option = self._model, self._model.opt
         if option.density > 0 or option.viscosity > 0 or getattr(model, "nflex", 0) > 0:
             return bool(bodies)
-        return not bodies.isdisjoint(np.asarray(model.body_weldid)[sorted(self._named())].tolist())
+        return not bodies.isdisjoint(np.asarray(model.body_weldid)[sorted(self._named(data))].tolist())
 
-    def _named(self) -> set[int]:
-        """Bodies that equalities, tendons and actuators name, by themselves, a joint or a site."""
+    def _named(self, data: Any) -> set[int]:
+        """Bodies that active equalities, tendons and actuators name, by themselves, a joint or a site."""
         model = self._model
         of_site, of_joint, named = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid), {0}
         kinds = model.eq_objtype if hasattr(model, "eq_objtype") else np.zeros(model.neq, int)
-        for equality, kind, *items in zip(model.eq_type, kinds, model.eq_obj1id, model.eq_obj2id):
+        is_active = data.eq_active if hasattr(data, "eq_active") else model.eq_active
+        for active, equality, kind, *items in zip(is_active, model.eq_type, kinds, model.eq_obj1id, model.eq_obj2id):
+            if not active:
+                continue
             if equality == _OF_JOINTS:
                 named.update(int(of_joint[item]) for item in items if item >= 0)
             elif equality in (_CONNECT, _WELD):
@@ -140,19 +145,27 @@ class Bodies:
                 named.add(int(items[0]))
         return named - {0}
 
-    def _describe(self, data: Any, root: int, parts: np.ndarray, to: np.ndarray) -> None:
-        model = self._model
-        masses = np.asarray(model.body_mass)[parts]
-        R = np.reshape(data.xmat[root], (3, 3))
-        centres = (np.asarray(data.xipos)[parts] - data.xpos[root]) @ R
-        to["body"], to["mass"] = root, masses.sum()
-        to["centre"] = centre = masses @ centres / max(to["mass"], _LEAST_MASS)
-        for part, mass, place in zip(parts, masses, centres - centre):
-            turn = R.T @ np.reshape(data.ximat[part], (3, 3))
-            to["inertia"] += (turn * model.body_inertia[part]) @ turn.T + mass * (place @ place * np.eye(3) - np.outer(place, place))
-        weights = masses * (1 - np.asarray(model.body_gravcomp)[parts])
-        if self._is_on("GRAVITY"):
-            to["gravity"] = weights.sum() / max(to["mass"], _LEAST_MASS) * np.asarray(model.opt.gravity)
+    def inertia(self, root: int) -> tuple[float, np.ndarray, np.ndarray]:
+        """Of a body with what is welded to it: mass, its centre, and inertia about that, in the body's frame."""
+        model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
+        masses, frames = np.asarray(model.body_mass)[parts], [self._from_root(int(part))[1] for part in parts]
+        centres = np.array([X[:3, 3] + X[:3, :3] @ model.body_ipos[part] for part, X in zip(parts, frames)])
+        mass = float(masses.sum())
+        centre, about = masses @ centres / max(mass, _LEAST_MASS), np.zeros((3, 3))
+        for part, part_mass, X, place in zip(parts, masses, frames, centres - centre):
+            turn = X[:3, :3] @ rotation(model.body_iquat[part])
+            about += (turn * model.body_inertia[part]) @ turn.T + part_mass * (place @ place * np.eye(3) - np.outer(place, place))
+        return mass, centre, about
+
+    def gravity(self) -> np.ndarray:
+        """m/s², as the flags have it."""
+        return np.array(self._model.opt.gravity) * self._is_on("GRAVITY")
+
+    def _describe(self, root: int, to: np.ndarray) -> None:
+        model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
+        to["body"], (to["mass"], to["centre"], to["inertia"]) = root, self.inertia(root)
+        weights = np.asarray(model.body_mass)[parts] * (1 - np.asarray(model.body_gravcomp)[parts])
+        to["gravity"] = weights.sum() / max(to["mass"], _LEAST_MASS) * self.gravity()
 
     def _describe_joint(self, body: int, to: np.ndarray) -> None:
         model, joint, (at, along) = self._model, int(self._model.body_jntadr[body]), self._places(body)
@@ -174,8 +187,7 @@ class Bodies:
 
     def _is_on(self, flag: str) -> bool:
         """Unless the model's flags disable it. Which there are depends on MuJoCo's version."""
-        bit = getattr(self._binding.mjtDisableBit, "mjDSBL_" + flag, None)
-        return bit is None or not int(self._model.opt.disableflags) & int(bit)
+        return not has_flag(self._binding.mjtDisableBit, "mjDSBL_" + flag, self._model.opt.disableflags)
 
 
 def _frame(position: Any, turn: Any) -> np.ndarray:
