@@ -187,6 +187,15 @@ class Touch(unittest.TestCase):
 
 class Reset(unittest.TestCase):
     def test_what_is_held_is_where_the_reset_puts_it_and_the_hand_lets_go(self):
+        """A reset, and a program that puts the cube elsewhere."""
+        def put_back(model, data):
+            data.qpos[7:10] = 0.3, 0, 0.0751
+            data.qvel[6:] = 0
+        for name, reset, place in (("mj_resetData", mujoco.mj_resetData, 0), ("qpos", put_back, 0.3)):
+            with self.subTest(name):
+                self.reset(reset, place)
+
+    def reset(self, reset, place):
         cube = '<body pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
         scene = session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube)
         model, data = session.loaded(scene)
@@ -201,12 +210,13 @@ class Reset(unittest.TestCase):
                     heights.append(data.xpos[2][2])
                     if frame == 3 * session.RATE:
                         self.assertGreater(heights[-1], 0.2)  # m: it is held
-                        mujoco.mj_resetData(model, data)
+                        reset(model, data)
                     time.sleep(max(0, start + frame / session.RATE - time.monotonic()))
             ticks = server.ticks()
         after = heights[3 * session.RATE:]
         self.assertLess(max(after), 0.076)  # m: it does not come back to the hand
         self.assertAlmostEqual(after[-1], 0.02, delta=0.001)  # it has fallen onto the table
+        self.assertAlmostEqual(data.xpos[2][0], place, delta=0.001)
         self.assertAlmostEqual(mean(ticks, "env_force_z_N", 3.2, 3.5)[0], -0.1 * session.GRAVITY, delta=0.01)
         np.testing.assert_array_equal(model.dof_armature, 0)
 

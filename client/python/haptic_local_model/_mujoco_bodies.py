@@ -16,6 +16,7 @@ _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
 _JOINTS = {_SLIDE: haptic.JOINTS["prismatic"], _HINGE: haptic.JOINTS["revolute"]}
 _KEPT = 1e6  # kg and kg m²: what a coordinate resists with that is put in its place before each frame
 _LEAST_MASS = 1e-6  # kg
+_PUT_ELSEWHERE = 5e-3  # m or rad, between two frames
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 _OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY = range(6)  # mjtTrn
 _CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
@@ -29,6 +30,7 @@ class Bodies:
     def __init__(self, binding: Any, model: Any, tool: int, changes: Changes):
         self._binding, self._model, self._tool, self._changes = binding, model, tool, changes
         self._kept: set[int] = set()
+        self._left: dict[int, np.ndarray] = {}  # of those that are kept: qpos as a frame left it
 
     def place(self, data: Any, body: int, X: np.ndarray, v: np.ndarray, joint: tuple[float, float] = (0, 0)) -> None:
         """X: position and rotation of its frame; v: that frame's velocity, world axes; joint: the same of its joint, if it hangs
@@ -42,6 +44,14 @@ class Bodies:
             return
         data.qpos[at], data.qvel[along] = X, v
         data.qvel[along][3:] = rotation(X[3:]).T @ v[3:]
+
+    def leave(self, data: Any) -> None:
+        """A frame has ended."""
+        self._left = {body: np.array(data.qpos[self._places(body)[0]]) for body in self._kept}
+
+    def was_moved(self, data: Any, body: int) -> bool:
+        """Whether somebody has put it elsewhere since the frame before, by more than steps of MuJoCo would."""
+        return body in self._left and bool(np.abs(data.qpos[self._places(body)[0]] - self._left[body]).max() > _PUT_ELSEWHERE)
 
     def keep(self, body: int) -> None:
         """Nothing moves it within a frame, until let_go()."""

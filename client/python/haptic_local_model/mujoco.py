@@ -85,6 +85,7 @@ class Session(EngineSession):
         self._begin = 0.0  # s: MuJoCo's time when the present frame began, and
         self._ended = -np.inf  # when the one before ended.
         self._was_reset = False  # in between
+        self._taken: set[int] = set()  # bodies that the hand held, and the user has put elsewhere
         self._warned = False
         self._epsilon, self._changes, self._pushes = epsilon, Changes(model), Pushes()
         self._placed = Bodies(binding, model, number, self._changes)
@@ -137,6 +138,10 @@ class Session(EngineSession):
     def send(self, data: Any) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to."""
         self._warn_of_steps(data)
+        self._send(data)
+        self._placed.leave(data)
+
+    def _send(self, data: Any) -> None:
         self._was_reset, self._ended = self._was_reset or data.time < self._begin, data.time
         if self._frames.length == 0:
             return
@@ -177,14 +182,16 @@ class Session(EngineSession):
         self._watch.offered(data, self._shapes.was_moved, time.monotonic() - begin)
 
     def _place_held(self, data: Any) -> None:
-        """The bodies that the hand holds where the server has them. What was reset is let go of."""
+        """The bodies that the hand holds where the server has them. What was reset or put elsewhere is let go of."""
         self._was_reset = self._was_reset or data.time < self._ended
         for body, let_go, position, turn, velocity, *joint in self._frames.held.tolist():
-            if let_go or self._was_reset:
+            if self._was_reset or self._placed.was_moved(data, body):
+                self._taken.add(body)
+            if let_go or body in self._taken:
                 self._placed.let_go(body)
             else:
                 self._placed.keep(body)
-            if not self._was_reset:
+            if body not in self._taken:
                 self._placed.place(data, body, np.array([*position, *turn]), np.array(velocity), joint)
 
     def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
@@ -210,7 +217,8 @@ class Session(EngineSession):
         reach = self._frames.reach(v)
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         poses = shapes.poses(data, gaps, self._frames.length)
-        poses["kept"], self._was_reset = self._was_reset, False
+        poses["kept"] = self._was_reset | np.isin(poses["body"], [*self._taken])
+        self._was_reset, self._taken = False, set()
         if self.touch.holds:
             self.touch.send(None, None, poses)
             return
