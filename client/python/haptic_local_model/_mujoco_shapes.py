@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Iterable, Optional
 
 import numpy as np
@@ -16,6 +17,7 @@ _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
            7: ("hull", lambda size: ())}
+_TAKING = 0.2  # s: that a server needs for usual shapes
 _FASTEST = 10  # m/s: a body that was moved farther in a frame was put there
 
 
@@ -24,15 +26,17 @@ class Shapes:
 
     def __init__(self, binding: Any, model: Any, tool: int, before: Optional["Shapes"] = None):
         """before: the shapes of this model that were offered last. What stood still and has been moved since goes on as a mocap
-        body does: one that moves between two offers would be in the tool, and not push it."""
+        body does, from where it was: at its new place it would be in the tool, and not push it."""
         self._model, self._tool = model, tool
         self._places_in_parents = np.hstack([model.body_pos, model.body_quat])
+        self._waiting: list[int] = []  # bodies that are told to be where they were until the server should have the shapes,
+        self._waits_until = 0.0  # s
         #: Of each body whether it was moved though it cannot move.
         self.was_moved = np.zeros(model.nbody, bool)
         self._pose_before: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # of bodies whose velocity MuJoCo does not know
         if before is not None:
-            is_moved = (self._places_in_parents != before._places_in_parents).any(axis=1) & (before.carriers == 0)
-            self.was_moved, self._pose_before = before.was_moved | is_moved, before._pose_before
+            self._go_on_from(before)
+        self._poses_offered: list[tuple[np.ndarray, np.ndarray]] = []  # by body
         #: Of each body what it moves with, as carriers().
         self.carriers = carriers(model, self.was_moved)
         of_geom = self.carriers[model.geom_bodyid]
@@ -50,6 +54,12 @@ class Shapes:
                                                            self._shaped.groups.tolist(), self._shaped.masks.tolist())]
         self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms], self._carrier, tool)
 
+    def _go_on_from(self, before: "Shapes") -> None:
+        is_moved = (self._places_in_parents != before._places_in_parents).any(axis=1) & (before.carriers == 0)
+        self.was_moved, self._pose_before = before.was_moved | is_moved, before._pose_before
+        self._pose_before.update((int(body), before._poses_offered[body]) for body in np.flatnonzero(is_moved))
+        self._waiting = np.flatnonzero(is_moved).tolist()
+
     @property
     def bodies(self) -> set[int]:
         """Those that have shapes."""
@@ -63,6 +73,8 @@ class Shapes:
                 continue
             R = np.reshape(data.xmat[carrier], (3, 3))
             positions[i], rotations[i] = R.T @ (positions[i] - data.xpos[carrier]), R.T @ rotations[i]
+        self._poses_offered = list(zip(np.array(data.xpos), np.array(data.xquat)))
+        self._waits_until = time.monotonic() + touch.state.round_trip + _TAKING
         shaped = self._shaped
         touch.offer(self._shapes, positions, quaternions(rotations), shaped.friction, "maximum", shaped.priority, shaped.apart,
                     dynamics)
@@ -83,8 +95,12 @@ class Shapes:
         # MuJoCo's twist is at the centre of mass of all that moves with the body, the angular part first.
         twist, arm = np.asarray(data.cvel)[chosen], position - np.asarray(data.subtree_com)[model.body_rootid[chosen]]
         found["velocity"][:, :3], found["velocity"][:, 3:] = twist[:, 3:] + np.cross(twist[:, :3], arm), twist[:, :3]
+        if self._waiting and time.monotonic() > self._waits_until:
+            self._waiting = []
         for place in np.flatnonzero(np.asarray(model.body_dofnum)[chosen] == 0):
             body, now = int(chosen[place]), (position[place], found["rotation"][place].copy())
+            if body in self._waiting:
+                found["position"][place], found["rotation"][place] = now = self._pose_before[body]
             found["velocity"][place] = _velocity(*self._pose_before.get(body, now), *now, period)
             self._pose_before[body] = now
         return found

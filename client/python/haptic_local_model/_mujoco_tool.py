@@ -54,8 +54,8 @@ class Tool:
         hanging = [body for body in range(model.nbody) if model.body_dofnum[body] > 0 and model.body_parentid[body] in self._parts]
         if hanging:
             first = self._binding.mj_id2name(model, _BODY, hanging[0]) or f"body {hanging[0]}"
-            warnings.warn(f"bodies that hang on the tool by joints ({len(hanging)}, the first {first!r}) sink into what they touch, "
-                          "and the hand does not feel it: weld them to the tool by leaving out their joints", stacklevel=4)
+            warnings.warn(f"bodies that hang on the tool by joints ({len(hanging)}, the first {first!r}) sink into what they "
+                          "touch, and the hand does not feel it: weld them to the tool by leaving out their joints", stacklevel=4)
         if len(self.geoms) == 0:
             warnings.warn("the tool has no geoms: nothing but its weight is felt", stacklevel=4)
 

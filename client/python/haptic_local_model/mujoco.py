@@ -21,8 +21,8 @@ The hand also feels what else pushes the tool: equalities (weld, connect), tendo
 put into qfrc_applied and xfrc_applied.
 
 What you change in the model while it is felt (sizes, places, masks, friction, masses, gravity, equalities, the time step) is
-felt within half a second: the shapes are offered again. What stood still and is moved from frame to frame pushes the tool, as a
-mocap body does. A shape that appears or grows inside the tool is felt once the hand has moved away from it: it does no work.
+felt within half a second: the shapes are offered again. A body that stood still and is moved pushes the tool, as a mocap body
+does. A shape that appears or grows inside the tool is felt once the hand has moved away from it: it does no work.
 After close() the model is as it was.
 """
 
