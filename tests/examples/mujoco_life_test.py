@@ -256,6 +256,29 @@ class Changed(unittest.TestCase):
                 self.assertAlmostEqual(before, -0.4 * session.GRAVITY, delta=0.04)  # N
                 self.assertAlmostEqual(after, -due, delta=0.04)
 
+class Walls(unittest.TestCase):
+    """Mocap bodies, whose velocity MuJoCo does not know."""
+
+    def velocity(self, model, data, place):
+        """What is told of mocap body 2 in a frame in which it goes from `place` to the next."""
+        data.mocap_pos[0], data.mocap_quat[0] = place
+        mujoco.mj_forward(model, data)
+        return self.touch._shapes.poses(data, [2], 0.02)["velocity"][0]
+
+    def test_they_move_as_the_difference_of_two_frames_says(self):
+        wall = '<body name="wall" mocap="true" pos="0.2 0 0"><body><geom size="0.02" pos="0 0 0.1"/></body></body>'
+        model, data = scene(bodies=wall)
+        still, none = ((0.2, 0, 0), (1, 0, 0, 0)), np.zeros(6)
+        with alone(model, data) as self.touch:
+            self.assertIn(2, self.touch._shapes.bodies)
+            np.testing.assert_array_equal(self.velocity(model, data, still), none)
+            turned = np.cos(0.01), 0, 0, -np.sin(0.01)
+            np.testing.assert_allclose(self.velocity(model, data, ((0.2, 0.01, 0), turned)), (0, 0.5, 0, 0, 0, -1), atol=1e-9)
+            np.testing.assert_array_equal(self.velocity(model, data, ((5, 0, 0), turned)), none)  # It was put there.
+            self.touch._shapes.forget_motion()
+            np.testing.assert_array_equal(self.velocity(model, data, still), none)
+
+
 class Rules(unittest.TestCase):
     """Which geoms touch, and with which friction, as MuJoCo has it."""
 
@@ -302,6 +325,14 @@ class Rules(unittest.TestCase):
                 print(f"load {load:.3f} N, friction {friction:.4f}, due {due}")
                 self.assertAlmostEqual(load, 1.738, delta=0.02)
                 self.assertAlmostEqual(friction, due, delta=0.02)
+
+    def test_of_mujoco_s_own_contacts_those_of_condim_1_have_no_friction(self):
+        for condim, due in ((1, 0), (3, 0.7), (4, 0.7)):
+            ball = f'type="sphere" size="0.02" condim="{condim}" priority="1" friction="0.7 0 0"'
+            model, data = scene(ball, "", height=0.021)
+            with alone(model, data, contacts="engine") as touch:
+                found = touch._contacts(data, touch._listing.early)
+            np.testing.assert_allclose(found["friction"], [due])
 
     def test_flags(self):
         load, _ = self.slide(flag='<flag contact="disable"/>')

@@ -105,6 +105,10 @@ class Shapes:
             self._pose_before[body] = now
         return found
 
+    def forget_motion(self) -> None:
+        """Of walls that move: where they are now they were put."""
+        self._waiting, self._pose_before = [], {}
+
     def _shape(self, geom: int, carrier: int, group: int, mask: int) -> haptic.shapes.Shape:
         name, sizes = _SHAPES[int(self._model.geom_type[geom])]
         side = haptic.TOOL_LINK if carrier == self._tool else haptic.WORLD if carrier == 0 else haptic.MOVABLE_BODY

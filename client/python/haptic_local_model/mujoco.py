@@ -216,6 +216,8 @@ class Session(EngineSession):
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         reach = self._frames.reach(v)
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
+        if self._was_reset:
+            shapes.forget_motion()
         poses = shapes.poses(data, gaps, self._frames.length)
         poses["kept"] = self._was_reset | np.isin(poses["body"], [*self._taken])
         self._was_reset, self._taken = False, set()
