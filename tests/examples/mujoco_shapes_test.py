@@ -286,7 +286,7 @@ class Geoms(unittest.TestCase):
         self.assertEqual(shapes._shapes[1].vertex_count, 4)
 
     def test_a_tool_that_can_be_given_no_shape_is_named(self):
-        hills = '<asset><hfield name="hills" nrow="2" ncol="2" size="0.1 0.1 0.02 0.01" elevation="1 1 1 1"/></asset>'
+        hills = '<asset><hfield name="hills" nrow="2" ncol="2" size="0.1 0.1 0.02 0.01"/></asset>'
         model, data = session.loaded(self.TEXT.format(geom='type="hfield" hfield="hills"', height=0.1, world="", last="",
                                                       contact="").replace("<worldbody>", hills + "<worldbody>"))
         with self.assertRaisesRegex(haptic.HapticError, "no geom of the tool can be given as a shape"):

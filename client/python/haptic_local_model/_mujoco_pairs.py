@@ -38,8 +38,8 @@ class Pairs:
         #: Of each geom whether it can touch something, by masks or by a <pair>.
         self.touches = (self._groups | self._masks) != 0
         friction = self._friction(model.pair_friction, model.pair_dim)
-        self._listed = [pair for pair in zip(model.pair_geom1, model.pair_geom2, friction)
-                        if touches and self._rank[list(pair[:2])].any()]
+        pairs = zip(np.asarray(model.pair_geom1).tolist(), np.asarray(model.pair_geom2).tolist(), friction.tolist())
+        self._listed = [pair for pair in pairs if touches and self._rank[list(pair[:2])].any()]
         for one, other, _ in self._listed:
             self.touches[[one, other]] = True
 
@@ -49,33 +49,42 @@ class Pairs:
 
     def shaped(self, chosen: np.ndarray) -> Shaped:
         """chosen: of each geom whether it has a shape."""
-        model = self._model
-        masks, copies, partners = self._masks.copy(), {}, set()
-        bit = next((1 << bit for bit in range(32) if not self._used >> bit & 1), None)
-        listed = [pair for pair in self._listed if chosen[list(pair[:2])].all()]
-        if listed and bit is None:
-            raise haptic.HapticError("contype and conaffinity must leave one of 32 bits for what <pair> says")
-        for one, other, friction in listed:
-            copied, partner = sorted((int(one), int(other)), key=lambda geom: -self._rank[geom])
-            copies.setdefault((copied, float(friction)), set()).add(partner)
-            masks[partner] |= bit
-            partners.add(partner)
+        model, listed = self._model, [pair for pair in self._listed if chosen[list(pair[:2])].all()]
+        copies, bit = self._copies(listed), self._free_bit(bool(listed))
+        partners = set().union(*copies.values())
+        masks = self._masks.copy()
+        masks[list(partners)] |= bit
+        copied = np.array([geom for geom, _ in copies], int)
         kept, of_tool = chosen & ((self._groups | masks) != 0), chosen & (self._rank == _TOOL)
-        if not kept[of_tool].any():
+        if not kept[of_tool].any() and not of_tool[copied].any():
             kept |= of_tool  # It touches nothing, but a scene has a tool.
         own = np.flatnonzero(kept)
         place = {int(geom): i for i, geom in enumerate(own)}
         apart = self._excluded(own)
-        apart |= {(place[int(a)], place[int(b)]) for a, b, _ in listed if int(a) in place and int(b) in place}
+        apart |= {(place[one], place[other]) for one, other, _ in listed if one in place and other in place}
         apart |= {(len(own) + i, place[other]) for i, met in enumerate(copies.values()) for other in partners - met}
-        geoms = np.concatenate([own, np.array([geom for geom, _ in copies], int)])
-        n, of_pair = len(own), [friction for _, friction in copies]
         _, priority = np.unique(np.asarray(model.geom_priority)[own], return_inverse=True)
-        return Shaped(
-            geoms, np.append(self._groups[own], np.full(len(copies), bit or 0)), np.append(masks[own], np.zeros(len(copies), int)),
-            np.append(self._friction(model.geom_friction, model.geom_condim)[own], of_pair),
-            np.append(np.minimum(priority, _OF_PAIR - 1), np.full(len(geoms) - n, _OF_PAIR)),
-            sorted((max(pair), min(pair)) for pair in apart))
+        friction = self._friction(model.geom_friction, model.geom_condim)
+        return Shaped(geoms=np.append(own, copied), groups=np.append(self._groups[own], np.full(len(copied), bit)),
+                      masks=np.append(masks[own], np.zeros(len(copied), int)),
+                      friction=np.append(friction[own], [each for _, each in copies]),
+                      priority=np.append(np.minimum(priority, _OF_PAIR - 1), np.full(len(copied), _OF_PAIR)),
+                      apart=sorted((max(pair), min(pair)) for pair in apart))
+
+    def _copies(self, listed: list[tuple[int, int, float]]) -> dict[tuple[int, float], set[int]]:
+        """Of pairs: each geom that is there once more, with its friction there, and what it touches so."""
+        copies: dict[tuple[int, float], set[int]] = {}
+        for one, other, friction in listed:
+            copied, partner = (one, other) if self._rank[one] >= self._rank[other] else (other, one)
+            copies.setdefault((copied, friction), set()).add(partner)
+        return copies
+
+    def _free_bit(self, is_needed: bool) -> int:
+        """One by which no two geoms touch."""
+        free = [1 << bit for bit in range(32) if not self._used >> bit & 1]
+        if is_needed and not free:
+            raise haptic.HapticError("contype and conaffinity must leave one of 32 bits for what <pair> says")
+        return free[0] if free else 0
 
     def _friction(self, coefficients: Any, dimensions: Any) -> np.ndarray:
         """Along the surface. None for a dimension of 1; the same for all where the model overrides it."""

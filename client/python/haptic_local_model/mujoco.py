@@ -31,7 +31,7 @@ from __future__ import annotations
 import importlib
 import time
 import warnings
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional
 
 import numpy as np
 
@@ -54,9 +54,9 @@ _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 class Session(EngineSession):
     """A client for one model.
 
-    tool: name of a body with a free joint; what is welded to it is a part of it. period: about that of your frames, s. After a silence of four and a half of them the
-    server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its functions. Other arguments are those of
-    haptic.Session. Raises haptic.HapticError where the model has no such tool.
+    tool: name of a body with a free joint; what is welded to it is a part of it. period: about that of your frames, s. After a
+    silence of four and a half of them the server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its
+    functions. Other arguments are those of haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
     contacts: "shapes" gives the server the geoms once and their poses in each frame, and it finds the contacts at every step
     of the hand, exact and however late a frame comes. "engine" takes MuJoCo's own. Default: shapes, or with a warning MuJoCo's
