@@ -261,7 +261,7 @@ class Pairs(unittest.TestCase):
 
     def test_they_are_listed_before_they_touch(self):
         touch = self.session_on('<geom type="sphere" size="0.02"/>', "ball")
-        found = touch._contacts(self.data, touch._listed_early)
+        found = touch._contacts(self.data, touch._listing.early)
         self.assertEqual(len(found), 1)
         self.assertAlmostEqual(found["separation"][0], 0.0015, delta=1e-9)  # m
 
@@ -300,7 +300,7 @@ class Listing(unittest.TestCase):
             {tool}</body><body pos="1 0 1"><freejoint/><geom size="0.01"/></body></worldbody></mujoco>""")
         with haptic.mujoco.Session(model, data, tool="tool", epsilon=self.EPSILON, contacts="engine", binding=mujoco,
                                    server="127.0.0.1:9") as touch:
-            found = touch._contacts(data, touch._listed_early)
+            found = touch._contacts(data, touch._listing.early)
         return found[found["a_kind"] == haptic.TOOL_LINK]
 
     def test_whatever_touches_and_however_many_geoms_a_body_has(self):
@@ -338,7 +338,7 @@ class Listing(unittest.TestCase):
                     mujoco.mj_forward(model, data)
                     distance = box_gap(*((data.geom_xpos[i], np.reshape(data.geom_xmat[i], (3, 3)), model.geom_size[i])
                                          for i in (0, 1)))
-                listed = touch._contacts(data, touch._listed_early)["separation"].min(initial=np.inf)
+                listed = touch._contacts(data, touch._listing.early)["separation"].min(initial=np.inf)
                 self.assertGreater(listed, distance - 1e-5)  # m
                 late += listed > distance + 1e-5
         self.assertLess(late, poses / 10)
@@ -431,7 +431,7 @@ class Versions(unittest.TestCase):
             touch, model = self.session(version)
             margins = (0.001 + early, 0.002 + early, early)
             self.assert_margins_and_gaps(model, margins, (early, 0.001 + early, early))
-            touch._set_force(False)
+            touch._listing.set_force(False)
             self.assert_margins_and_gaps(model, margins, (early, 1e3, early))
 
     def test_the_gap_that_lies_beyond_the_margin(self):
@@ -439,9 +439,9 @@ class Versions(unittest.TestCase):
         for version in ("3.9.0", "3.16.0", "4.0.0"):
             touch, model = self.session(version)
             self.assert_margins_and_gaps(model, (0.001, 0.002, 0), (0.0025, 0.0035, 0.0025))
-            touch._set_force(False)
+            touch._listing.set_force(False)
             self.assert_margins_and_gaps(model, (0.001, -1e3, 0), (0.0025, 1e3 + 0.0055, 0.0025))
-            touch._set_force(True)
+            touch._listing.set_force(True)
             self.assert_margins_and_gaps(model, (0.001, 0.002, 0), (0.0025, 0.0035, 0.0025))
 
 

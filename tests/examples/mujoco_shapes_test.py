@@ -187,6 +187,15 @@ class Touch(unittest.TestCase):
 
 class Reset(unittest.TestCase):
     def test_what_is_held_is_where_the_reset_puts_it_and_the_hand_lets_go(self):
+        """A reset, and a program that puts the cube elsewhere."""
+        def put_back(model, data):
+            data.qpos[7:10] = 0.3, 0, 0.0751
+            data.qvel[6:] = 0
+        for name, reset, place in (("mj_resetData", mujoco.mj_resetData, 0), ("qpos", put_back, 0.3)):
+            with self.subTest(name):
+                self.reset(reset, place)
+
+    def reset(self, reset, place):
         cube = '<body pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="0.3"/></body>'
         scene = session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube)
         model, data = session.loaded(scene)
@@ -201,12 +210,13 @@ class Reset(unittest.TestCase):
                     heights.append(data.xpos[2][2])
                     if frame == 3 * session.RATE:
                         self.assertGreater(heights[-1], 0.2)  # m: it is held
-                        mujoco.mj_resetData(model, data)
+                        reset(model, data)
                     time.sleep(max(0, start + frame / session.RATE - time.monotonic()))
             ticks = server.ticks()
         after = heights[3 * session.RATE:]
         self.assertLess(max(after), 0.076)  # m: it does not come back to the hand
         self.assertAlmostEqual(after[-1], 0.02, delta=0.001)  # it has fallen onto the table
+        self.assertAlmostEqual(data.xpos[2][0], place, delta=0.001)
         self.assertAlmostEqual(mean(ticks, "env_force_z_N", 3.2, 3.5)[0], -0.1 * session.GRAVITY, delta=0.01)
         np.testing.assert_array_equal(model.dof_armature, 0)
 
@@ -276,8 +286,9 @@ class Geoms(unittest.TestCase):
         self.assertEqual(shapes._shapes[1].vertex_count, 4)
 
     def test_a_tool_that_can_be_given_no_shape_is_named(self):
-        model, data = session.loaded(self.TEXT.format(geom='type="sphere" size="0.02" contype="0" conaffinity="0"', height=0.1,
-                                                      world="", last="", contact=""))
+        hills = '<asset><hfield name="hills" nrow="2" ncol="2" size="0.1 0.1 0.02 0.01"/></asset>'
+        model, data = session.loaded(self.TEXT.format(geom='type="hfield" hfield="hills"', height=0.1, world="", last="",
+                                                      contact="").replace("<worldbody>", hills + "<worldbody>"))
         with self.assertRaisesRegex(haptic.HapticError, "no geom of the tool can be given as a shape"):
             haptic.mujoco.from_mujoco(model, 1, mujoco)
 
@@ -285,10 +296,10 @@ class Geoms(unittest.TestCase):
         """A ball on a post that stands still: MuJoCo takes the post for the world."""
         post = '<body name="post" pos="0 0 0.06"><geom type="box" size="0.02 0.02 0.02"/></body>'
         ball = 'type="sphere" size="0.02"'
-        self.assertEqual(self.shapes(ball, 0.101, world=post)[0]._apart, [])
+        self.assertEqual(self.shapes(ball, 0.101, world=post)[0]._shaped.apart, [])
         exclude = '<contact><exclude body1="post" body2="tool"/></contact>'
         for last in ("", '<body pos="1 0 1"><freejoint/><geom size="0.02"/></body>'):  # Versions count from 0 or from 1.
-            self.assertEqual(self.shapes(ball, 0.101, world=post, last=last, contact=exclude)[0]._apart, [(2, 1)])
+            self.assertEqual(self.shapes(ball, 0.101, world=post, last=last, contact=exclude)[0]._shaped.apart, [(2, 1)])
 
     TEXT = """<mujoco><asset><mesh name="tent" vertex="0 0 0  0.02 0 0  0 0.02 0  0 0 0.02"/></asset><worldbody>
         <geom type="plane" size="1 1 0.1"/>{world}<body name="tool" pos="0 0 {height}"><freejoint/>

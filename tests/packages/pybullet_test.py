@@ -155,6 +155,15 @@ class Shapes(unittest.TestCase):
         with self.assertRaisesRegex(haptic.HapticError, "body 0, link -1: of a mesh that is not one convex piece"):
             self.session(self.world.box(Box((0.1, 0.1, 0.1), (0, 0, 2), 1)))
 
+    def test_a_shape_that_pybullet_does_not_tell_is_named(self):
+        tool = self.world.box(Box((0.1, 0.1, 0.1), (0, 0, 2), 1))
+        hills = self.world.add(self.world.shape(pybullet.GEOM_HEIGHTFIELD, meshScale=[0.1, 0.1, 1], heightfieldData=[0.0] * 16,
+                                                numHeightfieldRows=4, numHeightfieldColumns=4), (0, 0, 0))
+        self.world.add(-1, (0, 0, 0))  # It has none.
+        with self.assertWarnsRegex(UserWarning, f"body {hills}, link -1 is not felt") as caught:
+            self.session(tool)
+        self.assertEqual(len([each for each in caught.warnings if "is not felt" in str(each.message)]), 1)
+
     def test_a_tool_that_does_not_move_is_named(self):
         with self.assertRaisesRegex(haptic.HapticError, "body 0 has the mass 0.0 kg and 0 joints; the tool must have mass"):
             self.session(self.world.box(Box((0.1, 0.1, 0.1), (0, 0, 2))))

@@ -8,6 +8,8 @@ from typing import Any, Collection
 import numpy as np
 
 import haptic_local_model as haptic
+from haptic_local_model._mujoco_changes import Changes
+from haptic_local_model._mujoco_pairs import has_flag
 from haptic_local_model._world import quaternions, rotation
 
 _FREE, _SLIDE, _HINGE = 0, 2, 3  # of mjtJoint
@@ -15,6 +17,7 @@ _JOINTS = {_SLIDE: haptic.JOINTS["prismatic"], _HINGE: haptic.JOINTS["revolute"]
 _KEPT = 1e6  # kg and kg m²: what a coordinate resists with that is put in its place before each frame
 _LEAST_MASS, _MOST_MASS = 1e-6, 1e6  # kg
 _MOST_FREEDOMS = 16  # of what joints connect, at the server
+_PUT_ELSEWHERE = 5e-3  # m or rad, between two frames
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 _OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY = range(6)  # mjtTrn
 _CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
@@ -25,10 +28,10 @@ _ROUND_JOINT, _OVER_PULLEY, _THROUGH_SITE = 1, 2, 3  # of mjtWrap
 class Bodies:
     """Of one model. A body has its own number; what is welded to it counts as a part."""
 
-    def __init__(self, binding: Any, model: Any, tool: int):
-        self._binding, self._model, self._tool = binding, model, tool
-        self._own: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # of those that are kept: what they resist with by themselves
-        self._sleep: dict[int, int] = {}  # and their trees' policies
+    def __init__(self, binding: Any, model: Any, tool: int, changes: Changes):
+        self._binding, self._model, self._tool, self._changes = binding, model, tool, changes
+        self._kept: set[int] = set()
+        self._left: dict[int, np.ndarray] = {}  # of those that are kept: qpos as a frame left it
 
     def place(self, data: Any, body: int, X: np.ndarray, v: np.ndarray, joint: tuple[float, float] = (0, 0)) -> None:
         """X: position and rotation of its frame; v: that frame's velocity, world axes; joint: the same of its joint, if it hangs
@@ -43,45 +46,52 @@ class Bodies:
         data.qpos[at], data.qvel[along] = X, v
         data.qvel[along][3:] = rotation(X[3:]).T @ v[3:]
 
+    def leave(self, data: Any) -> None:
+        """A frame has ended."""
+        self._left = {body: np.array(data.qpos[self._places(body)[0]]) for body in self._kept}
+
+    def was_moved(self, data: Any, body: int) -> bool:
+        """Whether somebody has put it elsewhere since the frame before, by more than steps of MuJoCo would."""
+        return body in self._left and bool(np.abs(data.qpos[self._places(body)[0]] - self._left[body]).max() > _PUT_ELSEWHERE)
+
     def keep(self, body: int) -> None:
         """Nothing moves it within a frame, until let_go()."""
-        if body in self._own:
+        if body in self._kept:
             return
-        model, along = self._model, self._places(body)[1]
-        self._own[body] = (np.array(model.dof_armature[along]), np.array(model.dof_M0[along]))
-        model.dof_armature[along] = model.dof_M0[along] = _KEPT  # For free joints MuJoCo reads the second alone.
-        if hasattr(model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
-            self._sleep[body] = int(model.tree_sleep_policy[model.body_treeid[body]])
-            model.tree_sleep_policy[model.body_treeid[body]] = _NEVER_SLEEPS
+        self._kept.add(body)
+        for name in ("dof_armature", "dof_M0"):  # For free joints MuJoCo reads the second alone.
+            self._changes.set(name, self._places(body)[1], _KEPT)
+        if hasattr(self._model, "tree_sleep_policy"):  # MuJoCo 3 lists no contact of a sleeping tool with what does not move.
+            self._changes.set("tree_sleep_policy", int(self._model.body_treeid[body]), _NEVER_SLEEPS)
 
     def let_go(self, body: int) -> None:
-        if body in self._own:
-            along = self._places(body)[1]
-            self._model.dof_armature[along], self._model.dof_M0[along] = self._own.pop(body)
-            if body in self._sleep:
-                self._model.tree_sleep_policy[self._model.body_treeid[body]] = self._sleep.pop(body)
+        if body not in self._kept:
+            return
+        self._kept.discard(body)
+        for name in ("dof_armature", "dof_M0"):
+            self._changes.give_back(name, self._places(body)[1])
+        if hasattr(self._model, "tree_sleep_policy"):
+            tree = int(self._model.body_treeid[body])
+            if all(int(self._model.body_treeid[other]) != tree for other in self._kept):
+                self._changes.give_back("tree_sleep_policy", tree)
 
-    def let_go_of_all(self) -> None:
-        for body in [*self._own]:
-            self.let_go(body)
-
-    def dynamics(self, data: Any, offered: Collection[int]) -> np.ndarray:
+    def dynamics(self, data: Any, offered: Collection[int], carriers: np.ndarray) -> np.ndarray:
         """Records of haptic.DYNAMICS of the bodies that can be pushed and that the server can move: all that joints connect have
-        a shape that was offered, and nothing moves them that it cannot be told."""
+        a shape that was offered, and nothing moves them that it cannot be told. carriers: of each body what it moves with."""
         model = self._model
         welded = np.asarray(model.body_weldid)
         roots = [int(body) for body in np.flatnonzero((welded == np.arange(model.nbody)) & (np.asarray(model.body_dofnum) > 0))
                  if body != self._tool]
-        moved = self._moved_by_others(roots)
+        moved = self._moved_by_others(data, roots)
         trees: dict[int, list[int]] = {}
         for root in roots:
-            trees.setdefault(self._tree_of(root), []).append(root)
+            trees.setdefault(self._tree_of(root, carriers), []).append(root)
         told = [body for tree in trees.values() for body in tree
-                if sum(model.body_dofnum[each] for each in tree) <= _MOST_FREEDOMS and
-                all(each in offered and each not in moved and self._can_be_told(each) for each in tree)]
+                if sum(model.body_dofnum[each] for each in tree) <= _MOST_FREEDOMS
+                and all(each in offered and each not in moved and self._can_be_told(each, carriers) for each in tree)]
         found = haptic.dynamics(len(told))
         for to, root in zip(found, told):
-            self._describe(data, root, np.flatnonzero(welded == root), to)
+            self._describe(root, to)
             self._describe_joint(root, to)
         return found
 
@@ -92,8 +102,8 @@ class Bodies:
         is_free = model.jnt_type[joint] == _FREE
         return slice(first, first + (7 if is_free else 1)), slice(along, along + (6 if is_free else 1))
 
-    def _can_be_told(self, body: int) -> bool:
-        """It has mass and one joint, free, a slide or a hinge, and hangs on no mocap body."""
+    def _can_be_told(self, body: int, carriers: np.ndarray) -> bool:
+        """It has mass and one joint, free, a slide or a hinge, and hangs on no wall that moves."""
         model, joint = self._model, int(self._model.body_jntadr[body])
         mass = model.body_mass[np.asarray(model.body_weldid) == body].sum()
         if model.body_jntnum[body] != 1 or not _LEAST_MASS <= mass <= _MOST_MASS:
@@ -101,13 +111,14 @@ class Bodies:
         if model.jnt_type[joint] == _FREE:
             along = self._places(body)[1]
             return not (model.jnt_stiffness[joint].any() or model.dof_frictionloss[along].any()
-                        or model.dof_armature[along].any() or model.dof_damping[along].any())
-        root, _ = self._from_root(int(model.body_parentid[body]))
+                        or self._changes.own("dof_armature")[along].any() or model.dof_damping[along].any())
+        root = carriers[model.body_parentid[body]]
         low, high = model.jnt_range[joint]
         if model.jnt_type[joint] == _HINGE and (high - low > 2 * math.pi if model.jnt_limited[joint] else model.jnt_stiffness[joint].any()):
             return False  # How often it has turned decides.
         curved = (getattr(model, name, np.zeros(0)) for name in ("jnt_stiffnesspoly", "dof_dampingpoly"))
-        return model.jnt_type[joint] in _JOINTS and root != self._tool and model.body_mocapid[root] < 0 and not any(map(np.any, curved))
+        is_held = root != self._tool and (root == 0 or model.body_dofnum[root] > 0)
+        return model.jnt_type[joint] in _JOINTS and is_held and not any(map(np.any, curved))
 
     def _from_root(self, body: int) -> tuple[int, np.ndarray]:
         """The body that it is welded to, 0 for the world, and its frame in that one's, 4 × 4."""
@@ -117,24 +128,27 @@ class Bodies:
             body = int(model.body_parentid[body])
         return body, X
 
-    def _tree_of(self, body: int) -> int:
+    def _tree_of(self, body: int, carriers: np.ndarray) -> int:
         """The body among those that joints connect with it that hangs on the world, or on what only moves by itself."""
-        parent, _ = self._from_root(int(self._model.body_parentid[body]))
-        return body if parent == 0 or self._model.body_dofnum[parent] == 0 else self._tree_of(parent)
+        parent = int(carriers[self._model.body_parentid[body]])
+        return body if parent == 0 or self._model.body_dofnum[parent] == 0 else self._tree_of(parent, carriers)
 
-    def _moved_by_others(self, bodies: list[int]) -> set[int]:
+    def _moved_by_others(self, data: Any, bodies: list[int]) -> set[int]:
         """Those that fluids, equalities, tendons, actuators or flexes move."""
         model, option = self._model, self._model.opt
         if option.density > 0 or option.viscosity > 0 or getattr(model, "nflex", 0) > 0:
             return set(bodies)
-        return set(np.asarray(model.body_weldid)[sorted(self._named())].tolist())
+        return set(np.asarray(model.body_weldid)[sorted(self._named(data))].tolist())
 
-    def _named(self) -> set[int]:
-        """Bodies that equalities, tendons and actuators name, by themselves, a joint or a site."""
+    def _named(self, data: Any) -> set[int]:
+        """Bodies that active equalities, tendons and actuators name, by themselves, a joint or a site."""
         model = self._model
         of_site, of_joint, named = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid), {0}
         kinds = model.eq_objtype if hasattr(model, "eq_objtype") else np.zeros(model.neq, int)
-        for equality, kind, *items in zip(model.eq_type, kinds, model.eq_obj1id, model.eq_obj2id):
+        is_active = data.eq_active if hasattr(data, "eq_active") else model.eq_active
+        for active, equality, kind, *items in zip(is_active, model.eq_type, kinds, model.eq_obj1id, model.eq_obj2id):
+            if not active:
+                continue
             if equality == _OF_JOINTS:
                 named.update(int(of_joint[item]) for item in items if item >= 0)
             elif equality in (_CONNECT, _WELD):
@@ -153,19 +167,27 @@ class Bodies:
                 named.add(int(items[0]))
         return named - {0}
 
-    def _describe(self, data: Any, root: int, parts: np.ndarray, to: np.ndarray) -> None:
-        model = self._model
-        masses = np.asarray(model.body_mass)[parts]
-        R = np.reshape(data.xmat[root], (3, 3))
-        centres = (np.asarray(data.xipos)[parts] - data.xpos[root]) @ R
-        to["body"], to["mass"] = root, masses.sum()
-        to["centre"] = centre = masses @ centres / max(to["mass"], _LEAST_MASS)
-        for part, mass, place in zip(parts, masses, centres - centre):
-            turn = R.T @ np.reshape(data.ximat[part], (3, 3))
-            to["inertia"] += (turn * model.body_inertia[part]) @ turn.T + mass * (place @ place * np.eye(3) - np.outer(place, place))
-        weights = masses * (1 - np.asarray(model.body_gravcomp)[parts])
-        if self._is_on("GRAVITY"):
-            to["gravity"] = weights.sum() / max(to["mass"], _LEAST_MASS) * np.asarray(model.opt.gravity)
+    def inertia(self, root: int) -> tuple[float, np.ndarray, np.ndarray]:
+        """Of a body with what is welded to it: mass, its centre, and inertia about that, in the body's frame."""
+        model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
+        masses, frames = np.asarray(model.body_mass)[parts], [self._from_root(int(part))[1] for part in parts]
+        centres = np.array([X[:3, 3] + X[:3, :3] @ model.body_ipos[part] for part, X in zip(parts, frames)])
+        mass = float(masses.sum())
+        centre, about = masses @ centres / max(mass, _LEAST_MASS), np.zeros((3, 3))
+        for part, part_mass, X, place in zip(parts, masses, frames, centres - centre):
+            turn = X[:3, :3] @ rotation(model.body_iquat[part])
+            about += (turn * model.body_inertia[part]) @ turn.T + part_mass * (place @ place * np.eye(3) - np.outer(place, place))
+        return mass, centre, about
+
+    def gravity(self) -> np.ndarray:
+        """m/s², as the flags have it."""
+        return np.array(self._model.opt.gravity) * self._is_on("GRAVITY")
+
+    def _describe(self, root: int, to: np.ndarray) -> None:
+        model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
+        to["body"], (to["mass"], to["centre"], to["inertia"]) = root, self.inertia(root)
+        weights = np.asarray(model.body_mass)[parts] * (1 - np.asarray(model.body_gravcomp)[parts])
+        to["gravity"] = weights.sum() / max(to["mass"], _LEAST_MASS) * self.gravity()
 
     def _describe_joint(self, body: int, to: np.ndarray) -> None:
         model, joint, (at, along) = self._model, int(self._model.body_jntadr[body]), self._places(body)
@@ -179,7 +201,7 @@ class Bodies:
         to["place_in_body"], to["axis"] = model.jnt_pos[joint], model.jnt_axis[joint]
         if model.jnt_limited[joint] and self._is_on("LIMIT"):
             to["lower"], to["upper"] = model.jnt_range[joint] - zero
-        to["reference"], to["armature"] = model.qpos_spring[at][0] - zero, model.dof_armature[along][0]
+        to["reference"], to["armature"] = model.qpos_spring[at][0] - zero, self._changes.own("dof_armature")[along][0]
         for name, value, *flags in (("stiffness", model.jnt_stiffness[joint], "PASSIVE", "SPRING"),
                                     ("joint_damping", model.dof_damping[along], "PASSIVE", "DAMPER"),
                                     ("friction", model.dof_frictionloss[along], "FRICTIONLOSS")):
@@ -187,8 +209,7 @@ class Bodies:
 
     def _is_on(self, flag: str) -> bool:
         """Unless the model's flags disable it. Which there are depends on MuJoCo's version."""
-        bit = getattr(self._binding.mjtDisableBit, "mjDSBL_" + flag, None)
-        return bit is None or not int(self._model.opt.disableflags) & int(bit)
+        return not has_flag(self._binding.mjtDisableBit, "mjDSBL_" + flag, self._model.opt.disableflags)
 
 
 def _frame(position: Any, turn: Any) -> np.ndarray:

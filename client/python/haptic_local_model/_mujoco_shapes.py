@@ -2,47 +2,63 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Iterable, Optional
 
 import numpy as np
 
 import haptic_local_model as haptic
 import haptic_local_model.shapes
-from haptic_local_model._world import Gaps, quaternions
+from haptic_local_model._mujoco_pairs import Pairs
+from haptic_local_model._world import Gaps, quaternions, rotation, rotation_vector
 
 # For each mjtGeom: kind and sizes of haptic.shapes.
 _SHAPES = {0: ("half_space", lambda size: ()), 2: ("sphere", lambda size: size[:1]),
            3: ("capsule", lambda size: (size[0], 2 * size[1])), 4: ("ellipsoid", lambda size: size),
            5: ("cylinder", lambda size: (size[0], 2 * size[1])), 6: ("box", lambda size: 2 * size),
            7: ("hull", lambda size: ())}
-# The version from which on bodies of excluded pairs are counted from 0, before from 1.
-_EXCLUDED_FROM_0 = (3, 0)
+_TAKING = 0.2  # s: that a server needs for usual shapes
+_FASTEST = 10  # m/s: a body that was moved farther in a frame was put there
 
 
 class Shapes:
-    """The model's geoms. The index of a body is its own, or that of what it is welded to."""
+    """The model's geoms, as they are now. The index of a body is its own, or that of what it is welded to."""
 
-    def __init__(self, model: Any, tool: int, version: tuple[int, ...]):
-        self._model, self._version = model, version
-        collides = (np.asarray(model.geom_contype) != 0) | (np.asarray(model.geom_conaffinity) != 0)
-        has_shape = collides & np.isin(model.geom_type, list(_SHAPES))
-        self._geoms = np.flatnonzero(has_shape)
-        by_pair = np.zeros(model.ngeom, bool)
-        by_pair[np.asarray(model.pair_geom1)] = by_pair[np.asarray(model.pair_geom2)] = True
-        #: Of each geom whether MuJoCo finds its contacts: what has no shape here, or collides by <pair> alone.
-        self.by_engine = (collides | by_pair) & ~has_shape
-        own = np.asarray(model.geom_bodyid)[self._geoms]
-        body = np.asarray(model.body_weldid)[own]
-        owners = moving_bodies(model)[own]
-        if tool not in owners:
+    def __init__(self, binding: Any, model: Any, tool: int, before: Optional["Shapes"] = None):
+        """before: the shapes of this model that were offered last. What stood still and has been moved since goes on as a mocap
+        body does, from where it was: at its new place it would be in the tool, and not push it."""
+        self._model, self._tool = model, tool
+        self._places_in_parents = np.hstack([model.body_pos, model.body_quat])
+        self._waiting: list[int] = []  # bodies that are told to be where they were until the server should have the shapes,
+        self._waits_until = 0.0  # s
+        #: Of each body whether it was moved though it cannot move.
+        self.was_moved = np.zeros(model.nbody, bool)
+        self._pose_before: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # of bodies whose velocity MuJoCo does not know
+        if before is not None:
+            self._go_on_from(before)
+        self._poses_offered: list[tuple[np.ndarray, np.ndarray]] = []  # by body
+        #: Of each body what it moves with, as carriers().
+        self.carriers = carriers(model, self.was_moved)
+        of_geom = self.carriers[model.geom_bodyid]
+        pairs = Pairs(binding, model, of_geom, tool, version_of(binding))
+        has_shape = np.isin(model.geom_type, list(_SHAPES))
+        if not has_shape[of_geom == tool].any():
             raise haptic.HapticError("no geom of the tool can be given as a shape: they must be meshes or basic shapes")
-        self._tool, self._welded = tool, body
-        self._shapes = [self._shape(int(geom), int(owner), tool) for geom, owner in zip(self._geoms, owners)]
-        self._apart = self._excluded(own, body)
-        #: Of each geom what it moves with: a mocap body moves by itself.
-        self._carrier = np.where((owners == 0) & (np.asarray(model.body_mocapid)[body] >= 0), body, owners)
+        #: Of each geom whether MuJoCo finds its contacts: what has no shape here.
+        self.by_engine = pairs.touches & ~has_shape
+        #: Whether the tool can touch anything at present.
+        self.tool_touches = bool(pairs.touches[of_geom == tool].any())
+        self._shaped = pairs.shaped(has_shape)
+        self._geoms, self._carrier = self._shaped.geoms, of_geom[self._shaped.geoms]
+        self._shapes = [self._shape(*each) for each in zip(self._geoms.tolist(), self._carrier.tolist(),
+                                                           self._shaped.groups.tolist(), self._shaped.masks.tolist())]
         self._gaps = Gaps(np.array(model.geom_rbound)[self._geoms], self._carrier, tool)
-        self._mocap: dict[int, np.ndarray] = {}  # Pose of each in the frame before.
+
+    def _go_on_from(self, before: "Shapes") -> None:
+        is_moved = (self._places_in_parents != before._places_in_parents).any(axis=1) & (before.carriers == 0)
+        self.was_moved, self._pose_before = before.was_moved | is_moved, before._pose_before
+        self._pose_before.update((int(body), before._poses_offered[body]) for body in np.flatnonzero(is_moved))
+        self._waiting = np.flatnonzero(is_moved).tolist()
 
     @property
     def bodies(self) -> set[int]:
@@ -57,12 +73,11 @@ class Shapes:
                 continue
             R = np.reshape(data.xmat[carrier], (3, 3))
             positions[i], rotations[i] = R.T @ (positions[i] - data.xpos[carrier]), R.T @ rotations[i]
-            if carrier != self._tool:
-                self._shapes[i].side, self._shapes[i].index = haptic.MOVABLE_BODY, int(carrier)
-        friction = np.asarray(self._model.geom_friction)[self._geoms, 0]
-        _, priority = np.unique(np.asarray(self._model.geom_priority)[self._geoms], return_inverse=True)
-        touch.offer(self._shapes, positions, quaternions(rotations), friction, "maximum",
-                    np.minimum(priority, 255), self._apart, dynamics)
+        self._poses_offered = list(zip(np.array(data.xpos), np.array(data.xquat)))
+        self._waits_until = time.monotonic() + touch.state.round_trip + _TAKING
+        shaped = self._shaped
+        touch.offer(self._shapes, positions, quaternions(rotations), shaped.friction, "maximum", shaped.priority, shaped.apart,
+                    dynamics)
 
     def _places(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
         """Of the geoms in the world: positions, and rotations as matrices."""
@@ -80,21 +95,26 @@ class Shapes:
         # MuJoCo's twist is at the centre of mass of all that moves with the body, the angular part first.
         twist, arm = np.asarray(data.cvel)[chosen], position - np.asarray(data.subtree_com)[model.body_rootid[chosen]]
         found["velocity"][:, :3], found["velocity"][:, 3:] = twist[:, 3:] + np.cross(twist[:, :3], arm), twist[:, :3]
-        for place in np.flatnonzero(np.asarray(model.body_mocapid)[chosen] >= 0):
-            body = int(chosen[place])
-            found["velocity"][place] = 0
-            found["velocity"][place, :3] = (position[place] - self._mocap.get(body, position[place])) / period
-            self._mocap[body] = position[place]
+        if self._waiting and time.monotonic() > self._waits_until:
+            self._waiting = []
+        for place in np.flatnonzero(np.asarray(model.body_dofnum)[chosen] == 0):
+            body, now = int(chosen[place]), (position[place], found["rotation"][place].copy())
+            if body in self._waiting:
+                found["position"][place], found["rotation"][place] = now = self._pose_before[body]
+            found["velocity"][place] = _velocity(*self._pose_before.get(body, now), *now, period)
+            self._pose_before[body] = now
         return found
 
-    def _shape(self, geom: int, owner: int, tool: int) -> haptic.shapes.Shape:
-        model = self._model
-        size = np.asarray(model.geom_size[geom])
-        name, sizes = _SHAPES[int(model.geom_type[geom])]
-        side = haptic.TOOL_LINK if owner == tool else haptic.WORLD if owner == 0 else haptic.MOVABLE_BODY
-        return haptic.shapes.shape(
-            name, sizes(size), side, 0 if owner == tool else owner, int(model.geom_contype[geom]),
-            int(model.geom_conaffinity[geom]), self._vertices(geom) if name == "hull" else None)
+    def forget_motion(self) -> None:
+        """Of walls that move: where they are now they were put."""
+        self._waiting, self._pose_before = [], {}
+
+    def _shape(self, geom: int, carrier: int, group: int, mask: int) -> haptic.shapes.Shape:
+        name, sizes = _SHAPES[int(self._model.geom_type[geom])]
+        side = haptic.TOOL_LINK if carrier == self._tool else haptic.WORLD if carrier == 0 else haptic.MOVABLE_BODY
+        size = sizes(np.asarray(self._model.geom_size[geom]))
+        return haptic.shapes.shape(name, size, side, 0 if carrier == self._tool else carrier, group, mask,
+                                   self._vertices(geom) if name == "hull" else None)
 
     def _vertices(self, geom: int) -> np.ndarray:
         model = self._model
@@ -102,18 +122,15 @@ class Shapes:
         first = int(model.mesh_vertadr[mesh])
         return np.asarray(model.mesh_vert)[first:first + int(model.mesh_vertnum[mesh])]
 
-    def _excluded(self, own: np.ndarray, body: np.ndarray) -> list[tuple[int, int]]:
-        """Bodies and their parents, and what the model excludes, which it names by the bodies before welding."""
-        model = self._model
-        parent = np.asarray(model.body_weldid)[np.asarray(model.body_parentid)[body]]
-        first, second = np.divmod(np.asarray(model.exclude_signature, dtype=np.int64), 1 << 16)
-        base = 0 if self._version >= _EXCLUDED_FROM_0 else 1
-        named = {(int(p) - base, int(q) - base) for p, q in zip(first, second)}
-        def apart(i: int, j: int) -> bool:
-            related = body[i] != 0 and body[j] != 0 and (body[i] == parent[j] or body[j] == parent[i])
-            return bool(related) or any((int(p), int(q)) in named
-                                        for p, q in ((own[i], own[j]), (own[j], own[i])))
-        return [(i, j) for i in range(len(body)) for j in range(i) if apart(i, j)]
+
+def _velocity(position_before: np.ndarray, turn_before: np.ndarray, position: np.ndarray, turn: np.ndarray,
+              period: float) -> np.ndarray:
+    """Of a body that was there a period before."""
+    linear = (position - position_before) / period
+    if np.linalg.norm(linear) > _FASTEST:
+        return np.zeros(6)
+    turned = quaternions((rotation(turn) @ rotation(turn_before).T)[None])[0]
+    return np.concatenate([linear, rotation_vector(turned) / period])
 
 
 def version_of(binding: Any) -> tuple[int, ...]:
@@ -121,7 +138,17 @@ def version_of(binding: Any) -> tuple[int, ...]:
     return tuple(map(int, binding.mj_versionString().split(".")[:2]))
 
 
+def carriers(model: Any, was_moved: Any = False) -> np.ndarray:
+    """Of each body what it moves with: itself where joints or a mocap pose move it, or it was moved, else what its parent moves
+    with; 0: nothing. Before 3.12 MuJoCo's body_weldid takes a mocap body for the world."""
+    by_itself = (np.asarray(model.body_dofnum) > 0) | (np.asarray(model.body_mocapid) >= 0) | was_moved
+    found = np.zeros(model.nbody, int)
+    for body, parent in enumerate(np.asarray(model.body_parentid).tolist()):
+        found[body] = body if by_itself[body] else found[parent]
+    return found
+
+
 def moving_bodies(model: Any) -> np.ndarray:
     """Of each body the one that it moves with by joints: 0, the world, where there are none, and so for a mocap body."""
-    welded = np.asarray(model.body_weldid)
-    return np.where(np.asarray(model.body_dofnum)[welded] == 0, 0, welded)
+    found = carriers(model)
+    return np.where(np.asarray(model.body_dofnum)[found] == 0, 0, found)

@@ -19,50 +19,53 @@ With data.mocap_pos and data.mocap_quat of a mocap body given to hold() in each 
 
 The hand also feels what else pushes the tool: equalities (weld, connect), tendons, actuators, springs, fluids, and what you
 put into qfrc_applied and xfrc_applied.
+
+What you change in the model while it is felt (sizes, places, masks, friction, masses, gravity, equalities, the time step) is
+felt within half a second: the shapes are offered again. A body that stood still and is moved pushes the tool, as a mocap body
+does. A shape that appears or grows inside the tool is felt once the hand has moved away from it: it does no work.
+After close() the model is as it was.
 """
 
 from __future__ import annotations
 
 import importlib
+import time
 import warnings
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional
 
 import numpy as np
 
 import haptic_local_model as haptic
 from haptic_local_model import _arguments
 from haptic_local_model._mujoco_bodies import Bodies
+from haptic_local_model._mujoco_changes import Changes, Pushes
+from haptic_local_model._mujoco_listing import Listing
 from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
-from haptic_local_model._world import EngineSession, Frames, rotation, near_bodies
+from haptic_local_model._mujoco_tool import Tool, find_tool
+from haptic_local_model._mujoco_watch import Watch
+from haptic_local_model._world import EngineSession, Frames, near_bodies, rotation
 
-_FREE = 0  # mjJNT_FREE
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
 _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther away
-_BODY = 1  # mjOBJ_BODY
 _OF_JOINT, _AFFINE = 0, 1  # mjTRN_JOINT, mjBIAS_AFFINE
 _ELLIPTIC = 1  # mjCONE_ELLIPTIC
-_NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQUALITY, mjCNSTR_FRICTION_TENDON, mjCNSTR_LIMIT_TENDON
-_NO_FORCE = 1e3  # m: a depth that none reaches
-# Versions from which on margins and gaps of a pair's geoms add up, before the larger counts; and a gap lies beyond the
-# margin, where contacts have no force, before within it.
-_ADDED_UP, _GAP_BEYOND = (3, 5), (3, 9)
 
 
 class Session(EngineSession):
     """A client for one model.
 
-    tool: name of a body with a free joint. period: about that of your frames, s. After a silence of four and a half of them the
-    server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its functions. Other arguments are those of
-    haptic.Session. Raises haptic.HapticError where the model has no such tool.
+    tool: name of a body with a free joint; what is welded to it is a part of it. period: about that of your frames, s. After a
+    silence of four and a half of them the server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its
+    functions. Other arguments are those of haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
     contacts: "shapes" gives the server the geoms once and their poses in each frame, and it finds the contacts at every step
     of the hand, exact and however late a frame comes. "engine" takes MuJoCo's own. Default: shapes, or with a warning MuJoCo's
     own where the tool has none or the server takes none. With shapes, too, the contacts of a geom that is none (an SDF, a
-    height field, one that collides by <pair> alone) are MuJoCo's own; a warning names it.
+    height field) are MuJoCo's own; a warning names it.
 
     MuJoCo's own contacts change the model: those geoms are listed `epsilon` before they touch, and have their force where they
     had it. Before MuJoCo 3.12 boxes that do not touch can have deep contacts: take "shapes". A flex is not felt, nor is a geom's
-    adhesion. A mocap body is a wall, without a velocity.
+    adhesion. A mocap body is a wall, with those contacts one without a velocity.
     """
 
     def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
@@ -71,8 +74,6 @@ class Session(EngineSession):
         binding = _binding(binding)
         if contacts not in (None, "engine", "shapes"):
             raise haptic.HapticError(f"contacts {contacts!r} must be 'engine' or 'shapes'")
-        if not isinstance(tool, str):
-            raise haptic.HapticError(f"tool {_arguments.brief(tool)} must be the name of a body")
         for rows, count in (("qpos", "nq"), ("qvel", "nv"), ("xpos", "nbody"), ("geom_xpos", "ngeom")):
             found, due = len(getattr(data, rows, ())), getattr(model, count)
             if found != due:
@@ -80,109 +81,131 @@ class Session(EngineSession):
         epsilon = _arguments.number(epsilon, "epsilon", 0, 1, "m")
         period = _arguments.number(period, "period", 1e-5, 100, "s")
         self._binding, self._model, self._version = binding, model, version_of(binding)
-        self._tool = binding.mj_name2id(model, _BODY, tool)
-        if self._tool < 0:
-            raise haptic.HapticError(f"the model has no body {tool!r}")
-        joint = model.body_jntadr[self._tool]
-        if joint < 0 or model.jnt_type[joint] != _FREE:
-            raise haptic.HapticError(f"body {tool!r} must have a free joint, as the tool moves freely in the hand")
-        self._q = slice(model.jnt_qposadr[joint], model.jnt_qposadr[joint] + 7)
-        self._v = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 6)
+        number = find_tool(binding, model, tool)
         self._begin = 0.0  # s: MuJoCo's time when the present frame began, and
         self._ended = -np.inf  # when the one before ended.
         self._was_reset = False  # in between
+        self._taken: set[int] = set()  # bodies that the hand held, and the user has put elsewhere
         self._warned = False
-        self._placed = Bodies(binding, model, self._tool)
-        self._placed.keep(self._tool)
-        self._pushes: dict[int, np.ndarray] = {}  # of the tool, by bodies: what is in xfrc_applied now
-        self._epsilon = epsilon
-        self._geoms = np.flatnonzero(np.asarray(model.geom_bodyid) == self._tool)
-        self._own_force: Optional[bool] = None
+        self._epsilon, self._changes, self._pushes = epsilon, Changes(model), Pushes()
+        self._placed = Bodies(binding, model, number, self._changes)
+        self._tool = Tool(binding, model, number, self._placed)
+        self._tool.warn()
+        self._listing = Listing(model, self._changes, self._version, epsilon, self._tool.geoms)
         self._shapes = None if contacts == "engine" else self._usable_shapes(needs_them=contacts == "shapes")
-        self._listed_early = np.zeros(model.ngeom, bool)
-        self._list_early(np.ones(model.ngeom, bool) if self._shapes is None else self._shapes.by_engine)
-        welded = np.flatnonzero(np.asarray(model.body_weldid) == self._tool)
-        if len(welded) > 1:
-            raise haptic.HapticError(f"body {tool!r} has {len(welded) - 1} bodies without joints of their own welded to "
-                                     "it; put their geoms into it")
         if binding.mj_versionString() == "4.0.0" and binding.mj_isSparse(model):
             warnings.warn("MuJoCo 4.0.0 has wrong accelerations where its Jacobian is sparse, as this model's is, and the hand would "
                           "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
         self._round = self._round_geoms()
-        binding.mj_forward(model, data)
-        self._size = 2 * max(np.abs(model.geom_size[model.geom_bodyid == self._tool]).max(initial=0.01), 0.01)
-        defaults = {"length": self._size, "gravity": model.opt.gravity, "rate": 1 / period}
-        self.touch = haptic.Session(tool=self._link(), q=data.qpos[self._q], epsilon=epsilon,
-                                    **{**defaults, **options})
-        arm = max((np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom] for geom in self._geoms), default=0)
-        self._frames = Frames(self.touch, period, arm, has_shapes=self._shapes is not None)
-        if self._shapes is not None:
-            whole = not self._shapes.by_engine.any()
-            dynamics = self._placed.dynamics(data, self._shapes.bodies if whole else ())
-            self._told = set(dynamics["body"].tolist())
-            self._shapes.offer(self.touch, data, dynamics)
+        defaults = {"length": self._tool.size, "gravity": self._placed.gravity(), "rate": 1 / period}
+        self.touch = haptic.Session(tool=self._tool.link(), q=data.qpos[self._tool.q], epsilon=epsilon, **{**defaults, **options})
+        try:
+            self._begin_with(data, period, options.get("gravity"))
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin_with(self, data: Any, period: float, gravity: Any) -> None:
+        model = self._model
+        self._tool.is_told(gravity)
+        self._placed.keep(self._tool.body)
+        self._listing.list_early(np.ones(model.ngeom, bool) if self._shapes is None else self._shapes.by_engine)
+        self._binding.mj_forward(model, data)
+        self._frames = Frames(self.touch, period, self._tool.arm(data), has_shapes=self._shapes is not None)
+        self._watch = Watch(model, data)
+        self._offer(data)
 
     def close(self) -> None:
-        """Says goodbye, and ends a server that the session started. Tool and bodies resist as the model has it again."""
+        """Says goodbye, and ends a server that the session started. The model is as it was before, and so is xfrc_applied."""
         super().close()
-        self._placed.let_go_of_all()
+        self._pushes.take_back()
+        self._changes.give_all_back()
 
     def drive(self, data: Any) -> int:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
         steps. Returns how many steps to take."""
-        self._take_back_pushes(data)  # of a frame that was not sent
+        self._pushes.take_back()  # of a frame that was not sent
         steps = self._frames.begin(self._model.opt.timestep)
-        self._set_force(self.touch.tool_pushes)
-        self._placed.place(data, self._tool, self.touch.q, self.touch.v)
+        self._listing.set_force(self.touch.tool_pushes)
+        self._placed.place(data, self._tool.body, self.touch.q, self.touch.v)
         self._place_held(data)
         self._begin, frame = data.time, self._frames.length
         if steps > 0:
-            self._pushes = {body: impulse / frame for body, impulse in self.touch.impulses(frame).items()}
-        for body, push in self._pushes.items():
-            data.xfrc_applied[body] += push
+            self._pushes.put(data, {body: impulse / frame for body, impulse in self.touch.impulses(frame).items()})
         return steps
 
     def send(self, data: Any) -> None:
         """After a frame: what is near the tool, at the pose that the steps led to."""
         self._warn_of_steps(data)
+        self._send(data)
+        self._placed.leave(data)
+
+    def _send(self, data: Any) -> None:
         self._was_reset, self._ended = self._was_reset or data.time < self._begin, data.time
         if self._frames.length == 0:
             return
         by_shapes = self._shapes is not None and (self.touch.has_scene or self._frames.waits())
-        if not by_shapes and not self._listed_early.all():
+        if not by_shapes and not self._listing.early.all():
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as the server finds none: "
                           f"{self.touch.message}", stacklevel=2)
-            self._list_early(~self._listed_early)
+            self._listing.list_early(~self._listing.early)
         self._binding.mj_forward(self._model, data)
-        q, v = data.qpos[self._q], np.array(data.qvel[self._v])
+        self._follow_changes(data)
+        q, v = data.qpos[self._tool.q], np.array(data.qvel[self._tool.v])
         v[3:] = rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._frames.length)
-        self.touch.external_wrench(self._external_wrench(data))
+        self.touch.external_wrench(self._tool.external_wrench(data))
         if by_shapes:
             self._send_poses(data, v, self._shapes)
         else:
             self._send_contacts(data)
 
+    def _offer(self, data: Any) -> None:
+        """Gives the server the shapes, and the bodies that it can move."""
+        if self._shapes is not None:
+            whole = not self._shapes.by_engine.any()
+            dynamics = self._placed.dynamics(data, self._shapes.bodies if whole else (), self._shapes.carriers)
+            self._told = set(dynamics["body"].tolist())
+            self._shapes.offer(self.touch, data, dynamics)
+
+    def _follow_changes(self, data: Any) -> None:
+        """Of the model, which the server learns by the next offer; a weight at once."""
+        if self._watch.is_new(data):
+            self._tool.weigh()
+            self._round = self._round_geoms()
+        if self._shapes is None or not self._watch.is_due():
+            return
+        begin = time.monotonic()
+        self._shapes = Shapes(self._binding, self._model, self._tool.body, self._shapes)
+        self._listing.list_early(self._shapes.by_engine)
+        self._offer(data)
+        self._watch.offered(data, self._shapes.was_moved, time.monotonic() - begin)
+
     def _place_held(self, data: Any) -> None:
-        """The bodies that the hand holds where the server has them. What was reset is let go of."""
+        """The bodies that the hand holds where the server has them. What was reset or put elsewhere is let go of."""
         self._was_reset = self._was_reset or data.time < self._ended
         for body, let_go, position, turn, velocity, *joint in self._frames.held.tolist():
-            if let_go or self._was_reset:
+            if self._was_reset or self._placed.was_moved(data, body):
+                self._taken.add(body)
+            if let_go or body in self._taken:
                 self._placed.let_go(body)
             else:
                 self._placed.keep(body)
-            if not self._was_reset:
+            if body not in self._taken:
                 self._placed.place(data, body, np.array([*position, *turn]), np.array(velocity), joint)
 
     def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
         try:
-            shapes = from_mujoco(self._model, self._tool, self._binding)
+            shapes = from_mujoco(self._model, self._tool.body, self._binding)
         except haptic.HapticError as error:
             if needs_them:
                 raise
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, as {error}", stacklevel=3)
             return None
+        if not shapes.tool_touches:
+            warnings.warn("nothing of the tool collides, by contype, conaffinity or <pair>: nothing but its weight is felt until "
+                          "that changes", stacklevel=3)
         others = np.flatnonzero(shapes.by_engine).tolist()
         if others:
             warnings.warn(f"MuJoCo's own contacts, with epsilon {self._epsilon} m, of {len(others)} geom{'s' * (len(others) > 1)} "
@@ -194,44 +217,29 @@ class Session(EngineSession):
         """Bodies that the tool may push before the next frame's are there, or those after it if these get lost."""
         reach = self._frames.reach(v)
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
+        if self._was_reset:
+            shapes.forget_motion()
         poses = shapes.poses(data, gaps, self._frames.length)
-        poses["kept"], self._was_reset = self._was_reset, False
-        near = near_bodies({body: gap for body, gap in gaps.items() if self._model.body_mocapid[body] < 0}, reach,
+        poses["kept"] = self._was_reset | np.isin(poses["body"], [*self._taken])
+        self._was_reset, self._taken = False, set()
+        near = near_bodies({body: gap for body, gap in gaps.items() if self._model.body_dofnum[body] > 0}, reach,
                            lambda: self._touching(data), self._told if self.touch.holds else ())
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         contacts = self._contacts(data, shapes.by_engine) if shapes.by_engine.any() else None
-        self._take_back_pushes(data)
+        self._pushes.take_back()
         if contacts is not None:
             self._set_velocities(contacts, bodies)
             self.touch.track(contacts, bodies)
         self.touch.send(contacts, bodies, poses)
 
-    def _external_wrench(self, data: Any) -> np.ndarray:
-        """What pushes the tool besides contacts and its weight, N and N m about its origin, world axes."""
-        wrench = np.array(data.qfrc_passive[self._v])
-        wrench += data.qfrc_actuator[self._v]
-        wrench += data.qfrc_applied[self._v]
-        rows = np.asarray(data.efc_force)[:data.nefc] * _NO_CONTACT[np.asarray(data.efc_type)[:data.nefc]]
-        if rows.any():
-            of_constraints = np.zeros(self._model.nv)
-            self._binding.mj_mulJacTVec(self._model, data, of_constraints, rows)
-            wrench += of_constraints[self._v]
-        wrench[3:] = rotation(data.qpos[self._q][3:]) @ wrench[3:]
-        applied = data.xfrc_applied[self._tool]
-        if applied.any():
-            wrench[:3] += applied[:3]
-            wrench[3:] += applied[3:] + np.cross(data.xipos[self._tool] - data.xpos[self._tool], applied[:3])
-        return wrench
-
     def _send_contacts(self, data: Any) -> None:
-        contacts = self._contacts(data, self._listed_early)
+        contacts = self._contacts(data, self._listing.early)
         # Those first that the tool touches, the nearest before the others: the server moves eight.
         first = np.argsort(contacts["a_kind"] != haptic.TOOL_LINK, kind="stable")
         sides = [(each[side + "_kind"], int(each[side + "_index"])) for each in contacts[first] for side in "ba"]
-        near = dict.fromkeys(index for kind, index in sides if kind == haptic.MOVABLE_BODY
-                             and self._model.body_mocapid[index] < 0)
+        near = dict.fromkeys(index for kind, index in sides if kind == haptic.MOVABLE_BODY)
         bodies = self._bodies(data, list(near)[:haptic.MAX_BODIES])
-        self._take_back_pushes(data)
+        self._pushes.take_back()
         self._set_velocities(contacts, bodies)
         self.touch.track(contacts, bodies)
         self.touch.send(contacts, bodies)
@@ -251,77 +259,28 @@ class Session(EngineSession):
         geoms = np.column_stack([listed.geom1, listed.geom2])[:n]
         return self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
 
-    def _take_back_pushes(self, data: Any) -> None:
-        for body, push in self._pushes.items():
-            data.xfrc_applied[body] -= push
-        self._pushes = {}
-
-    def _link(self) -> haptic.Link:
-        model, body = self._model, self._tool
-        link = haptic.box(mass=float(model.body_mass[body]), size=(0, 0, 0))
-        link.centre[:] = model.body_ipos[body]
-        R = rotation(model.body_iquat[body])
-        link.inertia[:] = ((R * model.body_inertia[body]) @ R.T).ravel()
-        return link
-
-    def _set_force(self, own: bool) -> None:
-        """Whether the tool's contacts have MuJoCo's force; they are listed where they were."""
-        if own == self._own_force:
-            return
-        self._own_force = own
-        for margin, gap, which, own_margin, own_gap in self._listed:
-            if own:
-                margin[which], gap[which] = own_margin, own_gap
-            elif self._version >= _GAP_BEYOND:
-                margin[which], gap[which] = -_NO_FORCE, _NO_FORCE + own_margin + own_gap
-            else:
-                gap[which] = _NO_FORCE
-
-    def _list_early(self, geoms: np.ndarray) -> None:
-        """geoms: of each whether it is meant. The force begins where it did, and the list of contacts epsilon before; where
-        both geoms of a pair have a share in it, each has half."""
-        model, epsilon = self._model, self._epsilon
-        if self._own_force is not None:
-            self._set_force(True)
-        self._listed_early = self._listed_early | geoms
-        of_geom = epsilon / 2 if geoms.all() and self._version >= _ADDED_UP else epsilon
-        pairs = geoms[model.pair_geom1] | geoms[model.pair_geom2]
-        for margin, gap, which, early in ((model.geom_margin, model.geom_gap, geoms, of_geom),
-                                          (model.pair_margin, model.pair_gap, pairs, epsilon)):
-            gap[which] += early
-            if self._version < _GAP_BEYOND:
-                margin[which] += early
-        # MuJoCo 3 looks at a pair of bodies with several geoms only within these, which its compiler found.
-        if geoms.any() and hasattr(model, "body_margin"):
-            np.maximum.at(model.body_margin, model.geom_bodyid, model.geom_margin + model.geom_gap)
-        of_tool = np.flatnonzero(np.isin(model.pair_geom1, self._geoms) | np.isin(model.pair_geom2, self._geoms))
-        #: Of the tool: margins and gaps, which of them, and what they are where it has its own force.
-        self._listed = [(margin, gap, which, np.array(margin[which]), np.array(gap[which])) for margin, gap, which in
-                        ((model.geom_margin, model.geom_gap, self._geoms), (model.pair_margin, model.pair_gap, of_tool))]
-        self._own_force = None
-
     def _contacts(self, data: Any, geoms: np.ndarray) -> np.ndarray:
         """geoms: of each whether its contacts are meant."""
-        model, n = self._model, data.ncon
+        model, tool, n = self._model, self._tool.body, data.ncon
         found, listed = haptic.contacts(n), data.contact
         geom1, geom2 = np.asarray(listed.geom1)[:n], np.asarray(listed.geom2)[:n]
         body1, body2 = self._bodies_of_geoms[geom1], self._bodies_of_geoms[geom2]
         # Side a, to which the normal points, is the tool, else a body that moves.
-        first = (body1 == self._tool) | ((body2 != self._tool) & (body2 == 0))
+        first = (body1 == tool) | ((body2 != tool) & (body2 == 0))
         a, b = np.where(first, body1, body2), np.where(first, body2, body1)
         normal = np.asarray(listed.frame)[:n].reshape(n, 9)[:, :3] * np.where(first, -1, 1)[:, None]
         distance = np.asarray(listed.dist)[:n]
         found["pair"] = geom1 * model.ngeom + geom2
         for side, body in (("a", a), ("b", b)):
-            found[side + "_kind"] = np.where(body == self._tool, haptic.TOOL_LINK,
+            found[side + "_kind"] = np.where(body == tool, haptic.TOOL_LINK,
                                              np.where(body == 0, haptic.WORLD, haptic.MOVABLE_BODY))
-            found[side + "_index"] = np.where(body == self._tool, 0, body)
+            found[side + "_index"] = np.where(body == tool, 0, body)
         found["normal"] = normal
         found["point"] = np.asarray(listed.pos)[:n] - 0.5 * distance[:, None] * normal
         found["separation"] = distance
-        found["friction"] = np.asarray(listed.friction)[:n].reshape(n, 5)[:, 0]
+        found["friction"] = np.where(np.asarray(listed.dim)[:n] > 1, np.asarray(listed.friction)[:n].reshape(n, 5)[:, 0], 0)
         found["load"] = self._loads(data)
-        found["load"][a == self._tool] = 0
+        found["load"][a == tool] = 0
         found = found[(found["a_kind"] != haptic.WORLD) & (a != b) & (geom1 >= 0) & (geom2 >= 0)  # -1: a flex
                       & (geoms[geom1] | geoms[geom2])]
         return np.ascontiguousarray(self._near(found))
@@ -364,7 +323,7 @@ class Session(EngineSession):
             to["centre"] = data.xipos[body]
             to["velocity"] = J @ data.qvel
             to["inverse_inertia"] = 0.5 * (W + W.T)
-            to["acceleration"] = J @ slowed(data.qacc_smooth) - W @ self._pushes.get(body, np.zeros(6))
+            to["acceleration"] = J @ slowed(data.qacc_smooth) - W @ self._pushes.on(body)
             to["round"], to["axis"] = self._roundness(data, body)
         return found
 
@@ -428,7 +387,7 @@ class Session(EngineSession):
 def from_mujoco(model: Any, tool: int, binding: Any = None) -> Shapes:
     """tool: number of the body that the hand holds. binding: as of Session. Raises haptic.HapticError at a geom that cannot
     be used."""
-    return Shapes(model, tool, version_of(_binding(binding)))
+    return Shapes(_binding(binding), model, tool)
 
 
 def _binding(given: Any) -> Any:

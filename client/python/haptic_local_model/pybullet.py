@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import functools
 import pathlib
+import warnings
 from typing import Any, Iterable, Iterator, Optional
 
 import numpy as np
@@ -112,7 +113,11 @@ class Session(WorldSession):
     def _add_shapes(self, placed: Placed, body: int, link: int, carrier: int) -> None:
         friction = self._world.getDynamicsInfo(body, link)[1]
         place, turn = ((0, 0, 0), (0, 0, 0, 1)) if carrier != haptic.WORLD else self._frame(body, link)
-        for _, _, kind, size, file, at, turned in self._world.getCollisionShapeData(body, link):
+        told = self._world.getCollisionShapeData(body, link)
+        if not told and len(set(self._world.getAABB(body, link))) > 1:
+            warnings.warn(f"body {body}, link {link} is not felt: PyBullet does not tell its shape, as of a height field. Load it as a "
+                          "mesh by a URDF", stacklevel=5)
+        for _, _, kind, size, file, at, turned in told:
             at, turned = pybullet.multiplyTransforms(place, turn, at, turned)
             if kind == pybullet.GEOM_PLANE:
                 _, turned = pybullet.multiplyTransforms((0, 0, 0), turned, (0, 0, 0), np.roll(upright(size), -1))

@@ -31,10 +31,10 @@ def shape(kind: str, size: Sequence[float] = (), side: int = haptic.WORLD, index
                  mask=_arguments.integer(mask, "mask", -2**31))
     made.size[:_SIZES[kind]] = _arguments.array(size, (_SIZES[kind],), f"size of a {kind}")
     if vertices is not None:
-        made.kept = _arguments.array(vertices, (None, 3), "vertices")
+        made.kept = _arguments.array(vertices, (None, 3), "vertices").copy()
         made.vertices, made.vertex_count = made.kept.ctypes.data, len(made.kept)
     if triangles is not None:
-        made.corners = _arguments.array(triangles, (None, 3), "triangles", np.uint32)
+        made.corners = _arguments.array(triangles, (None, 3), "triangles", np.uint32).copy()
         made.triangles, made.triangle_count = made.corners.ctypes.data, len(made.corners)
     return made
 

@@ -444,6 +444,14 @@ class Mistakes(unittest.TestCase):
         with self.assertRaisesRegex(haptic.HapticError, "65 poses must be at most 64"):
             touch.send(poses=haptic.poses(65))
 
+    def test_arrays_that_are_refilled_do_not_change_the_shapes_that_were_made_of_them(self):
+        vertices, triangles = np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
+        made = haptic.shapes.shape("mesh", vertices=vertices, triangles=triangles)
+        vertices[:], triangles[:] = 7, 0
+        np.testing.assert_array_equal(made.kept, np.eye(4, 3))
+        self.assertEqual(made.vertices, made.kept.ctypes.data)
+        self.assertEqual(made.corners[3].tolist(), [1, 2, 3])
+
     def test_more_contacts_than_can_be_sent_are_refused_when_they_are_sent(self):
         contacts = haptic.contacts(haptic.MAX_CONTACTS + 1)
         contacts["normal"], contacts["identity"] = (0, 0, 1), 7

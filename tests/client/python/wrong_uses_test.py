@@ -198,8 +198,8 @@ def on_a_taken_port():
 def of_mujoco(tool="peg", data=None, **options):
     """A model of the world, a brick that is welded to it, a mocap body and a peg that floats."""
     free, none = 0, -1
-    model = types.SimpleNamespace(nq=7, nv=6, nbody=4, ngeom=2, body_jntadr=[none, none, none, 0], jnt_type=[free],
-                                  jnt_qposadr=[0], jnt_dofadr=[0])
+    model = types.SimpleNamespace(nq=7, nv=6, nbody=4, ngeom=2, body_jntadr=[none, none, none, 0], body_jntnum=[0, 0, 0, 1],
+                                  jnt_type=[free], jnt_qposadr=[0], jnt_dofadr=[0])
     names = {"world": 0, "brick": 1, "mocap": 2, "peg": 3}
     binding = types.SimpleNamespace(mj_name2id=lambda _, kind, name: names.get(name, -1),
                                     mj_versionString=lambda: "4.0.0")
