@@ -10,6 +10,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include "hlm/client/mujoco/changes.h"
 #include "hlm/common/contact.h"
 
 namespace hlm::mujoco {
@@ -49,11 +50,11 @@ struct Listing {
   mjtNum own_gap = *gap;
 
   /// Whether they have MuJoCo's force; they are listed where they were.
-  void set_force(bool own) const {
+  void set_force(bool own, Changes& changes) const {
     constexpr double kNone = 1e3;  // m: a depth that none reaches.
     const bool beyond = gap_is_beyond();
-    *margin = !own && beyond ? -kNone : own_margin;
-    *gap = own ? own_gap : kNone + (beyond ? own_margin + own_gap : 0);
+    changes.set(*margin, !own && beyond ? -kNone : own_margin);
+    changes.set(*gap, own ? own_gap : kNone + (beyond ? own_margin + own_gap : 0));
   }
 };
 
@@ -76,9 +77,10 @@ std::vector<Listing> listings(mjModel& model, Takes takes) {
 }
 
 /// A tool that sleeps would have no contacts with what does not move.
-inline void keep_awake([[maybe_unused]] mjModel& model, [[maybe_unused]] int body) {
+inline void keep_awake([[maybe_unused]] mjModel& model, [[maybe_unused]] int body,
+                       [[maybe_unused]] Changes& changes) {
 #if mjVERSION_HEADER >= 340
-  model.tree_sleep_policy[model.body_treeid[body]] = mjSLEEP_NEVER;
+  changes.set(model.tree_sleep_policy[model.body_treeid[body]], mjSLEEP_NEVER);
 #endif
 }
 

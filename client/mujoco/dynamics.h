@@ -21,7 +21,8 @@ namespace hlm::mujoco {
 /// what is kept in its place resists nothing else.
 class Bodies {
  public:
-  Bodies(mjModel& model, int tool) : model_(model), tool_(tool) {}
+  Bodies(mjModel& model, int tool, Changes& changes)
+      : model_(model), tool_(tool), changes_(changes) {}
 
   /// Puts a body with a joint in its place; of a free one pose and twist of its frame.
   void place(mjData& data, int body, const Pose& X_WB, const Twist& V_W,
@@ -46,30 +47,39 @@ class Bodies {
     std::copy_n(spin_B.data(), 3, v + 3);
   }
 
+  /// A frame has ended.
+  void leave(const mjData& data) {
+    for (auto& [body, q] : kept_) q = place_of(data, body);
+  }
+  /// Whether somebody has put a body that is kept elsewhere since the frame before, by more than
+  /// steps of MuJoCo would.
+  bool was_moved(const mjData& data, int body) const {
+    constexpr double kElsewhere = 5e-3;  // m or rad.
+    const auto kept = kept_.find(body);
+    if (kept == kept_.end() || kept->second.empty()) return false;
+    const std::vector<mjtNum> now = place_of(data, body);
+    return !std::ranges::equal(now, kept->second,
+                               [](mjtNum a, mjtNum b) { return std::abs(a - b) <= kElsewhere; });
+  }
+
   /// Nothing moves it within a frame, until let_go().
   void keep(int body) {
-    if (own_.contains(body)) return;
+    if (!kept_.try_emplace(body).second) return;
     constexpr double kKept = 1e6;  // kg and kg·m². Of free joints MuJoCo reads dof_M0 alone.
     const int along = model_.body_dofadr[body];
     for (int i = along; i < along + model_.body_dofnum[body]; ++i) {
-      own_[body].push_back({model_.dof_armature[i], model_.dof_M0[i]});
-      model_.dof_armature[i] = model_.dof_M0[i] = kKept;
+      changes_.set(model_.dof_armature[i], kKept);
+      changes_.set(model_.dof_M0[i], kKept);
     }
-    keep_awake(model_, body);
+    keep_awake(model_, body, changes_);
   }
   void let_go(int body) {
-    const auto own = own_.find(body);
-    if (own == own_.end()) return;
+    if (kept_.erase(body) == 0) return;
     const int along = model_.body_dofadr[body];
-    for (std::size_t i = 0; i < own->second.size(); ++i) {
-      model_.dof_armature[along + static_cast<int>(i)] = own->second[i].armature;
-      model_.dof_M0[along + static_cast<int>(i)] = own->second[i].M0;
+    for (int i = along; i < along + model_.body_dofnum[body]; ++i) {
+      changes_.give_back(model_.dof_armature[i]);
+      changes_.give_back(model_.dof_M0[i]);
     }
-    own_.erase(own);
-  }
-
-  void let_go_of_all() {
-    while (!own_.empty()) let_go(own_.begin()->first);
   }
 
   /// Adds inertias and joints of the bodies that can be pushed and that the server can move, where
@@ -105,9 +115,12 @@ class Bodies {
   static constexpr double kLeastMass = 1e-6;  // kg
   static constexpr double kMostMass = 1e6;
 
-  struct Own {
-    mjtNum armature, M0;
-  };
+  std::vector<mjtNum> place_of(const mjData& data, int body) const {
+    const int joint = model_.body_jntadr[body];
+    const mjtNum* q = data.qpos + model_.jnt_qposadr[joint];
+    return {q, q + (model_.jnt_type[joint] == mjJNT_FREE ? 7 : 1)};
+  }
+
   struct Root {
     int body;   ///< 0: the world.
     Pose X_RB;  ///< Of the body that is welded to it.
@@ -261,7 +274,8 @@ class Bodies {
 
   mjModel& model_;
   int tool_;
-  std::map<int, std::vector<Own>> own_;  ///< Of those that are kept: what they resist with else.
+  Changes& changes_;
+  std::map<int, std::vector<mjtNum>> kept_;  ///< With their places in qpos at the latest leave().
 };
 
 }  // namespace hlm::mujoco

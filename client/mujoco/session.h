@@ -92,7 +92,7 @@ class Session {
         q_(Eigen::Map<const Configuration>(data.qpos + q_at_, 7)),
         client_(link, client_options(options)),
         shapes_(model, tool_),
-        bodies_(model, tool_) {
+        bodies_(model, tool_, changes_) {
     of_tool_ = listings(model, [this](int body) { return body == tool_; });
     mj_forward(&model, &data);
     protocol::SceneOffer offer = shapes_.offer(data);
@@ -105,7 +105,7 @@ class Session {
   /// wrenches during all of the frame's steps. Returns how many steps to take: they bring MuJoCo's
   /// time up to the hand's, so frames may be late. 0 if less than a step has passed.
   int drive() {
-    take_back_pushes();  // Pushes of a frame that was not sent.
+    pushes_.take_back(data_);  // Of a frame that was not sent.
     const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
@@ -114,15 +114,15 @@ class Session {
     }
     const int steps = client_.take_steps(model_.opt.timestep);
     frame_ = steps * model_.opt.timestep;
+    was_reset_ = was_reset_ || data_.time < time_;
+    time_ = data_.time;
     bodies_.place(data_, tool_, {q_.head<3>(), {q_[3], q_[4], q_[5], q_[6]}}, v_);
     place_held();
-    for (const Listing& listing : of_tool_) listing.set_force(client_.tool_pushes());
+    for (const Listing& listing : of_tool_) listing.set_force(client_.tool_pushes(), changes_);
     for (const protocol::BodyImpulse& due : client_.take_impulses(frame_)) {
       // Whatever a server says, it can push no body that was not reported to it.
       if (!reported_.contains(due.body)) continue;
-      const Push push{static_cast<int>(due.body), due.P_W / frame_};
-      applied(push.body) += push.F_W;
-      pushes_.push_back(push);
+      pushes_.add(data_, static_cast<int>(due.body), due.P_W / frame_);
     }
     return steps;
   }
@@ -131,6 +131,9 @@ class Session {
   /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
   /// range.
   void send() {
+    was_reset_ = was_reset_ || data_.time < time_;
+    time_ = data_.time;
+    bodies_.leave(data_);
     if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     mj_forward(&model_, &data_);
@@ -141,6 +144,9 @@ class Session {
     virtual_tool_.set_configuration(update.q_VE);
     const std::vector<WorldShapes::Moving> moving = shapes_.moving(data_);
     update.poses = shapes_.poses_of(data_, moving, frame_);
+    for (BodyPose& pose : update.poses) pose.kept = was_reset_ || taken_.contains(pose.body);
+    was_reset_ = false;
+    taken_.clear();
     std::vector<int> near;
     for (const auto& [body, gap] : moving) {
       if (gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
@@ -151,10 +157,10 @@ class Session {
       const auto number = static_cast<std::uint32_t>(body);
       if (client_.holds(number)) continue;
       if (std::ranges::find(update.poses, number, &BodyPose::body) == update.poses.end()) continue;
-      update.bodies.push_back(describe(model_, data_, body, push_on(body)));
+      update.bodies.push_back(describe(model_, data_, body, pushes_.on(data_, body)));
       reported_.insert(number);
     }
-    take_back_pushes();
+    pushes_.take_back(data_);
     if (const auto error = find_error(update, virtual_tool_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, update.q_VE, update.v_VE, frame_);
     client_.follow_accelerations(update.bodies);
@@ -162,10 +168,11 @@ class Session {
     client_.send(steady_seconds(), {}, update.bodies, update.poses);
   }
 
-  /// Ends the session. Tool and bodies resist as the model has it again.
+  /// Ends the session. The model is as it was before, and so is xfrc_applied.
   void close() {
     client_.close(steady_seconds());
-    bodies_.let_go_of_all();
+    pushes_.take_back(data_);
+    changes_.give_all_back();
   }
 
   HapticClient& client() { return client_; }
@@ -184,23 +191,20 @@ class Session {
     return std::min(kNear + 4.5 * delay * std::max(v_.head<3>().norm(), kUsualSpeed), kFarthest);
   }
 
-  /// Puts the bodies that the hand holds where the server has them.
+  /// Puts the bodies that the hand holds where the server has them. What was reset or put elsewhere
+  /// is let go of.
   void place_held() {
     for (const HeldPlace& held : client_.take_held()) {
       const auto body = static_cast<int>(held.body);
       // Whatever a server says, it can move no body that is not there.
       if (body <= 0 || body >= model_.nbody || body == tool_) continue;
       if (model_.body_jntnum[body] != 1) continue;
-      bodies_.place(data_, body, held.X_WB, held.V_W, held.joint);
-      is_held(held.number) ? bodies_.keep(body) : bodies_.let_go(body);
+      if (was_reset_ || bodies_.was_moved(data_, body)) taken_.insert(held.body);
+      const bool taken = taken_.contains(held.body);
+      if (!taken) bodies_.place(data_, body, held.X_WB, held.V_W, held.joint);
+      is_held(held.number) && !taken ? bodies_.keep(body) : bodies_.let_go(body);
     }
   }
-
-  /// What the tool does to a body in this frame.
-  struct Push {
-    int body;
-    Vector6 F_W;
-  };
 
   HapticClientOptions client_options(const Options& options) const {
     HapticClientOptions client;
@@ -209,18 +213,6 @@ class Session {
     client.q = q_;
     client.ve_rate = 1 / options.period;
     return client;
-  }
-
-  Eigen::Map<Vector6> applied(int body) {
-    return Eigen::Map<Vector6>(data_.xfrc_applied + std::ptrdiff_t{6} * body);
-  }
-  void take_back_pushes() {
-    for (const Push& push : pushes_) applied(push.body) -= push.F_W;
-    pushes_.clear();
-  }
-  Vector6 push_on(int body) const {
-    const auto found = std::ranges::find(pushes_, body, &Push::body);
-    return found == pushes_.end() ? Vector6::Zero() : found->F_W;
   }
 
   mjModel& model_;
@@ -234,9 +226,13 @@ class Session {
   Velocity v_ = Velocity::Zero(6);
   HapticClient client_;
   WorldShapes shapes_;
+  Changes changes_;
   Bodies bodies_;
   std::vector<Listing> of_tool_;
-  std::vector<Push> pushes_;          ///< What is in xfrc_applied now.
+  Pushes pushes_;
+  double time_ = 0;                   ///< MuJoCo's, when we saw it last, s.
+  bool was_reset_ = false;            ///< Since then it went back.
+  std::set<std::uint32_t> taken_;     ///< Bodies that were held, and were put elsewhere.
   std::set<std::uint32_t> reported_;  ///< Bodies.
   std::size_t contacts_ = 0;          ///< Of the tool, at the server.
 };
