@@ -85,8 +85,12 @@ class Touch(unittest.TestCase):
         mass = 0.3  # kg
         cube = (f'<body name="cube" pos="0 0 0.0751"><freejoint/><geom type="box" size="0.02 0.02 0.02" mass="{mass}"'
                 '/></body>')
-        scene = session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube)
-        for stall in (0, 0.1):
+        arm = """<body pos="-0.2 0 0.16"><joint name="joint" axis="0 1 0" damping="1"/><geom type="capsule" fromto="0 0 0 0.12 0 0" size="0.01"
+            mass="0.2"/></body>"""
+        servo = """</worldbody><actuator><general joint="joint" biastype="affine" gainprm="20" biasprm="0 -20 0"/></actuator>"""
+        plain, beside_arm = (session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"',
+                                                  bodies=cube + other) for other in ("", arm))
+        for scene, stall in ((plain, 0), (plain, 0.1), (beside_arm.replace("</worldbody>", servo), 0)):
             with self.subTest(stall=stall):
                 ticks, moved = session.play(4, scene, reach(1, 0, 0.06) + reach(1.5, 0, 0.1),
                                             lambda data: np.array(data.xipos[2]), contacts="shapes", stall=stall)
