@@ -308,12 +308,12 @@ struct Promise {
   bool loss;          ///< Also with 5 % lost.
   bool outage;        ///< Also over 300 ms in which all is lost.
 };
-// What stands still is right everywhere with shapes. For the others: as far as it is right.
+// With shapes all is right everywhere. For the others: as far as it is right.
 constexpr std::array kPromises{Promise{"wall", "shapes", 1, 15, 1, true, true},
                                Promise{"hole", "shapes", 1, 15, 1, true, true},
-                               Promise{"weight", "shapes", 0.5, 60, 1, false, false},
-                               Promise{"push", "shapes", 1, 15, 0.3, false, false},
-                               Promise{"door", "shapes", 1, 60, 0.3, false, false},
+                               Promise{"weight", "shapes", 1, 15, 1, true, true},
+                               Promise{"push", "shapes", 1, 15, 1, true, true},
+                               Promise{"door", "shapes", 1, 15, 1, true, true},
                                Promise{"weight", "planes", 0.2, 60, 1, false, false},
                                Promise{"push", "planes", 0.5, 15, 0.3, false, false},
                                Promise{"door", "planes", 0.05, 60, 0.3, false, false}};
