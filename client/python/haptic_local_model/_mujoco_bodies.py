@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Collection
+from typing import Any, Collection, NamedTuple, Optional
 
 import numpy as np
 
@@ -19,7 +19,25 @@ _LEAST_MASS, _MOST_MASS = 1e-6, 1e6  # kg
 _MOST_FREEDOMS = 16  # of what joints connect, at the server
 _PUT_ELSEWHERE = 5e-3  # m or rad, between two frames
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
-_OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY = range(6)  # mjtTrn
+_OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY, _OF_ORIENTATION = range(7)  # mjtTrn
+# Why the server does not hold a body:
+NO_SHAPE = "no shape of it was given to the server"
+FLUID, FLEX = "a fluid acts on it", "the model has a flex"
+ACTUATOR, EQUALITY, TENDON = "an actuator moves it", "an equality holds it", "a tendon acts on it"
+BALL_JOINT, SECOND_JOINT = "its joint is a ball", "it has a second joint"
+MASS = "it weighs less than 1 mg or more than 1000 t"
+FREE_JOINT = "its free joint has a spring, friction, damping or an armature"
+COUNTS_TURNS = "its hinge counts its turns"
+HANGS_ON_TOOL = "it hangs on the tool by a joint"
+HANGS_ON_MOCAP = "it hangs on a mocap body, or on a wall that was moved"
+CURVED = "its spring or damping is no straight line"
+TOO_MANY = f"joints connect more than {_MOST_FREEDOMS} degrees of freedom"
+
+
+class Reason(NamedTuple):
+    """why: one of the above; body: that of which it is so: this one, or one that joints connect with it."""
+    why: str
+    body: int
 _CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
 _SITE_OBJECT = 6  # mjOBJ_SITE
 _ROUND_JOINT, _OVER_PULLEY, _THROUGH_SITE = 1, 2, 3  # of mjtWrap
@@ -78,6 +96,16 @@ class Bodies:
     def dynamics(self, data: Any, offered: Collection[int], carriers: np.ndarray) -> np.ndarray:
         """Records of haptic.DYNAMICS of the bodies that can be pushed and that the server can move: all that joints connect have
         a shape that was offered, and nothing moves them that it cannot be told. carriers: of each body what it moves with."""
+        told = [body for body, reason in self.reasons(data, offered, carriers).items() if reason is None]
+        found = haptic.dynamics(len(told))
+        for to, root in zip(found, told):
+            self._describe(root, to)
+            self._describe_joint(root, to)
+        return found
+
+    def reasons(self, data: Any, offered: Collection[int], carriers: np.ndarray) -> dict[int, Optional[Reason]]:
+        """Of each body that can be pushed why the server does not hold it; None: it does. As dynamics(); data: None: as a reset
+        leaves it."""
         model = self._model
         welded = np.asarray(model.body_weldid)
         roots = [int(body) for body in np.flatnonzero((welded == np.arange(model.nbody)) & (np.asarray(model.body_dofnum) > 0))
@@ -86,13 +114,14 @@ class Bodies:
         trees: dict[int, list[int]] = {}
         for root in roots:
             trees.setdefault(self._tree_of(root, carriers), []).append(root)
-        told = [body for tree in trees.values() for body in tree
-                if sum(model.body_dofnum[each] for each in tree) <= _MOST_FREEDOMS
-                and all(each in offered and each not in moved and self._can_be_told(each, carriers) for each in tree)]
-        found = haptic.dynamics(len(told))
-        for to, root in zip(found, told):
-            self._describe(root, to)
-            self._describe_joint(root, to)
+        found: dict[int, Optional[Reason]] = {}
+        for tree in trees.values():
+            own = {body: moved.get(body) or self._own_reason(body, carriers) or (None if body in offered else NO_SHAPE)
+                   for body in tree}
+            first = next((Reason(why, body) for body, why in own.items() if why), None)
+            if first is None and sum(model.body_dofnum[body] for body in tree) > _MOST_FREEDOMS:
+                first = Reason(TOO_MANY, tree[0])
+            found.update((body, Reason(why, body) if why else first) for body, why in own.items())
         return found
 
     def _places(self, body: int) -> tuple[slice, slice]:
@@ -102,23 +131,30 @@ class Bodies:
         is_free = model.jnt_type[joint] == _FREE
         return slice(first, first + (7 if is_free else 1)), slice(along, along + (6 if is_free else 1))
 
-    def _can_be_told(self, body: int, carriers: np.ndarray) -> bool:
-        """It has mass and one joint, free, a slide or a hinge, and hangs on no wall that moves."""
+    def _own_reason(self, body: int, carriers: np.ndarray) -> Optional[str]:
+        """None where it has mass and one joint, free, a slide or a hinge, and hangs on no wall that moves."""
         model, joint = self._model, int(self._model.body_jntadr[body])
-        mass = model.body_mass[np.asarray(model.body_weldid) == body].sum()
-        if model.body_jntnum[body] != 1 or not _LEAST_MASS <= mass <= _MOST_MASS:
-            return False
+        if model.body_jntnum[body] != 1:
+            return SECOND_JOINT
+        along = self._places(body)[1]
+        if not _LEAST_MASS <= model.body_mass[np.asarray(model.body_weldid) == body].sum() <= _MOST_MASS:
+            return MASS
+        if any(np.any(getattr(model, name)[of]) for name, of in (("jnt_stiffnesspoly", joint), ("dof_dampingpoly", along))
+               if hasattr(model, name)):
+            return CURVED
         if model.jnt_type[joint] == _FREE:
-            along = self._places(body)[1]
-            return not (model.jnt_stiffness[joint].any() or model.dof_frictionloss[along].any()
-                        or self._changes.own("dof_armature")[along].any() or model.dof_damping[along].any())
-        root = carriers[model.body_parentid[body]]
+            lists = model.dof_frictionloss, self._changes.own("dof_armature"), model.dof_damping
+            return FREE_JOINT if model.jnt_stiffness[joint].any() or any(each[along].any() for each in lists) else None
+        if model.jnt_type[joint] not in _JOINTS:
+            return BALL_JOINT
         low, high = model.jnt_range[joint]
-        if model.jnt_type[joint] == _HINGE and (high - low > 2 * math.pi if model.jnt_limited[joint] else model.jnt_stiffness[joint].any()):
-            return False  # How often it has turned decides.
-        curved = (getattr(model, name, np.zeros(0)) for name in ("jnt_stiffnesspoly", "dof_dampingpoly"))
-        is_held = root != self._tool and (root == 0 or model.body_dofnum[root] > 0)
-        return model.jnt_type[joint] in _JOINTS and is_held and not any(map(np.any, curved))
+        counts = high - low > 2 * math.pi if model.jnt_limited[joint] else model.jnt_stiffness[joint].any()
+        if model.jnt_type[joint] == _HINGE and counts:
+            return COUNTS_TURNS  # How often it has turned decides.
+        root = carriers[model.body_parentid[body]]
+        if root == self._tool:
+            return HANGS_ON_TOOL
+        return None if root == 0 or model.body_dofnum[root] > 0 else HANGS_ON_MOCAP
 
     def _from_root(self, body: int) -> tuple[int, np.ndarray]:
         """The body that it is welded to, 0 for the world, and its frame in that one's, 4 × 4."""
@@ -133,39 +169,57 @@ class Bodies:
         parent = int(carriers[self._model.body_parentid[body]])
         return body if parent == 0 or self._model.body_dofnum[parent] == 0 else self._tree_of(parent, carriers)
 
-    def _moved_by_others(self, data: Any, bodies: list[int]) -> set[int]:
-        """Those that fluids, equalities, tendons, actuators or flexes move."""
+    def _moved_by_others(self, data: Any, bodies: list[int]) -> dict[int, str]:
+        """Those that fluids, equalities, tendons, actuators or flexes move, and which of these does."""
         model, option = self._model, self._model.opt
-        if option.density > 0 or option.viscosity > 0 or getattr(model, "nflex", 0) > 0:
-            return set(bodies)
-        return set(np.asarray(model.body_weldid)[sorted(self._named(data))].tolist())
+        if option.density > 0 or option.viscosity > 0:
+            return dict.fromkeys(bodies, FLUID)
+        if getattr(model, "nflex", 0) > 0:
+            return dict.fromkeys(bodies, FLEX)
+        found: dict[int, str] = {}
+        for why, named in ((ACTUATOR, self._of_actuators()), (EQUALITY, self._of_equalities(data)), (TENDON, self._of_tendons())):
+            for body in sorted(named - {0}):
+                found.setdefault(int(model.body_weldid[body]), why)
+        return found
 
-    def _named(self, data: Any) -> set[int]:
-        """Bodies that active equalities, tendons and actuators name, by themselves, a joint or a site."""
-        model = self._model
-        of_site, of_joint, named = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid), {0}
+    def _of_equalities(self, data: Any) -> set[int]:
+        """Bodies that active ones name, by themselves, a joint or a site."""
+        model, named = self._model, set[int]()
+        of_site, of_joint = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid)
         kinds = model.eq_objtype if hasattr(model, "eq_objtype") else np.zeros(model.neq, int)
-        is_active = data.eq_active if hasattr(data, "eq_active") else model.eq_active
+        is_active = getattr(data, "eq_active", getattr(model, "eq_active0", None))
+        if is_active is None:  # before 3.0
+            is_active = model.eq_active
         for active, equality, kind, *items in zip(is_active, model.eq_type, kinds, model.eq_obj1id, model.eq_obj2id):
-            if not active:
-                continue
-            if equality == _OF_JOINTS:
+            if active and equality == _OF_JOINTS:
                 named.update(int(of_joint[item]) for item in items if item >= 0)
-            elif equality in (_CONNECT, _WELD):
+            elif active and equality in (_CONNECT, _WELD):
                 named.update(int(of_site[item] if kind == _SITE_OBJECT else item) for item in items)
+        return named
+
+    def _of_tendons(self) -> set[int]:
+        """Bodies that they name by a joint, a site or a geom."""
+        model, named = self._model, set[int]()
+        of_site, of_joint = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid)
         for kind, item in zip(model.wrap_type, model.wrap_objid):
             if kind in (_ROUND_JOINT, _THROUGH_SITE):
                 named.add(int((of_joint if kind == _ROUND_JOINT else of_site)[item]))
             elif kind > _THROUGH_SITE:
                 named.add(int(model.geom_bodyid[item]))
+        return named
+
+    def _of_actuators(self) -> set[int]:
+        """Bodies that they name by themselves, a joint or a site."""
+        model, named = self._model, set[int]()
+        of_site, of_joint = np.asarray(model.site_bodyid), np.asarray(model.jnt_bodyid)
         for kind, items in zip(model.actuator_trntype, np.asarray(model.actuator_trnid).reshape(-1, 2)):
             if kind in (_OF_JOINT, _OF_JOINT_IN_PARENT):
                 named.add(int(of_joint[items[0]]))
-            elif kind in (_OF_SLIDER_CRANK, _OF_SITE):
+            elif kind in (_OF_SLIDER_CRANK, _OF_SITE) or (kind == _OF_ORIENTATION and items[1] >= 0):  # else of a ball joint
                 named.update(int(of_site[item]) for item in items if item >= 0)
             elif kind == _OF_BODY:
                 named.add(int(items[0]))
-        return named - {0}
+        return named
 
     def inertia(self, root: int) -> tuple[float, np.ndarray, np.ndarray]:
         """Of a body with what is welded to it: mass, its centre, and inertia about that, in the body's frame."""

@@ -34,6 +34,10 @@ class Changes:
         for name in self._now:
             self.give_back(name)
 
+    def read(self, model: Any, name: str) -> np.ndarray:
+        """Any list of the model, as own()."""
+        return self.own(name) if name in self._now else np.asarray(getattr(model, name))
+
     def own(self, name: str) -> np.ndarray:
         """What the list is without the session; a copy."""
         now, was_set = self._now[name], self._set[name]

@@ -35,8 +35,9 @@ class Pairs:
         groups, masks = (np.asarray(each).astype(np.int64) & _ALL_BITS for each in (model.geom_contype, model.geom_conaffinity))
         used = int(np.bitwise_or.reduce(groups, initial=0) & np.bitwise_or.reduce(masks, initial=0)) * touches
         self._groups, self._masks, self._used = groups & used, masks & used, used
-        #: Of each geom whether it can touch something, by masks or by a <pair>.
-        self.touches = (self._groups | self._masks) != 0
+        #: Of each geom whether it can touch something, by masks, and
+        self.by_masks = (self._groups | self._masks) != 0
+        self.touches = self.by_masks.copy()  #: by masks or by a <pair>.
         friction = self._friction(model.pair_friction, model.pair_dim)
         pairs = zip(np.asarray(model.pair_geom1).tolist(), np.asarray(model.pair_geom2).tolist(), friction.tolist())
         self._listed = [pair for pair in pairs if touches and self._rank[list(pair[:2])].any()]

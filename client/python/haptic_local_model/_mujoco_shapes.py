@@ -41,7 +41,7 @@ class Shapes:
         self.carriers = carriers(model, self.was_moved)
         of_geom = self.carriers[model.geom_bodyid]
         pairs = Pairs(binding, model, of_geom, tool, version_of(binding))
-        has_shape = np.isin(model.geom_type, list(_SHAPES))
+        has_shape = have_shapes(model)
         if not has_shape[of_geom == tool].any():
             raise haptic.HapticError("no geom of the tool can be given as a shape: they must be meshes or basic shapes")
         #: Of each geom whether MuJoCo finds its contacts: what has no shape here.
@@ -121,6 +121,11 @@ class Shapes:
         mesh = int(model.geom_dataid[geom])
         first = int(model.mesh_vertadr[mesh])
         return np.asarray(model.mesh_vert)[first:first + int(model.mesh_vertnum[mesh])]
+
+
+def have_shapes(model: Any) -> np.ndarray:
+    """Of each geom whether the server can be given its shape."""
+    return np.isin(model.geom_type, list(_SHAPES))
 
 
 def _velocity(position_before: np.ndarray, turn_before: np.ndarray, position: np.ndarray, turn: np.ndarray,

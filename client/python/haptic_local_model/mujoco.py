@@ -24,11 +24,16 @@ What you change in the model while it is felt (sizes, places, masks, friction, m
 felt within half a second: the shapes are offered again. A body that stood still and is moved pushes the tool, as a mocap body
 does. A shape that appears or grows inside the tool is felt once the hand has moved away from it: it does no work.
 After close() the model is as it was.
+
+    python3 -m haptic_local_model.mujoco check MODEL.xml [--tool NAME]
+
+says what of a model is approximated or ignored, and which bodies the server holds; so do check() and Session.check().
 """
 
 from __future__ import annotations
 
 import importlib
+import sys
 import time
 import warnings
 from typing import Any, Callable, Optional
@@ -36,9 +41,10 @@ from typing import Any, Callable, Optional
 import numpy as np
 
 import haptic_local_model as haptic
-from haptic_local_model import _arguments
+from haptic_local_model import _arguments, _mujoco_check
 from haptic_local_model._mujoco_bodies import Bodies
 from haptic_local_model._mujoco_changes import Changes, Pushes
+from haptic_local_model._mujoco_check import Finding, check
 from haptic_local_model._mujoco_listing import Listing
 from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
 from haptic_local_model._mujoco_tool import Tool, find_tool
@@ -121,6 +127,10 @@ class Session(EngineSession):
         super().close()
         self._pushes.take_back()
         self._changes.give_all_back()
+
+    def check(self) -> list[Finding]:
+        """What of the model is approximated or ignored, and which bodies the server can hold; as check()."""
+        return _mujoco_check.findings(self._binding, self._model, self._tool.body, self._changes)
 
     def drive(self, data: Any) -> int:
         """Before a frame: the tool where the proxy is, and the tool's impulses on bodies, as wrenches for all of its
@@ -393,3 +403,7 @@ def from_mujoco(model: Any, tool: int, binding: Any = None) -> Shapes:
 def _binding(given: Any) -> Any:
     """MuJoCo's official one, unless another is given."""
     return importlib.import_module("mujoco") if given is None else given
+
+
+if __name__ == "__main__":
+    sys.exit(_mujoco_check.main())
