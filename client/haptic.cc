@@ -328,9 +328,10 @@ struct haptic_session {
   std::optional<SealedClientLink> sealed;
   std::optional<HapticClient> client;
   IdentityTracker tracker;
-  std::set<std::uint32_t> sent;     ///< Bodies that were reported to the server.
-  BodyPoses poses;                  ///< Where bodies are, for the next update.
-  std::set<std::uint32_t> offered;  ///< Bodies that have shapes at the server.
+  std::set<std::uint32_t> sent;          ///< Bodies that were reported to the server.
+  BodyPoses poses;                       ///< Where bodies are, for the next update.
+  std::set<std::uint32_t> offered;       ///< Bodies that have shapes at the server,
+  std::set<std::uint32_t> once_offered;  ///< or had once.
   std::optional<SessionNews> news;
   std::string error;     ///< Of the latest call that failed.
   bool sampled = false;  ///< There is a configuration that contacts are of.
@@ -471,7 +472,8 @@ std::size_t haptic_take_held(haptic_session* session, haptic_held_body* bodies) 
     std::size_t count = 0;
     for (const HeldPlace& held : session->client->take_held()) {
       // Whatever a server says, it can move no body that was not offered to it.
-      if (!session->offered.contains(held.body) || count == HAPTIC_MAX_POSES) continue;
+      const auto& known = is_held(held.number) ? session->offered : session->once_offered;
+      if (!known.contains(held.body) || count == HAPTIC_MAX_POSES) continue;
       haptic_held_body& to = bodies[count++];
       to.body = held.body;
       to.let_go = is_held(held.number) ? 0 : 1;
@@ -631,10 +633,17 @@ int haptic_offer(haptic_session* session, const haptic_shape* shapes, const hapt
     }
     if (!has_tool) throw std::invalid_argument("a shape must be of the tool, or nothing is felt");
     for (std::size_t i = 0; i < dynamics_count; ++i) {
-      offer.inertias.push_back(inertia_of(dynamics[i], bodies));
+      const BodyInertia inertia = inertia_of(dynamics[i], bodies);
+      if (std::ranges::find(offer.inertias, inertia.body, &BodyInertia::body) !=
+          offer.inertias.end()) {
+        throw std::invalid_argument("dynamics " + std::to_string(i) + ": body " +
+                                    std::to_string(inertia.body) + " has earlier ones, too");
+      }
+      offer.inertias.push_back(inertia);
       if (dynamics[i].joint != HAPTIC_FREE) offer.joints.push_back(joint_of(dynamics[i]));
     }
     session->client->offer_scene(std::move(offer));
+    session->once_offered.insert(bodies.begin(), bodies.end());
     session->offered = std::move(bodies);
     return 0;
   });

@@ -309,8 +309,9 @@ HAPTIC_API int haptic_offer(haptic_session* session, const haptic_shape* shapes,
                             const haptic_dynamics* dynamics, size_t dynamics_count);
 /* Where the bodies of offered shapes are, for the next haptic_send(). If there are more than
  * HAPTIC_MAX_POSES, give those near the tool: a body without a pose does not exist. Bodies that the
- * tool can push also go to haptic_send(), where state.holds but for those that were offered with
- * dynamics; the others keep their velocity. 0, or -1 with haptic_error(). */
+ * tool can push also go to haptic_send(), those that were offered with dynamics only where
+ * state.holds is 0, or where they touch, themselves or by others, one without; the others keep
+ * their velocity. 0, or -1 with haptic_error(). */
 HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bodies, size_t count);
 
 /* Once per step, before it. `state` is zero before the first call and the same one in each: what

@@ -331,7 +331,6 @@ std::uint64_t HapticClient::send(double now, const ReportedContacts& contacts,
   update_.compute_time = now - sampled_at_;
   update_.impulse_step = playout_.step();
   update_.bodies = bodies;
-  erase_if(update_.bodies, [this](const MovableBody& body) { return holds(body.id); });
   for (MovableBody& body : update_.bodies) body.P_W = playout_.taken(body.id);
   update_.contacts = contacts;
   for (ReportedContact& contact : update_.contacts) {

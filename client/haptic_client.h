@@ -68,7 +68,7 @@ class HapticClient {
   /// which is the simulator's from there on. It says which are the server's in send().
   HeldPlaces take_held();
   /// Whether the server moves what the hand holds, or will as soon as it has the shapes: of the
-  /// bodies whose inertia was offered, which send() does not need.
+  /// bodies whose inertia was offered. send() needs those alone that touch one without.
   bool holds() const noexcept;
   /// Whether that is one of them.
   bool holds(std::uint32_t body) const noexcept;

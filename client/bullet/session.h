@@ -125,11 +125,13 @@ class Session {
       if (body != nullptr && gap <= reach()) near.push_back(body);
     }
     add_touching(world_, tool_, near);
+    // What touches one that the server cannot hold goes with it.
+    std::erase_if(near, [&](btRigidBody* body) { return client_.holds(number_of(*body)); });
+    add_touching(world_, tool_, near);
     std::vector<JointedBodies> groups;
     for (btRigidBody* body : near) {
       body->activate();
       if (update.bodies.size() == kMaxBodies || !has_pose(*body)) continue;
-      if (client_.holds(number_of(*body))) continue;
       auto group = std::ranges::find_if(groups, [&](const auto& g) { return g.has(*body); });
       if (group == groups.end()) group = groups.emplace(group, world_, *body);
       update.bodies.push_back(describe(*body, *group));

@@ -38,11 +38,15 @@ class Changes {
     T own;
     T set;
 
-    /// MuJoCo itself may add to what was set, as mj_setConst() does to dof_M0.
+    /// mj_setConst() adds to what was set in dof_M0: that is what it is without.
     void undo(T& number) const {
       constexpr double kClose = 1e-3;
-      const double apart = std::abs(static_cast<double>(number) - static_cast<double>(set));
-      if (apart <= kClose * std::abs(static_cast<double>(set))) number = own;
+      const double beyond = static_cast<double>(number) - static_cast<double>(set);
+      if (beyond == 0) {
+        number = own;
+      } else if (beyond > 0 && beyond <= kClose * static_cast<double>(set)) {
+        number -= set;
+      }
     }
   };
 

@@ -26,7 +26,7 @@ class Bodies {
 
   /// Puts a body with a joint in its place; of a free one pose and twist of its frame.
   void place(mjData& data, int body, const Pose& X_WB, const Twist& V_W,
-             const JointState& state = {}) const {
+             const JointState& state = {}) {
     const int joint = model_.body_jntadr[body];
     mjtNum* q = data.qpos + model_.jnt_qposadr[joint];
     mjtNum* v = data.qvel + model_.jnt_dofadr[joint];
@@ -37,29 +37,45 @@ class Bodies {
       const bool turns = model_.jnt_type[joint] == mjJNT_HINGE;
       *q = turns ? due + kTurn * std::round((*q - due) / kTurn) : due;
       *v = state.v;
+      put_[body] = {{*q, 0, 0}, {*v, 0, 0}};
       return;
     }
     std::copy_n(X_WB.p.data(), 3, q);
     q[3] = X_WB.R.w();
     std::copy_n(X_WB.R.vec().data(), 3, q + 4);
     const Vector3 spin_B = X_WB.R.conjugate() * Vector3(V_W.tail<3>());  // As MuJoCo has it.
+    put_[body] = {X_WB.p, V_W.head<3>()};
     std::copy_n(V_W.data(), 3, v);
     std::copy_n(spin_B.data(), 3, v + 3);
   }
 
-  /// A frame has ended.
-  void leave(const mjData& data) {
-    for (auto& [body, q] : kept_) q = place_of(data, body);
+  /// A frame of so many seconds has ended. Returns the bodies that are kept and that somebody has
+  /// put elsewhere within it, by more than steps of MuJoCo would.
+  std::vector<int> leave(const mjData& data, double length) {
+    std::vector<int> moved;
+    for (auto& [body, q] : kept_) {
+      const std::vector<mjtNum> now = place_of(data, body);
+      const auto put = put_.find(body);
+      if (put != put_.end() && body != tool_) {
+        const Vector3 due = put->second.q + length * put->second.v;
+        const std::size_t count = std::min<std::size_t>(3, now.size());
+        if (!std::equal(now.begin(), now.begin() + static_cast<std::ptrdiff_t>(count), due.data(),
+                        is_near)) {
+          moved.push_back(body);
+        }
+      }
+      q = now;
+    }
+    put_.clear();
+    return moved;
   }
   /// Whether somebody has put a body that is kept elsewhere since the frame before, by more than
   /// steps of MuJoCo would.
   bool was_moved(const mjData& data, int body) const {
-    constexpr double kElsewhere = 5e-3;  // m or rad.
     const auto kept = kept_.find(body);
     if (kept == kept_.end() || kept->second.empty()) return false;
     const std::vector<mjtNum> now = place_of(data, body);
-    return !std::ranges::equal(now, kept->second,
-                               [](mjtNum a, mjtNum b) { return std::abs(a - b) <= kElsewhere; });
+    return !std::ranges::equal(now, kept->second, is_near);
   }
 
   /// Nothing moves it within a frame, until let_go().
@@ -112,6 +128,9 @@ class Bodies {
   }
 
  private:
+  /// Of numbers of qpos, m or rad: as near as MuJoCo's steps leave them.
+  static bool is_near(double a, double b) { return std::abs(a - b) <= 5e-3; }
+
   static constexpr double kLeastMass = 1e-6;  // kg
   static constexpr double kMostMass = 1e6;
 
@@ -274,7 +293,14 @@ class Bodies {
 
   mjModel& model_;
   int tool_;
+  /// Where a body was put in this frame, and how it moves, as far as qpos has it first.
+  struct Put {
+    Vector3 q;
+    Vector3 v;
+  };
+
   Changes& changes_;
+  std::map<int, Put> put_;
   std::map<int, std::vector<mjtNum>> kept_;  ///< With their places in qpos at the latest leave().
 };
 

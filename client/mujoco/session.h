@@ -131,9 +131,12 @@ class Session {
   /// std::invalid_argument if MuJoCo's state is not finite, or something in it is out of a server's
   /// range.
   void send() {
+    const double passed = std::clamp(double{data_.time} - time_, 0.0, frame_);
     was_reset_ = was_reset_ || data_.time < time_;
     time_ = data_.time;
-    bodies_.leave(data_);
+    for (const int body : bodies_.leave(data_, passed)) {
+      taken_.insert(static_cast<std::uint32_t>(body));
+    }
     if (frame_ == 0) return;
     const double sampled_at = steady_seconds();
     mj_forward(&model_, &data_);
@@ -146,16 +149,17 @@ class Session {
     update.poses = shapes_.poses_of(data_, moving, frame_);
     for (BodyPose& pose : update.poses) pose.kept = was_reset_ || taken_.contains(pose.body);
     was_reset_ = false;
-    taken_.clear();
     std::vector<int> near;
     for (const auto& [body, gap] : moving) {
       if (gap <= reach() && !shapes_.is_mocap(body)) near.push_back(body);
     }
     shapes_.add_touching(data_, near);
+    // What touches one that the server cannot hold goes with it.
+    std::erase_if(near, [&](int body) { return client_.holds(static_cast<std::uint32_t>(body)); });
+    shapes_.add_touching(data_, near);
     for (const int body : near) {
       if (update.bodies.size() == kMaxBodies) break;
       const auto number = static_cast<std::uint32_t>(body);
-      if (client_.holds(number)) continue;
       if (std::ranges::find(update.poses, number, &BodyPose::body) == update.poses.end()) continue;
       update.bodies.push_back(describe(model_, data_, body, pushes_.on(data_, body)));
       reported_.insert(number);
@@ -203,6 +207,7 @@ class Session {
       const bool taken = taken_.contains(held.body);
       if (!taken) bodies_.place(data_, body, held.X_WB, held.V_W, held.joint);
       is_held(held.number) && !taken ? bodies_.keep(body) : bodies_.let_go(body);
+      if (!is_held(held.number)) taken_.erase(held.body);
     }
   }
 

@@ -69,7 +69,9 @@ LocalBodies LocalModel::that_stay(const ModelUpdate& update) noexcept {
   const auto stays = [&](std::uint32_t body) {
     const NearBody* known = near_body({SideKind::kMovableBody, body});
     const Ownership owner = owner_of(body, update.owners);
-    return update.holds && !owner.kept && known != nullptr && is_as_it_was(body) &&
+    const bool is_reported =
+        std::ranges::find(update.bodies, body, &MovableBody::id) != update.bodies.end();
+    return update.holds && !owner.kept && !is_reported && known != nullptr && is_as_it_was(body) &&
            std::ranges::find(update.poses, body, &BodyPose::body) != update.poses.end() &&
            owner.number < known->number + (known->owner == Owner::kServer ? 1 : 0);
   };

@@ -96,7 +96,6 @@ LocalBodies LocalModel::with_reported(const LocalBodies& held, const ModelUpdate
   LocalBodies bodies = held;
   for (const MovableBody& reported : update.bodies) {
     if (bodies.size() == std::min(bodies.capacity(), held.size() + kMaxBodiesAhead)) break;
-    if (holds() && scene_->inertia(reported.id) != nullptr) continue;
     const std::optional<std::size_t> slot = impulses_.enrol(reported.id);
     if (!slot || std::ranges::find(bodies, reported.id, &LocalBody::id) != bodies.end()) continue;
     LocalBody& body = bodies.emplace_back(reported);

@@ -112,13 +112,20 @@ TEST_CASE("A body that is kept is seen to be put elsewhere, and not to move by i
   Bodies bodies(*world.model, 1, changes);
   bodies.keep(2);
   CHECK_FALSE(bodies.was_moved(*world.data, 2));
-  bodies.leave(*world.data);
+  CHECK(bodies.leave(*world.data, 0).empty());
   world.data->qpos[9] += 1e-3;
   CHECK_FALSE(bodies.was_moved(*world.data, 2));
   world.data->qpos[9] += 0.1;
   CHECK(bodies.was_moved(*world.data, 2));
   bodies.let_go(2);
   CHECK_FALSE(bodies.was_moved(*world.data, 2));
+
+  bodies.keep(2);
+  bodies.place(*world.data, 2, {{0, 0, 0.3}, {}}, Vector6::Unit(0));
+  world.data->qpos[7] += 0.1;
+  CHECK(bodies.leave(*world.data, 0.1).empty());
+  bodies.place(*world.data, 2, {{0, 0, 0.3}, {}}, Vector6::Unit(0));
+  CHECK(bodies.leave(*world.data, 0.1) == std::vector<int>{2});
 }
 
 }  // namespace

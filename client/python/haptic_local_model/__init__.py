@@ -319,7 +319,7 @@ class Session:
     @property
     def holds(self) -> bool:
         """Whether the server moves what the hand holds, or will as soon as it has the shapes: of the bodies that were offered with
-        their dynamics, which send() does not need."""
+        their dynamics. send() needs those alone that touch, themselves or by others, one without."""
         return bool(self._state.holds)
 
     @property

@@ -50,6 +50,7 @@ class Bodies:
         self._binding, self._model, self._tool, self._changes = binding, model, tool, changes
         self._kept: set[int] = set()
         self._left: dict[int, np.ndarray] = {}  # of those that are kept: qpos as a frame left it
+        self._put: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # where they were put in this frame, and how they move
 
     def place(self, data: Any, body: int, X: np.ndarray, v: np.ndarray, joint: tuple[float, float] = (0, 0)) -> None:
         """X: position and rotation of its frame; v: that frame's velocity, world axes; joint: the same of its joint, if it hangs
@@ -60,13 +61,20 @@ class Bodies:
             if self._model.jnt_type[self._model.body_jntadr[body]] == _HINGE:  # A pose does not tell how often it has turned.
                 q += 2 * math.pi * round((float(data.qpos[at][0]) - q) / (2 * math.pi))
             data.qpos[at], data.qvel[along] = q, joint[1]
+            self._put[body] = np.array([q]), np.array([joint[1]])
             return
         data.qpos[at], data.qvel[along] = X, v
         data.qvel[along][3:] = rotation(X[3:]).T @ v[3:]
+        self._put[body] = np.array(X), np.array(v)
 
-    def leave(self, data: Any) -> None:
-        """A frame has ended."""
+    def leave(self, data: Any, length: float) -> list[int]:
+        """A frame of so many seconds has ended. Returns the kept bodies that somebody has put elsewhere within it, by more than steps
+        of MuJoCo would."""
+        moved = [body for body, (q, v) in self._put.items() if body in self._kept and body != self._tool
+                 and np.abs(data.qpos[self._places(body)[0]][:3] - q[:3] - length * v[:3]).max() > _PUT_ELSEWHERE]
+        self._put = {}
         self._left = {body: np.array(data.qpos[self._places(body)[0]]) for body in self._kept}
+        return moved
 
     def was_moved(self, data: Any, body: int) -> bool:
         """Whether somebody has put it elsewhere since the frame before, by more than steps of MuJoCo would."""

@@ -18,6 +18,8 @@ class Changes:
         self._now = {name: getattr(model, name) for name in _LISTS if hasattr(model, name)}
         self._own = {name: np.array(array) for name, array in self._now.items()}
         self._set = {name: np.array(array) for name, array in self._now.items()}
+        #: Whether MuJoCo has computed from what was set, as mj_setConst() does: it must once more when all is given back.
+        self.was_computed_from = False
 
     def set(self, name: str, which: Any, values: Any) -> None:
         """name: that of a list; where this version of MuJoCo has no such list nothing is done. which: an index of numpy."""
@@ -43,6 +45,10 @@ class Changes:
         now, was_set = self._now[name], self._set[name]
         ours = (was_set != self._own[name]) & np.isclose(now, was_set, rtol=_CLOSE, atol=0)
         self._own[name] = np.where(ours, self._own[name], now)
+        computed = ours & (now != was_set) & (name == "dof_M0")
+        if computed.any():
+            self._own[name] = np.where(computed, now - was_set + self._own["dof_armature"], self._own[name])
+            self.was_computed_from = True
         return self._own[name].copy()
 
 

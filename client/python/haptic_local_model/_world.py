@@ -6,7 +6,7 @@ import abc
 import functools
 import math
 import warnings
-from typing import Any, Iterable, Optional, Sequence, TypeVar
+from typing import Any, Collection, Iterable, Optional, Sequence, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ import haptic_local_model.shapes
 # farthest, m: one that was not sent is a wall.
 _NEAR_BODIES, _FARTHEST_BODIES = 0.02, 0.3
 _USUAL_SPEED = 0.3  # m/s: of a hand that was at rest
+_FRAMES_LOOSE = 20  # after a body touched one that the server cannot hold: one that bounces on it changes hands but once
 _Session = TypeVar("_Session", bound="EngineSession")
 _TOOL = -1  # the carrier of the tool's shapes
 
@@ -150,6 +151,7 @@ class WorldSession(EngineSession, abc.ABC):
         self._gravity_W = np.array(gravity, dtype=float)
         self._placed, self._rule, self._warned = self._shapes(), rule, False
         self._pushes: dict[int, np.ndarray] = {}
+        self._near_bodies = NearBodies()
         arm = self._placed.arm
         defaults = {"length": 2 * arm, "gravity": gravity, "rate": 1 / period}
         self.touch = haptic.Session(tool=link, q=q, **{**defaults, **options})
@@ -204,8 +206,8 @@ class WorldSession(EngineSession, abc.ABC):
         poses = haptic.poses(len(gaps))
         for to, body in zip(poses, gaps):
             to["body"], (to["position"], to["rotation"], to["velocity"]) = body, placed[body]
-        near = near_bodies({body: gap for body, gap in gaps.items() if self._can_be_pushed(body)}, self._frames.reach(self._v),
-                           self._touching, self._told if self.touch.holds else {})
+        near = self._near_bodies.find({body: gap for body, gap in gaps.items() if self._can_be_pushed(body)},
+                                      self._frames.reach(self._v), self._touching, self._told if self.touch.holds else ())
         bodies = haptic.bodies(min(len(near), haptic.MAX_BODIES))
         for to, body in zip(bodies, near):
             to["id"] = body
@@ -281,18 +283,33 @@ class Gaps:
         return dict(zip(self._bodies[order].tolist(), nearest[order].tolist()))
 
 
-def near_bodies(pushable: dict[int, float], reach: float, pairs: Any, left_out: Any) -> list[int]:
-    """Those within reach, what touches one of them, what touches that, and so on: what lies on a body moves with it. pushable:
-    all that there are, with their gaps, m. pairs(): of bodies that touch. left_out: those that are not asked for."""
-    found = [body for body, gap in pushable.items() if gap < reach]
-    if not found or all(body in left_out for body in pushable):
-        return []
-    touching = np.array(list(pairs()), dtype=np.int64).reshape(-1, 2)
+class NearBodies:
+    """Which bodies the server must be told the state of, as the tool may push them."""
+
+    def __init__(self) -> None:
+        self._loose: dict[int, int] = {}  # frames for which a body that the server could hold is still told
+
+    def find(self, pushable: dict[int, float], reach: float, pairs: Any, holdable: Collection[int]) -> list[int]:
+        """Those within reach, what touches one of them, what touches that, and so on: what lies on a body moves with it. Where the
+        server could hold all of them, none. pushable: all that there are, with their gaps, m. pairs(): of bodies that touch or hang
+        on each other."""
+        near = [body for body, gap in pushable.items() if gap < reach]
+        if not near or all(body in holdable for body in pushable):
+            return []
+        touching = np.array(list(pairs()), dtype=np.int64).reshape(-1, 2)
+        touching = touching[np.isin(touching, [*pushable]).all(axis=1)]
+        near = _with_touching(near, touching)
+        found = _with_touching([body for body in near if body not in holdable], touching)
+        self._loose = {body: frames - 1 for body, frames in self._loose.items() if frames > 1 and body in near}
+        self._loose.update((body, _FRAMES_LOOSE) for body in found if body in holdable)
+        return found + [body for body in self._loose if body not in found]
+
+
+def _with_touching(bodies: list[int], pairs: np.ndarray) -> list[int]:
+    found = list(bodies)
     for body in found:
-        for other in touching[(touching == body).any(axis=1)].ravel().tolist():
-            if other in pushable and other not in found:
-                found.append(other)
-    return [body for body in found if body not in left_out]
+        found += [other for other in dict.fromkeys(pairs[(pairs == body).any(axis=1)].ravel().tolist()) if other not in found]
+    return found
 
 
 def rotation(quaternion: ArrayLike) -> np.ndarray:

@@ -49,7 +49,7 @@ from haptic_local_model._mujoco_listing import Listing
 from haptic_local_model._mujoco_shapes import Shapes, moving_bodies, version_of
 from haptic_local_model._mujoco_tool import Tool, find_tool
 from haptic_local_model._mujoco_watch import Watch
-from haptic_local_model._world import EngineSession, Frames, near_bodies, rotation
+from haptic_local_model._world import EngineSession, Frames, NearBodies, rotation
 
 _SPHERE, _REVOLVES = 2, (2, 3, 5)  # mjGEOM_SPHERE; and mjGEOM_CAPSULE, mjGEOM_CYLINDER
 _OFF_AXIS = 1e-6  # m: an axis through the centre of mass passes it no farther away
@@ -93,7 +93,7 @@ class Session(EngineSession):
         self._was_reset = False  # in between
         self._taken: set[int] = set()  # bodies that the hand held, and the user has put elsewhere
         self._warned = False
-        self._epsilon, self._changes, self._pushes = epsilon, Changes(model), Pushes()
+        self._epsilon, self._changes, self._pushes, self._near_bodies = epsilon, Changes(model), Pushes(), NearBodies()
         self._placed = Bodies(binding, model, number, self._changes)
         self._tool = Tool(binding, model, number, self._placed)
         self._tool.warn()
@@ -103,6 +103,8 @@ class Session(EngineSession):
             warnings.warn("MuJoCo 4.0.0 has wrong accelerations where its Jacobian is sparse, as this model's is, and the hand would "
                           "feel them: use 4.0.1 or 3.17.0, or write <option jacobian=\"dense\"/>", stacklevel=2)
         self._bodies_of_geoms = moving_bodies(model)[model.geom_bodyid]
+        parents, moves = np.asarray(model.body_weldid)[model.body_parentid], np.asarray(model.body_dofnum) > 0
+        self._hanging = np.column_stack([np.flatnonzero(moves & moves[parents]), parents[moves & moves[parents]]])
         self._round = self._round_geoms()
         defaults = {"length": self._tool.size, "gravity": self._placed.gravity(), "rate": 1 / period}
         self.touch = haptic.Session(tool=self._tool.link(), q=data.qpos[self._tool.q], epsilon=epsilon, **{**defaults, **options})
@@ -127,6 +129,9 @@ class Session(EngineSession):
         super().close()
         self._pushes.take_back()
         self._changes.give_all_back()
+        if self._changes.was_computed_from:
+            self._binding.mj_setConst(self._model, self._binding.MjData(self._model))
+            self._changes.was_computed_from = False
 
     def check(self) -> list[Finding]:
         """What of the model is approximated or ignored, and which bodies the server can hold; as check()."""
@@ -149,10 +154,10 @@ class Session(EngineSession):
         """After a frame: what is near the tool, at the pose that the steps led to."""
         self._warn_of_steps(data)
         self._send(data)
-        self._placed.leave(data)
 
     def _send(self, data: Any) -> None:
         self._was_reset, self._ended = self._was_reset or data.time < self._begin, data.time
+        self._taken.update(self._placed.leave(data, min(max(data.time - self._begin, 0), self._frames.length)))
         if self._frames.length == 0:
             return
         by_shapes = self._shapes is not None and (self.touch.has_scene or self._frames.waits())
@@ -204,6 +209,8 @@ class Session(EngineSession):
                 self._placed.keep(body)
             if body not in self._taken:
                 self._placed.place(data, body, np.array([*position, *turn]), np.array(velocity), joint)
+            elif let_go:
+                self._taken.discard(body)
 
     def _usable_shapes(self, needs_them: bool) -> Optional[Shapes]:
         try:
@@ -231,9 +238,9 @@ class Session(EngineSession):
             shapes.forget_motion()
         poses = shapes.poses(data, gaps, self._frames.length)
         poses["kept"] = self._was_reset | np.isin(poses["body"], [*self._taken])
-        self._was_reset, self._taken = False, set()
-        near = near_bodies({body: gap for body, gap in gaps.items() if self._model.body_dofnum[body] > 0}, reach,
-                           lambda: self._touching(data), self._told if self.touch.holds else ())
+        self._was_reset = False
+        near = self._near_bodies.find({body: gap for body, gap in gaps.items() if self._model.body_dofnum[body] > 0}, reach,
+                                      lambda: self._touching(data), self._told if self.touch.holds else ())
         bodies = self._bodies(data, near[:haptic.MAX_BODIES])
         contacts = self._contacts(data, shapes.by_engine) if shapes.by_engine.any() else None
         self._pushes.take_back()
@@ -264,10 +271,11 @@ class Session(EngineSession):
                           "another rate. Take as many as it returns", stacklevel=3)
 
     def _touching(self, data: Any) -> np.ndarray:
-        """Bodies that touch each other, in pairs."""
+        """Bodies that touch each other or hang on each other, in pairs."""
         listed, n = data.contact, data.ncon
         geoms = np.column_stack([listed.geom1, listed.geom2])[:n]
-        return self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]]  # -1: a flex
+        return np.concatenate([self._bodies_of_geoms[geoms[(geoms >= 0).all(axis=1)]],  # -1: a flex
+                               self._hanging])
 
     def _contacts(self, data: Any, geoms: np.ndarray) -> np.ndarray:
         """geoms: of each whether its contacts are meant."""
