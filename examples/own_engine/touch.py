@@ -3,7 +3,8 @@
 
     touch.py [SECONDS]
 
-Needs the package haptic. Without a device a server with a simulated one is started, and hold() is the hand.
+Needs the package haptic. Without a device a server with a simulated one is started, and hold() is the hand: it pulls
+with up to 10 N.
 """
 
 import sys
@@ -14,7 +15,7 @@ import numpy as np
 import haptic_local_model as haptic
 from haptic_local_model import shapes
 
-PERIOD = 1 / 60  # s, of a frame
+PERIOD, STEP = 1 / 60, 1 / 240  # s, of a frame and of a step of the engine
 SECONDS = float(sys.argv[1]) if len(sys.argv) > 1 else 6
 EDGE, MASS, GRAVITY = 0.04, 0.3, np.array((0, 0, -9.81))  # m, kg, m/s²
 TRAY = np.array((0.1, 0.1, 0.01))  # m
@@ -57,11 +58,11 @@ with haptic.Session(tool=haptic.box(mass=0.2, size=TRAY), q=(0, 0, 0.05, 1, 0, 0
         for body, let_go, position, turn, velocity, *_ in touch.held().tolist():
             engine.p[body - 1], engine.turn[body - 1], engine.v[body - 1] = position, turn, velocity
             held[body - 1] = not let_go
-        steps = touch.steps(PERIOD)  # as many as bring the engine's time up to the hand's
+        steps = touch.steps(STEP)  # as many as bring the engine's time up to the hand's
         for _ in range(steps):
-            engine.step(PERIOD, held, touch.q[2] + TRAY[2] / 2 if touch.tool_pushes else None)
+            engine.step(STEP, held, touch.q[2] + TRAY[2] / 2 if touch.tool_pushes else None)
         if steps > 0:
-            touch.sample(touch.q, touch.v, steps * PERIOD)
+            touch.sample(touch.q, touch.v, steps * STEP)
             poses = haptic.poses(count)
             poses["body"], poses["position"], poses["rotation"], poses["velocity"] = dynamics["body"], engine.p, engine.turn, engine.v
             touch.send(None, None, poses)
