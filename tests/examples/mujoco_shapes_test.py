@@ -100,6 +100,19 @@ class Touch(unittest.TestCase):
                 self.assertLess(deviation, 0.1 if stall else 0.02)
                 self.assertGreater(moved[-1][2], 0.1)  # m: it was lifted
 
+    def test_a_cube_on_a_plate_that_a_servo_holds_is_pressed_without_chatter(self):
+        """0.5 kg on 2000 N/m, a cube of 0.3 kg, a hand of 400 N/m that goes 20 mm down, 12 mm of it against the cube."""
+        bodies = ('<body pos="0 0 0.1"><joint name="joint" type="slide" axis="0 0 1" damping="20"/><geom type="box" '
+                  'size="0.06 0.06 0.01" mass="0.5"/></body><body pos="0 0 0.1301"><freejoint/><geom type="box" size="0.02 0.02 0.02" '
+                  'mass="0.3"/></body>')
+        servo = """</worldbody><actuator><general joint="joint" biastype="affine" gainprm="2000" biasprm="0 -2000 -40"/></actuator>"""
+        scene = session.SCENE.format(step=1 / 480, height=0.18, tool='type="sphere" size="0.02"', bodies=bodies)
+        ticks, _ = session.play(5, scene.replace("</worldbody>", servo), reach(1.2, 0, 0.18) + reach(1, 0, 0.16),
+                                contacts="shapes")
+        force, deviation = mean(ticks, "env_force_z_N", 3.5, 4.5)
+        self.assertGreater(force, 1)  # N
+        self.assertLess(deviation, 0.1)
+
     def test_a_platform_that_is_moved_by_hand_lifts_the_tool(self):
         """A mocap body rises by 20 mm at 40 mm/s under a tool of 0.1 kg."""
         scene = session.SCENE.format(
