@@ -147,12 +147,13 @@ bool goes_over(LocalContact& contact, const UpdateFrames& frames) noexcept {
   return true;
 }
 
-bool touches_reported(const LocalContact& contact, const UpdateFrames& frames) noexcept {
+bool is_ahead(FrameIndex frame, const UpdateFrames& frames) noexcept {
   const FrameIndex first = frame_of_body(frames.tool, 0);
-  const auto is_reported = [&](FrameIndex frame) {
-    return frame >= first && !frames.bodies[static_cast<std::size_t>(frame - first)].inertia;
-  };
-  return is_reported(contact.frame_a) || is_reported(contact.frame_b);
+  return frame >= first && !frames.bodies[static_cast<std::size_t>(frame - first)].inertia;
+}
+
+bool touches_reported(const LocalContact& contact, const UpdateFrames& frames) noexcept {
+  return is_ahead(contact.frame_a, frames) || is_ahead(contact.frame_b, frames);
 }
 
 LocalContact& add_to(LocalContacts& contacts) noexcept {

@@ -63,7 +63,10 @@ LocalContact& add_to(LocalContacts& contacts) noexcept;
 /// Whether a side is a body that the local model moves.
 bool touches_body(const LocalContact& contact) noexcept;
 
-/// Or one that the environment moves, and the local model ahead of its reports.
+/// Whether a frame of an update is that of a body that the environment moves, and the local model
+/// ahead of its reports.
+bool is_ahead(FrameIndex frame, const UpdateFrames& frames) noexcept;
+/// Whether a side is such a body.
 bool touches_reported(const LocalContact& contact, const UpdateFrames& frames) noexcept;
 /// The contact goes over to the frames of an update's bodies. False if they lack one of its own.
 bool goes_over(LocalContact& contact, const UpdateFrames& frames) noexcept;

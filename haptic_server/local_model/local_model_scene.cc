@@ -44,10 +44,7 @@ void copy_reported(const LocalContacts& from, LocalContacts& to) noexcept {
 /// Those of bodies that are moved ahead of reports stay.
 void keep_reported(MetContacts& met, const UpdateFrames& frames) noexcept {
   erase_if(met, [&](const MetContact& contact) {
-    LocalContact of;
-    of.frame_a = contact.a;
-    of.frame_b = contact.b;
-    return !touches_reported(of, frames);
+    return !is_ahead(contact.a, frames) && !is_ahead(contact.b, frames);
   });
 }
 

@@ -20,6 +20,9 @@ _MOST_FREEDOMS = 16  # of what joints connect, at the server
 _PUT_ELSEWHERE = 5e-3  # m or rad, between two frames
 _NEVER_SLEEPS = 3  # mjSLEEP_NEVER
 _OF_JOINT, _OF_JOINT_IN_PARENT, _OF_SLIDER_CRANK, _OF_TENDON, _OF_SITE, _OF_BODY, _OF_ORIENTATION = range(7)  # mjtTrn
+_CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
+_SITE_OBJECT = 6  # mjOBJ_SITE
+_ROUND_JOINT, _OVER_PULLEY, _THROUGH_SITE = 1, 2, 3  # of mjtWrap
 # Why the server does not hold a body:
 NO_SHAPE = "no shape of it was given to the server"
 FLUID, FLEX = "a fluid acts on it", "the model has a flex"
@@ -38,9 +41,6 @@ class Reason(NamedTuple):
     """why: one of the above; body: that of which it is so: this one, or one that joints connect with it."""
     why: str
     body: int
-_CONNECT, _WELD, _OF_JOINTS = 0, 1, 2  # of mjtEq
-_SITE_OBJECT = 6  # mjOBJ_SITE
-_ROUND_JOINT, _OVER_PULLEY, _THROUGH_SITE = 1, 2, 3  # of mjtWrap
 
 
 class Bodies:
