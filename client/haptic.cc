@@ -24,8 +24,8 @@
 #include "hlm/client/identity_tracker.h"
 #include "hlm/client/own_server.h"
 #include "hlm/client/session_news.h"
+#include "hlm/client/surroundings.h"
 #include "hlm/common/range.h"
-#include "hlm/common/steady_seconds.h"
 #include "hlm/protocol/scene_offer.h"
 #include "hlm/protocol/wire.h"
 #include "hlm/sealing/key_file.h"
@@ -44,7 +44,6 @@ namespace {
 
 using namespace hlm;
 using protocol::SealedClientLink;
-using protocol::UdpSocket;
 
 constexpr Range kDuration{0, 1e6, "s", true};  // Of a step, or of a frame's steps.
 constexpr Range kEpsilon{0, 1, "m"};           // More are millimetres.
@@ -137,9 +136,10 @@ ToolDescription tool_of(const haptic_options& options) {
   return tool;
 }
 
-HapticClientOptions client_options(const haptic_options& options) {
+HapticClientOptions client_options(const haptic_options& options,
+                                   const protocol::Endpoint& server) {
   HapticClientOptions client;
-  client.server = protocol::resolve(options.server == nullptr ? usual_server() : options.server);
+  client.server = server;
   client.tool = tool_of(options);
   client.q = Eigen::Map<const Configuration>(options.q, client.tool.configuration_size());
   client.ve_rate = options.rate;
@@ -277,12 +277,15 @@ std::string end_of(int status) {
 
 struct haptic_session {
   explicit haptic_session(const haptic_options& options)
-      : client_options_(client_options(options)), tool(client_options_.tool), socket({}) {
+      : address(options.server == nullptr ? usual_server() : options.server),
+        surroundings(surroundings_at(address, 1 / options.rate)),
+        client_options_(client_options(options, surroundings->server())),
+        tool(client_options_.tool) {
     std::optional<protocol::noise::Key> key;
     if (options.key_file != nullptr) key = protocol::read_key(options.key_file);
-    if (options.server == nullptr && !may_listen(client_options_.server)) start_own(options);
-    if (key) sealed.emplace(socket, client_options_.server, *key);
-    client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : socket,
+    if (options.server == nullptr && !surroundings->may_have_server()) start_own(options);
+    if (key) sealed.emplace(surroundings->link(), client_options_.server, *key);
+    client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : surroundings->link(),
                    client_options_);
     news.emplace(to_string(client_options_.server),
                  options.key_file == nullptr ? "" : options.key_file);
@@ -319,10 +322,11 @@ struct haptic_session {
 
   int process = forks;    ///< Of which it is.
   std::atomic_flag busy;  ///< While a thread is in a call.
+  std::string address;    ///< Of the server, as given.
+  std::unique_ptr<Surroundings> surroundings;
   HapticClientOptions client_options_;
-  ToolModel tool;                  ///< Tool at the latest sample.
-  protocol::ContactUpdate update;  ///< Update of the latest sample, to be checked.
-  UdpSocket socket;
+  ToolModel tool;                        ///< Tool at the latest sample.
+  protocol::ContactUpdate update;        ///< Update of the latest sample, to be checked.
   mutable std::optional<OwnServer> own;  ///< It is asked whether it has ended.
   std::string started;                   ///< What was; empty if nothing was.
   std::optional<SealedClientLink> sealed;
@@ -415,7 +419,7 @@ void haptic_close(haptic_session* session) {
     while (session->busy.test_and_set(std::memory_order_acquire)) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    session->client->close(steady_seconds());
+    session->client->close(session->surroundings->now());
   } else if (session->busy.test_and_set()) {
     return;  // It was copied amid a call of a thread that is not here.
   }
@@ -426,7 +430,7 @@ namespace {
 
 void take_news(haptic_session& session, haptic_state& state) {
   HapticClient& client = *session.client;
-  const double now = steady_seconds();
+  const double now = session.surroundings->begin_frame();
   const HapticClient::Inbox inbox = client.poll(now);
   state.connected = client.connected();
   state.began = inbox.welcomed;
@@ -453,6 +457,10 @@ void haptic_poll(haptic_session* session, haptic_state* state) {
   if (polled || state == nullptr) return;
   *state = {};
   copy(haptic_error(session), state->message, HAPTIC_MAX_TEXT);
+}
+
+double haptic_now(const haptic_session* session) {
+  return session == nullptr || session->is_copy() ? 0 : session->surroundings->now();
 }
 
 int haptic_take_steps(haptic_session* session, double step) {
@@ -520,7 +528,7 @@ int haptic_sample(haptic_session* session, const double* q, const double* v, dou
     session->tool.set_configuration(configuration);
     session->update.q_VE = configuration;
     session->update.v_VE = velocity;
-    session->client->sample(steady_seconds(), configuration, velocity, period);
+    session->client->sample(session->surroundings->now(), configuration, velocity, period);
     session->sampled = true;
     return 0;
   });
@@ -581,8 +589,8 @@ std::int64_t haptic_send(haptic_session* session, const haptic_contact* contacts
     }
     for (const MovableBody& body : update.bodies) session->sent.insert(body.id);
     session->client->follow_accelerations(update.bodies);
-    const std::uint64_t sequence =
-        session->client->send(steady_seconds(), update.contacts, update.bodies, session->poses);
+    const std::uint64_t sequence = session->client->send(
+        session->surroundings->now(), update.contacts, update.bodies, session->poses);
     session->poses.clear();
     return static_cast<std::int64_t>(sequence);
   });

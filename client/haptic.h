@@ -317,6 +317,9 @@ HAPTIC_API int haptic_place(haptic_session* session, const haptic_body_pose* bod
 /* Once per step, before it. `state` is zero before the first call and the same one in each: what
  * did not come stays as it was. Where it fails the state is zero, and its message says why. */
 HAPTIC_API void haptic_poll(haptic_session* session, haptic_state* state);
+/* The time of the session's clock, s, of any steady origin: the machine's, or that of a server in
+ * virtual time (haptic_virtual.h). 0 without a session. */
+HAPTIC_API double haptic_now(const haptic_session* session);
 /* How many steps of `step` seconds a real-time engine must take in the frame that begins, after
  * haptic_poll(). This makes up for late frames. 0: take, sample and send nothing in this frame;
  * -1 with haptic_error() if `step` is not > 0. */

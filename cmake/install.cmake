@@ -21,6 +21,11 @@ if(HLM_SEALING)
   set_target_properties(hlm_haptic PROPERTIES EXPORT_NAME haptic)
   install(TARGETS hlm_haptic EXPORT haptic_local_model FILE_SET HEADERS
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  if(HLM_SERVER)
+    set_target_properties(hlm_haptic_virtual PROPERTIES EXPORT_NAME haptic_virtual)
+    install(TARGETS hlm_haptic_virtual EXPORT haptic_local_model FILE_SET HEADERS
+      DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  endif()
   file(RELATIVE_PATH from_pkgconfig /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
   # Where the system looks for no libraries, what is linked knows where they are.
   set(rpath "-Wl,-rpath,\${libdir} ")

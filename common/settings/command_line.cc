@@ -130,6 +130,16 @@ std::optional<int> CommandLine::parse(int argc, const char* const* argv,
   }
 }
 
+void CommandLine::take(const std::vector<std::string>& arguments) {
+  std::vector<const char*> pointers{program_.name.c_str()};
+  for (const std::string& argument : arguments) pointers.push_back(argument.c_str());
+  std::vector<Assignment> assignments =
+      read_arguments(static_cast<int>(pointers.size()), pointers.data());
+  const std::vector<Assignment> of_file = read_file();
+  assignments.insert(assignments.begin(), of_file.begin(), of_file.end());
+  apply(assignments);
+}
+
 std::vector<Assignment> CommandLine::read_arguments(int argc, const char* const* argv) {
   Arguments arguments;
   arguments.add(own_);

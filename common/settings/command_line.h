@@ -72,6 +72,9 @@ class CommandLine {
   std::optional<int> parse(
       int argc, const char* const* argv, const std::function<void()>& check = [] {});
 
+  /// Sets what the arguments alone say, of a program that is part of another. Throws UsageError.
+  void take(const std::vector<std::string>& arguments);
+
   /// all: with every setting; otherwise the usual ones.
   std::string help(bool all) const;
   /// Whether --print-config was given.

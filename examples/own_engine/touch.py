@@ -51,7 +51,7 @@ with haptic.Session(tool=haptic.box(mass=0.2, size=TRAY), q=(0, 0, 0.05, 1, 0, 0
     touch.offer([shapes.half_space(), shapes.box(TRAY, haptic.TOOL_LINK)] +
                 [shapes.box([EDGE] * 3, haptic.MOVABLE_BODY, body) for body in dynamics["body"].tolist()],
                 friction=[0.5] * (2 + count), dynamics=dynamics)
-    start = last = time.monotonic()
+    start = last = touch.now
     while touch.poll() and last - start < SECONDS:
         touch.hold((0, 0, 0.05 + 0.1 * min(max((last - start) / 2 - 0.5, 0), 1)))
         held = np.zeros(count, bool)
@@ -66,7 +66,7 @@ with haptic.Session(tool=haptic.box(mass=0.2, size=TRAY), q=(0, 0, 0.05, 1, 0, 0
             poses = haptic.poses(count)
             poses["body"], poses["position"], poses["rotation"], poses["velocity"] = dynamics["body"], engine.p, engine.turn, engine.v
             touch.send(None, None, poses)
-        now = time.monotonic()
+        now = touch.now
         if int(2 * (now - start)) > int(2 * (last - start)):
             print(f"{touch.server_state}: {touch.force[2]:6.3f} N, cubes at {engine.p[:, 2].round(3).tolist()} m", flush=True)
         last = now

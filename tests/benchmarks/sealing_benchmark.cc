@@ -13,12 +13,12 @@
 #include "hlm/protocol/client_session.h"
 #include "hlm/sealing/sealed_client_link.h"
 #include "hlm/sealing/sealed_server_link.h"
-#include "tests/support/memory_link.h"
+#include "hlm/transport/memory_network.h"
 
 namespace hlm::server {
 namespace {
 
-using test::MemoryNetwork;
+using protocol::MemoryNetwork;
 
 constexpr double kPeriod = 1e-3;  // s
 

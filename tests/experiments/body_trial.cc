@@ -65,7 +65,7 @@ void alter(std::span<std::byte> bytes, const Change& change) {
 }
 
 /// The client says what the conditions have.
-void mislead(test::MemoryNetwork& network, const BodyConditions& conditions) {
+void mislead(protocol::MemoryNetwork& network, const BodyConditions& conditions) {
   if (conditions.friction_scale == 1) return;
   network.set_alteration([&conditions](std::span<std::byte> bytes) {
     alter<protocol::ContactUpdate>(bytes, [&](protocol::ContactUpdate& update) {

@@ -154,7 +154,7 @@ std::vector<Sample> run(const Task& task, const Conditions& conditions, std::uin
   test::VirtualServer server(options, task.hand, seed);
   Configuration q(7);
   q << 0, 0, 0.002, 1, 0, 0, 0;
-  HapticClient client(server.network().client(), {.server = test::MemoryNetwork::kServer,
+  HapticClient client(server.network().client(), {.server = protocol::MemoryNetwork::kServer,
                                                   .tool = tool(),
                                                   .q = q,
                                                   .ve_rate = conditions.ve_rate,

@@ -49,7 +49,7 @@ const Wrench& felt(const std::optional<Method>& method, const server::TickRecord
 }
 
 void cut(const Outage& outage, const server::TickRecord& record,
-         const test::LinkConditions& otherwise, test::VirtualSession& session) {
+         const protocol::LinkConditions& otherwise, test::VirtualSession& session) {
   const double rate = server::ServoOptions{}.rate;
   const double since = std::round(static_cast<double>(record.step) - outage.begin * rate);
   if (since == 0) session.network().set_conditions({.delay = otherwise.delay, .loss = 1});

@@ -8,9 +8,11 @@
 #include "hlm/common/methods.h"
 #include "hlm/loop/tick_record.h"
 
+namespace hlm::protocol {
+struct LinkConditions;
+}  // namespace hlm::protocol
 namespace hlm::test {
 class VirtualSession;
-struct LinkConditions;
 struct VirtualSessionOptions;
 }  // namespace hlm::test
 
@@ -38,6 +40,6 @@ struct Outage {
 };
 /// Begins and ends an outage. After each tick.
 void cut(const Outage& outage, const server::TickRecord& record,
-         const test::LinkConditions& otherwise, test::VirtualSession& session);
+         const protocol::LinkConditions& otherwise, test::VirtualSession& session);
 
 }  // namespace hlm::experiments

@@ -8,9 +8,9 @@
 #include "hlm/device/simulated_device.h"
 #include "hlm/loop/tick_record.h"
 #include "hlm/scene/world_description.h"
+#include "hlm/transport/memory_network.h"
 #include "tests/experiments/cell.h"
 #include "tests/experiments/method.h"
-#include "tests/support/memory_link.h"
 
 namespace hlm::experiments {
 
@@ -20,7 +20,7 @@ struct Conditions {
   double ve_low = 30;       ///< Hz. The rate of each frame is drawn between these.
   double ve_high = 60;      ///< Hz.
   double ve_delay = 0;      ///< From sampling the tool to sending its contacts, s.
-  test::LinkConditions link{.delay = 0.002};
+  protocol::LinkConditions link{.delay = 0.002};
   double healing_speed = 0;  ///< m/s; the paper has no healing.
   bool waits = false;        ///< The VE begins a frame when the update before is acknowledged.
 };

@@ -8,9 +8,9 @@
 
 #include "hlm/protocol/client_session.h"
 #include "hlm/protocol/server_session.h"
+#include "hlm/transport/memory_network.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
-#include "tests/support/memory_link.h"
 #include "tests/support/no_malloc.h"
 
 namespace hlm::protocol {
@@ -29,13 +29,12 @@ class Pair {
  public:
   static constexpr std::size_t kBudget = 16;  // chunks in a frame: 8 Mbit/s
 
-  explicit Pair(const test::LinkConditions& link, std::uint64_t seed)
+  explicit Pair(const protocol::LinkConditions& link, std::uint64_t seed)
       : network_(link, seed),
         server_(network_.server(), {.first_session_id = 5}),
-        client_(
-            network_.client(),
-            {.server = test::MemoryNetwork::kServer, .hello = test::planar_hello(), .timeout = 4}) {
-  }
+        client_(network_.client(), {.server = protocol::MemoryNetwork::kServer,
+                                    .hello = test::planar_hello(),
+                                    .timeout = 4}) {}
 
   /// A tick, and a frame if it is time for one.
   void step() {
@@ -66,7 +65,7 @@ class Pair {
   double now() const { return 0.001 * ticks_; }
   ClientSession& client() { return client_; }
   ServerSession& server() { return server_; }
-  test::MemoryNetwork& network() { return network_; }
+  protocol::MemoryNetwork& network() { return network_; }
 
   bool takes = true;  ///< Whether what has come is used.
   Bytes taken;
@@ -79,14 +78,14 @@ class Pair {
     client_.send_scene(now, kBudget);
   }
 
-  test::MemoryNetwork network_;
+  protocol::MemoryNetwork network_;
   ServerSession server_;
   ClientSession client_;
   int ticks_ = 1;
 };
 
 /// How long a megabyte takes to arrive, s. Fails unless it does so byte for byte.
-double time_of_megabyte(const test::LinkConditions& link) {
+double time_of_megabyte(const protocol::LinkConditions& link) {
   Pair pair(link, test::random_seed());
   test::Random random;
   const Bytes bytes = random_bytes(1'000'000, random);

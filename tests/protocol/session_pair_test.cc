@@ -6,10 +6,10 @@
 
 #include "hlm/protocol/client_session.h"
 #include "hlm/protocol/server_session.h"
+#include "hlm/transport/memory_network.h"
 #include "hlm/transport/udp_socket.h"
 #include "tests/protocol/sample_messages.h"
 #include "tests/support/catch.h"
-#include "tests/support/memory_link.h"
 
 namespace hlm::protocol {
 namespace {
@@ -21,16 +21,16 @@ using test::planar_update;
 constexpr Endpoint kLoopback{.address = 0x7F000001, .port = 0};
 
 TEST_CASE("On a network that delays, loses, reorders and duplicates, every update taken is whole") {
-  test::MemoryNetwork network({.delay = 0.01,
-                               .jitter = 0.02,
-                               .loss = 0.02,
-                               .reordering = 0.1,
-                               .reorder_time = 0.03,
-                               .duplication = 0.1},
-                              test::random_seed());
+  protocol::MemoryNetwork network({.delay = 0.01,
+                                   .jitter = 0.02,
+                                   .loss = 0.02,
+                                   .reordering = 0.1,
+                                   .reorder_time = 0.03,
+                                   .duplication = 0.1},
+                                  test::random_seed());
   ServerSession server(network.server(), {.first_session_id = 5});
   ClientSession client(network.client(),
-                       {.server = test::MemoryNetwork::kServer, .hello = planar_hello()});
+                       {.server = protocol::MemoryNetwork::kServer, .hello = planar_hello()});
   double latest = 0;
   std::uint64_t latest_step = 0;
   int taken = 0;

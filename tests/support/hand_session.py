@@ -97,7 +97,7 @@ def largest_jump(ticks, begin, end):
     force = [[float(row[f"env_force_{axis}_N"]) for axis in "xyz"] for row in ticks]
     return max(sum((a - b) ** 2 for a, b in zip(force[i], force[i - 1])) ** 0.5
                for i, row in enumerate(ticks)
-               if row["adopted"] != "0" and begin <= float(row["time_s"]) - start < end)
+               if float(row["adopted"]) != 0 and begin <= float(row["time_s"]) - start < end)
 
 
 def play(program, hand, options, example):
@@ -136,7 +136,7 @@ def _ends_within(program, seconds):
 
 def longest_wait(ticks):
     """Between two updates, s."""
-    taken = [float(row["time_s"]) for row in ticks if row["adopted"] != "0"]
+    taken = [float(row["time_s"]) for row in ticks if float(row["adopted"]) != 0]
     return max(after - before for before, after in zip(taken, taken[1:]))
 
 

@@ -18,14 +18,17 @@
 #include "hlm/protocol/server_session.h"
 #include "hlm/replay/journal.h"
 #include "hlm/server_scene/loader.h"
+#include "hlm/transport/memory_network.h"
 #include "hlm/transport/recording_link.h"
 #include "hlm/ve/frame.h"
 #include "hlm/world/scene_shapes.h"
-#include "tests/support/memory_link.h"
 #include "tests/support/virtual_clock.h"
 #include "tests/support/worlds.h"
 
 namespace hlm::test {
+
+using protocol::LinkConditions;
+using protocol::MemoryNetwork;
 
 /// A tool, and the hand at the device of its server.
 struct ToolAndHand {

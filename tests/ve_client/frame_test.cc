@@ -9,9 +9,9 @@
 #include <numbers>
 
 #include "hlm/protocol/server_session.h"
+#include "hlm/transport/memory_network.h"
 #include "tests/protocol/transport/capture_files.h"
 #include "tests/support/catch.h"
-#include "tests/support/memory_link.h"
 #include "tests/support/virtual_clock.h"
 #include "tests/support/worlds.h"
 
@@ -74,13 +74,13 @@ class ScriptedServer {
 
 /// Client and server on one network, on the testbed.
 struct Setup {
-  explicit Setup(test::LinkConditions conditions = {}, std::uint64_t seed = 1,
+  explicit Setup(protocol::LinkConditions conditions = {}, std::uint64_t seed = 1,
                  Velocity velocity = Vector3(0, 0.1, 0),
                  const WorldDescription& world = test::repository_world("testbed.sdf"))
       : network(conditions, seed),
         server(std::make_unique<ScriptedServer>(network.server(), velocity)),
         environment(world, {"peg"}, {}),
-        client(network.client(), {.server = test::MemoryNetwork::kServer,
+        client(network.client(), {.server = protocol::MemoryNetwork::kServer,
                                   .tool = environment.tools.front().assembly.description,
                                   .q = environment.tools.front().assembly.q}),
         periods(30, 60, seed),
@@ -103,7 +103,7 @@ struct Setup {
     while (clock.now() < end) frame(options);
   }
 
-  test::MemoryNetwork network;
+  protocol::MemoryNetwork network;
   std::unique_ptr<ScriptedServer> server;
   VirtualEnvironment environment;
   HapticClient client;
@@ -242,7 +242,8 @@ std::vector<std::uint64_t> trace(const ScriptedServer& server) {
 
 TEST_CASE(
     "Two runs with one seed are equal bit for bit, on a bad network too, other seeds differ") {
-  const test::LinkConditions bad{.delay = 0.02, .jitter = 0.03, .loss = 0.1, .duplication = 0.05};
+  const protocol::LinkConditions bad{
+      .delay = 0.02, .jitter = 0.03, .loss = 0.1, .duplication = 0.05};
   const auto run = [&](std::uint64_t seed) {
     Setup setup(bad, seed);
     setup.run(3);

@@ -2,13 +2,13 @@
 #include "hlm/ve/impaired_link.h"
 
 #include "hlm/protocol/codec.h"
+#include "hlm/transport/memory_network.h"
 #include "tests/support/catch.h"
-#include "tests/support/memory_link.h"
 
 namespace hlm {
 namespace {
 
-using test::MemoryNetwork;
+using protocol::MemoryNetwork;
 
 /// A client behind an impaired link, and the server's end.
 struct Setup {

@@ -34,13 +34,13 @@ from haptic_local_model import _arguments, _interrupt
 from haptic_local_model._arguments import HapticError
 from haptic_local_model._frame import frame_of
 from haptic_local_model._library import (ABI, MAX_BODIES, MAX_CONFIGURATION, MAX_CONTACTS, MAX_DOF, MAX_POSES, NO_LIMIT, Impulse,
-                             Link, Options, Shape, State, load)
+                             Link, Options, Shape, State, load, load_virtual)
 
 __all__ = ["BODY", "CONTACT", "DYNAMICS", "FRICTION_RULES", "HELD", "HapticError", "JOINTS", "Link", "MAX_BODIES", "MAX_CONTACTS", "MAX_POSES", "MOVABLE_BODY", "NO_BODY", "NO_LIMIT", "POSE", "NOT_ROUND", "ROUND_ABOUT_AXIS",
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "dynamics", "poses", "sphere"]
 
 __version__ = "0.4.0"
-_MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "robosuite", "shapes")
+_MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "robosuite", "shapes", "virtual")
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NO_BODY = 2**32 - 1  #: The parent of what hangs on the world.
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2
@@ -199,7 +199,8 @@ class Session:
                  gravity: Sequence[float] = (0, 0, 0), hand_link: int = 0, clears_fault: bool = True,
                  start_server: bool = True):
         self._session: Optional[ctypes.c_void_p] = None
-        self._library = load()
+        named = os.environ.get("HAPTIC_SERVER") if server is None else server
+        self._library = load_virtual() if str(named).startswith("virtual:") else load()
         options = self._library.haptic_default_options()
         links = [tool] if isinstance(tool, Link) else _arguments.items(() if tool is None else tool, Link, "link")
         if tool is not None:
@@ -346,6 +347,11 @@ class Session:
             self.q = self._q_now.copy()
             self.v = self._v_now.copy()
         return True
+
+    @property
+    def now(self) -> float:
+        """The time of the session's clock, s, of any steady origin: the machine's, or that of a server in virtual time."""
+        return float(self._library.haptic_now(self._open()))
 
     @property
     def connected(self) -> bool:

@@ -53,6 +53,11 @@ class State(ctypes.Structure):
                 ("servo_rate", _double), ("message", ctypes.c_char * MAX_TEXT)]
 
 
+class Network(ctypes.Structure):
+    """As haptic_network in haptic_virtual.h."""
+    _fields_ = [("delay", _double), ("jitter", _double), ("loss", _double), ("seed", ctypes.c_uint64)]
+
+
 def _candidates(stem: str, variable: str) -> list[str]:
     if named := os.environ.get(variable):
         return [named]
@@ -78,11 +83,21 @@ def _found(stem: str, variable: str) -> tuple[ctypes.CDLL, str]:
 @functools.lru_cache(maxsize=None)
 def load() -> ctypes.CDLL:
     """The library. Raises OSError that says where it was looked for."""
-    library, name = _found("libhaptic", "HAPTIC_LIBRARY")
+    return _loaded("libhaptic", "HAPTIC_LIBRARY", _functions())
+
+
+@functools.lru_cache(maxsize=None)
+def load_virtual() -> ctypes.CDLL:
+    """The one with servers in virtual time, too. Raises OSError likewise."""
+    return _loaded("libhaptic_virtual", "HAPTIC_VIRTUAL_LIBRARY", (*_functions(), *_virtual_functions()))
+
+
+def _loaded(stem: str, variable: str, functions: Iterable[tuple[Any, ...]]) -> ctypes.CDLL:
+    library, name = _found(stem, variable)
     abi = _declared(library, name, [("haptic_abi", ctypes.c_int)]).haptic_abi()
     if abi != ABI:
         raise OSError(f"{name} has the interface {abi}, this package needs {ABI}")
-    return _declared(library, name, _functions())
+    return _declared(library, name, functions)
 
 
 def _functions() -> Iterable[tuple[Any, ...]]:
@@ -98,6 +113,7 @@ def _functions() -> Iterable[tuple[Any, ...]]:
          address, _size),
         ("haptic_place", ctypes.c_int, session, address, _size),
         ("haptic_poll", None, session, address),
+        ("haptic_now", _double, session),
         ("haptic_take_steps", ctypes.c_int, session, _double),
         ("haptic_take_held", _size, session, address),
         ("haptic_tool_pushes", ctypes.c_int, session),
@@ -109,6 +125,24 @@ def _functions() -> Iterable[tuple[Any, ...]]:
         ("haptic_hold", ctypes.c_int, session, address, address),
         ("haptic_release", None, session),
         ("haptic_error", ctypes.c_char_p, session))
+
+
+def _virtual_functions() -> Iterable[tuple[Any, ...]]:
+    """Of libhaptic_virtual.so besides."""
+    server = ctypes.c_void_p
+    return (
+        ("haptic_virtual_open", server, ctypes.POINTER(ctypes.c_char_p), _size, ctypes.POINTER(Network), ctypes.c_char_p, _size),
+        ("haptic_virtual_address", ctypes.c_char_p, server),
+        ("haptic_virtual_warnings", ctypes.c_char_p, server),
+        ("haptic_virtual_now", _double, server),
+        ("haptic_virtual_stop", None, server),
+        ("haptic_virtual_wait", ctypes.c_int, server, _double),
+        ("haptic_virtual_set_frame", None, server, _double),
+        ("haptic_virtual_set_network", ctypes.c_int, server, ctypes.POINTER(Network)),
+        ("haptic_virtual_columns", ctypes.c_char_p),
+        ("haptic_virtual_ticks", _size, server),
+        ("haptic_virtual_copy_ticks", _size, server, _size, _size, ctypes.c_void_p),
+        ("haptic_virtual_close", None, server))
 
 
 def _declared(library: ctypes.CDLL, name: str, functions: Iterable[tuple[Any, ...]]) -> ctypes.CDLL:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any, Iterable, Optional
 
 import numpy as np
@@ -74,7 +73,7 @@ class Shapes:
             R = np.reshape(data.xmat[carrier], (3, 3))
             positions[i], rotations[i] = R.T @ (positions[i] - data.xpos[carrier]), R.T @ rotations[i]
         self._poses_offered = list(zip(np.array(data.xpos), np.array(data.xquat)))
-        self._waits_until = time.monotonic() + touch.state.round_trip + _TAKING
+        self._waits_until = touch.now + touch.state.round_trip + _TAKING
         shaped = self._shaped
         touch.offer(self._shapes, positions, quaternions(rotations), shaped.friction, "maximum", shaped.priority, shaped.apart,
                     dynamics)
@@ -87,15 +86,15 @@ class Shapes:
         """How far each body is from the tool at least, m, those nearest first; by balls around the geoms."""
         return self._gaps.find(np.asarray(data.geom_xpos)[self._geoms])
 
-    def poses(self, data: Any, bodies: Iterable[int], period: float) -> np.ndarray:
-        """Where bodies are, and how they move, after mj_forward(); period: since the frame before, s."""
+    def poses(self, data: Any, bodies: Iterable[int], now: float, period: float) -> np.ndarray:
+        """Where bodies are, and how they move, after mj_forward(). now: s; period: since the frame before, s."""
         model, chosen = self._model, np.fromiter(bodies, int)[:haptic.MAX_POSES]
         found, position = haptic.poses(len(chosen)), np.asarray(data.xpos)[chosen]
         found["body"], found["position"], found["rotation"] = chosen, position, np.asarray(data.xquat)[chosen]
         # MuJoCo's twist is at the centre of mass of all that moves with the body, the angular part first.
         twist, arm = np.asarray(data.cvel)[chosen], position - np.asarray(data.subtree_com)[model.body_rootid[chosen]]
         found["velocity"][:, :3], found["velocity"][:, 3:] = twist[:, 3:] + np.cross(twist[:, :3], arm), twist[:, :3]
-        if self._waiting and time.monotonic() > self._waits_until:
+        if self._waiting and now > self._waits_until:
             self._waiting = []
         for place in np.flatnonzero(np.asarray(model.body_dofnum)[chosen] == 0):
             body, now = int(chosen[place]), (position[place], found["rotation"][place].copy())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -32,16 +31,16 @@ class Watch:
         before, self._known = self._known, self._content(data)
         return self._known != before
 
-    def is_due(self) -> bool:
-        """Whether something is other than it was offered, and this was some time ago."""
-        return self._known != self._offered and time.monotonic() >= self._next
+    def is_due(self, now: float) -> bool:
+        """Whether something is other than it was offered, and this was some time ago. now: s, of any steady clock."""
+        return self._known != self._offered and now >= self._next
 
-    def offered(self, data: Any, was_moved: np.ndarray, seconds: float) -> None:
-        """What is known has been offered, which took so long. was_moved: of each body whether its place is told in each frame
+    def offered(self, data: Any, was_moved: np.ndarray, begin: float, end: float) -> None:
+        """What is known has been offered, from `begin` to `end`, s. was_moved: of each body whether its place is told in each frame
         from here on."""
         self._still = np.flatnonzero(~was_moved)
         self._offered = self._known = self._content(data)
-        self._next = time.monotonic() + min(max(_LEAST_INTERVAL, _SHARE * seconds), _MOST_INTERVAL)
+        self._next = end + min(max(_LEAST_INTERVAL, _SHARE * (end - begin)), _MOST_INTERVAL)
 
     def _content(self, data: Any) -> list[Any]:
         content: list[Any] = [array.tobytes() for array in self._arrays]

@@ -12,7 +12,6 @@ flush() polls and sends.
 from __future__ import annotations
 
 import logging
-import time
 from typing import Any, Optional
 
 import numpy as np
@@ -32,7 +31,7 @@ class HapticDevice(IHapticDevice):
     def __init__(self, touch: haptic.Session) -> None:
         self._touch = touch
         self._force = np.zeros(3)
-        self._flushed_at = time.monotonic()
+        self._flushed_at = touch.now
         self._warned = False
 
     @property
@@ -58,7 +57,7 @@ class HapticDevice(IHapticDevice):
 
     def flush(self, deviceio_session: Any) -> None:
         """Never raises, as IsaacTeleop asks: what is wrong is logged, once."""
-        now = time.monotonic()
+        now = self._touch.now
         period, self._flushed_at = max(now - self._flushed_at, 1e-4), now
         try:
             self._touch.sample(self._touch.q, self._touch.v, period)

@@ -34,7 +34,6 @@ from __future__ import annotations
 
 import importlib
 import sys
-import time
 import warnings
 from typing import Any, Callable, Optional
 
@@ -189,13 +188,13 @@ class Session(EngineSession):
         if self._watch.is_new(data):
             self._tool.weigh()
             self._round = self._round_geoms()
-        if self._shapes is None or not self._watch.is_due():
+        if self._shapes is None or not self._watch.is_due(self.touch.now):
             return
-        begin = time.monotonic()
+        begin = self.touch.now
         self._shapes = Shapes(self._binding, self._model, self._tool.body, self._shapes)
         self._listing.list_early(self._shapes.by_engine)
         self._offer(data)
-        self._watch.offered(data, self._shapes.was_moved, time.monotonic() - begin)
+        self._watch.offered(data, self._shapes.was_moved, begin, self.touch.now)
 
     def _place_held(self, data: Any) -> None:
         """The bodies that the hand holds where the server has them. What was reset or put elsewhere is let go of."""
@@ -236,7 +235,7 @@ class Session(EngineSession):
         gaps = dict(list(shapes.gaps(data).items())[:haptic.MAX_POSES])  # A body needs a pose, too.
         if self._was_reset:
             shapes.forget_motion()
-        poses = shapes.poses(data, gaps, self._frames.length)
+        poses = shapes.poses(data, gaps, self.touch.now, self._frames.length)
         poses["kept"] = self._was_reset | np.isin(poses["body"], [*self._taken])
         self._was_reset = False
         near = self._near_bodies.find({body: gap for body, gap in gaps.items() if self._model.body_dofnum[body] > 0}, reach,

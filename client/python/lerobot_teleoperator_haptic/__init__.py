@@ -18,7 +18,6 @@ any robot whose observation has the force, as a step of the pipeline that each o
 from __future__ import annotations
 
 import dataclasses
-import time
 from typing import Any, Optional, Sequence
 
 import numpy as np
@@ -91,7 +90,7 @@ class HapticTeleoperator(Teleoperator):
         config = self.config
         self.touch = haptic.Session(config.server, haptic.box(config.mass, (config.size,) * 3), rate=config.rate,
                                     q=(*config.start, 1, 0, 0, 0), key_file=config.key_file)
-        self._sent_at = time.monotonic()
+        self._sent_at = self.touch.now
         self._at = self._before = (self.touch.q, self.touch.v)
 
     def get_action(self) -> dict[str, float]:
@@ -124,7 +123,8 @@ class HapticTeleoperator(Teleoperator):
         self.touch = None
 
     def _send(self, force: np.ndarray, place: Sequence[float]) -> None:
-        touch, now = self._connected(), time.monotonic()
+        touch = self._connected()
+        now = touch.now
         period, self._sent_at = max(now - self._sent_at, 1e-4), now
         q, v = self._before
         touch.sample([*place, *q[3:]], v, period)

@@ -9,12 +9,12 @@
 
 #include "hlm/common/freedoms.h"
 #include "hlm/protocol/tick_columns.h"
+#include "hlm/transport/memory_network.h"
 #include "hlm/ve/world_view.h"
 #include "hlm/web/methods.h"
 #include "hlm/web/page_messages.h"
 #include "hlm/web/page_requests.h"
 #include "tests/support/catch.h"
-#include "tests/support/memory_link.h"
 
 namespace hlm::ve {
 namespace {
@@ -182,7 +182,7 @@ struct Stage {
       : scene(load_scene(std::string(HLM_WORLDS) + "/" + name + ".sdf", {{tool, ""}})),
         scenes(scenes_beside(scene.file)),
         environment(scene.world, scene.tools, {}),
-        client(network.client(), {.server = test::MemoryNetwork::kServer,
+        client(network.client(), {.server = protocol::MemoryNetwork::kServer,
                                   .tool = environment.tools.front().assembly.description,
                                   .q = environment.tools.front().assembly.q}) {}
 
@@ -209,7 +209,7 @@ struct Stage {
     return state;
   }
 
-  test::MemoryNetwork network;
+  protocol::MemoryNetwork network;
   Scene scene;
   std::vector<SceneSummary> scenes;
   std::string start;

@@ -14,7 +14,7 @@
 #include "hlm/protocol/datagram_link.h"
 #include "hlm/transport/datagram_queue.h"
 
-namespace hlm::test {
+namespace hlm::protocol {
 
 /// What the network does to each datagram, in either direction.
 struct LinkConditions {
@@ -30,8 +30,8 @@ struct LinkConditions {
 /// other from t + delay on, as soon as set_time() has reached that.
 class MemoryNetwork {
  public:
-  static constexpr protocol::Endpoint kServer{.address = 0x0A000001, .port = 47800};
-  static constexpr protocol::Endpoint kClient{.address = 0x0A000002, .port = 50000};
+  static constexpr Endpoint kServer{.address = 0x0A000001, .port = 47800};
+  static constexpr Endpoint kClient{.address = 0x0A000002, .port = 50000};
 
   explicit MemoryNetwork(LinkConditions conditions = {}, std::uint64_t seed = 1)
       : conditions_(conditions), engine_(seed) {}
@@ -52,41 +52,40 @@ class MemoryNetwork {
   /// Whether a datagram has arrived that the client has not taken.
   bool client_has_mail() const noexcept { return client_.has_mail(); }
 
-  protocol::DatagramLink& server() noexcept { return server_; }
-  protocol::DatagramLink& client() noexcept { return client_; }
+  DatagramLink& server() noexcept { return server_; }
+  DatagramLink& client() noexcept { return client_; }
 
  private:
-  class End : public protocol::DatagramLink {
+  class End : public DatagramLink {
    public:
-    End(MemoryNetwork& network, protocol::Endpoint own) : network_(network), own_(own) {
-      // More than a test ever has under way, so that sending does not allocate.
+    End(MemoryNetwork& network, Endpoint own) : network_(network), own_(own) {
+      // More than is ever under way, so that sending does not allocate.
       constexpr std::size_t kUnderWay = 256;
       incoming_.reserve(kUnderWay);
     }
 
     bool has_mail() const noexcept { return incoming_.has_due(network_.now_); }
-    bool receive(protocol::Datagram& datagram) noexcept override {
+    bool receive(Datagram& datagram) noexcept override {
       return incoming_.take(network_.now_, datagram);
     }
-    void send(const protocol::Endpoint& to, std::span<const std::byte> bytes) noexcept override {
+    void send(const Endpoint& to, std::span<const std::byte> bytes) noexcept override {
       network_.carry(own_, to, bytes);
     }
 
    private:
     friend class MemoryNetwork;
     MemoryNetwork& network_;
-    protocol::Endpoint own_;
-    protocol::DatagramQueue incoming_;
+    Endpoint own_;
+    DatagramQueue incoming_;
   };
 
-  void carry(const protocol::Endpoint& from, const protocol::Endpoint& to,
-             std::span<const std::byte> bytes) {
+  void carry(const Endpoint& from, const Endpoint& to, std::span<const std::byte> bytes) {
     if (to != kServer && to != kClient) return;
     if (drawn(conditions_.loss)) return;
     const int copies = drawn(conditions_.duplication) ? 2 : 1;
-    protocol::DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
-    protocol::DatagramBytes altered;
-    protocol::copy(bytes, altered);
+    DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
+    DatagramBytes altered;
+    copy(bytes, altered);
     if (to == kServer && alter_) alter_({altered.data(), altered.size()});
     for (int i = 0; i < copies; ++i) {
       double arrival = now_ + conditions_.delay + uniform(engine_) * conditions_.jitter;
@@ -105,4 +104,4 @@ class MemoryNetwork {
   End client_{*this, kClient};
 };
 
-}  // namespace hlm::test
+}  // namespace hlm::protocol
