@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """haptic.mujoco in the life of a model: it is given back as it was, may be reset, and may change while it is felt.
 
-Usage: mujoco_life_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER [TEST …], as mujoco_python_test.py
+Usage: mujoco_life_test.py LIBHAPTIC PACKAGE_FOLDER [TEST …], as mujoco_python_test.py
 """
 
 import pathlib
@@ -16,7 +16,7 @@ import mujoco_python_test as session  # noqa: E402  (finds the library and the p
 import haptic_local_model as haptic  # noqa: E402
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
-import hand_session  # noqa: E402
+import virtual_hand  # noqa: E402
 from hand_session import mean, reach  # noqa: E402
 from haptic_local_model._world import rotation  # noqa: E402
 
@@ -44,18 +44,16 @@ def contents(model):
 
 def play(seconds, model, data, hand, each=lambda model, data, t: None, **options):
     """The ticks of the server; each(): before send(), t s after force was on."""
-    with hand_session.server(session.SERVER, hand) as server:
-        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes", server=server.address,
-                                   **options) as touch:
-            start, active = time.monotonic(), None
-            for frame in range(1, int(seconds * session.RATE) + 1):
+    with virtual_hand.server(hand) as server:
+        with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes", **options) as touch:
+            active = None
+            while server.now < seconds:
                 for _ in range(touch.drive(data)):
                     mujoco.mj_step(model, data)
-                active = active or (touch.touch.server_state == "active" and time.monotonic())
-                each(model, data, time.monotonic() - active if active else 0)
+                active = active or (touch.touch.server_state == "active" and server.now)
+                each(model, data, server.now - active if active else 0)
                 touch.send(data)
-                time.sleep(max(0, start + frame / session.RATE - time.monotonic()))
-        return server.ticks()
+        return virtual_hand.active(server)
 
 
 class GivenBack(unittest.TestCase):
@@ -263,7 +261,7 @@ class Walls(unittest.TestCase):
         """What is told of mocap body 2 in a frame in which it goes from `place` to the next."""
         data.mocap_pos[0], data.mocap_quat[0] = place
         mujoco.mj_forward(model, data)
-        return self.touch._shapes.poses(data, [2], 0.02)["velocity"][0]
+        return self.touch._shapes.poses(data, [2], self.touch.touch.now, 0.02)["velocity"][0]
 
     def test_they_move_as_the_difference_of_two_frames_says(self):
         wall = '<body name="wall" mocap="true" pos="0.2 0 0"><body><geom size="0.02" pos="0 0 0.1"/></body></body>'
@@ -414,13 +412,14 @@ class Offered(unittest.TestCase):
     def test_what_changes_in_every_frame_is_offered_from_time_to_time(self):
         model, data = scene()
         offers = []
-        with alone(model, data) as touch:
-            touch.touch.offer = lambda *given: offers.append(time.monotonic())
+        with haptic.virtual.Server() as server, haptic.mujoco.Session(model, data, tool="tool", binding=mujoco) as touch:
+            touch.touch.offer = lambda *given: offers.append(server.now)
             while len(offers) < 4:
                 model.geom_size[1, 0] += 1e-6
                 touch._follow_changes(data)
+                server.wait(0.016)
         self.assertGreater(min(np.diff(offers)), 0.09)  # s
-        self.assertLess(max(np.diff(offers)), 0.41)
+        self.assertLess(max(np.diff(offers)), 0.13)
 
     def test_looking_costs_little(self):
         """Of a hundred geoms."""
@@ -438,4 +437,4 @@ class Offered(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)

@@ -1,13 +1,12 @@
 #!/usr/bin/python3
 """haptic.mujoco with contacts="shapes": the same feel at every stiffness and frame rate.
 
-Usage: mujoco_shapes_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER [TEST …], as mujoco_python_test.py
+Usage: mujoco_shapes_test.py LIBHAPTIC PACKAGE_FOLDER [TEST …], as mujoco_python_test.py
 """
 
 import contextlib
 import pathlib
 import sys
-import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
@@ -16,7 +15,7 @@ import mujoco_python_test as session  # noqa: E402  (finds the library and the p
 import haptic_local_model as haptic  # noqa: E402
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
-import hand_session  # noqa: E402
+import virtual_hand  # noqa: E402
 from hand_session import largest_jump, mean, push, reach  # noqa: E402
 from placed_shapes import lowest  # noqa: E402
 
@@ -119,16 +118,14 @@ class Touch(unittest.TestCase):
             step=1 / 480, height=0.041, tool='type="sphere" size="0.02"',
             bodies='<body name="platform" mocap="true" pos="0 0 0.01"><geom type="box" size="0.1 0.1 0.01"/></body>')
         model, data = session.loaded(scene)
-        with hand_session.server(session.SERVER, reach(0.5, 0, 0.041) + push(4, 0, -1)) as server, haptic.mujoco.Session(
-                model, data, tool="tool", binding=mujoco, contacts="shapes", server=server.address) as touch:
-            start = time.monotonic()
+        with virtual_hand.server(reach(0.5, 0, 0.041) + push(4, 0, -1)) as server, haptic.mujoco.Session(
+                model, data, tool="tool", binding=mujoco, contacts="shapes") as touch:
             for frame in range(1, 180):
                 if 90 < frame <= 120:
                     data.mocap_pos[0][2] += 0.02 / 30
                 for _ in range(touch.drive(data)):
                     mujoco.mj_step(model, data)
                 touch.send(data)
-                time.sleep(max(0, start + frame / 60 - time.monotonic()))
             self.assertTrue(touch.touch.has_scene)
             depth = (1 + 0.1 * session.GRAVITY) / session.STIFFNESS
             self.assertAlmostEqual(data.qpos[2], 0.06 - depth, delta=1e-4)  # m
@@ -149,16 +146,13 @@ class Touch(unittest.TestCase):
                 model, data = session.loaded(scene)
                 if model.nu > 0:
                     data.ctrl[0] = -5
-                with hand_session.server(session.SERVER, reach(1, 0, 0.2)) as server:
-                    with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes",
-                                               server=server.address) as touch:
-                        start = time.monotonic()
+                with virtual_hand.server(reach(1, 0, 0.2)) as server:
+                    with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes") as touch:
                         for frame in range(1, 180):
                             for _ in range(touch.drive(data)):
                                 mujoco.mj_step(model, data)
                             touch.send(data)
-                            time.sleep(max(0, start + frame / 60 - time.monotonic()))
-                    force, deviation = mean(server.ticks(), "command_force_z_N", 2.2, 2.9)
+                    force, deviation = mean(virtual_hand.active(server), "command_force_z_N", 2.2, 2.9)
                 self.assertAlmostEqual(force, due - 0.1 * session.GRAVITY, delta=0.03)  # N
                 self.assertLess(deviation, 0.02)
 
@@ -176,30 +170,29 @@ class Touch(unittest.TestCase):
                     touch.send(data)
                 self.assertEqual(sent, [expected])
 
+    @unittest.skipIf(session.VERSION < (3, 17), "MuJoCo's own distance from a height field was wrong by up to 7.5 mm")
     def test_a_geom_without_a_shape_is_felt_by_mujoco_s_contacts_and_the_others_by_their_shapes(self):
         """A ball on a height field, flat and 20 mm high, and then on the plane beside it."""
         hills = '<geom type="hfield" hfield="hills" pos="0 0 0.02"/>'
-        asset = '<asset><hfield name="hills" nrow="2" ncol="2" size="0.1 0.1 0.02 0.01" elevation="1 1 1 1"/></asset>'
+        asset = '<asset><hfield name="hills" nrow="2" ncol="2" size="0.1 0.1 0.02 0.01"/></asset>'
         scene = session.SCENE.format(step=1 / 480, height=0.043, tool='type="sphere" size="0.02"', bodies=hills).replace(
             "<worldbody>", asset + "<worldbody>")
         model, data = session.loaded(scene)
         hand = reach(1, 0.04, 0.041) + push(1.5, 0, -1) + reach(0.5, 0.04, 0.06) + reach(1, 0.2, 0.06) + reach(1, 0.2, 0.021) + push(1.5, 0, -1)
-        with hand_session.server(session.SERVER, hand) as server:
+        with virtual_hand.server(hand) as server:
             with self.assertWarnsRegex(UserWarning, "of 1 geom that can be given no shape, the first of them geom 1 of type 1"):
-                touch = haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, server=server.address)
+                touch = haptic.mujoco.Session(model, data, tool="tool", binding=mujoco)
             with touch:
-                start = time.monotonic()
                 for frame in range(1, 390):
                     for _ in range(touch.drive(data)):
                         mujoco.mj_step(model, data)
                     touch.send(data)
-                    time.sleep(max(0, start + frame / 60 - time.monotonic()))
                 self.assertTrue(touch.touch.has_scene)
             for begin, end, height, off in ((2, 2.4, 0.04, 0.1), (6, 6.4, 0.02, 0.01)):
-                force, deviation = mean(server.ticks(), "env_force_z_N", begin, end)
+                force, deviation = mean(virtual_hand.active(server), "env_force_z_N", begin, end)
                 self.assertAlmostEqual(force, 1, delta=off)  # N, with the tool's own weight
                 self.assertLess(deviation, 2 * off)  # MuJoCo's distance from a height field trembles by some 0.03 mm.
-                self.assertAlmostEqual(mean(server.ticks(), "proxy_z_m", begin, end)[0], height, delta=1e-3)  # m
+                self.assertAlmostEqual(mean(virtual_hand.active(server), "proxy_z_m", begin, end)[0], height, delta=1e-3)  # m
 
 
 class Reset(unittest.TestCase):
@@ -217,9 +210,8 @@ class Reset(unittest.TestCase):
         scene = session.SCENE.format(step=1 / 480, height=0.05, tool='type="box" size="0.05 0.05 0.005"', bodies=cube)
         model, data = session.loaded(scene)
         heights = []
-        with hand_session.server(session.SERVER, reach(1, 0, 0.06) + reach(1, 0, 0.2)) as server:
-            with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes", server=server.address) as touch:
-                start = time.monotonic()
+        with virtual_hand.server(reach(1, 0, 0.06) + reach(1, 0, 0.2)) as server:
+            with haptic.mujoco.Session(model, data, tool="tool", binding=mujoco, contacts="shapes") as touch:
                 for frame in range(1, 4 * session.RATE + 1):
                     for _ in range(touch.drive(data)):
                         mujoco.mj_step(model, data)
@@ -228,8 +220,7 @@ class Reset(unittest.TestCase):
                     if frame == 3 * session.RATE:
                         self.assertGreater(heights[-1], 0.2)  # m: it is held
                         reset(model, data)
-                    time.sleep(max(0, start + frame / session.RATE - time.monotonic()))
-            ticks = server.ticks()
+            ticks = virtual_hand.active(server)
         after = heights[3 * session.RATE:]
         self.assertLess(max(after), 0.076)  # m: it does not come back to the hand
         self.assertAlmostEqual(after[-1], 0.02, delta=0.001)  # it has fallen onto the table
@@ -330,4 +321,4 @@ class Geoms(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)

@@ -2,7 +2,7 @@
 """examples/mujoco_python as it stands, with a viewer whose mouse is a script: the hand presses the cube on the table, then
 pushes the brick.
 
-Usage: mujoco_viewer_test.py HAPTIC_SERVER LIBHAPTIC PACKAGE_FOLDER EXAMPLE, as mujoco_python_test.py
+Usage: mujoco_viewer_test.py LIBHAPTIC PACKAGE_FOLDER EXAMPLE, as mujoco_python_test.py
 """
 
 import contextlib
@@ -11,15 +11,15 @@ import io
 import os
 import pathlib
 import runpy
-import socket
 import sys
 import unittest
+from unittest import mock
 
-SERVER, LIBRARY, PACKAGE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
-EXAMPLE = pathlib.Path(sys.argv[4]).resolve()
-os.environ["HAPTIC_LIBRARY"], os.environ["HAPTIC_SERVER_PROGRAM"] = str(LIBRARY), str(SERVER)
+LIBRARY, PACKAGE, EXAMPLE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
+os.environ["HAPTIC_LIBRARY"] = str(LIBRARY)
 sys.path.insert(0, str(PACKAGE))
 
+import haptic_local_model as haptic  # noqa: E402
 import mujoco.viewer  # noqa: E402
 
 RATE = 60  # Hz
@@ -54,15 +54,12 @@ class Viewer:
 
 class Example(unittest.TestCase):
     def test_the_mouse_presses_and_pushes(self):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            os.environ["HAPTIC_SERVER"] = "127.0.0.1:%d" % probe.getsockname()[1]
         inspect.signature(mujoco.viewer.launch_passive).bind("model", "data")  # TypeError if it is called otherwise.
         for method in vars(Viewer).keys() - {"frames"}:
             self.assertTrue(hasattr(mujoco.viewer.Handle, method), method)
         mujoco.viewer.launch_passive = Viewer
         printed = io.StringIO()
-        with contextlib.redirect_stdout(printed):
+        with haptic.virtual.Server(), mock.patch("time.sleep"), contextlib.redirect_stdout(printed):
             runpy.run_path(str(EXAMPLE), run_name="__main__")
         lines = [line.split(": ") for line in printed.getvalue().splitlines()]
         state, force = lines[5]  # at 3 s
@@ -74,4 +71,4 @@ class Example(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
+    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)

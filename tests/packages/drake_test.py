@@ -6,11 +6,11 @@ Usage: drake_test.py HAPTIC_SERVER LIBHAPTIC [TEST …]
 
 import unittest
 
-from given import SERVER, last_line_of, main
+from given import last_line_of, main
 
 import haptic_local_model as haptic
 import haptic_local_model.drake
-import hand_session
+import virtual_hand
 from pydrake.geometry import AddCompliantHydroelasticProperties, AddContactMaterial, AddRigidHydroelasticProperties
 from pydrake.geometry import Box as DrakeBox
 from pydrake.geometry import HalfSpace, ProximityProperties
@@ -60,15 +60,14 @@ class World:
         context = self.plant.GetMyContextFromRoot(self.simulator.get_context())
         return (0, 0, 0) if self.body is None else self.plant.EvalBodyPoseInWorld(context, self.body).translation()
 
-    def play(self, address, seconds, rate, stall=0):
-        """Returns what an example prints."""
-        with haptic.drake.Session(self.simulator, self.plant, self.scene_graph, "tool", period=1 / rate, gravity=(0, 0, 0),
-                                  server=address) as touch:
+    def play(self, server, seconds, rate, stall=0):
+        """Returns where the body was."""
+        with haptic.drake.Session(self.simulator, self.plant, self.scene_graph, "tool", period=1 / rate, gravity=(0, 0, 0)) as touch:
             def frame():
                 steps = touch.drive()
                 self.simulator.AdvanceTo(self.simulator.get_context().get_time() + steps * self.plant.time_step())
                 touch.send()
-            return play(seconds, rate, frame, self.place, stall)
+            return play(server, seconds, frame, self.place, stall)
 
 
 class Touch(TouchTasks, unittest.TestCase):
@@ -82,7 +81,7 @@ class Touch(TouchTasks, unittest.TestCase):
         made = scenes()[scene]
         floor = made.body.friction if made.body else made.tool.friction
         world = World(made._replace(floor=floor), min(STEP, 1 / rate))
-        return hand_session.play(SERVER, hand, options, lambda address: world.play(address, seconds, rate, stall))
+        return virtual_hand.play(hand, options, lambda server: world.play(server, seconds, rate, stall))
 
 
 class Example(unittest.TestCase):

@@ -6,11 +6,11 @@ Usage: newton_test.py HAPTIC_SERVER LIBHAPTIC [TEST …]
 
 import unittest
 
-from given import SERVER, last_line_of, main
+from given import last_line_of, main
 
 import haptic_local_model as haptic
 import haptic_local_model.newton
-import hand_session
+import virtual_hand
 import newton
 import numpy as np
 import warp
@@ -54,10 +54,9 @@ class World:
         solver.step(self.state, self.after, self.control, self.contacts, self.step)
         self.state, self.after = self.after, self.state
 
-    def play(self, address, seconds, rate, stall=0):
-        """Returns what an example prints."""
-        with haptic.newton.Session(self.model, self.state, self.tool, step=self.step, period=1 / rate, gravity=(0, 0, 0),
-                                   server=address) as touch:
+    def play(self, server, seconds, rate, stall=0):
+        """Returns where the body was."""
+        with haptic.newton.Session(self.model, self.state, self.tool, step=self.step, period=1 / rate, gravity=(0, 0, 0)) as touch:
             solver = newton.solvers.SolverXPBD(self.model, iterations=10)
             start = [array.numpy().copy() for array in (self.state.body_q, self.state.body_qd)]
             self.advance(solver)  # It is compiled now.
@@ -68,7 +67,7 @@ class World:
                 for _ in range(touch.drive(self.state)):
                     self.advance(solver, touch.push)
                 touch.send(self.state, self.contacts)
-            return play(seconds, rate, frame, lambda: self.state.body_q.numpy()[self.body or 0][:3], stall)
+            return play(server, seconds, frame, lambda: self.state.body_q.numpy()[self.body or 0][:3], stall)
 
 
 class Touch(TouchTasks, unittest.TestCase):
@@ -81,7 +80,7 @@ class Touch(TouchTasks, unittest.TestCase):
         made = scenes()[scene]
         floor = 0 if scene == "puck" else made.body.friction if made.body else 0.5
         world = World(made._replace(floor=floor), min(STEP, 1 / rate))
-        return hand_session.play(SERVER, hand, options, lambda address: world.play(address, seconds, rate, stall))
+        return virtual_hand.play(hand, options, lambda server: world.play(server, seconds, rate, stall))
 
 
 class Example(unittest.TestCase):

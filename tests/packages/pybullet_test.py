@@ -9,12 +9,12 @@ import re
 import tempfile
 import unittest
 
-from given import SERVER, last_line_of, main
+from given import last_line_of, main
 
 import haptic_local_model as haptic
 import haptic_local_model.pybullet
 import haptic_local_model.shapes
-import hand_session
+import virtual_hand
 import numpy as np
 import pybullet
 import pybullet_data
@@ -58,15 +58,15 @@ class World:
     def place(self, body):
         return pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)[0]
 
-    def play(self, address, seconds, rate, stall=0, body=None):
-        """Returns what an example prints."""
-        with haptic.pybullet.Session(self.client, self.tool, period=1 / rate, gravity=(0, 0, 0), server=address) as touch:
+    def play(self, server, seconds, rate, stall=0, body=None):
+        """Returns where the body was."""
+        with haptic.pybullet.Session(self.client, self.tool, period=1 / rate, gravity=(0, 0, 0)) as touch:
             def frame():
                 for _ in range(touch.drive()):
                     touch.push()
                     pybullet.stepSimulation(physicsClientId=self.client)
                 touch.send()
-            return play(seconds, rate, frame, body or (lambda: self.place(self.body) if self.body is not None else (0, 0, 0)),
+            return play(server, seconds, frame, body or (lambda: self.place(self.body) if self.body is not None else (0, 0, 0)),
                         stall)
 
 
@@ -94,15 +94,15 @@ class Touch(TouchTasks, unittest.TestCase):
     @staticmethod
     def play(scene, seconds, hand, *options, rate=60, stall=0):
         world = World(scenes()[scene], min(STEP, 1 / rate))
-        return hand_session.play(SERVER, hand, options, lambda address: world.play(address, seconds, rate, stall))
+        return virtual_hand.play(hand, options, lambda server: world.play(server, seconds, rate, stall))
 
     def test_one_end_of_a_seesaw_bears_what_lies_on_the_other(self):
         due = 0.3 * GRAVITY * 150 / 145  # N: the tool's inner edge is 145 mm from the hinge, the cube's centre 150
         for rate in self.rates:
             with self.subTest(rate=rate):
                 ticks, track = on_time(
-                    lambda rate: hand_session.play(SERVER, reach(0.5, -0.15, 0.121) + reach(2, -0.15, 0.11), (),
-                                                   lambda address: seesaw(rate).play(address, 4, rate)), rate=rate)
+                    lambda rate: virtual_hand.play(reach(0.5, -0.15, 0.121) + reach(2, -0.15, 0.11), (),
+                                                   lambda server: seesaw(rate).play(server, 4, rate)), rate=rate)
                 force, deviation = mean(ticks, "env_force_z_N", 2.7, 3.3)
                 self.tell(f"seesaw at {rate} Hz, N, deviation {deviation:.4f} N", force, due)
                 self.assertAlmostEqual(force, due, delta=0.05 * due)

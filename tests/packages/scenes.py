@@ -1,6 +1,5 @@
 """The worlds of the tasks in tests/support/touch_tasks.py, for any engine: boxes on a floor at z = 0."""
 
-import time
 from typing import NamedTuple, Optional
 
 GRAVITY = 9.81  # m/s²
@@ -38,16 +37,15 @@ def scenes(friction_of_floor=1.0):
     return {name: scene._replace(floor=friction_of_floor) for name, scene in made.items()}
 
 
-def play(seconds, rate, frame, body, stall=0):
-    """Calls frame() so often, Hz, and returns what an example would print: body(), m, twice a second. stall: now and then
-    nothing happens for so long, s."""
-    start, printed, stalls = time.monotonic(), [], 0.5
-    for count in range(1, round(seconds * rate) + 1):
+def play(server, seconds, frame, body, stall=0):
+    """Calls frame(), in the server's virtual time, and returns body(), m, twice a second. stall: now and then nothing happens for
+    so long, s."""
+    track, stalls = [], 0.5
+    while server.now < seconds:
         frame()
-        if count % max(1, rate // 2) == 0:
-            printed.append("body at (%.6f, %.6f, %.6f)" % tuple(body()))
-        if stall and time.monotonic() - start > stalls:
-            time.sleep(stall)
+        if server.now > 0.5 * (len(track) + 1) - 1e-9:
+            track.append([float(x) for x in body()])
+        if stall and server.now > stalls:
+            server.wait(stall)
             stalls += 0.5 + stall
-        time.sleep(max(0, start + count / rate - time.monotonic()))
-    return "\n".join(printed)
+    return track
