@@ -182,7 +182,7 @@ int HapticClient::take_steps(double step) {
   if (waits_for_scene()) {
     world_time_ = WorldTime(1 / ve_rate_);
     sampled_at_ = polled_at_;
-    update_.ve_period = 1 / ve_rate_;
+    update_.ve_period = 0;
     send(polled_at_, {});
     return 0;
   }

@@ -209,7 +209,7 @@ inline constexpr std::array<Word<ServerState>, 6> kWords<ServerState>{{
     {ServerState::kActive, "active", "a session with a live client, and all the force it asks for"},
     {ServerState::kFading, "fading", "force fades to zero, and comes back with the client"},
     {ServerState::kFault, "fault", "force is zero until a person asks for a new session"},
-    {ServerState::kArming, "arming", "a session has begun; no force before its first update"},
+    {ServerState::kArming, "arming", "a session has begun; no force before contacts are known"},
     {ServerState::kRamping, "ramping", "force rises to what is asked for"},
 }};
 

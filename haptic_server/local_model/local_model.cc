@@ -65,7 +65,7 @@ LocalModel::LocalModel(const ToolDescription& tool, const Configuration& q,
   ve_tool_.set_configuration(q);
 }
 
-ContactWrench LocalModel::step(const HandInput& hand) noexcept {
+ContactWrench LocalModel::step(const HandInput& hand, bool floats) noexcept {
   look_around();
   const MassMatrix mass = proxy_.mass_matrix();
   const Eigen::LLT<MassMatrix> D(mass);
@@ -88,7 +88,8 @@ ContactWrench LocalModel::step(const HandInput& hand) noexcept {
   const bool implicit = law.step == ContactStep::kImplicit;
   const int d = proxy_.dof();
   MassMatrix E = mass;
-  const GeneralisedForce weight = proxy_.gravity();
+  GeneralisedForce weight = proxy_.gravity();
+  if (floats) weight.setZero();
   GeneralisedForce r = mass * v_ + dt_ * (J_h.transpose().lazyProduct(hand.F) - weight);
   if (implicit) {
     const Twist V = J_h.lazyProduct(v_);

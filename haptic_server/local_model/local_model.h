@@ -121,8 +121,8 @@ class LocalModel {
   bool moves_ahead() const noexcept;
 
   /// Moves the proxy and the bodies by one step under the hand's wrench, weight and contacts
-  /// (Eqs. 7-12).
-  ContactWrench step(const HandInput& hand) noexcept;
+  /// (Eqs. 7-12). floats: the proxy weighs nothing.
+  ContactWrench step(const HandInput& hand, bool floats = false) noexcept;
 
   /// Without proxy dynamics: puts the proxy at q with velocity v and evaluates its contacts there.
   /// There is no impulse: what collides is the device, whose own mass the contacts' penalty stops.

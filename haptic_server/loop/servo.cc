@@ -167,6 +167,19 @@ void Servo::reject_in_fault(double now) noexcept {
   session_.reject(now, protocol::RejectReason::kFault, text.data());
 }
 
+void Servo::hear(const protocol::ContactUpdate& update) noexcept {
+  oldest_ = oldest_of(update);
+  const double silence = silence_time(std::max(period_, update.ve_period));
+  if (waits_for_scene(update)) return machine_.stand_by(silence);
+  machine_.update(silence, oldest_, has_scene() ? kOldestPoses : kOldestContacts);
+}
+
+/// No step was taken: the world stands still until its shapes are here.
+bool Servo::waits_for_scene(const protocol::ContactUpdate& update) const noexcept {
+  return machine_.state() == ServerState::kArming && update.scene == 0 && update.contacts.empty() &&
+         update.ve_period == 0;
+}
+
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {
   if (!machine_.grants_session(hello.clears_fault)) return reject_in_fault(now);
   if (traits(options_.controller).replaces_proxy && hello.tool.links.size() != 1) {
@@ -265,11 +278,7 @@ void Servo::advance_session(const protocol::ServerSession::Inbox& inbox,
   const ServerState before = machine_.state();
   if (inbox.heard) machine_.hear();
   if (inbox.refused) machine_.refuse();
-  if (inbox.update != nullptr) {
-    oldest_ = oldest_of(*inbox.update);
-    machine_.update(silence_time(std::max(period_, inbox.update->ve_period)), oldest_,
-                    has_scene() ? kOldestPoses : kOldestContacts);
-  }
+  if (inbox.update != nullptr) hear(*inbox.update);
   if (inbox.goodbye) machine_.end();
   machine_.tick(limiter_.level(), 1 + timing.missed);
   if (static_cast<double>(timing.missed) * dt_ > options_.max_gap && machine_.simulates()) {
@@ -430,7 +439,9 @@ ContactWrench Servo::step_proxy(const DeviceState& device) noexcept {
   const Pose X_WP = proxy.X_WH();
   HandInput hand = controller_.to_proxy(device, {proxy.X_WH(), local_model_->hand_twist()});
   if (has_scene()) saturate(hand, kLargestPush * largest_force_);
-  const ContactWrench felt = local_model_->step(hand);
+  // What bears it is not known yet.
+  const bool floats = machine_.state() == ServerState::kArming;
+  const ContactWrench felt = local_model_->step(hand, floats);
   const Wrench F_hand = controller_.passes_hand_wrench(device) ? *device.F_hand : Wrench::Zero();
   energy_.step(*local_model_, X_WP, F_hand, device.hand_observed,
                limiter_.explained(environment_power(*local_model_)),

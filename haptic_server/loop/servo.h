@@ -69,6 +69,8 @@ class Servo {
  private:
   void begin_session(const protocol::Hello& hello, double now) noexcept;
   void advance_session(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
+  void hear(const protocol::ContactUpdate& update) noexcept;
+  bool waits_for_scene(const protocol::ContactUpdate& update) const noexcept;
   void load_scene(const protocol::ServerSession::Inbox& inbox, const Timing& timing) noexcept;
   void use_scene(bool wanted) noexcept;
   void apply(const protocol::Control& control) noexcept;

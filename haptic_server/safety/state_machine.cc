@@ -43,10 +43,14 @@ void SafetyStateMachine::begin(double silence_time) noexcept {
   refused_ = false;
 }
 
-void SafetyStateMachine::update(double silence_time, double age, double oldest) noexcept {
+void SafetyStateMachine::stand_by(double silence_time) noexcept {
   silence_time_ = silence_time;
   silence_ = without_update_ = 0;
   refused_ = false;
+}
+
+void SafetyStateMachine::update(double silence_time, double age, double oldest) noexcept {
+  stand_by(silence_time);
   if (fade_ == Fade::kClientLeft) return;
   if (age > oldest) return lose(Fade::kContactsOld);
   happen(kUpdated);

@@ -56,6 +56,8 @@ class SafetyStateMachine {
   void refuse() noexcept { refused_ = true; }
   /// A whole update came, its contacts `age` s old; they give force up to `oldest`, s.
   void update(double silence_time, double age, double oldest = kOldestContacts) noexcept;
+  /// A whole update came of a world that waits itself: there is no force before another one.
+  void stand_by(double silence_time) noexcept;
   /// The client ends the session.
   void end() noexcept;
   /// The first fault is the one that is kept, but for one that ends_at_device() after one that does

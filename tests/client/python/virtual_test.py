@@ -132,6 +132,29 @@ class Hand(unittest.TestCase):
                 self.assertGreater(touch.q[2], 0.02)
 
 
+class Beginning(unittest.TestCase):
+    def test_a_tool_that_lies_on_the_floor_lies_there_from_the_start_however_late_the_network_is(self):
+        """Its weight, 0.981 N, on four corners; the world stands still until the server has the shapes."""
+        for delay in (0, 0.02, 0.1, 0.25, 0.5):
+            with self.subTest(delay=delay), haptic.virtual.Server(delay=delay) as server:
+                with haptic.Session(tool=haptic.box(0.1, [EDGE] * 3), q=(0, 0, EDGE / 2, 1, 0, 0, 0), rate=RATE,
+                                    gravity=(0, 0, -9.81)) as touch:
+                    touch.offer([shapes.half_space(), shapes.box([EDGE] * 3, haptic.TOOL_LINK)], friction=[0.5, 0.5])
+                    while server.now < 2 + 8 * delay:
+                        touch.poll()
+                        if touch.steps(1 / 480) > 0:
+                            touch.sample(touch.q, touch.v, 1 / RATE)
+                            touch.send()
+                ticks = server.ticks
+                begun = ticks[ticks["server_state"] != "off"]
+                depth = 0.1 * 9.81 / (4 * 4000)
+                self.assertAlmostEqual(begun["proxy_z_m"][-1], EDGE / 2 - depth, delta=1e-9)
+                self.assertGreater(begun["proxy_z_m"].min(), EDGE / 2 - 1.1 * depth)
+                self.assertLess(np.abs(np.diff(ticks["command_force_z_N"])).max(), 0.02)  # N
+                counts = np.argmax(begun["active_contacts"] > 0)
+                self.assertEqual(set(begun["server_state"][:counts]), {"arming"})
+
+
 class Servers(unittest.TestCase):
     def test_several_have_times_of_their_own(self):
         with haptic.virtual.Server() as one, haptic.virtual.Server() as other:

@@ -205,6 +205,7 @@ class ServoBench {
   /// An update for the tool at its initial configuration, at rest, that answers the latest step.
   protocol::ContactUpdate update(const ReportedContacts& contacts = {}) const {
     protocol::ContactUpdate update;
+    update.ve_period = 1 / ve_rate;
     update.q_VE = q_VE;
     update.v_VE = Velocity::Zero(dof);
     update.contacts = contacts;

@@ -216,6 +216,29 @@ TEST_CASE("No force before the first update, then it rises: 7.5 N begin with 0.0
   CHECK(bench.ticks(100).server == ServerState::kActive);
 }
 
+TEST_CASE("While a world waits for its shapes there is no force, and the tool weighs nothing") {
+  ServoBench bench;
+  ToolDescription tool = test::planar_tool();
+  tool.gravity_W = {0, -9.81, 0};
+  bench.begin(tool);
+  protocol::ContactUpdate waiting = bench.update();
+  waiting.ve_period = 0;
+  for (int i = 0; i < 100; ++i) {
+    CHECK(bench.tick_with(waiting).server == ServerState::kArming);
+    CHECK(bench.ticks(5).F_command.norm() == 0);
+  }
+  CHECK(bench.servo->local_model()->velocity().norm() < 1e-12);
+  CHECK(bench.tick_with(bench.update()).server == ServerState::kRamping);
+
+  SECTION("Contacts of its own begin it, too") {
+    ServoBench other;
+    other.begin();
+    protocol::ContactUpdate update = other.update({wall_ahead(0.020, 0, /*approach=*/0.1)});
+    update.ve_period = 0;
+    CHECK(other.tick_with(update).server == ServerState::kRamping);
+  }
+}
+
 TEST_CASE("A controller in the proxy's place takes a rigid tool, and refuses a linkage by name") {
   ServoOptions options;
   options.controller = ControllerKind::kDirect;
