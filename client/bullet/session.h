@@ -11,6 +11,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -32,6 +33,7 @@ struct Options {
   protocol::Endpoint server;
   double period = 1.0 / 60;  ///< Roughly that of the frames, s.
   double step = 1.0 / 240;   ///< Bullet's step, the last argument of stepSimulation(), s, > 0.
+  std::function<double()> clock = steady_seconds;  ///< s, any steady origin.
 };
 
 /// The virtual tool that a hand holds when it holds this body, with Bullet's mass for it.
@@ -66,6 +68,7 @@ class Session {
       : world_(world),
         tool_(tool),
         step_(options.step),
+        clock_(options.clock),
         model_(tool_of(tool)),
         shapes_(world, tool),
         q_(configuration(tool.getWorldTransform())),
@@ -81,7 +84,7 @@ class Session {
   /// during all of the frame's steps. Returns how many steps to take: they bring Bullet's time up
   /// to the hand's, so frames may be late. 0 if less than a step has passed.
   int drive() {
-    const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
+    const protocol::ProxyState* proxy = client_.poll(clock_()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
@@ -107,7 +110,7 @@ class Session {
   /// Bullet's state is not finite, or something in it is out of a server's range.
   void send() {
     if (frame_ == 0) return;
-    const double sampled_at = steady_seconds();
+    const double sampled_at = clock_();
     model_.set_configuration(q_);
     offer();
     const std::vector<WorldShapes::Moving> moving = shapes_.moving();
@@ -140,12 +143,12 @@ class Session {
     if (const auto error = find_error(update, model_)) throw std::invalid_argument(*error);
     client_.sample(sampled_at, q_, v_, frame_);
     client_.follow_accelerations(update.bodies);
-    client_.send(steady_seconds(), {}, update.bodies, update.poses);
+    client_.send(clock_(), {}, update.bodies, update.poses);
   }
 
   /// Ends the session. Bodies that the hand held have their weight again.
   void close() {
-    client_.close(steady_seconds());
+    client_.close(clock_());
     for (int i = 0; i < world_.getNumCollisionObjects(); ++i) {
       btRigidBody* body = movable(*world_.getCollisionObjectArray()[i]);
       if (body != nullptr) let_go(*body);
@@ -241,6 +244,7 @@ class Session {
   btDiscreteDynamicsWorld& world_;
   btRigidBody& tool_;
   double step_;
+  std::function<double()> clock_;
   double frame_ = 0;  ///< Length of the present frame's steps, s.
   ToolModel model_;
   WorldShapes shapes_;

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -32,7 +33,8 @@ namespace hlm::mujoco {
 
 struct Options {
   protocol::Endpoint server;
-  double period = 1.0 / 60;  ///< Roughly that of the frames, s.
+  double period = 1.0 / 60;                        ///< Roughly that of the frames, s.
+  std::function<double()> clock = steady_seconds;  ///< s, any steady origin.
 };
 
 /// The body of that name, if it can be a tool. Throws std::invalid_argument if there is none, it
@@ -85,6 +87,7 @@ class Session {
           const Options& options)
       : model_(model),
         data_(data),
+        clock_(options.clock),
         tool_(find_tool(model, tool)),
         q_at_(model.jnt_qposadr[model.body_jntadr[tool_]]),
         v_at_(model.jnt_dofadr[model.body_jntadr[tool_]]),
@@ -106,7 +109,7 @@ class Session {
   /// time up to the hand's, so frames may be late. 0 if less than a step has passed.
   int drive() {
     pushes_.take_back(data_);  // Of a frame that was not sent.
-    const protocol::ProxyState* proxy = client_.poll(steady_seconds()).state;
+    const protocol::ProxyState* proxy = client_.poll(clock_()).state;
     if (proxy != nullptr) {
       q_ = proxy->q;
       v_ = proxy->v;
@@ -138,7 +141,7 @@ class Session {
       taken_.insert(static_cast<std::uint32_t>(body));
     }
     if (frame_ == 0) return;
-    const double sampled_at = steady_seconds();
+    const double sampled_at = clock_();
     mj_forward(&model_, &data_);
     protocol::ContactUpdate update;
     update.q_VE = Eigen::Map<const Configuration>(data_.qpos + q_at_, 7);
@@ -169,12 +172,12 @@ class Session {
     client_.sample(sampled_at, update.q_VE, update.v_VE, frame_);
     client_.follow_accelerations(update.bodies);
     client_.add_external(0, external_wrench(model_, data_, tool_));
-    client_.send(steady_seconds(), {}, update.bodies, update.poses);
+    client_.send(clock_(), {}, update.bodies, update.poses);
   }
 
   /// Ends the session. The model is as it was before, and so is xfrc_applied.
   void close() {
-    client_.close(steady_seconds());
+    client_.close(clock_());
     pushes_.take_back(data_);
     changes_.give_all_back();
   }
@@ -222,6 +225,7 @@ class Session {
 
   mjModel& model_;
   mjData& data_;
+  std::function<double()> clock_;
   int tool_;          ///< Body.
   int q_at_;          ///< Place in qpos,
   int v_at_;          ///< and in qvel.
