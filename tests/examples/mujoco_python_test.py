@@ -207,6 +207,17 @@ class Time(unittest.TestCase):
                 touch.send(data)
 
 
+class Weight(unittest.TestCase):
+    def test_a_tool_whose_weight_is_compensated_floats_from_the_start(self):
+        for share, due in ((1, 0), (0.5, 0.05 * GRAVITY)):
+            with self.subTest(share=share):
+                scene = SCENE.format(step=0.002, height=0.3, tool='type="sphere" size="0.02"', bodies="").replace(
+                    'name="tool"', f'name="tool" gravcomp="{share}"')
+                ticks, moved = play(2, scene, hand_session.reach(2, 0, 0.3), lambda data: data.qpos[2], contacts="shapes")
+                self.assertAlmostEqual(-hand_session.mean(ticks, "command_force_z_N", 1.5, 1.9)[0], due, delta=1e-3)  # N
+                self.assertGreater(min(moved), 0.3 - 1.5 * due / hand_session.STIFFNESS - 1e-6)  # m
+
+
 class Reach(unittest.TestCase):
     def test_what_is_far_from_the_origin_moves_faster_as_the_tool_turns(self):
         tool = 'type="sphere" size="0.02" pos="0.3 0 0"'

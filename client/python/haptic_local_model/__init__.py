@@ -40,7 +40,7 @@ __all__ = ["BODY", "CONTACT", "DYNAMICS", "FRICTION_RULES", "HELD", "HapticError
            "SERVER_STATES", "SPHERE", "Session", "TOOL_LINK", "WORLD", "bodies", "box", "contacts", "dynamics", "poses", "sphere"]
 
 __version__ = "0.4.0"
-_MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "robosuite", "shapes", "virtual")
+_MODULES = ("demo", "drake", "isaacteleop", "mujoco", "newton", "pybullet", "robosuite", "shapes", "studio", "virtual")
 WORLD, TOOL_LINK, MOVABLE_BODY = 0, 1, 2
 NO_BODY = 2**32 - 1  #: The parent of what hangs on the world.
 NOT_ROUND, ROUND_ABOUT_AXIS, SPHERE = 0, 1, 2

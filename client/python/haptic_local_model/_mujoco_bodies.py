@@ -245,11 +245,15 @@ class Bodies:
         """m/s², as the flags have it."""
         return np.array(self._model.opt.gravity) * self._is_on("GRAVITY")
 
-    def _describe(self, root: int, to: np.ndarray) -> None:
+    def gravity_on(self, root: int) -> np.ndarray:
+        """m/s², of a body with what is welded to it, as far as nothing compensates it."""
         model, parts = self._model, np.flatnonzero(np.asarray(self._model.body_weldid) == root)
+        masses = np.asarray(model.body_mass)[parts]
+        return (masses * (1 - np.asarray(model.body_gravcomp)[parts])).sum() / max(masses.sum(), _LEAST_MASS) * self.gravity()
+
+    def _describe(self, root: int, to: np.ndarray) -> None:
         to["body"], (to["mass"], to["centre"], to["inertia"]) = root, self.inertia(root)
-        weights = np.asarray(model.body_mass)[parts] * (1 - np.asarray(model.body_gravcomp)[parts])
-        to["gravity"] = weights.sum() / max(to["mass"], _LEAST_MASS) * self.gravity()
+        to["gravity"] = self.gravity_on(root)
 
     def _describe_joint(self, body: int, to: np.ndarray) -> None:
         model, joint, (at, along) = self._model, int(self._model.body_jntadr[body]), self._places(body)

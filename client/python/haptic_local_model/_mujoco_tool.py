@@ -20,12 +20,15 @@ _NO_CONTACT = np.isin(np.arange(32), (0, 2, 4))  # of mjtConstraint: mjCNSTR_EQU
 
 
 def find_tool(binding: Any, model: Any, name: Any) -> int:
-    """The number of the body of that name. Raises haptic.HapticError where it cannot be the tool."""
-    if not isinstance(name, str):
-        raise haptic.HapticError(f"tool {_arguments.brief(name)} must be the name of a body")
-    tool = int(binding.mj_name2id(model, _BODY, name))
-    if tool < 0:
-        raise haptic.HapticError(f"the model has no body {name!r}")
+    """The number of the body of that name or number. Raises haptic.HapticError where it cannot be the tool."""
+    if isinstance(name, (int, np.integer)) and 0 < name < model.nbody:
+        tool, name = int(name), binding.mj_id2name(model, _BODY, int(name)) or int(name)
+    elif isinstance(name, str):
+        tool = int(binding.mj_name2id(model, _BODY, name))
+        if tool < 0:
+            raise haptic.HapticError(f"the model has no body {name!r}")
+    else:
+        raise haptic.HapticError(f"tool {_arguments.brief(name)} must be the name of a body, or a number from 1 to {model.nbody - 1}")
     joints = int(model.body_jntnum[tool])
     if joints != 1 or model.jnt_type[model.body_jntadr[tool]] != _FREE:
         raise haptic.HapticError(f"body {name!r} must have a free joint, as the tool moves freely in the hand: write <freejoint/> "
@@ -69,7 +72,12 @@ class Tool:
         """The server knows it as it is now; gravity: where that is not the model's, m/s²."""
         self._gravity = None if gravity is None else np.array(gravity, dtype=float)
         self.weigh()
-        self._told = self._weight
+        mass, centre, _ = self._bodies.inertia(self.body)
+        self._told = mass * (self.gravity() if gravity is None else self._gravity), centre
+
+    def gravity(self) -> np.ndarray:
+        """On it, m/s²."""
+        return self._bodies.gravity_on(self.body)
 
     def weigh(self) -> None:
         """The model has changed."""
@@ -97,7 +105,7 @@ class Tool:
             applied = data.xfrc_applied[body]
             wrench += _about(data.xipos[body] - data.xpos[self.body], applied[:3])
             wrench[3:] += applied[3:]
-        if self._weight is not self._told:
+        if not np.array_equal(self._weight, self._told):  # A part of it is compensated, or it has changed.
             wrench += _about(turn @ self._weight[1], self._weight[0]) - _about(turn @ self._told[1], self._told[0])
         return wrench
 

@@ -59,7 +59,7 @@ _ELLIPTIC = 1  # mjCONE_ELLIPTIC
 class Session(EngineSession):
     """A client for one model.
 
-    tool: name of a body with a free joint; what is welded to it is a part of it. period: about that of your frames, s. After a
+    tool: name or number of a body with a free joint; what is welded to it is a part of it. period: about that of your frames, s. After a
     silence of four and a half of them the server lets go of the tool and of bodies. binding: the module `mujoco`, or one with its
     functions. Other arguments are those of haptic.Session. Raises haptic.HapticError where the model has no such tool.
 
@@ -73,7 +73,7 @@ class Session(EngineSession):
     adhesion. A mocap body is a wall, with those contacts one without a velocity.
     """
 
-    def __init__(self, model: Any, data: Any, tool: str, *, epsilon: float = 0.005,
+    def __init__(self, model: Any, data: Any, tool: str | int, *, epsilon: float = 0.005,
                  period: float = 1 / 60, contacts: Optional[str] = None,
                  binding: Any = None, **options: Any):
         binding = _binding(binding)
@@ -105,7 +105,7 @@ class Session(EngineSession):
         parents, moves = np.asarray(model.body_weldid)[model.body_parentid], np.asarray(model.body_dofnum) > 0
         self._hanging = np.column_stack([np.flatnonzero(moves & moves[parents]), parents[moves & moves[parents]]])
         self._round = self._round_geoms()
-        defaults = {"length": self._tool.size, "gravity": self._placed.gravity(), "rate": 1 / period}
+        defaults = {"length": self._tool.size, "gravity": self._tool.gravity(), "rate": 1 / period}
         self.touch = haptic.Session(tool=self._tool.link(), q=data.qpos[self._tool.q], epsilon=epsilon, **{**defaults, **options})
         try:
             self._begin_with(data, period, options.get("gravity"))

@@ -366,7 +366,7 @@ PYTHON = [
      "no page: haptic_page has ended"),
     ("HAPTIC_SERVER is none", in_environment(lambda: haptic.Session(), HAPTIC_SERVER="here"), '"here" must be HOST:PORT'),
     # MuJoCo.
-    ("a tool by its number", of_mujoco(3), "tool 3 must be the name of a body"),
+    ("a tool by a number that there is not", of_mujoco(99), "tool 99 must be the name of a body, or a number from 1 to"),
     ("a body that there is not", of_mujoco("pge"), "the model has no body 'pge'"),
     ("a tool without a free joint", of_mujoco("brick"), "body 'brick' must have a free joint"),
     ("a mocap body as tool", of_mujoco("mocap"), "body 'mocap' must have a free joint"),
