@@ -287,7 +287,7 @@ struct haptic_session {
     if (key) sealed.emplace(surroundings->link(), client_options_.server, *key);
     client.emplace(sealed ? static_cast<protocol::DatagramLink&>(*sealed) : surroundings->link(),
                    client_options_);
-    news.emplace(to_string(client_options_.server),
+    news.emplace(own ? to_string(client_options_.server) : surroundings->name(),
                  options.key_file == nullptr ? "" : options.key_file);
     tool.set_configuration(client_options_.q);
     update.q_VE = client_options_.q;

@@ -88,12 +88,15 @@ void HapticClient::tell_page(double now, const Inbox& inbox) {
   if (inbox.lost) page.let_go();
   if (inbox.welcomed) page.show_welcome(welcome());
   page.show_news(now, {.connected = connected(), .round_trip = round_trip()}, inbox);
-  if (page.listen(now)) session_.set_control(page.control(control_));
+  page.listen(now);
 }
 
 void HapticClient::control(const protocol::Control& control) {
   control_ = control;
-  session_.set_control(telemetry_.page ? telemetry_.page->control(control) : control);
+  protocol::Control asked = telemetry_.page ? telemetry_.page->control(control) : control;
+  // What a hand would push the tool into is not there yet.
+  if (waits_for_scene()) asked.holds = false;
+  session_.set_control(asked);
 }
 
 HapticClient::Inbox HapticClient::poll(double now) {
@@ -124,6 +127,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
   if (telemetry_.page) tell_page(now, inbox);
+  control(control_);
   return inbox;
 }
 

@@ -57,8 +57,8 @@ std::shared_ptr<VirtualWorld> find_world(const std::string& address) {
 
 class VirtualSurroundings final : public Surroundings {
  public:
-  VirtualSurroundings(std::shared_ptr<VirtualWorld> world, double period)
-      : world_(std::move(world)), period_(period) {}
+  VirtualSurroundings(const std::string& address, double period)
+      : name_(address), world_(find_world(address)), period_(period) {}
 
   double begin_frame() override {
     server::VirtualServer& server = world_->server;
@@ -70,9 +70,11 @@ class VirtualSurroundings final : public Surroundings {
   double now() override { return world_->server.now(); }
   protocol::DatagramLink& link() override { return world_->server.link(); }
   protocol::Endpoint server() const override { return protocol::MemoryNetwork::kServer; }
+  std::string name() const override { return name_; }
   bool may_have_server() const override { return true; }
 
  private:
+  std::string name_;
   std::shared_ptr<VirtualWorld> world_;
   double period_;                   ///< s.
   std::optional<double> begun_at_;  ///< When the latest frame did, s.
@@ -166,7 +168,7 @@ struct haptic_virtual {
 
 std::unique_ptr<Surroundings> hlm::surroundings_at(const std::string& address, double period) {
   if (!address.starts_with(kAddress)) return real_surroundings(address);
-  return std::make_unique<VirtualSurroundings>(find_world(address), period);
+  return std::make_unique<VirtualSurroundings>(address, period);
 }
 
 haptic_virtual* haptic_virtual_open(const char* const* arguments, std::size_t count,
@@ -182,28 +184,36 @@ haptic_virtual* haptic_virtual_open(const char* const* arguments, std::size_t co
   }
 }
 
-const char* haptic_virtual_address(const haptic_virtual* server) { return server->address.c_str(); }
-
-const char* haptic_virtual_warnings(const haptic_virtual* server) {
-  return server->warnings.c_str();
+const char* haptic_virtual_address(const haptic_virtual* server) {
+  return server == nullptr ? "" : server->address.c_str();
 }
 
-double haptic_virtual_now(const haptic_virtual* server) { return server->world->server.now(); }
+const char* haptic_virtual_warnings(const haptic_virtual* server) {
+  return server == nullptr ? "" : server->warnings.c_str();
+}
 
-void haptic_virtual_stop(haptic_virtual* server) { server->world->server.stop(); }
+double haptic_virtual_now(const haptic_virtual* server) {
+  return server == nullptr ? 0 : server->world->server.now();
+}
+
+void haptic_virtual_stop(haptic_virtual* server) {
+  if (server != nullptr) server->world->server.stop();
+}
 
 int haptic_virtual_wait(haptic_virtual* server, double seconds) {
-  if (find_error("seconds", seconds, kTimes)) return -1;
+  if (server == nullptr || find_error("seconds", seconds, kTimes)) return -1;
   server->world->server.pass(server->world->server.now() + seconds);
   return 0;
 }
 
 void haptic_virtual_set_frame(haptic_virtual* server, double seconds) {
+  if (server == nullptr) return;
   server->world->frame.reset();
   if (!find_error("seconds", seconds, kTimes)) server->world->frame = seconds;
 }
 
 int haptic_virtual_set_network(haptic_virtual* server, const haptic_network* network) {
+  if (server == nullptr || network == nullptr) return -1;
   try {
     server->world->server.network().set_conditions(conditions_of(*network));
     return 0;
@@ -218,11 +228,13 @@ const char* haptic_virtual_columns(void) {
 }
 
 std::size_t haptic_virtual_ticks(const haptic_virtual* server) {
+  if (server == nullptr) return 0;
   return server->world->server.first_tick() + server->world->server.ticks().size();
 }
 
 std::size_t haptic_virtual_copy_ticks(const haptic_virtual* server, std::size_t begin,
                                       std::size_t count, double* numbers) {
+  if (server == nullptr || numbers == nullptr) return 0;
   const auto& ticks = server->world->server.ticks();
   const std::size_t first = server->world->server.first_tick();
   if (begin < first || begin - first > ticks.size()) return 0;

@@ -10,6 +10,7 @@
  *
  * Each haptic_poll() begins a frame, one nominal period after the previous one;
  * haptic_virtual_wait() makes it later. One thread at a time may use a server and its session.
+ * With a server that is NULL nothing happens, and what is returned is -1, 0 or "".
  */
 #ifndef HAPTIC_VIRTUAL_H
 #define HAPTIC_VIRTUAL_H
@@ -54,7 +55,7 @@ HAPTIC_API int haptic_virtual_set_network(haptic_virtual* server, const haptic_n
 /* The names of what is known of each tick, as in haptic_server's --log: NAME or, where a number
  * stands for a word, NAME=WORD|WORD...; separated by commas. */
 HAPTIC_API const char* haptic_virtual_columns(void);
-/* Ticks so far. The latest 600,000 are kept. */
+/* Ticks so far. The latest 120,000 are kept. */
 HAPTIC_API size_t haptic_virtual_ticks(const haptic_virtual* server);
 /* Copies `count` ticks, from the one of number `begin` on, one after another, as many numbers as
  * there are columns each. Returns how many there were. */

@@ -16,6 +16,7 @@ class RealSurroundings final : public Surroundings {
   double now() override { return steady_seconds(); }
   protocol::DatagramLink& link() override { return socket_; }
   protocol::Endpoint server() const override { return server_; }
+  std::string name() const override { return to_string(server_); }
   bool may_have_server() const override { return may_listen(server_); }
 
  private:

@@ -19,6 +19,8 @@ class Surroundings {
   virtual protocol::DatagramLink& link() = 0;
   /// Where the server is on that link.
   virtual protocol::Endpoint server() const = 0;
+  /// How a person knows it.
+  virtual std::string name() const = 0;
   /// Whether a server may be there already; if not, the session starts its own.
   virtual bool may_have_server() const = 0;
 };

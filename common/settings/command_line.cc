@@ -135,6 +135,10 @@ void CommandLine::take(const std::vector<std::string>& arguments) {
   for (const std::string& argument : arguments) pointers.push_back(argument.c_str());
   std::vector<Assignment> assignments =
       read_arguments(static_cast<int>(pointers.size()), pointers.data());
+  if (help_ || help_all_ || version_ || print_config_) {
+    throw UsageError("--help, --help-all, --version and --print-config are for " + program_.name +
+                     " itself");
+  }
   const std::vector<Assignment> of_file = read_file();
   assignments.insert(assignments.begin(), of_file.begin(), of_file.end());
   apply(assignments);

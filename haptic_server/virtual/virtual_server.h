@@ -50,7 +50,7 @@ class VirtualServer {
   const std::deque<TickRecord>& ticks() const noexcept { return ticks_; }
   std::uint64_t first_tick() const noexcept { return count_ - ticks_.size(); }
 
-  static constexpr std::size_t kMostTicks = 600'000;
+  static constexpr std::size_t kMostTicks = 120'000;
 
  private:
   void tick();

@@ -126,6 +126,11 @@ class Held(Session):
         self.run_for(1)
         self.assertLess(self.force_since(begin + 100).max(initial=0), 1e-9)
         self.assertIn("Double-click", self.felt.text)
+        self.wanted = studio.WantedSnapshot(seen=True)  # As the panel does.
+        self.run_for(0.1)
+        self.select("cube")
+        self.run_for(0.5)
+        self.assertIn("cube: active", self.felt.text)
 
     def test_a_session_that_cannot_be_ends_with_a_word(self):
         self.press()
@@ -212,6 +217,9 @@ class Interrupted(Session):
         self.load(SCENE, "other.xml")
         self.run_for(0.5)
         self.assertIn("Double-click", self.felt.text)
+        self.select("cube")  # It has the same number as before.
+        self.run_for(0.5)
+        self.assertIn("cube: active", self.felt.text)
 
     def test_the_end(self):
         self.press()
@@ -240,6 +248,14 @@ class Ball(Session):
             self.run_for(1.5)
         self.assertGreater(self.felt.force[2], 0.5)  # N
         self.assertGreater(data.qpos[0], 0.001)  # The servo gives way.
+
+    def test_it_touches_whatever_collides_and_is_a_ball_whatever_the_model_s_defaults_are(self):
+        for text in (ROBOT.replace("<worldbody>", '<default><geom type="capsule" contype="4" conaffinity="2"/></default>'
+                                                  "<worldbody>"), ROBOT.replace('<geom type', '<geom contype="2" conaffinity="2" type')):
+            self.load(text, f"{len(text)}.xml")
+            model = self.handle.model
+            self.assertEqual((model.geom_type[-1], *model.geom_pos[-1]), (mujoco.mjtGeom.mjGEOM_SPHERE, 0, 0, 0))
+            self.assertTrue(model.geom_contype[-1] & model.geom_conaffinity[0] or model.geom_contype[0] & model.geom_conaffinity[-1])
 
     def test_files_that_studio_alone_can_load_are_left_to_it(self):
         with self.assertLogs(level="ERROR") as logged:

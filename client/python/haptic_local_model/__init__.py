@@ -254,6 +254,9 @@ class Session:
     def __del__(self) -> None:
         self.close()
 
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a session cannot be copied")
+
     def close(self) -> None:
         """Says goodbye, and ends a server that the session started. What follows raises HapticError."""
         _interrupt.forget(self)

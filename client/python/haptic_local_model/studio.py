@@ -35,6 +35,7 @@ _ARROW = 0.02  # of the model's extent, for each N
 _COLOUR = np.array((0.95, 0.5, 0.1, 1), np.float32)
 _PANEL = (230, 40)  # pixels: where it is at first, beside Studio's own
 _FULL_SPEED = 100  # %
+_WORDS = {"fault": "a fault, as 2 m away from where it began: pause, and go on; with a server of your own, haptic_doctor clear"}
 _FREE, _NO_KEY = int(mujoco.mjtJoint.mjJNT_FREE), -1
 
 
@@ -91,10 +92,10 @@ class Hand(plugin.SimPlugin):
     def on_post_model(self, event: messages.PostModelEvent) -> None:
         """The body of the same name stays in the hand where a model is loaded again."""
         self._end()
-        held = self._held_name if event.path == self._path else PROBE
-        body = mujoco.mj_name2id(event.model, mujoco.mjtObj.mjOBJ_BODY, held) if held else 0
-        self._path, self._problem = event.path, ""
-        self._hold(event.model, body if body > 0 and is_free(event.model, body) else 0)
+        names = (self._held_name, PROBE) if event.path == self._path else (PROBE,)
+        found = [mujoco.mj_name2id(event.model, mujoco.mjtObj.mjOBJ_BODY, name) for name in names if name]
+        self._path, self._problem, self._selected = event.path, "", 0
+        self._hold(event.model, next((body for body in found if body > 0 and is_free(event.model, body)), 0))
 
     @messages.handler
     def on_reset(self, event: messages.ResetEvent) -> None:
@@ -112,9 +113,11 @@ class Hand(plugin.SimPlugin):
     def on_wanted(self, wanted: WantedSnapshot) -> None:
         self._wanted = wanted
         model = self.handle.model
-        if model is None or wanted.body in (0, self._selected) or wanted.body >= model.nbody:
+        if model is None or wanted.body == self._selected or wanted.body >= model.nbody:
             return
         self._selected = wanted.body
+        if wanted.body == 0:
+            return
         body = int(carriers(model)[wanted.body])
         if body == self._body:
             return
@@ -153,7 +156,7 @@ class Hand(plugin.SimPlugin):
             self._touch = haptic.mujoco.Session(model, data, tool=self._body, period=PERIOD, binding=mujoco)
             self._next = time.monotonic()
         data.xfrc_applied[self._body] = 0  # The mouse's own spring.
-        if self._wanted.pose and self._touch.touch.has_scene:
+        if self._wanted.pose:
             self._touch.hold(self._wanted.pose[:3], self._wanted.pose[3:])
         else:
             self._touch.release()
@@ -176,11 +179,11 @@ class Hand(plugin.SimPlugin):
         felt = FeltSnapshot(self._problem or "Double-click a body that can move freely")
         if self._touch is not None:
             touch = self._touch.touch
-            text = f"{_name(model, self._body)}: {touch.message or touch.server_state}"
+            text = f"{_name(model, self._body)}: {touch.message or _WORDS.get(touch.server_state, touch.server_state)}"
             felt = FeltSnapshot(text, tuple(touch.force[:3]), tuple(data.xpos[self._body]), self._body)
         elif self._body > 0:
-            felt = FeltSnapshot(f"{_name(model, self._body)}: " + ("nobody looks" if not self._wanted.seen
-                                                                 else "in the hand at full speed alone, and not while paused"))
+            why = "in the hand at full speed alone, and not while paused" if self._wanted.seen else "nobody looks"
+            felt = FeltSnapshot(f"{_name(model, self._body)}: {why}", body=self._body)
         if felt != self._felt:
             self._felt = felt
             self.handle.send_to_viewer(felt)
@@ -200,8 +203,8 @@ class HandPanel(plugin.ViewerPlugin):
 
     @messages.handler
     def on_felt(self, felt: FeltSnapshot) -> None:
-        """What is in the hand without a click is selected, so that the mouse moves it."""
-        if felt.body != self._felt.body and self.viewer.perturb.select == 0:
+        """What is in the hand without a click is selected, so that the mouse moves it; what is let go of is not."""
+        if felt.body != self._felt.body and 0 in (felt.body, self.viewer.perturb.select):
             self.viewer.perturb.select = felt.body
         self._felt = felt
 
@@ -303,7 +306,9 @@ def _with_probe(path: str) -> Any:
     place = np.array((*model.stat.center[:2], top + 2 * radius))
     ball = spec.worldbody.add_body(name=PROBE, pos=place, gravcomp=1)
     ball.add_freejoint()
-    ball.add_geom(size=(radius, 0, 0), mass=0.1, rgba=_COLOUR)
+    masks = [int(np.bitwise_or.reduce(getattr(model, name), initial=1)) for name in ("geom_contype", "geom_conaffinity")]
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(radius, 0, 0), pos=np.zeros(3), mass=0.1, rgba=_COLOUR,
+                  contype=masks[0] | masks[1], conaffinity=masks[0] | masks[1])
     for key in spec.keys:  # The ball comes last in each.
         if len(key.qpos) > 0:
             key.qpos = np.concatenate([key.qpos, place, (1, 0, 0, 0)])

@@ -20,7 +20,7 @@ import os
 import pathlib
 import tempfile
 import warnings
-from typing import Iterator, Optional
+from typing import Any, Iterable, Iterator, NoReturn, Optional
 
 import numpy as np
 
@@ -39,11 +39,14 @@ class Server:
     and loss, 0 to 1: what the network does to each datagram, in either direction. seed: of what the network draws.
     Raises HapticError that names what cannot be used."""
 
+    _server: Optional[ctypes.c_void_p] = None
+    _running: list["Server"] = []
+    _outside: Optional[str] = None  # What HAPTIC_SERVER was before the first of them.
+
     def __init__(self, *arguments: str, hand: str | os.PathLike[str] = "", delay: float = 0, jitter: float = 0, loss: float = 0,
                  seed: int = 1):
-        self._server: Optional[ctypes.c_void_p] = None
         self._library = load_virtual()
-        device = () if "--device" in arguments else _DEVICE
+        device = () if _names_another_device(arguments) else _DEVICE
         with _script(hand) as file:
             given = [_arguments.text(argument, "argument") for argument in (*device, *arguments, *file)]
             error = ctypes.create_string_buffer(512)
@@ -56,7 +59,9 @@ class Server:
         self.address: str = self._library.haptic_virtual_address(self._server).decode()
         for warning in self._library.haptic_virtual_warnings(self._server).decode().splitlines():
             warnings.warn(warning, stacklevel=2)
-        self._before = os.environ.get("HAPTIC_SERVER")
+        if not Server._running:
+            Server._outside = os.environ.get("HAPTIC_SERVER")
+        Server._running.append(self)
         os.environ["HAPTIC_SERVER"] = self.address
 
     def __enter__(self) -> "Server":
@@ -74,10 +79,15 @@ class Server:
             return
         self._library.haptic_virtual_close(self._server)
         self._server = None
+        Server._running = [each for each in Server._running if each is not self]
         if os.environ.get("HAPTIC_SERVER") == self.address:
+            usual = Server._running[-1].address if Server._running else Server._outside
             del os.environ["HAPTIC_SERVER"]
-            if self._before is not None:
-                os.environ["HAPTIC_SERVER"] = self._before
+            if usual is not None:
+                os.environ["HAPTIC_SERVER"] = usual
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a server cannot be copied")
 
     @property
     def now(self) -> float:
@@ -96,7 +106,8 @@ class Server:
     def set_frame(self, seconds: Optional[float]) -> None:
         """From here on each frame begins so many seconds after the one before. None: the session's own period, as from the
         start. 0: wait() alone lets time pass."""
-        self._library.haptic_virtual_set_frame(self._open(), -1 if seconds is None else _arguments.number(seconds, "seconds"))
+        length = -1.0 if seconds is None else _arguments.number(seconds, "seconds", 0, 1e6, "s")
+        self._library.haptic_virtual_set_frame(self._open(), length)
 
     def set_network(self, delay: float = 0, jitter: float = 0, loss: float = 0) -> None:
         """For what is sent from here on."""
@@ -105,14 +116,14 @@ class Server:
 
     @property
     def ticks(self) -> np.ndarray:
-        """All ticks so far, the latest 600,000, as records of what haptic_server's --log has, by its names."""
+        """All ticks so far, the latest 120,000 (100 MB), as records of what haptic_server's --log has, by its names."""
         return self.ticks_since(0)
 
     def ticks_since(self, begin: int) -> np.ndarray:
         """Those from the one of that number on."""
         names, words = _columns(self._library.haptic_virtual_columns().decode())
         count = self._library.haptic_virtual_ticks(self._open())
-        begin = max(_arguments.integer(begin, "begin", 0), count - 600_000)
+        begin = max(_arguments.integer(begin, "begin", 0), count - 120_000)
         numbers = np.zeros((max(0, count - begin), len(names)))
         self._library.haptic_virtual_copy_ticks(self._open(), begin, len(numbers), numbers.ctypes.data)
         ticks = np.zeros(len(numbers), [(name, "U24" if name in words else float) for name in names])
@@ -129,13 +140,20 @@ class Server:
 @contextlib.contextmanager
 def _script(hand: str | os.PathLike[str]) -> Iterator[list[str]]:
     """Arguments that name the file of a hand."""
+    named = os.fsdecode(_arguments.text(hand, "hand"))
     if not isinstance(hand, str) or "\n" not in hand:
-        yield ["--hand", os.fspath(hand)] if hand else []
+        yield ["--hand", named] if named else []
         return
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "hand.toml"
-        file.write_text(hand, encoding="utf-8")
+        file.write_bytes(os.fsencode(named))
         yield ["--hand", str(file)]
+
+
+def _names_another_device(arguments: Iterable[Any]) -> bool:
+    listed = [*arguments, ""]
+    return any(one == "--device" and other != "simulated" or str(one).startswith("--device=") and one != "--device=simulated"
+               for one, other in zip(listed, listed[1:]))
 
 
 def _network(delay: float, jitter: float, loss: float, seed: int) -> Network:

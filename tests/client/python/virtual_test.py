@@ -4,6 +4,7 @@
 Usage: virtual_test.py LIBHAPTIC PACKAGE_FOLDER [TEST …]
 """
 
+import copy
 import os
 import pathlib
 import sys
@@ -155,6 +156,22 @@ class Beginning(unittest.TestCase):
                 self.assertEqual(set(begun["server_state"][:counts]), {"arming"})
 
 
+    def test_a_hand_of_hold_waits_for_the_shapes(self):
+        """It draws the tool 10 mm into the floor from the first frame on."""
+        for delay in (0, 0.1, 0.25):
+            with self.subTest(delay=delay), haptic.virtual.Server(delay=delay) as server:
+                with haptic.Session(tool=haptic.box(0.1, [EDGE] * 3), q=(0, 0, EDGE / 2, 1, 0, 0, 0), rate=RATE) as touch:
+                    touch.offer([shapes.half_space(), shapes.box([EDGE] * 3, haptic.TOOL_LINK)], friction=[0.5, 0.5])
+                    while server.now < 2 + 8 * delay:
+                        touch.poll()
+                        touch.hold((0, 0, EDGE / 2 - 0.01))
+                        if touch.steps(1 / 480) > 0:
+                            touch.sample(touch.q, touch.v, 1 / RATE)
+                            touch.send()
+                due = 0.01 * 200 * 16000 / (200 + 16000)
+                self.assertAlmostEqual(server.ticks["command_force_z_N"][-1], due, delta=1e-3)  # N
+
+
 class Servers(unittest.TestCase):
     def test_several_have_times_of_their_own(self):
         with haptic.virtual.Server() as one, haptic.virtual.Server() as other:
@@ -170,6 +187,19 @@ class Servers(unittest.TestCase):
             self.assertEqual(os.environ["HAPTIC_SERVER"], server.address)
         self.assertEqual(os.environ.get("HAPTIC_SERVER"), before)
         self.assertRaisesRegex(haptic.HapticError, 'server "virtual:.*" must be one that is open', haptic.Session, server.address)
+
+    def test_in_whatever_order_they_end(self):
+        before = os.environ.get("HAPTIC_SERVER")
+        for order in ((0, 1, 2), (1, 2, 0), (2, 1, 0)):
+            servers = [haptic.virtual.Server() for _ in range(3)]
+            for place in order:
+                servers[place].close()
+            self.assertEqual(os.environ.get("HAPTIC_SERVER"), before)
+
+    def test_none_can_be_copied(self):
+        with haptic.virtual.Server() as server, haptic.Session() as touch:
+            for each in (server, touch):
+                self.assertRaisesRegex(TypeError, "cannot be copied", copy.copy, each)
 
     def test_a_session_outlives_its_server(self):
         server = haptic.virtual.Server()
@@ -193,6 +223,7 @@ class Refused(unittest.TestCase):
     def test_what_cannot_be_used_is_named(self):
         for text, arguments, options in (
                 ("--stiffness -1 .*must be", ("--stiffness", "-1"), {}), ("--speed", ("--speed", "1"), {}),
+                ("--help, .* are for haptic_server itself", ("--help", "--stiffness", "16000"), {}), ("hand 3", (), {"hand": 3}),
                 ("--device haply must be simulated", ("--device", "haply"), {}),
                 ("nowhere.toml", (), {"hand": "nowhere.toml"}), ("delay -1 s must be 0 to", (), {"delay": -1}),
                 ("loss 2 must be 0 to 1", (), {"loss": 2}), ("jitter nan", (), {"jitter": float("nan")}),
@@ -205,6 +236,7 @@ class Refused(unittest.TestCase):
             self.assertRaisesRegex(haptic.HapticError, "loss 7", server.set_network, loss=7)
             self.assertRaisesRegex(haptic.HapticError, "seconds -1", server.wait, -1)
             self.assertRaisesRegex(haptic.HapticError, "seconds inf", server.wait, float("inf"))
+            self.assertRaisesRegex(haptic.HapticError, "seconds nan must be 0 to", server.set_frame, float("nan"))
         self.assertRaisesRegex(haptic.HapticError, "closed", server.wait, 1)
 
     def test_stiffness_that_the_device_does_not_bear_is_lowered_with_a_word(self):
