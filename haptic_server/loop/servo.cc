@@ -176,8 +176,10 @@ void Servo::hear(const protocol::ContactUpdate& update) noexcept {
 
 /// No step was taken: the world stands still until its shapes are here.
 bool Servo::waits_for_scene(const protocol::ContactUpdate& update) const noexcept {
-  return machine_.state() == ServerState::kArming && update.scene == 0 && update.contacts.empty() &&
-         update.ve_period == 0;
+  const bool is_empty = update.contacts.empty() && update.bodies.empty() && update.poses.empty() &&
+                        update.external.empty();
+  return machine_.state() == ServerState::kArming && update.ve_period == 0 && update.scene == 0 &&
+         is_empty;
 }
 
 void Servo::begin_session(const protocol::Hello& hello, double now) noexcept {

@@ -47,6 +47,7 @@ void SafetyStateMachine::stand_by(double silence_time) noexcept {
   silence_time_ = silence_time;
   silence_ = without_update_ = 0;
   refused_ = false;
+  if (state_ == kArming && fade_ != Fade::kClientLeft) fade_ = Fade::kNone;
 }
 
 void SafetyStateMachine::update(double silence_time, double age, double oldest) noexcept {

@@ -43,6 +43,7 @@ void VirtualServer::pass(double time) {
 void VirtualServer::stop() {
   if (servo_) servo_->shut_down(now_);
   servo_.reset();
+  network_.end_server();
 }
 
 void VirtualServer::tick() {

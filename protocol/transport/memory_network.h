@@ -49,6 +49,9 @@ class MemoryNetwork {
     alter_ = std::move(alter);
   }
 
+  /// Nothing reaches the server from now on.
+  void end_server() noexcept { server_ended_ = true; }
+
   /// Whether a datagram has arrived that the client has not taken.
   bool client_has_mail() const noexcept { return client_.has_mail(); }
 
@@ -80,7 +83,7 @@ class MemoryNetwork {
   };
 
   void carry(const Endpoint& from, const Endpoint& to, std::span<const std::byte> bytes) {
-    if (to != kServer && to != kClient) return;
+    if ((to != kServer && to != kClient) || (to == kServer && server_ended_)) return;
     if (drawn(conditions_.loss)) return;
     const int copies = drawn(conditions_.duplication) ? 2 : 1;
     DatagramQueue& incoming = to == kServer ? server_.incoming_ : client_.incoming_;
@@ -99,6 +102,7 @@ class MemoryNetwork {
   LinkConditions conditions_;
   std::mt19937_64 engine_;
   std::function<void(std::span<std::byte>)> alter_;
+  bool server_ended_ = false;
   double now_ = 0;
   End server_{*this, kServer};
   End client_{*this, kClient};

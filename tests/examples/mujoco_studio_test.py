@@ -98,9 +98,15 @@ class Held(Session):
 
     def test_a_part_of_it_is_it(self):
         self.load(SCENE)
-        self.select("knob")
-        self.run_for(0.5)
+        knob = self.handle.model.body("knob").id
+        self.select("knob", (0, 0, 0.1, 1, 0, 0, 0))
+        pulls = np.zeros((self.handle.model.nbody, 6))
+        pulls[knob, 2] = 5  # N: the mouse's own spring, which is not felt besides the hand.
+        for _ in range(120):
+            self.viewer.send_to_sim(messages.PerturbSnapshot(state=pulls.ravel(), state_sig=int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)))
+            self.run_for(1 / 60)
         self.assertIn("cube: active", self.felt.text)
+        self.assertAlmostEqual(self.handle.data.body("cube").xpos[2], 0.1 - WEIGHT / HAND, delta=1e-3)
 
     def test_another_body_changes_hands(self):
         self.press()
@@ -220,6 +226,12 @@ class Interrupted(Session):
         self.select("cube")  # It has the same number as before.
         self.run_for(0.5)
         self.assertIn("cube: active", self.felt.text)
+        self.pause(sim.PauseState.NORMAL_PAUSED)
+        self.run_for(0.1)
+        self.wanted = studio.WantedSnapshot(seen=True)
+        self.load(ROBOT, "third.xml")
+        self.run_for(0.5)
+        self.assertIn("active", self.felt.text)
 
     def test_the_end(self):
         self.press()

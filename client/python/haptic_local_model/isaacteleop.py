@@ -57,9 +57,9 @@ class HapticDevice(IHapticDevice):
 
     def flush(self, deviceio_session: Any) -> None:
         """Never raises, as IsaacTeleop asks: what is wrong is logged, once."""
-        now = self._touch.now
-        period, self._flushed_at = max(now - self._flushed_at, 1e-4), now
         try:
+            now = self._touch.now
+            period, self._flushed_at = max(now - self._flushed_at, 1e-4), now
             self._touch.sample(self._touch.q, self._touch.v, period)
             self._touch.external_wrench([*self._force, 0, 0, 0])
             self._touch.send()

@@ -15,8 +15,10 @@ Needs mujoco 4.0 with its Studio: Python 3.12 for a window, 3.11 for the browser
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import logging
+import os
 import sys
 import time
 from typing import Any, Callable, Optional
@@ -28,6 +30,9 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 import haptic_local_model as haptic
 from haptic_local_model._mujoco_shapes import carriers
+
+if __name__.startswith("studio_plugins."):  # Studio has put this folder, with a newton.py and a drake.py, where all look.
+    sys.path[:] = [each for each in sys.path if each != os.path.dirname(os.path.abspath(__file__))]
 
 PERIOD = 1 / 60  # s, of a frame
 PROBE = "haptic_ball"
@@ -69,7 +74,7 @@ class Hand(plugin.SimPlugin):
     _held_name = _path = ""
     _selected = 0  # By the last double click.
     _wanted = WantedSnapshot()
-    _runs = True
+    _paused, _speed = False, float(_FULL_SPEED)  # %
     _problem = ""
     _next = 0.0  # s: when the next frame begins
     _felt = FeltSnapshot()
@@ -94,6 +99,8 @@ class Hand(plugin.SimPlugin):
         self._end()
         names = (self._held_name, PROBE) if event.path == self._path else (PROBE,)
         found = [mujoco.mj_name2id(event.model, mujoco.mjtObj.mjOBJ_BODY, name) for name in names if name]
+        if event.path != self._path:  # Studio runs it at full speed.
+            self._paused, self._speed = False, float(_FULL_SPEED)
         self._path, self._problem, self._selected = event.path, "", 0
         self._hold(event.model, next((body for body in found if body > 0 and is_free(event.model, body)), 0))
 
@@ -103,11 +110,11 @@ class Hand(plugin.SimPlugin):
 
     @messages.handler
     def on_step_control(self, event: messages.StepControlSnapshot) -> None:
-        self._runs = event.pause_state == sim.PauseState.UNPAUSED and event.speed == _FULL_SPEED
+        self._paused, self._speed = event.pause_state != sim.PauseState.UNPAUSED, event.speed
 
     @messages.handler
     def on_pause(self, event: messages.RequestPauseEvent) -> None:
-        self._runs = event.pause_state == sim.PauseState.UNPAUSED
+        self._paused = event.pause_state != sim.PauseState.UNPAUSED
 
     @messages.handler
     def on_wanted(self, wanted: WantedSnapshot) -> None:
@@ -138,7 +145,7 @@ class Hand(plugin.SimPlugin):
     @messages.handler
     def on_step(self, event: messages.StepEvent) -> bool:
         """One frame. True: the world was stepped."""
-        runs = self._runs and self._wanted.seen and self._body > 0
+        runs = not self._paused and self._speed == _FULL_SPEED and self._wanted.seen and self._body > 0
         if runs:
             try:
                 self._frame(event.model, event.data)
@@ -155,7 +162,7 @@ class Hand(plugin.SimPlugin):
         if self._touch is None:
             self._touch = haptic.mujoco.Session(model, data, tool=self._body, period=PERIOD, binding=mujoco)
             self._next = time.monotonic()
-        data.xfrc_applied[self._body] = 0  # The mouse's own spring.
+        data.xfrc_applied[carriers(model) == self._body] = 0  # The mouse's own spring.
         if self._wanted.pose:
             self._touch.hold(self._wanted.pose[:3], self._wanted.pose[3:])
         else:
@@ -164,7 +171,7 @@ class Hand(plugin.SimPlugin):
             mujoco.mj_step(model, data)
         self._touch.send(data)
         self._next = max(self._next + PERIOD, time.monotonic())
-        time.sleep(self._next - time.monotonic() if self._next > time.monotonic() else 0)
+        time.sleep(max(0, self._next - time.monotonic()))
 
     def _hold(self, model: Any, body: int) -> None:
         self._body, self._held_name = body, _name(model, body) if body > 0 else ""
@@ -327,9 +334,10 @@ def main() -> None:
         print(__file__)
         return
     from mujoco.studio import viewer
-    others = [argument.partition("=")[2] for argument in sys.argv[1:] if argument.startswith("--plugins=")]
-    kept = [argument for argument in sys.argv if not argument.startswith("--plugins=")]
-    sys.argv = [*kept, "--plugins=" + ",".join([__file__, *filter(None, others)])]
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--plugins", action="append", default=[])
+    given, kept = parser.parse_known_args()
+    sys.argv = [sys.argv[0], *kept, "--plugins=" + ",".join([__file__, *filter(None, given.plugins)])]
     viewer.main()
 
 

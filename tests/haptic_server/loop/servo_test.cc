@@ -226,6 +226,7 @@ TEST_CASE("While a world waits for its shapes there is no force, and the tool we
   for (int i = 0; i < 100; ++i) {
     CHECK(bench.tick_with(waiting).server == ServerState::kArming);
     CHECK(bench.ticks(5).F_command.norm() == 0);
+    CHECK(bench.tick().fade == Fade::kNone);
   }
   CHECK(bench.servo->local_model()->velocity().norm() < 1e-12);
   CHECK(bench.tick_with(bench.update()).server == ServerState::kRamping);
