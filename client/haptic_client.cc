@@ -127,7 +127,7 @@ HapticClient::Inbox HapticClient::poll(double now) {
   const double silence_time = connected() ? welcome().silence_time : kSilenceAlone;
   stood_still_ = !world_time_.begin_frame(now, silence_time);
   if (telemetry_.page) tell_page(now, inbox);
-  control(control_);
+  if (telemetry_.page || control_.holds) control(control_);
   return inbox;
 }
 
