@@ -78,11 +78,11 @@ class Page(unittest.TestCase):
                          stdout=subprocess.DEVNULL, cwd=folder, env={
                              **os.environ, "PYTHONPATH": PACKAGE, "HAPTIC_LIBRARY": LIBRARY, "HAPTIC_SERVER": address,
                              "HOME": str(folder)}) as studio:
-                wait_for(lambda: listens(port), "Studio's page")
+                wait_for(lambda: listens(port), "Studio's page", 60)
                 page = browser()
                 try:
                     page.get(f"http://127.0.0.1:{port}/")
-                    wait_for(lambda: "active" in (folder / "ticks.csv").read_text()[-2000:], "the force to be on")
+                    wait_for(lambda: "active" in (folder / "ticks.csv").read_text()[-2000:], "the force to be on", 60)
                     print(f"a felt world after {time.monotonic() - begin:.1f} s")
                     time.sleep(3)  # The page draws its first pictures.
                     press(page)
