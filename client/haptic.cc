@@ -277,8 +277,8 @@ std::string end_of(int status) {
 
 struct haptic_session {
   explicit haptic_session(const haptic_options& options)
-      : address(options.server == nullptr ? usual_server() : options.server),
-        surroundings(surroundings_at(address, 1 / options.rate)),
+      : surroundings(surroundings_at(options.server == nullptr ? usual_server() : options.server,
+                                     1 / options.rate)),
         client_options_(client_options(options, surroundings->server())),
         tool(client_options_.tool) {
     std::optional<protocol::noise::Key> key;
@@ -322,7 +322,6 @@ struct haptic_session {
 
   int process = forks;    ///< Of which it is.
   std::atomic_flag busy;  ///< While a thread is in a call.
-  std::string address;    ///< Of the server, as given.
   std::unique_ptr<Surroundings> surroundings;
   HapticClientOptions client_options_;
   ToolModel tool;                        ///< Tool at the latest sample.

@@ -1,6 +1,6 @@
 #include "hlm/virtual/virtual_server.h"
 
-#include <cmath>
+#include <algorithm>
 
 #include "hlm/settings/command_line.h"
 

@@ -41,7 +41,7 @@ _COLOUR = np.array((0.95, 0.5, 0.1, 1), np.float32)
 _PANEL = (230, 40)  # pixels: where it is at first, beside Studio's own
 _FULL_SPEED = 100  # %
 _WORDS = {"fault": "a fault, as 2 m away from where it began: pause, and go on; with a server of your own, haptic_doctor clear"}
-_FREE, _NO_KEY = int(mujoco.mjtJoint.mjJNT_FREE), -1
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,12 +86,11 @@ class Hand(plugin.SimPlugin):
         if not path.endswith((".xml", ".urdf")):
             return False
         try:
-            model = _with_probe(path)
+            model = _with_body_to_hold(path)
         except (ValueError, OSError):  # Studio says what is wrong with it.
             return False
-        if model is not None:
-            self.handle.set_model(model, path=path)
-        return model is not None
+        self.handle.set_model(model, path=path)
+        return True
 
     @messages.handler
     def on_post_model(self, event: messages.PostModelEvent) -> None:
@@ -299,12 +298,12 @@ def body_pose(model: Any, body: int, position: Any, rotation: Any) -> tuple[floa
     return (*place.tolist(), *(turn / np.linalg.norm(turn)).tolist())
 
 
-def _with_probe(path: str) -> Any:
-    """The model of a file with a ball for the hand above it; None where it has a body for the hand, or one of that name."""
+def _with_body_to_hold(path: str) -> Any:
+    """The model of a file; where it has no body that the hand can hold, with a ball above it. Raises what MjSpec does."""
     spec = mujoco.MjSpec.from_file(path)
     model = spec.compile()
     if any(is_free(model, body) for body in range(model.nbody)):
-        return None
+        return model
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     solid = np.asarray(model.geom_type) != int(mujoco.mjtGeom.mjGEOM_PLANE)

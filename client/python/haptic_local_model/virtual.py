@@ -40,7 +40,7 @@ class Server:
     Raises HapticError that names what cannot be used."""
 
     _server: Optional[ctypes.c_void_p] = None
-    _running: list["Server"] = []
+    _running: list[str] = []  # addresses
     _outside: Optional[str] = None  # What HAPTIC_SERVER was before the first of them.
 
     def __init__(self, *arguments: str, hand: str | os.PathLike[str] = "", delay: float = 0, jitter: float = 0, loss: float = 0,
@@ -61,7 +61,7 @@ class Server:
             warnings.warn(warning, stacklevel=2)
         if not Server._running:
             Server._outside = os.environ.get("HAPTIC_SERVER")
-        Server._running.append(self)
+        Server._running.append(self.address)
         os.environ["HAPTIC_SERVER"] = self.address
 
     def __enter__(self) -> "Server":
@@ -79,9 +79,9 @@ class Server:
             return
         self._library.haptic_virtual_close(self._server)
         self._server = None
-        Server._running = [each for each in Server._running if each is not self]
+        Server._running.remove(self.address)
         if os.environ.get("HAPTIC_SERVER") == self.address:
-            usual = Server._running[-1].address if Server._running else Server._outside
+            usual = Server._running[-1] if Server._running else Server._outside
             del os.environ["HAPTIC_SERVER"]
             if usual is not None:
                 os.environ["HAPTIC_SERVER"] = usual

@@ -196,6 +196,15 @@ class Servers(unittest.TestCase):
                 servers[place].close()
             self.assertEqual(os.environ.get("HAPTIC_SERVER"), before)
 
+    def test_one_that_nobody_has_any_more_is_closed(self):
+        """As where a cell of a notebook is run twice."""
+        before = os.environ.get("HAPTIC_SERVER")
+        server = haptic.virtual.Server()
+        first, server = server.address, haptic.virtual.Server()
+        self.assertRaisesRegex(haptic.HapticError, "must be one that is open", haptic.Session, first)
+        server.close()
+        self.assertEqual(os.environ.get("HAPTIC_SERVER"), before)
+
     def test_none_can_be_copied(self):
         with haptic.virtual.Server() as server, haptic.Session() as touch:
             for each in (server, touch):

@@ -221,6 +221,7 @@ TEST_CASE("While a world waits for its shapes there is no force, and the tool we
   ToolDescription tool = test::planar_tool();
   tool.gravity_W = {0, -9.81, 0};
   bench.begin(tool);
+  CHECK(bench.ticks(200).fade == Fade::kClientSilent);
   protocol::ContactUpdate waiting = bench.update();
   waiting.ve_period = 0;
   for (int i = 0; i < 100; ++i) {
