@@ -15,6 +15,13 @@ install_environment() {
   cp "$lock" "$environment/installed.txt"
 }
 
+# check_types: of our Python package, as its users' tools see them.
+check_types() {
+  install_environment packaging/python/wheel.txt
+  MYPYPATH=client/python .venv/wheel/bin/mypy --ignore-missing-imports --cache-dir=build/mypy client/python/haptic \
+    client/python/haptic_local_model
+}
+
 # install_modules FOLDER: its JavaScript packages, exactly those of its lock file, with the system's npm or one of the Python
 # index: Debian's brings 335 packages.
 install_modules() {

@@ -245,8 +245,8 @@ def _of_bodies(model: Any, reasons: dict[int, Any]) -> list[Finding]:
     return [Finding(status, "body", _names(model, "body", bodies), says) for (status, says), bodies in ordered]
 
 
-def _names(model: Any, kind: str, which: Sequence[int]) -> list[str]:
-    """In the model; of degrees of freedom those of joints, of pairs those of geoms."""
+def _names(model: Any, kind: str, which: Any) -> list[str]:
+    """Of those numbers in the model; of degrees of freedom those of joints, of pairs those of geoms."""
     if kind == "dof":
         return list(dict.fromkeys(_names(model, "jnt", np.asarray(model.dof_jntid)[which])))
     if kind == "pair":

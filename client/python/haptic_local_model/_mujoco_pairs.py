@@ -89,7 +89,8 @@ class Pairs:
 
     def _friction(self, coefficients: Any, dimensions: Any) -> np.ndarray:
         """Along the surface. None for a dimension of 1; the same for all where the model overrides it."""
-        option, along = self._model.opt, np.asarray(coefficients)[:, 0]
+        option = self._model.opt
+        along: Any = np.asarray(coefficients)[:, 0]
         if has_flag(self._binding.mjtEnableBit, "mjENBL_OVERRIDE", option.enableflags):
             along = float(option.o_friction[0])
         return np.where(np.asarray(dimensions) > 1, along, 0)

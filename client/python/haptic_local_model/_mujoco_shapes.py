@@ -97,11 +97,12 @@ class Shapes:
         if self._waiting and now > self._waits_until:
             self._waiting = []
         for place in np.flatnonzero(np.asarray(model.body_dofnum)[chosen] == 0):
-            body, now = int(chosen[place]), (position[place], found["rotation"][place].copy())
+            body, pose = int(chosen[place]), (position[place], found["rotation"][place].copy())
             if body in self._waiting:
-                found["position"][place], found["rotation"][place] = now = self._pose_before[body]
-            found["velocity"][place] = _velocity(*self._pose_before.get(body, now), *now, period)
-            self._pose_before[body] = now
+                found["position"][place], found["rotation"][place] = pose = self._pose_before[body]
+            before = self._pose_before.get(body, pose)
+            found["velocity"][place] = _velocity(before[0], before[1], pose[0], pose[1], period)
+            self._pose_before[body] = pose
         return found
 
     def forget_motion(self) -> None:

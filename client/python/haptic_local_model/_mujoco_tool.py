@@ -73,7 +73,7 @@ class Tool:
         self._gravity = None if gravity is None else np.array(gravity, dtype=float)
         self.weigh()
         mass, centre, _ = self._bodies.inertia(self.body)
-        self._told = mass * (self.gravity() if gravity is None else self._gravity), centre
+        self._told = mass * (self.gravity() if self._gravity is None else self._gravity), centre
 
     def gravity(self) -> np.ndarray:
         """On it, m/s²."""

@@ -191,7 +191,8 @@ class WorldSession(EngineSession, abc.ABC):
 
     def _place_held(self, after: float = 0) -> None:
         """Puts the bodies that the hand holds where they are so long after the frame's beginning, s."""
-        for body, let_go, position, turn, velocity, *_ in self._frames.held.tolist():
+        rows: list[Any] = self._frames.held.tolist()
+        for body, let_go, position, turn, velocity, *_ in rows:
             if not (let_go and after):
                 self._place(body, np.array(position) + after * np.array(velocity[:3]), np.array(turn), np.array(velocity))
 

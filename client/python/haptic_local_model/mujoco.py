@@ -170,7 +170,7 @@ class Session(EngineSession):
         v[3:] = rotation(q[3:]) @ v[3:]
         self.touch.sample(q, v, self._frames.length)
         self.touch.external_wrench(self._tool.external_wrench(data))
-        if by_shapes:
+        if by_shapes and self._shapes is not None:
             self._send_poses(data, v, self._shapes)
         else:
             self._send_contacts(data)
@@ -199,7 +199,8 @@ class Session(EngineSession):
     def _place_held(self, data: Any) -> None:
         """The bodies that the hand holds where the server has them. What was reset or put elsewhere is let go of."""
         self._was_reset = self._was_reset or data.time < self._ended
-        for body, let_go, position, turn, velocity, *joint in self._frames.held.tolist():
+        rows: list[Any] = self._frames.held.tolist()
+        for body, let_go, position, turn, velocity, *joint in rows:
             if self._was_reset or self._placed.was_moved(data, body):
                 self._taken.add(body)
             if let_go or body in self._taken:
@@ -207,7 +208,7 @@ class Session(EngineSession):
             else:
                 self._placed.keep(body)
             if body not in self._taken:
-                self._placed.place(data, body, np.array([*position, *turn]), np.array(velocity), joint)
+                self._placed.place(data, body, np.array([*position, *turn]), np.array(velocity), (joint[0], joint[1]))
             elif let_go:
                 self._taken.discard(body)
 

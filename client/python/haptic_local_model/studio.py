@@ -30,6 +30,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 import haptic_local_model as haptic
 from haptic_local_model._mujoco_shapes import carriers
+from haptic_local_model.mujoco import Session
 
 if __name__.startswith("studio_plugins."):  # Studio has put this folder, with a newton.py and a drake.py, where all look.
     sys.path[:] = [each for each in sys.path if each != os.path.dirname(os.path.abspath(__file__))]
@@ -69,7 +70,7 @@ class LetGoEvent(messages.Event):
 class Hand(plugin.SimPlugin):
     """Steps the world at the hand's pace while there is a hand, in place of Studio's StepControl."""
 
-    _touch: Optional[haptic.mujoco.Session] = None
+    _touch: Optional[Session] = None
     _body = 0  # That is to be in the hand; 0: none.
     _held_name = _path = ""
     _selected = 0  # By the last double click.
@@ -159,7 +160,7 @@ class Hand(plugin.SimPlugin):
 
     def _frame(self, model: Any, data: Any) -> None:
         if self._touch is None:
-            self._touch = haptic.mujoco.Session(model, data, tool=self._body, period=PERIOD, binding=mujoco)
+            self._touch = Session(model, data, tool=self._body, period=PERIOD, binding=mujoco)
             self._next = time.monotonic()
         data.xfrc_applied[carriers(model) == self._body] = 0  # The mouse's own spring.
         if self._wanted.pose:
