@@ -217,7 +217,7 @@ TEST_CASE("No force before the first update, then it rises: 7.5 N begin with 0.0
 }
 
 TEST_CASE("While a world waits for its shapes there is no force, and the tool weighs nothing") {
-  ServoBench bench;
+  ServoBench bench{ServoOptions{}};
   ToolDescription tool = test::planar_tool();
   tool.gravity_W = {0, -9.81, 0};
   bench.begin(tool);
